@@ -1,0 +1,117 @@
+"""One piece of a solution curve: scaled unknowns, tangents, and points between two rows.
+
+A row is u = (X, lambda). Lengths and angles are measured in scaled unknowns u / scale, so that a step, a turning angle
+and a distance mean the same whatever the units of X and lambda.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+
+from hbgear.fourier import Array
+from hbgear.newton import Evaluation, Settings, Solution, bordered, correct
+
+
+@dataclass(frozen=True)
+class Row:
+    """A converged point of a curve with what the curve does there.
+
+    u (n + 1,) unknowns and parameter; tangent (n + 1,), unit in the scaled unknowns but given unscaled; orientation:
+    sign of the determinant of [J R_lambda; tangent], which changes at branch points and not at folds.
+    """
+
+    solution: Solution
+    u: Array
+    tangent: Array
+    orientation: int
+    step: float = 0.0
+    observed: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def value(self) -> float:
+        """Value of the traced parameter."""
+        return float(self.u[-1])
+
+
+def tangent(now: Evaluation, normal: Array, scale: Array) -> tuple[Array, int]:
+    """Tangent of R(u) = 0 with a positive component along normal, and the sign of the bordered determinant.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the bordered matrix is singular: a branch point, or a normal that is no direction of the curve.
+    """
+    A = bordered(now, normal)
+    lu, pivots = la.lu_factor(A, check_finite=False)
+    diagonal = np.diag(lu)
+    if not np.all(np.isfinite(diagonal)) or np.any(diagonal == 0):
+        raise np.linalg.LinAlgError("singular bordered matrix")
+    rhs = np.zeros(len(A))
+    rhs[-1] = 1.0
+    t = la.lu_solve((lu, pivots), rhs, check_finite=False)
+    swaps = int(np.sum(pivots != np.arange(len(pivots))))
+    sign = int(np.prod(np.sign(diagonal))) * (-1) ** swaps
+    return t / np.linalg.norm(t / scale), sign
+
+
+def normal_of(direction: Array, scale: Array) -> Array:
+    """Normal, in unscaled unknowns, of the plane across a direction in scaled ones."""
+    return direction / scale**2
+
+
+@dataclass(frozen=True)
+class Arc:
+    """The curve between two neighbouring rows a and b: cubic Hermite guess, corrected across the chord.
+
+    ``at(s)`` returns the row at the fraction s of the chord, 0 at a and 1 at b.
+    """
+
+    problem: Any
+    name: str
+    parameters: Mapping[str, float]
+    a: Row
+    b: Row
+    scale: Array
+    settings: Settings
+
+    def guess(self, s: float) -> Array:
+        """Hermite interpolation of u."""
+        a, b = self.a, self.b
+        length = float(np.linalg.norm((b.u - a.u) / self.scale))
+        s2, s3 = s * s, s * s * s
+        return (
+            (2 * s3 - 3 * s2 + 1) * a.u
+            + (s3 - 2 * s2 + s) * length * a.tangent
+            + (3 * s2 - 2 * s3) * b.u
+            + (s3 - s2) * length * b.tangent
+        )
+
+    def at(self, s: float) -> Row:
+        """Corrected row at the fraction s of the chord.
+
+        Raises
+        ------
+        NoConvergence
+            If the corrector fails there.
+        """
+        normal = normal_of(self.b.u - self.a.u, self.scale)
+        u = self.guess(s)
+        # put the guess on the plane at exactly the fraction s of the chord
+        along = (1 - s) * self.a.u + s * self.b.u
+        chord = self.b.u - self.a.u
+        u = u + chord * (normal @ (along - u)) / (normal @ chord)
+        normal = normal / np.linalg.norm(normal)
+        solution = correct(self.problem, u, normal, self.name, self.parameters, self.settings)
+        return row_of(solution, normal, self.scale)
+
+
+def row_of(solution: Solution, normal: Array, scale: Array, step: float = 0.0) -> Row:
+    """Row of a solution, its tangent pointing along normal."""
+    u = np.append(solution.X, solution.value)
+    t, sign = tangent(solution.evaluation, normal, scale)
+    return Row(solution, u, t, sign, step)

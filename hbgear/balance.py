@@ -1,0 +1,531 @@
+"""Harmonic balance in the element coordinates.
+
+    R_k(d) = Z_k(Omega) d_k + g_k(Omega) + f_k(d) = 0,   k = 0..H
+
+The unknowns are the m (2H + 1) real coefficients of the element coordinates, element after element; the number of
+coordinates of the structure does not appear. Z and g come from `receptance`, the force harmonics f_k from `contact`
+(piecewise-linear laws, exact) or from N samples per period by fast Fourier transform (any law).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.fft import next_fast_len
+
+from hbgear.branch import Layout
+from hbgear.contact import ContactProjector, Crossings, crossings
+from hbgear.fourier import Array, ComplexArray, Transform, evaluate, extrema, resize, stretch, to_complex, to_real
+from hbgear.laws import Law, PiecewiseLinear
+from hbgear.model import Model, System, describe, did_you_mean
+from hbgear.newton import Evaluation, NoConvergence, solve
+from hbgear.receptance import Receptance, Structure
+from hbgear.stability import multipliers
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Law forces of one iterate.
+
+    f (m, 2H+1) real rows; kappa, gamma (m, 2H+1): two-sided coefficients 0..2H of dp/dd and dp/dv (gamma may be None).
+    """
+
+    f: Array
+    kappa: ComplexArray
+    gamma: ComplexArray | None
+
+
+class _Compiled:
+    """A model at one parameter set, ready to be evaluated."""
+
+    def __init__(self, system: System, structure: Structure, H: int, nu: int, sampled: bool, transform: Transform):
+        self.system, self.structure = system, structure
+        self.receptance = Receptance(structure, H, nu)
+        self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
+        exact = [not sampled and isinstance(law, PiecewiseLinear) for law in self.laws]
+        self.exact, self.sampled = np.flatnonzero(exact), np.flatnonzero(~np.array(exact))
+        self.projector = ContactProjector([law for law, x in zip(self.laws, exact, strict=True) if x], nu)  # type: ignore[misc]
+        tau = nu * 2 * np.pi * np.arange(transform.N) / transform.N
+        self.bound = {j: self.laws[j].bind(tau) for j in self.sampled}
+        self._linear: tuple[float, Any] | None = None
+
+    def linear(self, Omega: float) -> Any:
+        """Linear part at Omega; the last one is kept, for Newton at fixed Omega asks for it again and again."""
+        if self._linear is None or self._linear[0] != Omega:
+            self._linear = (Omega, self.receptance.at(Omega))
+        return self._linear[1]
+
+
+class _Toeplitz:
+    """Real matrix of X -> kappa * X (a product of periodic functions) in the basis (a0, a1, b1, ...)."""
+
+    def __init__(self, H: int) -> None:
+        k = np.concatenate([[0], np.repeat(np.arange(1, H + 1), 2)])
+        sine = np.concatenate([[False], np.tile([False, True], H)])
+        row, col = k[:, None], k[None, :]
+        difference, total = np.abs(row - col), row + col
+        rs, cs = sine[:, None], sine[None, :]
+        mixed, imaginary = rs != cs, 2 * H + 1
+        self._first = difference + imaginary * mixed
+        self._second = total + imaginary * mixed
+        half = np.where(row == 0, 0.5, 1.0)
+        sign = np.where(mixed, np.where(rs, -1.0, 1.0) * np.sign(row - col), 1.0)
+        # cos-cos +, sin-sin -, mixed -
+        self._first_sign = half * sign
+        self._second_sign = half * np.where(mixed | (rs & cs), -1.0, 1.0)
+
+    def __call__(self, kappa: ComplexArray) -> Array:
+        """(m, 2H + 1) coefficients 0..2H -> (m, 2H + 1, 2H + 1)."""
+        r = np.concatenate([kappa.real, kappa.imag], axis=-1)
+        return r[:, self._first] * self._first_sign + r[:, self._second] * self._second_sign
+
+
+class HarmonicBalance:
+    """Periodic motions of a model by harmonic balance: a problem for `trace`.
+
+    Parameters
+    ----------
+    model : `Model` (any gear pair, oscillator or `System`).
+    harmonics : H, number of harmonics of the basis frequency Omega / nu.
+    samples : N per basis period, for laws that are sampled and as the grid that brackets contact instants;
+        by default the next fast length above 8H (at least 64), or 64H (at least 1024) if piecewise-linear laws are sampled.
+    nu : subharmonic order; 2 for period-doubled motions.
+    sampled : sample piecewise-linear laws too instead of projecting them exactly (a cross-check).
+
+    Raises
+    ------
+    ValueError
+        If H < 1, N < 2H + 1, nu < 1, or the model cannot move periodically (singular M, unbalanced load).
+
+    Notes
+    -----
+    Its parameters are ``Omega`` and the float fields of the model; ``evaluate(X, Omega=..., zeta=...)`` takes those
+    that differ from the model's.
+    """
+
+    def __init__(
+        self, model: Model, harmonics: int = 16, samples: int | None = None, nu: int = 1, sampled: bool = False
+    ) -> None:
+        if not isinstance(model, Model):
+            raise TypeError(f"HarmonicBalance needs a model (hb.System, hb.SpurPair, ...), got {type(model).__name__}")
+        for name, number in (("harmonics", harmonics), ("nu", nu)):
+            if isinstance(number, bool) or int(number) != number or number < 1:
+                raise ValueError(f"{name} = {number} must be a whole number of at least 1")
+        self.model, self.H, self.nu, self.is_sampled = model, int(harmonics), int(nu), bool(sampled)
+        system = model.system()
+        self.m = len(system.elements)
+        self.N = int(samples) if samples else next_fast_len(max(64, 8 * self.H), real=True)
+        if samples is None and sampled:
+            self.N = next_fast_len(max(1024, 64 * self.H), real=True)
+        self._transform = Transform(self.H, self.N, self.m)
+        self._toeplitz = _Toeplitz(self.H)
+        self._cache: OrderedDict[tuple[float, ...], _Compiled] = OrderedDict()
+        self._structures: OrderedDict[tuple[bytes, ...], Structure] = OrderedDict()
+        self._names = tuple(model.parameters)
+        self._warn_truncated(system)
+        self.compiled({})
+
+    def __repr__(self) -> str:
+        kind = ", sampled" if self.is_sampled else ""
+        return f"HarmonicBalance({self.model!r}, harmonics={self.H}, nu={self.nu}{kind})"
+
+    # ---- description
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns m (2H + 1)."""
+        return self.m * (2 * self.H + 1)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The model's parameters; Omega is given with every evaluation."""
+        return self.model.parameters
+
+    @property
+    def smooth(self) -> bool:
+        """Whether dR/dX is differentiable, so that folds can be found by Newton: no sampled corner in any law."""
+        c = self.compiled({})
+        return not any(c.laws[j].breakpoints for j in c.sampled)
+
+    @property
+    def layout(self) -> Layout:
+        """How a row of unknowns is to be read."""
+        system = self.compiled({}).system
+        return Layout(
+            harmonics=self.H,
+            nu=self.nu,
+            elements=tuple(e.name for e in system.elements),
+            breakpoints=tuple(e.law.breakpoints for e in system.elements),
+            labels=dict(self.model.labels),
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """Model and settings as plain data, for the header of a saved branch."""
+        return {
+            "model": describe(self.model),
+            "balance": {"harmonics": self.H, "samples": self.N, "nu": self.nu, "sampled": self.is_sampled},
+        }
+
+    def check_parameter(self, name: str) -> None:
+        """Refuse a parameter that neither is Omega nor a float field of the model."""
+        known = ("Omega", *self._names)
+        if name not in known:
+            raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
+
+    def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
+        """The same model with another subharmonic order; by default harmonics reach the same frequency."""
+        H = harmonics or self.H * nu // self.nu
+        return HarmonicBalance(self.model, H, nu=nu, sampled=self.is_sampled)
+
+    def _warn_truncated(self, system: System) -> None:
+        highest = max([e.displacement.order for e in system.elements] + [load.order for load in system.load])
+        if highest * self.nu > self.H:
+            warnings.warn(
+                f"the excitation has {highest} harmonics but H = {self.H} with nu = {self.nu} keeps only "
+                f"{self.H // self.nu}; what is above is left out",
+                stacklevel=3,
+            )
+
+    # ---- evaluation
+
+    def compiled(self, parameters: dict[str, float]) -> _Compiled:
+        """The model at the given parameters, from a small cache."""
+        values = tuple(float(parameters.get(name, getattr(self.model, name))) for name in self._names)
+        if values in self._cache:
+            self._cache.move_to_end(values)
+            return self._cache[values]
+        changed = {n: v for n, v in zip(self._names, values, strict=True) if v != getattr(self.model, n)}
+        system = (self.model.replace(**changed) if changed else self.model).system()
+        structure = self._structure(system)
+        out = _Compiled(system, structure, self.H, self.nu, self.is_sampled, self._transform)
+        self._cache[values] = out
+        if len(self._cache) > 8:
+            self._cache.popitem(last=False)
+        return out
+
+    def _structure(self, system: System) -> Structure:
+        """Eigen-decompositions are shared between parameter sets that differ in laws and loads only."""
+        fresh = tuple(np.array([e.law.reference, e.damping]).tobytes() for e in system.elements)
+        dense = [A for A in (system.M, system.C, system.K) if isinstance(A, np.ndarray)]
+        loads = tuple(b"" if ld.constant is None else np.asarray(ld.constant).tobytes() for ld in system.load)
+        if len(dense) < 3:
+            return Structure(system)
+        key = (*(A.tobytes() for A in dense), system.W.tobytes(), *fresh, *loads)
+        if key not in self._structures:
+            self._structures[key] = Structure(system)
+            if len(self._structures) > 6:
+                self._structures.popitem(last=False)
+        return self._structures[key]
+
+    def forces(self, X: Array, Omega: float, compiled: _Compiled) -> Forces:
+        """Force harmonics of all laws and the spectra of their derivatives."""
+        H = self.H
+        rows = X.reshape(self.m, -1)
+        c = to_complex(rows)
+        samples = self._transform.samples(c)
+        f = np.zeros((self.m, 2 * H + 1))
+        kappa = np.zeros((self.m, 2 * H + 1), dtype=complex)
+        gamma: ComplexArray | None = None
+        exact, sampled = compiled.exact, compiled.sampled
+        if exact.size:
+            kappa[exact], chi, _ = compiled.projector.project(c[exact], samples[exact], 2 * H)
+            f[exact] = to_real(_one_sided(chi[:, : H + 1]))
+        if sampled.size:
+            velocity = self._transform.samples(1j * np.arange(H + 1) * (Omega / self.nu) * c)
+            values = np.array([compiled.bound[j](samples[j], velocity[j]) for j in sampled])
+            f[sampled] = to_real(_one_sided(self._spectrum(values[:, 0])[:, : H + 1]))
+            kappa[sampled] = self._spectrum(values[:, 1])
+            if np.any(values[:, 2]):
+                gamma = np.zeros_like(kappa)
+                gamma[sampled] = self._spectrum(values[:, 2])
+        return Forces(f, kappa, gamma)
+
+    def _spectrum(self, values: Array) -> ComplexArray:
+        """Two-sided coefficients 0..2H of samples (rows, N); zeros where N is too short to hold them."""
+        full = np.zeros((self.m, self.N))
+        full[: len(values)] = values
+        s = self._transform.spectrum(full)[: len(values), : 2 * self.H + 1]
+        return np.pad(s, ((0, 0), (0, 2 * self.H + 1 - s.shape[-1])))
+
+    def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
+        """Residual (n,) and Jacobian (n, n) at X (n,), n = m (2H + 1); ``Omega`` must be among the parameters."""
+        R, J, *_ = self.linearise(X, "", **parameters)
+        return R, J
+
+    def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        """R, dR/dX, dR/dname and the size of the forces that R is the sum of.
+
+        dR/dOmega is analytic; the derivative in a model parameter is a central difference of the residual.
+        """
+        Omega = parameters["Omega"]
+        compiled = self.compiled(parameters)
+        linear = compiled.linear(Omega)
+        F = self.forces(X, Omega, compiled)
+        m, n = self.m, 2 * self.H + 1
+        rows = X.reshape(m, n)
+        d = to_complex(rows)
+        own = self._toeplitz(F.kappa)
+        f = F.f
+        if compiled.exact.size:  # exact: the force is kappa * d + chi
+            f = f.copy()
+            f[compiled.exact] += np.einsum("jab,jb->ja", own[compiled.exact], rows[compiled.exact])
+        dR = np.zeros((m, n))
+        if F.gamma is not None:
+            slip = self._toeplitz(F.gamma) * 1.0
+            own = own + _after_derivative(slip) * (Omega / self.nu)
+            if name == "Omega":
+                dR += np.einsum("jab,jb->ja", slip, _derivative(rows)) / self.nu
+        Zd = np.einsum("kij,jk->ik", linear.Z, d)
+        R = to_real(Zd + linear.g.T) + f
+        if name == "Omega":
+            dR += to_real(np.einsum("kij,jk->ik", linear.dZ, d) + linear.dg.T)
+        elif name:
+            dR = self._difference(X, name, parameters).reshape(m, n)
+        J = _real_blocks(linear.Z)
+        for j in range(m):
+            J[j, :, j, :] += own[j]
+        size = float(np.linalg.norm(f) + np.linalg.norm(Zd) + np.linalg.norm(linear.g))
+        return Evaluation(R.ravel(), J.reshape(m * n, m * n), dR.ravel(), size or 1.0)
+
+    def residual(self, X: Array, **parameters: float) -> Array:
+        """R alone (n,)."""
+        return self.linearise(X, "", **parameters).R
+
+    def _difference(self, X: Array, name: str, parameters: dict[str, float]) -> Array:
+        """dR/dname by central difference; one-sided where the model's range ends."""
+        value = parameters.get(name, self.parameters.get(name, 0.0))
+        h = 1e-6 * (abs(value) or 1.0)
+        sides: list[tuple[float, Array]] = []
+        for v in (value + h, value - h):
+            try:
+                sides.append((v, self.residual(X, **{**parameters, name: v})))
+            except ValueError:
+                sides.append((value, self.residual(X, **{**parameters, name: value})))
+        (a, Ra), (b, Rb) = sides
+        return (Ra - Rb) / (a - b)
+
+    # ---- starting points
+
+    def start(self, Omega: float, **parameters: float) -> Array:
+        """A periodic motion at Omega, found from the static state and the linear response about it.
+
+        Raises
+        ------
+        NoConvergence
+            If Newton finds no periodic motion from any of the guesses.
+        """
+        here = {**parameters, "Omega": float(Omega)}
+        failure: NoConvergence | None = None
+        for guess in self._guesses(here):
+            try:
+                return solve(self, guess, here, "Omega").X
+            except NoConvergence as error:
+                failure = failure or error
+        assert failure is not None
+        raise failure
+
+    def _guesses(self, here: dict[str, float]) -> Iterator[Array]:
+        """Linear responses about the static states that Newton finds with harmonic 0 alone, from several sides."""
+        compiled = self.compiled(here)
+        linear = compiled.linear(here["Omega"])
+        reach = np.array([max([1.0, *np.abs(law.breakpoints)]) for law in compiled.laws])
+        for side in (1.5, -1.5, 0.0, 4.0, -4.0):
+            d0 = side * reach
+            for _ in range(50):
+                p, k = self._static(compiled, d0)
+                r = linear.Z[0].real @ d0 + linear.g[0].real + p
+                J = linear.Z[0].real + np.diag(k)
+                d0 = d0 - np.linalg.lstsq(J, r, rcond=1e-12)[0]
+            if not np.all(np.isfinite(d0)):
+                continue
+            k = self._static(compiled, d0)[1]
+            with np.errstate(all="ignore"):
+                try:
+                    d = np.linalg.solve(linear.Z + np.diag(k), -linear.g[..., None])[..., 0].T
+                except np.linalg.LinAlgError:
+                    d = np.zeros((self.m, self.H + 1), dtype=complex)
+            d[:, 0] = d0
+            yield to_real(d).ravel()
+            yield to_real(np.concatenate([d[:, :1], 0 * d[:, 1:]], axis=1)).ravel()
+
+    def _static(self, compiled: _Compiled, d0: Array) -> tuple[Array, Array]:
+        """Mean over the phase of each law's force and stiffness at constant d0 (m,)."""
+        tau = 2 * np.pi * np.arange(64) / 64
+        out = [law.force(np.full(64, x), np.zeros(64), tau) for law, x in zip(compiled.laws, d0, strict=True)]
+        return np.array([p.mean() for p, *_ in out]), np.array([k.mean() for _, k, _ in out])
+
+    # ---- results
+
+    def switching(self, X: Array, **parameters: float) -> Crossings:
+        """Instants theta in [0, 2 pi] of the basis period at which any element crosses a corner of its law.
+
+        ``row`` of the result counts the corners of all elements in order.
+        """
+        compiled = self.compiled(parameters)
+        c = to_complex(X.reshape(self.m, -1))
+        corners = [law.breakpoints for law in compiled.laws]
+        level = np.array([x for xs in corners for x in xs])
+        rows = np.repeat(np.arange(self.m), [len(xs) for xs in corners])
+        return crossings(c, level, rows, self._transform.samples(c))
+
+    def regime(self, X: Array, **parameters: float) -> np.ndarray:
+        """Impact regime of each element (m,): 0 no impact, 1 single-sided, 2 double-sided.
+
+        It is the number of corners of the law that the motion crosses, at most 2.
+        """
+        compiled = self.compiled(parameters)
+        low, _, high, _ = extrema(X.reshape(self.m, -1))
+        count = [
+            min(2, sum(lo < x < hi for x in law.breakpoints))
+            for law, lo, hi in zip(compiled.laws, low, high, strict=True)
+        ]
+        return np.array(count, dtype=np.int8)
+
+    def clearance(self, X: Array, **parameters: float) -> Array:
+        """Signed distances of the extrema of each element from each corner of its law: zero where contact grazes.
+
+        Order: for each element and each of its corners, lowest value minus corner, highest value minus corner.
+        """
+        compiled = self.compiled(parameters)
+        low, _, high, _ = extrema(X.reshape(self.m, -1))
+        gaps = [
+            (lo - x, hi - x)
+            for law, lo, hi in zip(compiled.laws, low, high, strict=True)
+            for x in law.breakpoints
+        ]
+        return np.array(gaps).ravel()
+
+    def force_rows(self, X: Array, **parameters: float) -> Array:
+        """Law forces of each element (without its damper) as real rows (m, 2H + 1)."""
+        compiled = self.compiled(parameters)
+        F = self.forces(X, parameters["Omega"], compiled)
+        f = F.f.copy()
+        e = compiled.exact
+        f[e] += np.einsum("jab,jb->ja", self._toeplitz(F.kappa)[e], X.reshape(self.m, -1)[e])
+        return f
+
+    def mesh_forces(self, X: Array, **parameters: float) -> Array:
+        """Whole force of each element, law and damper, as real rows (m, 2H + 1): f_k + i k omega c d_k."""
+        compiled = self.compiled(parameters)
+        omega = parameters["Omega"] / self.nu
+        rows = X.reshape(self.m, -1)
+        return self.force_rows(X, **parameters) + omega * compiled.structure.c[:, None] * _derivative(rows)
+
+    def motion(self, X: Array, **parameters: float) -> Array:
+        """Motion of every coordinate of the structure as real rows (n, 2H + 1)."""
+        compiled = self.compiled(parameters)
+        f = to_complex(self.force_rows(X, **parameters)).T
+        q = compiled.receptance.motion(parameters["Omega"], to_complex(X.reshape(self.m, -1)).T, f)
+        return to_real(q.T)
+
+    def multipliers(self, X: Array, **parameters: float) -> ComplexArray:
+        """Floquet multipliers of the motion, largest first; see `stability.multipliers`."""
+        return multipliers(self, X, **parameters)
+
+    def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
+        """What a trace stores beside the unknowns: multipliers (if asked for), regime, clearance, error."""
+        seen: dict[str, Any] = {
+            "clearance": self.clearance(X, **parameters),
+            "regime": self.regime(X, **parameters),
+            "error": self.truncation(X, **parameters),
+        }
+        if stability:
+            seen["multipliers"] = self.multipliers(X, **parameters)
+        return seen
+
+    @property
+    def clearance_names(self) -> tuple[str, ...]:
+        """What each entry of `clearance` stands for."""
+        elements = self.compiled({}).system.elements
+        return tuple(
+            f"{end} of {e.name} at {x:g}" for e in elements for x in e.law.breakpoints for end in ("lowest", "highest")
+        )
+
+    def motion_size(self, X: Array) -> float:
+        """Norm of the alternating part, which scales the arclength."""
+        return float(np.linalg.norm(X.reshape(self.m, -1)[:, 1:]))
+
+    def truncation(self, X: Array, **parameters: float) -> float:
+        """Estimated error of the gap motion (rms) from the force harmonics above H that the balance leaves out.
+
+        The neglected force harmonics H < k <= 2H drive the closed structure: delta d_k = G_k f_k.
+        """
+        H2 = 2 * self.H
+        rows = resize(X.reshape(self.m, -1), H2)
+        compiled = self.compiled(parameters)
+        f = self._wide_forces(rows, parameters["Omega"], compiled)
+        k = np.arange(self.H + 1, H2 + 1)
+        G = compiled.structure.receptances(k * parameters["Omega"] / self.nu, np.zeros((len(k), compiled.structure.n)))[0]
+        delta = np.einsum("kij,jk->ik", G, f[:, self.H + 1 :])
+        return float(np.sqrt(0.5 * np.sum(np.abs(delta) ** 2)))
+
+    def _wide_forces(self, rows: Array, Omega: float, compiled: _Compiled) -> ComplexArray:
+        """One-sided force harmonics up to the order of the given rows (m, H2 + 1)."""
+        H2 = rows.shape[-1] // 2
+        N = next_fast_len(max(4 * H2, self.N), real=True)
+        theta = 2 * np.pi * np.arange(N) / N
+        v = evaluate(rows, theta, 1) * (Omega / self.nu)
+        d = evaluate(rows, theta)
+        out = np.zeros((self.m, H2 + 1), dtype=complex)
+        e = compiled.exact
+        if e.size:
+            c = to_complex(rows)[e]
+            kappa, chi, _ = compiled.projector.project(c, d[e], 2 * H2)
+            toeplitz = _Toeplitz(H2)(kappa)
+            out[e] = to_complex(np.einsum("jab,jb->ja", toeplitz, rows[e])) + _one_sided(chi[:, : H2 + 1])
+        for j in compiled.sampled:
+            p = compiled.laws[j].force(d[j], v[j], self.nu * theta)[0]
+            out[j] = _one_sided(np.fft.rfft(p)[: H2 + 1] / N)
+        return out
+
+
+def _one_sided(c: ComplexArray) -> ComplexArray:
+    """One-sided coefficients of two-sided ones."""
+    out = 2.0 * c
+    out[..., 0] *= 0.5
+    return out
+
+
+def _derivative(rows: Array) -> Array:
+    """d/dtheta of real rows: a_k -> k b_k, b_k -> -k a_k."""
+    c = to_complex(rows)
+    return to_real(1j * np.arange(c.shape[-1]) * c)
+
+
+def _after_derivative(A: Array) -> Array:
+    """Matrix A (m, n, n) applied after d/dtheta."""
+    H = A.shape[-1] // 2
+    k = np.arange(1, H + 1)
+    out = np.zeros_like(A)
+    out[..., 1::2] = -k * A[..., 2::2]
+    out[..., 2::2] = k * A[..., 1::2]
+    return out
+
+
+def _real_blocks(Z: ComplexArray) -> Array:
+    """Real matrix (m, n, m, n) of d_k -> Z_k d_k in the basis (a0, a1, b1, ...), n = 2H + 1."""
+    H, m = Z.shape[0] - 1, Z.shape[1]
+    n = 2 * H + 1
+    J = np.zeros((m, n, m, n))
+    a, b = np.arange(1, n, 2), np.arange(2, n, 2)
+    J[:, 0, :, 0] = Z[0].real
+    Zk = Z[1:]
+    J[:, a, :, a] = Zk.real
+    J[:, b, :, b] = Zk.real
+    J[:, a, :, b] = Zk.imag
+    J[:, b, :, a] = -Zk.imag
+    return J
+
+
+def grown(X: Array, layout: Layout, H: int, nu: int) -> Array:
+    """Unknowns of one basis written in another: more or fewer harmonics, or a multiple of the period."""
+    rows = X.reshape(len(layout.elements), -1)
+    factor = nu // layout.nu
+    if factor * layout.nu != nu:
+        raise ValueError(f"a motion of order nu = {layout.nu} is not periodic with nu = {nu}; need a multiple of it")
+    return resize(stretch(rows, factor), H).ravel()

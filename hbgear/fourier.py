@@ -1,0 +1,230 @@
+"""Harmonics and samples of periodic functions: the only place that knows the coefficient order.
+
+    x(theta) = a0 + sum_{k=1..H} a_k cos(k theta) + b_k sin(k theta)
+
+A *row* of real coefficients is stored as ``(a0, a1, b1, ..., aH, bH)``, length ``2H + 1``. The complex one-sided
+form is ``c_k = a_k - i b_k`` (``c_0 = a0``), so that ``x = Re sum_k c_k exp(i k theta)``. Two-sided coefficients
+are ``c_k / 2`` for ``k >= 1`` and their conjugates for ``k <= -1``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyfftw
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+def harmonics_of(X: Array) -> int:
+    """Number of harmonics H of rows of length 2H + 1."""
+    size = X.shape[-1]
+    if size % 2 == 0:
+        raise ValueError(f"a row of {size} coefficients has no order H; need an odd length 2H + 1")
+    return size // 2
+
+
+def to_complex(X: Array) -> ComplexArray:
+    """One-sided complex coefficients ``(..., H + 1)`` of real rows ``(..., 2H + 1)``."""
+    c = np.zeros((*X.shape[:-1], X.shape[-1] // 2 + 1), dtype=complex)
+    c[..., 0] = X[..., 0]
+    c.real[..., 1:] = X[..., 1::2]
+    c.imag[..., 1:] = -X[..., 2::2]
+    return c
+
+
+def to_real(c: ComplexArray) -> Array:
+    """Real rows ``(..., 2H + 1)`` of one-sided complex coefficients ``(..., H + 1)``."""
+    X = np.empty((*c.shape[:-1], 2 * c.shape[-1] - 1))
+    X[..., 0] = c[..., 0].real
+    X[..., 1::2] = c[..., 1:].real
+    X[..., 2::2] = -c[..., 1:].imag
+    return X
+
+
+def evaluate(X: Array, theta: ArrayLike, order: int = 0) -> Array:
+    """Value, or the derivative of the given order in theta, of rows at any phases.
+
+    Parameters
+    ----------
+    X : (..., 2H + 1) real rows.
+    theta : (T,) phases [rad].
+    order : 0 for the value, 1 for d/dtheta, and so on.
+
+    Returns
+    -------
+    (..., T)
+    """
+    c = to_complex(np.asarray(X, dtype=float))
+    k = np.arange(c.shape[-1])
+    waves = np.exp(1j * np.outer(k, np.atleast_1d(theta)))
+    return (((1j * k) ** order * c) @ waves).real
+
+
+def resize(X: Array, H: int) -> Array:
+    """Rows cut or padded with zeros to H harmonics."""
+    out = np.zeros((*X.shape[:-1], 2 * H + 1))
+    n = min(out.shape[-1], X.shape[-1])
+    out[..., :n] = X[..., :n]
+    return out
+
+
+def stretch(X: Array, nu: int) -> Array:
+    """Rows of the same function seen over ``nu`` of its periods: harmonic k becomes harmonic ``nu k``."""
+    c = to_complex(X)
+    out = np.zeros((*c.shape[:-1], nu * (c.shape[-1] - 1) + 1), dtype=complex)
+    out[..., ::nu] = c
+    return to_real(out)
+
+
+def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
+    """Smallest and largest value of each row over a period, to rounding for functions resolved by H harmonics.
+
+    Samples on a grid of N >= 16 per shortest wave, then Newton on the derivative from every sample that can be the
+    nearest to the extremum: such a sample misses it by at most (pi/N)^2 / 2 sum_k k^2 |c_k|.
+
+    Returns
+    -------
+    low, theta_low, high, theta_high : each (...,), one per row.
+    """
+    X = np.asarray(X, dtype=float)
+    c = to_complex(X.reshape(-1, X.shape[-1]))
+    H = harmonics_of(X)
+    N = max(64, 16 * H)
+    k = np.arange(H + 1)
+    samples = np.fft.irfft(c * np.where(k == 0, 1.0, 0.5) * N, n=N, axis=-1)
+    miss = 0.5 * (np.pi / N) ** 2 * (k**2 * np.abs(c)).sum(-1)
+    found = []
+    for sign in (-1.0, 1.0):
+        high, at = _highest(sign * c, sign * samples, miss)
+        found += [(sign * high).reshape(X.shape[:-1]), at.reshape(X.shape[:-1])]
+    return found[0], found[1], found[2], found[3]
+
+
+def _highest(c: ComplexArray, samples: Array, miss: Array) -> tuple[Array, Array]:
+    """Largest value of each row of ``c`` and its phase, from the samples within ``miss`` of the largest sample."""
+    N, k = samples.shape[-1], np.arange(c.shape[-1])
+    near = ~(samples < (samples.max(-1) - miss)[:, None])  # so written, rows of nan are kept
+    near[miss <= 1e-14 * np.abs(c).sum(-1), 1:] = False  # a constant has its extremum anywhere
+    near[:, 0] |= ~near.any(-1)
+    row, column = np.nonzero(near)
+    at, c = 2 * np.pi * column / N, c[row]
+    for _ in range(16):
+        waves = c * np.exp(1j * np.outer(at, k))
+        slope, bend = (1j * k * waves).sum(-1).real, np.abs((k**2 * waves).sum(-1).real)
+        step = np.divide(slope, bend, out=np.zeros_like(slope), where=bend > 1e-300)  # |bend|: always uphill
+        step = np.clip(step, -np.pi / N, np.pi / N)
+        at = at + step
+        if not np.any(np.abs(step) > 1e-6):  # the next one is its square
+            break
+    value = (c * np.exp(1j * np.outer(at, k))).sum(-1).real
+    order = np.lexsort((value, row))
+    best = order[np.searchsorted(row, np.arange(len(samples)), side="right") - 1]
+    return value[best], at[best]
+
+
+@dataclass(frozen=True)
+class Series:
+    """A prescribed periodic function of the phase tau, given by its Fourier coefficients.
+
+        s(tau) = mean + sum_l cosine[l-1] cos(l tau) + sine[l-1] sin(l tau)
+
+    Parameters
+    ----------
+    mean : float
+    cosine, sine : tuples of float, of any and not necessarily equal length; entry 0 belongs to cos(tau), sin(tau).
+
+    Raises
+    ------
+    ValueError
+        If a coefficient is not finite.
+    """
+
+    mean: float = 0.0
+    cosine: tuple[float, ...] = ()
+    sine: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cosine", tuple(float(x) for x in self.cosine))
+        object.__setattr__(self, "sine", tuple(float(x) for x in self.sine))
+        if not np.all(np.isfinite([self.mean, *self.cosine, *self.sine])):
+            raise ValueError(f"Series needs finite coefficients, got {self}")
+
+    @property
+    def order(self) -> int:
+        """Highest harmonic with a coefficient."""
+        return max(len(self.cosine), len(self.sine))
+
+    def row(self, H: int | None = None) -> Array:
+        """Real row ``(2H + 1,)``; harmonics above H are left out, H = None keeps all."""
+        out = np.zeros(2 * self.order + 1)
+        out[0] = self.mean
+        out[1 : 2 * len(self.cosine) : 2] = self.cosine
+        out[2 : 2 * len(self.sine) + 1 : 2] = self.sine
+        return out if H is None else resize(out, H)
+
+    def __call__(self, tau: ArrayLike) -> Array:
+        tau = np.asarray(tau, dtype=float)
+        return evaluate(self.row(), tau.ravel()).reshape(tau.shape)
+
+    def shifted(self, phase: float) -> Series:
+        """The function delayed by a phase: ``s(tau - phase)``."""
+        c = to_complex(self.row()) * np.exp(-1j * phase * np.arange(self.order + 1))
+        return Series(self.mean, tuple(c.real[1:]), tuple(-c.imag[1:]))
+
+    def scaled(self, factor: float) -> Series:
+        """The function times a factor."""
+        return Series(
+            factor * self.mean, tuple(factor * x for x in self.cosine), tuple(factor * x for x in self.sine)
+        )
+
+
+class Transform:
+    """Fast Fourier transforms between m rows of H harmonics and N samples over one period, planned once.
+
+    The plans own their buffers: a returned sample array is valid until the next call of the same method.
+
+    Parameters
+    ----------
+    H, N, m : harmonics, samples, rows.
+
+    Raises
+    ------
+    ValueError
+        If N < 2H + 1: the samples cannot resolve the harmonics.
+    """
+
+    def __init__(self, H: int, N: int, m: int) -> None:
+        if N < 2 * H + 1:
+            raise ValueError(f"N = {N} samples cannot resolve H = {H} harmonics; need N >= {2 * H + 1}")
+        self.H, self.N, self.m = H, N, m
+        self._spectrum = pyfftw.zeros_aligned((m, N // 2 + 1), dtype="complex128")
+        self._samples = pyfftw.empty_aligned((m, N), dtype="float64")
+        self._inverse = pyfftw.FFTW(
+            self._spectrum, self._samples, direction="FFTW_BACKWARD", flags=("FFTW_ESTIMATE",)
+        )
+        self._input = pyfftw.empty_aligned((m, N), dtype="float64")
+        self._output = pyfftw.empty_aligned((m, N // 2 + 1), dtype="complex128")
+        self._forward = pyfftw.FFTW(self._input, self._output, flags=("FFTW_ESTIMATE",))
+
+    def __reduce__(self) -> tuple[type[Transform], tuple[int, int, int]]:
+        return Transform, (self.H, self.N, self.m)
+
+    def samples(self, c: ComplexArray) -> Array:
+        """Samples ``(m, N)`` of one-sided coefficients ``(m, H + 1)``, at ``theta_n = 2 pi n / N``."""
+        s = self._spectrum
+        s[:] = 0.0
+        s[:, 0] = c[:, 0]
+        s[:, 1 : self.H + 1] = 0.5 * c[:, 1:]
+        # FFTW overwrites the input of a multi-dimensional inverse, so it is filled afresh every time
+        self._inverse.execute()
+        return self._samples.copy()
+
+    def spectrum(self, samples: Array) -> ComplexArray:
+        """Two-sided coefficients ``x_k, k = 0..N//2`` of samples ``(m, N)`` (``x_-k`` is the conjugate)."""
+        self._input[:] = samples
+        self._forward.execute()
+        return self._output / self.N

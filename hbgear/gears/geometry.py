@@ -1,0 +1,85 @@
+"""Geometry of helical gears and stiffness of the shafts that carry them. Angles in radians, lengths in metres."""
+
+from __future__ import annotations
+
+from math import asin, atan, cos, pi, sin, tan
+from typing import NamedTuple
+
+
+def transverse_pressure_angle(alpha_n: float, beta: float) -> float:
+    """Transverse pressure angle [rad].
+
+        tan(alpha_t) = tan(alpha_n) / cos(beta)
+
+    Parameters
+    ----------
+    alpha_n : normal pressure angle [rad].
+    beta : helix angle at the pitch circle [rad].
+    """
+    return atan(tan(alpha_n) / cos(beta))
+
+
+def base_helix_angle(alpha_n: float, beta: float) -> float:
+    """Helix angle at the base circle [rad].
+
+        sin(beta_b) = sin(beta) cos(alpha_n)
+
+    Parameters
+    ----------
+    alpha_n, beta : normal pressure angle and helix angle at the pitch circle [rad].
+    """
+    return asin(sin(beta) * cos(alpha_n))
+
+
+def base_radius(teeth: int, module: float, alpha_n: float, beta: float) -> float:
+    """Base radius [m].
+
+        r = teeth module cos(alpha_t) / (2 cos(beta))
+
+    Parameters
+    ----------
+    teeth : number of teeth.
+    module : normal module [m].
+    alpha_n, beta : normal pressure angle and helix angle [rad].
+    """
+    return teeth * module * cos(transverse_pressure_angle(alpha_n, beta)) / (2 * cos(beta))
+
+
+class ShaftStiffness(NamedTuple):
+    """Stiffness between the two ends of a shaft section."""
+
+    bending: float
+    """Shear of one end against the other, neither tilting [N/m]."""
+    axial: float
+    """[N/m]"""
+    torsional: float
+    """[N m/rad]"""
+
+
+def shaft_stiffness(E: float, poisson: float, outer: float, inner: float, length: float) -> ShaftStiffness:
+    """Stiffness of a hollow round shaft section.
+
+        bending 12 E I / l^3,   axial E A / l,   torsional G J / l,   G = E / (2 (1 + poisson))
+        A = pi (D^2 - d^2) / 4,   I = pi (D^4 - d^4) / 64,   J = 2 I
+
+    The bending formula leaves out shear, which a section as short as it is thick does not: it is then too stiff.
+
+    Parameters
+    ----------
+    E : Young's modulus [N/m^2].
+    poisson : Poisson's ratio.
+    outer, inner : diameters D, d [m].
+    length : l [m].
+
+    References
+    ----------
+    Dong et al. (2022), eqs. (12), (13).
+    """
+    area = pi * (outer**2 - inner**2) / 4
+    second_moment = pi * (outer**4 - inner**4) / 64
+    shear_modulus = E / (2 * (1 + poisson))
+    return ShaftStiffness(
+        bending=12 * E * second_moment / length**3,
+        axial=E * area / length,
+        torsional=shear_modulus * 2 * second_moment / length,
+    )

@@ -1,0 +1,126 @@
+"""One spur gear pair as an oscillator of one degree of freedom, and the mesh series all gear models share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from hbgear.fourier import Series
+from hbgear.laws import Backlash
+from hbgear.model import Element, Load, Model, System
+
+
+def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
+    """Harmonic amplitudes as a tuple of floats, entry 0 for l = 1.
+
+    Raises
+    ------
+    ValueError
+        If ``values`` is not a sequence of finite numbers.
+    """
+    try:
+        if isinstance(values, str) or not isinstance(values, Iterable):
+            raise TypeError
+        out = tuple(float(value) for value in values)
+    except (TypeError, ValueError):
+        raise ValueError(f"{owner}: {name} = {values!r} must be a sequence of numbers such as (0.1, 0.05)") from None
+    if not np.all(np.isfinite(out)):
+        raise ValueError(f"{owner}: {name} = {values!r} has entries that are not finite")
+    return out
+
+
+def mesh_stiffness(eps: tuple[float, ...], scale: float = 1.0) -> Series:
+    """Mesh stiffness over its mean.
+
+        k(tau) = 1 - scale sum_l eps[l-1] cos(l tau)
+
+    Parameters
+    ----------
+    eps : (L,) amplitudes, entry 0 for l = 1.
+    scale : factor of all of them.
+    """
+    return Series(mean=1.0, cosine=tuple(-scale * amplitude for amplitude in eps))
+
+
+@dataclass(frozen=True)
+class SpurPair(Model):
+    """Spur gear pair reduced to its gap x along the line of action, all quantities dimensionless.
+
+        x'' + 2 zeta x' + k(tau) f(x) = F_m + sum_l (l Omega)^2 e_l cos(l tau)      (or sin, by `phase`)
+        k(tau) = 1 - sum_l eps_l cos(l tau),   f = backlash function with half-gap b,   tau = Omega t
+
+    Built with the coordinate q = x + e(tau), e(tau) = sum_l e_l cos(l tau), the motion of the teeth without their
+    error: q'' = F_m - 2 zeta x' - k f(x) and q'' = x'' + e'' with -e'' = sum_l (l Omega)^2 e_l cos(l tau). The element
+    coordinate is d = q - e = x.
+
+    The defaults are one of the cases of Kahraman & Singh: e_1 Omega^2 is their F_ah omega_eh^2 with F_ah = 0.05.
+
+    Parameters
+    ----------
+    zeta : damping ratio of the mesh, >= 0.
+    F_m : mean load.
+    eps : (L,) amplitudes of the mesh stiffness, of any length; () for a constant one.
+    e : (L,) amplitudes of the transmission error, of any length.
+    phase : "cos" or "sin", of the transmission error.
+    b : half backlash, >= 0.
+    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range or not finite.
+
+    References
+    ----------
+    Kahraman & Singh (1990), J. Sound Vib. 142(1), 49-75.
+    """
+
+    zeta: float = 0.05
+    F_m: float = 0.1
+    eps: tuple[float, ...] = ()
+    e: tuple[float, ...] = (0.05,)
+    phase: Literal["cos", "sin"] = "cos"
+    b: float = 1.0
+    eps_scale: float = 1.0
+    e_scale: float = 1.0
+
+    labels: ClassVar[Mapping[str, str]] = {
+        "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$",
+        "amplitude": r"$x$",
+        "zeta": r"damping ratio $\zeta$",
+        "F_m": r"mean load $F_m$",
+        "b": r"half backlash $b$",
+        "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
+        "e_scale": r"factor of the error amplitudes $e_l$",
+    }
+    default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("zeta", "b"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"SpurPair: {name} = {getattr(self, name)} must not be negative")
+        if self.phase not in ("cos", "sin"):
+            raise ValueError(f"SpurPair: phase = {self.phase!r} must be 'cos' or 'sin'")
+        for name in ("eps", "e"):
+            object.__setattr__(self, name, amplitudes("SpurPair", name, getattr(self, name)))
+
+    @property
+    def transmission_error(self) -> Series:
+        """e(tau)."""
+        e = Series(cosine=self.e) if self.phase == "cos" else Series(sine=self.e)
+        return e.scaled(self.e_scale)
+
+    def system(self) -> System:
+        """One coordinate q = x + e(tau) on no other spring than the mesh."""
+        gap = Element(
+            direction=[1.0],
+            law=Backlash(b=self.b, stiffness=mesh_stiffness(self.eps, self.eps_scale)),
+            displacement=self.transmission_error,
+            damping=2 * self.zeta,
+            name="gap",
+        )
+        return System(M=[[1.0]], C=None, K=[[0.0]], elements=[gap], load=Load(constant=[self.F_m]), dof_names=["q"])

@@ -1,0 +1,203 @@
+"""Newton's method on a problem, at a fixed parameter and on a pseudo-arclength plane.
+
+A *problem* is anything with
+
+    evaluate(X, **parameters) -> (R, dR_dX)          R (n,), dR_dX (n, n)
+
+It may also offer, for speed and accuracy,
+
+    linearise(X, name, **parameters) -> Evaluation   R, dR_dX, dR_d(name) and the size of the terms R is the sum of
+
+Without it dR_d(name) is a central difference and the size is taken as 1 + |X|. Nothing here knows any physics.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import scipy.linalg as la
+
+from hbgear.fourier import Array
+
+
+class Problem(Protocol):
+    """What continuation needs to know of a problem."""
+
+    def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
+        """R (n,) and dR/dX (n, n)."""
+        ...
+
+
+class Evaluation(NamedTuple):
+    """R (n,), dR_dX (n, n), dR_dp (n,) and the size of the terms of R, against which |R| is judged."""
+
+    R: Array
+    dR_dX: Array
+    dR_dp: Array
+    size: float
+
+
+class NoConvergence(RuntimeError):
+    """Newton's method failed; carries the last iterate ``X``, ``parameters`` and relative ``residuals``."""
+
+    def __init__(self, message: str, X: Array, parameters: Mapping[str, float], residuals: list[float]) -> None:
+        super().__init__(message)
+        self.X, self.parameters, self.residuals = X, dict(parameters), residuals
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Corrector settings.
+
+    tolerance : largest |R| / size of a converged point.
+    step_tolerance : largest last Newton step relative to |u| of a converged point.
+    max_iterations : Newton steps before giving up.
+    """
+
+    tolerance: float = 1e-10
+    step_tolerance: float = 1e-6
+    max_iterations: int = 12
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A converged point: X, the parameter's value, its evaluation, Newton steps and relative residual."""
+
+    X: Array
+    value: float
+    evaluation: Evaluation
+    iterations: int
+    residual: float
+
+
+def linearise(problem: Any, X: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:
+    """R, dR/dX, dR/dname and the size of R's terms, from whatever the problem offers."""
+    if hasattr(problem, "linearise"):
+        return problem.linearise(X, name, **parameters)
+    R, J = problem.evaluate(X, **parameters)
+    value = parameters[name]
+    h = 1e-6 * max(abs(value), 1e-2)
+    plus = problem.evaluate(X, **{**parameters, name: value + h})[0]
+    minus = problem.evaluate(X, **{**parameters, name: value - h})[0]
+    return Evaluation(np.asarray(R), np.asarray(J), (plus - minus) / (2 * h), 1.0 + float(np.linalg.norm(X)))
+
+
+def solve_linear(A: Array, b: Array) -> Array:
+    """A^-1 b; a singular or non-finite matrix raises `numpy.linalg.LinAlgError`, quietly."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", la.LinAlgWarning)
+        try:
+            return la.solve(A, b, check_finite=True)
+        except (ValueError, la.LinAlgWarning) as error:
+            raise np.linalg.LinAlgError(str(error)) from None
+
+
+def solve(
+    problem: Any,
+    X: Array,
+    parameters: Mapping[str, float],
+    name: str = "",
+    settings: Settings = Settings(),  # noqa: B008
+) -> Solution:
+    """Newton with step halving at fixed parameters.
+
+    Parameters
+    ----------
+    X : (n,) start.
+    parameters : all parameters of the problem.
+    name : the parameter whose derivative the returned evaluation holds; any if empty.
+
+    Raises
+    ------
+    NoConvergence
+        If the residual does not fall below the tolerance.
+    """
+    name = name or next(iter(parameters))
+    X = np.array(X, dtype=float)
+    now = linearise(problem, X, name, parameters)
+    residuals = [float(np.linalg.norm(now.R)) / now.size]
+    for iteration in range(settings.max_iterations * 4 + 1):
+        if residuals[-1] <= settings.tolerance:
+            return Solution(X, parameters[name], now, iteration, residuals[-1])
+        try:
+            dX = -solve_linear(now.dR_dX, now.R)
+        except np.linalg.LinAlgError:
+            raise NoConvergence(
+                "the Jacobian is singular: some motion is not determined by the equations at this point (a gap that "
+                "stays open without load, or a fold exactly at the start); move the start or load the system",
+                X, parameters, residuals,
+            ) from None  # fmt: skip
+        factor = 1.0
+        for _ in range(12):
+            trial = linearise(problem, X + factor * dX, name, parameters)
+            if np.linalg.norm(trial.R) < np.linalg.norm(now.R) * (1 - 0.1 * factor):
+                break
+            factor *= 0.5
+        else:
+            break
+        X, now = X + factor * dX, trial
+        residuals.append(float(np.linalg.norm(now.R)) / now.size)
+    raise NoConvergence(
+        f"Newton stopped at a relative residual of {residuals[-1]:.2e} (needed {settings.tolerance:.0e}) "
+        f"after {len(residuals) - 1} steps at {describe(parameters)}",
+        X, parameters, residuals,
+    )  # fmt: skip
+
+
+def describe(parameters: Mapping[str, float]) -> str:
+    """The parameters as ``Omega = 0.9, zeta = 0.05`` (at most four)."""
+    shown = [f"{k} = {v:.6g}" for k, v in list(parameters.items())[:4]]
+    return ", ".join(shown)
+
+
+def correct(
+    problem: Any,
+    u: Array,
+    normal: Array,
+    name: str,
+    parameters: Mapping[str, float],
+    settings: Settings = Settings(),  # noqa: B008
+) -> Solution:
+    """Newton from the predicted point u = (X, value) in the plane normal^T (u' - u) = 0.
+
+    Raises
+    ------
+    NoConvergence
+        If Newton diverges, meets a singular bordered matrix or takes more than ``settings.max_iterations`` steps.
+    """
+    start = u
+    u = u.copy()
+    residuals: list[float] = []
+    step = np.inf
+    for iteration in range(settings.max_iterations + 1):
+        here = {**parameters, name: float(u[-1])}
+        now = linearise(problem, u[:-1], name, here)
+        residuals.append(float(np.linalg.norm(now.R)) / now.size)
+        if residuals[-1] <= settings.tolerance and (step <= settings.step_tolerance or iteration == 0):
+            return Solution(u[:-1], float(u[-1]), now, iteration, residuals[-1])
+        if not np.isfinite(residuals[-1]) or (iteration > 3 and residuals[-1] > 10 * residuals[0]):
+            break
+        try:
+            du = -solve_linear(
+                bordered(now, normal), np.append(now.R, normal @ (u - start))
+            )
+        except np.linalg.LinAlgError:
+            break
+        u = u + du
+        step = float(np.linalg.norm(du) / (np.linalg.norm(u) or 1.0))
+    raise NoConvergence(
+        f"the corrector stopped at a relative residual of {residuals[-1]:.2e} after {len(residuals) - 1} steps",
+        u[:-1], {**parameters, name: float(u[-1])}, residuals,
+    )  # fmt: skip
+
+
+def bordered(now: Evaluation, normal: Array) -> Array:
+    """[dR_dX dR_dp; normal^T]."""
+    n = now.R.size
+    A = np.empty((n + 1, n + 1))
+    A[:n, :n], A[:n, n], A[n] = now.dR_dX, now.dR_dp, normal
+    return A

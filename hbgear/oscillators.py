@@ -1,0 +1,60 @@
+"""Textbook oscillators."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from hbgear.laws import Cubic
+from hbgear.model import Element, Load, Model, System
+
+
+@dataclass(frozen=True)
+class Duffing(Model):
+    """Duffing oscillator.
+
+        x'' + 2 zeta x' + x + k3 x^3 = F cos(tau),   tau = Omega t
+
+    The element is the cubic spring alone; its coordinate is x.
+
+    Parameters
+    ----------
+    zeta : damping ratio, >= 0.
+    k3 : cubic coefficient; positive hardens, negative softens.
+    F : amplitude of the load.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite or zeta is negative.
+    """
+
+    zeta: float = 0.05
+    k3: float = 0.1
+    F: float = 0.18
+
+    labels: ClassVar[Mapping[str, str]] = {
+        "Omega": r"$\Omega$",
+        "amplitude": r"$x$",
+        "zeta": r"damping ratio $\zeta$",
+        "k3": r"cubic stiffness $k_3$",
+        "F": r"load $F$",
+    }
+    default_span: ClassVar[tuple[float, float]] = (0.5, 1.6)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.zeta < 0:
+            raise ValueError(f"Duffing: zeta = {self.zeta} must not be negative")
+
+    def system(self) -> System:
+        """One coordinate x; the linear spring in K, the cubic one as the element."""
+        return System(
+            M=[[1.0]],
+            C=[[2 * self.zeta]],
+            K=[[1.0]],
+            elements=[Element(direction=[1.0], law=Cubic(self.k3), name="x")],
+            load=Load(cosine={1: [self.F]}),
+            dof_names=["x"],
+        )

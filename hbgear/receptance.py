@@ -1,0 +1,293 @@
+"""The linear part of a system, seen from its element coordinates.
+
+With reference stiffness kr and the dampers c of the elements put into the structure,
+
+    D(w) = K + W kr W^T + i w (C + W c W^T) - w^2 M,      G(w) = W^T D(w)^-1 W   (m x m)
+
+the balance of harmonic k of the element coordinates reads, with w = k omega and f_k the force harmonics of the laws,
+
+    Z_k d_k + g_k + f_k = 0,   Z_k = G^-1 - kr,   g_k = G^-1 (e_k - y_k) - (kr + i w c) e_k,   y_k = W^T D^-1 F_k
+
+where neither kr nor the number of coordinates appears in the result. One eigen-decomposition of the state matrix,
+
+    G(w) = sum_r a_r b_r^T / (i w - lambda_r),
+
+gives every harmonic and the derivative in omega without a solve. Free motions (rigid motions r with
+W^T r = 0) are split off first; a constant load on one of them is refused, for no periodic motion exists.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from hbgear.fourier import Array, ComplexArray, stretch, to_complex
+from hbgear.model import System
+
+MODAL_LIMIT = 1500
+"""Above this many coordinates the receptance is solved for directly instead of by eigen-decomposition."""
+
+_FREE = 1e-12  # squared frequency, relative to the highest, below which a motion counts as free
+_BALANCED = 1e-8  # relative work of the constant load on a free motion that is still rounding
+_ILL = 1e8  # condition of the eigenvectors above which receptances are solved for directly
+
+
+class UnbalancedLoad(ValueError):
+    """A constant load acts on a motion that nothing holds: no periodic motion exists."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Diagonal form z' = poles z + left (F - W u), q = right z of the structure closed by the reference springs.
+
+    poles (r,); right (n, r); left (r, n); output = W^T right (m, r); input = left W (r, m).
+    """
+
+    poles: ComplexArray
+    right: ComplexArray
+    left: ComplexArray
+    output: ComplexArray
+    input: ComplexArray
+    condition: float
+
+
+@dataclass(frozen=True)
+class LinearPart:
+    """Linear part of the balance at one frequency: Z (H+1, m, m), g (H+1, m) and their derivatives in Omega."""
+
+    Z: ComplexArray
+    g: ComplexArray
+    dZ: ComplexArray
+    dg: ComplexArray
+    G: ComplexArray
+
+
+def _dense(A: object) -> Array:
+    return A.toarray() if sparse.issparse(A) else np.asarray(A)  # type: ignore[attr-defined]
+
+
+def _null_space(A: Array) -> Array:
+    """Orthonormal basis of the null space of a matrix whose rows and columns are already scaled."""
+    _, s, vt = la.svd(A)
+    largest = s.max(initial=0.0)
+    rank = int(np.sum(s > _FREE * largest)) if largest > 0 else 0
+    return vt[rank:].T
+
+
+class Structure:
+    """M, C, K of a system with the reference springs and the dampers of its elements closed.
+
+    Parameters
+    ----------
+    system : `System`.
+
+    Raises
+    ------
+    ValueError
+        If M is singular, or two elements act along dependent directions.
+    UnbalancedLoad
+        If a constant load acts on a free motion.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.n, self.m = system.n, len(system.elements)
+        self.W = system.W
+        self.kr = np.array([e.law.reference for e in system.elements])
+        self.c = np.array([e.damping for e in system.elements])
+        self._check_directions()
+        self.large = sparse.issparse(system.K) and self.n > MODAL_LIMIT
+        if self.large:
+            Ws = sparse.csr_array(self.W)
+            self.M, self.K = system.M, system.K + Ws @ sparse.diags_array(self.kr) @ Ws.T
+            self.C = system.C + Ws @ sparse.diags_array(self.c) @ Ws.T
+            self.modes = None
+            return
+        self.M = _dense(system.M)
+        self.K = _dense(system.K) + (self.W * self.kr) @ self.W.T
+        self.C = _dense(system.C) + (self.W * self.c) @ self.W.T
+        # scaling by the masses makes "free" a statement about frequencies, whatever units the coordinates have
+        diagonal = np.abs(np.diag(self.M))
+        self._scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=1.0) or 1.0))
+        self._check_mass()
+        self.free = self._null(self.K)
+        self._check_balance()
+        self.modes = self._decompose()
+
+    @property
+    def modal(self) -> bool:
+        """Whether receptances come from the eigen-decomposition."""
+        return self.modes is not None and self.modes.condition < _ILL
+
+    def _check_directions(self) -> None:
+        W = self.W / np.linalg.norm(self.W, axis=0)
+        if np.linalg.matrix_rank(W, tol=1e-9) < self.m:
+            names = ", ".join(e.name for e in self.system.elements)
+            raise ValueError(
+                f"the directions of the elements ({names}) are linearly dependent; combine laws that act along one "
+                "direction into one element with Parallel((law_1, law_2))"
+            )
+
+    def _check_mass(self) -> None:
+        scaled = self.M * np.outer(self._scale, self._scale)
+        s, v = la.svd(scaled)[1:]
+        if s[-1] <= 1e-13 * s[0]:
+            worst = self.system.dof_names[int(np.argmax(np.abs(v[-1])))]
+            raise ValueError(
+                f"M is singular (coordinate '{worst}' carries no mass of its own); "
+                "give it a mass or eliminate it from M, C and K"
+            )
+
+    def _null(self, A: Array, transposed: bool = False) -> Array:
+        scaled = A * np.outer(self._scale, self._scale)
+        return self._scale[:, None] * _null_space(scaled.T if transposed else scaled)
+
+    def _check_balance(self) -> None:
+        held = self._null(self.K, transposed=True)
+        for load in self.system.load:
+            if load.constant is None:
+                continue
+            for r in held.T:
+                work = r * np.asarray(load.constant)
+                if abs(work.sum()) > _BALANCED * np.abs(work).sum():
+                    raise UnbalancedLoad(self._describe_unbalance(r, float(work.sum())))
+
+    def _describe_unbalance(self, r: Array, work: float) -> str:
+        r = r / r[np.argmax(np.abs(r))]
+        order = np.argsort(-np.abs(r))[:6]
+        motion = ", ".join(f"{self.system.dof_names[i]} = {r[i]:.3g}" for i in order if abs(r[i]) > 1e-6)
+        return (
+            f"the constant load does work {work:.3g} on a motion that nothing holds ({motion}); "
+            "a periodic motion needs it balanced: correct the load or support that motion"
+        )
+
+    def _decompose(self) -> Modes:
+        """Eigen-decomposition of the state matrix without the free motions that neither springs nor dampers hold."""
+        n, M, K, C = self.n, self.M, self.K, self.C
+        unheld = np.vstack([K / (np.abs(K).max() or 1.0), C / (np.abs(C).max() or 1.0)])
+        free = self._scale[:, None] * _null_space(unheld * self._scale)
+        if free.shape[1]:
+            left = np.vstack([K.T / (np.abs(K).max() or 1.0), C.T / (np.abs(C).max() or 1.0)])
+            free_left = self._scale[:, None] * _null_space(left * self._scale)
+            B = self._scale[:, None] * _null_space((free_left.T @ M) * self._scale)
+            T = self._scale[:, None] * _null_space((free.T @ M.T) * self._scale)
+        else:
+            B = T = np.diag(self._scale)
+        Mi = la.inv(T.T @ M @ B)
+        K, C = Mi @ T.T @ K @ B, Mi @ T.T @ C @ B
+        size = B.shape[1]
+        clock = np.sqrt(np.abs(K).max()) or 1.0  # states (q, q'/clock): no bias from the unit of time
+        A = np.block([[np.zeros((size, size)), clock * np.eye(size)], [-K / clock, -C]])
+        poles, V = la.eig(A)
+        U = la.inv(V)
+        right = B @ V[:size]
+        left_vectors = U[:, size:] @ (Mi @ T.T) / clock
+        output, input_ = self.W.T @ right, left_vectors @ self.W
+        # a pole at zero that is left belongs to a drift that no element feels; it carries no receptance
+        keep = np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)
+        return Modes(
+            poles[keep], right[:, keep], left_vectors[keep], output[:, keep], input_[keep], float(np.linalg.cond(V))
+        ) if n else Modes(*(np.zeros(0),) * 5, 0.0)  # type: ignore[arg-type]
+
+    def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
+        """D(w)^-1 rhs; at w = 0 the solution without free motion."""
+        if self.large:
+            return splu((self.K + 1j * w * self.C - w**2 * self.M).tocsc()).solve(rhs.astype(complex))
+        if w == 0.0:
+            s = self._scale
+            scaled = self.K * np.outer(s, s)
+            return s[:, None] * (la.pinv(scaled, rtol=_FREE) @ (s[:, None] * rhs))
+        return la.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
+
+    def receptances(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ...]:
+        """G, dG/dw (K, m, m), W^T D^-1 F, its derivative in w (K, m) at frequencies w (K,) for loads F (K, n)."""
+        if not self.modal:
+            return self._direct_receptances(w, F)
+        modes = self.modes
+        assert modes is not None
+        m = self.m
+        resolvent = 1.0 / (1j * w[:, None] - modes.poles)
+        weights = (modes.output.T[:, :, None] * modes.input[:, None, :]).reshape(-1, m * m)
+        G = (resolvent @ weights).reshape(-1, m, m)
+        dG = (-1j * resolvent**2 @ weights).reshape(-1, m, m)
+        drive = F @ modes.left.T if np.any(F) else np.zeros((len(w), len(modes.poles)), dtype=complex)
+        y, dy = (drive * resolvent) @ modes.output.T, (drive * (-1j) * resolvent**2) @ modes.output.T
+        return G, dG, y, dy
+
+    def _direct_receptances(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ...]:
+        G = np.empty((len(w), self.m, self.m), dtype=complex)
+        y = np.empty((len(w), self.m), dtype=complex)
+        dG, dy = np.empty_like(G), np.empty_like(y)
+        for k, wk in enumerate(w):
+            Q = self.solve(wk, np.column_stack([self.W, F[k]]))
+            dQ = -self.solve(wk, 1j * (self.C @ Q) - 2 * wk * (self.M @ Q)) if wk else 0 * Q
+            G[k], y[k] = self.W.T @ Q[:, :-1], self.W.T @ Q[:, -1]
+            dG[k], dy[k] = self.W.T @ dQ[:, :-1], self.W.T @ dQ[:, -1]
+        return G, dG, y, dy
+
+
+class Receptance:
+    """The linear part of the balance for harmonics 0..H of the basis frequency Omega / nu.
+
+    Parameters
+    ----------
+    structure : `Structure`.
+    H, nu : harmonics of the basis and its subharmonic order.
+    """
+
+    def __init__(self, structure: Structure, H: int, nu: int) -> None:
+        self.structure, self.H, self.nu = structure, H, nu
+        system = structure.system
+        self.k = np.arange(H + 1)
+        self.e = np.zeros((H + 1, structure.m), dtype=complex)
+        for j, element in enumerate(system.elements):
+            c = to_complex(stretch(element.displacement.row(), nu))[: H + 1]
+            self.e[: len(c), j] = c
+        self._loads: list[tuple[int, ComplexArray]] = []
+        for load in system.load:
+            F = np.zeros((H + 1, system.n), dtype=complex)
+            for order, vector in load.complex(system.n).items():
+                if order * nu <= H:
+                    F[order * nu] += vector
+            self._loads.append((load.power, F))
+
+    def loads(self, Omega: float) -> ComplexArray:
+        """Load harmonics (H+1, n) at Omega."""
+        F = np.zeros((self.H + 1, self.structure.n), dtype=complex)
+        for power, part in self._loads:
+            F += Omega**power * part
+        return F
+
+    def at(self, Omega: float) -> LinearPart:
+        """Z_k, g_k, their derivatives in Omega, and the receptance G_k of the closed structure."""
+        s = self.structure
+        omega = Omega / self.nu
+        F = self.loads(Omega)
+        G, dG, y, dy = s.receptances(self.k * omega, F)
+        dG, dy = dG * (self.k / self.nu)[:, None, None], dy * (self.k / self.nu)[:, None]
+        for power, part in self._loads:
+            if power:
+                dy += power * Omega ** (power - 1) * s.receptances(self.k * omega, part)[2]
+        Y = 1.0 / G if s.m == 1 else np.linalg.inv(G)
+        dY = -Y @ dG @ Y
+        shift = self.e - y
+        spring = s.kr + 1j * (omega * self.k)[:, None] * s.c
+        g = np.einsum("kij,kj->ki", Y, shift) - spring * self.e
+        dg = np.einsum("kij,kj->ki", dY, shift) - np.einsum("kij,kj->ki", Y, dy)
+        dg -= 1j * (self.k / self.nu)[:, None] * s.c * self.e
+        return LinearPart(Y - np.diag(s.kr), g, dY, dg, G)
+
+    def motion(self, Omega: float, d: ComplexArray, f: ComplexArray) -> ComplexArray:
+        """Harmonics q_k (H+1, n) of all coordinates from those of the gaps d and of the law forces f, (H+1, m) each.
+
+        q_k = D_k^-1 (F_k - W (f_k - kr d_k - (kr + i w c) e_k))
+        """
+        s = self.structure
+        w = self.k * Omega / self.nu
+        u = f - s.kr * d - (s.kr + 1j * w[:, None] * s.c) * self.e
+        rhs = self.loads(Omega) - u @ s.W.T
+        return np.array([s.solve(wk, rhs[k][:, None])[:, 0] for k, wk in enumerate(w)])

@@ -1,0 +1,197 @@
+"""Floquet multipliers of a periodic motion.
+
+A small disturbance of the motion obeys the linear structure plus m scalar modulations,
+
+    z' = poles z - input u,   u_j = (dp_j/dd - kr_j) d_j + dp_j/dv d_j',   d = output z
+
+which are smooth except where an element crosses a corner of its law. The period is cut at those instants and each
+piece into steps; in a step the linear part is propagated exactly and u by collocation at s Gauss points,
+
+    d(c_i h) = output e^{poles c_i h} z_0 - sum_j A_ij u_j,     A_ij = int_0^{c_i h} output e^{poles (c_i h - x)} input L_j(x) dx
+
+with the integrals in closed form, so that neither stiff supports nor fast modes limit the step. The order is 2s.
+No saltation matrix is needed: forces are continuous, so the state and its disturbance are continuous at a corner (a
+law that switches its *damping* at a corner must not be given; see the contract in `laws`).
+
+Free motions (rigid rotation) carry the trivial multipliers +1 and are left out.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import factorial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hbgear.fourier import Array, ComplexArray, evaluate
+
+if TYPE_CHECKING:
+    from hbgear.balance import HarmonicBalance
+
+@lru_cache(maxsize=16)
+def _gauss(s: int) -> tuple[Array, Array]:
+    """Gauss points on (0, 1) and monomial coefficients L[j, p] of the Lagrange polynomials on them."""
+    x = 0.5 * (np.polynomial.legendre.leggauss(s)[0] + 1.0)
+    return x, np.linalg.inv(np.vander(x, increasing=True)).T
+
+
+def _phi(z: ComplexArray, order: int) -> ComplexArray:
+    """phi_0..phi_order of z, (order + 1, ...): phi_0 = e^z, phi_{p+1} = (phi_p - 1/p!) / z."""
+    out = np.empty((order + 1, *z.shape), dtype=complex)
+    small = np.abs(z) < 4.0
+    far = np.where(small, 4.0, z)
+    out[0] = np.exp(z)
+    for p in range(order):  # away from zero the forward recursion loses nothing
+        out[p + 1] = (out[p] - 1.0 / factorial(p)) / far
+    near = z[small]
+    if near.size:  # near zero: Taylor series of the highest, then the recursion downwards
+        term = np.full(near.shape, 1.0 / factorial(order), dtype=complex)
+        total = term.copy()
+        for j in range(1, 40):
+            term = term * near / (order + j)
+            total += term
+        for p in range(order, 0, -1):
+            out[p, small] = total
+            total = near * total + 1.0 / factorial(p - 1)
+    return out
+
+
+def _moments(poles: ComplexArray, h: Array, c: Array, s: int) -> ComplexArray:
+    """int_0^{c h} e^{lambda (c h - x)} (x / h)^p dx for p = 0..s-1, shape (p, h, c, lambda)."""
+    span = h[:, None] * c
+    phi = _phi(span[..., None] * poles, s)
+    out = np.empty((s, *phi.shape[1:]), dtype=complex)
+    for p in range(s):
+        out[p] = factorial(p) * (span * c**p)[..., None] * phi[p + 1]
+    return out
+
+
+def _steps(instants: Array, omega: float, width: float) -> tuple[Array, Array, Array]:
+    """Steps of a period cut at the instants theta: start phase, distinct durations, and each step's duration index."""
+    cuts = np.unique(np.concatenate([[0.0], np.mod(instants, 2 * np.pi)])) if instants.size else np.array([0.0])
+    if instants.size:  # begin at a switching instant: the multipliers do not depend on where the period starts
+        cuts = np.unique(np.mod(instants, 2 * np.pi))
+    lengths = np.diff(np.append(cuts, cuts[0] + 2 * np.pi))
+    real = lengths > 1e-13
+    cuts, lengths = cuts[real], lengths[real]
+    counts = np.maximum(1, np.ceil(lengths / omega / width - 1e-9)).astype(int)
+    h = lengths / counts
+    start = np.concatenate([a + np.arange(n) * dh for a, n, dh in zip(cuts, counts, h, strict=True)])
+    return start, h / omega, np.repeat(np.arange(len(h)), counts)
+
+
+def multipliers(
+    problem: HarmonicBalance, X: Array, *, points: int = 5, width: float | None = None, **parameters: float
+) -> ComplexArray:
+    """Floquet multipliers of the motion X over its period 2 pi nu / Omega, largest magnitude first.
+
+    Parameters
+    ----------
+    problem : `HarmonicBalance` whose unknowns X are.
+    X : (m (2H + 1),) coefficients of a periodic motion.
+    points : s, Gauss points per step; the scheme has order 2s.
+    width : longest step, in units of the time in which the elements' reference springs would turn the structure's
+        inertia by one radian; by default s / 4, which leaves errors of about 1e-8 or less.
+    parameters : ``Omega`` and any model parameters that differ.
+
+    Returns
+    -------
+    (r,) complex, r twice the number of coordinates that are not free motions.
+
+    Raises
+    ------
+    ValueError
+        If the structure is too large for its modes to be computed.
+    """
+    return np.array(sorted(np.linalg.eigvals(monodromy(problem, X, points=points, width=width, **parameters)),
+                           key=lambda mu: -abs(mu)))  # fmt: skip
+
+
+def monodromy(
+    problem: HarmonicBalance, X: Array, *, points: int = 5, width: float | None = None, **parameters: float
+) -> Array:
+    """Real matrix (r, r) that carries a disturbance over one period, in real modal coordinates; see `multipliers`."""
+    compiled = problem.compiled(parameters)
+    modes = compiled.structure.modes
+    if modes is None:
+        raise ValueError(
+            f"stability needs the modes of the structure; {compiled.structure.n} coordinates are too many: "
+            "trace with stability=False or reduce the model"
+        )
+    omega = parameters["Omega"] / problem.nu
+    kr = compiled.structure.kr
+    pace = np.sqrt(np.abs(np.einsum("jr,r,rj->j", modes.output, modes.poles, modes.input) * kr).max())
+    width = (points / 4.0 if width is None else width) / (pace or 1.0)
+    start, h, which = _steps(problem.switching(X, **parameters).theta, omega, width)
+    x, L = _gauss(points)
+    theta = (start[:, None] + (omega * h[which])[:, None] * x).ravel()
+    rows = X.reshape(problem.m, -1)
+    d, v = evaluate(rows, theta), omega * evaluate(rows, theta, 1)
+    slopes = np.array([law.force(d[j], v[j], problem.nu * theta)[1:] for j, law in enumerate(compiled.laws)])
+    stiffness = (slopes[:, 0] - kr[:, None]).reshape(problem.m, -1, points)
+    damping = slopes[:, 1].reshape(problem.m, -1, points)
+    return _propagate(_half(modes), h, which, stiffness, damping, x, L)
+
+
+def _half(modes: Any) -> tuple[ComplexArray, ComplexArray, ComplexArray, Array]:
+    """One mode of each conjugate pair: poles (q,), output (m, q) doubled for pairs, input (q, m), which are pairs."""
+    scale = np.abs(modes.poles).max(initial=0.0)
+    real = np.abs(modes.poles.imag) <= 1e-13 * scale
+    keep = real | (modes.poles.imag > 0)
+    pair = ~real[keep]
+    return modes.poles[keep], modes.output[:, keep] * np.where(pair, 2.0, 1.0), modes.input[keep], pair
+
+
+def _propagate(
+    half: tuple[ComplexArray, ComplexArray, ComplexArray, Array],
+    h: Array, which: np.ndarray, stiffness: Array, damping: Array, x: Array, L: Array,
+) -> Array:  # fmt: skip
+    """Product of the step matrices; see the module. stiffness, damping (m, S, s) are the modulations."""
+    poles, output, input_, pair = half
+    m, S, s = stiffness.shape
+    if np.any(damping):
+        output = np.vstack([output, output * poles])
+    mo = output.shape[0]
+    # integrals of the Lagrange polynomials up to each node and to the end of the step
+    moments = _moments(poles, h, np.append(x, 1.0), s)
+    integrals = np.einsum("jp,phcr->hcjr", L, moments)
+    kernel = np.einsum("or,hijr,rm->hiojm", output, integrals[:, :-1], input_, optimize=True).real
+    kernel = kernel.reshape(len(h), s * mo, s * m)
+    push = np.einsum("hjr,rm->hrjm", integrals[:, -1], input_).reshape(len(h), len(poles), s * m)
+    waves = np.exp(h[:, None, None] * x[:, None] * poles)
+    observe = (waves[:, :, None, :] * output).reshape(len(h), s * mo, len(poles))
+    real_observe = _columns(observe, pair)
+    real_push = np.concatenate([push.real, push.imag[:, pair]], axis=1)
+    # modulation matrix u = D y at the nodes: node i, element j reads displacement j (and velocity j)
+    D = np.zeros((S, s, m, s, mo))
+    i, j = np.arange(s)[:, None], np.arange(m)[None, :]
+    D[:, i, j, i, j] = stiffness.transpose(1, 2, 0)
+    if mo > m:
+        D[:, i, j, i, j + m] = damping.transpose(1, 2, 0)
+    D = D.reshape(S, s * m, s * mo)
+    response = D @ np.linalg.inv(np.eye(s * mo) + kernel[which] @ D)
+    steps = _turn(poles, pair, h)[which] - (real_push[which] @ response) @ real_observe[which]
+    total = steps[0]
+    for step in steps[1:]:
+        total = step @ total
+    return total
+
+
+def _columns(C: ComplexArray, pair: np.ndarray) -> Array:
+    """Real output matrix on (real modes and real parts, imaginary parts): Re(C z) = Re C x - Im C y."""
+    return np.concatenate([C.real, -C.imag[..., pair]], axis=-1)
+
+
+def _turn(poles: ComplexArray, pair: np.ndarray, h: Array) -> Array:
+    """e^{poles h} as real matrices (len(h), r, r) on (real modes and real parts, imaginary parts)."""
+    q, r = len(poles), len(poles) + int(pair.sum())
+    E = np.exp(h[:, None] * poles)
+    out = np.zeros((len(h), r, r))
+    a = np.arange(q)
+    out[:, a, a] = E.real
+    p, b = np.flatnonzero(pair), q + np.arange(int(pair.sum()))
+    out[:, b, b] = E.real[:, p]
+    out[:, p, b] = -E.imag[:, p]
+    out[:, b, p] = E.imag[:, p]
+    return out

@@ -1,0 +1,442 @@
+"""Pseudo-arclength continuation: follow the solutions of a problem as one parameter changes.
+
+    predictor   u_p = u + h t                   along the unit tangent t of the curve, u = (X, lambda)
+    corrector   R(u) = 0,  n^T (u - u_p) = 0    Newton with the bordered matrix [J R_lambda; n^T]
+
+in unknowns scaled so that the span of the parameter and the size of the motion are one. The step h follows the
+number of Newton steps and the angle the tangent turned through; a step that turns too far, lands too far from
+where it was sent or runs back over the curve is taken again at half its length. The tangent passes folds without a
+change of parameter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hbgear._version import __version__
+from hbgear.arc import Arc, Row, normal_of, row_of
+from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status
+from hbgear.fourier import Array
+from hbgear.jumps import find_jumps
+from hbgear.newton import NoConvergence, Settings, Solution, correct, linearise, solve
+from hbgear.special import find
+
+Progress = Callable[[float, int, float], None]
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Step control, in scaled arclength (the span of the parameter is 1).
+
+    first, longest, shortest : step lengths.
+    turn : largest angle [deg] between successive tangents; steps aim at half of it.
+    newton : Newton steps per point the step length aims at.
+    max_points : rows after which the trace stops.
+
+    Raises
+    ------
+    ValueError
+        If lengths are not positive and in order, or a limit is out of range.
+    """
+
+    first: float = 0.01
+    longest: float = 0.04
+    shortest: float = 1e-7
+    turn: float = 20.0
+    newton: int = 3
+    max_points: int = 5000
+
+    def __post_init__(self) -> None:
+        if not 0 < self.shortest <= self.first <= self.longest < math.inf:
+            raise ValueError(
+                f"step lengths must obey 0 < shortest <= first <= longest, got {self.shortest}, {self.first}, {self.longest}"
+            )
+        if not 0 < self.turn <= 60:
+            raise ValueError(f"turn = {self.turn} degrees must be above 0 and at most 60")
+        if self.max_points < 2 or self.newton < 1:
+            raise ValueError(f"max_points = {self.max_points} must be at least 2 and newton = {self.newton} at least 1")
+
+
+def trace(
+    problem: Any,
+    parameter: str,
+    span: tuple[float, float],
+    start: Point | Array | None = None,
+    *,
+    at: Mapping[str, float] | None = None,
+    steps: Steps = Steps(),  # noqa: B008
+    settings: Settings = Settings(),  # noqa: B008
+    stability: bool = True,
+    special: bool = True,
+    progress: Progress | None = None,
+) -> Branch:
+    """Follow the solutions of a problem from one end of a span of a parameter to the other.
+
+    Parameters
+    ----------
+    problem : a `HarmonicBalance`, a `Fold`, or any object with ``evaluate(X, **parameters) -> (R, dR_dX)``.
+    parameter : the parameter that changes: ``"Omega"`` or any float field of the model.
+    span : (from, to). The curve is followed through every fold until it leaves the span at either end, closes on
+        itself, or cannot be followed.
+    start : where to begin: a `Point` (``curve["LP1"]``, ``curve[10]``) or unknowns (n,); by default a motion is
+        found at ``span[0]``. A Point that knows ``parameter`` is begun from at its own value.
+    at : values of parameters that stay fixed, if not the model's (``{"Omega": 0.9}``).
+    steps, settings : step control and corrector.
+    stability : compute Floquet multipliers at every point.
+    special : locate folds, stability changes and grazing contacts and insert them as rows.
+    progress : called as ``progress(value, rows, step)`` after every row.
+
+    Returns
+    -------
+    Branch
+        with a status and advice whatever happens after the first point. Ctrl-C ends the trace with the status
+        ``interrupted`` and everything traced so far.
+
+    Raises
+    ------
+    KeyError
+        If the problem has no such parameter.
+    ValueError
+        If the span is empty or not finite, or a fixed parameter is missing.
+    NoConvergence
+        If no motion is found at the start.
+    """
+    return _Tracer(problem, parameter, span, start, at, steps, settings, stability, special, progress).run()
+
+
+class _Tracer:
+    """State of one trace."""
+
+    def __init__(
+        self, problem: Any, parameter: str, span: tuple[float, float], start: Point | Array | None,
+        at: Mapping[str, float] | None, steps: Steps, settings: Settings,
+        stability: bool, special: bool, progress: Progress | None,
+    ) -> None:  # fmt: skip
+        self.problem, self.name = problem, parameter
+        self.steps, self.settings, self.special, self.progress = steps, settings, special, progress
+        self.stability = stability and hasattr(problem, "multipliers")
+        if hasattr(problem, "check_parameter"):
+            problem.check_parameter(parameter)
+            for name in at or {}:
+                problem.check_parameter(name)
+        self.a, self.b = _checked_span(parameter, span)
+        self.fixed = self._fixed(start, at)
+        self.sense = 1.0 if self.b > self.a else -1.0
+        self.rows: list[Row] = []
+        self.marks: list[tuple[int, str, bool, tuple[float, float], str]] = []
+        self.first = self._first_row(start)
+
+    # ---- start
+
+    def _fixed(self, start: Point | Array | None, at: Mapping[str, float] | None) -> dict[str, float]:
+        """All parameters but the traced one: the problem's, then the start's, then those given."""
+        fixed = dict(getattr(self.problem, "parameters", {}))
+        if isinstance(start, Point):
+            fixed.update(start.parameters)
+        fixed.update({k: float(v) for k, v in (at or {}).items()})
+        own = self._own_parameters()
+        for name in (self.name, *own):
+            fixed.pop(name, None)
+        needs_frequency = hasattr(self.problem, "layout") or hasattr(self.problem, "split")
+        if needs_frequency and self.name != "Omega" and "Omega" not in fixed and "Omega" not in own:
+            raise ValueError(
+                f"tracing in {self.name} needs a fixed Omega: give at={{'Omega': ...}} or start from a point of a curve"
+            )
+        return fixed
+
+    def _own_parameters(self) -> tuple[str, ...]:
+        """Parameters that are unknowns of the problem itself (Omega on a fold curve)."""
+        return tuple(getattr(self.problem, "unknown_parameters", ()))
+
+    def _first_row(self, start: Point | Array | None) -> Row:
+        value = self.a
+        problem = self.problem
+        if isinstance(start, Point):
+            value = start.parameters.get(self.name, self.a)
+            if not min(self.a, self.b) <= value <= max(self.a, self.b):
+                raise ValueError(
+                    f"the start has {self.name} = {value:.6g}, outside the span ({self.a:.6g}, {self.b:.6g}); "
+                    "widen the span or choose another start"
+                )
+            X = problem.join(start.X, start.parameters) if hasattr(problem, "join") else start.X
+        elif start is not None:
+            X = np.array(start, dtype=float)
+        elif hasattr(problem, "start"):
+            X = problem.start(**{**self.fixed, self.name: value})
+        else:
+            raise ValueError("this problem finds no start of its own; give start=")
+        solution = solve(problem, X, {**self.fixed, self.name: value}, self.name, self.settings)
+        self.top = self._motion_size(solution.X)
+        self.scale = self._scale(solution.X)
+        normal = np.zeros(len(solution.X) + 1)
+        normal[-1] = self.sense
+        try:
+            row = row_of(solution, normal, self.scale)
+        except np.linalg.LinAlgError:
+            raise NoConvergence(
+                f"the curve has no direction at {self.name} = {value:.6g}: a fold or branch point lies exactly there; "
+                "start elsewhere", solution.X, {**self.fixed, self.name: value}, [solution.residual],
+            ) from None  # fmt: skip
+        return self._observe(row)
+
+    def _motion_size(self, X: Array) -> float:
+        size = getattr(self.problem, "motion_size", None)
+        return float(size(X)) if size else float(np.linalg.norm(X))
+
+    def _scale(self, X: Array) -> Array:
+        """Scales of (X, lambda): the largest motion so far, and the span."""
+        floor = 1e-2 * float(np.linalg.norm(X)) or 1.0
+        return np.append(np.full(len(X), max(self.top, floor)), abs(self.b - self.a))
+
+    def _observe(self, row: Row) -> Row:
+        if not hasattr(self.problem, "observe"):
+            return row
+        here = {**self.fixed, self.name: row.value}
+        return replace(row, observed=self.problem.observe(row.solution.X, stability=self.stability, **here))
+
+    # ---- main loop
+
+    def run(self) -> Branch:
+        """Trace until something ends it."""
+        self.rows = [self.first]
+        self.step = self.steps.first
+        try:
+            status, message = self._loop()
+        except KeyboardInterrupt:
+            status, message = Status.INTERRUPTED, f"interrupted at {self.name} = {self.rows[-1].value:.6g}"
+        return self._branch(status, message)
+
+    def _loop(self) -> tuple[Status, str]:
+        while True:
+            if len(self.rows) >= self.steps.max_points:
+                return Status.MAX_POINTS, f"{len(self.rows)} points, at {self.name} = {self.rows[-1].value:.6g}"
+            last = self.rows[-1]
+            row, reason = self._advance(last)
+            if row is None:
+                status = Status.RETRACED if reason == _BACK else Status.STEP_TOO_SMALL
+                return status, f"{reason} at {self.name} = {last.value:.6g}; the shortest step was tried"
+            end = self._end_value(row)
+            if end is not None:
+                row = self._final(last, row, end)
+            closed = end is None and self._closes(last, row)
+            if closed:
+                row = self.first
+            self._append(last, row)
+            if self.progress:
+                self.progress(row.value, len(self.rows), self.step)
+            if end is not None:
+                if end == self.b:
+                    return Status.REACHED_END, f"{self.name} = {end:.6g} reached"
+                return Status.LEFT_SPAN, f"the curve turned back to {self.name} = {end:.6g}"
+            if closed:
+                return Status.CLOSED, f"the curve closed after {len(self.rows)} points"
+
+    def _advance(self, last: Row) -> tuple[Row | None, str]:
+        """The next row, or None and the reason why even the shortest step failed."""
+        while True:
+            row, reason = self._attempt(last, self.step)
+            if row is not None:
+                return row, ""
+            if self.step <= self.steps.shortest:
+                return None, reason
+            self.step = max(0.5 * self.step, self.steps.shortest)
+
+    def _attempt(self, last: Row, h: float) -> tuple[Row | None, str]:
+        unit = last.tangent / np.linalg.norm(last.tangent / self.scale)
+        normal = normal_of(unit, self.scale)
+        normal = normal / np.linalg.norm(normal)
+        try:
+            solution = correct(self.problem, last.u + h * unit, normal, self.name, self.fixed, self.settings)
+            row = row_of(solution, normal, self.scale, h)
+        except NoConvergence as error:
+            return None, str(error)
+        except np.linalg.LinAlgError:
+            return None, "the bordered matrix is singular"
+        except ValueError as error:  # the parameter left the range its model allows
+            return None, str(error)
+        moved = (row.u - last.u) / self.scale
+        cosine = float((row.tangent / self.scale) @ (unit / self.scale))
+        angle = math.degrees(math.acos(min(1.0, max(-1.0, cosine))))
+        if np.linalg.norm(moved) > 1.5 * h:
+            return None, "the corrector landed far from the prediction"
+        if angle > self.steps.turn:
+            return None, f"the tangent turned by {angle:.0f} degrees"
+        if self._runs_back(last, row):
+            return None, _BACK
+        self._set_step(solution.iterations, angle, h)
+        return self._observe(row), ""
+
+    def _set_step(self, iterations: int, angle: float, h: float) -> None:
+        """Next step from the Newton count and the turning angle, at most doubled or halved."""
+        by_newton = 2.0 ** ((self.steps.newton - iterations) / 2)
+        by_angle = 0.5 * self.steps.turn / max(angle, 0.1)
+        factor = min(2.0, max(0.5, min(by_newton, by_angle)))
+        self.step = min(self.steps.longest, max(self.steps.shortest, factor * h))
+
+    def _append(self, last: Row, row: Row) -> None:
+        """Store a row, with the special points between it and the last before it."""
+        if self.special:
+            arc = Arc(self.problem, self.name, self.fixed, last, row, self.scale, self.settings)
+            for found in find(arc, self.stability):
+                interval = (last.value, row.value)
+                if found.located:
+                    self.rows.append(self._observe(found.row))
+                self.marks.append((len(self.rows) - 1, found.kind, found.located, interval, found.note))
+        self.rows.append(row)
+        self.top = max(self.top, self._motion_size(row.solution.X))
+        self.scale = self._scale(row.solution.X)
+
+    # ---- ends
+
+    def _end_value(self, row: Row) -> float | None:
+        """The end of the span that the row lies on or beyond, if any."""
+        if self.sense * (row.value - self.b) >= 0:
+            return self.b
+        if self.sense * (row.value - self.a) < 0:
+            return self.a
+        return None
+
+    def _final(self, last: Row, row: Row, end: float) -> Row:
+        """Row exactly at the end of the span, solved at fixed parameter from between the last two rows."""
+        s = (end - last.value) / (row.value - last.value)
+        guess = Arc(self.problem, self.name, self.fixed, last, row, self.scale, self.settings).guess(s)
+        here = {**self.fixed, self.name: end}
+        try:
+            solution = solve(self.problem, guess[:-1], here, self.name, self.settings)
+            final = row_of(solution, normal_of(row.u - last.u, self.scale), self.scale, s * row.step)
+        except (NoConvergence, np.linalg.LinAlgError):
+            return row
+        return self._observe(final)
+
+    def _closes(self, last: Row, row: Row) -> bool:
+        """Whether the piece from last to row passes through the first row, in its direction."""
+        if len(self.rows) < 4:
+            return False
+        return self._passes(last, row, self.first) and self._cosine(row, self.first) > 0
+
+    def _runs_back(self, last: Row, row: Row) -> bool:
+        """Whether the piece passes through an earlier row in the opposite direction."""
+        if len(self.rows) < 4:
+            return False
+        earlier = self.rows[:-3]
+        U = np.array([r.u for r in earlier]) / self.scale
+        a, b = last.u / self.scale, row.u / self.scale
+        chord = b - a
+        s = np.clip((U - a) @ chord / (chord @ chord), 0, 1)
+        distance = np.linalg.norm(U - a - s[:, None] * chord, axis=1)
+        for i in np.flatnonzero(distance < 0.1 * np.linalg.norm(chord)):
+            if self._cosine(row, earlier[i]) < 0 and self._passes(last, row, earlier[i]):
+                return True
+        return False
+
+    def _cosine(self, a: Row, b: Row) -> float:
+        return float((a.tangent / self.scale) @ (b.tangent / self.scale))
+
+    def _passes(self, last: Row, row: Row, known: Row) -> bool:
+        """Whether the curve between two rows contains a known row: correct onto it across the known tangent."""
+        chord = (row.u - last.u) / self.scale
+        offset = (known.u - last.u) / self.scale
+        s = float(offset @ chord / (chord @ chord))
+        if not 0 <= s <= 1 or np.linalg.norm(offset - s * chord) > 0.1 * np.linalg.norm(chord):
+            return False
+        arc = Arc(self.problem, self.name, self.fixed, last, row, self.scale, self.settings)
+        try:
+            there = arc.at(s)
+        except (NoConvergence, np.linalg.LinAlgError):
+            return False
+        gap = (there.u - known.u) / self.scale
+        tangent = known.tangent / self.scale
+        across = gap - tangent * (gap @ tangent) / (tangent @ tangent)
+        return float(np.linalg.norm(across)) < 1e-3 * float(np.linalg.norm(chord))
+
+    # ---- result
+
+    def _point(self, row: Row) -> dict[str, Any]:
+        """Fields of the Point a row stands for."""
+        X, own = self._split(row.solution.X)
+        return {
+            "X": X,
+            "parameters": {**self.fixed, **own, self.name: row.value},
+            "residual": row.solution.residual,
+            "iterations": row.solution.iterations,
+            "multipliers": row.observed.get("multipliers"),
+            "regime": row.observed.get("regime", np.zeros(0, dtype=np.int8)),
+            "error": row.observed.get("error", math.nan),
+            "layout": getattr(self.problem, "layout", None),
+        }
+
+    def _split(self, X: Array) -> tuple[Array, dict[str, float]]:
+        return self.problem.split(X) if hasattr(self.problem, "split") else (X, {})
+
+    def _branch(self, status: Status, message: str) -> Branch:
+        rows = self.rows
+        split = [self._split(r.solution.X) for r in rows]
+        counts: dict[str, int] = {}
+        special: list[SpecialPoint] = []
+        for index, kind, located, interval, note in self.marks:
+            counts[kind] = counts.get(kind, 0) + 1
+            special.append(
+                SpecialPoint(
+                    **self._point(rows[index]), label=f"{kind}{counts[kind]}", kind=kind, index=index,
+                    located=located, interval=interval, note=note,
+                )  # fmt: skip
+            )
+        has_mu = all("multipliers" in r.observed for r in rows) and self.stability
+        m = max((len(r.observed.get("regime", ())) for r in rows), default=0)
+        branch = Branch(
+            parameter=self.name,
+            values=np.array([r.value for r in rows]),
+            X=np.array([X for X, _ in split]),
+            fixed=dict(self.fixed),
+            tracked={k: np.array([own[k] for _, own in split]) for k in self._own_parameters()},
+            multipliers=np.array([r.observed["multipliers"] for r in rows]) if has_mu else None,
+            iterations=np.array([r.solution.iterations for r in rows]),
+            residual=np.array([r.solution.residual for r in rows]),
+            regime=np.array([r.observed.get("regime", np.zeros(m)) for r in rows], dtype=np.int8).reshape(len(rows), m),
+            error=np.array([r.observed.get("error", math.nan) for r in rows]),
+            step=np.array([r.step for r in rows]),
+            special=tuple(special),
+            jump_records=(),
+            status=status,
+            message=message if status.complete else f"{message}. {status.advice}",
+            layout=getattr(self.problem, "layout", None),
+            meta=self._meta(),
+            problem=self.problem,
+        )
+        jumps: tuple[Jump, ...] = find_jumps(branch, self.settings) if self.stability and self.special else ()
+        return replace(branch, jump_records=jumps)
+
+    def _meta(self) -> dict[str, Any]:
+        about = self.problem.describe() if hasattr(self.problem, "describe") else {}
+        return {
+            "hbgear": __version__,
+            **about,
+            "trace": {
+                "span": [self.a, self.b],
+                "steps": vars(self.steps),
+                "newton": vars(self.settings),
+                "stability": self.stability,
+            },
+        }
+
+
+_BACK = "the curve ran back over itself"
+
+
+def _checked_span(parameter: str, span: tuple[float, float]) -> tuple[float, float]:
+    try:
+        a, b = (float(x) for x in span)
+    except (TypeError, ValueError):
+        raise ValueError(f"span = {span!r} must be two numbers (from, to)") from None
+    if not (math.isfinite(a) and math.isfinite(b)):
+        raise ValueError(f"span = ({a}, {b}) must be finite")
+    if a == b:
+        raise ValueError(f"span = ({a}, {b}) is empty; give two different values of {parameter}")
+    if parameter == "Omega" and min(a, b) <= 0:
+        raise ValueError(f"span = ({a}, {b}): Omega must stay positive")
+    return a, b
