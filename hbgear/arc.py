@@ -47,13 +47,12 @@ def tangent(now: Evaluation, normal: Array, scale: Array) -> tuple[Array, int]:
         If the bordered matrix is singular: a branch point, or a normal that is no direction of the curve.
     """
     A = bordered(now, normal)
-    lu, pivots = la.lu_factor(A, check_finite=False)
-    diagonal = np.diag(lu)
-    if not np.all(np.isfinite(diagonal)) or np.any(diagonal == 0):
-        raise np.linalg.LinAlgError("singular bordered matrix")
     rhs = np.zeros(len(A))
     rhs[-1] = 1.0
-    t = la.lu_solve((lu, pivots), rhs, check_finite=False)
+    lu, pivots, t, info = la.lapack.dgesv(A, rhs)
+    diagonal = np.diag(lu)
+    if info or not np.all(np.isfinite(t)):
+        raise np.linalg.LinAlgError("singular bordered matrix")
     swaps = int(np.sum(pivots != np.arange(len(pivots))))
     sign = int(np.prod(np.sign(diagonal))) * (-1) ** swaps
     return t / np.linalg.norm(t / scale), sign

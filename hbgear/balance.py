@@ -20,7 +20,7 @@ from scipy.fft import next_fast_len
 
 from hbgear.branch import Layout
 from hbgear.contact import ContactProjector, Crossings, crossings
-from hbgear.fourier import Array, ComplexArray, Transform, evaluate, extrema, resize, stretch, to_complex, to_real
+from hbgear.fourier import Array, ComplexArray, Transform, derive, extrema, resize, stretch, to_complex, to_real
 from hbgear.laws import Law, PiecewiseLinear
 from hbgear.model import Model, System, describe, did_you_mean
 from hbgear.newton import Evaluation, NoConvergence, solve
@@ -45,7 +45,7 @@ class _Compiled:
 
     def __init__(self, system: System, structure: Structure, H: int, nu: int, sampled: bool, transform: Transform):
         self.system, self.structure = system, structure
-        self.receptance = Receptance(structure, H, nu)
+        self.receptance = Receptance(structure, system, H, nu)
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
         exact = [not sampled and isinstance(law, PiecewiseLinear) for law in self.laws]
         self.exact, self.sampled = np.flatnonzero(exact), np.flatnonzero(~np.array(exact))
@@ -124,9 +124,9 @@ class HarmonicBalance:
             self.N = next_fast_len(max(1024, 64 * self.H), real=True)
         self._transform = Transform(self.H, self.N, self.m)
         self._toeplitz = _Toeplitz(self.H)
-        self._cache: OrderedDict[tuple[float, ...], _Compiled] = OrderedDict()
+        self._cache: OrderedDict[tuple[tuple[str, float], ...], _Compiled] = OrderedDict()
         self._structures: OrderedDict[tuple[bytes, ...], Structure] = OrderedDict()
-        self._names = tuple(model.parameters)
+        self._own = model.parameters
         self._warn_truncated(system)
         self.compiled({})
 
@@ -173,7 +173,7 @@ class HarmonicBalance:
 
     def check_parameter(self, name: str) -> None:
         """Refuse a parameter that neither is Omega nor a float field of the model."""
-        known = ("Omega", *self._names)
+        known = ("Omega", *self._own)
         if name not in known:
             raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
 
@@ -194,16 +194,17 @@ class HarmonicBalance:
     # ---- evaluation
 
     def compiled(self, parameters: dict[str, float]) -> _Compiled:
-        """The model at the given parameters, from a small cache."""
-        values = tuple(float(parameters.get(name, getattr(self.model, name))) for name in self._names)
-        if values in self._cache:
-            self._cache.move_to_end(values)
-            return self._cache[values]
-        changed = {n: v for n, v in zip(self._names, values, strict=True) if v != getattr(self.model, n)}
+        """The model at the given parameters (Omega among them or not), from a small cache."""
+        changed = {k: v for k, v in parameters.items() if k != "Omega" and v != self._own.get(k)}
+        for name in changed:
+            self.check_parameter(name)
+        key = tuple(sorted(changed.items()))
+        if key in self._cache:
+            self._cache.move_to_end(key)
+            return self._cache[key]
         system = (self.model.replace(**changed) if changed else self.model).system()
-        structure = self._structure(system)
-        out = _Compiled(system, structure, self.H, self.nu, self.is_sampled, self._transform)
-        self._cache[values] = out
+        out = _Compiled(system, self._structure(system), self.H, self.nu, self.is_sampled, self._transform)
+        self._cache[key] = out
         if len(self._cache) > 8:
             self._cache.popitem(last=False)
         return out
@@ -236,7 +237,7 @@ class HarmonicBalance:
             kappa[exact], chi, _ = compiled.projector.project(c[exact], samples[exact], 2 * H)
             f[exact] = to_real(_one_sided(chi[:, : H + 1]))
         if sampled.size:
-            velocity = self._transform.samples(1j * np.arange(H + 1) * (Omega / self.nu) * c)
+            velocity = self._transform.samples(Omega / self.nu * derive(c))
             values = np.array([compiled.bound[j](samples[j], velocity[j]) for j in sampled])
             f[sampled] = to_real(_one_sided(self._spectrum(values[:, 0])[:, : H + 1]))
             kappa[sampled] = self._spectrum(values[:, 1])
@@ -273,17 +274,17 @@ class HarmonicBalance:
         f = F.f
         if compiled.exact.size:  # exact: the force is kappa * d + chi
             f = f.copy()
-            f[compiled.exact] += np.einsum("jab,jb->ja", own[compiled.exact], rows[compiled.exact])
+            f[compiled.exact] += (own @ rows[..., None])[compiled.exact, :, 0]
         dR = np.zeros((m, n))
         if F.gamma is not None:
             slip = self._toeplitz(F.gamma) * 1.0
             own = own + _after_derivative(slip) * (Omega / self.nu)
             if name == "Omega":
                 dR += np.einsum("jab,jb->ja", slip, _derivative(rows)) / self.nu
-        Zd = np.einsum("kij,jk->ik", linear.Z, d)
+        Zd = _apply(linear.Z, d)
         R = to_real(Zd + linear.g.T) + f
         if name == "Omega":
-            dR += to_real(np.einsum("kij,jk->ik", linear.dZ, d) + linear.dg.T)
+            dR += to_real(_apply(linear.dZ, d) + linear.dg.T)
         elif name:
             dR = self._difference(X, name, parameters).reshape(m, n)
         J = _real_blocks(linear.Z)
@@ -378,27 +379,19 @@ class HarmonicBalance:
 
         It is the number of corners of the law that the motion crosses, at most 2.
         """
-        compiled = self.compiled(parameters)
-        low, _, high, _ = extrema(X.reshape(self.m, -1))
-        count = [
-            min(2, sum(lo < x < hi for x in law.breakpoints))
-            for law, lo, hi in zip(compiled.laws, low, high, strict=True)
-        ]
-        return np.array(count, dtype=np.int8)
+        return _regime(*self._reach(X, parameters))
 
     def clearance(self, X: Array, **parameters: float) -> Array:
         """Signed distances of the extrema of each element from each corner of its law: zero where contact grazes.
 
         Order: for each element and each of its corners, lowest value minus corner, highest value minus corner.
         """
-        compiled = self.compiled(parameters)
+        return _clearance(*self._reach(X, parameters))
+
+    def _reach(self, X: Array, parameters: dict[str, float]) -> tuple[list[Array], Array, Array]:
+        """Corners of each law, lowest and highest value of each element."""
         low, _, high, _ = extrema(X.reshape(self.m, -1))
-        gaps = [
-            (lo - x, hi - x)
-            for law, lo, hi in zip(compiled.laws, low, high, strict=True)
-            for x in law.breakpoints
-        ]
-        return np.array(gaps).ravel()
+        return [np.array(law.breakpoints) for law in self.compiled(parameters).laws], low, high
 
     def force_rows(self, X: Array, **parameters: float) -> Array:
         """Law forces of each element (without its damper) as real rows (m, 2H + 1)."""
@@ -429,9 +422,10 @@ class HarmonicBalance:
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """What a trace stores beside the unknowns: multipliers (if asked for), regime, clearance, error."""
+        corners, low, high = self._reach(X, parameters)
         seen: dict[str, Any] = {
-            "clearance": self.clearance(X, **parameters),
-            "regime": self.regime(X, **parameters),
+            "clearance": _clearance(corners, low, high),
+            "regime": _regime(corners, low, high),
             "error": self.truncation(X, **parameters),
         }
         if stability:
@@ -455,33 +449,46 @@ class HarmonicBalance:
 
         The neglected force harmonics H < k <= 2H drive the closed structure: delta d_k = G_k f_k.
         """
-        H2 = 2 * self.H
-        rows = resize(X.reshape(self.m, -1), H2)
         compiled = self.compiled(parameters)
-        f = self._wide_forces(rows, parameters["Omega"], compiled)
-        k = np.arange(self.H + 1, H2 + 1)
-        G = compiled.structure.receptances(k * parameters["Omega"] / self.nu, np.zeros((len(k), compiled.structure.n)))[0]
-        delta = np.einsum("kij,jk->ik", G, f[:, self.H + 1 :])
+        omega = parameters["Omega"] / self.nu
+        f = self._neglected(X, omega, compiled)
+        delta = compiled.structure.receptances(np.arange(self.H + 1, 2 * self.H + 1) * omega)[0] @ f.T[..., None]
         return float(np.sqrt(0.5 * np.sum(np.abs(delta) ** 2)))
 
-    def _wide_forces(self, rows: Array, Omega: float, compiled: _Compiled) -> ComplexArray:
-        """One-sided force harmonics up to the order of the given rows (m, H2 + 1)."""
-        H2 = rows.shape[-1] // 2
-        N = next_fast_len(max(4 * H2, self.N), real=True)
-        theta = 2 * np.pi * np.arange(N) / N
-        v = evaluate(rows, theta, 1) * (Omega / self.nu)
-        d = evaluate(rows, theta)
-        out = np.zeros((self.m, H2 + 1), dtype=complex)
+    def _neglected(self, X: Array, omega: float, compiled: _Compiled) -> ComplexArray:
+        """One-sided force harmonics H+1..2H, (m, H): in closed form for exact laws, else as far as N samples reach."""
+        H = self.H
+        c = to_complex(X.reshape(self.m, -1))
+        samples = self._transform.samples(c)
+        f = np.zeros((self.m, H), dtype=complex)
         e = compiled.exact
         if e.size:
-            c = to_complex(rows)[e]
-            kappa, chi, _ = compiled.projector.project(c, d[e], 2 * H2)
-            toeplitz = _Toeplitz(H2)(kappa)
-            out[e] = to_complex(np.einsum("jab,jb->ja", toeplitz, rows[e])) + _one_sided(chi[:, : H2 + 1])
-        for j in compiled.sampled:
-            p = compiled.laws[j].force(d[j], v[j], self.nu * theta)[0]
-            out[j] = _one_sided(np.fft.rfft(p)[: H2 + 1] / N)
-        return out
+            kappa, chi, _ = compiled.projector.project(c[e], samples[e], 3 * H)
+            both = np.concatenate([np.conj(c[e][:, :0:-1]) / 2, c[e][:, :1], c[e][:, 1:] / 2], axis=1)
+            index = np.arange(H + 1, 2 * H + 1)[:, None] - np.arange(-H, H + 1)
+            f[e] = 2 * (np.einsum("jkm,jm->jk", kappa[:, index], both) + chi[:, H + 1 : 2 * H + 1])
+        if compiled.sampled.size:
+            v = self._transform.samples(omega * derive(c))
+            p = np.array([compiled.bound[j](samples[j], v[j])[0] for j in compiled.sampled])
+            tail = np.fft.rfft(p)[:, H + 1 : min(2 * H, self.N // 2 - 1) + 1] / self.N
+            f[compiled.sampled, : tail.shape[1]] = 2 * tail
+        return f
+
+
+def _clearance(corners: list[Array], low: Array, high: Array) -> Array:
+    return np.concatenate(
+        [np.column_stack([lo - x, hi - x]).ravel() for x, lo, hi in zip(corners, low, high, strict=True)]
+    )
+
+
+def _regime(corners: list[Array], low: Array, high: Array) -> np.ndarray:
+    count = [int(np.sum((lo < x) & (x < hi))) for x, lo, hi in zip(corners, low, high, strict=True)]
+    return np.minimum(count, 2).astype(np.int8)
+
+
+def _apply(Z: ComplexArray, d: ComplexArray) -> ComplexArray:
+    """Z_k d_k for Z (H+1, m, m) and d (m, H+1), as (m, H+1)."""
+    return (Z @ d.T[..., None])[..., 0].T
 
 
 def _one_sided(c: ComplexArray) -> ComplexArray:
@@ -493,8 +500,7 @@ def _one_sided(c: ComplexArray) -> ComplexArray:
 
 def _derivative(rows: Array) -> Array:
     """d/dtheta of real rows: a_k -> k b_k, b_k -> -k a_k."""
-    c = to_complex(rows)
-    return to_real(1j * np.arange(c.shape[-1]) * c)
+    return to_real(derive(to_complex(rows)))
 
 
 def _after_derivative(A: Array) -> Array:

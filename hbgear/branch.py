@@ -475,6 +475,7 @@ def _matlab(branch: Branch) -> dict[str, Any]:
         return str(value) if isinstance(value, Status) else value
 
     out = convert(branch) | {"meta": json.dumps(_encode(branch.meta, "meta", {}))}
+    out["jumps"] = out.pop("jump_records")
     if branch.layout:
         each = range(len(branch.layout.elements))
         rows = {name: [branch.amplitude(name, j) for j in each] for name in measures.MEASURES}

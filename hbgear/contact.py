@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hbgear.fourier import Array, ComplexArray, Series, stretch, to_complex
+from hbgear.fourier import Array, ComplexArray, Series, derive, stretch, to_complex, waves
 from hbgear.laws import PiecewiseLinear
 
 
@@ -41,19 +41,12 @@ class Crossings:
     above: np.ndarray
 
 
-def _waves(theta: Array, H: int) -> ComplexArray:
-    """exp(i k theta), (R, H + 1), by powers of one exponential."""
-    z = np.exp(1j * theta)[:, None]
-    return z ** np.arange(H + 1)
-
-
 def _evaluate(c: ComplexArray, theta: Array, derivatives: int) -> list[Array]:
     """Value and derivatives of row r of c (R, H + 1) at theta[r]."""
-    k = np.arange(c.shape[-1])
-    terms = c * _waves(theta, c.shape[-1] - 1)
+    terms = c * waves(theta, c.shape[-1] - 1)
     out = [terms.real.sum(-1)]
     for _ in range(derivatives):
-        terms = 1j * k * terms
+        terms = derive(terms)
         out.append(terms.real.sum(-1))
     return out
 
@@ -63,12 +56,16 @@ def _touching(x: Array, c: ComplexArray, theta: Array, level: Array, rows: np.nd
 
     Returns row, the instant of the extremum, and the value there relative to the level, for those that do.
     """
-    left, right = np.roll(x, 1, axis=-1), np.roll(x, -1, axis=-1)
-    toward = (np.abs(x) <= np.abs(left)) & (np.abs(x) <= np.abs(right))
-    same = (np.sign(x) == np.sign(left)) & (np.sign(x) == np.sign(right))
+    closed = np.concatenate([x[:, -1:], x, x[:, :1]], axis=1)
+    left, right = closed[:, :-2], closed[:, 2:]
     # an extremum of a smooth function exceeds its nearest sample by about an eighth of the second difference
-    near = np.abs(x) <= np.abs(left - 2 * x + right)
-    r, i = np.nonzero(toward & same & near)
+    r, i = np.nonzero(np.abs(x) <= np.abs(left - 2 * x + right))
+    if r.size == 0:
+        return r, np.empty(0), np.empty(0)
+    here, left, right = x[r, i], left[r, i], right[r, i]
+    toward = (np.abs(here) <= np.abs(left)) & (np.abs(here) <= np.abs(right))
+    toward &= (np.sign(here) == np.sign(left)) & (np.sign(here) == np.sign(right))
+    r, i = r[toward], i[toward]
     if r.size == 0:
         return r, np.empty(0), np.empty(0)
     at, step = theta[i].copy(), theta[1] - theta[0]
@@ -96,8 +93,9 @@ def crossings(c: ComplexArray, level: Array, rows: np.ndarray, samples: Array) -
     theta = 2 * np.pi * np.arange(N) / N
     x = samples[rows] - level[:, None]
     above = x > 0
-    after = np.roll(above, -1, axis=-1)
-    r, i = np.nonzero(above != after)
+    changes = np.empty_like(above)
+    changes[:, :-1], changes[:, -1] = above[:, :-1] != above[:, 1:], above[:, -1] != above[:, 0]
+    r, i = np.nonzero(changes)
     low, high = theta[i], theta[i] + 2 * np.pi / N
     value_low, value_high = x[r, i], x[r, (i + 1) % N]
     tr, tat, tvalue = _touching(x, c, theta, level, rows)
@@ -148,7 +146,7 @@ def indicators(found: Crossings, count: int, order: int) -> ComplexArray:
     if found.row.size == 0:
         return s
     n = np.arange(1, order + 1)
-    terms = found.sign[:, None] * _waves(-found.theta, order)[:, 1:] / (2j * np.pi * n)
+    terms = found.sign[:, None] * waves(-found.theta, order)[:, 1:] / (2j * np.pi * n)
     gather = np.zeros((count, found.row.size))
     gather[found.row, np.arange(found.row.size)] = 1.0
     s[:, 1:] = gather @ terms
@@ -160,17 +158,20 @@ def indicators(found: Crossings, count: int, order: int) -> ComplexArray:
 
 
 def modulate(series: ComplexArray, s: ComplexArray, order: int) -> ComplexArray:
-    """Coefficients 0..order of the product of two real functions given by two-sided coefficients 0, 1, 2, ...
+    """Coefficients 0..order of products of real functions, row by row, from two-sided coefficients 0, 1, 2, ...
 
-    ``s`` must reach ``order + len(series) - 1``.
+    Parameters
+    ----------
+    series : (m, L + 1); s : (..., m, order + L + 1) or longer.
     """
-    out = series[0].real * s[..., : order + 1]
-    for shift in range(1, len(series)):
-        if series[shift] == 0:
-            continue
-        index = np.arange(order + 1) - shift
-        lower = np.where(index >= 0, s[..., np.abs(index)], np.conj(s[..., np.abs(index)]))
-        out = out + series[shift] * lower + np.conj(series[shift]) * s[..., shift : order + 1 + shift]
+    reach = series.shape[-1] - 1
+    out = series[:, :1].real * s[..., : order + 1]
+    if reach:
+        both = np.concatenate([np.conj(s[..., reach:0:-1]), s], axis=-1)
+        for shift in np.flatnonzero(np.any(series[:, 1:], axis=0)) + 1:
+            factor = series[:, shift, None]
+            out += factor * both[..., reach - shift : reach - shift + order + 1]
+            out += np.conj(factor) * both[..., reach + shift : reach + shift + order + 1]
     return out
 
 
@@ -190,23 +191,21 @@ class ContactProjector:
         self.level = np.concatenate([corners for *_, corners in ramps]) if ramps else np.empty(0)
         self.change = np.concatenate([changes for _, changes, _ in ramps]) if ramps else np.empty(0)
         self.base = np.array([(law.slopes[0], g0) for law, (g0, *_) in zip(laws, ramps, strict=True)])
-        self.series = [_two_sided(law.stiffness, nu) for law in laws]
-        self.reach = max((len(s) - 1 for s in self.series), default=0)
+        series = [_two_sided(law.stiffness, nu) for law in laws]
+        self.reach = max((len(row) - 1 for row in series), default=0)
+        self.series = np.array([np.pad(row, (0, self.reach + 1 - len(row))) for row in series])
 
     def project(self, c: ComplexArray, samples: Array, order: int) -> tuple[ComplexArray, ComplexArray, Crossings]:
         """kappa and chi, two-sided coefficients 0..order for each element (m, order + 1), and the crossings found."""
         found = crossings(c, self.level, self.rows, samples)
         s = indicators(found, len(self.level), order + self.reach)
-        m = len(self.laws)
-        kappa = np.zeros((m, order + self.reach + 1), dtype=complex)
-        chi = np.zeros_like(kappa)
-        kappa[:, 0], chi[:, 0] = self.base[:, 0], self.base[:, 1]
-        np.add.at(kappa, self.rows, self.change[:, None] * s)
-        np.add.at(chi, self.rows, -(self.change * self.level)[:, None] * s)
-        for j, series in enumerate(self.series):
-            kappa[j, : order + 1] = modulate(series, kappa[j], order)
-            chi[j, : order + 1] = modulate(series, chi[j], order)
-        return kappa[:, : order + 1], chi[:, : order + 1], found
+        both = np.zeros((2, len(self.laws), order + self.reach + 1), dtype=complex)
+        both[:, :, 0] = self.base.T
+        for i, j in enumerate(self.rows):
+            both[0, j] += self.change[i] * s[i]
+            both[1, j] -= self.change[i] * self.level[i] * s[i]
+        kappa, chi = modulate(self.series, both, order)
+        return kappa, chi, found
 
 
 def _two_sided(series: Series, nu: int) -> ComplexArray:

@@ -45,6 +45,14 @@ def to_real(c: ComplexArray) -> Array:
     return X
 
 
+def waves(theta: ArrayLike, H: int) -> ComplexArray:
+    """exp(i k theta), (T, H + 1), by powers of one exponential."""
+    out = np.empty((np.size(theta), H + 1), dtype=complex)
+    out[:, 0] = 1.0
+    out[:, 1:] = np.exp(1j * np.ravel(theta))[:, None]
+    return np.multiply.accumulate(out, axis=1, out=out)
+
+
 def evaluate(X: Array, theta: ArrayLike, order: int = 0) -> Array:
     """Value, or the derivative of the given order in theta, of rows at any phases.
 
@@ -59,9 +67,12 @@ def evaluate(X: Array, theta: ArrayLike, order: int = 0) -> Array:
     (..., T)
     """
     c = to_complex(np.asarray(X, dtype=float))
-    k = np.arange(c.shape[-1])
-    waves = np.exp(1j * np.outer(k, np.atleast_1d(theta)))
-    return (((1j * k) ** order * c) @ waves).real
+    return ((derive(c, order)) @ waves(theta, c.shape[-1] - 1).T).real
+
+
+def derive(c: ComplexArray, order: int = 1) -> ComplexArray:
+    """Coefficients of the derivative of the given order in theta: (i k)^order c_k."""
+    return (1j * np.arange(c.shape[-1])) ** order * c if order else c
 
 
 def resize(X: Array, H: int) -> Array:
@@ -106,21 +117,22 @@ def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
 
 def _highest(c: ComplexArray, samples: Array, miss: Array) -> tuple[Array, Array]:
     """Largest value of each row of ``c`` and its phase, from the samples within ``miss`` of the largest sample."""
-    N, k = samples.shape[-1], np.arange(c.shape[-1])
+    N = samples.shape[-1]
     near = ~(samples < (samples.max(-1) - miss)[:, None])  # so written, rows of nan are kept
     near[miss <= 1e-14 * np.abs(c).sum(-1), 1:] = False  # a constant has its extremum anywhere
     near[:, 0] |= ~near.any(-1)
     row, column = np.nonzero(near)
     at, c = 2 * np.pi * column / N, c[row]
+    c1, c2 = derive(c), derive(c, 2)
     for _ in range(16):
-        waves = c * np.exp(1j * np.outer(at, k))
-        slope, bend = (1j * k * waves).sum(-1).real, np.abs((k**2 * waves).sum(-1).real)
+        w = waves(at, c.shape[-1] - 1)
+        slope, bend = (c1 * w).sum(-1).real, np.abs((c2 * w).sum(-1).real)
         step = np.divide(slope, bend, out=np.zeros_like(slope), where=bend > 1e-300)  # |bend|: always uphill
         step = np.clip(step, -np.pi / N, np.pi / N)
         at = at + step
         if not np.any(np.abs(step) > 1e-6):  # the next one is its square
             break
-    value = (c * np.exp(1j * np.outer(at, k))).sum(-1).real
+    value = (c * waves(at, c.shape[-1] - 1)).sum(-1).real
     order = np.lexsort((value, row))
     best = order[np.searchsorted(row, np.arange(len(samples)), side="right") - 1]
     return value[best], at[best]

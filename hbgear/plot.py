@@ -130,15 +130,16 @@ def spectrum(point: Point, element: int | str = 0, ax: Axes | None = None, *, lo
     layout = _cycle(point, element)[0]
     order = np.arange(1, layout.harmonics + 1) / layout.nu
     height = np.hypot(row[1::2], row[2::2])
-    floor = max(height.min() / 2, height.max() * 1e-10) if log else 0.0
+    floor = max(height.min() / 2, height.max() * 1e-8) if log else 0.0
+    order, height = order[height >= floor], height[height >= floor]
     with _style():
         ax = _axes(ax, (4.2, 2.8))
-        ax.vlines(order, floor, np.maximum(height, floor), color=_colour(point, element), linewidth=1.2)
+        ax.vlines(order, floor, height, color=_colour(point, element), linewidth=1.2)
         ax.plot(order, height, "o", color=_colour(point, element), markersize=3, clip_on=False)
         if log:
             ax.set_yscale("log")
         ax.set_ylim(bottom=floor)
-        ax.set_xlim(0, order[-1] + 1 / layout.nu)
+        ax.set_xlim(0, (layout.harmonics + 1) / layout.nu)
         ax.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
         ax.set_xlabel("frequency / excitation frequency")
         ax.set_ylabel(f"amplitude of {_gap(layout, element)}")
@@ -275,7 +276,7 @@ def _arrow(ax: Axes, branch: Branch, jump: Jump, measure: str, element: int | st
     if jump.after is None or jump.parameter != branch.parameter:
         return
     start, end = ((jump.value, point.amplitude(measure, element)) for point in (jump.before, jump.after))
-    style = {"arrowstyle": "-|>", "color": "#444444", "linewidth": 0.8, "shrinkA": 3, "shrinkB": 0, "mutation_scale": 8}
+    style = {"arrowstyle": "-|>", "color": "#777777", "linewidth": 0.8, "shrinkA": 3, "shrinkB": 0, "mutation_scale": 8}
     ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3)
 
 

@@ -63,7 +63,6 @@ class LinearPart:
     g: ComplexArray
     dZ: ComplexArray
     dg: ComplexArray
-    G: ComplexArray
 
 
 def _dense(A: object) -> Array:
@@ -116,7 +115,8 @@ class Structure:
         self._check_mass()
         self.free = self._null(self.K)
         self._check_balance()
-        self.modes = self._decompose()
+        modes = self.modes = self._decompose()
+        self._residues = (modes.output.T[:, :, None] * modes.input[:, None, :]).reshape(-1, self.m**2)
 
     @property
     def modal(self) -> bool:
@@ -203,31 +203,36 @@ class Structure:
             return s[:, None] * (la.pinv(scaled, rtol=_FREE) @ (s[:, None] * rhs))
         return la.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
 
-    def receptances(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ...]:
-        """G, dG/dw (K, m, m), W^T D^-1 F, its derivative in w (K, m) at frequencies w (K,) for loads F (K, n)."""
+    def receptances(self, w: Array) -> tuple[ComplexArray, ComplexArray]:
+        """G(w) and dG/dw, (K, m, m) each, at frequencies w (K,)."""
         if not self.modal:
-            return self._direct_receptances(w, F)
+            E = np.broadcast_to(self.W, (len(w), *self.W.shape))
+            Q, dQ = self._direct(w, E)
+            return self.W.T @ Q, self.W.T @ dQ
+        modes, m = self.modes, self.m
+        assert modes is not None
+        resolvent = 1.0 / (1j * w[:, None] - modes.poles)
+        return (resolvent @ self._residues).reshape(-1, m, m), (-1j * resolvent**2 @ self._residues).reshape(-1, m, m)
+
+    def responses(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """W^T D(w)^-1 F and its derivative in w, (K, m) each, for loads F (K, n)."""
+        if not self.modal:
+            Q, dQ = self._direct(w, F[:, :, None])
+            return (self.W.T @ Q)[..., 0], (self.W.T @ dQ)[..., 0]
         modes = self.modes
         assert modes is not None
-        m = self.m
         resolvent = 1.0 / (1j * w[:, None] - modes.poles)
-        weights = (modes.output.T[:, :, None] * modes.input[:, None, :]).reshape(-1, m * m)
-        G = (resolvent @ weights).reshape(-1, m, m)
-        dG = (-1j * resolvent**2 @ weights).reshape(-1, m, m)
-        drive = F @ modes.left.T if np.any(F) else np.zeros((len(w), len(modes.poles)), dtype=complex)
-        y, dy = (drive * resolvent) @ modes.output.T, (drive * (-1j) * resolvent**2) @ modes.output.T
-        return G, dG, y, dy
+        drive = F @ modes.left.T * resolvent
+        return drive @ modes.output.T, -1j * (drive * resolvent) @ modes.output.T
 
-    def _direct_receptances(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ...]:
-        G = np.empty((len(w), self.m, self.m), dtype=complex)
-        y = np.empty((len(w), self.m), dtype=complex)
-        dG, dy = np.empty_like(G), np.empty_like(y)
-        for k, wk in enumerate(w):
-            Q = self.solve(wk, np.column_stack([self.W, F[k]]))
-            dQ = -self.solve(wk, 1j * (self.C @ Q) - 2 * wk * (self.M @ Q)) if wk else 0 * Q
-            G[k], y[k] = self.W.T @ Q[:, :-1], self.W.T @ Q[:, -1]
-            dG[k], dy[k] = self.W.T @ dQ[:, :-1], self.W.T @ dQ[:, -1]
-        return G, dG, y, dy
+    def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """D(w)^-1 F and its derivative in w for F (K, n, c), by one factorisation each."""
+        Q = np.array([self.solve(wk, Fk) for wk, Fk in zip(w, F, strict=True)])
+        dQ = np.array([
+            -self.solve(wk, 1j * (self.C @ Qk) - 2 * wk * (self.M @ Qk)) if wk else 0 * Qk
+            for wk, Qk in zip(w, Q, strict=True)
+        ])  # fmt: skip
+        return Q, dQ
 
 
 class Receptance:
@@ -236,50 +241,56 @@ class Receptance:
     Parameters
     ----------
     structure : `Structure`.
+    system : the system, for its loads and prescribed displacements.
     H, nu : harmonics of the basis and its subharmonic order.
     """
 
-    def __init__(self, structure: Structure, H: int, nu: int) -> None:
+    def __init__(self, structure: Structure, system: System, H: int, nu: int) -> None:
         self.structure, self.H, self.nu = structure, H, nu
-        system = structure.system
         self.k = np.arange(H + 1)
         self.e = np.zeros((H + 1, structure.m), dtype=complex)
         for j, element in enumerate(system.elements):
             c = to_complex(stretch(element.displacement.row(), nu))[: H + 1]
             self.e[: len(c), j] = c
-        self._loads: list[tuple[int, ComplexArray]] = []
+        self._loads: list[tuple[int, np.ndarray, ComplexArray]] = []
         for load in system.load:
-            F = np.zeros((H + 1, system.n), dtype=complex)
-            for order, vector in load.complex(system.n).items():
-                if order * nu <= H:
-                    F[order * nu] += vector
-            self._loads.append((load.power, F))
+            table = load.complex(system.n)
+            kept = np.array([order for order in table if order * nu <= H], dtype=int)
+            if kept.size:
+                self._loads.append((load.power, kept * nu, np.array([table[int(order)] for order in kept])))
 
     def loads(self, Omega: float) -> ComplexArray:
         """Load harmonics (H+1, n) at Omega."""
         F = np.zeros((self.H + 1, self.structure.n), dtype=complex)
-        for power, part in self._loads:
-            F += Omega**power * part
+        for power, k, part in self._loads:
+            F[k] += Omega**power * part
         return F
 
-    def at(self, Omega: float) -> LinearPart:
-        """Z_k, g_k, their derivatives in Omega, and the receptance G_k of the closed structure."""
-        s = self.structure
-        omega = Omega / self.nu
-        F = self.loads(Omega)
-        G, dG, y, dy = s.receptances(self.k * omega, F)
-        dG, dy = dG * (self.k / self.nu)[:, None, None], dy * (self.k / self.nu)[:, None]
-        for power, part in self._loads:
+    def _load_response(self, Omega: float) -> tuple[ComplexArray, ComplexArray]:
+        """y_k and dy_k/dOmega, (H+1, m) each."""
+        y = np.zeros((self.H + 1, self.structure.m), dtype=complex)
+        dy = np.zeros_like(y)
+        for power, k, part in self._loads:
+            unit, slope = self.structure.responses(k * Omega / self.nu, part)
+            y[k] += Omega**power * unit
+            dy[k] += Omega**power * slope * (k / self.nu)[:, None]
             if power:
-                dy += power * Omega ** (power - 1) * s.receptances(self.k * omega, part)[2]
+                dy[k] += power * Omega ** (power - 1) * unit
+        return y, dy
+
+    def at(self, Omega: float) -> LinearPart:
+        """Z_k, g_k and their derivatives in Omega."""
+        s, omega = self.structure, Omega / self.nu
+        ratio = self.k / self.nu
+        G, dG = s.receptances(self.k * omega)
         Y = 1.0 / G if s.m == 1 else np.linalg.inv(G)
-        dY = -Y @ dG @ Y
-        shift = self.e - y
+        dY = -Y @ (dG * ratio[:, None, None]) @ Y
+        y, dy = self._load_response(Omega)
+        shift = (self.e - y)[..., None]
         spring = s.kr + 1j * (omega * self.k)[:, None] * s.c
-        g = np.einsum("kij,kj->ki", Y, shift) - spring * self.e
-        dg = np.einsum("kij,kj->ki", dY, shift) - np.einsum("kij,kj->ki", Y, dy)
-        dg -= 1j * (self.k / self.nu)[:, None] * s.c * self.e
-        return LinearPart(Y - np.diag(s.kr), g, dY, dg, G)
+        g = (Y @ shift)[..., 0] - spring * self.e
+        dg = (dY @ shift - Y @ dy[..., None])[..., 0] - 1j * ratio[:, None] * s.c * self.e
+        return LinearPart(Y - np.diag(s.kr), g, dY, dg)
 
     def motion(self, Omega: float, d: ComplexArray, f: ComplexArray) -> ComplexArray:
         """Harmonics q_k (H+1, n) of all coordinates from those of the gaps d and of the law forces f, (H+1, m) each.

@@ -83,7 +83,7 @@ class Fold:
         for _ in range(2):
             A = np.zeros((n + 1, n + 1))
             A[:n, :n], A[:n, n], A[n, :n] = J, a, b
-            lu = la.lu_factor(A, check_finite=False)
+            lu = la.lu_factor(A)
             right, left = la.lu_solve(lu, rhs), la.lu_solve(lu, rhs, trans=1)
             v, w, g = right[:n], left[:n], float(right[n])
             a, b = w / np.linalg.norm(w), v / np.linalg.norm(v)

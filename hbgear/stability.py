@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hbgear.fourier import Array, ComplexArray, evaluate
+from hbgear.fourier import Array, ComplexArray, derive, to_complex, waves
 
 if TYPE_CHECKING:
     from hbgear.balance import HarmonicBalance
@@ -48,7 +48,7 @@ def _phi(z: ComplexArray, order: int) -> ComplexArray:
     if near.size:  # near zero: Taylor series of the highest, then the recursion downwards
         term = np.full(near.shape, 1.0 / factorial(order), dtype=complex)
         total = term.copy()
-        for j in range(1, 40):
+        for j in range(1, 30):
             term = term * near / (order + j)
             total += term
         for p in range(order, 0, -1):
@@ -127,7 +127,8 @@ def monodromy(
     x, L = _gauss(points)
     theta = (start[:, None] + (omega * h[which])[:, None] * x).ravel()
     rows = X.reshape(problem.m, -1)
-    d, v = evaluate(rows, theta), omega * evaluate(rows, theta, 1)
+    c, w = to_complex(rows), waves(theta, problem.H).T
+    d, v = (c @ w).real, omega * (derive(c) @ w).real
     slopes = np.array([law.force(d[j], v[j], problem.nu * theta)[1:] for j, law in enumerate(compiled.laws)])
     stiffness = (slopes[:, 0] - kr[:, None]).reshape(problem.m, -1, points)
     damping = slopes[:, 1].reshape(problem.m, -1, points)

@@ -1,6 +1,6 @@
 """Pseudo-arclength continuation: follow the solutions of a problem as one parameter changes.
 
-    predictor   u_p = u + h t                   along the unit tangent t of the curve, u = (X, lambda)
+    predictor   u_p = u + h t + h^2 t'/2        tangent t and its last change t', u = (X, lambda)
     corrector   R(u) = 0,  n^T (u - u_p) = 0    Newton with the bordered matrix [J R_lambda; n^T]
 
 in unknowns scaled so that the span of the parameter and the size of the motion are one. The step h follows the
@@ -251,7 +251,8 @@ class _Tracer:
         normal = normal_of(unit, self.scale)
         normal = normal / np.linalg.norm(normal)
         try:
-            solution = correct(self.problem, last.u + h * unit, normal, self.name, self.fixed, self.settings)
+            predicted = last.u + h * unit + 0.5 * h * h * self._curvature(last)
+            solution = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings)
             row = row_of(solution, normal, self.scale, h)
         except NoConvergence as error:
             return None, str(error)
@@ -270,6 +271,17 @@ class _Tracer:
             return None, _BACK
         self._set_step(solution.iterations, angle, h)
         return self._observe(row), ""
+
+    def _curvature(self, last: Row) -> Array:
+        """Change of the unit tangent per arclength over the last step; zero at the start and after a long step."""
+        if len(self.rows) < 2:
+            return np.zeros_like(last.u)
+        before = self.rows[-2]
+        length = float(np.linalg.norm((last.u - before.u) / self.scale))
+        if length < 0.05 * self.step:
+            return np.zeros_like(last.u)
+        a, b = (r.tangent / np.linalg.norm(r.tangent / self.scale) for r in (before, last))
+        return (b - a) / length
 
     def _set_step(self, iterations: int, angle: float, h: float) -> None:
         """Next step from the Newton count and the turning angle, at most doubled or halved."""
