@@ -4,6 +4,7 @@ Harmonic balance with exact contact, pseudo-arclength continuation, Floquet stab
 """
 
 from hbgear._version import __version__
+from hbgear.augmented import Fold, Grazing, Peak, PeriodDoubling
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status, load
 from hbgear.fourier import Series
@@ -12,7 +13,6 @@ from hbgear.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilate
 from hbgear.model import Element, Load, Model, System
 from hbgear.newton import NoConvergence, Settings
 from hbgear.oscillators import Duffing
-from hbgear.special import Fold
 from hbgear.trace import Steps, trace
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Duffing",
     "Element",
     "Fold",
+    "Grazing",
     "HarmonicBalance",
     "Jump",
     "Law",
@@ -30,6 +31,8 @@ __all__ = [
     "Model",
     "NoConvergence",
     "Parallel",
+    "Peak",
+    "PeriodDoubling",
     "PiecewiseLinear",
     "Point",
     "Series",

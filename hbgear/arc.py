@@ -38,6 +38,15 @@ class Row:
         return float(self.u[-1])
 
 
+@dataclass(frozen=True)
+class Departure:
+    """Where another branch begins: X, parameters, and the direction (n + 1,) in (X, lambda) in which it leaves."""
+
+    X: Array
+    parameters: dict[str, float]
+    direction: Array
+
+
 def tangent(now: Evaluation, normal: Array, scale: Array) -> tuple[Array, int]:
     """Tangent of R(u) = 0 with a positive component along normal, and the sign of the bordered determinant.
 

@@ -164,6 +164,11 @@ class HarmonicBalance:
             labels=dict(self.model.labels),
         )
 
+    @property
+    def dof_names(self) -> tuple[str, ...]:
+        """Names of the coordinates of the structure."""
+        return tuple(self.compiled({}).system.dof_names)
+
     def describe(self) -> dict[str, Any]:
         """Model and settings as plain data, for the header of a saved branch."""
         return {
@@ -416,9 +421,11 @@ class HarmonicBalance:
         q = compiled.receptance.motion(parameters["Omega"], to_complex(X.reshape(self.m, -1)).T, f)
         return to_real(q.T)
 
-    def multipliers(self, X: Array, **parameters: float) -> ComplexArray:
+    def multipliers(
+        self, X: Array, points: int = 5, width: float | None = None, **parameters: float
+    ) -> ComplexArray:
         """Floquet multipliers of the motion, largest first; see `stability.multipliers`."""
-        return multipliers(self, X, **parameters)
+        return multipliers(self, X, points=points, width=width, **parameters)
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """What a trace stores beside the unknowns: multipliers (if asked for), regime, clearance, error."""
@@ -440,9 +447,23 @@ class HarmonicBalance:
             f"{end} of {e.name} at {x:g}" for e in elements for x in e.law.breakpoints for end in ("lowest", "highest")
         )
 
+    @property
+    def clearance_elements(self) -> tuple[int, ...]:
+        """Number of the element each entry of `clearance` belongs to."""
+        laws = self.compiled({}).laws
+        return tuple(j for j, law in enumerate(laws) for _ in law.breakpoints for _ in range(2))
+
     def motion_size(self, X: Array) -> float:
         """Norm of the alternating part, which scales the arclength."""
         return float(np.linalg.norm(X.reshape(self.m, -1)[:, 1:]))
+
+    def subharmonic_part(self, X: Array) -> Array:
+        """The coefficients that a basis of smaller order could not hold; empty for nu = 1."""
+        if self.nu == 1:
+            return np.empty(0)
+        factor = next(p for p in range(2, self.nu + 1) if self.nu % p == 0)
+        k = (np.arange(2 * self.H + 1) + 1) // 2
+        return X.reshape(self.m, -1)[:, k % factor != 0].ravel()
 
     def truncation(self, X: Array, **parameters: float) -> float:
         """Estimated error of the gap motion (rms) from the force harmonics above H that the balance leaves out.

@@ -48,6 +48,7 @@ class Status(StrEnum):
     REACHED_END = "reached_end"
     LEFT_SPAN = "left_span"
     CLOSED = "closed"
+    MERGED = "merged"
     RETRACED = "retraced"
     MAX_POINTS = "max_points"
     STEP_TOO_SMALL = "step_too_small"
@@ -56,7 +57,7 @@ class Status(StrEnum):
     @property
     def complete(self) -> bool:
         """Whether the curve was followed as far as it goes within the span."""
-        return self in (Status.REACHED_END, Status.LEFT_SPAN, Status.CLOSED)
+        return self in (Status.REACHED_END, Status.LEFT_SPAN, Status.CLOSED, Status.MERGED)
 
     @property
     def advice(self) -> str:
@@ -67,6 +68,7 @@ class Status(StrEnum):
 _ADVICE = {
     Status.REACHED_END: "nothing to do: the end of the span was reached",
     Status.LEFT_SPAN: "the curve turned back and left the span through its start; trace it from the other end as well",
+    Status.MERGED: "nothing to do: the branch ended on the one it came from",
     Status.CLOSED: "nothing to do: the curve closed on itself",
     Status.RETRACED: "the curve ran back over itself; allow shorter steps or a smaller turning angle",
     Status.MAX_POINTS: "allow more points or longer steps, or go on from the last point",
@@ -87,7 +89,7 @@ def _regime_name(codes: NDArray[np.int8]) -> str:
 
 
 def _stable(multipliers: ComplexArray) -> NDArray[np.bool_]:
-    return np.abs(multipliers).max(axis=-1, initial=0.0) <= 1 + NEUTRAL
+    return np.asarray(np.abs(multipliers).max(axis=-1, initial=0.0) <= 1 + NEUTRAL)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -7,45 +7,69 @@ import numpy as np
 from hbgear.branch import Branch, Jump, Point, SpecialPoint
 from hbgear.newton import NoConvergence, Settings, solve
 
+# A fold of the truncated equations and the multiplier +1 of the true motion differ by the truncation error: that many
+# rows beside a fold may carry the other verdict.
+_ROWS_IN_DOUBT = 3
+
 
 def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, ...]:  # noqa: B008
-    """A `Jump` for each located fold at which a stable part of the branch ends.
+    """A `Jump` for each fold that a slow sweep along a stable part of the branch runs into.
 
-    A sweep that follows the stable part reaches the fold and finds no motion beyond it. It lands on the stable part of
-    the same curve at the same parameter; if there are several, on the one whose motion is nearest.
+    Where the part loses its stability just before the fold (PD, NS), the sweep leaves there, and the jump carries that
+    point's label. A sweep that finds no stable motion of this kind any more lands on the stable part of the same
+    curve at the same parameter; if there are several, on the one whose motion is nearest.
     """
-    stable = branch.stable
-    if stable is None or branch.problem is None:
+    if branch.stable is None or branch.problem is None:
         return ()
     out = []
-    for point in branch.special:
-        if point.kind != "LP" or not point.located or not 0 < point.index < len(branch) - 1:
+    for fold in branch.special:
+        if fold.kind != "LP" or not fold.located or not 0 < fold.index < len(branch) - 1:
             continue
-        i = point.index
-        if not (stable[i - 1] or stable[i + 1]):
-            continue
-        value = float(branch.values[i])
-        direction = 1 if branch.values[i - 1] < value else -1
-        out.append(Jump(point.label, branch.parameter, value, direction, point, _landing(branch, point, settings)))
+        for side in (-1, 1):
+            point = _leaves_at(branch, fold, side)
+            if point is None:
+                continue
+            value = float(branch.values[point.index])
+            direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
+            landing = _landing(branch, point, fold, settings)
+            out.append(Jump(point.label, branch.parameter, value, direction, point, landing))
     return tuple(out)
 
 
-def _landing(branch: Branch, fold: SpecialPoint, settings: Settings) -> Point | None:
-    """The nearest stable motion at the fold's parameter, away from the fold."""
+def _leaves_at(branch: Branch, fold: SpecialPoint, side: int) -> SpecialPoint | None:
+    """Where a sweep towards the fold from one side loses its stable motion; None if that side is unstable."""
     stable = branch.stable
-    assert stable is not None and branch.problem is not None
-    value = float(branch.values[fold.index])
+    assert stable is not None
+    marks = {p.index: p for p in branch.special if p.kind in ("LP", "PD", "NS", "BP")}
+    lost: SpecialPoint | None = None
+    i = fold.index + side
+    while 0 <= i < len(branch):
+        mark = marks.get(i)
+        if mark is not None and mark.kind == "LP":
+            return None
+        if mark is not None:
+            lost = mark
+        elif stable[i]:
+            return lost or (fold if abs(i - fold.index) <= _ROWS_IN_DOUBT else None)
+        i += side
+    return None
+
+
+def _landing(branch: Branch, left: SpecialPoint, fold: SpecialPoint, settings: Settings) -> Point | None:
+    """The nearest stable motion at the parameter of the point left, on another part of the curve."""
+    value = float(branch.values[left.index])
     x = branch.values - value
-    sides = np.flatnonzero(x[:-1] * x[1:] <= 0)
+    low, high = sorted((left.index, fold.index))
     candidates: list[Point] = []
-    for i in sides:
-        if fold.index in (i, i + 1) or not (stable[i] or stable[i + 1]):
+    for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
+        if low - 1 <= i <= high:
             continue
         s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
-        guess = (1 - s) * branch.X[i] + s * branch.X[i + 1]
         here = {**branch.parameters_at(int(i)), branch.parameter: value}
         try:
-            solution = solve(branch.problem, guess, here, branch.parameter, settings)
+            solution = solve(
+                branch.problem, (1 - s) * branch.X[i] + s * branch.X[i + 1], here, branch.parameter, settings
+            )
         except NoConvergence:
             continue
         seen = branch.problem.observe(solution.X, stability=True, **here)
@@ -57,4 +81,4 @@ def _landing(branch: Branch, fold: SpecialPoint, settings: Settings) -> Point | 
             candidates.append(landed)
     if not candidates:
         return None
-    return min(candidates, key=lambda p: float(np.linalg.norm(p.X - fold.X)))
+    return min(candidates, key=lambda p: float(np.linalg.norm(p.X - left.X)))

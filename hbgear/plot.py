@@ -236,7 +236,7 @@ def _states(branch: Branch, element: int | str) -> list[State]:
     """Regime of the element and stability of each row."""
     stable: list[bool | None] = [None] * len(branch)
     if branch.multipliers is not None and branch.stable is not None:
-        failed = np.isnan(branch.multipliers).any(axis=1)
+        failed = np.asarray(np.isnan(branch.multipliers).any(axis=1))
         stable = [None if failed[i] else bool(ok) for i, ok in enumerate(branch.stable)]
     return [(_regime(branch.layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]
 

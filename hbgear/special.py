@@ -2,129 +2,31 @@
 
 | kind | condition | located by |
 |---|---|---|
-| LP | fold: dR/dX singular, the curve turns in the parameter (a jump) | Newton on {R = 0, g = 0}, or a bracketed root of the tangent |
-| PD | a multiplier passes -1 (period doubling) | bracketed root of det(Phi + 1) |
+| LP (CP on a curve of folds) | fold: dR/dX singular, the curve turns in the parameter (a jump) | Newton on {R = 0, g = 0}, or a bracketed root of the tangent |
+| PD | a multiplier passes -1 (period doubling) | Newton on {R = 0, g = 0} of the half-integer block, or a bracketed root of det(Phi + 1) |
 | NS | a complex pair of multipliers passes the unit circle (Neimark-Sacker) | bracketed root of its modulus |
 | BP | two curves cross: det [J R_lambda; t^T] changes sign | bracketed root of the determinant |
-| GR | an extremum of an element grazes a corner of its law: the impact regime changes | bracketed root of the clearance |
+| GR | an extremum of an element grazes a corner of its law: the impact regime changes | Newton on {R = 0, extremum = corner}, or a bracketed root |
 
 The bracketed root runs along the arc between two rows, where every point is corrected onto the curve.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
-import scipy.linalg as la
 from scipy.optimize import brentq
 
 from hbgear.arc import Arc, Row, row_of
+from hbgear.augmented import Augmented, Fold, Grazing, PeriodDoubling
 from hbgear.branch import NEUTRAL
-from hbgear.fourier import Array, ComplexArray
-from hbgear.newton import Evaluation, NoConvergence, Settings, Solution, bordered, linearise, solve
+from hbgear.fourier import ComplexArray
+from hbgear.newton import NoConvergence, Settings, Solution, bordered, linearise, solve
 
 
-class Fold:
-    """The folds of a problem, as a problem of its own.
-
-        R(X, p) = 0,   g(X, p) = 0,   [J  a; b^T 0] [v; g] = [0; 1],   J = dR/dX
-
-    g vanishes exactly where J is singular, and depends smoothly on X and p where J does. Its derivative is
-    dg = -w^T dJ v with w the left null vector; w^T dJ v is a directional difference of the exact Jacobian.
-
-    Parameters
-    ----------
-    problem : the problem whose folds are meant.
-    parameter : the parameter in which it folds; it becomes the last unknown.
-    near : (X, parameters) at or near a fold, which fixes the borders a and b.
-
-    References
-    ----------
-    Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), ch. 3-4.
-    """
-
-    def __init__(self, problem: Any, parameter: str, near: tuple[Array, Mapping[str, float]]) -> None:
-        self.problem, self.parameter = problem, parameter
-        X, parameters = near
-        now = linearise(problem, X, parameter, parameters)
-        u, s, vt = la.svd(now.dR_dX)
-        self._a, self._b = u[:, -1], vt[-1]
-        # g has the unit of J; this weight makes it comparable with R
-        self._weight = now.size / float(s[0])
-
-    @property
-    def unknown_parameters(self) -> tuple[str, ...]:
-        """Parameters that are unknowns here."""
-        return (self.parameter,)
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """The parameters of the problem."""
-        return dict(getattr(self.problem, "parameters", {}))
-
-    def split(self, U: Array) -> tuple[Array, dict[str, float]]:
-        """X of the problem and the parameter that belongs to it."""
-        return U[:-1], {self.parameter: float(U[-1])}
-
-    def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
-        """Unknowns (X, parameter) of this problem."""
-        return np.append(X, parameters[self.parameter])
-
-    def _null(self, J: Array) -> tuple[Array, Array, float]:
-        """Right and left null vectors and g, with borders refined once so that they stay well posed."""
-        a, b = self._a, self._b
-        n = len(a)
-        rhs = np.zeros(n + 1)
-        rhs[-1] = 1.0
-        v, w, g = b, a, 0.0
-        for _ in range(2):
-            A = np.zeros((n + 1, n + 1))
-            A[:n, :n], A[:n, n], A[n, :n] = J, a, b
-            lu = la.lu_factor(A)
-            right, left = la.lu_solve(lu, rhs), la.lu_solve(lu, rhs, trans=1)
-            v, w, g = right[:n], left[:n], float(right[n])
-            a, b = w / np.linalg.norm(w), v / np.linalg.norm(v)
-        return v, w, g
-
-    def evaluate(self, U: Array, **parameters: float) -> tuple[Array, Array]:
-        """Residual (n + 1,) and Jacobian (n + 1, n + 1) of {R, g} in (X, p)."""
-        now = self.linearise(U, "", **parameters)
-        return now.R, now.dR_dX
-
-    def linearise(self, U: Array, name: str, **parameters: float) -> Evaluation:
-        """As `HarmonicBalance.linearise`, for the extended system."""
-        X, own = self.split(U)
-        here = {**parameters, **own}
-        now = linearise(self.problem, X, self.parameter, here)
-        v, w, g = self._null(now.dR_dX)
-        n = len(X)
-        J = np.empty((n + 1, n + 1))
-        J[:n, :n], J[:n, n] = now.dR_dX, now.dR_dp
-        h = 1e-5 * max(1e-3, float(np.linalg.norm(X))) / float(np.linalg.norm(v))
-        plus = self.problem.evaluate(X + h * v, **here)[1]
-        minus = self.problem.evaluate(X - h * v, **here)[1]
-        J[n, :n] = -self._weight * (w @ (plus - minus)) / (2 * h)
-        J[n, n] = -self._weight * self._change(X, here, self.parameter, v, w)
-        dR = np.zeros(n + 1)
-        if name:
-            dR[:n] = linearise(self.problem, X, name, here).dR_dp
-            dR[n] = -self._weight * self._change(X, here, name, v, w)
-        return Evaluation(np.append(now.R, self._weight * g), J, dR, now.size)
-
-    def _change(self, X: Array, here: Mapping[str, float], name: str, v: Array, w: Array) -> float:
-        """w^T dJ/dname v by central difference, one-sided where the range of the parameter ends."""
-        h = 1e-5 * (abs(here[name]) or 1.0)
-        ends: list[tuple[float, float]] = []
-        for value in (here[name] + h, here[name] - h):
-            try:
-                J = self.problem.evaluate(X, **{**here, name: value})[1]
-            except ValueError:
-                value, J = here[name], self.problem.evaluate(X, **here)[1]
-            ends.append((value, float(w @ J @ v)))
-        return (ends[0][1] - ends[1][1]) / (ends[0][0] - ends[1][0])
+MERGED = "merged"
+"""Kind of the point at which a subharmonic branch ends; it is not a special point of its own."""
 
 
 @dataclass(frozen=True)
@@ -141,8 +43,11 @@ class Found:
 def find(arc: Arc, stability: bool) -> list[Found]:
     """All special points between the two rows of an arc, in the order in which the curve meets them."""
     a, b = arc.a, arc.b
+    merged = _merge(arc)
+    if merged is not None:
+        return [merged]
     found: list[Found] = []
-    turned = a.tangent[-1] * b.tangent[-1] < 0
+    turned = a.tangent[-1] * b.tangent[-1] < 0 and not _vertical(arc)
     crossed = a.orientation != b.orientation
     if turned:
         found.append(_fold(arc))
@@ -152,6 +57,22 @@ def find(arc: Arc, stability: bool) -> list[Found]:
         found += _stability_changes(arc, turned or crossed)
     found += _grazing(arc)
     return sorted(found, key=lambda f: f.s)
+
+
+def _merge(arc: Arc) -> Found | None:
+    """Where a subharmonic branch meets the one of shorter period: its subharmonic part passes zero and changes sign."""
+    part = getattr(arc.problem, "subharmonic_part", None)
+    if part is None:
+        return None
+    first = part(arc.a.solution.X)
+    if float(first @ part(arc.b.solution.X)) >= 0 or not first.size:
+        return None
+    return _root(arc, MERGED, lambda row: float(first @ part(row.solution.X)))
+
+
+def _vertical(arc: Arc) -> bool:
+    """Whether the parameter stands still from a to b: a continuum of motions, whose folds are rounding."""
+    return max(abs(arc.a.tangent[-1]), abs(arc.b.tangent[-1])) < 1e-6 * arc.scale[-1]
 
 
 def _root(arc: Arc, kind: str, test: Callable[[Row], float], note: str = "") -> Found:
@@ -175,30 +96,35 @@ def _root(arc: Arc, kind: str, test: Callable[[Row], float], note: str = "") -> 
 def _fold(arc: Arc) -> Found:
     """Newton on {R, g} from where the tangent's component vanishes; bracketed where forces are sampled."""
     a, b = arc.a, arc.b
-    s = a.tangent[-1] / (a.tangent[-1] - b.tangent[-1])
-    if getattr(arc.problem, "smooth", True):
+    kind = getattr(arc.problem, "turning_kind", "LP")
+    if getattr(arc.problem, "smooth", not isinstance(arc.problem, Augmented)):
         try:
-            return _newton_fold(arc, s)
+            s = a.tangent[-1] / (a.tangent[-1] - b.tangent[-1])
+            return _newton(arc, kind, Fold(arc.problem, arc.name), s)
         except (NoConvergence, np.linalg.LinAlgError):
             pass
-    return _root(arc, "LP", lambda row: float(row.tangent[-1]))
+    return _root(arc, kind, lambda row: float(row.tangent[-1]))
 
 
-def _newton_fold(arc: Arc, s: float) -> Found:
+def _newton(arc: Arc, kind: str, extended: Augmented, s: float, note: str = "") -> Found:
+    """Newton on a special point as a problem of its own, from the fraction s of the arc.
+
+    Raises
+    ------
+    NoConvergence
+        If Newton fails or leaves the arc.
+    """
     u = arc.guess(s)
-    parameters = {**arc.parameters, arc.name: float(u[-1])}
-    fold = Fold(arc.problem, arc.name, (u[:-1], parameters))
-    settings = Settings(arc.settings.tolerance, arc.settings.step_tolerance, 6)
-    solution = solve(fold, u, dict(arc.parameters) | {arc.name: float(u[-1])}, arc.name, settings)
+    settings = Settings(arc.settings.tolerance, arc.settings.step_tolerance, 5)
+    solution = solve(extended, u, {**arc.parameters, arc.name: float(u[-1])}, arc.name, settings)
     U = solution.X
     chord = (arc.b.u - arc.a.u) / arc.scale
     place = float(chord @ ((U - arc.a.u) / arc.scale) / (chord @ chord))
-    away = np.linalg.norm((U - u) / arc.scale)
-    if not -0.05 <= place <= 1.05 or away > 0.5 * np.linalg.norm(chord):
-        raise NoConvergence("Newton left the arc", U, parameters, [])
+    if not -0.05 <= place <= 1.05 or np.linalg.norm((U - u) / arc.scale) > 0.5 * np.linalg.norm(chord):
+        raise NoConvergence("Newton left the arc", U, arc.parameters, [])
     now = linearise(arc.problem, U[:-1], arc.name, {**arc.parameters, arc.name: float(U[-1])})
     point = Solution(U[:-1], float(U[-1]), now, solution.iterations, float(np.linalg.norm(now.R)) / now.size)
-    return Found("LP", min(max(place, 0.0), 1.0), row_of(point, chord / arc.scale, arc.scale), True)
+    return Found(kind, min(max(place, 0.0), 1.0), row_of(point, chord / arc.scale, arc.scale), True, note)
 
 
 def _determinant(arc: Arc) -> Callable[[Row], float]:
@@ -230,16 +156,47 @@ def _stability_changes(arc: Arc, explained: bool) -> list[Found]:
 
     def at(row: Row) -> ComplexArray:
         known = row.observed.get("multipliers")
-        return known if known is not None else multipliers(row.solution.X, **{**arc.parameters, arc.name: row.value})
+        if known is not None:
+            return known
+        here = {**arc.parameters, arc.name: row.value}
+        return multipliers(row.solution.X, points=8, width=1.0, **here)
 
     out: list[Found] = []
     doubling = np.prod(ma + 1).real * np.prod(mb + 1).real < 0
     if doubling:
-        out.append(_root(arc, "PD", lambda row: float(np.prod(at(row) + 1).real)))
+        out.append(_doubling(arc, lambda row: float(np.prod(at(row) + 1).real)))
     low, high = sorted((_unstable(ma), _unstable(mb)))
     if high - low - int(doubling) - int(explained) >= 2:
         out.append(_root(arc, "NS", lambda row: float(np.sort(np.abs(at(row)))[::-1][low] - 1.0)))
     return out
+
+
+def _doubling(arc: Arc, test: Callable[[Row], float]) -> Found:
+    """Newton on the half-integer block; bracketed root of det(Phi + 1) where forces are sampled."""
+    ends = test(arc.a), test(arc.b)
+    if getattr(arc.problem, "smooth", False):
+        try:
+            return _newton(arc, "PD", PeriodDoubling(arc.problem, arc.name), ends[0] / (ends[0] - ends[1]))
+        except (NoConvergence, np.linalg.LinAlgError):
+            pass
+    return _root(arc, "PD", test)
+
+
+def _graze(arc: Arc, which: int) -> Found:
+    """Newton on {R, extremum at the corner}; else a bracketed root of the clearance."""
+    note = arc.problem.clearance_names[which]
+
+    def test(row: Row) -> float:
+        known = row.observed.get("clearance")
+        if known is None:
+            known = arc.problem.clearance(row.solution.X, **{**arc.parameters, arc.name: row.value})
+        return float(known[which])
+
+    ends = test(arc.a), test(arc.b)
+    try:
+        return _newton(arc, "GR", Grazing(arc.problem, arc.name, which), ends[0] / (ends[0] - ends[1]), note)
+    except (NoConvergence, np.linalg.LinAlgError):
+        return _root(arc, "GR", test, note)
 
 
 def _grazing(arc: Arc) -> list[Found]:
@@ -249,14 +206,7 @@ def _grazing(arc: Arc) -> list[Found]:
         return []
     out: list[Found] = []
     for i in np.flatnonzero(ca * cb < 0):
-
-        def test(row: Row, i: int = int(i)) -> float:
-            known = row.observed.get("clearance")
-            if known is None:
-                known = arc.problem.clearance(row.solution.X, **{**arc.parameters, arc.name: row.value})
-            return float(known[i])
-
-        point = _root(arc, "GR", test, arc.problem.clearance_names[i])
+        point = _graze(arc, int(i))
         twin = next((j for j, other in enumerate(out) if abs(other.s - point.s) < 1e-6), None)
         if twin is None:
             out.append(point)

@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 
 from hbgear._version import __version__
-from hbgear.arc import Arc, Row, normal_of, row_of
+from hbgear.arc import Arc, Departure, Row, normal_of, row_of
 from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status
 from hbgear.fourier import Array
 from hbgear.jumps import find_jumps
 from hbgear.newton import NoConvergence, Settings, Solution, correct, linearise, solve
-from hbgear.special import find
+from hbgear.special import MERGED, find
 
 Progress = Callable[[float, int, float], None]
 
@@ -66,7 +66,7 @@ def trace(
     problem: Any,
     parameter: str,
     span: tuple[float, float],
-    start: Point | Array | None = None,
+    start: Point | Departure | Array | None = None,
     *,
     at: Mapping[str, float] | None = None,
     steps: Steps = Steps(),  # noqa: B008
@@ -113,7 +113,7 @@ class _Tracer:
     """State of one trace."""
 
     def __init__(
-        self, problem: Any, parameter: str, span: tuple[float, float], start: Point | Array | None,
+        self, problem: Any, parameter: str, span: tuple[float, float], start: Point | Departure | Array | None,
         at: Mapping[str, float] | None, steps: Steps, settings: Settings,
         stability: bool, special: bool, progress: Progress | None,
     ) -> None:  # fmt: skip
@@ -133,10 +133,10 @@ class _Tracer:
 
     # ---- start
 
-    def _fixed(self, start: Point | Array | None, at: Mapping[str, float] | None) -> dict[str, float]:
+    def _fixed(self, start: Point | Departure | Array | None, at: Mapping[str, float] | None) -> dict[str, float]:
         """All parameters but the traced one: the problem's, then the start's, then those given."""
         fixed = dict(getattr(self.problem, "parameters", {}))
-        if isinstance(start, Point):
+        if isinstance(start, Point | Departure):
             fixed.update(start.parameters)
         fixed.update({k: float(v) for k, v in (at or {}).items()})
         own = self._own_parameters()
@@ -153,9 +153,11 @@ class _Tracer:
         """Parameters that are unknowns of the problem itself (Omega on a fold curve)."""
         return tuple(getattr(self.problem, "unknown_parameters", ()))
 
-    def _first_row(self, start: Point | Array | None) -> Row:
+    def _first_row(self, start: Point | Departure | Array | None) -> Row:
         value = self.a
         problem = self.problem
+        if isinstance(start, Departure):
+            return self._depart(start)
         if isinstance(start, Point):
             value = start.parameters.get(self.name, self.a)
             if not min(self.a, self.b) <= value <= max(self.a, self.b):
@@ -184,6 +186,24 @@ class _Tracer:
             ) from None  # fmt: skip
         return self._observe(row)
 
+    def _depart(self, start: Departure) -> Row:
+        """First row of another branch: a short way along the direction that leaves the point."""
+        u = np.append(start.X, start.parameters[self.name])
+        self.top = self._motion_size(start.X)
+        self.scale = self._scale(start.X)
+        direction = start.direction / np.linalg.norm(start.direction / self.scale)
+        normal = normal_of(direction, self.scale)
+        normal = normal / np.linalg.norm(normal)
+        h = self.steps.first
+        while True:
+            try:
+                solution = correct(self.problem, u + h * direction, normal, self.name, self.fixed, self.settings)
+                return self._observe(row_of(solution, normal, self.scale))
+            except (NoConvergence, np.linalg.LinAlgError):
+                h *= 0.5
+                if h < 1e-3 * self.steps.first:
+                    raise
+
     def _motion_size(self, X: Array) -> float:
         size = getattr(self.problem, "motion_size", None)
         return float(size(X)) if size else float(np.linalg.norm(X))
@@ -191,7 +211,10 @@ class _Tracer:
     def _scale(self, X: Array) -> Array:
         """Scales of (X, lambda): the largest motion so far, and the span."""
         floor = 1e-2 * float(np.linalg.norm(X)) or 1.0
-        return np.append(np.full(len(X), max(self.top, floor)), abs(self.b - self.a))
+        scale = np.append(np.full(len(X), max(self.top, floor)), abs(self.b - self.a))
+        for i in range(len(self._own_parameters())):  # parameters among the unknowns have a size of their own
+            scale[-2 - i] = abs(X[-1 - i]) or 1.0
+        return scale
 
     def _observe(self, row: Row) -> Row:
         if not hasattr(self.problem, "observe"):
@@ -226,7 +249,9 @@ class _Tracer:
             closed = end is None and self._closes(last, row)
             if closed:
                 row = self.first
-            self._append(last, row)
+            merged = self._append(last, row)
+            if merged is not None:
+                return Status.MERGED, f"the branch joined the one it came from at {self.name} = {merged:.6g}"
             if self.progress:
                 self.progress(row.value, len(self.rows), self.step)
             if end is not None:
@@ -290,18 +315,26 @@ class _Tracer:
         factor = min(2.0, max(0.5, min(by_newton, by_angle)))
         self.step = min(self.steps.longest, max(self.steps.shortest, factor * h))
 
-    def _append(self, last: Row, row: Row) -> None:
-        """Store a row, with the special points between it and the last before it."""
+    def _append(self, last: Row, row: Row) -> float | None:
+        """Store a row, with the special points between it and the last before it.
+
+        A subharmonic branch ends where its subharmonics vanish: the value there is returned and the row not stored.
+        """
         if self.special:
             arc = Arc(self.problem, self.name, self.fixed, last, row, self.scale, self.settings)
             for found in find(arc, self.stability):
                 interval = (last.value, row.value)
                 if found.located:
                     self.rows.append(self._observe(found.row))
+                if found.kind == MERGED:
+                    return found.row.value
                 self.marks.append((len(self.rows) - 1, found.kind, found.located, interval, found.note))
         self.rows.append(row)
         self.top = max(self.top, self._motion_size(row.solution.X))
         self.scale = self._scale(row.solution.X)
+        if hasattr(self.problem, "rebased"):
+            self.problem = self.problem.rebased(row.solution.X, {**self.fixed, self.name: row.value})
+        return None
 
     # ---- ends
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from itertools import pairwise
 
 import matplotlib
 
@@ -28,7 +29,7 @@ def _close():
 def frequency(A, side, k3, zeta, F):
     """Omega at which x'' + 2 zeta x' + x + k3 x^3 = F cos(Omega t) has the amplitude A, with one harmonic.
 
-        (p - s)^2 + 4 zeta^2 s = F^2 / A^2,   s = Omega^2,   p = 1 + 3/4 k3 A^2
+    (p - s)^2 + 4 zeta^2 s = F^2 / A^2,   s = Omega^2,   p = 1 + 3/4 k3 A^2
     """
     p = 1 + 0.75 * k3 * A**2
     return np.sqrt(p - 2 * zeta**2 + side * np.sqrt(np.maximum((p - 2 * zeta**2) ** 2 - p**2 + (F / A) ** 2, 0.0)))
@@ -37,7 +38,8 @@ def frequency(A, side, k3, zeta, F):
 def resonance(k3=-0.12, mean=1.9, corners=((-1.0, 1.0),), multipliers=True, harmonics=5):
     """Softening resonance curve in Omega, from high to low frequency, with its folds, grazings and jumps."""
     zeta, F = FIXED["zeta"], FIXED["F"]
-    peak = brentq(lambda A: (1 + 0.75 * k3 * A**2 - 2 * zeta**2) ** 2 - (1 + 0.75 * k3 * A**2) ** 2 + (F / A) ** 2, 0.5, 2)
+    # at the peak the two sides of the curve meet: the root in `frequency` vanishes
+    peak = brentq(lambda A: 4 * zeta**4 - 4 * zeta**2 * (1 + 0.75 * k3 * A**2) + (F / A) ** 2, 0.5, 2)
 
     def points(u):  # u in (-1, 1): up one side of the peak and down the other
         A = peak * (1 - np.abs(u))
@@ -96,8 +98,10 @@ def jump(branch, point):
     """To the stable row of the nearest parameter value, other than those beside the fold."""
     i = point.index
     direction = 1 if branch.values[i] > branch.values[i + 1] else -1
-    far = np.abs(np.arange(len(branch)) - i) > 30
-    gap = np.where(far & (branch.stable if branch.stable is not None else far), np.abs(branch.values - branch.values[i]), 9)
+    target = np.abs(np.arange(len(branch)) - i) > 30
+    if branch.stable is not None:
+        target &= branch.stable
+    gap = np.where(target, np.abs(branch.values - branch.values[i]), np.inf)
     return Jump(point.label, "Omega", float(branch.values[i]), direction, point, branch[int(np.argmin(gap))])
 
 
@@ -137,7 +141,7 @@ def test_each_run_is_one_line_in_its_style_and_colour():
     fold = [b["LP1"].index, b["LP2"].index]
     assert np.array_equal(unstable[0].get_xdata(), b.values[fold[0] : fold[1] + 1])
     borders = [0, *(point.index for point in b.special), len(b) - 1]
-    assert [len(line.get_xdata()) for line in lines] == [j - i + 1 for i, j in zip(borders, borders[1:], strict=False)]
+    assert [len(line.get_xdata()) for line in lines] == [j - i + 1 for i, j in pairwise(borders)]
     assert [line.get_color() for line in lines] == [
         plot.COLOURS[r] for r in ("no_impact", "single_sided", "single_sided", "single_sided", "no_impact")
     ]
@@ -146,7 +150,7 @@ def test_each_run_is_one_line_in_its_style_and_colour():
 def test_curve_is_continuous_and_complete():
     b = resonance()
     lines = curves(plot.response(b, "rms"))
-    for one, two in zip(lines, lines[1:], strict=False):
+    for one, two in pairwise(lines):
         assert one.get_xdata()[-1] == two.get_xdata()[0] and one.get_ydata()[-1] == two.get_ydata()[0]
     y = np.concatenate([lines[0].get_ydata()[:1], *(line.get_ydata()[1:] for line in lines)])
     assert np.array_equal(y, b.amplitude("rms"))
@@ -220,7 +224,8 @@ def test_axis_labels_come_from_the_layout_or_fall_back():
     plain = rebuilt(b, layout=Layout(5, 1, ("mesh",), ((-1.0, 1.0),)), special=(), jump_records=())
     ax = plot.response(plain)
     assert ax.get_xlabel() == r"$\Omega$" and ax.get_ylabel() == "half peak-to-peak of gap (model units)"
-    two = rebuilt(plain, layout=Layout(2, 1, ("left", "right"), ((), ())), X=plain.X[:, :10], regime=np.zeros((len(b), 2)))
+    layout = Layout(2, 1, ("left", "right"), ((), ()))
+    two = rebuilt(plain, layout=layout, X=plain.X[:, :10], regime=np.zeros((len(b), 2)))
     assert plot.response(two, "H2", "right").get_ylabel() == "harmonic 2 of gap (model units), right"
 
 

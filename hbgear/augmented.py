@@ -1,0 +1,410 @@
+"""Special points as problems of their own: the equations of the motion and one more.
+
+    R(X, p) = 0,   g(X, p) = 0           unknowns U = (X, p), p the parameter in which the curve was traced
+
+so that the same Newton locates them and the same `trace` follows them in a second parameter.
+
+| class | g |
+|---|---|
+| Fold | bordered determinant of dR/dX: the curve turns in p |
+| PeriodDoubling | the same for the half-integer harmonics, which decouple: a multiplier is -1 |
+| Grazing | extremum of an element minus a corner of its law: the impact regime changes |
+| Peak | derivative of an amplitude along the curve |
+
+The derivative of g needs second derivatives of R only in one direction: a central difference of the exact Jacobian.
+
+References
+----------
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), ch. 3-4.
+"""
+
+from __future__ import annotations
+
+import copy
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import scipy.linalg as la
+
+from hbgear.fourier import Array, extrema, waves
+from hbgear.newton import Evaluation, bordered, linearise
+
+_STEP = 1e-5  # relative step of the directional differences
+
+
+class Extra(NamedTuple):
+    """The equations of the motion with their derivative in p, and g with its derivatives in X, p and name."""
+
+    now: Evaluation
+    g: float
+    g_X: Array
+    g_p: float
+    g_name: float
+
+
+class Augmented(ABC):
+    """A problem with one more unknown parameter and one more equation; see the module.
+
+    Parameters
+    ----------
+    problem : the problem whose special points are meant.
+    parameter : the parameter of the curve they lie on (``"Omega"``); it becomes the last unknown.
+    """
+
+    turning_kind = "LP"
+    """Label of a turning point of a curve of such points."""
+
+    def __init__(self, problem: Any, parameter: str = "Omega") -> None:
+        if hasattr(problem, "check_parameter"):
+            problem.check_parameter(parameter)
+        self.problem, self.parameter = problem, parameter
+        self._weight: float | None = None
+
+    def _weighted(self, size: float, unit: float) -> float:
+        """Factor that gives g (of size unit) the size of R; fixed at its first use, for it must not vary with X."""
+        if self._weight is None:
+            self._weight = size / unit
+        return self._weight
+
+    @abstractmethod
+    def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
+        """R and g at X with all parameters, and their derivatives; name may be empty."""
+
+    @property
+    def unknown_parameters(self) -> tuple[str, ...]:
+        """Parameters that are unknowns here."""
+        return (self.parameter,)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The parameters of the problem."""
+        return dict(getattr(self.problem, "parameters", {}))
+
+    @property
+    def layout(self) -> Any:
+        """How X, the motion's part of the unknowns, is to be read."""
+        return getattr(self.problem, "layout", None)
+
+    def describe(self) -> dict[str, Any]:
+        """Header of a saved branch."""
+        about = self.problem.describe() if hasattr(self.problem, "describe") else {}
+        return {**about, "curve": {"of": type(self).__name__, "in": self.parameter}}
+
+    def check_parameter(self, name: str) -> None:
+        """Refuse a parameter that is unknown to the problem or already an unknown."""
+        if name == self.parameter:
+            raise ValueError(
+                f"a {type(self).__name__} in {name} cannot be followed in {name} again; choose a second parameter"
+            )
+        if hasattr(self.problem, "check_parameter"):
+            self.problem.check_parameter(name)
+
+    def split(self, U: Array) -> tuple[Array, dict[str, float]]:
+        """X of the problem and the parameter that belongs to it."""
+        return U[:-1], {self.parameter: float(U[-1])}
+
+    def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
+        """Unknowns (X, parameter) of this problem."""
+        return np.append(X, parameters[self.parameter])
+
+    def motion_size(self, U: Array) -> float:
+        """Size of the motion, which scales the arclength."""
+        size = getattr(self.problem, "motion_size", None)
+        return float(size(U[:-1])) if size else float(np.linalg.norm(U[:-1]))
+
+    def observe(self, U: Array, stability: bool = False, **parameters: float) -> dict[str, Any]:
+        """Regime and truncation error of the motion."""
+        if not hasattr(self.problem, "observe"):
+            return {}
+        X, own = self.split(U)
+        seen = self.problem.observe(X, stability=False, **{**parameters, **own})
+        return {k: seen[k] for k in ("regime", "error")}
+
+    def evaluate(self, U: Array, **parameters: float) -> tuple[Array, Array]:
+        """Residual (n + 1,) of {R, g} and its Jacobian in (X, p)."""
+        now = self.linearise(U, "", **parameters)
+        return now.R, now.dR_dX
+
+    def linearise(self, U: Array, name: str, **parameters: float) -> Evaluation:
+        """{R, g}, its Jacobian in (X, p) and its derivative in a further parameter."""
+        X, own = self.split(U)
+        here = {**parameters, **own}
+        extra = self.extra(X, here, name)
+        n = len(X)
+        J = np.empty((n + 1, n + 1))
+        J[:n, :n], J[:n, n], J[n, :n], J[n, n] = extra.now.dR_dX, extra.now.dR_dp, extra.g_X, extra.g_p
+        dR = np.zeros(n + 1)
+        if name:
+            dR[:n] = linearise(self.problem, X, name, here).dR_dp
+            dR[n] = extra.g_name
+        return Evaluation(np.append(extra.now.R, extra.g), J, dR, extra.now.size)
+
+
+def nearby(here: Mapping[str, float], name: str) -> list[dict[str, float]]:
+    """Parameters a small step above and below in one of them."""
+    h = _STEP * (abs(here[name]) or 1.0)
+    return [{**here, name: here[name] + h}, {**here, name: here[name] - h}]
+
+
+class _Borders:
+    """Null vectors of a nearly singular matrix A: [A a; b^T 0] [v; g] = [0; 1], and the same for A^T and w."""
+
+    def __init__(self, A: Array) -> None:
+        u, s, vt = la.svd(A)
+        self.a, self.b = u[:, -1], vt[-1]
+        self.size = float(s[0])
+
+    def null(self, A: Array) -> tuple[Array, Array, float]:
+        """v, w and g; the borders are refined once so that the bordered matrix stays well posed far from here."""
+        a, b, n = self.a, self.b, len(A)
+        rhs = np.zeros(n + 1)
+        rhs[-1] = 1.0
+        v, w, g = b, a, 0.0
+        B = np.zeros((n + 1, n + 1))
+        B[:n, :n] = A
+        for _ in range(2):
+            B[:n, n], B[n, :n] = a, b
+            lu = la.lu_factor(B)
+            right, left = la.lu_solve(lu, rhs), la.lu_solve(lu, rhs, trans=1)
+            v, w, g = right[:n], left[:n], float(right[n])
+            a, b = w / np.linalg.norm(w), v / np.linalg.norm(v)
+        return v, w, g
+
+
+class Fold(Augmented):
+    """Folds (LP) of a curve: g is the bordered determinant of dR/dX; dg = -w^T dJ v with its null vectors v, w.
+
+    Parameters
+    ----------
+    problem, parameter : as for `Augmented`.
+
+    Examples
+    --------
+    The curve of a fold in the damping, from a fold of a response curve::
+
+        folds = trace(Fold(problem, "Omega"), "zeta", (0.05, 0.2), start=curve["LP1"])
+    """
+
+    turning_kind = "CP"
+
+    def __init__(self, problem: Any, parameter: str = "Omega") -> None:
+        super().__init__(problem, parameter)
+        self._borders: _Borders | None = None
+
+    def _prepare(self, A: Array, now: Evaluation) -> _Borders:
+        """Borders from the first matrix seen; any regular choice gives the same zeros of g."""
+        if self._borders is None:
+            self._borders = _Borders(A)
+            self._weighted(now.size, self._borders.size)
+        return self._borders
+
+    def rebased(self, U: Array, parameters: Mapping[str, float]) -> Self:
+        """The same problem with its borders renewed at U.
+
+        g is det(A) over the bordered determinant, which must not vanish on the way; a curve that goes far renews it.
+        The new borders have positive products with the old ones, so that the sign of g is kept.
+        """
+        X, own = self.split(U)
+        if self._borders is None:
+            return self
+        v, w, _ = self._borders.null(self._matrix(X, {**parameters, **own}))
+        out = copy.copy(self)
+        out._borders = copy.copy(self._borders)
+        out._borders.a, out._borders.b = w / np.linalg.norm(w), v / np.linalg.norm(v)
+        return out
+
+    def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
+        """See `Augmented.extra`."""
+        now = linearise(self.problem, X, self.parameter, here)
+        v, w, g = self._prepare(now.dR_dX, now).null(now.dR_dX)
+        h = _STEP * max(1e-3, float(np.linalg.norm(X))) / float(np.linalg.norm(v))
+        plus, minus = (self.problem.evaluate(X + s * h * v, **here)[1] for s in (1, -1))
+        weight = self._weighted(now.size, 1.0)
+        k = -weight
+        return Extra(
+            now, weight * g, k * (w @ (plus - minus)) / (2 * h),
+            k * self._change(X, here, self.parameter, v, w), k * self._change(X, here, name, v, w) if name else 0.0,
+        )  # fmt: skip
+
+    def _matrix(self, X: Array, here: Mapping[str, float]) -> Array:
+        return self.problem.evaluate(X, **here)[1]
+
+    def _change(self, X: Array, here: dict[str, float], name: str, v: Array, w: Array) -> float:
+        """w^T dA/dname v by central difference, one-sided where the range of the parameter ends."""
+        ends: list[tuple[float, float]] = []
+        for there in nearby(here, name):
+            try:
+                A = self._matrix(X, there)
+            except ValueError:
+                there, A = here, self._matrix(X, here)
+            ends.append((there[name], float(w @ A @ v)))
+        return (ends[0][1] - ends[1][1]) / (ends[0][0] - ends[1][0])
+
+
+class PeriodDoubling(Fold):
+    """Period doublings (PD): singular half-integer block of the doubled problem.
+
+    Written in the basis of twice the period, a motion of the single period has even harmonics only, and the Jacobian
+    falls into the block of the even ones, which is dR/dX, and that of the odd ones, whose null vector is the
+    disturbance that doubles the period.
+
+    Parameters
+    ----------
+    problem : a `HarmonicBalance`.
+    parameter : the parameter of the curve.
+    """
+
+    turning_kind = "LP"
+
+    def __init__(self, problem: Any, parameter: str = "Omega") -> None:
+        super().__init__(problem, parameter)
+        self.doubled = problem.with_order(2 * problem.nu, 2 * problem.H + 1)
+        k = np.arange(self.doubled.H + 1)
+        harmonic = np.tile(np.concatenate([[0], np.repeat(k[1:], 2)]), problem.m)
+        self.odd = np.flatnonzero(harmonic % 2)
+        self.even = np.flatnonzero(harmonic % 2 == 0)
+
+    def embed(self, X: Array) -> Array:
+        """The motion in the basis of twice the period."""
+        out = np.zeros(self.doubled.size)
+        out[self.even] = X
+        return out
+
+    def null_vector(self, X: Array, **here: float) -> Array:
+        """The doubling disturbance at or near a period doubling, in the basis of twice the period, unit norm."""
+        A = self._matrix(X, here)
+        out = np.zeros(self.doubled.size)
+        out[self.odd] = la.svd(A)[2][-1]
+        return out
+
+    def _matrix(self, X: Array, here: Mapping[str, float]) -> Array:
+        return self.doubled.evaluate(self.embed(X), **here)[1][np.ix_(self.odd, self.odd)]
+
+    def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
+        """See `Augmented.extra`."""
+        now = linearise(self.problem, X, self.parameter, here)
+        A = self._matrix(X, here)
+        v, w, g = self._prepare(A, now).null(A)
+        wide, direction = self.embed(X), np.zeros(self.doubled.size)
+        direction[self.odd] = v
+        h = _STEP * max(1e-3, float(np.linalg.norm(X))) / float(np.linalg.norm(v))
+        plus, minus = (self.doubled.evaluate(wide + s * h * direction, **here)[1] for s in (1, -1))
+        gradient = w @ (plus - minus)[np.ix_(self.odd, self.even)] / (2 * h)
+        weight = self._weighted(now.size, 1.0)
+        k = -weight
+        return Extra(
+            now, weight * g, k * gradient,
+            k * self._change(X, here, self.parameter, v, w), k * self._change(X, here, name, v, w) if name else 0.0,
+        )  # fmt: skip
+
+
+class Grazing(Augmented):
+    """Grazing contacts (GR): an extremum of an element touches a corner of its law.
+
+        g = d(theta*) - corner,   d'(theta*) = 0;   dg/dX is the row of cosines and sines at theta*
+
+    Parameters
+    ----------
+    problem, parameter : as for `Augmented`.
+    which : index into ``problem.clearance``: which extremum of which element at which corner.
+    """
+
+    def __init__(self, problem: Any, parameter: str = "Omega", which: int = 0) -> None:
+        super().__init__(problem, parameter)
+        self.which = which
+
+    def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
+        """See `Augmented.extra`."""
+        now = linearise(self.problem, X, self.parameter, here)
+        g = float(self.problem.clearance(X, **here)[self.which])
+        rows = X.reshape(self.problem.m, -1)
+        element = self.problem.clearance_elements[self.which]
+        _, low_at, _, high_at = extrema(rows[element])
+        w = waves(high_at if self.which % 2 else low_at, self.problem.H)[0]
+        slope = np.zeros_like(rows)
+        slope[element, 0], slope[element, 1::2], slope[element, 2::2] = 1.0, w.real[1:], w.imag[1:]
+        weight = self._weighted(now.size, 1.0 + float(np.linalg.norm(X)))
+        return Extra(now, weight * g, weight * slope.ravel(), weight * self._moved(X, here, self.parameter),
+                     weight * self._moved(X, here, name) if name else 0.0)  # fmt: skip
+
+    def _moved(self, X: Array, here: dict[str, float], name: str) -> float:
+        """Derivative of the clearance in a parameter that moves the corner."""
+        if name == "Omega":
+            return 0.0
+        ends: list[tuple[float, float]] = []
+        for there in nearby(here, name):
+            try:
+                value = self.problem.clearance(X, **there)
+            except ValueError:
+                there, value = here, self.problem.clearance(X, **here)
+            ends.append((there[name], float(value[self.which])))
+        return (ends[0][1] - ends[1][1]) / (ends[0][0] - ends[1][0])
+
+
+class Peak(Augmented):
+    """Peaks (PK) of an amplitude: the derivative of A^2 / 2 along the curve vanishes.
+
+        A^2 / 2 = X^T S X / 2,   g = X^T S t,   t the direction of the curve, [J R_p; b^T] t = e
+
+    Parameters
+    ----------
+    problem, parameter : as for `Augmented`.
+    measure : "rms" (alternating part) or a harmonic, "H1", "H2", ...
+    element : number of the element.
+
+    Raises
+    ------
+    ValueError
+        For another measure, or a harmonic the problem does not keep.
+    """
+
+    def __init__(self, problem: Any, parameter: str = "Omega", measure: str = "rms", element: int = 0) -> None:
+        super().__init__(problem, parameter)
+        self.measure, self.element = measure, element
+        S = np.zeros((problem.m, 2 * problem.H + 1))
+        if measure == "rms":
+            S[element, 1:] = 1.0
+        elif measure[:1] == "H" and measure[1:].isdigit() and 1 <= int(measure[1:]) * problem.nu <= problem.H:
+            k = int(measure[1:]) * problem.nu
+            S[element, 2 * k - 1 : 2 * k + 1] = 1.0
+        else:
+            raise ValueError(f"peak of {measure!r}: need 'rms' or 'H1' to 'H{problem.H // problem.nu}'")
+        self.S = S.ravel()
+        self._b: Array | None = None
+
+    def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
+        """See `Augmented.extra`."""
+        now = linearise(self.problem, X, self.parameter, here)
+        n = len(X)
+        if self._b is None:
+            direction = np.zeros(n + 1)
+            direction[-1] = 1.0
+            self._b = direction
+        B = bordered(now, self._b)
+        lu = la.lu_factor(B)
+        e = np.zeros(n + 1)
+        e[-1] = 1.0
+        t = la.lu_solve(lu, e)
+        slope = self.S * X
+        g = float(slope @ t[:n])
+        z = la.lu_solve(lu, np.append(slope, 0.0), trans=1)[:n]
+        h = _STEP * max(1e-3, float(np.linalg.norm(X))) / max(float(np.linalg.norm(t)), 1e-12)
+        sides = []
+        for s in (h, -h):
+            there = {**here, self.parameter: here[self.parameter] + s * t[n]}
+            side = linearise(self.problem, X + s * t[:n], self.parameter, there)
+            sides.append(np.column_stack([side.dR_dX, side.dR_dp]))
+        bend = z @ (sides[0] - sides[1]) / (2 * h)
+        weight = self._weighted(now.size, 1.0 + abs(float(slope @ X)))
+        g_X, g_p = weight * (self.S * t[:n] - bend[:n]), -weight * float(bend[n])
+        return Extra(now, weight * g, g_X, g_p, weight * self._along(X, here, name, z, t) if name else 0.0)
+
+    def _along(self, X: Array, here: dict[str, float], name: str, z: Array, t: Array) -> float:
+        """-z^T d[J R_p]/dname t by central difference."""
+        values = []
+        for there in nearby(here, name):
+            side = linearise(self.problem, X, self.parameter, there)
+            values.append((there[name], float(z @ (side.dR_dX @ t[:-1] + side.dR_dp * t[-1]))))
+        return -(values[0][1] - values[1][1]) / (values[0][0] - values[1][0])

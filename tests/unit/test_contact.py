@@ -1,0 +1,192 @@
+"""The exact projection of piecewise-linear laws against quadrature and against samples."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from hbgear import Backlash, Element, HarmonicBalance, PiecewiseLinear, Series, System, Unilateral
+from hbgear.contact import crossings
+from hbgear.fourier import evaluate, to_complex, to_real
+
+WAVY = Series(mean=1.0, cosine=(-0.2, 0.07), sine=(0.1, 0.0, 0.05))
+LAWS = {
+    "backlash": Backlash(0.8),
+    "backlash, varying stiffness": Backlash(0.8, 2.0, WAVY),
+    "unilateral": Unilateral(3.0, 0.4),
+    "preloaded, varying stiffness": Unilateral(3.0, -0.4, WAVY),
+    "asymmetrical gaps": PiecewiseLinear((-0.3, 1.1), (2.0, 0.0, 0.7), stiffness=WAVY),
+    "three stages": PiecewiseLinear((-1.0, 0.2, 0.9), (0.5, 1.0, 0.2, 3.0), 0.4, WAVY),
+}
+GAUSS = np.polynomial.legendre.leggauss(30)
+
+
+def balance(*laws, H=8, nu=1, **settings):
+    """A balance whose elements carry the given laws."""
+    n = len(laws)
+    elements = [Element(direction=np.eye(n)[j], law=law) for j, law in enumerate(laws)]
+    return HarmonicBalance(System(np.eye(n), 0.1 * np.eye(n), np.eye(n), elements), H, nu=nu, **settings)
+
+
+def quadrature(law, row, H, nu=1):
+    """Force row (2H + 1,) by Gauss quadrature between the corners, found on a dense grid of their own."""
+    grid = np.linspace(0, 2 * np.pi, 20001)
+    cuts = [0.0, 2 * np.pi, *np.linspace(0, 2 * np.pi, 33)[1:-1]]
+    for x in law.breakpoints:
+        value = evaluate(row, grid) - x
+        for i in np.flatnonzero(value[:-1] * value[1:] < 0):
+            cuts.append(brentq(lambda t, x=x: evaluate(row, t)[0] - x, grid[i], grid[i + 1], xtol=1e-15))
+    cuts = np.sort(cuts)
+    half = np.diff(cuts)[:, None] / 2
+    theta = (cuts[:-1, None] + half * (GAUSS[0] + 1)).ravel()
+    weight = (half * GAUSS[1]).ravel()
+    p = law.force(evaluate(row, theta), 0 * theta, nu * theta)[0]
+    c = 2 * np.exp(-1j * np.outer(np.arange(H + 1), theta)) @ (weight * p) / (2 * np.pi)
+    c[0] /= 2
+    return to_real(c)
+
+
+def force(problem, X):
+    """Exact or sampled force rows (m, 2H + 1)."""
+    return problem.force_rows(X.ravel(), Omega=1.0)
+
+
+@pytest.mark.parametrize("nu", [1, 2])
+@pytest.mark.parametrize("name", LAWS)
+def test_against_quadrature(name, nu, rng):
+    law, H = LAWS[name], 8
+    problem = balance(law, H=H, nu=nu)
+    for _ in range(5):
+        X = rng.standard_normal(2 * H + 1) * 0.5
+        np.testing.assert_allclose(force(problem, X)[0], quadrature(law, X, H, nu), atol=1e-12)
+
+
+def test_two_elements_with_different_laws(rng):
+    laws, H = (LAWS["three stages"], LAWS["backlash, varying stiffness"]), 6
+    X = rng.standard_normal((2, 2 * H + 1)) * 0.6
+    expected = [quadrature(law, row, H) for law, row in zip(laws, X, strict=True)]
+    np.testing.assert_allclose(force(balance(*laws, H=H), X), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("nu", [1, 2])
+def test_against_samples(nu, rng):
+    laws = tuple(LAWS.values())
+    exact = balance(*laws, nu=nu)
+    sampled = balance(*laws, nu=nu, sampled=True, samples=65536)
+    X = rng.standard_normal(exact.size) * 0.5
+    (R, J), (Rs, Js) = (p.evaluate(X, Omega=0.8) for p in (exact, sampled))
+    np.testing.assert_allclose(R, Rs, atol=1e-7)
+    np.testing.assert_allclose(J, Js, atol=1e-3)
+
+
+def test_samples_converge_to_the_exact_projection(rng):
+    """Errors of sampling: 1/N^2 in the force, 1/N in its Jacobian; averaged, for each N samples its own instants."""
+    laws = tuple(LAWS.values())
+    exact, counts = balance(*laws), 2 ** np.arange(8, 15)
+    motions = [rng.standard_normal(exact.size) * 0.5 for _ in range(8)]
+    errors = np.zeros((2, len(counts)))
+    for i, N in enumerate(counts):
+        sampled = balance(*laws, sampled=True, samples=int(N))
+        for X in motions:
+            pairs = zip(exact.evaluate(X, Omega=0.8), sampled.evaluate(X, Omega=0.8), strict=True)
+            errors[:, i] += [np.linalg.norm(a - b) for a, b in pairs]
+    slopes = np.polyfit(np.log(counts), np.log(errors.T), 1)[0]
+    np.testing.assert_allclose(slopes, [-2, -1], atol=0.15)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_jacobian_against_differences(name, rng):
+    problem = balance(LAWS[name], H=6)
+    X, h = rng.standard_normal(13) * 0.5, 1e-6
+    J = problem.evaluate(X, Omega=0.8)[1]
+    columns = [(problem.residual(X + h * e, Omega=0.8) - problem.residual(X - h * e, Omega=0.8)) / (2 * h) for e in np.eye(13)]
+    np.testing.assert_allclose(J, np.transpose(columns), atol=1e-7)
+
+
+def touching(over, H=6, at=1.234, corner=0.8):
+    """A row whose maximum, at an instant between samples, is the corner plus ``over``; second derivative about -1."""
+    k = np.arange(1, H + 1)
+    c = 0.5**k * np.exp(-1j * k * at)
+    row = to_real(np.concatenate([[0.0 + 0j], c]))
+    row[0] = corner + over - evaluate(row, at)[0]
+    return row
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("over", [1e-12, 1e-9, 1e-6, 1e-4])
+def test_grazing(over, sign):
+    """Just past the corner the contact lasts 2 sqrt(2 over / |d''|), however short beside the grid; else it is none."""
+    row = touching(sign * over)
+    problem = balance(Unilateral(1.0, 0.8), H=6)
+    found = problem.switching(row, Omega=1.0)
+    R, J = problem.evaluate(row, Omega=1.0)
+    free = balance(Unilateral(1.0, 9.0), H=6).evaluate(row, Omega=1.0)
+    if sign < 0:
+        assert found.theta.size == 0
+        np.testing.assert_array_equal(R, free[0])
+        np.testing.assert_array_equal(J, free[1])
+        return
+    bend = -evaluate(row, 1.234, 2)[0]
+    length = 2 * np.sqrt(2 * over / bend)
+    np.testing.assert_array_equal(found.sign, [1, -1])
+    assert np.diff(found.theta)[0] == pytest.approx(length, rel=max(1e-3, 1e-16 / over), abs=0)
+    # dp_0/da_0 is the share of the period in contact, p_0 the area of a parabola over the period
+    assert J[0, 0] - free[1][0, 0] == pytest.approx(length / (2 * np.pi), rel=2e-3)
+    assert R[0] - free[0][0] == pytest.approx(2 / 3 * over * length / (2 * np.pi), rel=1e-2, abs=1e-16)
+
+
+@pytest.mark.parametrize("over", [-1e-12, 0.0, 1e-12])
+def test_newton_is_not_upset_by_grazing_from_either_side(over):
+    """Residual and Jacobian hardly differ across a grazing contact: no root may be lost or counted once."""
+    here, there = (balance(Backlash(0.8, 2.0, WAVY), H=6).evaluate(touching(x), Omega=1.0) for x in (over, 3e-10))
+    np.testing.assert_allclose(here[0], there[0], atol=1e-8)
+    np.testing.assert_allclose(here[1], there[1], atol=1e-4)
+
+
+def test_a_parting_shorter_than_the_grid():
+    """The same from the other side: contact all the time but for an instant."""
+    row = touching(1e-8) * -1.0
+    problem = balance(Unilateral(1.0, -0.8), H=6)
+    assert problem.switching(row, Omega=1.0).theta.size == 2
+    np.testing.assert_allclose(force(problem, row)[0], row + np.eye(13)[0] * 0.8, atol=1e-11)
+
+
+def test_always_and_never_in_contact(rng):
+    X = 0.05 * rng.standard_normal(17)
+    for shift, expected in ((5.0, 1.0), (-5.0, 1.0), (0.0, 0.0)):
+        row = X + shift * np.eye(17)[0]
+        contact = row - np.sign(shift) * np.eye(17)[0]
+        np.testing.assert_allclose(force(balance(Backlash(1.0)), row)[0], expected * contact, atol=1e-13)
+
+
+def test_constant_motion_with_varying_stiffness():
+    row = np.eye(17)[0] * 1.5
+    expected = np.zeros(17)
+    expected[:7] = 0.5 * WAVY.row()
+    np.testing.assert_allclose(force(balance(Backlash(1.0, 1.0, WAVY)), row)[0], expected, atol=1e-14)
+
+
+def test_crossings_through_samples_and_at_the_ends_of_the_period():
+    """Corners met exactly at samples and at theta = 0: cos(2 theta) at 0, sin(theta) at 0."""
+    theta = 2 * np.pi * np.arange(64) / 64
+    c = to_complex(np.array([[0, 0, 0, 1.0, 0], [0, 0, 1.0, 0, 0]]))
+    samples = np.array([np.cos(2 * theta), np.sin(theta)])
+    found = crossings(c, np.zeros(2), np.arange(2), samples)
+    first = found.row == 0
+    np.testing.assert_allclose(np.sort(found.theta[first]), np.pi * np.array([0.25, 0.75, 1.25, 1.75]), atol=1e-15)
+    assert found.sign[~first].sum() == 0 and (~first).sum() == 2
+    half = balance(Unilateral(1.0, 0.0), H=2)
+    row = np.array([0, 0, 1.0, 0, 0])
+    np.testing.assert_allclose(force(half, row)[0], [1 / np.pi, 0, 0.5, -2 / (3 * np.pi), 0], atol=1e-14)
+
+
+def test_as_many_crossings_as_a_polynomial_has_roots(rng):
+    """All crossings, against the unit roots of the polynomial in exp(i theta)."""
+    H = 12
+    problem = balance(Unilateral(1.0, 0.1), H=H)
+    for _ in range(50):
+        X = rng.standard_normal(2 * H + 1)
+        c = to_complex(X)
+        c[0] -= 0.1
+        z = np.roots(np.concatenate([c[:0:-1] / 2, [c[0].real], np.conj(c[1:]) / 2]))
+        roots = np.sort(np.mod(np.angle(z[np.abs(np.abs(z) - 1) < 1e-9]), 2 * np.pi))
+        np.testing.assert_allclose(problem.switching(X, Omega=1.0).theta, roots, atol=1e-10)
