@@ -35,13 +35,48 @@ _STEP = 1e-5  # relative step of the directional differences
 
 
 class Extra(NamedTuple):
-    """The equations of the motion with their derivative in p, and g with its derivatives in X, p and name."""
+    """The equations of the motion with their derivatives in p and name, and g with its own in X, p and name."""
 
     now: Evaluation
+    R_name: Array | None
     g: float
     g_X: Array
     g_p: float
     g_name: float
+
+
+class Sides(NamedTuple):
+    """R and dR/dX a small step above and below in one parameter, and the distance between the two."""
+
+    R: tuple[Array, Array]
+    J: tuple[Array, Array]
+    distance: float
+
+    @property
+    def dR(self) -> Array:
+        """Central difference of R."""
+        return (self.R[0] - self.R[1]) / self.distance
+
+    @property
+    def dJ(self) -> Array:
+        """Central difference of dR/dX."""
+        return (self.J[0] - self.J[1]) / self.distance
+
+
+def sides(problem: Any, X: Array, here: Mapping[str, float], name: str) -> Sides:
+    """R and dR/dX on both sides of a parameter; one-sided where its range ends."""
+    h = _STEP * (abs(here[name]) or 1.0)
+    values, R, J = [], [], []
+    for value in (here[name] + h, here[name] - h):
+        try:
+            r, j = problem.evaluate(X, **{**here, name: value})
+        except ValueError:
+            value = here[name]
+            r, j = problem.evaluate(X, **here)
+        values.append(value)
+        R.append(r)
+        J.append(j)
+    return Sides((R[0], R[1]), (J[0], J[1]), values[0] - values[1])
 
 
 class Augmented(ABC):
@@ -137,15 +172,8 @@ class Augmented(ABC):
         J[:n, :n], J[:n, n], J[n, :n], J[n, n] = extra.now.dR_dX, extra.now.dR_dp, extra.g_X, extra.g_p
         dR = np.zeros(n + 1)
         if name:
-            dR[:n] = linearise(self.problem, X, name, here).dR_dp
-            dR[n] = extra.g_name
+            dR[:n], dR[n] = extra.R_name, extra.g_name
         return Evaluation(np.append(extra.now.R, extra.g), J, dR, extra.now.size)
-
-
-def nearby(here: Mapping[str, float], name: str) -> list[dict[str, float]]:
-    """Parameters a small step above and below in one of them."""
-    h = _STEP * (abs(here[name]) or 1.0)
-    return [{**here, name: here[name] + h}, {**here, name: here[name] - h}]
 
 
 class _Borders:
@@ -219,28 +247,18 @@ class Fold(Augmented):
         """See `Augmented.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
         v, w, g = self._prepare(now.dR_dX, now).null(now.dR_dX)
+        k = self._weighted(now.size, 1.0)
         h = _STEP * max(1e-3, float(np.linalg.norm(X))) / float(np.linalg.norm(v))
         plus, minus = (self.problem.evaluate(X + s * h * v, **here)[1] for s in (1, -1))
-        weight = self._weighted(now.size, 1.0)
-        k = -weight
+        g_p = -k * float(w @ sides(self.problem, X, here, self.parameter).dJ @ v)
+        there = sides(self.problem, X, here, name) if name else None
         return Extra(
-            now, weight * g, k * (w @ (plus - minus)) / (2 * h),
-            k * self._change(X, here, self.parameter, v, w), k * self._change(X, here, name, v, w) if name else 0.0,
+            now, there and there.dR, k * g, -k * (w @ (plus - minus)) / (2 * h),
+            g_p, -k * float(w @ there.dJ @ v) if there else 0.0,
         )  # fmt: skip
 
     def _matrix(self, X: Array, here: Mapping[str, float]) -> Array:
         return self.problem.evaluate(X, **here)[1]
-
-    def _change(self, X: Array, here: dict[str, float], name: str, v: Array, w: Array) -> float:
-        """w^T dA/dname v by central difference, one-sided where the range of the parameter ends."""
-        ends: list[tuple[float, float]] = []
-        for there in nearby(here, name):
-            try:
-                A = self._matrix(X, there)
-            except ValueError:
-                there, A = here, self._matrix(X, here)
-            ends.append((there[name], float(w @ A @ v)))
-        return (ends[0][1] - ends[1][1]) / (ends[0][0] - ends[1][0])
 
 
 class PeriodDoubling(Fold):
@@ -285,18 +303,20 @@ class PeriodDoubling(Fold):
     def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
         """See `Augmented.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
+        wide, direction = self.embed(X), np.zeros(self.doubled.size)
         A = self._matrix(X, here)
         v, w, g = self._prepare(A, now).null(A)
-        wide, direction = self.embed(X), np.zeros(self.doubled.size)
+        k = self._weighted(now.size, 1.0)
         direction[self.odd] = v
+        odd, even = self.odd, self.even
         h = _STEP * max(1e-3, float(np.linalg.norm(X))) / float(np.linalg.norm(v))
         plus, minus = (self.doubled.evaluate(wide + s * h * direction, **here)[1] for s in (1, -1))
-        gradient = w @ (plus - minus)[np.ix_(self.odd, self.even)] / (2 * h)
-        weight = self._weighted(now.size, 1.0)
-        k = -weight
+        gradient = w @ (plus - minus)[np.ix_(odd, even)] / (2 * h)
+        g_p = -k * float(w @ sides(self.doubled, wide, here, self.parameter).dJ[np.ix_(odd, odd)] @ v)
+        there = sides(self.doubled, wide, here, name) if name else None
         return Extra(
-            now, weight * g, k * gradient,
-            k * self._change(X, here, self.parameter, v, w), k * self._change(X, here, name, v, w) if name else 0.0,
+            now, None if there is None else there.dR[even], k * g, -k * gradient,
+            g_p, -k * float(w @ there.dJ[np.ix_(odd, odd)] @ v) if there else 0.0,
         )  # fmt: skip
 
 
@@ -326,20 +346,21 @@ class Grazing(Augmented):
         slope = np.zeros_like(rows)
         slope[element, 0], slope[element, 1::2], slope[element, 2::2] = 1.0, w.real[1:], w.imag[1:]
         weight = self._weighted(now.size, 1.0 + float(np.linalg.norm(X)))
-        return Extra(now, weight * g, weight * slope.ravel(), weight * self._moved(X, here, self.parameter),
+        R_name = linearise(self.problem, X, name, here).dR_dp if name else None
+        return Extra(now, R_name, weight * g, weight * slope.ravel(), weight * self._moved(X, here, self.parameter),
                      weight * self._moved(X, here, name) if name else 0.0)  # fmt: skip
 
     def _moved(self, X: Array, here: dict[str, float], name: str) -> float:
         """Derivative of the clearance in a parameter that moves the corner."""
         if name == "Omega":
             return 0.0
+        h = _STEP * (abs(here[name]) or 1.0)
         ends: list[tuple[float, float]] = []
-        for there in nearby(here, name):
+        for value in (here[name] + h, here[name] - h):
             try:
-                value = self.problem.clearance(X, **there)
+                ends.append((value, float(self.problem.clearance(X, **{**here, name: value})[self.which])))
             except ValueError:
-                there, value = here, self.problem.clearance(X, **here)
-            ends.append((there[name], float(value[self.which])))
+                ends.append((here[name], float(self.problem.clearance(X, **here)[self.which])))
         return (ends[0][1] - ends[1][1]) / (ends[0][0] - ends[1][0])
 
 
@@ -391,20 +412,24 @@ class Peak(Augmented):
         g = float(slope @ t[:n])
         z = la.lu_solve(lu, np.append(slope, 0.0), trans=1)[:n]
         h = _STEP * max(1e-3, float(np.linalg.norm(X))) / max(float(np.linalg.norm(t)), 1e-12)
-        sides = []
+        ends = []
         for s in (h, -h):
             there = {**here, self.parameter: here[self.parameter] + s * t[n]}
             side = linearise(self.problem, X + s * t[:n], self.parameter, there)
-            sides.append(np.column_stack([side.dR_dX, side.dR_dp]))
-        bend = z @ (sides[0] - sides[1]) / (2 * h)
+            ends.append(np.column_stack([side.dR_dX, side.dR_dp]))
+        bend = z @ (ends[0] - ends[1]) / (2 * h)
         weight = self._weighted(now.size, 1.0 + abs(float(slope @ X)))
         g_X, g_p = weight * (self.S * t[:n] - bend[:n]), -weight * float(bend[n])
-        return Extra(now, weight * g, g_X, g_p, weight * self._along(X, here, name, z, t) if name else 0.0)
+        if not name:
+            return Extra(now, None, weight * g, g_X, g_p, 0.0)
+        R_name, moved = self._along(X, here, name, z, t)
+        return Extra(now, R_name, weight * g, g_X, g_p, -weight * moved)
 
-    def _along(self, X: Array, here: dict[str, float], name: str, z: Array, t: Array) -> float:
-        """-z^T d[J R_p]/dname t by central difference."""
+    def _along(self, X: Array, here: dict[str, float], name: str, z: Array, t: Array) -> tuple[Array, float]:
+        """dR/dname, and z^T d[J R_p]/dname t by central difference."""
+        h = _STEP * (abs(here[name]) or 1.0)
         values = []
-        for there in nearby(here, name):
-            side = linearise(self.problem, X, self.parameter, there)
-            values.append((there[name], float(z @ (side.dR_dX @ t[:-1] + side.dR_dp * t[-1]))))
-        return -(values[0][1] - values[1][1]) / (values[0][0] - values[1][0])
+        for value in (here[name] + h, here[name] - h):
+            side = linearise(self.problem, X, self.parameter, {**here, name: value})
+            values.append((side.R, float(z @ (side.dR_dX @ t[:-1] + side.dR_dp * t[-1]))))
+        return (values[0][0] - values[1][0]) / (2 * h), (values[0][1] - values[1][1]) / (2 * h)

@@ -114,6 +114,7 @@ class Structure:
         self._scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=1.0) or 1.0))
         self._check_mass()
         self.free = self._null(self.K)
+        self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
         self._check_balance()
         modes = self.modes = self._decompose()
         self._residues = (modes.output.T[:, :, None] * modes.input[:, None, :]).reshape(-1, self.m**2)
@@ -142,16 +143,14 @@ class Structure:
                 "give it a mass or eliminate it from M, C and K"
             )
 
-    def _null(self, A: Array, transposed: bool = False) -> Array:
-        scaled = A * np.outer(self._scale, self._scale)
-        return self._scale[:, None] * _null_space(scaled.T if transposed else scaled)
+    def _null(self, A: Array) -> Array:
+        return self._scale[:, None] * _null_space(A * np.outer(self._scale, self._scale))
 
     def _check_balance(self) -> None:
-        held = self._null(self.K, transposed=True)
         for load in self.system.load:
             if load.constant is None:
                 continue
-            for r in held.T:
+            for r in self.free_left.T:
                 work = r * np.asarray(load.constant)
                 if abs(work.sum()) > _BALANCED * np.abs(work).sum():
                     raise UnbalancedLoad(self._describe_unbalance(r, float(work.sum())))
@@ -167,12 +166,9 @@ class Structure:
 
     def _decompose(self) -> Modes:
         """Eigen-decomposition of the state matrix without the free motions that neither springs nor dampers hold."""
-        n, M, K, C = self.n, self.M, self.K, self.C
-        unheld = np.vstack([K / (np.abs(K).max() or 1.0), C / (np.abs(C).max() or 1.0)])
-        free = self._scale[:, None] * _null_space(unheld * self._scale)
+        M, K, C = self.M, self.K, self.C
+        free, free_left = self._undamped(self.free, C), self._undamped(self.free_left, C.T)
         if free.shape[1]:
-            left = np.vstack([K.T / (np.abs(K).max() or 1.0), C.T / (np.abs(C).max() or 1.0)])
-            free_left = self._scale[:, None] * _null_space(left * self._scale)
             B = self._scale[:, None] * _null_space((free_left.T @ M) * self._scale)
             T = self._scale[:, None] * _null_space((free.T @ M.T) * self._scale)
         else:
@@ -189,9 +185,17 @@ class Structure:
         output, input_ = self.W.T @ right, left_vectors @ self.W
         # a pole at zero that is left belongs to a drift that no element feels; it carries no receptance
         keep = np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)
-        return Modes(
-            poles[keep], right[:, keep], left_vectors[keep], output[:, keep], input_[keep], float(np.linalg.cond(V))
-        ) if n else Modes(*(np.zeros(0),) * 5, 0.0)  # type: ignore[arg-type]
+        condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1))
+        return Modes(poles[keep], right[:, keep], left_vectors[keep], output[:, keep], input_[keep], condition)
+
+    def _undamped(self, free: Array, C: Array) -> Array:
+        """The free motions that no damper feels either."""
+        if not free.shape[1] or not np.any(C):
+            return free
+        felt = (C @ free) * self._scale[:, None] / (np.abs(C) * np.outer(self._scale, self._scale)).max()
+        _, s, vt = la.svd(felt / np.linalg.norm(free / self._scale[:, None], axis=0))
+        held = np.concatenate([s, np.zeros(vt.shape[0] - s.size)]) > 1e-9
+        return free @ vt[~held].T
 
     def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
         """D(w)^-1 rhs; at w = 0 the solution without free motion."""

@@ -85,7 +85,9 @@ def _root(arc: Arc, kind: str, test: Callable[[Row], float], note: str = "") -> 
         return test(rows[s])
 
     try:
-        s = float(brentq(value, 0.0, 1.0, xtol=1e-14, rtol=1e-13, maxiter=60))
+        # at a turning point an error in s enters the parameter squared
+        fine = 1e-9 if kind in ("LP", "CP") else 1e-13
+        s = float(brentq(value, 0.0, 1.0, xtol=fine, rtol=fine, maxiter=60))
         return Found(kind, s, rows[s], True, note)
     except (NoConvergence, np.linalg.LinAlgError, ValueError, RuntimeError):
         f0, f1 = abs(test(arc.a)), abs(test(arc.b))

@@ -1,15 +1,26 @@
-"""What all tests share: one thread for linear algebra, and helpers from this folder (``cross.shooting``)."""
+"""What all tests share: one thread for linear algebra, random numbers, differences. This folder is on the path, so that
+tests anywhere can ``from cross.shooting import ...``."""
 
 import os
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
-import numpy as np
-import pytest
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
 
 
 @pytest.fixture
 def rng():
     """Random numbers that are the same in every run."""
     return np.random.default_rng(2022)
+
+
+@pytest.fixture
+def slope():
+    """Fourth-order central difference of a function of one number (or along a direction, f(x + h direction))."""
+
+    def difference(f, x=0.0, h=1e-3):
+        return (8 * (f(x + h) - f(x - h)) - (f(x + 2 * h) - f(x - 2 * h))) / (12 * h)
+
+    return difference

@@ -190,3 +190,15 @@ def test_as_many_crossings_as_a_polynomial_has_roots(rng):
         z = np.roots(np.concatenate([c[:0:-1] / 2, [c[0].real], np.conj(c[1:]) / 2]))
         roots = np.sort(np.mod(np.angle(z[np.abs(np.abs(z) - 1) < 1e-9]), 2 * np.pi))
         np.testing.assert_allclose(problem.switching(X, Omega=1.0).theta, roots, atol=1e-10)
+
+
+def test_three_crossings_between_two_samples():
+    """sin^3 - delta^2 sin crosses zero three times within a cell of the grid; missing two makes the Jacobian jump."""
+    delta, H = 0.03, 3
+    problem = balance(Unilateral(1.0, 0.0), H=H)
+    at = 20.5 * 2 * np.pi / problem.N
+    # sin^3 x = (3 sin x - sin 3x) / 4
+    c = np.array([0, -1j * (0.75 - delta**2), 0, 0.25j]) * np.exp(-1j * at * np.arange(H + 1))
+    found = problem.switching(to_real(c), Omega=1.0)
+    near = found.theta[np.abs(found.theta - at) < 0.1]
+    np.testing.assert_allclose(near, at + np.arcsin([-delta, 0.0, delta]), atol=1e-9)

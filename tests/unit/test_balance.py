@@ -1,0 +1,307 @@
+"""Residual, Jacobian and results of the harmonic balance."""
+
+import pickle
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from hbgear import (
+    Backlash,
+    Cubic,
+    DoubleHelicalPair,
+    Duffing,
+    Element,
+    HarmonicBalance,
+    Law,
+    Load,
+    Model,
+    NoConvergence,
+    Series,
+    SpurPair,
+    System,
+    Unilateral,
+)
+from hbgear.balance import grown
+from hbgear.fourier import derive, evaluate, stretch, to_complex, to_real
+
+OMEGA = 0.83
+TAU = 2 * np.pi * np.arange(256) / 256
+
+
+@dataclass(frozen=True)
+class Drag(Law):
+    """A law of displacement, velocity and phase: p = c d^2 v + (1 + cos(tau) / 2) d + v^3 / 10."""
+
+    c: float = 0.3
+
+    @property
+    def reference(self):
+        return 1.0
+
+    def force(self, d, v, tau):
+        k = 1 + 0.5 * np.cos(tau)
+        return self.c * d * d * v + k * d + 0.1 * v**3, 2 * self.c * d * v + k, self.c * d * d + 0.3 * v * v
+
+
+def three_masses():
+    """Three coordinates, three laws of different kinds, prescribed displacement, an unbalance and a constant load."""
+    gap = Backlash(0.6, 1.5, Series(mean=1.0, cosine=(-0.2,)))
+    elements = [
+        Element([1.0, -1.0, 0.0], gap, Series(cosine=(0.1,), sine=(0.0, 0.05)), damping=0.1),
+        Element([0.0, 1.0, 1.0], Cubic(0.3, 0.2)),
+        Element([0.0, 0.0, 1.0], Drag()),
+    ]
+    loads = [Load([0.1, 0.2, -0.1], {1: [0.3, 0, 0]}), Load(sine={2: [0, 0.1, 0.1]}, power=2)]
+    K = [[1.0, -0.3, 0.0], [-0.3, 1.2, -0.2], [0.0, -0.2, 0.8]]
+    return System(np.diag([1.0, 2.0, 0.7]), 0.05 * np.eye(3), K, elements, loads)
+
+
+PROBLEMS = {
+    "duffing": lambda: HarmonicBalance(Duffing(), 6),
+    "spur pair": lambda: HarmonicBalance(SpurPair(eps=(0.2, 0.1)), 6),
+    "spur pair, sampled": lambda: HarmonicBalance(SpurPair(eps=(0.2, 0.1)), 6, sampled=True),
+    "double-helical": lambda: HarmonicBalance(DoubleHelicalPair(stagger=0.5), 4),
+    "three masses": lambda: HarmonicBalance(three_masses(), 5),
+    "three masses, nu = 2": lambda: HarmonicBalance(three_masses(), 6, nu=2),
+}
+# the samples of a sampled law must keep clear of its corners while the difference is taken
+STEP = {"spur pair, sampled": 1e-6}
+
+
+@pytest.fixture(params=PROBLEMS)
+def case(request, rng):
+    """A problem, a rough motion of order one, and the step differences are taken with."""
+    problem = PROBLEMS[request.param]()
+    X = 0.4 * rng.standard_normal(problem.size)
+    X.reshape(problem.m, -1)[:, 0] += 0.7
+    return problem, X, STEP.get(request.param, 1e-5)
+
+
+def test_jacobian_against_differences(case, slope):
+    problem, X, h = case
+    J = problem.evaluate(X, Omega=OMEGA)[1]
+    columns = [slope(lambda x, e=e: problem.residual(X + x * e, Omega=OMEGA), h=h) for e in np.eye(len(X))]
+    scale = max(1.0, np.abs(J).max())
+    np.testing.assert_allclose(J / scale, np.transpose(columns) / scale, atol=1e-7)
+
+
+def test_frequency_derivative_against_differences(case, slope):
+    problem, X, _ = case
+    analytic = problem.linearise(X, "Omega", Omega=OMEGA).dR_dp
+    expected = slope(lambda Omega: problem.residual(X, Omega=Omega), OMEGA, 1e-4)
+    np.testing.assert_allclose(analytic, expected, rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["zeta", "F_m", "b", "eps_scale", "e_scale"])
+def test_parameter_derivative_against_differences(name, rng, slope):
+    problem = HarmonicBalance(SpurPair(eps=(0.2, 0.1)), 6)
+    X, value = 0.4 * rng.standard_normal(problem.size), problem.parameters[name]
+    found = problem.linearise(X, name, Omega=OMEGA).dR_dp
+    expected = slope(lambda x: problem.residual(X, Omega=OMEGA, **{name: x}), value, 1e-4)
+    np.testing.assert_allclose(found, expected, atol=1e-7)
+    assert np.linalg.norm(expected) > 1e-3
+
+
+def test_parameter_derivative_at_the_end_of_its_range():
+    """zeta must not be negative; at zero the difference is one-sided."""
+    problem = HarmonicBalance(Duffing(zeta=0.0), 1)
+    found = problem.linearise(np.array([0.0, 0.5, 0.2]), "zeta", Omega=OMEGA).dR_dp
+    np.testing.assert_allclose(found, [0, 2 * OMEGA * 0.2, -2 * OMEGA * 0.5], atol=1e-8)
+
+
+def imbalance(problem, X):
+    """Left minus right side of the equations of motion (n, T) along a motion, with nothing of the balance but it."""
+    system, nu = problem.model.system(), problem.nu
+    q = to_complex(problem.motion(X, Omega=OMEGA))
+    omega = OMEGA / nu
+    q0, q1, q2 = (omega**o * evaluate(to_real(derive(q, o)), TAU) for o in range(3))
+    F = np.zeros_like(q0)
+    for load in system.load:
+        for order, amplitude in load.complex(system.n).items():
+            F += OMEGA**load.power * (amplitude[:, None] * np.exp(1j * order * nu * TAU)).real
+    left = system.M @ q2 + system.C @ q1 + system.K @ q0 - F
+    for element, row in zip(system.elements, X.reshape(problem.m, -1), strict=True):
+        e = stretch(element.displacement.row(), nu)
+        d = element.direction @ q0 - evaluate(e, TAU)
+        v = element.direction @ q1 - omega * evaluate(e, TAU, 1)
+        np.testing.assert_allclose(d, evaluate(row, TAU), atol=1e-9)
+        p = element.law.force(d, v, nu * TAU)[0] + element.damping * v
+        left += np.outer(element.direction, p)
+    return left
+
+
+@pytest.mark.parametrize("name", ["duffing", "spur pair, sampled", "three masses", "three masses, nu = 2"])
+def test_a_solution_solves_the_equations_of_motion(name):
+    """At a zero of R nothing is left of the equations of motion in harmonics 0..H."""
+    problem = PROBLEMS[name]()
+    problem = HarmonicBalance(problem.model, problem.H, samples=256, nu=problem.nu, sampled=True)
+    X = problem.start(OMEGA)
+    rest = np.fft.rfft(imbalance(problem, X))[:, : problem.H + 1] / len(TAU)
+    np.testing.assert_allclose(rest, 0, atol=1e-9)
+
+
+def test_mesh_forces_accelerate_the_masses():
+    """The gap carries the difference between load and inertia: q'' = F_m - mesh force."""
+    problem = HarmonicBalance(SpurPair(eps=(0.2,)), 8)
+    X = problem.start(1.6)
+    q = to_complex(problem.motion(X, Omega=1.6))
+    force = to_complex(problem.mesh_forces(X, Omega=1.6))
+    expected = -(1.6**2) * derive(q, 2)
+    expected[:, 0] += 0.1
+    np.testing.assert_allclose(force, expected, atol=1e-10)
+
+
+def test_parameters_given_are_those_of_the_model(rng):
+    """evaluate(zeta=...) is the balance of the changed model, and leaves no trace."""
+    problem = HarmonicBalance(DoubleHelicalPair(), 4)
+    X = 0.4 * rng.standard_normal(problem.size)
+    before = problem.evaluate(X, Omega=OMEGA)
+    for name, value in {"zeta": 0.2, "W": 0.4, "torque": 2000.0, "I_p": 0.02, "e_scale": 0.0, "b_c": 3e-5}.items():
+        changed = HarmonicBalance(DoubleHelicalPair(**{name: value}), 4).evaluate(X, Omega=OMEGA)
+        for a, b in zip(problem.evaluate(X, Omega=OMEGA, **{name: value}), changed, strict=True):
+            np.testing.assert_array_equal(a, b)
+        assert not np.allclose(changed[0], before[0], rtol=1e-6)
+    for a, b in zip(problem.evaluate(X, Omega=OMEGA), before, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_many_parameter_sets_and_frequencies_in_turn(rng):
+    """The caches of compiled models never hand out the wrong one."""
+    problem = HarmonicBalance(SpurPair(), 4)
+    X = rng.standard_normal(problem.size)
+    visits = [(w, z) for z in np.linspace(0.01, 0.3, 12) for w in (0.7, 1.1)]
+    first = [problem.residual(X, Omega=w, zeta=z) for w, z in visits]
+    for i in rng.permutation(len(visits)):
+        w, z = visits[i]
+        np.testing.assert_array_equal(problem.residual(X, Omega=w, zeta=z), first[i])
+
+
+def test_two_balances_share_nothing(rng):
+    X = rng.standard_normal(9)
+    alone = HarmonicBalance(SpurPair(), 4).evaluate(X, Omega=OMEGA)[0]
+    a, b = HarmonicBalance(SpurPair(), 4), HarmonicBalance(SpurPair(zeta=0.3), 4)
+    b.evaluate(X, Omega=OMEGA)
+    kept = a.evaluate(X, Omega=OMEGA)[0]
+    a.evaluate(2 * X, Omega=1.1)
+    np.testing.assert_array_equal(kept, alone)
+    again = pickle.loads(pickle.dumps(a))
+    np.testing.assert_array_equal(again.evaluate(X, Omega=OMEGA)[0], alone)
+
+
+def test_arguments_are_not_changed(rng):
+    problem = HarmonicBalance(three_masses(), 4)
+    X = rng.standard_normal(problem.size)
+    X.flags.writeable = False
+    problem.evaluate(X, Omega=OMEGA)
+    problem.observe(X, Omega=OMEGA)
+    problem.motion(X, Omega=OMEGA)
+
+
+def test_regime_clearance_and_switching():
+    """d = 0.4 + 1.5 cos(theta) against corners at -1 and 1: both are crossed."""
+    problem = HarmonicBalance(SpurPair(), 2)
+    X = np.array([0.4, 1.5, 0, 0, 0])
+    np.testing.assert_allclose(problem.clearance(X, Omega=1.0), [-0.1, 2.9, -2.1, 0.9], atol=1e-14)
+    assert problem.clearance_names[3] == "highest of gap at 1"
+    expected = np.concatenate([np.arccos([-1.4 / 1.5, 0.6 / 1.5]), -np.arccos([-1.4 / 1.5, 0.6 / 1.5]) + 2 * np.pi])
+    np.testing.assert_allclose(np.sort(problem.switching(X, Omega=1.0).theta), np.sort(expected), atol=1e-14)
+    for mean, regime in ((0.4, 2), (1.0, 1), (3.0, 0), (0.6, 1), (-3.0, 0)):
+        X[0] = mean
+        assert problem.regime(X, Omega=1.0) == [regime]
+    assert problem.regime(np.array([0, 0.5, 0, 0, 0]), Omega=1.0) == [0]
+
+
+def test_truncation_estimate_predicts_the_error():
+    """The estimate at H = 10 against the difference to H = 80, at a contact-loss motion."""
+    coarse, fine = HarmonicBalance(SpurPair(), 10), HarmonicBalance(SpurPair(), 80)
+    X = _traced(coarse)
+    x = _traced(fine)
+    error = np.sqrt(0.5 * np.sum((x - np.pad(X, (0, len(x) - len(X))))[1:] ** 2))
+    assert error / 4 < coarse.truncation(X, Omega=0.78) < 4 * error
+    assert fine.truncation(x, Omega=0.78) < error / 100
+
+
+def _traced(problem):
+    """The upper motion at Omega = 0.78, reached from above in small steps."""
+    from hbgear.newton import solve
+
+    X = problem.start(1.5)
+    for Omega in np.linspace(1.5, 0.78, 30):
+        X = solve(problem, X, {"Omega": Omega}).X
+    return X
+
+
+def test_one_harmonic_of_every_model():
+    for model, Omega in ((Duffing(), 1.5), (SpurPair(), 1.5), (DoubleHelicalPair(e=(0.03,), eps=(0.1,)), 1.5)):
+        problem = HarmonicBalance(model, 1)
+        X = problem.start(Omega)
+        assert np.linalg.norm(problem.residual(X, Omega=Omega)) < 1e-9
+        assert problem.observe(X, Omega=Omega)["multipliers"].size > 0
+
+
+def test_smooth_means_no_sampled_corner():
+    assert HarmonicBalance(Duffing(), 3).smooth
+    assert HarmonicBalance(SpurPair(), 3).smooth
+    assert not HarmonicBalance(SpurPair(), 3, sampled=True).smooth
+
+
+def test_higher_order_in_time_holds_the_same_motion():
+    problem = HarmonicBalance(SpurPair(), 5)
+    X = problem.start(1.5)
+    doubled = problem.with_order(2)
+    assert (doubled.nu, doubled.H) == (2, 10)
+    Y = grown(X, problem.layout, doubled.H, 2)
+    np.testing.assert_allclose(doubled.residual(Y, Omega=1.5), 0, atol=1e-10)
+    assert np.all(Y.reshape(-1)[3::4] == 0)
+    with pytest.raises(ValueError, match="nu = 2 is not periodic with nu = 3"):
+        grown(Y, doubled.layout, 9, 3)
+
+
+def test_start_says_where_it_failed():
+    """x'' = -x - 1 + ... without any equilibrium: a spring that only pushes away from where the load presses."""
+    gap = Element([1.0], Unilateral(1.0, 0.0), damping=0.1)
+    problem = HarmonicBalance(System([[1.0]], None, [[0.0]], [gap], Load([-0.1], {1: [0.1]})), 3)
+    with pytest.raises(NoConvergence, match="Omega = 0.9") as caught:
+        problem.start(0.9)
+    assert caught.value.X.shape == (7,) and caught.value.residuals and caught.value.parameters == {"Omega": 0.9}
+
+
+@dataclass(frozen=True)
+class Unfinished(Model):
+    zeta: float = 0.1
+
+    def system(self):
+        return Duffing(zeta=self.zeta).system()
+
+
+def test_a_model_of_the_user():
+    problem = HarmonicBalance(Unfinished(), 3)
+    assert problem.parameters == {"zeta": 0.1}
+    X = problem.start(0.5)
+    np.testing.assert_allclose(X, HarmonicBalance(Duffing(zeta=0.1), 3).start(0.5), atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: HarmonicBalance("duffing"), TypeError, "needs a model .* got str"),
+        (lambda: HarmonicBalance(Duffing(), 0), ValueError, "harmonics = 0 must be a whole number of at least 1"),
+        (lambda: HarmonicBalance(Duffing(), 2.5), ValueError, "harmonics = 2.5"),
+        (lambda: HarmonicBalance(Duffing(), 3, nu=0), ValueError, "nu = 0"),
+        (lambda: HarmonicBalance(Duffing(), 8, 16), ValueError, "N = 16 samples cannot resolve H = 8 harmonics; need N >= 17"),
+        (lambda: HarmonicBalance(Duffing(), 3).check_parameter("zetta"), KeyError, "Duffing has no parameter 'zetta'; did you mean 'zeta'"),
+        (lambda: HarmonicBalance(Duffing(), 3).evaluate(np.zeros(7), Omega=1.0, zetta=1), KeyError, "did you mean 'zeta'"),
+        (lambda: HarmonicBalance(Duffing(), 3).evaluate(np.zeros(7), Omega=1.0, zeta=-1.0), ValueError, "must not be negative"),
+        (lambda: HarmonicBalance(Duffing(), 3).evaluate(np.zeros(7), Omega=1.0, zeta=np.nan), ValueError, "finite"),
+        (lambda: HarmonicBalance(Duffing(), 3).evaluate(np.zeros(8), Omega=1.0), ValueError, "8 .*7"),
+    ],
+)  # fmt: skip
+def test_bad_input(make, error, message):
+    with pytest.raises(error, match=message):
+        make()
+
+
+def test_excitation_above_the_harmonics_is_warned_of():
+    with pytest.warns(UserWarning, match="the excitation has 3 harmonics but H = 2 with nu = 1 keeps only 2"):
+        HarmonicBalance(DoubleHelicalPair(), 2)
