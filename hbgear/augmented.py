@@ -257,6 +257,19 @@ class Fold(Augmented):
             g_p, -k * float(w @ there.dJ @ v) if there else 0.0,
         )  # fmt: skip
 
+    def direction(self, U: Array, **parameters: float) -> int:
+        """+1 if the motions of this fold exist below it only, -1 if above: the sense in which a sweep meets it.
+
+        Along the curve p'' = -(w^T R_XX v v) / (w^T R_p) at a fold.
+        """
+        X, own = self.split(U)
+        here = {**parameters, **own}
+        now = linearise(self.problem, X, self.parameter, here)
+        v, w, _ = _Borders(now.dR_dX).null(now.dR_dX)
+        h = _STEP * max(1e-3, float(np.linalg.norm(X))) / float(np.linalg.norm(v))
+        plus, minus = (self.problem.evaluate(X + s * h * v, **here)[1] for s in (1, -1))
+        return 1 if float(w @ (plus - minus) @ v) * float(w @ now.dR_dp) > 0 else -1
+
     def _matrix(self, X: Array, here: Mapping[str, float]) -> Array:
         return self.problem.evaluate(X, **here)[1]
 

@@ -355,6 +355,32 @@ class Branch:
                 savemat(handle, _matlab(self), long_field_names=True, do_compression=True, oned_as="column")
 
 
+def joined(back: Branch, forth: Branch) -> Branch:
+    """Two traces that left one point in opposite directions, as one branch from the end of back to that of forth.
+
+    Special points are numbered anew along it; the status is that of the worse end.
+    """
+    n = len(back)
+    arrays = {
+        name: np.concatenate([getattr(back, name)[::-1], getattr(forth, name)[1:]])
+        for name in ("values", "X", "iterations", "residual", "regime", "error", "step")
+    }
+    both = back.multipliers is not None and forth.multipliers is not None
+    points = [dataclasses.replace(p, index=n - 1 - p.index) for p in reversed(back.special)]
+    points += [dataclasses.replace(p, index=n - 1 + p.index) for p in forth.special]
+    count: dict[str, int] = {}
+    special = []
+    for p in points:
+        count[p.kind] = count.get(p.kind, 0) + 1
+        special.append(dataclasses.replace(p, label=f"{p.kind}{count[p.kind]}"))
+    worse = back if not back.status.complete else forth
+    return dataclasses.replace(
+        forth, **arrays, special=tuple(special), jump_records=(), status=worse.status, message=worse.message,
+        tracked={k: np.concatenate([back.tracked[k][::-1], x[1:]]) for k, x in forth.tracked.items()},
+        multipliers=np.concatenate([back.multipliers[::-1], forth.multipliers[1:]]) if both else None,
+    )  # fmt: skip
+
+
 def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
     """Read a branch written by `Branch.save`; give the problem too if degrees of freedom are wanted.
 

@@ -1,0 +1,347 @@
+"""Jump maps and critical values: where jumps are, and for which design they vanish.
+
+A jump is a fold of the response curve. Its frequency as a function of a design parameter is a fold curve; where the two
+folds of a jump meet, at a cusp of that curve, the jump appears or vanishes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hbgear.augmented import Fold
+from hbgear.balance import HarmonicBalance
+from hbgear.branch import Branch, Point, SpecialPoint, joined
+from hbgear.fourier import Array
+from hbgear.model import Model
+from hbgear.newton import NoConvergence, solve
+from hbgear.trace import Steps, trace
+
+Report = Callable[[str], None]
+
+
+class NoFold(ValueError):
+    """A critical value was asked for, but no jump was found at any value tried."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A piece of a fold curve on which the parameter is monotonic.
+
+    values, Omega (P,): the parameter, ascending, and the jump frequency; direction: +1 if a sweep jumps there while
+    Omega rises, -1 while it falls.
+    """
+
+    values: Array
+    Omega: Array
+    direction: int
+
+    def at(self, value: float) -> float:
+        """Jump frequency at a value of the parameter; nan outside the arm."""
+        return float(np.interp(value, self.values, self.Omega, left=math.nan, right=math.nan))
+
+
+@dataclass(frozen=True)
+class JumpMap:
+    """Jump frequencies against a design parameter.
+
+    Parameters
+    ----------
+    parameter, span : the design parameter and its range.
+    folds : the fold curves, each a `Branch` in the parameter with Omega in ``tracked``.
+    arms : their monotonic pieces.
+    labels : axis labels of the model.
+    """
+
+    parameter: str
+    span: tuple[float, float]
+    folds: tuple[Branch, ...]
+    arms: tuple[Arm, ...]
+    labels: dict[str, str]
+
+    @property
+    def cusps(self) -> tuple[SpecialPoint, ...]:
+        """Where jumps appear or vanish."""
+        return tuple(p for fold in self.folds for p in fold.special if p.kind == "CP")
+
+    def jumps_at(self, value: float) -> list[tuple[float, int]]:
+        """(Omega, direction) of every jump at a value of the parameter, ascending in Omega."""
+        found = [(arm.at(value), arm.direction) for arm in self.arms]
+        return sorted((Omega, direction) for Omega, direction in found if not math.isnan(Omega))
+
+    def several_motions(self, value: float) -> list[tuple[float, float]]:
+        """Intervals of Omega in which the traced curve holds several motions at a value of the parameter."""
+        out, count, start = [], 0, 0.0
+        for Omega, direction in self.jumps_at(value):
+            before, count = count, count - direction
+            if before <= 0 < count:
+                start = Omega
+            elif count <= 0 < before:
+                out.append((start, Omega))
+        return out
+
+
+def jump_map(
+    model: Model | HarmonicBalance,
+    parameter: str,
+    span: tuple[float, float],
+    *,
+    frequencies: tuple[float, float] | None = None,
+    harmonics: int = 12,
+    seeds: int = 3,
+    steps: Steps = Steps(),  # noqa: B008
+    report: Report | None = None,
+) -> JumpMap:
+    """Jump-up and jump-down frequencies against a design parameter.
+
+    Response curves at ``seeds`` values across the span give the folds; each is followed in the parameter as far as it
+    goes. A fold curve that no seed meets is missed: use more seeds where jumps come and go.
+
+    Parameters
+    ----------
+    model : a model, or a `HarmonicBalance` whose settings are to be used.
+    parameter : float field of the model.
+    span : its range.
+    frequencies : range of Omega of the response curves; the model's by default.
+    harmonics : used if a model is given.
+    seeds : number of response curves, at least 2.
+    report : called with a line of text as work goes on.
+
+    Raises
+    ------
+    ValueError
+        If the parameter is Omega, the span empty, or seeds < 2.
+    KeyError
+        If the model has no such parameter.
+    """
+    problem = _problem(model, harmonics)
+    _check(problem, parameter)
+    low, high = sorted(map(float, span))
+    if not (math.isfinite(low) and math.isfinite(high)) or low == high:
+        raise ValueError(f"span = {span}: need two different finite values of {parameter}")
+    if seeds < 2:
+        raise ValueError(f"seeds = {seeds}: need at least 2 response curves")
+    folds: list[Branch] = []
+    for value in _spread(low, high, seeds):
+        say(report, f"response curve at {parameter} = {value:.5g}")
+        for point in _folds_at(problem, parameter, value, frequencies):
+            if not any(_known(problem, fold, point, parameter) for fold in folds):
+                say(report, f"fold at Omega = {point.parameters['Omega']:.5g}, followed in {parameter}")
+                folds.append(_fold_curve(problem, parameter, (low, high), point, steps))
+    arms = tuple(arm for fold in folds for arm in _arms(problem, fold))
+    return JumpMap(parameter, (low, high), tuple(folds), arms, dict(problem.model.labels))
+
+
+@dataclass(frozen=True)
+class Critical:
+    """A critical value: where a jump appears or vanishes.
+
+    value, Omega : the parameter and the frequency of the cusp.
+    point : the motion there.
+    folds : the fold curve it was found on.
+    jump_below : whether the jump exists below the value (else above).
+    others : further cusps met, as (value, Omega).
+    """
+
+    parameter: str
+    value: float
+    Omega: float
+    point: SpecialPoint
+    folds: Branch
+    jump_below: bool
+    others: tuple[tuple[float, float], ...] = ()
+
+
+def critical(
+    model: Model | HarmonicBalance,
+    parameter: str,
+    *,
+    frequencies: tuple[float, float] | None = None,
+    harmonics: int = 16,
+    report: Report | None = None,
+) -> Critical:
+    """The value of a parameter at which a jump appears or vanishes, nearest to the model's own value.
+
+    The response curve of the model is searched for folds; if it has none, those of ever more distant values of the
+    parameter on either side. Each fold is followed in the parameter to its cusp.
+
+    Parameters
+    ----------
+    model : a model, or a `HarmonicBalance` whose settings are to be used.
+    parameter : float field of the model.
+    frequencies : range of Omega; the model's by default.
+    harmonics : used if a model is given.
+    report : called with a line of text as work goes on.
+
+    Raises
+    ------
+    NoFold
+        If no value tried has a fold, or no fold curve a cusp; the message gives the steepest slope of the amplitude.
+    KeyError, ValueError
+        If the model has no such parameter, or it is Omega.
+    """
+    problem = _problem(model, harmonics)
+    _check(problem, parameter)
+    own = problem.parameters[parameter]
+    tried: list[float] = []
+    slope = ""
+    for value in _search(own):
+        try:
+            curve = _curve(problem, parameter, value, frequencies)
+        except (ValueError, NoConvergence):
+            continue
+        say(report, f"response curve at {parameter} = {value:.5g}: {_count_folds(curve)}")
+        tried.append(value)
+        slope = slope or _steepest(curve)
+        found = _cusps_from(problem, parameter, own, curve, report)
+        if found:
+            point, fold, below = min(found, key=lambda f: abs(f[0].parameters[parameter] - own))
+            others = [(p.parameters[parameter], p.parameters["Omega"]) for p, *_ in found if p is not point]
+            return Critical(
+                parameter, point.parameters[parameter], point.parameters["Omega"], point, fold, below, tuple(others)
+            )
+    raise NoFold(
+        f"no jump that appears or vanishes with {parameter} was found between {parameter} = {min(tried, default=own):.5g} "
+        f"and {max(tried, default=own):.5g}; {slope}. Try another parameter, or a model nearer to a jump"
+    )
+
+
+def say(report: Report | None, text: str) -> None:
+    """Pass a line of progress on."""
+    if report:
+        report(text)
+
+
+def _problem(model: Model | HarmonicBalance, harmonics: int) -> HarmonicBalance:
+    return model if isinstance(model, HarmonicBalance) else HarmonicBalance(model, harmonics)
+
+
+def _check(problem: HarmonicBalance, parameter: str) -> None:
+    problem.check_parameter(parameter)
+    if parameter == "Omega":
+        raise ValueError(
+            "the design parameter must differ from Omega, which is the frequency of the jumps; choose one of: "
+            + ", ".join(problem.parameters)
+        )
+
+
+def _spread(low: float, high: float, count: int) -> list[float]:
+    """Both ends first, then the values between."""
+    inner = list(np.linspace(low, high, count)[1:-1])
+    return [low, high, *map(float, inner)]
+
+
+def _search(own: float) -> Iterator[float]:
+    """The model's own value, then values ever further away on both sides."""
+    yield own
+    step = abs(own) or 1.0
+    for far in (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9):
+        yield own - far * step
+        yield own + step * (1 / (1 - far) - 1)
+
+
+def _curve(problem: HarmonicBalance, parameter: str, value: float, frequencies: tuple[float, float] | None) -> Branch:
+    span = frequencies or problem.model.default_span
+    return trace(problem, "Omega", span, at={parameter: value}, stability=False)
+
+
+def _folds_at(
+    problem: HarmonicBalance, parameter: str, value: float, frequencies: tuple[float, float] | None
+) -> list[SpecialPoint]:
+    curve = _curve(problem, parameter, value, frequencies)
+    return [p for p in curve.special if p.kind == "LP" and p.located]
+
+
+def _count_folds(curve: Branch) -> str:
+    count = sum(p.kind == "LP" for p in curve.special)
+    return f"{count} folds" if count else "no fold"
+
+
+def _known(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:
+    """Whether a fold lies on a fold curve already traced: solve for the curve's fold at the same value and compare."""
+    value = point.parameters[parameter]
+    x = fold.values - value
+    for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
+        s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
+        Omega = (1 - s) * fold.tracked["Omega"][i] + s * fold.tracked["Omega"][i + 1]
+        if abs(Omega - point.parameters["Omega"]) > 0.05 * Omega:
+            continue
+        U = np.append((1 - s) * fold.X[i] + s * fold.X[i + 1], Omega)
+        try:
+            there = solve(Fold(problem), U, {**fold.parameters_at(int(i)), parameter: value}).X
+        except NoConvergence:
+            continue
+        if abs(there[-1] - point.parameters["Omega"]) < 1e-6 * Omega:
+            return True
+    return False
+
+
+def _fold_curve(
+    problem: HarmonicBalance, parameter: str, span: tuple[float, float], point: Point, steps: Steps
+) -> Branch:
+    """A fold followed both ways, from where it leaves the span to where it leaves it again."""
+    low, high = span
+    value = point.parameters[parameter]
+    forth = trace(Fold(problem), parameter, (low, high), point, steps=steps)
+    if value == low or forth.status == "closed":
+        return forth
+    back = trace(Fold(problem), parameter, (high, low), point, steps=steps)
+    return joined(back, forth) if value != high else back
+
+
+def _arms(problem: HarmonicBalance, fold: Branch) -> list[Arm]:
+    """Monotonic pieces of a fold curve, cut at its cusps."""
+    cuts = [0, *(p.index for p in fold.special if p.kind == "CP"), len(fold) - 1]
+    extended = Fold(problem)
+    out = []
+    for a, b in zip(cuts, cuts[1:], strict=False):
+        if b - a < 1:
+            continue
+        middle = (a + b) // 2 if b - a > 1 else a
+        U = np.append(fold.X[middle], fold.tracked["Omega"][middle])
+        here = {k: v for k, v in fold.parameters_at(middle).items() if k != "Omega"}
+        order = np.argsort(fold.values[a : b + 1])
+        out.append(
+            Arm(
+                fold.values[a : b + 1][order],
+                fold.tracked["Omega"][a : b + 1][order],
+                extended.direction(U, **here),
+            )
+        )
+    return out
+
+
+def _cusps_from(
+    problem: HarmonicBalance, parameter: str, own: float, curve: Branch, report: Report | None
+) -> list[tuple[SpecialPoint, Branch, bool]]:
+    """Cusps reached from the folds of a curve, with the fold curve and whether the jump lies below each."""
+    found: list[tuple[SpecialPoint, Branch, bool]] = []
+    for point in (p for p in curve.special if p.kind == "LP" and p.located):
+        if any(_known(problem, fold, point, parameter) for _, fold, _ in found):
+            continue
+        value = point.parameters[parameter]
+        reach = abs(own) or 1.0
+        for end in (own, value + 5 * reach, value - 5 * reach):
+            if end == value:
+                continue
+            say(report, f"fold at Omega = {point.parameters['Omega']:.5g} followed in {parameter} towards {end:.4g}")
+            far = value + 5 * reach if end > value else value - 5 * reach
+            fold = trace(Fold(problem), parameter, (value, far), point, steps=Steps(first=0.002, longest=0.02))
+            cusp = next((p for p in fold.special if p.kind == "CP" and p.located), None)
+            if cusp is not None:
+                found.append((cusp, fold, bool(fold.values[0] < cusp.parameters[parameter])))
+                break
+    return found
+
+
+def _steepest(curve: Branch) -> str:
+    """The steepest slope of the rms amplitude, in words."""
+    A, Omega = curve.amplitude("rms"), curve.values
+    with np.errstate(all="ignore"):
+        slope = np.diff(A) / np.diff(Omega)
+    i = int(np.nanargmax(np.abs(np.where(np.isfinite(slope), slope, 0.0))))
+    return f"the steepest slope of the rms amplitude is {slope[i]:.3g} at Omega = {0.5 * (Omega[i] + Omega[i + 1]):.5g}"
