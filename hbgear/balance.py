@@ -28,6 +28,9 @@ from hbgear.receptance import Receptance, Structure
 from hbgear.stability import multipliers
 
 
+_FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
+
+
 @dataclass(frozen=True)
 class Forces:
     """Law forces of one iterate.
@@ -91,11 +94,13 @@ class HarmonicBalance:
     Parameters
     ----------
     model : `Model` (any gear pair, oscillator or `System`).
-    harmonics : H, number of harmonics of the basis frequency Omega / nu.
+    harmonics : H, number of harmonics of the basis frequency Omega / nu; or "auto": a trace then raises and lowers H
+        from row to row so that the estimated truncation error stays below ``tolerance``.
     samples : N per basis period, for laws that are sampled and as the grid that brackets contact instants;
         by default the next fast length above 8H (at least 64), or 64H (at least 1024) if piecewise-linear laws are sampled.
     nu : subharmonic order; 2 for period-doubled motions.
     sampled : sample piecewise-linear laws too instead of projecting them exactly (a cross-check).
+    tolerance : largest estimated truncation error (rms of the gap motion) with ``harmonics="auto"``.
 
     Raises
     ------
@@ -109,14 +114,20 @@ class HarmonicBalance:
     """
 
     def __init__(
-        self, model: Model, harmonics: int = 16, samples: int | None = None, nu: int = 1, sampled: bool = False
-    ) -> None:
+        self, model: Model, harmonics: int | str = 16, samples: int | None = None, nu: int = 1,
+        sampled: bool = False, tolerance: float = 1e-6,
+    ) -> None:  # fmt: skip
         if not isinstance(model, Model):
             raise TypeError(f"HarmonicBalance needs a model (hb.System, hb.SpurPair, ...), got {type(model).__name__}")
-        for name, number in (("harmonics", harmonics), ("nu", nu)):
-            if isinstance(number, bool) or int(number) != number or number < 1:
-                raise ValueError(f"{name} = {number} must be a whole number of at least 1")
-        self.model, self.H, self.nu, self.is_sampled = model, int(harmonics), int(nu), bool(sampled)
+        _whole("nu", nu)
+        if harmonics != "auto":
+            _whole("harmonics", harmonics)
+        if not (np.isfinite(tolerance) and tolerance > 0):
+            raise ValueError(f"tolerance = {tolerance} must be positive and finite")
+        self.auto = harmonics == "auto"
+        self.tolerance = float(tolerance)
+        self.model, self.nu, self.is_sampled = model, int(nu), bool(sampled)
+        self.H = _FEWEST * self.nu if self.auto else int(harmonics)
         system = model.system()
         self.m = len(system.elements)
         self.N = int(samples) if samples else next_fast_len(max(64, 8 * self.H), real=True)
@@ -173,7 +184,8 @@ class HarmonicBalance:
         """Model and settings as plain data, for the header of a saved branch."""
         return {
             "model": describe(self.model),
-            "balance": {"harmonics": self.H, "samples": self.N, "nu": self.nu, "sampled": self.is_sampled},
+            "balance": {"harmonics": self.H, "samples": self.N, "nu": self.nu, "sampled": self.is_sampled,
+                        "auto": self.tolerance if self.auto else None},
         }
 
     def check_parameter(self, name: str) -> None:
@@ -185,7 +197,23 @@ class HarmonicBalance:
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
         """The same model with another subharmonic order; by default harmonics reach the same frequency."""
         H = harmonics or self.H * nu // self.nu
-        return HarmonicBalance(self.model, H, nu=nu, sampled=self.is_sampled)
+        out = HarmonicBalance(self.model, H, nu=nu, sampled=self.is_sampled, tolerance=self.tolerance)
+        out.auto, out._structures = self.auto, self._structures
+        return out
+
+    def wanted_harmonics(self, error: float) -> int | None:
+        """Another number of harmonics for a motion with this truncation error; None to keep H, and unless "auto"."""
+        if not self.auto:
+            return None
+        if error > self.tolerance and self.H < _MOST * self.nu:
+            return min(_MOST * self.nu, self.H + max(2, int(0.4 * self.H)))
+        if error < 1e-2 * self.tolerance and self.H > _FEWEST * self.nu:
+            return max(_FEWEST * self.nu, int(0.8 * self.H))
+        return None
+
+    def fitted(self, X: Array) -> Array:
+        """Unknowns of any number of harmonics, cut or padded to this problem's."""
+        return resize(X.reshape(self.m, -1), self.H).ravel()
 
     def _warn_truncated(self, system: System) -> None:
         highest = max([e.displacement.order for e in system.elements] + [load.order for load in system.load])
@@ -510,6 +538,11 @@ def _regime(corners: list[Array], low: Array, high: Array) -> np.ndarray:
 def _apply(Z: ComplexArray, d: ComplexArray) -> ComplexArray:
     """Z_k d_k for Z (H+1, m, m) and d (m, H+1), as (m, H+1)."""
     return (Z @ d.T[..., None])[..., 0].T
+
+
+def _whole(name: str, number: object) -> None:
+    if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
+        raise ValueError(f"{name} = {number!r} must be a whole number of at least 1")
 
 
 def _one_sided(c: ComplexArray) -> ComplexArray:

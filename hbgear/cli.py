@@ -42,7 +42,7 @@ MEANINGS = {
     "PD": "period doubling",
     "NS": "Neimark-Sacker: a second frequency sets in",
     "BP": "branch point: two curves cross",
-    "GR": "grazing: teeth begin or cease to touch or part",
+    "GR": "grazing contact: the impact regime changes",
 }
 
 app = typer.Typer(
@@ -53,7 +53,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-File = Annotated[Path, typer.Argument(help="A curve saved as .npz by hbgear trace -o or Branch.save.")]
+File = Annotated[Path, typer.Argument(metavar="FILE", help="A curve saved as .npz by hbgear trace -o or Branch.save.")]
 Measure = Annotated[str, typer.Option(help="Amplitude: pp2 (half peak-to-peak), rms, max, mean, H1, H2, ...")]
 Element = Annotated[str, typer.Option(help="Which element, by number from 0 or by name.")]
 
@@ -74,7 +74,7 @@ def _run(args: list[str]) -> int:
     except Exception as error:  # what typer says of unknown options and commands; anything else is a bug of ours
         if not hasattr(error, "format_message"):
             raise
-        _say("error", f"{error.format_message()} (hbgear --help, hbgear COMMAND --help)")
+        _say("error", f"{error.format_message().rstrip('.')}; see hbgear --help or hbgear COMMAND --help")
         return BAD_INPUT
 
 
@@ -104,18 +104,24 @@ def models() -> None:
 
 @app.command()
 def trace(
-    model: Annotated[str, typer.Argument(help=f"One of: {', '.join(catalogue.MODELS)}.", show_default=False)],
+    model: Annotated[str, typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.")],
     changes: Annotated[
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Change a field of the model; repeatable.")
     ] = None,
-    parameter: Annotated[str, typer.Option(help="What changes along the curve: Omega or a field of the model.")] = "Omega",
-    first: Annotated[float | None, typer.Option("--from", help="Start of the span.", show_default="the model's")] = None,
+    parameter: Annotated[
+        str, typer.Option(help="What changes along the curve: Omega or a field of the model.")
+    ] = "Omega",
+    first: Annotated[
+        float | None, typer.Option("--from", help="Start of the span.", show_default="the model's")
+    ] = None,
     last: Annotated[float | None, typer.Option("--to", help="End of the span.", show_default="the model's")] = None,
     harmonics: Annotated[int, typer.Option(min=1, help="H, harmonics of the excitation frequency.")] = 16,
     samples: Annotated[
         int | None, typer.Option(min=1, help="N per period, at least 2H+1.", show_default="chosen from H")
     ] = None,
-    sampled: Annotated[bool, typer.Option("--sampled", help="Sample contact forces instead of exact projection.")] = False,
+    sampled: Annotated[
+        bool, typer.Option("--sampled", help="Sample contact forces instead of exact projection.")
+    ] = False,
     at: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter, such as Omega=0.9; repeatable.")
     ] = None,
@@ -123,7 +129,9 @@ def trace(
     element: Element = "0",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the curve to a .png, .pdf or .svg.")] = None,
-    stability: Annotated[bool, typer.Option("--stability/--no-stability", help="Floquet multipliers and jumps.")] = True,
+    stability: Annotated[
+        bool, typer.Option("--stability/--no-stability", help="Floquet multipliers and jumps.")
+    ] = True,
     max_points: Annotated[int, typer.Option(min=2, help="Stop after so many points.")] = hb.Steps().max_points,
 ) -> None:
     """Trace a response curve through its folds; print its special points and jumps.
@@ -134,15 +142,19 @@ def trace(
     for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
         _check_writable(path, allowed)
     machine = catalogue.build(model, **_fields(catalogue.MODELS.get(model), changes or []))
-    span = _span(machine, parameter, first, last)
-    held = {name: _number(f"--at {name}", text) for name, text in _assignments("--at", at or [])}
     problem = hb.HarmonicBalance(machine, harmonics, samples, sampled=sampled)
     problem.check_parameter(parameter)
+    span = _span(machine, parameter, first, last)
+    held = _held(parameter, at or [])
     which = _element(element)
     problem.layout.measure(measure, np.zeros(problem.size), which)  # a wrong name is refused before the work
 
     started = time.perf_counter()
-    branch = _traced(problem, parameter, span, at=held, stability=stability, steps=hb.Steps(max_points=max_points))
+    try:
+        branch = _traced(problem, parameter, span, at=held, stability=stability, steps=hb.Steps(max_points=max_points))
+    except KeyboardInterrupt:  # not within the trace itself, which keeps what it has
+        _say("error", "interrupted while starting or finishing; nothing was kept")
+        raise typer.Exit(STOPPED_EARLY) from None
     seconds = time.perf_counter() - started
     if output:
         branch.save(output) if output.suffix.lower() == ".npz" else branch.export(output)
@@ -183,12 +195,12 @@ def plot_command(
 ) -> None:
     """Draw a saved curve, or the time history, phase diagram and spectrum of one of its points."""
     branch, which = hb.load(file), _element(element)
-    path = output or file.with_name(f"{file.stem}{f'_{point}' if point else ''}.png")
+    chosen = None if point is None else _point(branch, point)
+    path = output or file.with_name(f"{file.stem}{'' if chosen is None else f'_{point}'}.png")
     _check_writable(path, FIGURES)
-    if point is None:
+    if chosen is None:
         _draw(path, lambda drawing: drawing.response(branch, measure, which))
     else:
-        chosen = _point(branch, point)
         print(f"point at {branch.parameter} = {chosen.parameters[branch.parameter]:.8g}")
         _draw(path, lambda drawing: drawing.portrait(chosen, which))
     _wrote(path)
@@ -199,7 +211,7 @@ def plot_command(
 
 def _assignments(option: str, texts: list[str]) -> list[tuple[str, str]]:
     """``name=value`` pairs, each name once."""
-    pairs = []
+    pairs: list[tuple[str, str]] = []
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals and value):
@@ -211,18 +223,34 @@ def _assignments(option: str, texts: list[str]) -> list[tuple[str, str]]:
 
 
 def _fields(cls: type[hb.Model] | None, changes: list[str]) -> dict[str, Any]:
-    """Values of --set, by the types of the model's fields; unknown names are left for the model to refuse."""
-    types = typing.get_type_hints(cls) if cls else {}
-    return {name: _value(f"--set {name}", text, types.get(name)) for name, text in _assignments("--set", changes)}
+    """Values of --set, by the types of the fields of the model; an unknown model has none and is refused later."""
+    if cls is None:
+        return {}
+    types, known = typing.get_type_hints(cls), [f.name for f in dataclasses.fields(cls)]  # type: ignore[arg-type]
+    values = {}
+    for name, text in _assignments("--set", changes):
+        if name not in known:
+            raise KeyError(f"{cls.__name__} has no parameter '{name}'{did_you_mean(name, known)}")
+        values[name] = _value(f"--set {name}", text, types[name])
+    return values
+
+
+def _held(parameter: str, at: list[str]) -> dict[str, float]:
+    """Values of --at."""
+    held = {name: _number(f"--at {name}", text) for name, text in _assignments("--at", at)}
+    if parameter in held:
+        raise ValueError(f"--at {parameter}: it is what changes along the curve; use --from and --to")
+    if parameter != "Omega" and "Omega" not in held:
+        raise ValueError(f"tracing in {parameter} needs a frequency that is held: --at Omega=0.9")
+    return held
 
 
 def _value(what: str, text: str, kind: Any) -> Any:
     """Text as a value of a field's type."""
     if kind is bool:
-        words = {"true": True, "yes": True, "on": True, "1": True, "false": False, "no": False, "off": False, "0": False}
-        if text.lower() not in words:
+        if text.lower() not in ("true", "false"):
             raise ValueError(f"{what}={text}: need true or false")
-        return words[text.lower()]
+        return text.lower() == "true"
     if kind is int:
         try:
             return int(text)
@@ -266,7 +294,7 @@ def _check_writable(path: Path | None, allowed: tuple[str, ...]) -> None:
     if not path.parent.is_dir():
         raise ValueError(f"cannot write '{path}': there is no folder '{path.parent}'; create it first")
     if path.is_dir() or not os.access(path.parent, os.W_OK):
-        what = "it is a folder" if path.is_dir() else f"no permission to write in '{path.parent}'"
+        what = "it is a folder" if path.is_dir() else f"you may not write in '{path.parent}'"
         raise ValueError(f"cannot write '{path}': {what}; give another name")
 
 
@@ -279,7 +307,7 @@ def _point(branch: hb.Branch, text: str) -> hb.Point:
     x = branch.values - value
     low, high = float(branch.values.min()), float(branch.values.max())
     if not low <= value <= high:
-        raise ValueError(f"--point {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}")
+        raise ValueError(f"--point {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there")
     passes = np.flatnonzero(x[:-1] * x[1:] <= 0)
     near = [int(i if abs(x[i]) <= abs(x[i + 1]) else i + 1) for i in passes] or [int(np.argmin(abs(x)))]
     return branch[min(near, key=lambda i: branch[i].stable is not True)]
@@ -329,6 +357,11 @@ def _draw(path: Path, draw: Callable[[Any], Any]) -> None:
 # ---- output
 
 
+def _wrote(*paths: Path | None) -> None:
+    if any(paths):
+        print("wrote", ", ".join(str(path) for path in paths if path))
+
+
 def _print(table: Table) -> None:
     """A table; wide enough for all of it where no terminal sets the width."""
     from rich.console import Console
@@ -372,8 +405,10 @@ def _report_jumps(branch: hb.Branch, measure: str, element: int | str) -> None:
     rows = []
     for jump in branch.jumps():
         speeds = [f"{value:.6g}" for value in _speeds(branch, jump.before).values()]
-        after = "no stable motion on this curve" if jump.after is None else f"{jump.after.amplitude(measure, element):.5g}"
-        before = f"{jump.before.amplitude(measure, element):.5g}"
+        before, after = (
+            "no stable motion on this curve" if end is None else f"{end.amplitude(measure, element):.5g}"
+            for end in (jump.before, jump.after)
+        )
         direction = "increasing" if jump.direction > 0 else "decreasing"
         rows.append([jump.label, f"{jump.value:.8g}", *speeds, direction, before, after])
     headers = ["", branch.parameter, *_speeds(branch, branch[0]), "while", f"{measure} before", f"{measure} after"]
@@ -431,11 +466,10 @@ def _facts(branch: hb.Branch, measure: str) -> Iterator[tuple[str, str]]:
         size = branch.amplitude(measure, j)
         top = branch.values[int(np.nanargmax(size))]
         yield f"{measure} of {name}", f"{size.min():.5g} to {size.max():.5g} (at {branch.parameter} = {top:.6g})"
-    worst = {"residual": np.nanmax(branch.residual), "Newton steps per point": branch.iterations.mean()}
-    yield "worst residual", f"{worst['residual']:.1e} of the forces"
+    yield "worst residual", f"{np.nanmax(branch.residual):.1e} of the forces"
     if not np.isnan(branch.error).all():
         yield "worst error", f"{np.nanmax(branch.error):.1e} rms of the motion, estimated from the harmonics left out"
-    yield "Newton steps", f"{worst['Newton steps per point']:.2f} per point"
+    yield "Newton steps", f"{branch.iterations.mean():.2f} per point"
     yield "hbgear", str(branch.meta.get("hbgear", "unknown"))
 
 
@@ -458,7 +492,7 @@ def _text(value: Any) -> str:
 
 
 def _summary(cls: type) -> str:
-    return inspect.getdoc(cls).splitlines()[0]  # type: ignore[union-attr]
+    return (inspect.getdoc(cls) or "").splitlines()[0].partition(";")[0].rstrip(".")
 
 
 def _equation(cls: type) -> str:
@@ -466,8 +500,5 @@ def _equation(cls: type) -> str:
     for text in (inspect.getdoc(cls), inspect.getdoc(inspect.getmodule(cls))):
         for line in (text or "").partition("\nParameters\n")[0].splitlines():
             if line.startswith("    "):
-                return re.sub(r"\s+", " ", line)
+                return re.sub(r"\s+", " ", line.strip())
     return ""
-
-
-__all__ = ["app", "did_you_mean", "main"]

@@ -227,6 +227,8 @@ class _Tracer:
     def run(self) -> Branch:
         """Trace until something ends it."""
         self.rows = [self.first]
+        self._adapt()
+        self.first = self.rows[0]
         self.step = self.steps.first
         try:
             status, message = self._loop()
@@ -248,8 +250,9 @@ class _Tracer:
                 row = self._final(last, row, end)
             closed = end is None and self._closes(last, row)
             if closed:
-                row = self.first
+                row = self._as_now(self.first)
             merged = self._append(last, row)
+            self._adapt()
             if merged is not None:
                 return Status.MERGED, f"the branch joined the one it came from at {self.name} = {merged:.6g}"
             if self.progress:
@@ -301,7 +304,7 @@ class _Tracer:
         """Change of the unit tangent per arclength over the last step; zero at the start and after a long step."""
         if len(self.rows) < 2:
             return np.zeros_like(last.u)
-        before = self.rows[-2]
+        before = self._as_now(self.rows[-2])
         length = float(np.linalg.norm((last.u - before.u) / self.scale))
         if length < 0.05 * self.step:
             return np.zeros_like(last.u)
@@ -336,6 +339,47 @@ class _Tracer:
             self.problem = self.problem.rebased(row.solution.X, {**self.fixed, self.name: row.value})
         return None
 
+    def _adapt(self) -> None:
+        """Give the last row as many harmonics as its truncation error asks for (``harmonics="auto"``)."""
+        wanted_harmonics = getattr(self.problem, "wanted_harmonics", None)
+        if wanted_harmonics is None:
+            return
+        while True:
+            before = self.problem, self.scale, self.rows[-1]
+            H = wanted_harmonics(self.rows[-1].observed.get("error", 0.0))
+            if H is None or not self._to_harmonics(H):
+                return
+            if before[0].H > H:  # fewer: keep them only if they suffice
+                if self.problem.wanted_harmonics(self.rows[-1].observed["error"]) is not None:
+                    self.problem, self.scale, self.rows[-1] = before
+                return
+            wanted_harmonics = self.problem.wanted_harmonics
+
+    def _to_harmonics(self, H: int) -> bool:
+        """Solve the last row again with H harmonics and go on with that problem; False if that fails."""
+        last = self.rows[-1]
+        problem = self.problem.with_order(self.problem.nu, H)
+        X, direction = problem.fitted(last.solution.X), np.append(problem.fitted(last.tangent[:-1]), last.tangent[-1])
+        scale = np.append(np.full(len(X), self.scale[0]), self.scale[-1])
+        normal = normal_of(direction, scale)
+        normal = normal / np.linalg.norm(normal)
+        try:
+            solution = correct(problem, np.append(X, last.value), normal, self.name, self.fixed, self.settings)
+            row = row_of(solution, normal, scale, last.step)
+        except (NoConvergence, np.linalg.LinAlgError):
+            return False
+        self.problem, self.scale = problem, scale
+        self.rows[-1] = self._observe(row)
+        return True
+
+    def _as_now(self, row: Row) -> Row:
+        """An earlier row in the present number of harmonics."""
+        if len(row.u) == len(self.scale):
+            return row
+        fit = self.problem.fitted
+        u, t = np.append(fit(row.u[:-1]), row.u[-1]), np.append(fit(row.tangent[:-1]), row.tangent[-1])
+        return replace(row, u=u, tangent=t)
+
     # ---- ends
 
     def _end_value(self, row: Row) -> float | None:
@@ -362,13 +406,14 @@ class _Tracer:
         """Whether the piece from last to row passes through the first row, in its direction."""
         if len(self.rows) < 4:
             return False
-        return self._passes(last, row, self.first) and self._cosine(row, self.first) > 0
+        first = self._as_now(self.first)
+        return self._passes(last, row, first) and self._cosine(row, first) > 0
 
     def _runs_back(self, last: Row, row: Row) -> bool:
         """Whether the piece passes through an earlier row in the opposite direction."""
         if len(self.rows) < 4:
             return False
-        earlier = self.rows[:-3]
+        earlier = [self._as_now(r) for r in self.rows[:-3]]
         U = np.array([r.u for r in earlier]) / self.scale
         a, b = last.u / self.scale, row.u / self.scale
         chord = b - a
@@ -416,10 +461,15 @@ class _Tracer:
         }
 
     def _split(self, X: Array) -> tuple[Array, dict[str, float]]:
+        if hasattr(self.problem, "fitted"):
+            return self.problem.fitted(X), {}
         return self.problem.split(X) if hasattr(self.problem, "split") else (X, {})
 
     def _branch(self, status: Status, message: str) -> Branch:
         rows = self.rows
+        widest = max(len(r.solution.X) for r in rows)
+        if hasattr(self.problem, "fitted") and widest > self.problem.size:
+            self.problem = self.problem.with_order(self.problem.nu, (widest // self.problem.m - 1) // 2)
         split = [self._split(r.solution.X) for r in rows]
         counts: dict[str, int] = {}
         special: list[SpecialPoint] = []

@@ -110,16 +110,16 @@ def test_parameter_derivative_at_the_end_of_its_range():
     np.testing.assert_allclose(found, [0, 2 * OMEGA * 0.2, -2 * OMEGA * 0.5], atol=1e-8)
 
 
-def imbalance(problem, X):
+def imbalance(problem, X, Omega):
     """Left minus right side of the equations of motion (n, T) along a motion, with nothing of the balance but it."""
     system, nu = problem.model.system(), problem.nu
-    q = to_complex(problem.motion(X, Omega=OMEGA))
-    omega = OMEGA / nu
+    q = to_complex(problem.motion(X, Omega=Omega))
+    omega = Omega / nu
     q0, q1, q2 = (omega**o * evaluate(to_real(derive(q, o)), TAU) for o in range(3))
     F = np.zeros_like(q0)
     for load in system.load:
         for order, amplitude in load.complex(system.n).items():
-            F += OMEGA**load.power * (amplitude[:, None] * np.exp(1j * order * nu * TAU)).real
+            F += Omega**load.power * (amplitude[:, None] * np.exp(1j * order * nu * TAU)).real
     left = system.M @ q2 + system.C @ q1 + system.K @ q0 - F
     for element, row in zip(system.elements, X.reshape(problem.m, -1), strict=True):
         e = stretch(element.displacement.row(), nu)
@@ -136,8 +136,8 @@ def test_a_solution_solves_the_equations_of_motion(name):
     """At a zero of R nothing is left of the equations of motion in harmonics 0..H."""
     problem = PROBLEMS[name]()
     problem = HarmonicBalance(problem.model, problem.H, samples=256, nu=problem.nu, sampled=True)
-    X = problem.start(OMEGA)
-    rest = np.fft.rfft(imbalance(problem, X))[:, : problem.H + 1] / len(TAU)
+    Omega = OMEGA if problem.m > 1 else 1.5
+    rest = np.fft.rfft(imbalance(problem, problem.start(Omega), Omega))[:, : problem.H + 1] / len(TAU)
     np.testing.assert_allclose(rest, 0, atol=1e-9)
 
 
@@ -253,16 +253,24 @@ def test_higher_order_in_time_holds_the_same_motion():
     assert (doubled.nu, doubled.H) == (2, 10)
     Y = grown(X, problem.layout, doubled.H, 2)
     np.testing.assert_allclose(doubled.residual(Y, Omega=1.5), 0, atol=1e-10)
-    assert np.all(Y.reshape(-1)[3::4] == 0)
+    assert not Y[1::4].any() and not Y[2::4].any()
     with pytest.raises(ValueError, match="nu = 2 is not periodic with nu = 3"):
         grown(Y, doubled.layout, 9, 3)
 
 
-def test_start_says_where_it_failed():
-    """x'' = -x - 1 + ... without any equilibrium: a spring that only pushes away from where the load presses."""
+@pytest.mark.parametrize(("model", "Omega"), [(SpurPair(), 0.86), (SpurPair(eps=(0.2, 0.1)), 0.77), (Duffing(k3=2.0, F=2.0), 1.7)])
+def test_start_inside_a_resonance(model, Omega):
+    """Users begin where they like: the linear response is no good guess here, but a motion exists."""
+    problem = HarmonicBalance(model, 8)
+    X = problem.start(Omega)
+    assert np.linalg.norm(problem.residual(X, Omega=Omega)) < 1e-9
+
+
+def test_start_without_any_periodic_motion():
+    """A load that draws the tooth away for ever: an error with all there is to know."""
     gap = Element([1.0], Unilateral(1.0, 0.0), damping=0.1)
     problem = HarmonicBalance(System([[1.0]], None, [[0.0]], [gap], Load([-0.1], {1: [0.1]})), 3)
-    with pytest.raises(NoConvergence, match="Omega = 0.9") as caught:
+    with pytest.raises(NoConvergence, match="singular") as caught:
         problem.start(0.9)
     assert caught.value.X.shape == (7,) and caught.value.residuals and caught.value.parameters == {"Omega": 0.9}
 
@@ -294,7 +302,6 @@ def test_a_model_of_the_user():
         (lambda: HarmonicBalance(Duffing(), 3).evaluate(np.zeros(7), Omega=1.0, zetta=1), KeyError, "did you mean 'zeta'"),
         (lambda: HarmonicBalance(Duffing(), 3).evaluate(np.zeros(7), Omega=1.0, zeta=-1.0), ValueError, "must not be negative"),
         (lambda: HarmonicBalance(Duffing(), 3).evaluate(np.zeros(7), Omega=1.0, zeta=np.nan), ValueError, "finite"),
-        (lambda: HarmonicBalance(Duffing(), 3).evaluate(np.zeros(8), Omega=1.0), ValueError, "8 .*7"),
     ],
 )  # fmt: skip
 def test_bad_input(make, error, message):

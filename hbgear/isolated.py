@@ -1,0 +1,276 @@
+"""Every branch in a span, also those that do not touch each other.
+
+Continuation finds only what hangs together. Further motions at chosen frequencies are sought by deflated Newton, which
+is repelled by the motions already known,
+
+    M(X) R(X) = 0,   M = prod_i (1 + 1 / |X - X_i|^2),     step  dX / (1 - (grad log M)^T dX),  dX = -J^-1 R
+
+and by following known ones in a second parameter and back. What is new is traced.
+
+References
+----------
+Farrell, Birkisson & Funke (2015), SIAM J. Sci. Comput. 37(4), A2026, for deflation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hbgear.balance import HarmonicBalance
+from hbgear.branch import Branch, Point, Status
+from hbgear.fourier import Array, to_complex, to_real
+from hbgear.newton import NoConvergence, Settings, solve, solve_linear
+from hbgear.trace import Steps, trace
+
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What `trace_all` found: branches, and how it looked, line by line."""
+
+    branches: tuple[Branch, ...]
+    log: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.branches)
+
+    def __getitem__(self, i: int) -> Branch:
+        return self.branches[i]
+
+
+def trace_all(
+    problem: HarmonicBalance,
+    span: tuple[float, float],
+    *,
+    frequencies: Sequence[float] | int = 5,
+    guesses: int = 20,
+    second: tuple[str, tuple[float, float]] | None = None,
+    seed: int = 0,
+    steps: Steps = Steps(),  # noqa: B008
+    stability: bool = True,
+    report: Report | None = None,
+) -> Survey:
+    """Every branch of periodic motions in a span of Omega that the searches below find.
+
+    The branches that start from the linear response at both ends are traced first. At each frequency deflated Newton then starts from ``guesses`` random motions of
+    different size and phase; with ``second`` the known motions there are also followed through a range of another
+    parameter, and wherever that curve returns to the model's value a motion is taken. Every motion that lies on no
+    branch yet is traced in its turn. A motion and its copies shifted by whole periods of the excitation are one.
+
+    Parameters
+    ----------
+    problem : `HarmonicBalance`; with nu > 1 subharmonic branches are found as well.
+    span : of Omega.
+    frequencies : where to look, or how many places spread over the span.
+    guesses : random starts at each frequency.
+    second : ``(name, (low, high))`` of a model parameter to go through and back.
+    seed : of the random starts; the same seed finds the same branches.
+    steps, stability : as for `trace`.
+    report : called with a line of text as work goes on.
+
+    Raises
+    ------
+    ValueError
+        If no frequency lies within the span.
+    """
+    low, high = sorted(map(float, span))
+    places = _places(frequencies, low, high)
+    search = _Search(problem, (float(span[0]), float(span[1])), steps, stability, report)
+    search.main()
+    rng = np.random.default_rng(seed)
+    for Omega in places:
+        search.deflated(Omega, guesses, rng)
+        if second is not None:
+            search.through(Omega, *second)
+    return Survey(tuple(search.branches), tuple(search.log))
+
+
+def _places(frequencies: Sequence[float] | int, low: float, high: float) -> list[float]:
+    if isinstance(frequencies, int):
+        return [float(x) for x in low + (high - low) * (np.arange(frequencies) + 0.5) / max(frequencies, 1)]
+    places = [float(x) for x in frequencies]
+    if not places or not all(low <= x <= high for x in places):
+        raise ValueError(f"frequencies = {places} must lie within the span ({low:g}, {high:g})")
+    return places
+
+
+class _Search:
+    """State of one survey."""
+
+    def __init__(
+        self, problem: HarmonicBalance, span: tuple[float, float], steps: Steps, stability: bool, report: Report | None
+    ) -> None:
+        self.problem, self.span, self.steps, self.stability, self.report = problem, span, steps, stability, report
+        self.branches: list[Branch] = []
+        self.log: list[str] = []
+
+    def say(self, text: str) -> None:
+        """Keep a line of the log and pass it on."""
+        self.log.append(text)
+        if self.report:
+            self.report(text)
+
+    def main(self) -> None:
+        """The branches that start from the linear response at either end of the span."""
+        for span in (self.span, self.span[::-1]):
+            try:
+                X = self.problem.start(span[0])
+            except NoConvergence as error:
+                self.say(f"no start at Omega = {span[0]:g}: {error}")
+                continue
+            if any(_same(X, Y) for Y in self.known(span[0])):
+                continue
+            branch = trace(self.problem, "Omega", span, X, steps=self.steps, stability=self.stability)
+            self.branches.append(branch)
+            self.say(f"branch {len(self.branches)}, from the linear response at Omega = {span[0]:g}: {branch.message}")
+
+    def known(self, Omega: float) -> list[Array]:
+        """Motions of all branches at a frequency, with their copies shifted by periods of the excitation."""
+        out = []
+        for branch in self.branches:
+            x = branch.values - Omega
+            for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
+                s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
+                try:
+                    X = solve(self.problem, (1 - s) * branch.X[i] + s * branch.X[i + 1], self._at(Omega)).X
+                except NoConvergence:
+                    continue
+                out += shifts(self.problem, X)
+        return _distinct(out)
+
+    def deflated(self, Omega: float, guesses: int, rng: np.random.Generator) -> None:
+        """New motions by deflated Newton from random starts."""
+        known = self.known(Omega)
+        start = len(known)
+        for guess in random_motions(self.problem, known, guesses, rng):
+            X = deflated_newton(self.problem, guess, self._at(Omega), [])
+            if X is None or any(_same(X, Y) for Y in known):
+                X = deflated_newton(self.problem, guess, self._at(Omega), known)
+            if X is not None:
+                known += shifts(self.problem, X)
+                self._take(X, Omega, "deflated Newton")
+        self.say(f"Omega = {Omega:.5g}: {start} motions known, {guesses} random starts, now {len(known)}")
+
+    def through(self, Omega: float, name: str, span: tuple[float, float]) -> None:
+        """New motions by following each known one through a range of a second parameter and back."""
+        own = self.problem.parameters[name]
+        for X in self.known(Omega):
+            for end in span:
+                if end == own:
+                    continue
+                curve = trace(self.problem, name, (own, end), X, at={"Omega": Omega}, steps=self.steps,
+                              stability=False, special=False)  # fmt: skip
+                if curve.status == Status.LEFT_SPAN:  # it came back to the model's own value as another motion
+                    self._take(curve.X[-1], Omega, f"following {name} to {curve.values.max():.4g} and back")
+        self.say(f"Omega = {Omega:.5g}: known motions followed in {name} over ({span[0]:g}, {span[1]:g})")
+
+    def _take(self, X: Array, Omega: float, how: str) -> None:
+        """Trace the branch of a motion unless it lies on one already."""
+        if any(_same(X, Y) for Y in self.known(Omega)):
+            return
+        if not self.problem.subharmonic_part(X).size or np.linalg.norm(self.problem.subharmonic_part(X)) > 1e-6:
+            branch = whole_branch(self.problem, X, Omega, self.span, self.steps, self.stability)
+            self.branches.append(branch)
+            self.say(f"branch {len(self.branches)}, at Omega = {Omega:.5g} by {how}: {branch.message}")
+
+    def _at(self, Omega: float) -> dict[str, float]:
+        return {**self.problem.parameters, "Omega": Omega}
+
+
+def whole_branch(
+    problem: HarmonicBalance, X: Array, Omega: float, span: tuple[float, float], steps: Steps, stability: bool
+) -> Branch:
+    """The whole branch through a motion inside the span: a closed curve, or from one of its ends to the other."""
+    start = problem_point(problem, X, Omega)
+    first = trace(problem, "Omega", span, start, steps=steps, stability=False, special=False)
+    if first.status in (Status.CLOSED, Status.RETRACED) or not first.status.complete:
+        return trace(problem, "Omega", span, start, steps=steps, stability=stability)
+    end = float(first.values[-1])
+    other = span[0] if end == span[1] else span[1]
+    return trace(problem, "Omega", (end, other), first.X[-1], steps=steps, stability=stability)
+
+
+def problem_point(problem: HarmonicBalance, X: Array, Omega: float) -> Point:
+    """A point any trace can start from."""
+    return Point(
+        X, {**problem.parameters, "Omega": Omega}, 0.0, 0, None, np.zeros(problem.m, np.int8), math.nan, problem.layout
+    )
+
+
+def shifts(problem: HarmonicBalance, X: Array) -> list[Array]:
+    """A motion of order nu and its copies shifted by 1, ..., nu - 1 periods of the excitation."""
+    c = to_complex(X.reshape(problem.m, -1))
+    k = np.arange(c.shape[-1])
+    turns = range(problem.nu) if np.linalg.norm(problem.subharmonic_part(X)) > 1e-9 else range(1)
+    return [to_real(c * np.exp(2j * np.pi * k * j / problem.nu)).ravel() for j in turns]
+
+
+def _same(X: Array, Y: Array) -> bool:
+    return float(np.linalg.norm(X - Y)) < 1e-6 * (1e-3 + float(np.linalg.norm(Y)))
+
+
+def _distinct(motions: list[Array]) -> list[Array]:
+    out: list[Array] = []
+    for X in motions:
+        if not any(_same(X, Y) for Y in out):
+            out.append(X)
+    return out
+
+
+def random_motions(problem: HarmonicBalance, known: list[Array], count: int, rng: np.random.Generator) -> list[Array]:
+    """Random starts: mean, lowest harmonics and phase of a size between a tenth and ten times the known motions."""
+    size = max([problem.motion_size(X) for X in known] + [1e-3])
+    corners = [abs(x) for xs in problem.layout.breakpoints for x in xs]
+    size = max(size, 0.1 * max(corners, default=0.0))
+    means = [X.reshape(problem.m, -1)[:, 0] for X in known] or [np.zeros(problem.m)]
+    out = []
+    for i in range(count):
+        c = np.zeros((problem.m, problem.H + 1), dtype=complex)
+        scale = size * 10 ** rng.uniform(-0.7, 1.0)
+        top = min(problem.H, max(1, problem.nu) + 1)
+        phases = rng.uniform(0, 2 * np.pi, top)
+        sizes = scale * rng.uniform(0, 1, top) / np.arange(1, top + 1) ** 0.5
+        c[:, 1 : top + 1] = sizes * np.exp(1j * phases)
+        c[:, 0] = means[i % len(means)] + rng.normal(0, 0.3, problem.m) * scale
+        out.append(to_real(c).ravel())
+    return out
+
+
+def deflated_newton(
+    problem: HarmonicBalance, X: Array, parameters: dict[str, float], known: list[Array],
+    settings: Settings = Settings(), iterations: int = 60,  # noqa: B008
+) -> Array | None:  # fmt: skip
+    """A motion away from the known ones, or None if none was reached in the given number of steps."""
+    scale = max([float(np.linalg.norm(Y)) for Y in known] + [1e-6])
+    now = problem.linearise(X, "", **parameters)
+    for _ in range(iterations):
+        if float(np.linalg.norm(now.R)) <= settings.tolerance * now.size:
+            return None if any(_same(X, Y) for Y in known) else X
+        try:
+            step = -solve_linear(now.dR_dX, now.R)
+        except np.linalg.LinAlgError:
+            return None
+        away = [(X - Y) / scale for Y in known]
+        pull = -sum(2 * float(a @ step) / scale / (float(a @ a) * (1 + float(a @ a)) + 1e-300) for a in away)
+        step = step / (1.0 - pull) if abs(1.0 - pull) > 1e-3 else step
+        merit = _merit(now.R, X, known, scale)
+        for _ in range(10):
+            trial = problem.linearise(X + step, "", **parameters)
+            if np.isfinite(trial.size) and _merit(trial.R, X + step, known, scale) < merit:
+                break
+            step = 0.5 * step
+        else:
+            return None
+        X, now = X + step, trial
+    return None
+
+
+def _merit(R: Array, X: Array, known: list[Array], scale: float) -> float:
+    """log |M R|, which deflated Newton must lower."""
+    distance = [float(np.linalg.norm(X - Y)) / scale + 1e-300 for Y in known]
+    return float(np.log(np.linalg.norm(R) + 1e-300) + sum(np.log1p(d**-2) for d in distance))

@@ -1,0 +1,103 @@
+"""Amplitude peaks of a branch, each located on the curve."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from hbgear.arc import Arc, Row, normal_of, row_of
+from hbgear.augmented import Peak
+from hbgear.branch import Branch, SpecialPoint
+from hbgear.fourier import Array
+from hbgear.measures import measure as measured
+from hbgear.newton import NoConvergence, Settings, Solution, linearise, solve
+
+
+def peaks(branch: Branch, measure: str = "rms", element: int | str = 0) -> tuple[SpecialPoint, ...]:
+    """Local maxima of an amplitude along a branch, in its order, labelled PK1, PK2, ...
+
+    Between the neighbours of each highest row the amplitude is maximised along the curve itself; for "rms" and
+    harmonics Newton on `Peak` then gives all digits, and the point can be followed in a second parameter with
+    ``trace(Peak(problem, "Omega", measure, element), "zeta", span, start=peak)``.
+
+    Parameters
+    ----------
+    branch : a branch that still knows its problem.
+    measure, element : see `Branch.amplitude`.
+
+    Raises
+    ------
+    ValueError
+        If the branch has lost its problem, or there is no such measure.
+    """
+    if branch.problem is None or branch.layout is None:
+        raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")
+    A = branch.amplitude(measure, element)
+    tops = [i for i in range(1, len(branch) - 1) if A[i - 1] <= A[i] > A[i + 1]]
+    found = []
+    for number, i in enumerate(tops, 1):
+        row, located = _refine(branch, i, measure, branch.layout.index(element))
+        here = {**branch.parameters_at(i), branch.parameter: row.value}
+        seen = branch.problem.observe(row.solution.X, stability=branch.multipliers is not None, **here)
+        found.append(
+            SpecialPoint(
+                row.solution.X, here, row.solution.residual, row.solution.iterations, seen.get("multipliers"),
+                seen["regime"], seen["error"], branch.layout, f"PK{number}", "PK", i, located,
+                (float(branch.values[i - 1]), float(branch.values[i + 1])), f"peak of {measure}",
+            )  # fmt: skip
+        )
+    return tuple(found)
+
+
+def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[Row, bool]:
+    """The row of the largest amplitude between rows i - 1 and i + 1."""
+    arc = _arc(branch, i)
+    layout = branch.layout
+    assert layout is not None
+
+    def low(s: float) -> float:
+        return -float(measured(measure, layout.rows(arc.at(s).solution.X, element), layout.nu))
+
+    try:
+        best = minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-7})
+        row = arc.at(float(best.x))
+    except (NoConvergence, np.linalg.LinAlgError):
+        return _row(branch, i, arc.scale, arc.b.u - arc.a.u), False
+    if measure not in ("max", "pp2", "mean"):
+        return _newton(branch, row, measure, element, arc.scale), True
+    return row, True
+
+
+def _newton(branch: Branch, row: Row, measure: str, element: int, scale: Array) -> Row:
+    """All digits of a peak by Newton, if it stays where the search was."""
+    problem: Any = branch.problem
+    peak = Peak(problem, branch.parameter, measure, element)
+    fixed = {k: v for k, v in branch.parameters_at(0).items() if k != branch.parameter}
+    try:
+        U = solve(peak, row.u, {**fixed, branch.parameter: row.value}, branch.parameter).X
+    except NoConvergence:
+        return row
+    if np.linalg.norm((U - row.u) / scale) > 1e-3:
+        return row
+    now = linearise(problem, U[:-1], branch.parameter, {**fixed, branch.parameter: float(U[-1])})
+    solution = Solution(U[:-1], float(U[-1]), now, row.solution.iterations, float(np.linalg.norm(now.R)) / now.size)
+    return row_of(solution, normal_of(row.tangent, scale), scale)
+
+
+def _arc(branch: Branch, i: int) -> Arc:
+    problem: Any = branch.problem
+    scale = np.append(np.full(branch.X.shape[1], problem.motion_size(branch.X[i]) or 1.0), np.ptp(branch.values) or 1.0)
+    chord = np.append(branch.X[i + 1] - branch.X[i - 1], branch.values[i + 1] - branch.values[i - 1])
+    fixed = {k: v for k, v in branch.parameters_at(i).items() if k != branch.parameter}
+    a, b = (_row(branch, j, scale, chord) for j in (i - 1, i + 1))
+    return Arc(problem, branch.parameter, fixed, a, b, scale, Settings())
+
+
+def _row(branch: Branch, i: int, scale: Array, along: Array) -> Row:
+    """Row i of a branch with its tangent."""
+    X, value = branch.X[i], float(branch.values[i])
+    now = linearise(branch.problem, X, branch.parameter, branch.parameters_at(i))
+    return row_of(Solution(X, value, now, int(branch.iterations[i]), float(branch.residual[i])),
+                  normal_of(along, scale), scale)  # fmt: skip

@@ -1,0 +1,366 @@
+"""Newton and pseudo-arclength continuation on curves known in closed form, and what they say when something is wrong."""
+
+import numpy as np
+import pytest
+
+from hbgear import (
+    Backlash,
+    DoubleHelicalPair,
+    Duffing,
+    Element,
+    HarmonicBalance,
+    Load,
+    NoConvergence,
+    Point,
+    SpurPair,
+    Status,
+    Steps,
+    System,
+    trace,
+)
+from hbgear.newton import Evaluation, linearise, solve
+
+
+class Curve:
+    """One equation f(x, p) = 0 with df/dx: the least a problem can be."""
+
+    def __init__(self, f, slope):
+        self.f, self.slope = f, slope
+
+    def evaluate(self, X, p):
+        x = X[0]
+        return np.array([self.f(x, p)]), np.array([[self.slope(x, p)]])
+
+
+def at(x, p):
+    """A Point to start from."""
+    return Point(np.atleast_1d(float(x)), {"p": float(p)}, 0.0, 0, None, np.zeros(0, dtype=np.int8), np.nan, None)
+
+
+CIRCLE = Curve(lambda x, p: x * x + p * p - 1, lambda x, p: 2 * x)
+CHAIN = Curve(lambda x, p: x + 3 * np.sin(x) - p, lambda x, p: 1 + 3 * np.cos(x))
+"""x + 3 sin x = p: two folds per 2 pi, at cos x = -1/3."""
+PITCHFORK = Curve(lambda x, p: (p - 0.3) * x - x**3, lambda x, p: p - 0.3 - 3 * x * x)
+
+
+# ---- Newton
+
+
+def test_newton_converges_quadratically():
+    problem = Curve(lambda x, p: x**3 - p, lambda x, p: 3 * x * x)
+    solution = solve(problem, np.array([1.5]), {"p": 2.0})
+    assert solution.X[0] == pytest.approx(2 ** (1 / 3), rel=1e-10)
+    assert solution.iterations <= 4
+    now = linearise(problem, solution.X, "p", {"p": 2.0})
+    np.testing.assert_allclose(now.dR_dp, [-1.0], rtol=1e-9)
+
+
+def test_newton_halves_steps_that_overshoot():
+    problem = Curve(lambda x, p: np.arctan(x) - p, lambda x, p: 1 / (1 + x * x))
+    assert solve(problem, np.array([20.0]), {"p": 0.0}).X[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_no_convergence_carries_what_happened():
+    problem = Curve(lambda x, p: x * x + p, lambda x, p: 2 * x)
+    with pytest.raises(NoConvergence, match=r"relative residual of .* \(needed 1e-10\) .* p = 1") as caught:
+        solve(problem, np.array([0.7]), {"p": 1.0})
+    error = caught.value
+    assert error.X.shape == (1,) and error.parameters == {"p": 1.0} and len(error.residuals) > 1
+
+
+# ---- curves
+
+
+def test_a_closed_curve_is_noticed():
+    curve = trace(CIRCLE, "p", (-2, 2), at(1, 0))
+    assert curve.status is Status.CLOSED and curve.status.complete
+    np.testing.assert_allclose([p.parameters["p"] for p in curve.special], [1, -1], atol=1e-10)
+    assert [p.kind for p in curve.special] == ["LP", "LP"] and all(p.located for p in curve.special)
+    np.testing.assert_allclose(curve.X[:, 0] ** 2 + curve.values**2, 1, atol=1e-9)
+    # once round, not more
+    turned = np.unwrap(np.arctan2(curve.values, curve.X[:, 0]))
+    assert np.ptp(turned) == pytest.approx(2 * np.pi, abs=1e-6)
+
+
+@pytest.mark.parametrize("span", [(0.0, 20.0), (20.0, 0.0)])
+def test_every_fold_is_passed_in_both_directions(span):
+    x0 = 0.0 if span[0] == 0 else 19.7
+    curve = trace(CHAIN, "p", span, np.array([x0]))
+    assert curve.status is Status.REACHED_END and curve.values[-1] == span[1]
+    x = np.arccos(-1 / 3)
+    folds = np.array([2 * np.pi * n + s * x for n in range(4) for s in (1, -1)])
+    ends = np.sort([curve.X[0, 0], curve.X[-1, 0]])
+    folds = np.sort(folds[(folds > ends[0]) & (folds < ends[1])])
+    found = np.array([p.X[0] for p in curve.special])
+    np.testing.assert_allclose(np.sort(found), folds, atol=1e-8)
+    np.testing.assert_allclose([p.parameters["p"] for p in curve.special], found + 3 * np.sin(found), atol=1e-10)
+    assert np.all(np.diff(curve.X[:, 0]) * (span[1] - span[0]) > 0)
+
+
+def test_a_curve_that_turns_back_leaves_through_its_start():
+    parabola = Curve(lambda x, p: x * x + p - 1, lambda x, p: 2 * x)
+    curve = trace(parabola, "p", (0.0, 2.0), np.array([1.0]))
+    assert curve.status is Status.LEFT_SPAN and curve.values[-1] == 0.0 and curve.X[-1, 0] == pytest.approx(-1, abs=1e-9)
+    assert "other end" in curve.message or "turned back" in curve.message
+
+
+@pytest.mark.parametrize("first", [0.01, 0.0123, 0.02])
+def test_a_branch_point_is_located(first):
+    curve = trace(PITCHFORK, "p", (-1.0, 1.0), np.array([0.0]), steps=Steps(first=first))
+    (point,) = curve.special
+    assert (point.kind, point.label, point.located) == ("BP", "BP1", True)
+    assert point.parameters["p"] == pytest.approx(0.3, abs=1e-8)
+    assert curve.status is Status.REACHED_END and np.all(curve.X == 0)
+
+
+def test_a_branch_point_of_a_curved_trunk_is_located():
+    """u = x - sin 2p carries the pitchfork u (p - 0.3 - u^2) = 0; y = x^2."""
+
+    class Trunk:
+        def evaluate(self, X, p):
+            x, y = X
+            u = x - np.sin(2 * p)
+            R = [u * (p - 0.3 - u * u), y - x * x]
+            return np.array(R), np.array([[p - 0.3 - 3 * u * u, 0.0], [-2 * x, 1.0]])
+
+    start = np.array([np.sin(-2.0), np.sin(-2.0) ** 2])
+    curve = trace(Trunk(), "p", (-1.0, 1.0), start)
+    (point,) = curve.special
+    assert point.kind == "BP" and point.parameters["p"] == pytest.approx(0.3, abs=1e-8)
+    np.testing.assert_allclose(curve.X[:, 0], np.sin(2 * curve.values), atol=1e-8)
+
+
+class Recorded:
+    """CIRCLE that notes |R| at the first evaluation after each row: the error of the prediction."""
+
+    def __init__(self):
+        self.errors, self.calls, self.fresh = [], 0, False
+
+    def evaluate(self, X, p):
+        return CIRCLE.evaluate(X, p)
+
+    def linearise(self, X, name, p):
+        R, J = CIRCLE.evaluate(X, p)
+        self.calls += 1
+        if self.fresh:
+            self.errors.append(abs(R[0]))
+        self.fresh = False
+        return Evaluation(R, J, np.array([2 * p]), 1.0)
+
+    def row_done(self, *_):
+        self.fresh = True
+
+
+def test_prediction_error_falls_with_the_cube_of_the_step():
+    """Tangent alone gives the square, its change over the last step one order more; compared at one place."""
+    lengths, errors = np.array([0.001, 0.002, 0.004]), []
+    for h in lengths:
+        problem = Recorded()
+        steps = Steps(first=h, longest=h, max_points=round(0.04 / h) + 1)
+        curve = trace(problem, "p", (-2, 2), at(1, 0), steps=steps, special=False, progress=problem.row_done)
+        errors.append(problem.errors[-1])
+        np.testing.assert_allclose(curve.step[1:], h, rtol=1e-12)
+        # every row costs its Newton steps and the evaluation that accepts it, and nothing else
+        assert problem.calls <= curve.iterations.sum() + len(curve) + 2
+    assert np.polyfit(np.log(lengths), np.log(errors), 1)[0] == pytest.approx(3.0, abs=0.1)
+
+
+def test_steps_stay_within_their_limits():
+    steps = Steps(first=0.003, longest=0.01, turn=5)
+    curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), steps=steps, special=False)
+    assert curve.step[1] <= 0.003 * (1 + 1e-12) and curve.step.max() <= 0.01 * (1 + 1e-12)
+
+
+def test_max_points():
+    curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), steps=Steps(max_points=12), special=False)
+    assert curve.status is Status.MAX_POINTS and len(curve) == 12 and "12 points" in curve.message
+    assert curve.status.advice in curve.message and not curve.status.complete
+
+
+def test_interruption_keeps_the_rows():
+    def stop(value, rows, step):
+        if rows == 7:
+            raise KeyboardInterrupt
+
+    curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), progress=stop)
+    assert curve.status is Status.INTERRUPTED and len(curve) == 7 and "interrupted at p" in curve.message
+
+
+def test_progress_is_told_of_every_row():
+    seen = []
+    curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), special=False, progress=lambda *x: seen.append(x))
+    assert [rows for _, rows, _ in seen] == list(range(2, len(curve) + 1))
+    np.testing.assert_array_equal([value for value, *_ in seen], curve.values[1:])
+
+
+def test_a_trace_goes_on_from_any_row():
+    half = trace(CHAIN, "p", (0.0, 20.0), np.array([0.0]), steps=Steps(max_points=60))
+    rest = trace(CHAIN, "p", (0.0, 20.0), half[59])
+    assert rest.values[0] == half.values[-1] and rest.X[-1, 0] == pytest.approx(19.7, abs=1)
+    assert rest.X[-1, 0] + 3 * np.sin(rest.X[-1, 0]) == pytest.approx(20.0, abs=1e-9)
+
+
+def test_the_end_of_what_the_problem_allows_is_a_status():
+    """zeta must not be negative: the trace stops there, with the reason, not with a traceback."""
+    problem = HarmonicBalance(Duffing(), 3)
+    curve = trace(problem, "zeta", (0.2, -0.1), at={"Omega": 0.7})
+    assert curve.status is Status.STEP_TOO_SMALL and "must not be negative" in curve.message
+    assert 0 <= curve.values[-1] < 1e-5
+
+
+def test_a_resonance_without_damping_ends_with_a_status():
+    """x = F / (1 - Omega^2) cos tau leaves for infinity at Omega = 1."""
+    curve = trace(HarmonicBalance(Duffing(zeta=0.0, k3=0.0), 1), "Omega", (0.5, 1.5), steps=Steps(max_points=400))
+    x = 0.18 / (1 - curve.values**2)
+    assert not curve.status.complete and curve.values.max() < 1
+    np.testing.assert_allclose(curve.X[:, 1], x, rtol=1e-6)
+    assert x[-1] > 10
+
+
+def test_no_load_no_motion():
+    curve = trace(HarmonicBalance(Duffing(F=0.0), 3), "Omega", (0.5, 1.6))
+    assert curve.status is Status.REACHED_END and not curve.X.any() and not curve.special
+    assert np.all(curve.stable)
+    still = trace(HarmonicBalance(SpurPair(e=()), 3), "Omega", (0.5, 1.6))
+    np.testing.assert_allclose(still.X, np.tile([1.1, 0, 0, 0, 0, 0, 0], (len(still), 1)), atol=1e-12)
+
+
+def test_a_gap_without_any_load_is_refused():
+    with pytest.raises(NoConvergence, match="load"):
+        trace(HarmonicBalance(SpurPair(F_m=0.0, e=()), 3), "Omega", (0.5, 1.6))
+
+
+MODELS = {
+    "Duffing": (Duffing(), (0.5, 1.6)),
+    "SpurPair": (SpurPair(), (1.5, 0.3)),
+    "DoubleHelicalPair": (DoubleHelicalPair(eps=(0.16,), e=(0.03,)), (1.3, 0.7)),
+}
+
+
+@pytest.mark.parametrize("H", [1, 5])
+@pytest.mark.parametrize("name", MODELS)
+def test_every_row_solves_its_equations(name, H):
+    model, span = MODELS[name]
+    problem = HarmonicBalance(model, H)
+    curve = trace(problem, "Omega", span)
+    assert curve.status is Status.REACHED_END
+    assert curve.residual.max() < 1e-9 and curve.iterations.mean() < 3
+    for i in range(len(curve)):
+        now = problem.linearise(curve.X[i], "", **curve.parameters_at(i))
+        assert np.linalg.norm(now.R) / now.size < 1e-9
+    for point in curve.special:
+        assert curve.values[point.index] == point.parameters["Omega"]
+        np.testing.assert_array_equal(curve.X[point.index], point.X)
+        assert np.ptp([*point.interval, point.parameters["Omega"]]) < 0.06
+
+
+def test_both_directions_find_the_same_folds():
+    forth, back = (trace(HarmonicBalance(Duffing(), 5), "Omega", span) for span in ((0.5, 1.6), (1.6, 0.5)))
+    a, b = ([p.parameters["Omega"] for p in curve.special] for curve in (forth, back))
+    assert len(a) == 2
+    np.testing.assert_allclose(a, b[::-1], atol=1e-9)
+
+
+def test_any_parameter_and_its_folds():
+    """The load as parameter: at fixed A the closed H = 1 relation gives F, and dF/dA = 0 at the folds."""
+    problem, Omega, zeta, k3 = HarmonicBalance(Duffing(), 1), 1.3, 0.05, 0.1
+    curve = trace(problem, "F", (0.1, 1.5), at={"Omega": Omega})
+    A = curve.amplitude("H1")
+    F = A * np.hypot(1 - Omega**2 + 0.75 * k3 * A**2, 2 * zeta * Omega)
+    np.testing.assert_allclose(curve.values, F, rtol=1e-9)
+    # d(F^2)/d(A^2) = 0 in s = A^2
+    a, b = 1 - Omega**2, 0.75 * k3
+    s = np.roots([3 * b * b, 4 * a * b, a * a + (2 * zeta * Omega) ** 2])
+    expected = np.sort(np.sqrt(s * ((a + b * s) ** 2 + (2 * zeta * Omega) ** 2)))
+    np.testing.assert_allclose(np.sort([p.parameters["F"] for p in curve.special]), expected, atol=1e-10)
+
+
+def test_units_do_not_matter():
+    """The spur pair in metres and seconds (b = 25 um, 5 kHz) has the folds of the dimensionless one."""
+    b, m, w = 25e-6, 1.8, 2 * np.pi * 5e3
+    k = m * w * w
+    gap = Element([1.0], Backlash(b, k), damping=2 * 0.05 * m * w)
+    load = [Load([0.1 * k * b]), Load(None, {1: [0.05 * m * b]}, power=2)]
+    physical = HarmonicBalance(System([[m]], None, [[0.0]], [gap], load), 8)
+    a = trace(HarmonicBalance(SpurPair(), 8), "Omega", (1.5, 0.5))
+    c = trace(physical, "Omega", (1.5 * w, 0.5 * w))
+    assert [p.kind for p in a.special] == [p.kind for p in c.special]
+    for p, q in zip(a.special, c.special, strict=True):
+        assert q.parameters["Omega"] / w == pytest.approx(p.parameters["Omega"], abs=1e-8)
+        np.testing.assert_allclose(q.X / b, p.X, atol=1e-5)
+    assert len(c) < 2 * len(a)
+
+
+def test_jumps_leave_at_the_folds_and_land_on_stable_motions():
+    curve = trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6))
+    up, down = sorted(curve.jumps(), key=lambda j: -j.direction)
+    assert (up.label, up.direction, down.label, down.direction) == ("LP1", 1, "LP2", -1)
+    for jump in (up, down):
+        assert jump.value == curve[jump.label].parameters["Omega"] == jump.after.parameters["Omega"]
+        assert jump.after.stable and jump.after.residual < 1e-9
+    # Duffing's hardening spring: the sweep up falls to the low motion, the sweep down rises to the high one
+    assert up.before.amplitude() > 1.5 * up.after.amplitude() and down.after.amplitude() > 1.3 * down.before.amplitude()
+
+
+# ---- bad input
+
+DUFFING = HarmonicBalance(Duffing(), 3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (("Omega", (1.0, 1.0)), ValueError, r"span = \(1.0, 1.0\) is empty; give two different values of Omega"),
+        (("Omega", (1.0, np.nan)), ValueError, r"span = \(1.0, nan\) must be finite"),
+        (("Omega", (1.0, np.inf)), ValueError, "must be finite"),
+        (("Omega", 1.0), ValueError, "span = 1.0 must be two numbers"),
+        (("Omega", (1.0, 2.0, 3.0)), ValueError, "must be two numbers"),
+        (("Omega", (1.0, -1.0)), ValueError, "Omega must stay positive"),
+        (("Omga", (0.5, 1.0)), KeyError, "Duffing has no parameter 'Omga'; did you mean 'Omega'"),
+        (("zetta", (0.5, 1.0)), KeyError, "did you mean 'zeta'"),
+        (("zeta", (0.05, 0.1)), ValueError, "needs a fixed Omega: give at="),
+        (("Omega", (0.5, 1.0), np.zeros(9)), ValueError, "9 .*7"),
+        (("Omega", (0.5, 1.0), np.full(7, np.nan)), ValueError, "finite"),
+    ],
+)
+def test_bad_input(arguments, error, message):
+    with pytest.raises(error, match=message):
+        trace(DUFFING, *arguments)
+
+
+def test_bad_fixed_values_and_starts():
+    with pytest.raises(KeyError, match="did you mean 'zeta'"):
+        trace(DUFFING, "Omega", (0.5, 1.0), at={"zetta": 0.1})
+    with pytest.raises(ValueError, match="finite"):
+        trace(DUFFING, "Omega", (0.5, 1.0), at={"zeta": np.nan})
+    with pytest.raises(ValueError, match=r"the start has p = 0, outside the span \(1, 2\); widen the span"):
+        trace(CIRCLE, "p", (1, 2), at(1, 0))
+    with pytest.raises(ValueError, match="finds no start of its own; give start="):
+        trace(CIRCLE, "p", (1, 2))
+    coarse = trace(DUFFING, "Omega", (0.5, 0.6))
+    with pytest.raises(ValueError, match="H = 3|harmonics"):
+        trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.0), coarse[0])
+
+
+def test_a_start_on_a_fold_either_works_or_says_so():
+    curve = trace(DUFFING, "Omega", (0.5, 1.6))
+    try:
+        again = trace(DUFFING, "Omega", (0.5, 1.6), curve["LP1"])
+    except NoConvergence as error:
+        assert "fold" in str(error)
+    else:
+        assert again.status.complete
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"first": 0.1}, "0 < shortest <= first <= longest"),
+        ({"shortest": 0.0}, "0 < shortest"),
+        ({"turn": 0.0}, "turn = 0.0 degrees must be above 0"),
+        ({"max_points": 1}, "max_points = 1 must be at least 2"),
+    ],
+)
+def test_bad_steps(settings, message):
+    with pytest.raises(ValueError, match=message):
+        Steps(**settings)
