@@ -70,19 +70,37 @@ class JumpMap:
 
     def jumps_at(self, value: float) -> list[tuple[float, int]]:
         """(Omega, direction) of every jump at a value of the parameter, ascending in Omega."""
-        found = [(arm.at(value), arm.direction) for arm in self.arms]
-        return sorted((Omega, direction) for Omega, direction in found if not math.isnan(Omega))
+        return [(Omega, self.arms[i].direction) for Omega, i in self._met(value)]
+
+    def _met(self, value: float) -> list[tuple[float, int]]:
+        """(Omega, number of the arm) at a value of the parameter, ascending in Omega."""
+        found = [(arm.at(value), i) for i, arm in enumerate(self.arms)]
+        return sorted((Omega, i) for Omega, i in found if not math.isnan(Omega))
 
     def several_motions(self, value: float) -> list[tuple[float, float]]:
         """Intervals of Omega in which the traced curve holds several motions at a value of the parameter."""
-        out, count, start = [], 0, 0.0
-        for Omega, direction in self.jumps_at(value):
-            before, count = count, count - direction
+        return [(low[0], high[0]) for low, high in self._intervals(value)]
+
+    def _intervals(self, value: float) -> list[tuple[tuple[float, int], tuple[float, int]]]:
+        """The same with the arms that bound them."""
+        out, count, start = [], 0, (0.0, -1)
+        for Omega, i in self._met(value):
+            before, count = count, count - self.arms[i].direction
             if before <= 0 < count:
-                start = Omega
+                start = (Omega, i)
             elif count <= 0 < before:
-                out.append((start, Omega))
+                out.append((start, (Omega, i)))
         return out
+
+    def bands(self, values: Array) -> list[tuple[Array, Array]]:
+        """Lower and upper Omega, (len(values),) each, of every region of several motions; nan where it is not."""
+        found: dict[tuple[int, int], tuple[Array, Array]] = {}
+        for n, value in enumerate(values):
+            for (low, i), (high, j) in self._intervals(float(value)):
+                empty = np.full(len(values), math.nan), np.full(len(values), math.nan)
+                band = found.setdefault((i, j), empty)
+                band[0][n], band[1][n] = low, high
+        return list(found.values())
 
 
 def jump_map(

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from hbgear.maps import JumpMap
+
 COLOURS = {"no_impact": "#1f4e8c", "single_sided": "#d9730d", "double_sided": "#9c1f5c", "unknown": "#333333"}
 LINES: dict[bool | None, tuple[Any, float]] = {True: ("-", 1.4), False: ("--", 1.2), None: ("-", 0.7)}
 MARKERS = {"LP": ("o", "fold (LP)"), "PD": ("D", "period doubling (PD)"), "NS": ("s", "Neimark-Sacker (NS)"),
@@ -81,6 +83,49 @@ def response(
         if legend:
             _legend(ax)
     return ax
+
+
+def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> Axes:
+    """Jump frequencies against a design parameter, several motions shaded, cusps marked with their value.
+
+    Solid: the jump a sweep meets while Omega rises; dash-dotted: while it falls.
+    """
+    names = {1: (r"jump while $\Omega$ rises", "-"), -1: (r"jump while $\Omega$ falls", "-.")}
+    with _style():
+        ax = _axes(ax, (5.0, 3.4))
+        _shade(ax, jumps)
+        for arm in jumps.arms:
+            name, style = names[arm.direction]
+            shown = any(line.get_label() == name for line in ax.lines)
+            ax.plot(arm.values, arm.Omega, style, color=COLOURS["no_impact"], label="_arm" if shown else name)
+        for cusp in jumps.cusps:
+            x, y = cusp.parameters[jumps.parameter], cusp.parameters["Omega"]
+            marker, name = MARKERS["CP"]
+            ax.plot(x, y, marker, markersize=8, color="black", markerfacecolor="white", label=name, gid=cusp.label)
+            place = (x - jumps.span[0]) / (jumps.span[1] - jumps.span[0])
+            side = "left" if place < 0.1 else "right" if place > 0.9 else "center"
+            ax.annotate(f"{x:.5g}, {y:.4g}", (x, y), (0, 8), textcoords="offset points", fontsize=8, ha=side)
+        ax.set_xlim(*jumps.span)
+        ax.margins(y=0.12)
+        ax.set_xlabel(jumps.labels.get(jumps.parameter, jumps.parameter))
+        ax.set_ylabel(jumps.labels.get("Omega", r"$\Omega$"))
+        _dress(ax)
+        if not jumps.arms:
+            ax.text(0.5, 0.5, "no jump found in this range", transform=ax.transAxes, ha="center")
+        elif legend:
+            handles = {line.get_label(): line for line in ax.lines if not str(line.get_label()).startswith("_")}
+            shades = [c for c in ax.collections if c.get_label() == "several motions"]
+            ax.legend([*handles.values(), *shades[:1]], [*handles, *["several motions"] * bool(shades)], loc="best")
+    return ax
+
+
+def _shade(ax: Axes, jumps: JumpMap) -> None:
+    """The frequencies at which the curve holds several motions, for every value of the parameter."""
+    ends = [x for arm in jumps.arms for x in (arm.values[0], arm.values[-1])]
+    values = np.unique(np.concatenate([np.linspace(*jumps.span, 600), ends]))
+    for low, high in jumps.bands(values):
+        ax.fill_between(values, low, high, color=COLOURS["single_sided"], alpha=0.18, linewidth=0,
+                        label="several motions")  # fmt: skip
 
 
 def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:

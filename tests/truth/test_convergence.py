@@ -1,0 +1,115 @@
+"""Orders of convergence: folds with the harmonics, sampled forces with the samples, multipliers with the step."""
+
+import numpy as np
+import pytest
+
+from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Law, Load, SpurPair, System, trace
+from hbgear.newton import solve
+
+
+def folds(model, H, span, **settings):
+    curve = trace(HarmonicBalance(model, H, **settings), "Omega", span, stability=False)
+    return np.array([p.parameters["Omega"] for p in curve.special if p.kind == "LP"])
+
+
+def slope(x, errors):
+    """Fitted order: d log error / d log x."""
+    return np.polyfit(np.log(x), np.log(errors), 1)[0]
+
+
+@pytest.mark.parametrize("model", [SpurPair(), SpurPair(eps=(0.1, 0.05))], ids=["constant", "varying stiffness"])
+def test_folds_of_a_kinked_law_converge_with_the_cube_of_the_harmonics(model):
+    H = np.array([10, 14, 20, 28, 40])
+    found = np.array([folds(model, h, (1.5, 0.6)) for h in H])
+    errors = np.abs(found - folds(model, 160, (1.5, 0.6)))
+    for column in errors.T:
+        assert slope(H, column) < -2.7
+        assert column[-1] < column[0] / 40
+
+
+def test_folds_of_a_smooth_law_converge_exponentially():
+    """Odd harmonics only: from H to H + 2 the error falls by a constant factor, down to rounding."""
+    H = np.array([1, 3, 5, 7])
+    errors = np.abs([folds(Duffing(), h, (0.5, 1.6)) - folds(Duffing(), 15, (0.5, 1.6)) for h in H])
+    assert np.all(errors[1:] < errors[:-1] / 30)
+    assert np.all(errors[3] < 2e-9)
+
+
+def test_motion_converges_with_the_harmonics():
+    """Rms error of the contact-loss motion: harmonics of a curve with a kinked acceleration fall with k^-4."""
+    H = np.array([10, 20, 40, 80])
+    X = upper_motion(320)
+    errors = [np.linalg.norm(np.pad(x, (0, X.size - x.size)) - X) for x in map(upper_motion, H)]
+    assert slope(H, errors) < -3
+
+
+def upper_motion(H, Omega=0.78):
+    problem = HarmonicBalance(SpurPair(), int(H))
+    coarse = trace(HarmonicBalance(SpurPair(), 10), "Omega", (1.5, Omega), stability=False, special=False).X[-1]
+    return solve(problem, np.pad(coarse, (0, problem.size - coarse.size)), {"Omega": Omega}).X
+
+
+def test_folds_of_a_sampled_law_converge_with_the_square_of_the_samples():
+    exact = folds(SpurPair(), 10, (1.5, 0.6))
+    N = np.array([256, 1024, 4096, 16384])
+    errors = np.abs([folds(SpurPair(), 10, (1.5, 0.6), samples=int(n), sampled=True) - exact for n in N])
+    assert slope(N, errors.max(axis=1)) == pytest.approx(-2.0, abs=0.4)
+
+
+# ---- multipliers
+
+
+class Drag(Law):
+    """p = c d^2 v + d: the damping varies with the motion."""
+
+    reference = 1.0
+
+    def force(self, d, v, tau):
+        return 0.3 * d * d * v + d, 0.6 * d * v + 1, 0.3 * d * d
+
+
+def dragged():
+    system = System([[1.0]], [[0.05]], [[0.2]], [Element([1.0], Drag())], Load(cosine={1: [0.8]}))
+    problem = HarmonicBalance(system, 15)
+    return problem, problem.start(1.1), 1.1
+
+
+def parametric():
+    """Spur pair with varying stiffness and contact loss: the period is cut where teeth meet and part."""
+    problem = HarmonicBalance(SpurPair(eps=(0.3, 0.1)), 20)
+    X = trace(problem, "Omega", (1.7, 0.8), stability=False, special=False).X[-1]
+    assert problem.switching(X, Omega=0.8).theta.size == 2
+    return problem, X, 0.8
+
+
+def smooth():
+    problem = HarmonicBalance(Duffing(k3=1.0, F=0.6), 20)
+    return problem, problem.start(0.9), 0.9
+
+
+def two_laws():
+    """A cubic spring and a gap between two masses."""
+    elements = [Element([1.0, -1.0], Backlash(0.3)), Element([0.0, 1.0], Cubic(0.5, 0.5))]
+    system = System(np.diag([1.0, 2.0]), 0.1 * np.eye(2), 0.3 * np.eye(2), elements, Load([0.2, 0], {1: [0.5, 0]}))
+    problem = HarmonicBalance(system, 20)
+    return problem, problem.start(0.9), 0.9
+
+
+@pytest.mark.parametrize(("points", "widths"), [(1, 0.05), (2, 0.1), (3, 0.3)])
+@pytest.mark.parametrize("case", [dragged, parametric, smooth, two_laws])
+def test_multipliers_converge_with_twice_the_points(case, points, widths):
+    problem, X, Omega = case()
+    widths = widths * 2.0 ** -np.arange(4)
+    truth = np.sort_complex(problem.multipliers(X, points=6, width=0.05, Omega=Omega))
+    errors = [
+        np.abs(np.sort_complex(problem.multipliers(X, points=points, width=w, Omega=Omega)) - truth).max() for w in widths
+    ]
+    assert min(errors) > 1e-13
+    assert slope(widths, errors) == pytest.approx(2 * points, abs=0.35)
+
+
+@pytest.mark.parametrize("case", [dragged, parametric, smooth, two_laws])
+def test_default_steps_are_fine_enough(case):
+    problem, X, Omega = case()
+    truth = np.sort_complex(problem.multipliers(X, points=6, width=0.05, Omega=Omega))
+    np.testing.assert_allclose(np.sort_complex(problem.multipliers(X, Omega=Omega)), truth, atol=1e-7)

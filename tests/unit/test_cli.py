@@ -1,0 +1,426 @@
+"""The command line: what it prints, writes and returns, and that every bad input gets one line that says what to do."""
+
+import csv
+import os
+import re
+import subprocess
+import sys
+import time
+import warnings
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import hbgear as hb
+from hbgear import cli
+
+REPOSITORY = Path(__file__).parents[2]
+QUICK = ["trace", "duffing", "--harmonics", "3", "--no-stability"]
+
+
+@pytest.fixture
+def run(capsys, tmp_path, monkeypatch):
+    """Run the command in an empty folder: ``(exit code, stdout, stderr)``."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def call(*args):
+        with pytest.raises(SystemExit) as stop:
+            cli.main([str(arg) for arg in args])
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """A curve of SpurPair with folds, jumps and grazing contacts, saved."""
+    path = tmp_path_factory.mktemp("saved") / "spur.npz"
+    hb.trace(hb.HarmonicBalance(hb.SpurPair(F_m=0.11), harmonics=5), "Omega", (1.5, 0.6)).save(path)
+    return path
+
+
+def shell(*args, **options):
+    return subprocess.run([sys.executable, *args], capture_output=True, text=True, timeout=120, **options)
+
+
+# ---- what it does
+
+
+def test_models_shows_names_equations_and_defaults(run):
+    code, out, err = run("models")
+    assert (code, err) == (0, "")
+    for text in ("double-helical", "DoubleHelicalPair", "x'' + 2 zeta x' + x + k3 x^3 = F cos(tau)", "k3=0.1", "W=0,"):
+        assert text in out
+    assert "d_j = w_j^T q - e_j(tau)" in out
+
+
+def test_trace_saves_what_the_library_computes(run):
+    code, out, err = run("trace", "duffing", "--harmonics", 7, "--set", "zeta=0.04", "--to", 1.4, "-o", "d.npz")
+    assert (code, err) == (0, "")
+    here = hb.load("d.npz")
+    there = hb.trace(hb.HarmonicBalance(hb.Duffing(zeta=0.04), 7), "Omega", (0.5, 1.4))
+    assert here.X.shape == there.X.shape
+    np.testing.assert_allclose(here.X, there.X, rtol=0, atol=1e-10)
+    for jump in there.jumps():
+        line = next(x for x in out.split("jumps of a slow sweep")[1].splitlines() if f"{jump.value:.8g}" in x)
+        assert jump.label in line and ("increasing" if jump.direction > 0 else "decreasing") in line
+        assert f"{jump.before.amplitude('pp2'):.5g}" in line and f"{jump.after.amplitude('pp2'):.5g}" in line
+    assert len(there.jumps()) >= 2 and "wrote d.npz" in out
+
+
+def test_formats_and_figure(run):
+    for name in ("d.csv", "d.mat"):
+        assert run(*QUICK, "-o", name, "--measure", "H1")[0] == 0
+    rows = list(csv.DictReader(open("d.csv", encoding="utf-8")))
+    values = [float(row["Omega"]) for row in rows]
+    assert values[0] == 0.5 and values[-1] == 1.6 and len(values) == loadmat("d.mat")["values"].size
+    code, out, _ = run(*QUICK, "--plot", "d.png")
+    assert code == 0 and Path("d.png").read_bytes().startswith(b"\x89PNG")
+    assert "no jumps known: traced without stability" in out
+
+
+def test_values_take_the_type_of_the_field(run):
+    sets = ["--set", "eps=(0.1, 0.05)", "--set", "e=0.05,", "--set", "phase=sin", "--set", "b=2"]
+    assert run("trace", "spur-pair", *sets, "--max-points", 3, "--no-stability", "-o", "s.npz")[0] == 3
+    fields = hb.load("s.npz").meta["model"]["fields"]
+    assert fields["eps"] == [0.1, 0.05] and fields["e"] == [0.05] and fields["phase"] == "sin" and fields["b"] == 2.0
+    sets = ["--set", "tilt=false", "--set", "teeth_p=23", "--set", "e=()"]
+    assert run("trace", "double-helical", *sets, "--max-points", 3, "--no-stability", "-o", "g.npz")[0] == 3
+    fields = hb.load("g.npz").meta["model"]["fields"]
+    assert fields["tilt"] is False and fields["teeth_p"] == 23 and fields["e"] == []
+
+
+def test_trace_in_another_parameter(run):
+    code, out, _ = run(*QUICK, "--parameter", "F", "--from", 0.05, "--to", 0.1, "--at", "Omega=1.3", "-o", "F.npz")
+    curve = hb.load("F.npz")
+    assert code == 0 and curve.parameter == "F" and (curve.values[0], curve.values[-1]) == (0.05, 0.1)
+    assert curve.fixed["Omega"] == 1.3 and "no special points" in out
+    assert "Omega = 1.3" in run("info", "F.npz")[1]
+
+
+def test_samples_reach_the_balance(run):
+    run("trace", "spur-pair", "--sampled", "--samples", 128, "--max-points", 2, "--no-stability", "-o", "s.npz")
+    assert hb.load("s.npz").meta["balance"] == {"harmonics": 16, "samples": 128, "nu": 1, "sampled": True}
+
+
+def test_info_says_what_is_in_the_file(run, saved):
+    code, out, err = run("info", saved)
+    curve = hb.load(saved)
+    assert (code, err) == (0, "")
+    facts = [
+        "SpurPair(F_m=0.11)", "harmonics = 5", f"{len(curve)} points", "reached_end", "no impact, single-sided",
+        f"{curve.amplitude('pp2').max():.5g}", f"{curve.residual.max():.1e}", f"{curve.error.max():.1e}",
+        f"{int((~curve.stable).sum())} unstable", "LP1", "GR1", "grazing contact", "jumps of a slow sweep",
+    ]  # fmt: skip
+    for fact in facts:
+        assert fact in out
+    assert re.search(r"\bb=", out) is None  # fields at their defaults are not listed
+
+
+def test_jumps_of_a_file(run, saved):
+    code, out, _ = run("jumps", saved, "--measure", "rms")
+    curve = hb.load(saved)
+    assert code == 0 and curve.jumps() and "special points" not in out
+    for jump in curve.jumps():
+        assert f"{jump.value:.8g}" in out and f"{jump.before.amplitude('rms'):.5g}" in out
+
+
+def test_frequency_and_speed_of_models_that_have_them(run):
+    run("trace", "double-helical", "--harmonics", 4, "--from", 1.1, "--to", 0.9, "-o", "g.npz")
+    _, out, _ = run("info", "g.npz")
+    graze = hb.load("g.npz")["GR1"].parameters["Omega"]
+    pair = hb.DoubleHelicalPair()
+    line = next(line for line in out.splitlines() if "GR1" in line)
+    assert f"{pair.mesh_frequency(graze):.6g}" in line and f"{pair.pinion_speed(graze):.6g}" in line
+    assert "mesh Hz" in out and "pinion r/min" in out
+    assert pair.mesh_frequency(1.0) == pytest.approx(5116.2, abs=0.05)
+
+
+def test_plot_of_a_file_and_of_its_points(run, saved):
+    assert run("plot", saved, "-o", "curve.svg")[0] == 0
+    assert "<svg" in Path("curve.svg").read_text(encoding="utf-8")
+    code, out, _ = run("plot", saved, "--point", "LP1", "-o", "point.png")
+    assert code == 0 and f"{hb.load(saved)['LP1'].parameters['Omega']:.8g}" in out
+    assert run("plot", saved)[0] == 0 and saved.with_suffix(".png").exists()
+
+
+def test_point_by_value_is_the_nearest_stable_one(saved):
+    curve = hb.load(saved)
+    fold, other = (curve[label].parameters["Omega"] for label in ("LP1", "LP2"))
+    middle = (fold + other) / 2
+    assert np.sum(np.diff(np.sign(curve.values - middle)) != 0) == 3  # upper, unstable, lower
+    point = cli._point(curve, str(middle))
+    assert point.stable and abs(point.parameters["Omega"] - middle) < 0.05
+    assert cli._point(curve, str(curve.values[0])).parameters["Omega"] == curve.values[0]
+
+
+# ---- how it ends
+
+
+def test_early_stop_saves_and_returns_3(run):
+    code, out, _ = run(*QUICK, "--max-points", 6, "-o", "d.npz", "--plot", "d.png")
+    curve = hb.load("d.npz")
+    assert code == 3 and len(curve) == 6 and curve.status is hb.Status.MAX_POINTS
+    assert Path("d.png").exists() and "allow more points" in out
+
+
+def test_interrupt_saves_and_returns_3(run, monkeypatch):
+    @contextmanager
+    def impatient(parameter, a, b):
+        def show(value, rows, step):
+            if rows == 8:
+                raise KeyboardInterrupt
+
+        yield show
+
+    monkeypatch.setattr(cli, "_progress", impatient)
+    code, out, _ = run(*QUICK, "-o", "d.npz")
+    assert code == 3 and hb.load("d.npz").status is hb.Status.INTERRUPTED and len(hb.load("d.npz")) == 8
+    assert "interrupted" in out
+
+
+def test_interrupt_before_the_first_point(run, monkeypatch):
+    def impatient(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(hb, "trace", impatient)
+    code, _, err = run(*QUICK, "-o", "d.npz")
+    assert code == 3 and "nothing was kept" in err and not os.listdir()
+
+
+def test_start_without_motion_is_refused(run, monkeypatch):
+    def lost(*_, **__):
+        raise hb.NoConvergence("Newton stopped", np.zeros(3), {}, [])
+
+    monkeypatch.setattr(hb, "trace", lost)
+    code, _, err = run(*QUICK, "-o", "d.npz")
+    assert code == 2 and err == "hbgear: error: Newton stopped\n" and not os.listdir()
+
+
+def test_failure_while_drawing_leaves_no_half_figure(run, saved, monkeypatch):
+    from matplotlib.figure import Figure
+
+    def fail(self, handle, **options):
+        handle.write(b"half")
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(Figure, "savefig", fail)
+    code, _, err = run("plot", saved, "-o", "curve.png")
+    assert code == 2 and err == "hbgear: error: the disk is full\n" and not os.listdir()
+
+
+def test_a_bug_is_not_hidden(monkeypatch):
+    monkeypatch.setattr(cli, "_print", lambda table: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["models"])
+
+
+def test_warnings_are_one_line(run):
+    before = warnings.showwarning
+    code, _, err = run("trace", "double-helical", "--harmonics", 2, "--max-points", 2, "--no-stability")
+    assert code == 3 and warnings.showwarning is before
+    assert re.fullmatch(r"hbgear: warning: the excitation has 3 harmonics but H = 2 .*\n", err)
+
+
+def test_linear_algebra_has_one_thread_while_tracing(run, monkeypatch):
+    from threadpoolctl import threadpool_info, threadpool_limits
+
+    seen = []
+
+    def look(*_, **__):
+        seen.extend(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+        raise ValueError("enough")
+
+    monkeypatch.setattr(hb, "trace", look)
+    with threadpool_limits(2):
+        run(*QUICK)
+    assert seen and set(seen) == {1}
+
+
+def test_help_is_quick_to_import():
+    code = (
+        "import sys\ntry:\n    from hbgear.cli import main; main([])\nfinally:\n    print('matplotlib' in sys.modules)"
+    )
+    out = shell("-c", code)
+    assert out.returncode == 0 and "trace" in out.stdout and out.stdout.endswith("False\n")
+
+
+def test_module_and_version(run):
+    assert shell("-m", "hbgear", "--version").stdout == f"{hb.__version__}\n"
+    assert run("--version") == (0, f"{hb.__version__}\n", "")
+
+
+def test_no_progress_bar_where_there_is_no_terminal(tmp_path):
+    out = shell("-m", "hbgear", *QUICK, cwd=tmp_path, env={**os.environ, "FORCE_COLOR": "1"})
+    assert out.returncode == 0 and out.stderr == ""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+def test_progress_bar_on_a_terminal(tmp_path):
+    import pty
+
+    master, slave = pty.openpty()
+    env = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
+    command = [sys.executable, "-m", "hbgear", *QUICK[:4], "--set", "zeta=0.01"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=slave, cwd=tmp_path, env=env) as process:
+        os.close(slave)
+        seen, deadline = b"", time.monotonic() + 100
+        while time.monotonic() < deadline:
+            try:
+                part = os.read(master, 4096)
+            except OSError:  # how Linux says that the other end is closed
+                break
+            if not part:
+                break
+            seen += part
+    os.close(master)
+    assert process.returncode == 0
+    assert re.search(rb"Omega = \d\.\d+", seen) and re.search(rb"\d+ points, step \d\.\de-\d\d", seen)
+
+
+# ---- bad input
+
+
+def refused(run, args, *words):
+    """Exit code 2, one line on stderr with these words, nothing on stdout, nothing written."""
+    before = sorted(os.listdir())
+    code, out, err = run(*args)
+    assert (code, out) == (2, "")
+    assert err.startswith("hbgear: error: ") and err.count("\n") == 1
+    for word in words:
+        assert word in err
+    assert sorted(os.listdir()) == before
+
+
+@pytest.mark.parametrize(
+    "args, words",
+    [
+        ("trace duffign", ["no model 'duffign'", "did you mean 'duffing'"]),
+        ("trace duffing --set zetta=0.1", ["no parameter 'zetta'", "did you mean 'zeta'"]),
+        ("trace duffing --set name=1", ["no parameter 'name'", "it has: zeta, k3, F"]),
+        ("trace duffing --parameter zetta --at Omega=1 --from 0.1 --to 0.2", ["did you mean 'zeta'"]),
+        ("trace duffing --at zetta=1", ["no parameter 'zetta'", "did you mean 'zeta'"]),
+        ("trace duffing --at Omega=1", ["--at Omega", "--from and --to"]),
+        ("trace duffing --at zeta=much", ["--at zeta=much", "finite number"]),
+        ("trace duffing --set zeta=nan", ["zeta=nan", "finite number"]),
+        ("trace duffing --set F=inf", ["F=inf", "finite number"]),
+        ("trace duffing --set zeta=-0.1", ["zeta = -0.1", "must not be negative"]),
+        ("trace duffing --set zeta=5%", ["zeta=5%", "finite number"]),
+        ("trace duffing --set zeta", ["--set zeta", "need NAME=VALUE"]),
+        ("trace duffing --set zeta=0.1 --set zeta=0.2", ["already given as 0.1"]),
+        ("trace spur-pair --set eps=0.1,x", ["eps=x", "finite number"]),
+        ("trace spur-pair --set phase=tan", ["'tan'", "'cos' or 'sin'"]),
+        ("trace double-helical --set teeth_p=2.5", ["teeth_p=2.5", "whole number"]),
+        ("trace double-helical --set teeth_p=0", ["teeth_p = 0"]),
+        ("trace double-helical --set k_mean=0", ["k_mean = 0"]),
+        ("trace double-helical --set tilt=maybe", ["tilt=maybe", "true or false"]),
+        ("trace duffing --harmonics 8 --samples 16", ["N = 16", "H = 8", "need N >= 17"]),
+        ("trace duffing --harmonics 0", ["--harmonics", "1"]),
+        ("trace duffing --samples 0", ["--samples", "1"]),
+        ("trace duffing --samples many", ["--samples", "many"]),
+        ("trace duffing --from 1 --to 1", ["is empty", "two different values of Omega"]),
+        ("trace duffing --from 1.2 --to -0.5", ["Omega must stay positive"]),
+        ("trace duffing --from nan", ["must be finite"]),
+        ("trace duffing --parameter F --at Omega=1 --to 1", ["tracing in F needs --from and --to"]),
+        ("trace duffing --parameter F --from 0.1 --to 1", ["tracing in F needs", "--at Omega="]),
+        ("trace duffing --measure loud", ["no measure 'loud'", "pp2"]),
+        ("trace duffing --harmonics 3 --measure H4", ["'H4'", "H = 3"]),
+        ("trace duffing --element 1", ["no element 1", "'x'"]),
+        ("trace duffing --element y", ["no element 'y'", "'x'"]),
+        ("trace duffing -o curve.txt", ["'curve.txt'", ".npz, .csv or .mat"]),
+        ("trace duffing -o nowhere/curve.npz", ["no folder 'nowhere'", "create it"]),
+        ("trace duffing --plot curve.jpg", ["'curve.jpg'", ".png, .pdf or .svg"]),
+        ("trace duffing --plot nowhere/curve.png", ["no folder 'nowhere'", "create it"]),
+        ("trace duffing --max-points 1", ["--max-points", "2"]),
+        ("trace", ["MODEL", "--help"]),
+        ("trac duffing", ["'trac'", "--help"]),
+        ("trace duffing --harmonic 3", ["--harmonic", "--help"]),
+        ("info missing.npz", ["no file 'missing.npz'"]),
+        ("jumps missing.npz", ["no file 'missing.npz'"]),
+        ("plot missing.npz", ["no file 'missing.npz'"]),
+    ],
+)
+def test_bad_input(run, args, words):
+    refused(run, args.split(), *words)
+
+
+def test_nothing_is_computed_before_outputs_are_checked(run, monkeypatch):
+    monkeypatch.setattr(hb, "trace", lambda *_, **__: pytest.fail("traced"))
+    for output in (["-o", "curve.txt"], ["--plot", "nowhere/curve.png"], ["--measure", "loud"], ["--element", "7"]):
+        assert run("trace", "duffing", *output)[0] == 2
+
+
+def test_output_that_cannot_be_written(run):
+    os.mkdir("taken.npz")
+    refused(run, ["trace", "duffing", "-o", "taken.npz"], "it is a folder")
+    if os.name == "posix" and os.geteuid() != 0:
+        os.mkdir("locked", mode=0o500)
+        refused(run, ["trace", "duffing", "-o", "locked/a.npz"], "you may not write in 'locked'")
+
+
+def test_files_that_are_no_branch(run, saved):
+    whole = saved.read_bytes()
+    Path("text.npz").write_text("no archive")
+    Path("cut.npz").write_bytes(whole[: len(whole) // 2])
+    Path("empty.npz").write_bytes(b"")
+    np.savez("foreign.npz", x=np.arange(3))
+    os.mkdir("folder.npz")
+    for name in ("text", "cut", "empty", "foreign", "folder"):
+        for command in ("info", "jumps", "plot"):
+            refused(run, [command, f"{name}.npz"], f"'{name}.npz' cannot be read as a branch", "hbgear trace -o")
+
+
+def test_points_that_are_not_there(run, saved):
+    refused(run, ["plot", saved, "--point", "LP9"], "no special point 'LP9'", "LP1")
+    refused(run, ["plot", saved, "--point", "9.5"], "--point 9.5", "from 0.6 to 1.5")
+    refused(run, ["plot", saved, "--point", "LP1", "-o", "x.jpg"], ".png, .pdf or .svg")
+    refused(run, ["info", saved, "--element", "tooth"], "no element 'tooth'", "'gap'")
+
+
+def free_pair(load):
+    """Two masses with a backlash spring between them and nothing to ground."""
+    gap = hb.Element([1.0, -1.0], hb.Backlash(b=1.0), damping=0.1, name="mesh")
+    return hb.System(np.eye(2), None, np.zeros((2, 2)), [gap], hb.Load(constant=load), dof_names=["pinion", "wheel"])
+
+
+def test_unbalanced_torque_names_the_motion():
+    hb.HarmonicBalance(free_pair([0.5, -0.5]), 3)
+    with pytest.raises(ValueError, match=r"balance.*") as error:
+        hb.HarmonicBalance(free_pair([0.5, -0.4]), 3)
+    assert "pinion" in str(error.value) and "wheel" in str(error.value)
+
+
+def test_singular_and_ill_formed_matrices():
+    gap = hb.Element([1.0, 0.0], hb.Backlash())
+    with pytest.raises(ValueError, match=r"M is singular"):
+        hb.HarmonicBalance(hb.System(np.diag([1.0, 0.0]), None, np.eye(2), [gap]), 3)
+    with pytest.raises(ValueError, match=r"K has shape \(3, 3\); need \(2, 2\)"):
+        hb.System(np.eye(2), None, np.eye(3), [gap])
+    with pytest.raises(ValueError, match=r"M has entries that are not finite"):
+        hb.System(np.diag([1.0, np.nan]), None, np.eye(2), [gap])
+
+
+# ---- what the README promises
+
+
+def test_readme_python_runs(tmp_path, monkeypatch, capsys):
+    text = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(blocks) == 2
+    monkeypatch.chdir(tmp_path)
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), {})
+    printed = [float(x) for x in re.findall(r"Omega = ([\d.]+)", capsys.readouterr().out)]
+    assert printed == pytest.approx([1.04625, 1.04272], abs=2e-5)
+
+
+def test_ci_runs_the_test_command_of_the_readme():
+    readme, script = ((REPOSITORY / name).read_text(encoding="utf-8") for name in ("README.md", ".ci/run"))
+    pattern = re.search(r"grep -m 1 '(.*?)' README.md", script)
+    assert pattern and re.search(pattern[1], readme, re.MULTILINE)
+    assert os.access(REPOSITORY / ".ci/run", os.X_OK)

@@ -1,0 +1,143 @@
+"""Imports run one way: the table below is held against the code."""
+
+import ast
+import subprocess
+import sys
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import hbgear
+
+ROOT = Path(hbgear.__file__).parent
+
+# One line per module, or package of modules: which others of hbgear it may import when it is itself imported.
+TABLE = {
+    "_version": "",
+    "fourier": "",
+    "laws": "fourier",
+    "model": "fourier laws",
+    "receptance": "fourier model",
+    "contact": "fourier laws",
+    "stability": "fourier",
+    "measures": "fourier",
+    "newton": "fourier",
+    "branch": "fourier measures model",
+    "augmented": "fourier newton",
+    "arc": "fourier newton",
+    "balance": "branch contact fourier laws model newton receptance stability",
+    "special": "arc augmented branch fourier newton",
+    "jumps": "branch newton",
+    "trace": "_version arc branch fourier jumps newton special",
+    "gears": "fourier laws model",
+    "oscillators": "laws model",
+    "catalogue": "gears model oscillators",
+    "plot": "branch fourier measures",
+}
+FREE = {"__init__", "__main__", "cli"}  # may import anything, and none of the above may import them
+
+# Libraries that only some modules may import, anywhere in them.
+ONLY_IN = {"matplotlib": {"plot", "cli"}, "pyfftw": {"fourier"}, "typer": {"cli"}, "rich": {"cli"}}
+
+FILES = sorted(ROOT.rglob("*.py"))
+
+
+def module_of(path: Path) -> str:
+    """Line of the table a file belongs to: its own name, or that of its folder."""
+    return path.relative_to(ROOT).with_suffix("").parts[0]
+
+
+def names(node: ast.stmt | ast.AST, package: tuple[str, ...]) -> list[str]:
+    """Dotted names an import statement asks for; relative ones from the package of the file."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom):
+        start = package[: len(package) - node.level + 1] if node.level else ()
+        stem = [*start, *([node.module] if node.module else [])]
+        return [".".join([*stem, alias.name]) for alias in node.names]
+    return []
+
+
+def at_import(body: list[ast.stmt]) -> list[ast.stmt]:
+    """Statements that run when a module is imported: not in functions, not for type checkers only."""
+    out: list[ast.stmt] = []
+    for node in body:
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            continue
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            out += at_import(node.orelse)
+            continue
+        out.append(node)
+        for part in ("body", "orelse", "finalbody"):
+            out += at_import(getattr(node, part, []))
+        for handler in getattr(node, "handlers", []):
+            out += at_import(handler.body)
+    return out
+
+
+def imported(text: str, package: tuple[str, ...]) -> set[str]:
+    """Modules of hbgear that a source imports when it is imported."""
+    found = set()
+    for node in at_import(ast.parse(text).body):
+        for name in names(node, package):
+            parts = name.split(".")
+            if parts[0] == "hbgear":
+                found.add(parts[1] if len(parts) > 1 and (parts[1] in TABLE or parts[1] in FREE) else "__init__")
+    return found
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_module_imports_only_what_the_table_allows(path):
+    module = module_of(path)
+    if module in FREE:
+        return
+    assert module in TABLE, f"'{module}' is not in the import table; add a line for it"
+    package = ("hbgear", *path.relative_to(ROOT).parts[:-1])
+    extra = imported(path.read_text(encoding="utf-8"), package) - set(TABLE[module].split()) - {module}
+    assert not extra, f"{module} imports {', '.join(sorted(extra))}, which the import table does not allow"
+
+
+def test_table_has_no_circle_and_no_dead_line():
+    graph = {module: allowed.split() for module, allowed in TABLE.items()}
+    order = list(TopologicalSorter(graph).static_order())  # raises CycleError
+    assert set(order) == set(graph), "the table allows imports of modules that have no line"
+    assert set(graph) == {module_of(path) for path in FILES} - FREE
+
+
+@pytest.mark.parametrize("library", ONLY_IN)
+def test_library_stays_in_its_modules(library):
+    users = set()
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if any(name.split(".")[0] == library for name in names(node, ("hbgear",))):
+                users.add(module_of(path))
+    assert users <= ONLY_IN[library]
+
+
+@pytest.mark.parametrize(
+    "text, found",
+    [
+        ("from hbgear.plot import response", {"plot"}),
+        ("import hbgear.plot as p", {"plot"}),
+        ("from hbgear import plot, trace", {"plot", "trace"}),
+        ("import hbgear", {"__init__"}),
+        ("from hbgear import HarmonicBalance", {"__init__"}),
+        ("from . import plot", {"plot"}),
+        ("from .plot import response", {"plot"}),
+        ("try:\n    import hbgear.plot\nexcept ImportError:\n    import hbgear.cli", {"plot", "cli"}),
+        ("class A:\n    from hbgear import plot", {"plot"}),
+        ("if TYPE_CHECKING:\n    from hbgear import plot\nelse:\n    from hbgear import cli", {"cli"}),
+        ("def f():\n    from hbgear import plot", set()),
+        ("import numpy\nfrom numpy import fft", set()),
+    ],
+)
+def test_imports_are_seen(text, found):
+    assert imported(text, ("hbgear",)) == found
+
+
+def test_import_of_hbgear_leaves_matplotlib_alone():
+    slow = ("matplotlib", "typer", "rich", "PIL")
+    code = f"import sys, hbgear; print([name for name in {slow} if name in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT.parent)
+    assert out.stdout.strip() == "[]"
