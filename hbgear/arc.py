@@ -14,7 +14,7 @@ import numpy as np
 import scipy.linalg as la
 
 from hbgear.fourier import Array
-from hbgear.newton import Evaluation, Settings, Solution, bordered, correct
+from hbgear.newton import Evaluation, NoConvergence, Settings, Solution, bordered, correct
 
 
 @dataclass(frozen=True)
@@ -116,6 +116,27 @@ class Arc:
         normal = normal / np.linalg.norm(normal)
         solution = correct(self.problem, u, normal, self.name, self.parameters, self.settings)
         return row_of(solution, normal, self.scale)
+
+    def passes(self, known: Row) -> bool:
+        """Whether the curve from a to b contains a row already known: the points nearest to it are compared."""
+        chord = (self.b.u - self.a.u) / self.scale
+        offset = (known.u - self.a.u) / self.scale
+        length = float(np.linalg.norm(chord))
+        s = float(offset @ chord) / length**2
+        if not 0 <= s <= 1 or np.linalg.norm(offset - s * chord) > 0.1 * length:
+            return False
+        try:
+            there = self.at(s)
+        except (NoConvergence, np.linalg.LinAlgError):
+            return False
+        gap, along = (there.u - known.u) / self.scale, known.tangent / self.scale
+        across = gap - along * (gap @ along) / (along @ along)
+        return float(np.linalg.norm(across)) < 1e-3 * length
+
+
+def cosine(a: Row, b: Row, scale: Array) -> float:
+    """Cosine of the angle between the tangents of two rows, up to their lengths."""
+    return float((a.tangent / scale) @ (b.tangent / scale))
 
 
 def row_of(solution: Solution, normal: Array, scale: Array, step: float = 0.0) -> Row:

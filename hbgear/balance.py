@@ -272,19 +272,21 @@ class HarmonicBalance:
         if sampled.size:
             velocity = self._transform.samples(Omega / self.nu * derive(c))
             values = np.array([compiled.bound[j](samples[j], velocity[j]) for j in sampled])
-            f[sampled] = to_real(_one_sided(self._spectrum(values[:, 0])[:, : H + 1]))
-            kappa[sampled] = self._spectrum(values[:, 1])
+            f[sampled] = to_real(_one_sided(self._spectrum(values[:, 0])[: sampled.size, : H + 1]))
+            kappa[sampled] = self._spectrum(values[:, 1])[: sampled.size]
             if np.any(values[:, 2]):
                 gamma = np.zeros_like(kappa)
-                gamma[sampled] = self._spectrum(values[:, 2])
+                gamma[sampled] = self._spectrum(values[:, 2])[: sampled.size]
         return Forces(f, kappa, gamma)
 
     def _spectrum(self, values: Array) -> ComplexArray:
         """Two-sided coefficients 0..2H of samples (rows, N); zeros where N is too short to hold them."""
-        full = np.zeros((self.m, self.N))
-        full[: len(values)] = values
-        s = self._transform.spectrum(full)[: len(values), : 2 * self.H + 1]
-        return np.pad(s, ((0, 0), (0, 2 * self.H + 1 - s.shape[-1])))
+        if len(values) < self.m:  # the plan is made for all elements
+            values = np.concatenate([values, np.zeros((self.m - len(values), self.N))])
+        s = self._transform.spectrum(values)[:, : 2 * self.H + 1]
+        if s.shape[1] <= 2 * self.H:
+            s = np.pad(s, ((0, 0), (0, 2 * self.H + 1 - s.shape[1])))
+        return s
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
         """Residual (n,) and Jacobian (n, n) at X (n,), n = m (2H + 1); ``Omega`` must be among the parameters."""
@@ -423,8 +425,11 @@ class HarmonicBalance:
 
     def _reach(self, X: Array, parameters: dict[str, float]) -> tuple[list[Array], Array, Array]:
         """Corners of each law, lowest and highest value of each element."""
+        corners = [np.array(law.breakpoints) for law in self.compiled(parameters).laws]
+        if not any(x.size for x in corners):
+            return corners, np.zeros(self.m), np.zeros(self.m)
         low, _, high, _ = extrema(X.reshape(self.m, -1))
-        return [np.array(law.breakpoints) for law in self.compiled(parameters).laws], low, high
+        return corners, low, high
 
     def force_rows(self, X: Array, **parameters: float) -> Array:
         """Law forces of each element (without its damper) as real rows (m, 2H + 1)."""

@@ -169,16 +169,17 @@ def trace(
 @app.command()
 def info(file: File, measure: Measure = "pp2", element: Element = "0") -> None:
     """Say what a saved curve is, how it ended, what is on it and how accurate it is."""
-    branch = hb.load(file)
+    branch, which = _loaded(file, measure, element)
     rows = [[name, text] for name, text in _facts(branch, measure) if text]
     _print(_table(["", str(file)], rows))
-    _report(branch, measure, _element(element))
+    _report(branch, measure, which)
 
 
 @app.command()
 def jumps(file: File, measure: Measure = "pp2", element: Element = "0") -> None:
     """Where a slow sweep jumps, and from which amplitude to which."""
-    _report_jumps(hb.load(file), measure, _element(element))
+    branch, which = _loaded(file, measure, element)
+    _report_jumps(branch, measure, which)
 
 
 @app.command(name="plot")
@@ -194,7 +195,7 @@ def plot_command(
     ] = None,
 ) -> None:
     """Draw a saved curve, or the time history, phase diagram and spectrum of one of its points."""
-    branch, which = hb.load(file), _element(element)
+    branch, which = _loaded(file, measure, element)
     chosen = None if point is None else _point(branch, point)
     path = output or file.with_name(f"{file.stem}{'' if chosen is None else f'_{point}'}.png")
     _check_writable(path, FIGURES)
@@ -271,6 +272,13 @@ def _number(what: str, text: str) -> float:
     if not math.isfinite(value):
         raise ValueError(f"{what}={text}: need a finite number")
     return value
+
+
+def _loaded(file: Path, measure: str, element: str) -> tuple[hb.Branch, int | str]:
+    """A saved branch and the element meant; a wrong measure or element is refused before anything is printed."""
+    branch, which = hb.load(file), _element(element)
+    branch[0].amplitude(measure, which)
+    return branch, which
 
 
 def _element(text: str) -> int | str:
@@ -453,7 +461,7 @@ def _facts(branch: hb.Branch, measure: str) -> Iterator[tuple[str, str]]:
     stable, layout = branch.stable, branch.layout
     settings = branch.meta.get("balance", {})
     yield "model", _described(branch)
-    yield "settings", ", ".join(f"{name} = {_text(value)}" for name, value in settings.items())
+    yield "settings", ", ".join(f"{name} = {_text(value)}" for name, value in settings.items() if value is not None)
     yield "held", ", ".join(f"{name} = {branch.fixed[name]:.6g}" for name in ("Omega",) if name in branch.fixed)
     yield "curve", f"{branch.parameter} from {branch.values[0]:.6g} to {branch.values[-1]:.6g}, {len(branch)} points"
     yield "status", f"{branch.status}: {branch.message}"

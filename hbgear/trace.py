@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from hbgear._version import __version__
-from hbgear.arc import Arc, Departure, Row, normal_of, row_of
-from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status
+from hbgear.arc import Arc, Departure, Row, cosine, normal_of, row_of
+from hbgear.branch import Branch, Point, Status
 from hbgear.fourier import Array
 from hbgear.jumps import find_jumps
-from hbgear.newton import NoConvergence, Settings, Solution, correct, linearise, solve
+from hbgear.newton import NoConvergence, Settings, correct, solve
+from hbgear.record import Mark, branch_of
 from hbgear.special import MERGED, find
 
 Progress = Callable[[float, int, float], None]
@@ -128,7 +128,7 @@ class _Tracer:
         self.fixed = self._fixed(start, at)
         self.sense = 1.0 if self.b > self.a else -1.0
         self.rows: list[Row] = []
-        self.marks: list[tuple[int, str, bool, tuple[float, float], str]] = []
+        self.marks: list[Mark] = []
         self.first = self._first_row(start)
 
     # ---- start
@@ -234,7 +234,13 @@ class _Tracer:
             status, message = self._loop()
         except KeyboardInterrupt:
             status, message = Status.INTERRUPTED, f"interrupted at {self.name} = {self.rows[-1].value:.6g}"
-        return self._branch(status, message)
+        meta = {
+            "span": [self.a, self.b], "steps": vars(self.steps), "newton": vars(self.settings),
+            "stability": self.stability,
+        }  # fmt: skip
+        branch = branch_of(self.problem, self.name, self.fixed, self.rows, self.marks, status, message, meta)
+        jumps = find_jumps(branch, self.settings) if self.stability and self.special else ()
+        return replace(branch, jump_records=jumps)
 
     def _loop(self) -> tuple[Status, str]:
         while True:
@@ -324,14 +330,13 @@ class _Tracer:
         A subharmonic branch ends where its subharmonics vanish: the value there is returned and the row not stored.
         """
         if self.special:
-            arc = Arc(self.problem, self.name, self.fixed, last, row, self.scale, self.settings)
-            for found in find(arc, self.stability):
+            for found in find(self._arc(last, row), self.stability):
                 interval = (last.value, row.value)
                 if found.located:
                     self.rows.append(self._observe(found.row))
                 if found.kind == MERGED:
                     return found.row.value
-                self.marks.append((len(self.rows) - 1, found.kind, found.located, interval, found.note))
+                self.marks.append(Mark(len(self.rows) - 1, found.kind, found.located, interval, found.note))
         self.rows.append(row)
         self.top = max(self.top, self._motion_size(row.solution.X))
         self.scale = self._scale(row.solution.X)
@@ -380,6 +385,9 @@ class _Tracer:
         u, t = np.append(fit(row.u[:-1]), row.u[-1]), np.append(fit(row.tangent[:-1]), row.tangent[-1])
         return replace(row, u=u, tangent=t)
 
+    def _arc(self, last: Row, row: Row) -> Arc:
+        return Arc(self.problem, self.name, self.fixed, last, row, self.scale, self.settings)
+
     # ---- ends
 
     def _end_value(self, row: Row) -> float | None:
@@ -393,7 +401,7 @@ class _Tracer:
     def _final(self, last: Row, row: Row, end: float) -> Row:
         """Row exactly at the end of the span, solved at fixed parameter from between the last two rows."""
         s = (end - last.value) / (row.value - last.value)
-        guess = Arc(self.problem, self.name, self.fixed, last, row, self.scale, self.settings).guess(s)
+        guess = self._arc(last, row).guess(s)
         here = {**self.fixed, self.name: end}
         try:
             solution = solve(self.problem, guess[:-1], here, self.name, self.settings)
@@ -407,117 +415,19 @@ class _Tracer:
         if len(self.rows) < 4:
             return False
         first = self._as_now(self.first)
-        return self._passes(last, row, first) and self._cosine(row, first) > 0
+        return cosine(row, first, self.scale) > 0 and self._arc(last, row).passes(first)
 
     def _runs_back(self, last: Row, row: Row) -> bool:
         """Whether the piece passes through an earlier row in the opposite direction."""
         if len(self.rows) < 4:
             return False
         earlier = [self._as_now(r) for r in self.rows[:-3]]
-        U = np.array([r.u for r in earlier]) / self.scale
-        a, b = last.u / self.scale, row.u / self.scale
-        chord = b - a
-        s = np.clip((U - a) @ chord / (chord @ chord), 0, 1)
-        distance = np.linalg.norm(U - a - s[:, None] * chord, axis=1)
-        for i in np.flatnonzero(distance < 0.1 * np.linalg.norm(chord)):
-            if self._cosine(row, earlier[i]) < 0 and self._passes(last, row, earlier[i]):
-                return True
-        return False
-
-    def _cosine(self, a: Row, b: Row) -> float:
-        return float((a.tangent / self.scale) @ (b.tangent / self.scale))
-
-    def _passes(self, last: Row, row: Row, known: Row) -> bool:
-        """Whether the curve between two rows contains a known row: correct onto it across the known tangent."""
-        chord = (row.u - last.u) / self.scale
-        offset = (known.u - last.u) / self.scale
-        s = float(offset @ chord / (chord @ chord))
-        if not 0 <= s <= 1 or np.linalg.norm(offset - s * chord) > 0.1 * np.linalg.norm(chord):
-            return False
-        arc = Arc(self.problem, self.name, self.fixed, last, row, self.scale, self.settings)
-        try:
-            there = arc.at(s)
-        except (NoConvergence, np.linalg.LinAlgError):
-            return False
-        gap = (there.u - known.u) / self.scale
-        tangent = known.tangent / self.scale
-        across = gap - tangent * (gap @ tangent) / (tangent @ tangent)
-        return float(np.linalg.norm(across)) < 1e-3 * float(np.linalg.norm(chord))
-
-    # ---- result
-
-    def _point(self, row: Row) -> dict[str, Any]:
-        """Fields of the Point a row stands for."""
-        X, own = self._split(row.solution.X)
-        return {
-            "X": X,
-            "parameters": {**self.fixed, **own, self.name: row.value},
-            "residual": row.solution.residual,
-            "iterations": row.solution.iterations,
-            "multipliers": row.observed.get("multipliers"),
-            "regime": row.observed.get("regime", np.zeros(0, dtype=np.int8)),
-            "error": row.observed.get("error", math.nan),
-            "layout": getattr(self.problem, "layout", None),
-        }
-
-    def _split(self, X: Array) -> tuple[Array, dict[str, float]]:
-        if hasattr(self.problem, "fitted"):
-            return self.problem.fitted(X), {}
-        return self.problem.split(X) if hasattr(self.problem, "split") else (X, {})
-
-    def _branch(self, status: Status, message: str) -> Branch:
-        rows = self.rows
-        widest = max(len(r.solution.X) for r in rows)
-        if hasattr(self.problem, "fitted") and widest > self.problem.size:
-            self.problem = self.problem.with_order(self.problem.nu, (widest // self.problem.m - 1) // 2)
-        split = [self._split(r.solution.X) for r in rows]
-        counts: dict[str, int] = {}
-        special: list[SpecialPoint] = []
-        for index, kind, located, interval, note in self.marks:
-            counts[kind] = counts.get(kind, 0) + 1
-            special.append(
-                SpecialPoint(
-                    **self._point(rows[index]), label=f"{kind}{counts[kind]}", kind=kind, index=index,
-                    located=located, interval=interval, note=note,
-                )  # fmt: skip
-            )
-        has_mu = all("multipliers" in r.observed for r in rows) and self.stability
-        m = max((len(r.observed.get("regime", ())) for r in rows), default=0)
-        branch = Branch(
-            parameter=self.name,
-            values=np.array([r.value for r in rows]),
-            X=np.array([X for X, _ in split]),
-            fixed=dict(self.fixed),
-            tracked={k: np.array([own[k] for _, own in split]) for k in self._own_parameters()},
-            multipliers=np.array([r.observed["multipliers"] for r in rows]) if has_mu else None,
-            iterations=np.array([r.solution.iterations for r in rows]),
-            residual=np.array([r.solution.residual for r in rows]),
-            regime=np.array([r.observed.get("regime", np.zeros(m)) for r in rows], dtype=np.int8).reshape(len(rows), m),
-            error=np.array([r.observed.get("error", math.nan) for r in rows]),
-            step=np.array([r.step for r in rows]),
-            special=tuple(special),
-            jump_records=(),
-            status=status,
-            message=message if status.complete else f"{message}. {status.advice}",
-            layout=getattr(self.problem, "layout", None),
-            meta=self._meta(),
-            problem=self.problem,
-        )
-        jumps: tuple[Jump, ...] = find_jumps(branch, self.settings) if self.stability and self.special else ()
-        return replace(branch, jump_records=jumps)
-
-    def _meta(self) -> dict[str, Any]:
-        about = self.problem.describe() if hasattr(self.problem, "describe") else {}
-        return {
-            "hbgear": __version__,
-            **about,
-            "trace": {
-                "span": [self.a, self.b],
-                "steps": vars(self.steps),
-                "newton": vars(self.settings),
-                "stability": self.stability,
-            },
-        }
+        a, chord = last.u / self.scale, (row.u - last.u) / self.scale
+        offsets = np.array([r.u for r in earlier]) / self.scale - a
+        s = np.clip(offsets @ chord / (chord @ chord), 0, 1)
+        near = np.linalg.norm(offsets - s[:, None] * chord, axis=1) < 0.1 * np.linalg.norm(chord)
+        arc = self._arc(last, row)
+        return any(cosine(row, earlier[i], self.scale) < 0 and arc.passes(earlier[i]) for i in np.flatnonzero(near))
 
 
 _BACK = "the curve ran back over itself"

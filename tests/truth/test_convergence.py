@@ -21,18 +21,19 @@ def slope(x, errors):
 def test_folds_of_a_kinked_law_converge_with_the_cube_of_the_harmonics(model):
     H = np.array([10, 14, 20, 28, 40])
     found = np.array([folds(model, h, (1.5, 0.6)) for h in H])
-    errors = np.abs(found - folds(model, 160, (1.5, 0.6)))
+    errors = np.abs(found - folds(model, 100, (1.5, 0.6)))
     for column in errors.T:
         assert slope(H, column) < -2.7
         assert column[-1] < column[0] / 40
 
 
 def test_folds_of_a_smooth_law_converge_exponentially():
-    """Odd harmonics only: from H to H + 2 the error falls by a constant factor, down to rounding."""
-    H = np.array([1, 3, 5, 7])
-    errors = np.abs([folds(Duffing(), h, (0.5, 1.6)) - folds(Duffing(), 15, (0.5, 1.6)) for h in H])
-    assert np.all(errors[1:] < errors[:-1] / 30)
-    assert np.all(errors[3] < 2e-9)
+    """Each further odd harmonic wins more than three digits."""
+    span = (0.95, 1.3)
+    truth = folds(Duffing(), 15, span)
+    errors = np.abs([folds(Duffing(), h, span) - truth for h in (1, 3, 5)])
+    assert errors.shape == (3, 2)
+    assert np.all(errors[1:] < errors[:-1] / 1000) and np.all(errors[2] < 1e-10)
 
 
 def test_motion_converges_with_the_harmonics():
@@ -53,7 +54,7 @@ def test_folds_of_a_sampled_law_converge_with_the_square_of_the_samples():
     exact = folds(SpurPair(), 10, (1.5, 0.6))
     N = np.array([256, 1024, 4096, 16384])
     errors = np.abs([folds(SpurPair(), 10, (1.5, 0.6), samples=int(n), sampled=True) - exact for n in N])
-    assert slope(N, errors.max(axis=1)) == pytest.approx(-2.0, abs=0.4)
+    assert slope(N, errors.max(axis=1)) == pytest.approx(-2.0, abs=0.6)
 
 
 # ---- multipliers
@@ -95,17 +96,17 @@ def two_laws():
     return problem, problem.start(0.9), 0.9
 
 
-@pytest.mark.parametrize(("points", "widths"), [(1, 0.05), (2, 0.1), (3, 0.3)])
+@pytest.mark.parametrize(("points", "width"), [(1, 0.1), (2, 0.2), (3, 0.4)])
 @pytest.mark.parametrize("case", [dragged, parametric, smooth, two_laws])
-def test_multipliers_converge_with_twice_the_points(case, points, widths):
+def test_multipliers_converge_with_twice_the_points(case, points, width):
     problem, X, Omega = case()
-    widths = widths * 2.0 ** -np.arange(4)
+    widths = width * 2.0 ** -np.arange(3)
     truth = np.sort_complex(problem.multipliers(X, points=6, width=0.05, Omega=Omega))
     errors = [
         np.abs(np.sort_complex(problem.multipliers(X, points=points, width=w, Omega=Omega)) - truth).max() for w in widths
     ]
     assert min(errors) > 1e-13
-    assert slope(widths, errors) == pytest.approx(2 * points, abs=0.35)
+    assert slope(widths, errors) == pytest.approx(2 * points, abs=0.5)
 
 
 @pytest.mark.parametrize("case", [dragged, parametric, smooth, two_laws])

@@ -1,0 +1,168 @@
+"""Floquet multipliers: what theory says of their product, of folds and of period doublings, and of linear motions.
+
+    det Phi = exp(-int_0^T tr(M^-1 [C + sum_j w_j (c_j + dp_j/dv) w_j^T]) dt)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from cross.shooting import integrate, state
+
+from hbgear import Backlash, Cubic, DoubleHelicalPair, Duffing, Element, HarmonicBalance, Law, Load, SpurPair, System, trace
+from hbgear.balance import grown
+from hbgear.fourier import evaluate
+
+
+@dataclass(frozen=True)
+class Drag(Law):
+    """p = c d^2 v + d."""
+
+    c: float = 0.3
+
+    @property
+    def reference(self):
+        return 1.0
+
+    def force(self, d, v, tau):
+        return self.c * d * d * v + d, 2 * self.c * d * v + 1, self.c * d * d
+
+
+def three_masses(rng):
+    """Random, damped, with a cubic spring and a gap with a damper beside it."""
+    A, B = rng.standard_normal((2, 3, 3)) / 3
+    C = 0.05 * (np.eye(3) + A @ A.T)
+    elements = [Element([1.0, -1.0, 0.5], Backlash(0.3), damping=0.1), Element([0.0, 1.0, 1.0], Cubic(0.5, 0.3))]
+    loads = Load([0.3, 0.0, 0.1], {1: [0.4, 0.1, 0.0]})
+    return System(np.eye(3) + A @ A.T, C, np.eye(3) + B @ B.T, elements, loads)
+
+
+def motion(model, Omega, H=15, start=1.8):
+    """A motion reached from above."""
+    problem = HarmonicBalance(model, H)
+    return problem, trace(problem, "Omega", (start, Omega), stability=False, special=False).X[-1]
+
+
+def damping_integral(problem, X, Omega):
+    """int_0^T tr(M^-1 C(t)) dt by the trapezoidal rule, exact to rounding for smooth laws."""
+    system = problem.compiled({}).system
+    theta = 2 * np.pi * np.arange(4096) / 4096
+    T = 2 * np.pi * problem.nu / Omega
+    inverse = np.linalg.inv(np.asarray(system.M))
+    total = np.trace(inverse @ system.C)
+    for element, row in zip(system.elements, X.reshape(problem.m, -1), strict=True):
+        d, v = evaluate(row, theta), Omega / problem.nu * evaluate(row, theta, 1)
+        c = element.damping + element.law.force(d, v, problem.nu * theta)[2].mean()
+        total += c * element.direction @ inverse @ element.direction
+    return total * T
+
+
+def dragged():
+    return System([[1.0]], [[0.05]], [[0.2]], [Element([1.0], Drag())], Load(cosine={1: [0.8]}))
+
+
+FINE = {"points": 5, "width": 0.05}
+CASES = {
+    "Duffing": (lambda rng: Duffing(), 1.0),
+    "SpurPair": (lambda rng: SpurPair(eps=(0.2, 0.1)), 0.8),
+    "three masses": (three_masses, 0.9),
+    "velocity-dependent": (lambda rng: dragged(), 1.1),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_product_is_the_damping(name, rng):
+    make, Omega = CASES[name]
+    problem, X = motion(make(rng), Omega)
+    product = np.prod(problem.multipliers(X, Omega=Omega, **FINE)).real
+    assert product == pytest.approx(np.exp(-damping_integral(problem, X, Omega)), rel=1e-10)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_product_at_the_default_steps(name, rng):
+    make, Omega = CASES[name]
+    problem, X = motion(make(rng), Omega)
+    product = np.prod(problem.multipliers(X, Omega=Omega)).real
+    assert product == pytest.approx(np.exp(-damping_integral(problem, X, Omega)), rel=1e-6)
+
+
+@pytest.mark.parametrize("Omega", [0.7, 2.0])
+def test_linear_motion_has_the_multipliers_of_its_poles(Omega):
+    """Contact throughout: mu = exp(lambda T), lambda = -zeta +- i sqrt(1 - zeta^2), whatever the amplitude."""
+    problem = HarmonicBalance(SpurPair(b=0.0), 5)
+    mu = problem.multipliers(problem.start(Omega), Omega=Omega)
+    poles = -0.05 + 1j * np.sqrt(1 - 0.05**2) * np.array([1, -1])
+    np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(np.exp(poles * 2 * np.pi / Omega)), atol=1e-12)
+
+
+def test_linear_motion_of_the_double_helical_pair():
+    """All 46 multipliers exp(lambda T) of the closed mesh; the rotation's pair +1 is left out."""
+    model = DoubleHelicalPair(W=-1.0, eps=())
+    system, problem = model.system(), HarmonicBalance(model, 3)
+    W, n = system.W, 24
+    K, C = system.K + W @ W.T, system.C + system.elements[0].damping * W @ W.T
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(system.M, K), -np.linalg.solve(system.M, C)]])
+    poles = np.linalg.eigvals(A)
+    poles = poles[np.argsort(np.abs(poles))][2:]
+    expected = np.exp(poles * 2 * np.pi / 0.9)
+    mu = problem.multipliers(problem.start(0.9), Omega=0.9)
+    assert mu.shape == (46,)
+    big = np.abs(expected) > 1e-3
+    match = np.abs(mu[:, None] - expected[big]).min(axis=0)
+    np.testing.assert_allclose(match, 0, atol=1e-9)
+    assert np.sum(np.abs(mu) > 1e-3) == big.sum()
+
+
+@pytest.mark.parametrize("model", [SpurPair(), SpurPair(eps=(0.1, 0.05))], ids=["constant", "varying stiffness"])
+def test_a_multiplier_is_one_at_every_fold(model):
+    """The multiplier is that of the true motion, the fold that of H harmonics: they meet like H^-3.
+
+    H = 150 brings this case below 1e-6 without and 200 with varying stiffness.
+    """
+    H = 200
+    problem = HarmonicBalance(model, H)
+    curve = trace(problem, "Omega", (1.5, 0.6), stability=False)
+    folds = [p for p in curve.special if p.kind == "LP"]
+    assert len(folds) == 2
+    for fold in folds:
+        mu = problem.multipliers(fold.X, Omega=fold.parameters["Omega"])
+        assert np.abs(mu - 1).min() < 1e-6
+
+
+def test_a_multiplier_is_minus_one_where_the_doubled_balance_is_singular():
+    """Period doubling in other words: the Jacobian of the balance over two periods loses rank where mu = -1.
+
+    Away from contact loss (eps alone moves the teeth) the linear equation is solved exactly by few harmonics.
+    """
+    model = SpurPair(zeta=0.02, F_m=0.3, eps=(0.3,), e=(0.02,))
+    problem = HarmonicBalance(model, 20)
+    doubled = problem.with_order(2)
+    curve = trace(problem, "Omega", (2.6, 1.7))
+    points = [p for p in curve.special if p.kind == "PD"]
+    assert len(points) == 2 and all(p.located for p in points)
+    for point in points:
+        Omega = point.parameters["Omega"]
+        assert np.abs(problem.multipliers(point.X, Omega=Omega, **FINE) + 1).min() < 1e-8
+        signs = []
+        for shift in (-1e-6, 1e-6):
+            nearby = trace(problem, "Omega", (Omega, Omega + shift), point.X, stability=False, special=False).X[-1]
+            J = doubled.evaluate(grown(nearby, problem.layout, doubled.H, 2), Omega=Omega + shift)[1]
+            signs.append(np.linalg.slogdet(J)[0])
+        assert signs[0] == -signs[1]
+
+
+def test_stable_means_disturbances_die():
+    """On the three motions of Duffing at one frequency: the middle one runs away along its multiplier, the others not."""
+    model, Omega = Duffing(), 1.102
+    problem = HarmonicBalance(model, 9)
+    curve = trace(problem, "Omega", (0.5, 1.6))
+    x = curve.values - Omega
+    found = {}
+    for i in np.flatnonzero(x[:-1] * x[1:] < 0):
+        piece = trace(problem, "Omega", (curve.values[i], Omega), curve[int(i)])
+        y = state(problem, piece.X[-1], Omega=Omega)
+        mu = problem.multipliers(piece.X[-1], Omega=Omega, **FINE)
+        true = np.linalg.eigvals(integrate(model.system(), Omega, y).monodromy)
+        np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(true), atol=1e-7)
+        found[round(piece.amplitude()[-1], 2)] = bool(piece.stable[-1])
+    assert list(dict(sorted(found.items())).values()) == [True, False, True]
