@@ -1,0 +1,92 @@
+"""Time of a converged point, with and without stability, and what BLAS threads do to it.
+
+    python -m studies.speed.points -o DIR [--quick]
+
+Each case is traced several times, the variants in turn, so that a drift of the machine's speed meets all of them; the
+table gives medians, and ratios of the runs made side by side.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+import hbgear as hb
+
+CASES: dict[str, tuple[Callable[[], hb.Model], int]] = {
+    "Duffing, H = 7": (hb.Duffing, 7),
+    "SpurPair, H = 10": (hb.SpurPair, 10),
+    "DoubleHelicalPair, H = 16": (hb.DoubleHelicalPair, 16),
+}
+VARIANTS = {
+    "points alone": {"stability": False, "threads": 1},
+    "with stability": {"stability": True, "threads": 1},
+    "with stability, two BLAS threads": {"stability": True, "threads": 2},
+}
+
+
+def run(quick: bool = False) -> list[dict[str, Any]]:
+    """One row per case: points, Newton steps per point, and for each variant the median seconds of a whole curve.
+
+    ``stability`` is the ratio of the extra time for stability to the time of the points, ``threads`` that of two BLAS
+    threads to one; both are medians of ratios of neighbouring runs.
+    """
+    rows = []
+    for name, (model, harmonics) in CASES.items():
+        machine = model()
+        problem = hb.HarmonicBalance(machine, harmonics)
+        span = machine.default_span
+        branch = hb.trace(problem, "Omega", span)  # also the warm-up
+        seconds: dict[str, list[float]] = {variant: [] for variant in VARIANTS}
+        for _ in range(1 if quick else 7):
+            for variant, how in VARIANTS.items():
+                with threadpool_limits(int(how["threads"])):
+                    start = time.perf_counter()
+                    hb.trace(problem, "Omega", span, stability=bool(how["stability"]))
+                    seconds[variant].append(time.perf_counter() - start)
+        alone, stable, threads = seconds.values()
+        rows.append(
+            {
+                "case": name,
+                "points": len(branch),
+                "newton": float(branch.iterations.mean()),
+                "seconds": {variant: median(times) for variant, times in seconds.items()},
+                "stability": median((s - a) / a for a, s in zip(alone, stable, strict=True)),
+                "threads": median(t / s for s, t in zip(stable, threads, strict=True)),
+            }
+        )
+    return rows
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """The results as a table in Markdown."""
+    head = ["case", "points", "Newton steps per point", *(f"{v} [ms/point]" for v in VARIANTS), "curve [s]",
+            "stability / points", "two threads / one"]  # fmt: skip
+    lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
+    for row in rows:
+        times = [f"{1e3 * t / row['points']:.2f}" for t in row["seconds"].values()]
+        cells = [row["case"], str(row["points"]), f"{row['newton']:.2f}", *times,
+                 f"{row['seconds']['with stability']:.2f}", f"{row['stability']:.2f}", f"{row['threads']:.2f}"]  # fmt: skip
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Measure and write ``points.md``."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path, default=Path(), help="folder for points.md")
+    parser.add_argument("--quick", action="store_true", help="one run of each instead of seven")
+    options = parser.parse_args()
+    text = table(run(options.quick))
+    print(text)
+    (options.output / "points.md").write_text(f"# Time per point\n\n{text}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
