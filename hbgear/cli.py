@@ -315,7 +315,9 @@ def _point(branch: hb.Branch, text: str) -> hb.Point:
     x = branch.values - value
     low, high = float(branch.values.min()), float(branch.values.max())
     if not low <= value <= high:
-        raise ValueError(f"--point {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there")
+        raise ValueError(
+            f"--point {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there"
+        )
     passes = np.flatnonzero(x[:-1] * x[1:] <= 0)
     near = [int(i if abs(x[i]) <= abs(x[i + 1]) else i + 1) for i in passes] or [int(np.argmin(abs(x)))]
     return branch[min(near, key=lambda i: branch[i].stable is not True)]

@@ -86,7 +86,9 @@ class Flow:
         n = self.n
         Y = Y.reshape(2 * n, -1)
         d, v, de = self.gaps(t, Y[:, 0])
-        p, k, c = np.array([piece.force(*x, self.Omega * t) for piece, x in zip(pieces, zip(d, v, strict=True), strict=True)]).T
+        p, k, c = np.array(
+            [piece.force(*x, self.Omega * t) for piece, x in zip(pieces, zip(d, v, strict=True), strict=True)]
+        ).T
         out = np.empty_like(Y)
         out[:n] = Y[n:]
         force = -self.C @ Y[n:] - self.K @ Y[:n]
@@ -109,9 +111,7 @@ def integrate(system, Omega, y, nu=1, tolerance=1e-12):
     instants = []
     while t < T:
         ends, events = _events(flow, pieces)
-        run = solve_ivp(
-            flow, (t, T), Y, method="DOP853", rtol=tolerance, atol=tolerance, events=events, args=(pieces,)
-        )
+        run = solve_ivp(flow, (t, T), Y, method="DOP853", rtol=tolerance, atol=tolerance, events=events, args=(pieces,))
         assert run.success, run.message
         t, Y = run.t[-1], run.y[:, -1]
         if run.status == 1:

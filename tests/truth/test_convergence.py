@@ -19,12 +19,12 @@ def slope(x, errors):
 
 @pytest.mark.parametrize("model", [SpurPair(), SpurPair(eps=(0.1, 0.05))], ids=["constant", "varying stiffness"])
 def test_folds_of_a_kinked_law_converge_with_the_cube_of_the_harmonics(model):
-    H = np.array([10, 14, 20, 28, 40])
+    H = np.array([10, 14, 20, 28])
     found = np.array([folds(model, h, (1.5, 0.6)) for h in H])
-    errors = np.abs(found - folds(model, 100, (1.5, 0.6)))
+    errors = np.abs(found - folds(model, 70, (1.5, 0.6)))
     for column in errors.T:
         assert slope(H, column) < -2.7
-        assert column[-1] < column[0] / 40
+        assert column[-1] < column[0] / 15
 
 
 def test_folds_of_a_smooth_law_converge_exponentially():
@@ -52,7 +52,7 @@ def upper_motion(H, Omega=0.78):
 
 def test_folds_of_a_sampled_law_converge_with_the_square_of_the_samples():
     exact = folds(SpurPair(), 10, (1.5, 0.6))
-    N = np.array([256, 1024, 4096, 16384])
+    N = np.array([256, 1024, 4096])
     errors = np.abs([folds(SpurPair(), 10, (1.5, 0.6), samples=int(n), sampled=True) - exact for n in N])
     assert slope(N, errors.max(axis=1)) == pytest.approx(-2.0, abs=0.6)
 
@@ -103,7 +103,8 @@ def test_multipliers_converge_with_twice_the_points(case, points, width):
     widths = width * 2.0 ** -np.arange(3)
     truth = np.sort_complex(problem.multipliers(X, points=6, width=0.05, Omega=Omega))
     errors = [
-        np.abs(np.sort_complex(problem.multipliers(X, points=points, width=w, Omega=Omega)) - truth).max() for w in widths
+        np.abs(np.sort_complex(problem.multipliers(X, points=points, width=w, Omega=Omega)) - truth).max()
+        for w in widths
     ]
     assert min(errors) > 1e-13
     assert slope(widths, errors) == pytest.approx(2 * points, abs=0.5)

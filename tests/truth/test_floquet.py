@@ -1,6 +1,6 @@
 """Floquet multipliers: what theory says of their product, of folds and of period doublings, and of linear motions.
 
-    det Phi = exp(-int_0^T tr(M^-1 [C + sum_j w_j (c_j + dp_j/dv) w_j^T]) dt)
+det Phi = exp(-int_0^T tr(M^-1 [C + sum_j w_j (c_j + dp_j/dv) w_j^T]) dt)
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,19 @@ import numpy as np
 import pytest
 from cross.shooting import integrate, state
 
-from hbgear import Backlash, Cubic, DoubleHelicalPair, Duffing, Element, HarmonicBalance, Law, Load, SpurPair, System, trace
+from hbgear import (
+    Backlash,
+    Cubic,
+    DoubleHelicalPair,
+    Duffing,
+    Element,
+    HarmonicBalance,
+    Law,
+    Load,
+    SpurPair,
+    System,
+    trace,
+)
 from hbgear.balance import grown
 from hbgear.fourier import evaluate
 
@@ -152,7 +164,7 @@ def test_a_multiplier_is_minus_one_where_the_doubled_balance_is_singular():
 
 
 def test_stable_means_disturbances_die():
-    """On the three motions of Duffing at one frequency: the middle one runs away along its multiplier, the others not."""
+    """Of the three motions of Duffing at one frequency the middle one is unstable, by integration too."""
     model, Omega = Duffing(), 1.102
     problem = HarmonicBalance(model, 9)
     curve = trace(problem, "Omega", (0.5, 1.6))

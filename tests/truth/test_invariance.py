@@ -66,7 +66,10 @@ def test_a_backlash_that_is_crossed_does_change_the_motion():
     curve = trace(problem, "Omega", (1.6, 0.9), stability=False, special=False)
     full = trace(HarmonicBalance(DoubleHelicalPair(), 12), "Omega", (1.6, 0.9), stability=False, special=False)
     assert curve.regime.max() == 2
-    assert np.abs(curve.amplitude() - np.interp(curve.values[::-1], full.values[::-1], full.amplitude()[::-1])[::-1]).max() > 1e-2
+    assert (
+        np.abs(curve.amplitude() - np.interp(curve.values[::-1], full.values[::-1], full.amplitude()[::-1])[::-1]).max()
+        > 1e-2
+    )
 
 
 def traced(model, Omega, H=12):

@@ -72,9 +72,7 @@ def test_random_system(rng, form):
     M, K, C = np.eye(n) + 0.2 * A @ A.T, 2 * np.eye(n) + B @ B.T + 0.3 * A, 0.1 * (np.eye(n) + 0.3 * D)
     k, c = np.array([0.7, 1.3]), np.array([0.2, 0.0])
     series = [Series(0.3, (0.1, 0.2), (0.4,)), Series(0.0, (0.0, 0.0, 0.5))]
-    elements = [
-        Element(rng.standard_normal(n), Cubic(k3=0.0, k1=k[j]), series[j], damping=c[j]) for j in range(2)
-    ]
+    elements = [Element(rng.standard_normal(n), Cubic(k3=0.0, k1=k[j]), series[j], damping=c[j]) for j in range(2)]
     F0, F1, F2, S3 = rng.standard_normal((4, n))
     loads = [Load(F0, {2: F2}), Load(None, {1: F1}, {3: S3}, power=2)]
     problem = HarmonicBalance(System(form(M), form(C), form(K), elements, loads), H)

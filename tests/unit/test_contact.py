@@ -98,7 +98,9 @@ def test_jacobian_against_differences(name, rng):
     problem = balance(LAWS[name], H=6)
     X, h = rng.standard_normal(13) * 0.5, 1e-6
     J = problem.evaluate(X, Omega=0.8)[1]
-    columns = [(problem.residual(X + h * e, Omega=0.8) - problem.residual(X - h * e, Omega=0.8)) / (2 * h) for e in np.eye(13)]
+    columns = [
+        (problem.residual(X + h * e, Omega=0.8) - problem.residual(X - h * e, Omega=0.8)) / (2 * h) for e in np.eye(13)
+    ]
     np.testing.assert_allclose(J, np.transpose(columns), atol=1e-7)
 
 

@@ -32,7 +32,9 @@ def test_coefficient_order(rng):
     row = rng.standard_normal(11)
     np.testing.assert_allclose(evaluate(row, THETA), by_hand(row, THETA), atol=1e-13)
     c = to_complex(row)
-    np.testing.assert_allclose((c * np.exp(1j * np.outer(THETA, np.arange(6)))).real.sum(1), by_hand(row, THETA), atol=1e-13)
+    np.testing.assert_allclose(
+        (c * np.exp(1j * np.outer(THETA, np.arange(6)))).real.sum(1), by_hand(row, THETA), atol=1e-13
+    )
     np.testing.assert_array_equal(to_real(c), row)
     assert harmonics_of(row) == 5
     with pytest.raises(ValueError, match="a row of 10 coefficients has no order H; need an odd length"):
@@ -44,7 +46,9 @@ def test_derivatives_against_differences(rng):
     for order in (0, 1, 2):
         slope = (evaluate(rows, THETA + h, order) - evaluate(rows, THETA - h, order)) / (2 * h)
         np.testing.assert_allclose(evaluate(rows, THETA, order + 1), slope, atol=1e-7)
-        np.testing.assert_allclose(evaluate(to_real(derive(to_complex(rows), order)), THETA), evaluate(rows, THETA, order), atol=1e-12)
+        np.testing.assert_allclose(
+            evaluate(to_real(derive(to_complex(rows), order)), THETA), evaluate(rows, THETA, order), atol=1e-12
+        )
 
 
 def test_waves():

@@ -1,4 +1,4 @@
-"""Newton and pseudo-arclength continuation on curves known in closed form, and what they say when something is wrong."""
+"""Newton and pseudo-arclength continuation on curves known in closed form, and what they say of bad input."""
 
 import numpy as np
 import pytest
@@ -100,7 +100,9 @@ def test_every_fold_is_passed_in_both_directions(span):
 def test_a_curve_that_turns_back_leaves_through_its_start():
     parabola = Curve(lambda x, p: x * x + p - 1, lambda x, p: 2 * x)
     curve = trace(parabola, "p", (0.0, 2.0), np.array([1.0]))
-    assert curve.status is Status.LEFT_SPAN and curve.values[-1] == 0.0 and curve.X[-1, 0] == pytest.approx(-1, abs=1e-9)
+    assert (
+        curve.status is Status.LEFT_SPAN and curve.values[-1] == 0.0 and curve.X[-1, 0] == pytest.approx(-1, abs=1e-9)
+    )
     assert "other end" in curve.message or "turned back" in curve.message
 
 
@@ -338,7 +340,7 @@ def test_bad_fixed_values_and_starts():
     with pytest.raises(ValueError, match="finds no start of its own; give start="):
         trace(CIRCLE, "p", (1, 2))
     coarse = trace(DUFFING, "Omega", (0.5, 0.6))
-    with pytest.raises(ValueError, match="H = 3|harmonics"):
+    with pytest.raises(ValueError, match="harmonics"):
         trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.0), coarse[0])
 
 
