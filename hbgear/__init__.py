@@ -3,21 +3,29 @@
 Harmonic balance with exact contact, pseudo-arclength continuation, Floquet stability, jump frequencies.
 """
 
+import importlib
+from types import ModuleType
+
 from hbgear._version import __version__
 from hbgear.augmented import Fold, Grazing, Peak, PeriodDoubling
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status, load
 from hbgear.fourier import Series
 from hbgear.gears import DoubleHelicalPair, SpurPair
+from hbgear.isolated import Survey, trace_all
 from hbgear.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
+from hbgear.maps import Critical, JumpMap, NoFold, critical, jump_map
 from hbgear.model import Element, Load, Model, System
 from hbgear.newton import NoConvergence, Settings
 from hbgear.oscillators import Duffing
+from hbgear.peaks import peaks
+from hbgear.switch import switch
 from hbgear.trace import Steps, trace
 
 __all__ = [
     "Backlash",
     "Branch",
+    "Critical",
     "Cubic",
     "DoubleHelicalPair",
     "Duffing",
@@ -26,10 +34,12 @@ __all__ = [
     "Grazing",
     "HarmonicBalance",
     "Jump",
+    "JumpMap",
     "Law",
     "Load",
     "Model",
     "NoConvergence",
+    "NoFold",
     "Parallel",
     "Peak",
     "PeriodDoubling",
@@ -41,9 +51,23 @@ __all__ = [
     "SpurPair",
     "Status",
     "Steps",
+    "Survey",
     "System",
     "Unilateral",
     "__version__",
+    "critical",
+    "jump_map",
     "load",
+    "peaks",
+    "plot",
+    "switch",
     "trace",
+    "trace_all",
 ]
+
+
+def __getattr__(name: str) -> ModuleType:
+    """``hbgear.plot`` is loaded when it is first used: matplotlib takes longer than all the rest."""
+    if name == "plot":
+        return importlib.import_module("hbgear.plot")
+    raise AttributeError(f"module 'hbgear' has no attribute '{name}'")

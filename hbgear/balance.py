@@ -9,6 +9,7 @@ coordinates of the structure does not appear. Z and g come from `receptance`, th
 
 from __future__ import annotations
 
+import copy
 import warnings
 from collections import OrderedDict
 from collections.abc import Iterator
@@ -26,7 +27,6 @@ from hbgear.model import Model, System, describe, did_you_mean
 from hbgear.newton import Evaluation, NoConvergence, solve
 from hbgear.receptance import Receptance, Structure
 from hbgear.stability import multipliers
-
 
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
 
@@ -96,8 +96,8 @@ class HarmonicBalance:
     model : `Model` (any gear pair, oscillator or `System`).
     harmonics : H, number of harmonics of the basis frequency Omega / nu; or "auto": a trace then raises and lowers H
         from row to row so that the estimated truncation error stays below ``tolerance``.
-    samples : N per basis period, for laws that are sampled and as the grid that brackets contact instants;
-        by default the next fast length above 8H (at least 64), or 64H (at least 1024) if piecewise-linear laws are sampled.
+    samples : N per basis period, for laws that are sampled and as the grid that brackets contact instants; by
+        default the next fast length above 8H (at least 64), or 64H (at least 1024) with ``sampled``.
     nu : subharmonic order; 2 for period-doubled motions.
     sampled : sample piecewise-linear laws too instead of projecting them exactly (a cross-check).
     tolerance : largest estimated truncation error (rms of the gap motion) with ``harmonics="auto"``.
@@ -130,9 +130,11 @@ class HarmonicBalance:
         self.H = _FEWEST * self.nu if self.auto else int(harmonics)
         system = model.system()
         self.m = len(system.elements)
-        self.N = int(samples) if samples else next_fast_len(max(64, 8 * self.H), real=True)
-        if samples is None and sampled:
-            self.N = next_fast_len(max(1024, 64 * self.H), real=True)
+        if samples is None:
+            self.N = next_fast_len(max(1024, 64 * self.H) if sampled else max(64, 8 * self.H), real=True)
+        else:
+            _whole("samples", samples)
+            self.N = int(samples)
         self._transform = Transform(self.H, self.N, self.m)
         self._toeplitz = _Toeplitz(self.H)
         self._cache: OrderedDict[tuple[tuple[str, float], ...], _Compiled] = OrderedDict()
@@ -184,8 +186,13 @@ class HarmonicBalance:
         """Model and settings as plain data, for the header of a saved branch."""
         return {
             "model": describe(self.model),
-            "balance": {"harmonics": self.H, "samples": self.N, "nu": self.nu, "sampled": self.is_sampled,
-                        "auto": self.tolerance if self.auto else None},
+            "balance": {
+                "harmonics": self.H,
+                "samples": self.N,
+                "nu": self.nu,
+                "sampled": self.is_sampled,
+                "auto": self.tolerance if self.auto else None,
+            },
         }
 
     def check_parameter(self, name: str) -> None:
@@ -197,17 +204,25 @@ class HarmonicBalance:
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
         """The same model with another subharmonic order; by default harmonics reach the same frequency."""
         H = harmonics or self.H * nu // self.nu
-        out = HarmonicBalance(self.model, H, nu=nu, sampled=self.is_sampled, tolerance=self.tolerance)
+        with warnings.catch_warnings():  # what is left out was said when this problem was made
+            warnings.simplefilter("ignore")
+            out = HarmonicBalance(self.model, H, nu=nu, sampled=self.is_sampled, tolerance=self.tolerance)
         out.auto, out._structures = self.auto, self._structures
+        return out
+
+    def with_tolerance(self, tolerance: float) -> HarmonicBalance:
+        """The same problem, harmonics included, with ``harmonics="auto"`` from here on."""
+        out = copy.copy(self)
+        out.auto, out.tolerance = True, float(tolerance)
         return out
 
     def wanted_harmonics(self, error: float) -> int | None:
         """Another number of harmonics for a motion with this truncation error; None to keep H, and unless "auto"."""
         if not self.auto:
             return None
-        if error > self.tolerance and self.H < _MOST * self.nu:
+        if error > self.tolerance and _MOST * self.nu > self.H:
             return min(_MOST * self.nu, self.H + max(2, int(0.4 * self.H)))
-        if error < 1e-2 * self.tolerance and self.H > _FEWEST * self.nu:
+        if error < 1e-2 * self.tolerance and _FEWEST * self.nu < self.H:
             return max(_FEWEST * self.nu, int(0.8 * self.H))
         return None
 
@@ -216,7 +231,7 @@ class HarmonicBalance:
         return resize(X.reshape(self.m, -1), self.H).ravel()
 
     def _warn_truncated(self, system: System) -> None:
-        highest = max([e.displacement.order for e in system.elements] + [load.order for load in system.load])
+        highest = max([e.displacement.order for e in system.elements] + [load.order for load in system.loads])
         if highest * self.nu > self.H:
             warnings.warn(
                 f"the excitation has {highest} harmonics but H = {self.H} with nu = {self.nu} keeps only "
@@ -246,7 +261,7 @@ class HarmonicBalance:
         """Eigen-decompositions are shared between parameter sets that differ in laws and loads only."""
         fresh = tuple(np.array([e.law.reference, e.damping]).tobytes() for e in system.elements)
         dense = [A for A in (system.M, system.C, system.K) if isinstance(A, np.ndarray)]
-        loads = tuple(b"" if ld.constant is None else np.asarray(ld.constant).tobytes() for ld in system.load)
+        loads = tuple(b"" if ld.constant is None else np.asarray(ld.constant).tobytes() for ld in system.loads)
         if len(dense) < 3:
             return Structure(system)
         key = (*(A.tobytes() for A in dense), system.W.tobytes(), *fresh, *loads)
@@ -454,9 +469,7 @@ class HarmonicBalance:
         q = compiled.receptance.motion(parameters["Omega"], to_complex(X.reshape(self.m, -1)).T, f)
         return to_real(q.T)
 
-    def multipliers(
-        self, X: Array, points: int = 5, width: float | None = None, **parameters: float
-    ) -> ComplexArray:
+    def multipliers(self, X: Array, points: int = 6, width: float | None = None, **parameters: float) -> ComplexArray:
         """Floquet multipliers of the motion, largest first; see `stability.multipliers`."""
         return multipliers(self, X, points=points, width=width, **parameters)
 
@@ -469,7 +482,7 @@ class HarmonicBalance:
             "error": self.truncation(X, **parameters),
         }
         if stability:
-            seen["multipliers"] = self.multipliers(X, **parameters)
+            seen["multipliers"] = multipliers(self, X, **parameters)  # type: ignore[arg-type]
         return seen
 
     @property

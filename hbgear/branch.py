@@ -361,11 +361,13 @@ def joined(back: Branch, forth: Branch) -> Branch:
     Special points are numbered anew along it; the status is that of the worse end.
     """
     n = len(back)
-    arrays = {
+    arrays: dict[str, Any] = {
         name: np.concatenate([getattr(back, name)[::-1], getattr(forth, name)[1:]])
         for name in ("values", "X", "iterations", "residual", "regime", "error", "step")
     }
-    both = back.multipliers is not None and forth.multipliers is not None
+    mu = None
+    if back.multipliers is not None and forth.multipliers is not None:
+        mu = np.concatenate([back.multipliers[::-1], forth.multipliers[1:]])
     points = [dataclasses.replace(p, index=n - 1 - p.index) for p in reversed(back.special)]
     points += [dataclasses.replace(p, index=n - 1 + p.index) for p in forth.special]
     count: dict[str, int] = {}
@@ -377,7 +379,7 @@ def joined(back: Branch, forth: Branch) -> Branch:
     return dataclasses.replace(
         forth, **arrays, special=tuple(special), jump_records=(), status=worse.status, message=worse.message,
         tracked={k: np.concatenate([back.tracked[k][::-1], x[1:]]) for k, x in forth.tracked.items()},
-        multipliers=np.concatenate([back.multipliers[::-1], forth.multipliers[1:]]) if both else None,
+        multipliers=mu,
     )  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from hbgear.balance import HarmonicBalance
 from hbgear.gears import DoubleHelicalPair, SpurPair
 from hbgear.model import Model, did_you_mean
 from hbgear.oscillators import Duffing
@@ -16,7 +17,7 @@ MODELS: dict[str, type[Model]] = {
 }
 
 
-def build(name: str, **fields: Any) -> Model:
+def build(name: str, /, **fields: Any) -> Model:
     """The model of that name, with its defaults except for the given fields.
 
     Raises
@@ -48,3 +49,20 @@ def rebuild(meta: Mapping[str, Any]) -> Model:
         raise KeyError(f"the catalogue has no class '{meta['class']}'{did_you_mean(meta['class'], classes)}")
     fields = {name: tuple(v) if isinstance(v, list) else v for name, v in meta["fields"].items()}
     return classes[meta["class"]]().replace(**fields)
+
+
+def problem_of(meta: Mapping[str, Any]) -> HarmonicBalance:
+    """The harmonic balance a branch was traced with, from the header of its file (``Branch.meta``).
+
+    Raises
+    ------
+    KeyError, ValueError
+        If the model is not in the catalogue (a `System` of your own: load with ``problem=`` instead) or the header is
+        of another kind.
+    """
+    if "model" not in meta or "balance" not in meta:
+        raise ValueError("the file does not say which model and balance it was traced with; load it with problem=...")
+    settings = dict(meta["balance"])
+    auto = settings.pop("auto", None)
+    out = HarmonicBalance(rebuild(meta["model"]), **settings)
+    return out if auto is None else out.with_tolerance(auto)

@@ -136,13 +136,15 @@ def switch(
 def survey(
     model: Model,
     changes: Changes = None,
-    first: Annotated[float | None, typer.Option("--from", help="Start of the span.", show_default="the model's")] = None,
-    last: Annotated[float | None, typer.Option("--to", help="End of the span.", show_default="the model's")] = None,
+    low: Low = None,
+    high: High = None,
     harmonics: Harmonics = "16",
     nu: Annotated[int, typer.Option(min=1, help="Subharmonic order: motions of nu periods of the excitation.")] = 1,
     places: Annotated[int, typer.Option(min=1, help="Frequencies at which more motions are sought.")] = 5,
     guesses: Annotated[int, typer.Option(min=1, help="Random starts at each.")] = 20,
-    folder: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for branch1.npz, branch2.npz, ...")] = None,
+    folder: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder for branch1.npz, branch2.npz, ...")
+    ] = None,
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
@@ -152,9 +154,8 @@ def survey(
     machine, which = chosen_model(model, changes), element_of(element)
     if folder is not None and not folder.is_dir():
         raise ValueError(f"there is no folder '{folder}'; create it first")
-    a, b = machine.default_span
-    span = (a if first is None else first, b if last is None else last)
     problem = problem_of(machine, harmonics, nu=nu)
+    span = _frequencies(problem, low, high)
     with one_thread(), reporting() as report:
         found = hb.trace_all(problem, span, frequencies=places, guesses=guesses, report=report)
     for number, branch in enumerate(found.branches, 1):

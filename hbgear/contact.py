@@ -23,7 +23,6 @@ import numpy as np
 from hbgear.fourier import Array, ComplexArray, Series, derive, stretch, to_complex, waves
 from hbgear.laws import PiecewiseLinear
 
-
 _ROUNDING = 4e-16  # relative size of a value that is zero
 
 

@@ -10,13 +10,14 @@ are ``c_k / 2`` for ``k >= 1`` and their conjugates for ``k <= -1``.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyfftw
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+Array = NDArray[Any]  # real
+ComplexArray = NDArray[Any]  # complex; the two names tell the reader, not the type checker
 
 
 def harmonics_of(X: Array) -> int:
@@ -189,9 +190,7 @@ class Series:
 
     def scaled(self, factor: float) -> Series:
         """The function times a factor."""
-        return Series(
-            factor * self.mean, tuple(factor * x for x in self.cosine), tuple(factor * x for x in self.sine)
-        )
+        return Series(factor * self.mean, tuple(factor * x for x in self.cosine), tuple(factor * x for x in self.sine))
 
 
 class Transform:
@@ -215,9 +214,7 @@ class Transform:
         self.H, self.N, self.m = H, N, m
         self._spectrum = pyfftw.zeros_aligned((m, N // 2 + 1), dtype="complex128")
         self._samples = pyfftw.empty_aligned((m, N), dtype="float64")
-        self._inverse = pyfftw.FFTW(
-            self._spectrum, self._samples, direction="FFTW_BACKWARD", flags=("FFTW_ESTIMATE",)
-        )
+        self._inverse = pyfftw.FFTW(self._spectrum, self._samples, direction="FFTW_BACKWARD", flags=("FFTW_ESTIMATE",))
         self._input = pyfftw.empty_aligned((m, N), dtype="float64")
         self._output = pyfftw.empty_aligned((m, N // 2 + 1), dtype="complex128")
         self._forward = pyfftw.FFTW(self._input, self._output, flags=("FFTW_ESTIMATE",))

@@ -57,10 +57,11 @@ def trace_all(
 ) -> Survey:
     """Every branch of periodic motions in a span of Omega that the searches below find.
 
-    The branches that start from the linear response at both ends are traced first. At each frequency deflated Newton then starts from ``guesses`` random motions of
-    different size and phase; with ``second`` the known motions there are also followed through a range of another
-    parameter, and wherever that curve returns to the model's value a motion is taken. Every motion that lies on no
-    branch yet is traced in its turn. A motion and its copies shifted by whole periods of the excitation are one.
+    The branches that start from the linear response at both ends are traced first. At each frequency deflated Newton
+    then starts from ``guesses`` random motions of different size and phase; with ``second`` the known motions there
+    are also followed through a range of another parameter, and wherever that curve returns to the model's value a
+    motion is taken. Every motion that lies on no branch yet is traced in its turn. A motion and its copies shifted by
+    whole periods of the excitation are one.
 
     Parameters
     ----------

@@ -25,14 +25,14 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
     for fold in branch.special:
         if fold.kind != "LP" or not fold.located or not 0 < fold.index < len(branch) - 1:
             continue
-        for side in (-1, 1):
-            point = _leaves_at(branch, fold, side)
-            if point is None:
-                continue
-            value = float(branch.values[point.index])
-            direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
-            landing = _landing(branch, point, fold, settings)
-            out.append(Jump(point.label, branch.parameter, value, direction, point, landing))
+        sides = [(side, point) for side in (-1, 1) if (point := _leaves_at(branch, fold, side)) is not None]
+        if not sides:
+            continue
+        # a fold ends one stable part; where rows in doubt make it look like two, the longer run is the true one
+        side, point = max(sides, key=lambda found: _stable_run(branch, fold.index, found[0]))
+        direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
+        landing = _landing(branch, point, fold, settings)
+        out.append(Jump(point.label, branch.parameter, float(branch.values[point.index]), direction, point, landing))
     return tuple(out)
 
 
@@ -53,6 +53,18 @@ def _leaves_at(branch: Branch, fold: SpecialPoint, side: int) -> SpecialPoint | 
             return lost or (fold if abs(i - fold.index) <= _ROWS_IN_DOUBT else None)
         i += side
     return None
+
+
+def _stable_run(branch: Branch, start: int, side: int) -> int:
+    """Number of stable rows on one side of a fold, up to the next fold."""
+    folds = {p.index for p in branch.special if p.kind == "LP"}
+    stable = branch.stable
+    assert stable is not None
+    count, i = 0, start + side
+    while 0 <= i < len(branch) and i not in folds:
+        count += int(stable[i])
+        i += side
+    return count
 
 
 def _landing(branch: Branch, left: SpecialPoint, fold: SpecialPoint, settings: Settings) -> Point | None:

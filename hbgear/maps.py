@@ -6,16 +6,18 @@ folds of a jump meet, at a cusp of that curve, the jump appears or vanishes.
 
 from __future__ import annotations
 
+import csv
 import math
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
 
 from hbgear.augmented import Fold
 from hbgear.balance import HarmonicBalance
-from hbgear.branch import Branch, Point, SpecialPoint, joined
+from hbgear.branch import Branch, Point, SpecialPoint, joined, replacing
 from hbgear.fourier import Array
 from hbgear.model import Model
 from hbgear.newton import NoConvergence, solve
@@ -91,6 +93,16 @@ class JumpMap:
             elif count <= 0 < before:
                 out.append((start, (Omega, i)))
         return out
+
+    def export(self, path: str | os.PathLike[str]) -> None:
+        """Write a .csv with one row per point of every arm: arm, parameter, Omega, direction; whole or not at all."""
+        with replacing(path, "x", encoding="utf-8", newline="") as handle:
+            writer = csv.writer(handle)
+            writer.writerow(["arm", self.parameter, "Omega", "direction"])
+            for i, arm in enumerate(self.arms, 1):
+                writer.writerows(
+                    [i, float(x), float(y), arm.direction] for x, y in zip(arm.values, arm.Omega, strict=True)
+                )
 
     def bands(self, values: Array) -> list[tuple[Array, Array]]:
         """Lower and upper Omega, (len(values),) each, of every region of several motions; nan where it is not."""
@@ -223,8 +235,8 @@ def critical(
                 parameter, point.parameters[parameter], point.parameters["Omega"], point, fold, below, tuple(others)
             )
     raise NoFold(
-        f"no jump that appears or vanishes with {parameter} was found between {parameter} = {min(tried, default=own):.5g} "
-        f"and {max(tried, default=own):.5g}; {slope}. Try another parameter, or a model nearer to a jump"
+        f"no jump that appears or vanishes with {parameter} was found from {parameter} = {min(tried, default=own):.5g} "
+        f"to {max(tried, default=own):.5g}; {slope}. Try another parameter, or a model nearer to a jump"
     )
 
 
@@ -316,7 +328,7 @@ def _arms(problem: HarmonicBalance, fold: Branch) -> list[Arm]:
     cuts = [0, *(p.index for p in fold.special if p.kind == "CP"), len(fold) - 1]
     extended = Fold(problem)
     out = []
-    for a, b in zip(cuts, cuts[1:], strict=False):
+    for a, b in pairwise(cuts):
         if b - a < 1:
             continue
         middle = (a + b) // 2 if b - a > 1 else a

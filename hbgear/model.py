@@ -1,6 +1,6 @@
 """Models: a linear structure, a few scalar elements, and what loads them.
 
-    M q'' + C q' + K q + sum_j w_j [p_j(d_j, d_j', tau) + c_j d_j'] = F(tau),   d_j = w_j^T q - e_j(tau),   tau = Omega t
+    M q'' + C q' + K q + sum_j w_j [p_j(d_j, d_j', tau) + c_j d_j'] = F(tau),  d_j = w_j^T q - e_j(tau),  tau = Omega t
 
 * ``q`` (n,) coordinates; ``M, C, K`` (n, n), dense or scipy.sparse;
 * ``w_j`` (n,) direction of element j, ``d_j`` its element coordinate (the mesh gap of a gear pair), ``e_j`` a
@@ -16,7 +16,7 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +25,7 @@ from scipy import sparse
 from hbgear.fourier import Array, Series
 from hbgear.laws import Law
 
-Matrix = Array | sparse.csr_array
+Matrix: TypeAlias = Any
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -65,7 +65,7 @@ class Model(ABC):
             return {}
         return {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.type in ("float", float)}
 
-    def replace(self, **changes: Any) -> Self:
+    def replace(self, /, **changes: Any) -> Self:
         """A copy with other field values; unknown names are refused.
 
         Raises
@@ -222,7 +222,7 @@ class System(Model):
         set_(self, "C", _matrix("C", np.zeros((n, n)) if self.C is None else self.C))
         set_(self, "K", _matrix("K", self.K))
         elements = tuple(self.elements)
-        loads = (self.load,) if isinstance(self.load, Load) else tuple(self.load)
+        loads = self.loads
         names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(n))
         for name in ("C", "K"):
             if getattr(self, name).shape != (n, n):
@@ -237,9 +237,7 @@ class System(Model):
                 raise ValueError(f"a load vector has shape {vector.shape}; need ({n},)")
         if len(names) != n:
             raise ValueError(f"{len(names)} dof_names for {n} coordinates")
-        named = tuple(
-            e if e.name else dataclasses.replace(e, name=f"element {i + 1}") for i, e in enumerate(elements)
-        )
+        named = tuple(e if e.name else dataclasses.replace(e, name=f"element {i + 1}") for i, e in enumerate(elements))
         set_(self, "elements", named)
         set_(self, "load", loads)
         set_(self, "dof_names", names)
@@ -258,6 +256,11 @@ class System(Model):
         return int(self.M.shape[0])
 
     @property
+    def loads(self) -> tuple[Load, ...]:
+        """The loads, always as a tuple."""
+        return (self.load,) if isinstance(self.load, Load) else tuple(self.load)
+
+    @property
     def W(self) -> Array:
         """Directions as columns, (n, m)."""
         return np.column_stack([np.asarray(e.direction) for e in self.elements])
@@ -269,12 +272,12 @@ def describe(model: Model) -> dict[str, Any]:
     Fields that JSON cannot hold (the matrices of a `System`) are left out: such a model cannot be rebuilt.
     """
     fields: dict[str, Any] = {}
-    for field in dataclasses.fields(model):  # type: ignore[arg-type]
-        value = getattr(model, field.name)
+    for each in dataclasses.fields(model):  # type: ignore[arg-type]
+        value = getattr(model, each.name)
         if isinstance(value, np.generic):
             value = value.item()
         try:
-            fields[field.name] = json.loads(json.dumps(value))
+            fields[each.name] = json.loads(json.dumps(value))
         except TypeError:
             continue
     return {"class": type(model).__name__, "fields": fields}

@@ -87,7 +87,9 @@ def linearise(problem: Any, X: Array, name: str, parameters: Mapping[str, float]
 
 def solve_linear(A: Array, b: Array) -> Array:
     """A^-1 b; a singular or non-finite matrix raises `numpy.linalg.LinAlgError`."""
-    *_, x, info = la.lapack.dgesv(A, b)  # straight to LAPACK: the checks of scipy.linalg.solve cost more than the solution
+    *_, x, info = la.lapack.dgesv(
+        A, b
+    )  # straight to LAPACK: the checks of scipy.linalg.solve cost more than the solution
     if info or not np.all(np.isfinite(x)):
         raise np.linalg.LinAlgError("singular matrix")
     return x
@@ -98,7 +100,7 @@ def solve(
     X: Array,
     parameters: Mapping[str, float],
     name: str = "",
-    settings: Settings = Settings(),  # noqa: B008
+    settings: Settings = Settings(),
 ) -> Solution:
     """Newton with step halving at fixed parameters.
 
@@ -157,7 +159,7 @@ def correct(
     normal: Array,
     name: str,
     parameters: Mapping[str, float],
-    settings: Settings = Settings(),  # noqa: B008
+    settings: Settings = Settings(),
 ) -> Solution:
     """Newton from the predicted point u = (X, value) in the plane normal^T (u' - u) = 0.
 
@@ -179,9 +181,7 @@ def correct(
         if not np.isfinite(residuals[-1]) or (iteration > 3 and residuals[-1] > 10 * residuals[0]):
             break
         try:
-            du = -solve_linear(
-                bordered(now, normal), np.append(now.R, normal @ (u - start))
-            )
+            du = -solve_linear(bordered(now, normal), np.append(now.R, normal @ (u - start)))
         except np.linalg.LinAlgError:
             break
         u = u + du

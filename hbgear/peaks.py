@@ -43,10 +43,21 @@ def peaks(branch: Branch, measure: str = "rms", element: int | str = 0) -> tuple
         seen = branch.problem.observe(row.solution.X, stability=branch.multipliers is not None, **here)
         found.append(
             SpecialPoint(
-                row.solution.X, here, row.solution.residual, row.solution.iterations, seen.get("multipliers"),
-                seen["regime"], seen["error"], branch.layout, f"PK{number}", "PK", i, located,
-                (float(branch.values[i - 1]), float(branch.values[i + 1])), f"peak of {measure}",
-            )  # fmt: skip
+                row.solution.X,
+                here,
+                row.solution.residual,
+                row.solution.iterations,
+                seen.get("multipliers"),
+                seen["regime"],
+                seen["error"],
+                branch.layout,
+                f"PK{number}",
+                "PK",
+                i,
+                located,
+                (float(branch.values[i - 1]), float(branch.values[i + 1])),
+                f"peak of {measure}",
+            )
         )
     return tuple(found)
 

@@ -7,6 +7,7 @@ impact regime. Nothing here changes matplotlib's settings, and matplotlib is imp
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -85,6 +86,15 @@ def response(
     return ax
 
 
+def responses(branches: Sequence[Branch], measure: str = "pp2", element: int | str = 0, ax: Axes | None = None) -> Axes:
+    """Several branches on the same axes, drawn as `response` draws one."""
+    for branch in branches:
+        ax = response(branch, measure, element, ax)
+    if ax is None:
+        raise ValueError("no branch to draw")
+    return ax
+
+
 def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> Axes:
     """Jump frequencies against a design parameter, several motions shaded, cusps marked with their value.
 
@@ -96,8 +106,7 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
         _shade(ax, jumps)
         for arm in jumps.arms:
             name, style = names[arm.direction]
-            shown = any(line.get_label() == name for line in ax.lines)
-            ax.plot(arm.values, arm.Omega, style, color=COLOURS["no_impact"], label="_arm" if shown else name)
+            ax.plot(arm.values, arm.Omega, style, color=COLOURS["no_impact"], label=name)
         for cusp in jumps.cusps:
             x, y = cusp.parameters[jumps.parameter], cusp.parameters["Omega"]
             marker, name = MARKERS["CP"]
@@ -113,9 +122,10 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
         if not jumps.arms:
             ax.text(0.5, 0.5, "no jump found in this range", transform=ax.transAxes, ha="center")
         elif legend:
-            handles = {line.get_label(): line for line in ax.lines if not str(line.get_label()).startswith("_")}
-            shades = [c for c in ax.collections if c.get_label() == "several motions"]
-            ax.legend([*handles.values(), *shades[:1]], [*handles, *["several motions"] * bool(shades)], loc="best")
+            drawn: list[Any] = [*ax.lines, *ax.collections]
+            handles = {str(artist.get_label()): artist for artist in drawn}
+            shown = {label: artist for label, artist in handles.items() if not label.startswith("_")}
+            ax.legend(list(shown.values()), list(shown), loc="best")
     return ax
 
 

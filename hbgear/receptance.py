@@ -147,7 +147,7 @@ class Structure:
         return self._scale[:, None] * _null_space(A * np.outer(self._scale, self._scale))
 
     def _check_balance(self) -> None:
-        for load in self.system.load:
+        for load in self.system.loads:
             if load.constant is None:
                 continue
             for r in self.free_left.T:
@@ -257,7 +257,7 @@ class Receptance:
             c = to_complex(stretch(element.displacement.row(), nu))[: H + 1]
             self.e[: len(c), j] = c
         self._loads: list[tuple[int, np.ndarray, ComplexArray]] = []
-        for load in system.load:
+        for load in system.loads:
             table = load.complex(system.n)
             kept = np.array([order for order in table if order * nu <= H], dtype=int)
             if kept.size:

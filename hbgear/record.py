@@ -45,9 +45,14 @@ def branch_of(
         count[mark.kind] = count.get(mark.kind, 0) + 1
         special.append(
             SpecialPoint(
-                **points[mark.index], label=f"{mark.kind}{count[mark.kind]}", kind=mark.kind, index=mark.index,
-                located=mark.located, interval=mark.interval, note=mark.note,
-            )  # fmt: skip
+                **points[mark.index],
+                label=f"{mark.kind}{count[mark.kind]}",
+                kind=mark.kind,
+                index=mark.index,
+                located=mark.located,
+                interval=mark.interval,
+                note=mark.note,
+            )
         )
     return Branch(
         parameter=name,

@@ -1,12 +1,13 @@
 """Special points of a solution curve: what they are, and how each is located.
 
-| kind | condition | located by |
-|---|---|---|
-| LP (CP on a curve of folds) | fold: dR/dX singular, the curve turns in the parameter (a jump) | Newton on {R = 0, g = 0}, or a bracketed root of the tangent |
-| PD | a multiplier passes -1 (period doubling) | Newton on {R = 0, g = 0} of the half-integer block, or a bracketed root of det(Phi + 1) |
-| NS | a complex pair of multipliers passes the unit circle (Neimark-Sacker) | bracketed root of its modulus |
-| BP | two curves cross: det [J R_lambda; t^T] changes sign | bracketed root of the determinant |
-| GR | an extremum of an element grazes a corner of its law: the impact regime changes | Newton on {R = 0, extremum = corner}, or a bracketed root |
+LP  fold: dR/dX singular, the curve turns in the parameter (a jump); CP on a curve of folds.
+    Newton on {R = 0, g = 0}, or a bracketed root of the tangent.
+PD  a multiplier passes -1 (period doubling).
+    Newton on {R = 0, g = 0} of the half-integer block, or a bracketed root of det(Phi + 1).
+NS  a complex pair of multipliers passes the unit circle (Neimark-Sacker). Bracketed root of its modulus.
+BP  two curves cross: det [J R_lambda; t^T] changes sign. Bracketed root of the determinant.
+GR  an extremum of an element grazes a corner of its law: the impact regime changes.
+    Newton on {R = 0, extremum = corner}, or a bracketed root.
 
 The bracketed root runs along the arc between two rows, where every point is corrected onto the curve.
 """
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+
 import numpy as np
 from scipy.optimize import brentq
 
@@ -23,7 +25,6 @@ from hbgear.augmented import Augmented, Fold, Grazing, PeriodDoubling
 from hbgear.branch import NEUTRAL
 from hbgear.fourier import ComplexArray
 from hbgear.newton import NoConvergence, Settings, Solution, bordered, linearise, solve
-
 
 MERGED = "merged"
 """Kind of the point at which a subharmonic branch ends; it is not a special point of its own."""

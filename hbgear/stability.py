@@ -7,7 +7,8 @@ A small disturbance of the motion obeys the linear structure plus m scalar modul
 which are smooth except where an element crosses a corner of its law. The period is cut at those instants and each
 piece into steps; in a step the linear part is propagated exactly and u by collocation at s Gauss points,
 
-    d(c_i h) = output e^{poles c_i h} z_0 - sum_j A_ij u_j,     A_ij = int_0^{c_i h} output e^{poles (c_i h - x)} input L_j(x) dx
+    d(c_i h) = output e^{poles c_i h} z_0 - sum_j A_ij u_j
+    A_ij = int_0^{c_i h} output e^{poles (c_i h - x)} input L_j(x) dx
 
 with the integrals in closed form, so that neither stiff supports nor fast modes limit the step. The order is 2s.
 No saltation matrix is needed: forces are continuous, so the state and its disturbance are continuous at a corner (a
@@ -28,6 +29,9 @@ from hbgear.fourier import Array, ComplexArray, derive, to_complex, waves
 
 if TYPE_CHECKING:
     from hbgear.balance import HarmonicBalance
+
+_SHARE = 0.2  # longest step as a share of the excitation period, whatever the structure
+
 
 @lru_cache(maxsize=16)
 def _gauss(s: int) -> tuple[Array, Array]:
@@ -82,7 +86,7 @@ def _steps(instants: Array, omega: float, width: float) -> tuple[Array, Array, A
 
 
 def multipliers(
-    problem: HarmonicBalance, X: Array, *, points: int = 5, width: float | None = None, **parameters: float
+    problem: HarmonicBalance, X: Array, *, points: int = 6, width: float | None = None, **parameters: float
 ) -> ComplexArray:
     """Floquet multipliers of the motion X over its period 2 pi nu / Omega, largest magnitude first.
 
@@ -91,8 +95,8 @@ def multipliers(
     problem : `HarmonicBalance` whose unknowns X are.
     X : (m (2H + 1),) coefficients of a periodic motion.
     points : s, Gauss points per step; the scheme has order 2s.
-    width : longest step, in units of the time in which the elements' reference springs would turn the structure's
-        inertia by one radian; by default s / 4, which leaves errors of about 1e-8 or less.
+    width : longest step, in units of the time in which the stiffest spring of the elements would turn the structure's
+        inertia by one radian; by default s / 5. No step is longer than a fifth of the excitation period.
     parameters : ``Omega`` and any model parameters that differ.
 
     Returns
@@ -109,7 +113,7 @@ def multipliers(
 
 
 def monodromy(
-    problem: HarmonicBalance, X: Array, *, points: int = 5, width: float | None = None, **parameters: float
+    problem: HarmonicBalance, X: Array, *, points: int = 6, width: float | None = None, **parameters: float
 ) -> Array:
     """Real matrix (r, r) that carries a disturbance over one period, in real modal coordinates; see `multipliers`."""
     compiled = problem.compiled(parameters)
@@ -121,18 +125,25 @@ def monodromy(
         )
     omega = parameters["Omega"] / problem.nu
     kr = compiled.structure.kr
-    pace = np.sqrt(np.abs(np.einsum("jr,r,rj->j", modes.output, modes.poles, modes.input) * kr).max())
-    width = (points / 4.0 if width is None else width) / (pace or 1.0)
+    coarse = _slopes(problem, X, omega, compiled.laws, 2 * np.pi * np.arange(32 * problem.nu) / (32 * problem.nu))
+    # inverse modal masses of the elements times their largest stiffness: how fast the modulations can turn the state
+    mobility = np.abs(np.einsum("jr,r,rj->j", modes.output, modes.poles, modes.input))
+    pace = np.sqrt((mobility * np.maximum(kr, np.abs(coarse[:, 0]).max(axis=-1))).max())
+    width = min((points / 5.0 if width is None else width) / (pace or 1.0), _SHARE * 2 * np.pi / parameters["Omega"])
     start, h, which = _steps(problem.switching(X, **parameters).theta, omega, width)
     x, L = _gauss(points)
     theta = (start[:, None] + (omega * h[which])[:, None] * x).ravel()
-    rows = X.reshape(problem.m, -1)
-    c, w = to_complex(rows), waves(theta, problem.H).T
-    d, v = (c @ w).real, omega * (derive(c) @ w).real
-    slopes = np.array([law.force(d[j], v[j], problem.nu * theta)[1:] for j, law in enumerate(compiled.laws)])
+    slopes = _slopes(problem, X, omega, compiled.laws, theta)
     stiffness = (slopes[:, 0] - kr[:, None]).reshape(problem.m, -1, points)
     damping = slopes[:, 1].reshape(problem.m, -1, points)
     return _propagate(_half(modes), h, which, stiffness, damping, x, L)
+
+
+def _slopes(problem: HarmonicBalance, X: Array, omega: float, laws: Any, theta: Array) -> Array:
+    """dp/dd and dp/dv of each element at phases theta, (m, 2, T)."""
+    c, w = to_complex(X.reshape(problem.m, -1)), waves(theta, problem.H).T
+    d, v = (c @ w).real, omega * (derive(c) @ w).real
+    return np.array([law.force(d[j], v[j], problem.nu * theta)[1:] for j, law in enumerate(laws)])
 
 
 def _half(modes: Any) -> tuple[ComplexArray, ComplexArray, ComplexArray, Array]:
@@ -170,8 +181,8 @@ def _propagate(
     D[:, i, j, i, j] = stiffness.transpose(1, 2, 0)
     if mo > m:
         D[:, i, j, i, j + m] = damping.transpose(1, 2, 0)
-    D = D.reshape(S, s * m, s * mo)
-    response = D @ np.linalg.inv(np.eye(s * mo) + kernel[which] @ D)
+    modulation = D.reshape(S, s * m, s * mo)
+    response = modulation @ np.linalg.inv(np.eye(s * mo) + kernel[which] @ modulation)
     steps = _turn(poles, pair, h)[which] - (real_push[which] @ response) @ real_observe[which]
     total = steps[0]
     for step in steps[1:]:

@@ -54,7 +54,8 @@ class Steps:
     def __post_init__(self) -> None:
         if not 0 < self.shortest <= self.first <= self.longest < math.inf:
             raise ValueError(
-                f"step lengths must obey 0 < shortest <= first <= longest, got {self.shortest}, {self.first}, {self.longest}"
+                f"step lengths must obey 0 < shortest <= first <= longest, got {self.shortest}, {self.first}, "
+                f"{self.longest}"
             )
         if not 0 < self.turn <= 60:
             raise ValueError(f"turn = {self.turn} degrees must be above 0 and at most 60")
@@ -69,7 +70,7 @@ def trace(
     start: Point | Departure | Array | None = None,
     *,
     at: Mapping[str, float] | None = None,
-    steps: Steps = Steps(),  # noqa: B008
+    steps: Steps = Steps(),
     settings: Settings = Settings(),  # noqa: B008
     stability: bool = True,
     special: bool = True,
@@ -239,8 +240,13 @@ class _Tracer:
             "stability": self.stability,
         }  # fmt: skip
         branch = branch_of(self.problem, self.name, self.fixed, self.rows, self.marks, status, message, meta)
-        jumps = find_jumps(branch, self.settings) if self.stability and self.special else ()
-        return replace(branch, jump_records=jumps)
+        if not (self.stability and self.special):
+            return branch
+        try:
+            return replace(branch, jump_records=find_jumps(branch, self.settings))
+        except KeyboardInterrupt:
+            message = f"interrupted while the jumps were being located. {Status.INTERRUPTED.advice}"
+            return replace(branch, status=Status.INTERRUPTED, message=message)
 
     def _loop(self) -> tuple[Status, str]:
         while True:

@@ -15,7 +15,7 @@ import pytest
 from scipy.io import loadmat
 
 import hbgear as hb
-from hbgear import cli
+from hbgear import cli, cli_support
 
 REPOSITORY = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])}  # whether installed or not
@@ -160,9 +160,9 @@ def test_point_by_value_is_the_nearest_stable_one(saved):
     fold, other = (curve[label].parameters["Omega"] for label in ("LP1", "LP2"))
     middle = (fold + other) / 2
     assert np.sum(np.diff(np.sign(curve.values - middle)) != 0) == 3  # upper, unstable, lower
-    point = cli._point(curve, str(middle))
+    point = cli_support.point_of(curve, str(middle))
     assert point.stable and abs(point.parameters["Omega"] - middle) < 0.05
-    assert cli._point(curve, str(curve.values[0])).parameters["Omega"] == curve.values[0]
+    assert cli_support.point_of(curve, str(curve.values[0])).parameters["Omega"] == curve.values[0]
 
 
 # ---- how it ends
@@ -184,7 +184,7 @@ def test_interrupt_saves_and_returns_3(run, monkeypatch):
 
         yield show
 
-    monkeypatch.setattr(cli, "_progress", impatient)
+    monkeypatch.setattr(cli_support, "progress_bar", impatient)
     code, out, _ = run(*QUICK, "-o", "d.npz")
     assert code == 3 and hb.load("d.npz").status is hb.Status.INTERRUPTED and len(hb.load("d.npz")) == 8
     assert "interrupted" in out
@@ -221,7 +221,7 @@ def test_failure_while_drawing_leaves_no_half_figure(run, saved, monkeypatch):
 
 
 def test_a_bug_is_not_hidden(monkeypatch):
-    monkeypatch.setattr(cli, "_print", lambda table: 1 / 0)
+    monkeypatch.setattr(cli, "print_table", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         cli.main(["models"])
 
