@@ -24,7 +24,7 @@ from hbgear.contact import ContactProjector, Crossings, crossings
 from hbgear.fourier import Array, ComplexArray, Transform, derive, extrema, resize, stretch, to_complex, to_real
 from hbgear.laws import Law, PiecewiseLinear
 from hbgear.model import Model, System, describe, did_you_mean
-from hbgear.newton import Evaluation, NoConvergence, solve
+from hbgear.newton import Evaluation, NoConvergence, solve, solve_from_afar
 from hbgear.receptance import Receptance, Structure
 from hbgear.stability import multipliers
 
@@ -210,6 +210,22 @@ class HarmonicBalance:
         out.auto, out._structures = self.auto, self._structures
         return out
 
+    def converted(self, X: Array, layout: Layout) -> Array:
+        """Unknowns of another basis in this one: more or fewer harmonics, or a multiple of the period.
+
+        Raises
+        ------
+        ValueError
+            If the elements differ, or the motion is not periodic with this nu.
+        """
+        if len(layout.elements) != self.m:
+            raise ValueError(f"the motion has {len(layout.elements)} elements; this model has {self.m}")
+        if self.nu % layout.nu:
+            raise ValueError(
+                f"a motion of order nu = {layout.nu} is not periodic with nu = {self.nu}; need a multiple of it"
+            )
+        return resize(stretch(X.reshape(self.m, -1), self.nu // layout.nu), self.H).ravel()
+
     def with_tolerance(self, tolerance: float) -> HarmonicBalance:
         """The same problem, harmonics included, with ``harmonics="auto"`` from here on."""
         out = copy.copy(self)
@@ -372,11 +388,12 @@ class HarmonicBalance:
         """
         here = {**parameters, "Omega": float(Omega)}
         failure: NoConvergence | None = None
-        for guess in self._guesses(here):
-            try:
-                return solve(self, guess, here, "Omega").X
-            except NoConvergence as error:
-                failure = failure or error
+        for method in (solve, solve_from_afar):
+            for guess in self._guesses(here):
+                try:
+                    return method(self, guess, here).X
+                except NoConvergence as error:
+                    failure = failure or error
         assert failure is not None
         raise failure
 
@@ -598,12 +615,3 @@ def _real_blocks(Z: ComplexArray) -> Array:
     J[:, a, :, b] = Zk.imag
     J[:, b, :, a] = -Zk.imag
     return J
-
-
-def grown(X: Array, layout: Layout, H: int, nu: int) -> Array:
-    """Unknowns of one basis written in another: more or fewer harmonics, or a multiple of the period."""
-    rows = X.reshape(len(layout.elements), -1)
-    factor = nu // layout.nu
-    if factor * layout.nu != nu:
-        raise ValueError(f"a motion of order nu = {layout.nu} is not periodic with nu = {nu}; need a multiple of it")
-    return resize(stretch(rows, factor), H).ravel()

@@ -85,15 +85,38 @@ def _root(arc: Arc, kind: str, test: Callable[[Row], float], note: str = "") -> 
             rows[s] = arc.at(s)
         return test(rows[s])
 
+    def beside(s: float) -> float:
+        """The value, or zero where the equations are singular with a change of sign beside: the point itself."""
+        try:
+            return value(s)
+        except (NoConvergence, np.linalg.LinAlgError):
+            low, high = max(s - _BESIDE, 0.0), min(s + _BESIDE, 1.0)
+            if value(low) * value(high) >= 0:
+                raise
+            share = value(low) / (value(low) - value(high))
+            rows[s] = _between(arc, rows[low], rows[high], share)
+            return 0.0
+
     try:
         # at a turning point an error in s enters the parameter squared
         fine = 1e-9 if kind in ("LP", "CP") else 1e-13
-        s = float(brentq(value, 0.0, 1.0, xtol=fine, rtol=fine, maxiter=60))
+        s = float(brentq(beside, 0.0, 1.0, xtol=fine, rtol=fine, maxiter=60))
         return Found(kind, s, rows[s], True, note)
     except (NoConvergence, np.linalg.LinAlgError, ValueError, RuntimeError):
         f0, f1 = abs(test(arc.a)), abs(test(arc.b))
         s = 0.0 if f0 < f1 else 1.0
         return Found(kind, s, rows[s], False, note)
+
+
+_BESIDE = 1e-5  # distance along the arc at which the two sides of a singular point are looked at
+
+
+def _between(arc: Arc, a: Row, b: Row, share: float) -> Row:
+    """Row between two close ones, where the equations themselves cannot be solved."""
+    u = (1 - share) * a.u + share * b.u
+    now = linearise(arc.problem, u[:-1], arc.name, {**arc.parameters, arc.name: float(u[-1])})
+    point = Solution(u[:-1], float(u[-1]), now, 0, float(np.linalg.norm(now.R)) / now.size)
+    return Row(point, u, (1 - share) * a.tangent + share * b.tangent, a.orientation)
 
 
 def _fold(arc: Arc) -> Found:

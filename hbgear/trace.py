@@ -166,13 +166,14 @@ class _Tracer:
                     f"the start has {self.name} = {value:.6g}, outside the span ({self.a:.6g}, {self.b:.6g}); "
                     "widen the span or choose another start"
                 )
-            X = problem.join(start.X, start.parameters) if hasattr(problem, "join") else start.X
+            X = problem.join(start.X, start.parameters) if hasattr(problem, "join") else self._fitted(start)
         elif start is not None:
             X = np.array(start, dtype=float)
         elif hasattr(problem, "start"):
             X = problem.start(**{**self.fixed, self.name: value})
         else:
             raise ValueError("this problem finds no start of its own; give start=")
+        _check_start(problem, X)
         solution = solve(problem, X, {**self.fixed, self.name: value}, self.name, self.settings)
         self.top = self._motion_size(solution.X)
         self.scale = self._scale(solution.X)
@@ -181,11 +182,19 @@ class _Tracer:
         try:
             row = row_of(solution, normal, self.scale)
         except np.linalg.LinAlgError:
-            raise NoConvergence(
-                f"the curve has no direction at {self.name} = {value:.6g}: a fold or branch point lies exactly there; "
-                "start elsewhere", solution.X, {**self.fixed, self.name: value}, [solution.residual],
-            ) from None  # fmt: skip
+            message = (
+                f"the curve has no direction at {self.name} = {value:.6g}: a fold or branch point lies exactly there, "
+                "or a motion that nothing determines (a gap that stays open without load); start elsewhere or load "
+                "the system"
+            )
+            raise NoConvergence(message, solution.X, {**self.fixed, self.name: value}, [solution.residual]) from None
         return self._observe(row)
+
+    def _fitted(self, start: Point) -> Array:
+        """The start in this problem's number of harmonics and multiple of the period."""
+        if start.layout is None or not hasattr(self.problem, "converted"):
+            return start.X
+        return self.problem.converted(start.X, start.layout)
 
     def _depart(self, start: Departure) -> Row:
         """First row of another branch: a short way along the direction that leaves the point."""
@@ -437,6 +446,17 @@ class _Tracer:
 
 
 _BACK = "the curve ran back over itself"
+
+
+def _check_start(problem: Any, X: Array) -> None:
+    if not np.all(np.isfinite(X)):
+        raise ValueError("the start has entries that are not finite")
+    size = getattr(problem, "size", None)
+    if size is not None and X.shape != (size,):
+        raise ValueError(
+            f"the start has {X.size} unknowns; the problem has {size}. Start from a Point, which is converted to "
+            "this number of harmonics, or from unknowns of the right length"
+        )
 
 
 def _checked_span(parameter: str, span: tuple[float, float]) -> tuple[float, float]:

@@ -255,7 +255,7 @@ class Shooter:
             A = np.vstack([np.column_stack([Phi - np.eye(size), slope]), normal])
             du = np.linalg.solve(A, -np.append(end - u[:-1], normal @ (u - start)))
             u = u + du
-            if np.linalg.norm(du) < 1e-11:
+            if np.linalg.norm(du) < 1e-11 * (1 + np.linalg.norm(u)):
                 break
         else:
             raise AssertionError(f"shooting did not converge at Omega = {u[-1]:.6g}: step {np.linalg.norm(du):.1e}")
@@ -270,10 +270,10 @@ class Shooter:
         y, Omega = u[:-1], float(u[-1])
         return (self.turn(y, Omega + h)[0] - self.turn(y, Omega - h)[0]) / (2 * h)
 
-    def curve(self, first, span, step=0.01, longest=0.03, turn=0.3, limit=2000):
+    def curve(self, first, span, step=0.01, longest=0.06, turn=0.5, limit=2000):
         """The curve from an orbit until Omega leaves the span, or the motion is of the single period again."""
         low, high = sorted(span)
-        orbits, special, merged = [first], [], False
+        orbits, special, merged, largest = [first], [], False, 0.0
         while len(orbits) < limit and low <= orbits[-1].Omega <= high:
             last = orbits[-1]
             try:
@@ -285,8 +285,9 @@ class Shooter:
                 step /= 2
                 assert step > 1e-9, f"shooting stuck at Omega = {last.Omega:.6g}"
                 continue
-            merged = bool(self.nu > 1 and last.half @ new.half < 0)
             orbits.append(new)
+            largest = max(largest, float(np.linalg.norm(new.half)))
+            merged = bool(self.nu > 1 and (last.half @ new.half < 0 or np.linalg.norm(new.half) < 0.01 * largest))
             if merged:
                 break
             special += self._special(last, new)

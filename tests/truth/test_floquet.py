@@ -22,7 +22,6 @@ from hbgear import (
     System,
     trace,
 )
-from hbgear.balance import grown
 from hbgear.fourier import evaluate
 
 
@@ -158,7 +157,7 @@ def test_a_multiplier_is_minus_one_where_the_doubled_balance_is_singular():
         signs = []
         for shift in (-1e-6, 1e-6):
             nearby = trace(problem, "Omega", (Omega, Omega + shift), point.X, stability=False, special=False).X[-1]
-            J = doubled.evaluate(grown(nearby, problem.layout, doubled.H, 2), Omega=Omega + shift)[1]
+            J = doubled.evaluate(doubled.converted(nearby, problem.layout), Omega=Omega + shift)[1]
             signs.append(np.linalg.slogdet(J)[0])
         assert signs[0] == -signs[1]
 

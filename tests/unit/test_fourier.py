@@ -82,6 +82,11 @@ def test_extrema_of_two_almost_equal_peaks_and_of_constants():
         _, _, high, at = extrema(np.array([0.5, tiny, 0.0, 1.0, 0.0]))
         assert high == pytest.approx(1.5 + 1e-9, abs=1e-14)
         assert np.cos(at) == pytest.approx(np.sign(tiny), abs=1e-6)
+    # the highest sample (N = 64) is on the lower peak at 0, the highest peak a third of a step beside its own
+    row = np.zeros(7)
+    row[[1, 2, 5]] = 1e-3 * np.cos(2 * np.pi / 3), 1e-3 * np.sin(2 * np.pi / 3), 1.0
+    _, _, high, at = extrema(row)
+    assert (high, at) == (pytest.approx(1.001, abs=1e-12), pytest.approx(2 * np.pi / 3, abs=1e-6))
     low, _, high, _ = extrema(np.array([[2.5, 0, 0], [-1.0, 0, 0]]))
     np.testing.assert_array_equal([low, high], [[2.5, -1.0]] * 2)
 

@@ -339,9 +339,16 @@ def test_bad_fixed_values_and_starts():
         trace(CIRCLE, "p", (1, 2), at(1, 0))
     with pytest.raises(ValueError, match="finds no start of its own; give start="):
         trace(CIRCLE, "p", (1, 2))
+
+
+def test_a_start_with_other_harmonics_either_works_or_says_so():
     coarse = trace(DUFFING, "Omega", (0.5, 0.6))
-    with pytest.raises(ValueError, match="harmonics"):
-        trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.0), coarse[0])
+    try:
+        finer = trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 0.6), coarse[0])
+    except ValueError as error:
+        assert "harmonics" in str(error)
+    else:
+        assert finer.status.complete and finer.layout.harmonics == 5
 
 
 def test_a_start_on_a_fold_either_works_or_says_so():
