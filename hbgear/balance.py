@@ -12,13 +12,13 @@ from __future__ import annotations
 import copy
 import warnings
 from collections import OrderedDict
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.fft import next_fast_len
 
+from hbgear.basis import Toeplitz, after_derivative, apply, derivative, one_sided, real_blocks
 from hbgear.branch import Layout
 from hbgear.contact import ContactProjector, Crossings, crossings
 from hbgear.fourier import Array, ComplexArray, Transform, derive, extrema, resize, stretch, to_complex, to_real
@@ -27,6 +27,7 @@ from hbgear.model import Model, System, describe, did_you_mean
 from hbgear.newton import Evaluation, NoConvergence, solve, solve_from_afar
 from hbgear.receptance import Receptance, Structure
 from hbgear.stability import multipliers
+from hbgear.start import guesses
 
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
 
@@ -62,30 +63,6 @@ class _Compiled:
         if self._linear is None or self._linear[0] != Omega:
             self._linear = (Omega, self.receptance.at(Omega))
         return self._linear[1]
-
-
-class _Toeplitz:
-    """Real matrix of X -> kappa * X (a product of periodic functions) in the basis (a0, a1, b1, ...)."""
-
-    def __init__(self, H: int) -> None:
-        k = np.concatenate([[0], np.repeat(np.arange(1, H + 1), 2)])
-        sine = np.concatenate([[False], np.tile([False, True], H)])
-        row, col = k[:, None], k[None, :]
-        difference, total = np.abs(row - col), row + col
-        rs, cs = sine[:, None], sine[None, :]
-        mixed, imaginary = rs != cs, 2 * H + 1
-        self._first = difference + imaginary * mixed
-        self._second = total + imaginary * mixed
-        half = np.where(row == 0, 0.5, 1.0)
-        sign = np.where(mixed, np.where(rs, -1.0, 1.0) * np.sign(row - col), 1.0)
-        # cos-cos +, sin-sin -, mixed -
-        self._first_sign = half * sign
-        self._second_sign = half * np.where(mixed | (rs & cs), -1.0, 1.0)
-
-    def __call__(self, kappa: ComplexArray) -> Array:
-        """(m, 2H + 1) coefficients 0..2H -> (m, 2H + 1, 2H + 1)."""
-        r = np.concatenate([kappa.real, kappa.imag], axis=-1)
-        return r[:, self._first] * self._first_sign + r[:, self._second] * self._second_sign
 
 
 class HarmonicBalance:
@@ -136,7 +113,7 @@ class HarmonicBalance:
             _whole("samples", samples)
             self.N = int(samples)
         self._transform = Transform(self.H, self.N, self.m)
-        self._toeplitz = _Toeplitz(self.H)
+        self._toeplitz = Toeplitz(self.H)
         self._cache: OrderedDict[tuple[tuple[str, float], ...], _Compiled] = OrderedDict()
         self._structures: OrderedDict[tuple[bytes, ...], Structure] = OrderedDict()
         self._own = model.parameters
@@ -299,11 +276,11 @@ class HarmonicBalance:
         exact, sampled = compiled.exact, compiled.sampled
         if exact.size:
             kappa[exact], chi, _ = compiled.projector.project(c[exact], samples[exact], 2 * H)
-            f[exact] = to_real(_one_sided(chi[:, : H + 1]))
+            f[exact] = to_real(one_sided(chi[:, : H + 1]))
         if sampled.size:
             velocity = self._transform.samples(Omega / self.nu * derive(c))
             values = np.array([compiled.bound[j](samples[j], velocity[j]) for j in sampled])
-            f[sampled] = to_real(_one_sided(self._spectrum(values[:, 0])[: sampled.size, : H + 1]))
+            f[sampled] = to_real(one_sided(self._spectrum(values[:, 0])[: sampled.size, : H + 1]))
             kappa[sampled] = self._spectrum(values[:, 1])[: sampled.size]
             if np.any(values[:, 2]):
                 gamma = np.zeros_like(kappa)
@@ -344,16 +321,16 @@ class HarmonicBalance:
         dR = np.zeros((m, n))
         if F.gamma is not None:
             slip = self._toeplitz(F.gamma) * 1.0
-            own = own + _after_derivative(slip) * (Omega / self.nu)
+            own = own + after_derivative(slip) * (Omega / self.nu)
             if name == "Omega":
-                dR += np.einsum("jab,jb->ja", slip, _derivative(rows)) / self.nu
-        Zd = _apply(linear.Z, d)
+                dR += np.einsum("jab,jb->ja", slip, derivative(rows)) / self.nu
+        Zd = apply(linear.Z, d)
         R = to_real(Zd + linear.g.T) + f
         if name == "Omega":
-            dR += to_real(_apply(linear.dZ, d) + linear.dg.T)
+            dR += to_real(apply(linear.dZ, d) + linear.dg.T)
         elif name:
             dR = self._difference(X, name, parameters).reshape(m, n)
-        J = _real_blocks(linear.Z)
+        J = real_blocks(linear.Z)
         for j in range(m):
             J[j, :, j, :] += own[j]
         size = float(np.linalg.norm(f) + np.linalg.norm(Zd) + np.linalg.norm(linear.g))
@@ -389,43 +366,13 @@ class HarmonicBalance:
         here = {**parameters, "Omega": float(Omega)}
         failure: NoConvergence | None = None
         for method in (solve, solve_from_afar):
-            for guess in self._guesses(here):
+            for guess in guesses(self, here):
                 try:
                     return method(self, guess, here).X
                 except NoConvergence as error:
                     failure = failure or error
         assert failure is not None
         raise failure
-
-    def _guesses(self, here: dict[str, float]) -> Iterator[Array]:
-        """Linear responses about the static states that Newton finds with harmonic 0 alone, from several sides."""
-        compiled = self.compiled(here)
-        linear = compiled.linear(here["Omega"])
-        reach = np.array([max([1.0, *np.abs(law.breakpoints)]) for law in compiled.laws])
-        for side in (1.5, -1.5, 0.0, 4.0, -4.0):
-            d0 = side * reach
-            for _ in range(50):
-                p, k = self._static(compiled, d0)
-                r = linear.Z[0].real @ d0 + linear.g[0].real + p
-                J = linear.Z[0].real + np.diag(k)
-                d0 = d0 - np.linalg.lstsq(J, r, rcond=1e-12)[0]
-            if not np.all(np.isfinite(d0)):
-                continue
-            k = self._static(compiled, d0)[1]
-            with np.errstate(all="ignore"):
-                try:
-                    d = np.linalg.solve(linear.Z + np.diag(k), -linear.g[..., None])[..., 0].T
-                except np.linalg.LinAlgError:
-                    d = np.zeros((self.m, self.H + 1), dtype=complex)
-            d[:, 0] = d0
-            yield to_real(d).ravel()
-            yield to_real(np.concatenate([d[:, :1], 0 * d[:, 1:]], axis=1)).ravel()
-
-    def _static(self, compiled: _Compiled, d0: Array) -> tuple[Array, Array]:
-        """Mean over the phase of each law's force and stiffness at constant d0 (m,)."""
-        tau = 2 * np.pi * np.arange(64) / 64
-        out = [law.force(np.full(64, x), np.zeros(64), tau) for law, x in zip(compiled.laws, d0, strict=True)]
-        return np.array([p.mean() for p, *_ in out]), np.array([k.mean() for _, k, _ in out])
 
     # ---- results
 
@@ -477,7 +424,7 @@ class HarmonicBalance:
         compiled = self.compiled(parameters)
         omega = parameters["Omega"] / self.nu
         rows = X.reshape(self.m, -1)
-        return self.force_rows(X, **parameters) + omega * compiled.structure.c[:, None] * _derivative(rows)
+        return self.force_rows(X, **parameters) + omega * compiled.structure.c[:, None] * derivative(rows)
 
     def motion(self, X: Array, **parameters: float) -> Array:
         """Motion of every coordinate of the structure as real rows (n, 2H + 1)."""
@@ -570,48 +517,6 @@ def _regime(corners: list[Array], low: Array, high: Array) -> np.ndarray:
     return np.minimum(count, 2).astype(np.int8)
 
 
-def _apply(Z: ComplexArray, d: ComplexArray) -> ComplexArray:
-    """Z_k d_k for Z (H+1, m, m) and d (m, H+1), as (m, H+1)."""
-    return (Z @ d.T[..., None])[..., 0].T
-
-
 def _whole(name: str, number: object) -> None:
     if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
         raise ValueError(f"{name} = {number!r} must be a whole number of at least 1")
-
-
-def _one_sided(c: ComplexArray) -> ComplexArray:
-    """One-sided coefficients of two-sided ones."""
-    out = 2.0 * c
-    out[..., 0] *= 0.5
-    return out
-
-
-def _derivative(rows: Array) -> Array:
-    """d/dtheta of real rows: a_k -> k b_k, b_k -> -k a_k."""
-    return to_real(derive(to_complex(rows)))
-
-
-def _after_derivative(A: Array) -> Array:
-    """Matrix A (m, n, n) applied after d/dtheta."""
-    H = A.shape[-1] // 2
-    k = np.arange(1, H + 1)
-    out = np.zeros_like(A)
-    out[..., 1::2] = -k * A[..., 2::2]
-    out[..., 2::2] = k * A[..., 1::2]
-    return out
-
-
-def _real_blocks(Z: ComplexArray) -> Array:
-    """Real matrix (m, n, m, n) of d_k -> Z_k d_k in the basis (a0, a1, b1, ...), n = 2H + 1."""
-    H, m = Z.shape[0] - 1, Z.shape[1]
-    n = 2 * H + 1
-    J = np.zeros((m, n, m, n))
-    a, b = np.arange(1, n, 2), np.arange(2, n, 2)
-    J[:, 0, :, 0] = Z[0].real
-    Zk = Z[1:]
-    J[:, a, :, a] = Zk.real
-    J[:, b, :, b] = Zk.real
-    J[:, a, :, b] = Zk.imag
-    J[:, b, :, a] = -Zk.imag
-    return J

@@ -1,0 +1,73 @@
+"""Matrices of the real basis (a0, a1, b1, ..., aH, bH), in which the balance is solved."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hbgear.fourier import Array, ComplexArray, derive, to_complex, to_real
+
+
+class Toeplitz:
+    """Real matrix of X -> kappa * X (a product of periodic functions) in the basis (a0, a1, b1, ...)."""
+
+    def __init__(self, H: int) -> None:
+        k = np.concatenate([[0], np.repeat(np.arange(1, H + 1), 2)])
+        sine = np.concatenate([[False], np.tile([False, True], H)])
+        row, col = k[:, None], k[None, :]
+        difference, total = np.abs(row - col), row + col
+        rs, cs = sine[:, None], sine[None, :]
+        mixed, imaginary = rs != cs, 2 * H + 1
+        self._first = difference + imaginary * mixed
+        self._second = total + imaginary * mixed
+        half = np.where(row == 0, 0.5, 1.0)
+        sign = np.where(mixed, np.where(rs, -1.0, 1.0) * np.sign(row - col), 1.0)
+        # cos-cos +, sin-sin -, mixed -
+        self._first_sign = half * sign
+        self._second_sign = half * np.where(mixed | (rs & cs), -1.0, 1.0)
+
+    def __call__(self, kappa: ComplexArray) -> Array:
+        """(m, 2H + 1) coefficients 0..2H -> (m, 2H + 1, 2H + 1)."""
+        r = np.concatenate([kappa.real, kappa.imag], axis=-1)
+        return r[:, self._first] * self._first_sign + r[:, self._second] * self._second_sign
+
+
+def real_blocks(Z: ComplexArray) -> Array:
+    """Real matrix (m, n, m, n) of d_k -> Z_k d_k in the basis (a0, a1, b1, ...), n = 2H + 1."""
+    H, m = Z.shape[0] - 1, Z.shape[1]
+    n = 2 * H + 1
+    J = np.zeros((m, n, m, n))
+    a, b = np.arange(1, n, 2), np.arange(2, n, 2)
+    J[:, 0, :, 0] = Z[0].real
+    Zk = Z[1:]
+    J[:, a, :, a] = Zk.real
+    J[:, b, :, b] = Zk.real
+    J[:, a, :, b] = Zk.imag
+    J[:, b, :, a] = -Zk.imag
+    return J
+
+
+def apply(Z: ComplexArray, d: ComplexArray) -> ComplexArray:
+    """Z_k d_k for Z (H+1, m, m) and d (m, H+1), as (m, H+1)."""
+    return (Z @ d.T[..., None])[..., 0].T
+
+
+def one_sided(c: ComplexArray) -> ComplexArray:
+    """One-sided coefficients of two-sided ones."""
+    out = 2.0 * c
+    out[..., 0] *= 0.5
+    return out
+
+
+def derivative(rows: Array) -> Array:
+    """d/dtheta of real rows: a_k -> k b_k, b_k -> -k a_k."""
+    return to_real(derive(to_complex(rows)))
+
+
+def after_derivative(A: Array) -> Array:
+    """Matrix A (m, n, n) applied after d/dtheta."""
+    H = A.shape[-1] // 2
+    k = np.arange(1, H + 1)
+    out = np.zeros_like(A)
+    out[..., 1::2] = -k * A[..., 2::2]
+    out[..., 2::2] = k * A[..., 1::2]
+    return out
