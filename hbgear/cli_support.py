@@ -144,7 +144,7 @@ def check_writable(path: Path | None, allowed: tuple[str, ...]) -> None:
     if path is None:
         return
     if path.suffix.lower() not in allowed:
-        raise ValueError(f"cannot write '{path}': the name must end in {', '.join(allowed[:-1])} or {allowed[-1]}")
+        raise ValueError(f"cannot write '{path}': the name must end in {' or '.join(allowed)}")
     if not path.parent.is_dir():
         raise ValueError(f"cannot write '{path}': there is no folder '{path.parent}'; create it first")
     if path.is_dir() or not os.access(path.parent, os.W_OK):

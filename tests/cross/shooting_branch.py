@@ -161,18 +161,18 @@ class Machine:
             start = np.array([_at(x, v)])
             turns = np.flatnonzero(np.append(start, v[first:])[:-1] * v[first:] < 0)
             behind = d[first:]
-            ends = [e for e, level in (("low", line.low), ("high", line.high)) if np.isfinite(level)]
-            if not ends or (not turns.size and np.all((behind > line.low) & (behind < line.high))):
+            if not turns.size and np.all((behind > line.low) & (behind < line.high)):
                 continue
             places = np.append(x, NODES[first:])
             extrema = [brentq(_at, places[a], places[a + 1], args=(v,), xtol=1e-15) for a in turns]
-            places = np.unique(np.concatenate([places, extrema]))
-            for end in ends:
-                beyond = np.array([(_at(p, d) - line.high) if end == "high" else (line.low - _at(p, d)) for p in places])
+            values = np.concatenate([[_at(x, d)], behind, [_at(p, d) for p in extrema]])
+            places = np.append(places, extrema)
+            order = np.argsort(places)
+            places, values = places[order], values[order]
+            for end, level, beyond in (("low", line.low, line.low - values), ("high", line.high, values - line.high)):
                 out = np.flatnonzero(beyond[1:] > CORNER)
                 if out.size:
                     a, b = places[out[0]], places[out[0] + 1]
-                    level = line.high if end == "high" else line.low
                     if beyond[out[0]] < 0:
                         a = brentq(lambda p, d=d, level=level: _at(p, d) - level, a, b, xtol=1e-15)
                     found.append((a, j, end))
@@ -181,14 +181,13 @@ class Machine:
 
 @dataclass(frozen=True)
 class Orbit:
-    """A periodic motion: state y at tau = 0, Omega, Phi over nu periods, unit tangent (dy, dOmega) of its curve, dF/dOmega,
+    """A periodic motion: state y at tau = 0, Omega, Phi over nu periods, unit tangent (dy, dOmega) of its curve,
     and the change of the state over the first period of the excitation."""
 
     y: np.ndarray
     Omega: float
     Phi: np.ndarray
     tangent: np.ndarray
-    slope: np.ndarray
     half: np.ndarray
 
     @property
@@ -241,15 +240,15 @@ class Shooter:
     def turn(self, y, Omega):
         return Machine(self.system, Omega, self.cells).turn(y, self.nu)
 
-    def orbit(self, y, Omega, normal=None, near=None):
+    def orbit(self, y, Omega, normal=None):
         """Newton on F in the plane across ``normal`` through (y, Omega), at fixed Omega by default.
 
-        ``near`` is an orbit nearby: its dF/dOmega serves until the end, and its tangent gives the sense of the new one.
+        The tangent points along the normal. dF/dOmega is that of the start: it turns the tangent a little but does not
+        move the place where its last component, which is det(Phi - 1), vanishes.
         """
         u, size = np.append(y, Omega), len(y)
         normal = np.eye(size + 1)[-1] if normal is None else normal
-        slope = self._slope(u) if near is None else near.slope
-        start = u
+        start, slope = u, self._slope(u)
         for _ in range(20):
             end, Phi, _ = self.turn(u[:-1], float(u[-1]))
             A = np.vstack([np.column_stack([Phi - np.eye(size), slope]), normal])
@@ -259,11 +258,9 @@ class Shooter:
                 break
         else:
             raise AssertionError(f"shooting did not converge at Omega = {u[-1]:.6g}: step {np.linalg.norm(du):.1e}")
-        A[:-1, -1] = slope = self._slope(u)
         t = np.linalg.solve(A, np.eye(size + 1)[-1])
-        t = t / np.linalg.norm(t) * (-1 if near is not None and t @ near.tangent < 0 else 1)
         half = Machine(self.system, u[-1], self.cells).turn(u[:-1])[0] - u[:-1] if self.nu > 1 else np.zeros(size)
-        return Orbit(u[:-1], float(u[-1]), Phi, t / np.linalg.norm(t), slope, half)
+        return Orbit(u[:-1], float(u[-1]), Phi, t / np.linalg.norm(t), half)
 
     def _slope(self, u, h=1e-6):
         """dF/dOmega by a central difference."""
@@ -277,7 +274,7 @@ class Shooter:
         while len(orbits) < limit and low <= orbits[-1].Omega <= high:
             last = orbits[-1]
             try:
-                new = self.orbit(*self._split(last.u + step * last.tangent), last.tangent, last)
+                new = self.orbit(*self._split(last.u + step * last.tangent), last.tangent)
                 angle = np.arccos(min(1.0, float(new.tangent @ last.tangent)))
             except (AssertionError, np.linalg.LinAlgError):
                 angle = np.inf
@@ -315,7 +312,7 @@ class Shooter:
 
         def value(s):
             if s not in known:
-                known[s] = self.orbit(*self._split(a.u + s * chord), normal, a)
+                known[s] = self.orbit(*self._split(a.u + s * chord), normal)
             return test(known[s])
 
         s = brentq(value, 0.0, 1.0, xtol=1e-12, rtol=1e-12)

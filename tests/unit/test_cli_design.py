@@ -1,0 +1,101 @@
+"""The commands map, critical, switch and survey."""
+
+import os
+import re
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear import cli
+
+
+@pytest.fixture
+def run(capsys, tmp_path, monkeypatch):
+    """Run the command in an empty folder: ``(exit code, stdout, stderr)``."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def call(text):
+        with pytest.raises(SystemExit) as stop:
+            cli.main(text.split())
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err
+
+    return call
+
+
+@pytest.fixture
+def saved(run):
+    """A curve of SpurPair with two period doublings, saved in the folder."""
+    code, _, err = run("trace spur-pair --set e=0.1 --from 2.1 --to 0.95 --harmonics 8 -o pair.npz")
+    assert (code, err) == (0, "")
+    return "pair.npz"
+
+
+def test_map_gives_the_cusp_and_writes_both_files(run):
+    code, out, err = run("map spur-pair --in zeta --from 0.1 --to 0.13 --harmonics 6 -o map.csv --plot map.png")
+    assert (code, err) == (0, "")
+    zeta = float(re.search(r"vanishes at zeta = ([\d.]+)", out)[1])
+    assert zeta == pytest.approx(0.118, abs=2e-4)
+    table = np.genfromtxt("map.csv", delimiter=",", names=True)
+    assert table["zeta"].max() == pytest.approx(zeta, abs=1e-7) and set(table["direction"]) == {-1, 1}
+    assert os.path.getsize("map.png") > 10_000
+
+
+def test_map_without_any_jump(run):
+    code, out, err = run("map spur-pair --in zeta --from 0.2 --to 0.3 --harmonics 3 --seeds 2")
+    assert (code, err) == (0, "") and "no jump for zeta between 0.2 and 0.3" in out
+
+
+def test_critical_is_that_of_the_library(run):
+    code, out, err = run("critical spur-pair zeta --set zeta=0.1 --harmonics 6")
+    assert (code, err) == (0, "")
+    found = hb.critical(hb.SpurPair(zeta=0.1), "zeta", harmonics=6)
+    assert f"zeta = {found.value:.8g}: a jump exists below" in out and f"Omega = {found.Omega:.8g}" in out
+
+
+def test_switch_traces_the_doubled_motion(run, saved):
+    code, out, err = run(f"switch {saved} PD1 -o doubled.npz --plot doubled.png")
+    assert (code, err) == (0, "")
+    doubled = hb.load("doubled.npz")
+    assert doubled.layout.nu == 2 and doubled.status == "merged" and "joined the one it came from" in out
+    assert np.any(doubled.amplitude("H1/2") > 0.1)
+
+
+def test_survey_saves_every_branch(run):
+    os.mkdir("found")
+    code, out, err = run(
+        "survey duffing --set zeta=0.05 --omega-from 0.6 --omega-to 1.5 --harmonics 3 --places 1 --guesses 3 -o found"
+    )
+    assert (code, err) == (0, "")
+    assert sorted(os.listdir("found")) == ["branch1.npz"] and "branch 1:" in out
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("map spur-pair --in Omega --from 1 --to 2", ["must differ from Omega", "choose one of: zeta"]),
+        ("map spur-pair --in zetta --from 1 --to 2", ["no parameter 'zetta'", "did you mean 'zeta'"]),
+        ("map spur-pair --in zeta --from 0.1 --to 0.1", ["two different finite values of zeta"]),
+        ("map spur-pair --in zeta --from 0.1 --to 0.2 -o map.txt", ["must end in .csv"]),
+        ("critical spur-pair Omega", ["must differ from Omega"]),
+        ("critical duffing F --set k3=0 --harmonics 3", ["no jump", "steepest slope of the rms amplitude is", "Omega ="]),
+        ("switch missing.npz PD1", ["no file 'missing.npz'"]),
+        ("survey duffing -o nowhere", ["no folder 'nowhere'"]),
+        ("survey duffing --harmonics many", ["--harmonics many", "whole number"]),
+    ],
+)
+def test_bad_input(run, text, words):
+    code, _, err = run(text)
+    assert code == 2 and err.startswith("hbgear: error: ") and err.count("\n") == 1
+    for word in words:
+        assert word in err
+
+
+def test_switch_refuses_what_is_no_crossing(run, saved):
+    code, _, err = run(f"switch {saved} PD9")
+    assert code == 2 and "no special point 'PD9'" in err and "PD1" in err
+    code, _, err = run("trace spur-pair --harmonics 5 --from 1.5 --to 0.6 -o fold.npz")
+    code, _, err = run("switch fold.npz LP1")
+    assert code == 2 and "LP1 is a LP" in err and "choose a PD or BP" in err
