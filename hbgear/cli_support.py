@@ -144,7 +144,9 @@ def check_writable(path: Path | None, allowed: tuple[str, ...]) -> None:
     if path is None:
         return
     if path.suffix.lower() not in allowed:
-        raise ValueError(f"cannot write '{path}': the name must end in {' or '.join(allowed)}")
+        *others, final = allowed
+        endings = f"{', '.join(others)} or {final}" if others else final
+        raise ValueError(f"cannot write '{path}': the name must end in {endings}")
     if not path.parent.is_dir():
         raise ValueError(f"cannot write '{path}': there is no folder '{path.parent}'; create it first")
     if path.is_dir() or not os.access(path.parent, os.W_OK):
