@@ -159,7 +159,8 @@ def _propagate(
     half: tuple[ComplexArray, ComplexArray, ComplexArray, Array],
     h: Array, which: np.ndarray, stiffness: Array, damping: Array, x: Array, L: Array,
 ) -> Array:  # fmt: skip
-    """Product of the step matrices; see the module. stiffness, damping (m, S, s) are the modulations."""
+    """All disturbances through all steps: a turn of the modes and a change of rank s m in each. stiffness, damping
+    (m, S, s) are the modulations."""
     poles, output, input_, pair = half
     m, S, s = stiffness.shape
     if np.any(damping):
@@ -183,10 +184,11 @@ def _propagate(
         D[:, i, j, i, j + m] = damping.transpose(1, 2, 0)
     modulation = D.reshape(S, s * m, s * mo)
     response = modulation @ np.linalg.inv(np.eye(s * mo) + kernel[which] @ modulation)
-    steps = _turn(poles, pair, h)[which] - (real_push[which] @ response) @ real_observe[which]
-    total = steps[0]
-    for step in steps[1:]:
-        total = step @ total
+    kick = real_push[which] @ response
+    E = np.exp(h[:, None] * poles)
+    total = np.eye(len(poles) + int(pair.sum()))
+    for step, duration in enumerate(which):
+        total = _turned(E[duration], pair, total) - kick[step] @ (real_observe[duration] @ total)
     return total
 
 
@@ -195,15 +197,10 @@ def _columns(C: ComplexArray, pair: np.ndarray) -> Array:
     return np.concatenate([C.real, -C.imag[..., pair]], axis=-1)
 
 
-def _turn(poles: ComplexArray, pair: np.ndarray, h: Array) -> Array:
-    """e^{poles h} as real matrices (len(h), r, r) on (real modes and real parts, imaginary parts)."""
-    q, r = len(poles), len(poles) + int(pair.sum())
-    E = np.exp(h[:, None] * poles)
-    out = np.zeros((len(h), r, r))
-    a = np.arange(q)
-    out[:, a, a] = E.real
-    p, b = np.flatnonzero(pair), q + np.arange(int(pair.sum()))
-    out[:, b, b] = E.real[:, p]
-    out[:, p, b] = -E.imag[:, p]
-    out[:, b, p] = E.imag[:, p]
+def _turned(E: ComplexArray, pair: np.ndarray, R: Array) -> Array:
+    """E z for real rows R of z: real modes and real parts first, then the imaginary parts of the pairs."""
+    q = len(E)
+    out = np.concatenate([E.real, E.real[pair]])[:, None] * R
+    out[:q][pair] -= E.imag[pair, None] * R[q:]
+    out[q:] += E.imag[pair, None] * R[:q][pair]
     return out

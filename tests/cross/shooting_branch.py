@@ -1,4 +1,4 @@
-"""Branches of periodic motions by event-driven shooting: folds, period doublings and Neimark-Sacker points without harmonics.
+"""Branches of periodic motions by event-driven shooting, with folds, period doublings and Neimark-Sacker points.
 
     F(y, Omega) = y(2 pi nu; y, Omega) - y = 0,   y = (q, q') at tau = 0,   Phi = dy(2 pi nu)/dy
 
@@ -24,10 +24,12 @@ from hbgear.fourier import evaluate
 STAGES = 10
 CORNER = 1e-13
 """Distance from a corner below which an element counts as on it."""
+UPRIGHT = 1e-8
+"""Share of Omega in the tangent below which the curve is upright, a continuum of motions at one Omega without folds."""
 
 
 def _collocation(s):
-    """Nodes (s + 2): 0, the Gauss points, 1. Integrals to every node of the Lagrange polynomials on the Gauss points."""
+    """Nodes 0, the Gauss points, 1; and the integrals up to each of the Lagrange polynomials on the Gauss points."""
     gauss = 0.5 * (np.polynomial.legendre.leggauss(s)[0] + 1.0)
     nodes = np.concatenate([[0.0], gauss, [1.0]])
     powers = np.arange(1, s + 1)
@@ -50,7 +52,7 @@ def _at(x, values):
     return np.tensordot(w / w.sum(), values[:-1], 1)
 
 
-class Machine:
+class Pieces:
     """The linear motions of a `System` at one Omega, on every combination of straight pieces that is asked for."""
 
     def __init__(self, system, Omega, cells):
@@ -79,7 +81,7 @@ class Machine:
         return tuple(Line(law, int(np.searchsorted(law.corners, x))) for law, x in zip(self.laws, d, strict=True))
 
     def motions(self, lines):
-        """All motions on these pieces: y at every node of every cell = U eta + g, eta the state they would have at tau = 0."""
+        """All motions on these pieces: U eta + g at the nodes of every cell, eta the state they have at tau = 0."""
         key = tuple(line.piece for line in lines)
         if key not in self._known:
             U, g = self._solve(lines)
@@ -152,7 +154,7 @@ class Machine:
         return None
 
     def _event(self, lines, i, x, Y):
-        """First place in the cell behind x where an element leaves its piece: place, element, end; or None."""
+        """The same within the cell, with Y (nodes, 2n): place, element, end; or None."""
         found = []
         for j, line in enumerate(lines):
             d = Y[:, : self.n] @ self.flow.W[:, j] - self.e[j, i]
@@ -238,7 +240,7 @@ class Shooter:
         self.system, self.cells, self.nu = model.system(), cells, nu
 
     def turn(self, y, Omega):
-        return Machine(self.system, Omega, self.cells).turn(y, self.nu)
+        return Pieces(self.system, Omega, self.cells).turn(y, self.nu)
 
     def orbit(self, y, Omega, normal=None):
         """Newton on F in the plane across ``normal`` through (y, Omega), at fixed Omega by default.
@@ -259,7 +261,7 @@ class Shooter:
         else:
             raise AssertionError(f"shooting did not converge at Omega = {u[-1]:.6g}: step {np.linalg.norm(du):.1e}")
         t = np.linalg.solve(A, np.eye(size + 1)[-1])
-        half = Machine(self.system, u[-1], self.cells).turn(u[:-1])[0] - u[:-1] if self.nu > 1 else np.zeros(size)
+        half = Pieces(self.system, u[-1], self.cells).turn(u[:-1])[0] - u[:-1] if self.nu > 1 else np.zeros(size)
         return Orbit(u[:-1], float(u[-1]), Phi, t / np.linalg.norm(t), half)
 
     def _slope(self, u, h=1e-6):
@@ -299,7 +301,7 @@ class Shooter:
         """Special points between two neighbouring orbits, in order."""
         found = []
         for kind, test in TESTS.items():
-            if test(a) * test(b) < 0 and not (kind == "LP" and max(abs(test(a)), abs(test(b))) < 1e-7):
+            if test(a) * test(b) < 0 and not (kind == "LP" and min(abs(test(a)), abs(test(b))) < UPRIGHT):
                 s, orbit = self._root(test, a, b)
                 if kind != "NS" or _complex_pair(orbit.multipliers):
                     found.append((s, Special(kind, orbit)))

@@ -2,8 +2,8 @@
 
     q'' + 0.03 A q' + A q + (p(q_1), 0) = (0, 0.1 cos(Omega t)),   A = [[1, -1], [-1, 2]],   p = 100 max(q_1 - 1, 0)
 
-from Omega = 0.8 to 0.5. Sampled forces make hundreds of folds of it. The stop is hard, so the harmonics fall slowly; a fold
-lies 6e-9 beside a grazing contact.
+from Omega = 0.8 to 0.5. Sampled forces make hundreds of folds of it. The stop is hard, so the harmonics fall slowly;
+a fold lies 6e-9 beside a grazing contact.
 """
 
 from dataclasses import replace

@@ -1,0 +1,113 @@
+"""The strongly excited spur pair of Kahraman & Singh, whose motion doubles its period between resonance and twice it.
+
+    x'' + 0.1 x' + f(x) = 0.1 + 0.1 Omega^2 cos(Omega t), half-gap 1
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cross.shooting import integrate, shoot, state
+from cross.shooting_branch import Shooter
+
+from hbgear import HarmonicBalance, SpurPair, trace
+from hbgear.switch import switch
+
+PAIR = SpurPair(e=(0.10,))
+SPAN = (2.2, 0.5)
+SIX = {"rel": 0, "abs": 5e-7}
+# by shooting, and within 5e-7 of it by harmonic balance
+POINTS = {"PD1": 1.952685, "PD2": 1.226701, "LP1": 0.585332, "LP2": 0.731361}
+DOUBLED = {"PD1": 1.846195, "PD2": 1.400379, "LP1": 1.030052, "LP2": 1.404840}
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return trace(HarmonicBalance(PAIR, 40), "Omega", SPAN)
+
+
+@pytest.fixture(scope="module")
+def doubled(curve):
+    return switch(curve, "PD1")
+
+
+@pytest.fixture(scope="module")
+def shot():
+    problem, shooter = HarmonicBalance(PAIR, 20), Shooter(PAIR, cells=24)
+    first = shooter.orbit(state(problem, problem.start(SPAN[0]), Omega=SPAN[0]), SPAN[0])
+    return shooter, shooter.curve(replace(first, tangent=-first.tangent), SPAN)
+
+
+@pytest.fixture(scope="module")
+def shot_doubled(shot):
+    shooter, curve = shot
+    other, first = shooter.doubled(next(p for p in curve.special if p.kind == "PD"))
+    return other.curve(first, SPAN)
+
+
+def agree(branch, curve, expected):
+    """The same points in the same order, at the same six digits."""
+    found = [p for p in branch.special if p.kind != "GR"]
+    assert [p.kind for p in found] == [p.kind for p in curve.special] == [label[:2] for label in expected]
+    for p, truth, x in zip(found, curve.special, expected.values(), strict=True):
+        assert p.located
+        assert p.parameters["Omega"] == pytest.approx(truth.Omega, **SIX)
+        assert truth.Omega == pytest.approx(x, **SIX)
+
+
+def test_folds_and_period_doublings_by_both_methods(curve, shot):
+    assert curve.status == "reached_end"
+    agree(curve, shot[1], POINTS)
+
+
+def test_the_doubled_branch_by_both_methods(doubled, shot_doubled):
+    assert doubled.status == "merged" and shot_doubled.merged
+    agree(doubled, shot_doubled, DOUBLED)
+    # where it joins the curve again, the subharmonics vanish like a square root
+    assert doubled.values[-1] == pytest.approx(POINTS["PD2"], **SIX)
+
+
+def test_unstable_between_the_period_doublings_and_nowhere_else_above_the_jumps(curve):
+    above = curve.values > 0.8
+    inside = (curve.values > POINTS["PD2"] + 1e-4) & (curve.values < POINTS["PD1"] - 1e-4)
+    outside = above & ((curve.values < POINTS["PD2"] - 1e-4) | (curve.values > POINTS["PD1"] + 1e-4))
+    assert not curve.stable[inside].any() and curve.stable[outside].all()
+    assert inside.sum() > 5 and outside.sum() > 5
+
+
+def settled(Omega, y, periods, turns):
+    """State after a transient from near y."""
+    y = y + np.array([0.02, -0.01])
+    for _ in range(turns):
+        y = integrate(PAIR.system(), Omega, y, periods, tolerance=1e-10).end
+    return y
+
+
+@pytest.mark.parametrize("Omega", [1.9, 1.3])
+def test_time_integration_settles_on_the_doubled_motion(doubled, Omega):
+    """From a disturbed start: the same motion, which closes after two periods of the mesh and not after one."""
+    near = np.flatnonzero(doubled.stable)
+    i = near[np.argmin(np.abs(doubled.values[near] - Omega))]
+    Omega = float(doubled.values[i])
+    expected = state(doubled.problem, doubled.X[i], Omega=Omega)
+    y = settled(Omega, expected, 2, 40)
+    np.testing.assert_allclose(y, expected, rtol=0, atol=2e-5)
+    assert np.linalg.norm(integrate(PAIR.system(), Omega, y, 2).end - y) < 1e-6
+    assert np.linalg.norm(integrate(PAIR.system(), Omega, y, 1).end - y) > 0.1
+
+
+def test_four_periods(doubled):
+    """The doubled branch doubles again; its child carries its own stability and is a motion of four periods."""
+    child = switch(doubled, "PD1")
+    assert child.problem.nu == 4 and child.status == "merged"
+    assert child.values[-1] == pytest.approx(DOUBLED["PD2"], **SIX)
+    stable = np.flatnonzero(child.stable)
+    i = stable[np.argmax(np.linalg.norm([child.problem.subharmonic_part(X) for X in child.X[stable]], axis=1))]
+    Omega = float(child.values[i])
+    y = state(child.problem, child.X[i], Omega=Omega)
+    gaps = [np.linalg.norm(integrate(PAIR.system(), Omega, y, nu).end - y) for nu in (1, 2, 4)]
+    assert gaps[0] > 0.1 and gaps[1] > 0.02 and gaps[2] < 1e-5
+    true, period = shoot(PAIR.system(), Omega, y, 4)
+    np.testing.assert_allclose(true, y, rtol=0, atol=1e-5)
+    mu = np.linalg.eigvals(period.monodromy)
+    np.testing.assert_allclose(np.sort(np.abs(mu)), np.sort(np.abs(child.multipliers[i])), rtol=0, atol=1e-3)

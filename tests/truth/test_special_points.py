@@ -1,0 +1,186 @@
+"""Special points against what theory says of them: multipliers, orders of convergence, cusps, critical values.
+
+| point | truth |
+|---|---|
+| LP | a multiplier is +1; error falls with H^-3 at the least |
+| PD | a multiplier is -1 |
+| CP | folds on one side and none on the other, however near; the same by shooting |
+| critical value | jumps 0.5 % on one side, none on the other |
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cross.shooting import state
+from cross.shooting_branch import Shooter
+from scipy.optimize import brentq, minimize_scalar
+
+from hbgear import DoubleHelicalPair, Fold, HarmonicBalance, PeriodDoubling, SpurPair, Steps, trace
+from hbgear.fourier import resize
+from hbgear.maps import critical
+from hbgear.newton import linearise, solve, solve_linear
+
+CUSP = {"Omega": 0.85722108, "zeta": 0.11800747}
+
+
+def folds(branch):
+    return [p for p in branch.special if p.kind == "LP"]
+
+
+def refined(kind, model, H, point):
+    """A special point with H harmonics: problem, X, Omega."""
+    problem = HarmonicBalance(model, H)
+    start = np.append(resize(point.X, H), point.parameters["Omega"])
+    U = solve(kind(problem), start, point.parameters).X
+    return problem, U[:-1], float(U[-1])
+
+
+def distance_from(value, problem, X, Omega):
+    """Distance of the nearest multiplier from +1 or -1."""
+    return float(np.abs(problem.multipliers(X, points=6, Omega=Omega) - value).min())
+
+
+# ---- folds
+
+
+@pytest.fixture(scope="module")
+def curve():
+    """kahraman_singh_fah005 through both folds."""
+    return trace(HarmonicBalance(SpurPair(), 20), "Omega", (1.5, 0.6), stability=False)
+
+
+@pytest.mark.parametrize("label", ["LP1", "LP2"])
+def test_a_fold_converges_at_least_with_the_cube_of_the_harmonics(curve, label):
+    H = np.array([10, 14, 20, 28, 40, 56, 80])
+    truth = refined(Fold, SpurPair(), 320, curve[label])[2]
+    errors = [abs(refined(Fold, SpurPair(), int(h), curve[label])[2] - truth) for h in H]
+    assert np.polyfit(np.log(H), np.log(errors), 1)[0] < -3.0
+    assert errors[0] < (4.2e-7 if label == "LP1" else 1.8e-7) and errors[-1] < 1e-10
+
+
+@pytest.mark.parametrize("label", ["LP1", "LP2"])
+def test_newton_converges_quadratically_on_a_fold(curve, label):
+    """Residuals of plain Newton on {R, g}, relative to the forces: each at most 20 times the square of the last."""
+    problem, point = Fold(HarmonicBalance(SpurPair(), 20)), curve[label]
+    truth = np.append(point.X, point.parameters["Omega"])
+    U, residuals = truth + 2e-4 * np.cos(np.arange(len(truth))), []
+    for _ in range(5):
+        now = linearise(problem, U, "zeta", SpurPair().parameters)
+        residuals.append(float(np.linalg.norm(now.R)) / now.size)
+        U = U - solve_linear(now.dR_dX, now.R)
+    assert residuals[0] > 0.1 and residuals[-1] < 1e-14
+    for last, new in zip(residuals, residuals[1:], strict=False):
+        assert new < 20 * last**2 + 1e-15
+    np.testing.assert_allclose(U, truth, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("label", ["LP1", "LP2"])
+def test_a_multiplier_is_one_at_a_fold(curve, label):
+    """The fold is that of H harmonics, the multiplier that of the motion: they meet with H^-3, below 1e-8 at 800."""
+    H = np.array([50, 100, 200])
+    errors = [distance_from(1, *refined(Fold, SpurPair(), int(h), curve[label])) for h in H]
+    assert np.polyfit(np.log(H), np.log(errors), 1)[0] == pytest.approx(-3.0, abs=0.15)
+    assert distance_from(1, *refined(Fold, SpurPair(), 800, curve[label])) < 1e-8
+
+
+@pytest.mark.parametrize("model", [SpurPair(F_m=0.1, eps=(0.3,), e=()), SpurPair(eps=(0.1, 0.05))], ids=["alone", "with error"])
+def test_a_multiplier_is_one_at_a_fold_with_varying_stiffness(model):
+    coarse = trace(HarmonicBalance(model, 20), "Omega", (1.5, 0.6), stability=False)
+    assert len(folds(coarse)) == 2
+    for point in folds(coarse):
+        assert distance_from(1, *refined(Fold, model, 200, point)) < 1e-6
+
+
+# ---- period doublings
+
+
+def test_a_multiplier_is_minus_one_at_a_period_doubling():
+    """kahraman_singh_fah010, constant stiffness with contact loss."""
+    model = SpurPair(e=(0.10,))
+    coarse = trace(HarmonicBalance(model, 40), "Omega", (2.1, 1.1))
+    points = [p for p in coarse.special if p.kind == "PD"]
+    assert len(points) == 2
+    for point in points:
+        assert distance_from(-1, *refined(PeriodDoubling, model, 400, point)) < 1e-8
+
+
+def test_a_multiplier_is_minus_one_at_a_period_doubling_with_varying_stiffness():
+    """In contact throughout the motion is smooth: few harmonics give all digits."""
+    model = SpurPair(F_m=0.1, eps=(0.3,), e=())
+    coarse = trace(HarmonicBalance(model, 20), "Omega", (2.3, 1.8))
+    points = [p for p in coarse.special if p.kind == "PD"]
+    assert len(points) == 2
+    for point in points:
+        assert distance_from(-1, *refined(PeriodDoubling, model, 40, point)) < 1e-9
+
+
+# ---- cusps
+
+
+def fold_curve(problem, zeta, end):
+    curve = trace(problem, "Omega", (1.3, 0.8), at={"zeta": zeta}, stability=False)
+    return trace(Fold(problem), "zeta", (zeta, end), folds(curve)[0], steps=Steps(longest=0.1))
+
+
+def test_cusp_to_eight_digits():
+    found = fold_curve(HarmonicBalance(SpurPair(), 80), 0.117, 0.119)
+    assert [p.label for p in found.special] == ["CP1"] and found["CP1"].located
+    for name, value in CUSP.items():
+        assert found["CP1"].parameters[name] == pytest.approx(value, rel=0, abs=5e-9)
+
+
+def test_the_same_cusp_by_shooting():
+    """There the largest share of Omega in the tangent of the curve, negative beyond the cusp, is zero."""
+    near, coarse = 0.118, HarmonicBalance(SpurPair(), 10)
+    X = trace(coarse, "Omega", (1.3, 0.87), at={"zeta": near}, stability=False, special=False).X[-1]
+    shooter = Shooter(SpurPair(zeta=near), cells=24)
+    first = shooter.orbit(state(coarse, X, Omega=0.87, zeta=near), 0.87)
+    rows = shooter.curve(replace(first, tangent=-first.tangent), (0.84, 0.8701), longest=0.02).orbits
+    i = 1 + int(np.argmax([orbit.tangent[-1] for orbit in rows[1:-1]]))
+    a, chord = rows[i - 1].u, rows[i + 1].u - rows[i - 1].u
+
+    def on_curve(zeta, s):
+        u = a + s * chord
+        return Shooter(SpurPair(zeta=zeta), cells=24).orbit(u[:-1], float(u[-1]), chord / np.linalg.norm(chord))
+
+    def top(zeta):
+        low = minimize_scalar(lambda s: -on_curve(zeta, s).tangent[-1], bounds=(0, 1), method="bounded", options={"xatol": 1e-6})
+        return on_curve(zeta, low.x)
+
+    zeta = brentq(lambda z: top(z).tangent[-1], 0.1179, 0.1181, xtol=1e-11)
+    assert zeta == pytest.approx(CUSP["zeta"], rel=0, abs=5e-9)
+    assert top(zeta).Omega == pytest.approx(CUSP["Omega"], rel=0, abs=2e-8)
+
+
+@pytest.mark.parametrize(("shift", "count"), [(-1e-6, 2), (1e-6, 0)])
+def test_folds_a_hair_below_the_cusp_and_none_above(shift, count):
+    problem = HarmonicBalance(SpurPair(), 80)
+    zeta, Omega, wide = 0.118007465867 + shift, 0.8572210826, 4e-5
+    X = trace(problem, "Omega", (1.3, Omega + wide), at={"zeta": zeta}, stability=False, special=False).X[-1]
+    curve = trace(problem, "Omega", (Omega + wide, Omega - wide), X, at={"zeta": zeta}, stability=False)
+    assert curve.status == "reached_end" and len(folds(curve)) == count
+
+
+# ---- critical values
+
+
+# value and Omega at H = 12
+CRITICAL = {"zeta": (0.061160, 0.88253), "torque": (1196.60, 0.88149), "eps_scale": (1.03430, 0.88004)}
+
+
+@pytest.mark.parametrize("name", CRITICAL)
+def test_critical_value_of_the_double_helical_pair(name):
+    """Between tracing 0.5 % below and 0.5 % above, the jump appears or vanishes."""
+    model, (value, Omega) = DoubleHelicalPair(), CRITICAL[name]
+    problem = HarmonicBalance(model, 12)
+    found = critical(problem, name, frequencies=(1.0, 0.8))
+    assert found.value == pytest.approx(value, rel=1e-5)
+    assert found.Omega == pytest.approx(Omega, abs=1e-5)
+    span = (found.Omega + 0.05, found.Omega - 0.05)
+    below, above = (
+        len(folds(trace(problem, "Omega", span, at={name: found.value * factor}, stability=False)))
+        for factor in (0.995, 1.005)
+    )
+    assert (below, above) == ((2, 0) if found.jump_below else (0, 2))
+    assert found.jump_below == (name != "eps_scale")
