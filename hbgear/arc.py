@@ -22,7 +22,8 @@ class Row:
     """A converged point of a curve with what the curve does there.
 
     u (n + 1,) unknowns and parameter; tangent (n + 1,), unit in the scaled unknowns but given unscaled; orientation:
-    sign of the determinant of [J R_lambda; tangent], which changes at branch points and not at folds.
+    sign of the determinant of [J R_lambda; tangent], which changes at branch points and not at folds. heading: whether
+    lambda rises (+1) or falls (-1) along the curve, or last did before a stretch on which it stands still.
     """
 
     solution: Solution
@@ -30,6 +31,7 @@ class Row:
     tangent: Array
     orientation: int
     step: float = 0.0
+    heading: int = 0
     observed: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -139,8 +141,13 @@ def cosine(a: Row, b: Row, scale: Array) -> float:
     return float((a.tangent / scale) @ (b.tangent / scale))
 
 
-def row_of(solution: Solution, normal: Array, scale: Array, step: float = 0.0) -> Row:
-    """Row of a solution, its tangent pointing along normal."""
+_STILL = 1e-7  # component of the scaled tangent in lambda that is rounding
+
+
+def row_of(solution: Solution, normal: Array, scale: Array, step: float = 0.0, before: Row | None = None) -> Row:
+    """Row of a solution, its tangent pointing along normal; before is the row the curve comes from."""
     u = np.append(solution.X, solution.value)
     t, sign = tangent(solution.evaluation, normal, scale)
-    return Row(solution, u, t, sign, step)
+    moves = t[-1] / scale[-1]
+    heading = int(np.sign(moves)) if abs(moves) > _STILL else before.heading if before else 0
+    return Row(solution, u, t, sign, step, heading)

@@ -48,7 +48,7 @@ def find(arc: Arc, stability: bool) -> list[Found]:
     if merged is not None:
         return [merged]
     found: list[Found] = []
-    turned = a.tangent[-1] * b.tangent[-1] < 0 and not _vertical(arc)
+    turned = a.heading * b.heading < 0
     crossed = a.orientation != b.orientation
     if turned:
         found.append(_fold(arc))
@@ -65,15 +65,11 @@ def _merge(arc: Arc) -> Found | None:
     part = getattr(arc.problem, "subharmonic_part", None)
     if part is None:
         return None
-    first = part(arc.a.solution.X)
-    if float(first @ part(arc.b.solution.X)) >= 0 or not first.size:
+    first, second = part(arc.a.solution.X), part(arc.b.solution.X)
+    least = 1e-7 * float(np.linalg.norm(arc.a.solution.X))  # below it the part is rounding: a motion of shorter period
+    if min(np.linalg.norm(first), np.linalg.norm(second)) <= least or float(first @ second) >= 0:
         return None
     return _root(arc, MERGED, lambda row: float(first @ part(row.solution.X)))
-
-
-def _vertical(arc: Arc) -> bool:
-    """Whether the parameter stands still from a to b: a continuum of motions, whose folds are rounding."""
-    return max(abs(arc.a.tangent[-1]), abs(arc.b.tangent[-1])) < 1e-6 * arc.scale[-1]
 
 
 def _root(arc: Arc, kind: str, test: Callable[[Row], float], note: str = "") -> Found:
@@ -123,6 +119,8 @@ def _fold(arc: Arc) -> Found:
     """Newton on {R, g} from where the tangent's component vanishes; bracketed where forces are sampled."""
     a, b = arc.a, arc.b
     kind = getattr(arc.problem, "turning_kind", "LP")
+    if a.tangent[-1] * b.tangent[-1] >= 0:  # the curve turned on a stretch on which the parameter stood still
+        return Found(kind, 0.0, a, True)
     if getattr(arc.problem, "smooth", not isinstance(arc.problem, Augmented)):
         try:
             s = a.tangent[-1] / (a.tangent[-1] - b.tangent[-1])

@@ -143,8 +143,8 @@ class _Tracer:
         own = self._own_parameters()
         for name in (self.name, *own):
             fixed.pop(name, None)
-        needs_frequency = hasattr(self.problem, "layout") or hasattr(self.problem, "split")
-        if needs_frequency and self.name != "Omega" and "Omega" not in fixed and "Omega" not in own:
+        known = (self.name, *fixed, *own)
+        if getattr(self.problem, "layout", None) is not None and "Omega" not in known:
             raise ValueError(
                 f"tracing in {self.name} needs a fixed Omega: give at={{'Omega': ...}} or start from a point of a curve"
             )
@@ -222,8 +222,9 @@ class _Tracer:
         """Scales of (X, lambda): the largest motion so far, and the span."""
         floor = 1e-2 * float(np.linalg.norm(X)) or 1.0
         scale = np.append(np.full(len(X), max(self.top, floor)), abs(self.b - self.a))
-        for i in range(len(self._own_parameters())):  # parameters among the unknowns have a size of their own
-            scale[-2 - i] = abs(X[-1 - i]) or 1.0
+        for i in range(len(self._own_parameters())):  # parameters among the unknowns: the largest value so far
+            past = [abs(row.solution.X[-1 - i]) for row in self.rows]
+            scale[-2 - i] = max([*past, abs(X[-1 - i])]) or 1.0
         return scale
 
     def _observe(self, row: Row) -> Row:
@@ -302,7 +303,7 @@ class _Tracer:
         try:
             predicted = last.u + h * unit + 0.5 * h * h * self._curvature(last)
             solution = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings)
-            row = row_of(solution, normal, self.scale, h)
+            row = row_of(solution, normal, self.scale, h, last)
         except NoConvergence as error:
             return None, str(error)
         except np.linalg.LinAlgError:
@@ -385,7 +386,7 @@ class _Tracer:
         normal = normal / np.linalg.norm(normal)
         try:
             solution = correct(problem, np.append(X, last.value), normal, self.name, self.fixed, self.settings)
-            row = row_of(solution, normal, scale, last.step)
+            row = row_of(solution, normal, scale, last.step, last)
         except (NoConvergence, np.linalg.LinAlgError):
             return False
         self.problem, self.scale = problem, scale
@@ -420,7 +421,7 @@ class _Tracer:
         here = {**self.fixed, self.name: end}
         try:
             solution = solve(self.problem, guess[:-1], here, self.name, self.settings)
-            final = row_of(solution, normal_of(row.u - last.u, self.scale), self.scale, s * row.step)
+            final = row_of(solution, normal_of(row.u - last.u, self.scale), self.scale, s * row.step, last)
         except (NoConvergence, np.linalg.LinAlgError):
             return row
         return self._observe(final)

@@ -1,0 +1,308 @@
+"""Special points found on the way: what is stored of them, how they are located, where they are not to be found."""
+
+import numpy as np
+import pytest
+
+from hbgear import (
+    Backlash,
+    Cubic,
+    Duffing,
+    Element,
+    Fold,
+    Grazing,
+    HarmonicBalance,
+    Load,
+    PeriodDoubling,
+    SpurPair,
+    Steps,
+    System,
+    Unilateral,
+    trace,
+)
+from hbgear.fourier import resize
+from hbgear.newton import solve
+
+KINDS = ("LP", "PD", "NS", "BP", "GR", "CP")
+STRONG = SpurPair(e=(0.10,))
+
+
+def frequency(point):
+    return point.parameters["Omega"]
+
+
+def pair_of_oscillators(coupling=0.1):
+    """Two equal Duffing oscillators on a weak spring, driven alike."""
+    K = np.eye(2) + coupling * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    elements = [Element([1.0, 0.0], Cubic(1.0)), Element([0.0, 1.0], Cubic(1.0))]
+    return System(np.eye(2), 0.1 * np.eye(2), K, elements, Load(cosine={1: [1.0, 1.0]}))
+
+
+@pytest.fixture(scope="module")
+def strong():
+    """Period doublings, folds and a second contact: PD1 PD2 LP1 LP2 GR1."""
+    return trace(HarmonicBalance(STRONG, 12), "Omega", (2.2, 0.5))
+
+
+@pytest.fixture(scope="module")
+def pair():
+    return trace(HarmonicBalance(pair_of_oscillators(), 9), "Omega", (0.5, 4.0))
+
+
+# ---- what is stored
+
+
+def test_labels_are_numbered_in_the_order_of_the_curve(strong):
+    assert [p.label for p in strong.special] == ["PD1", "PD2", "LP1", "LP2", "GR1"]
+    assert [p.index for p in strong.special] == sorted(p.index for p in strong.special)
+
+
+def test_what_is_stored_of_each(strong):
+    for point in strong.special:
+        assert point.kind in KINDS and point.label.startswith(point.kind)
+        assert point.located and point.residual < 1e-10
+        assert np.array_equal(strong.X[point.index], point.X)
+        assert strong.values[point.index] == frequency(point)
+        residual = strong.problem.residual(point.X, **point.parameters)
+        assert np.linalg.norm(residual) < 1e-9
+        low, high = sorted(point.interval)
+        if point.kind != "LP":  # the curve turns there: a fold lies outside of its interval
+            assert low < frequency(point) < high
+        assert high - low < 0.15
+
+
+def test_a_label_that_does_not_exist_lists_those_that_do(strong):
+    with pytest.raises(KeyError, match="no special point 'NS1' on this branch; it has: PD1, PD2, LP1, LP2, GR1"):
+        strong["NS1"]
+
+
+@pytest.mark.parametrize("label", ["PD1", "PD2", "LP1", "LP2", "GR1"])
+def test_any_label_is_a_start(strong, label):
+    """In the frequency and in the damping, of a curve that begins with that very motion."""
+    for name, span in (("Omega", (0.45, 2.3)), ("zeta", (0.05, 0.02)), ("zeta", (0.05, 0.06))):
+        branch = trace(strong.problem, name, span, strong[label], stability=False, steps=Steps(max_points=8))
+        np.testing.assert_allclose(branch.X[0], strong[label].X, rtol=0, atol=1e-9)
+        assert branch.status in ("max_points", "left_span", "reached_end") and branch.residual.max() < 1e-10
+
+
+def test_special_points_can_be_left_out():
+    curve = trace(HarmonicBalance(SpurPair(), 8), "Omega", (1.5, 0.6), stability=False, special=False)
+    assert curve.special == () and np.any(np.diff(np.sign(np.diff(curve.values))))
+
+
+def test_without_multipliers_neither_pd_nor_ns(strong):
+    curve = trace(strong.problem, "Omega", (2.2, 0.5), stability=False)
+    assert [p.kind for p in curve.special] == ["LP", "LP", "GR"]
+    for label in ("LP1", "LP2", "GR1"):
+        assert frequency(curve[label]) == pytest.approx(frequency(strong[label]), rel=0, abs=1e-9)
+
+
+# ---- folds
+
+
+def test_folds_are_located_to_rounding(strong):
+    """At each, dR/dX is singular, and the curve turns: no motion of its kind beyond it."""
+    for label in ("LP1", "LP2"):
+        point = strong[label]
+        values = np.linalg.svd(strong.problem.evaluate(point.X, **point.parameters)[1])[1]
+        assert values[-1] < 1e-9 * values[0]
+        i = point.index
+        assert (strong.values[i - 1] - point.parameters["Omega"]) * (strong.values[i + 1] - strong.values[i]) > 0
+
+
+def test_the_same_points_whatever_the_steps(strong):
+    """From the other end of the span, so with other rows and brackets."""
+    back = trace(strong.problem, "Omega", (0.5, 2.2))
+    assert [p.kind for p in back.special] == [p.kind for p in strong.special][::-1]
+    found, expected = ([frequency(p) for p in branch.special] for branch in (back, strong))
+    np.testing.assert_allclose(found, expected[::-1], rtol=0, atol=1e-8)
+
+
+def test_folds_of_sampled_forces_by_bracket():
+    """No Newton on second derivatives that vanish: the root of the tangent, as good as the samples."""
+    settings = {"sampled": True, "samples": 4096}
+    problem = HarmonicBalance(SpurPair(), 10, **settings)
+    assert not problem.smooth
+    curve = trace(problem, "Omega", (1.5, 0.6), stability=False)
+    exact = trace(HarmonicBalance(SpurPair(), 10), "Omega", (1.5, 0.6), stability=False)
+    found = [(p.label, p.located) for p in curve.special if p.kind == "LP"]
+    assert found == [("LP1", True), ("LP2", True)]
+    for label in ("LP1", "LP2"):
+        assert frequency(curve[label]) == pytest.approx(frequency(exact[label]), rel=0, abs=1e-5)
+        assert frequency(curve[label]) != frequency(exact[label])
+
+
+def test_no_folds_on_a_curve_without():
+    curve = trace(HarmonicBalance(SpurPair(zeta=0.2), 12), "Omega", (1.5, 0.3))
+    assert curve.status == "reached_end"
+    assert [p.kind for p in curve.special if p.kind != "GR"] == []
+
+
+# ---- period doublings
+
+
+def test_period_doublings_of_a_smooth_law():
+    """An oscillator on an oscillating spring; where the motion is exact the multiplier is -1 to all digits."""
+    model = SpurPair(F_m=0.1, eps=(0.3,), e=())
+    curve = trace(HarmonicBalance(model, 16), "Omega", (2.3, 1.8))
+    assert [p.label for p in curve.special] == ["PD1", "PD2"]
+    for point in curve.special:
+        assert np.abs(point.multipliers + 1).min() < 1e-7
+    inside = (curve.values < frequency(curve["PD1"]) - 1e-6) & (curve.values > frequency(curve["PD2"]) + 1e-6)
+    outside = (curve.values > frequency(curve["PD1"]) + 1e-6) | (curve.values < frequency(curve["PD2"]) - 1e-6)
+    assert not curve.stable[inside].any() and curve.stable[outside].all()
+
+
+def test_period_doublings_of_sampled_forces():
+    """A bracketed root of det(Phi + 1): the multiplier of the traced motion is -1."""
+    curve = trace(HarmonicBalance(STRONG, 16, sampled=True, samples=4096), "Omega", (2.2, 1.8))
+    assert [p.label for p in curve.special] == ["PD1"]
+    assert curve["PD1"].located
+    assert np.abs(curve["PD1"].multipliers + 1).min() < 1e-5
+
+
+# ---- branch points
+
+
+def test_branch_point_where_two_equal_halves_part(pair):
+    """Disturbances of the difference obey y'' + 0.1 y' + (1 + 2 c + 3 x^2) y = 0: at BP that equation has mu = +1."""
+    points = [p for p in pair.special if p.kind == "BP"]
+    assert len(points) == 2 and all(p.located for p in points)
+    for point in points:
+        np.testing.assert_allclose(point.coefficients(0), point.coefficients(1), rtol=0, atol=1e-8)
+        n = pair.X.shape[1] // 2
+        J = pair.problem.evaluate(point.X, **point.parameters)[1]
+        difference = J[:n, :n] - J[:n, n:]
+        values = np.linalg.svd(difference)[1]
+        assert values[-1] < 1e-7 * values[0]
+        assert np.abs(point.multipliers - 1).min() < 1e-4
+
+
+def test_symmetry_breaking_of_a_single_oscillator():
+    """Only odd harmonics up to BP; there the even ones, which decouple, become singular."""
+    problem = HarmonicBalance(Duffing(zeta=0.1, k3=1.0, F=10.0), 15)
+    curve = trace(problem, "Omega", (1.5, 1.8), stability=False)
+    assert [p.label for p in curve.special] == ["BP1"]
+    point = curve["BP1"]
+    k = np.concatenate([[0], np.repeat(np.arange(1, 16), 2)])
+    even = k % 2 == 0
+    np.testing.assert_allclose(point.X[even], 0, atol=1e-8)
+    values = np.linalg.svd(problem.evaluate(point.X, **point.parameters)[1][np.ix_(even, even)])[1]
+    assert values[-1] < 1e-8 * values[0]
+
+
+# ---- grazing
+
+
+def test_grazing_names_what_touches():
+    """Strong excitation: teeth part, and also meet on their backs."""
+    curve = trace(HarmonicBalance(SpurPair(F_m=0.1, e=(0.5,)), 8), "Omega", (1.5, 0.3), stability=False)
+    grazing = [p for p in curve.special if p.kind == "GR"]
+    assert {p.note for p in grazing} >= {"lowest of gap at 1", "lowest of gap at -1"}
+    for point in grazing:
+        d = point.samples(count=100000)[1]
+        end, corner = point.note.split()[0], float(point.note.split()[-1])
+        assert (d.min() if end == "lowest" else d.max()) == pytest.approx(corner, abs=1e-7)
+        assert curve.regime[point.index - 1, 0] != curve.regime[point.index + 1, 0]
+
+
+def test_elements_that_graze_together_are_one_point():
+    K = np.eye(2) + 0.1 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    stop = Unilateral(2.0, 1.0)
+    elements = [Element([1.0, 0.0], stop, name="left"), Element([0.0, 1.0], stop, name="right")]
+    system = System(np.eye(2), 0.1 * np.eye(2), K, elements, Load(cosine={1: [0.3, 0.3]}))
+    curve = trace(HarmonicBalance(system, 8), "Omega", (0.5, 0.9), stability=False)
+    assert [p.kind for p in curve.special] == ["GR"]
+    assert curve["GR1"].note == "highest of left at 1, highest of right at 1"
+    # without contact both are one oscillator: 0.3 = |1 - w^2 + 0.1 i w|
+    w = frequency(curve["GR1"])
+    assert abs(1 - w**2 + 0.1j * w) == pytest.approx(0.3, abs=1e-9)
+
+
+def test_no_grazing_without_corners():
+    assert [p.kind for p in trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6)).special] == ["LP", "LP"]
+
+
+# ---- curves of special points
+
+
+def test_a_cusp_is_labelled_on_a_fold_curve():
+    problem = HarmonicBalance(SpurPair(), 10)
+    start = trace(problem, "Omega", (1.3, 0.6), at={"zeta": 0.115}, stability=False)["LP1"]
+    folds = trace(Fold(problem), "zeta", (0.115, 0.125), start)
+    assert folds.status == "left_span" and [p.label for p in folds.special] == ["CP1"]
+    cusp = folds["CP1"]
+    assert cusp.located and cusp.parameters["zeta"] == folds.values.max()
+    assert set(folds.tracked) == {"Omega"}
+    for i in (0, len(folds) // 2, -1):
+        J = problem.evaluate(folds.X[i], **folds.parameters_at(i))[1]
+        assert np.linalg.svd(J)[1][-1] < 1e-8
+
+
+def test_a_curve_of_period_doublings_turns_where_they_meet(strong):
+    """Both doublings of the response, followed in the damping, are one curve: it turns where they vanish."""
+    curve = trace(PeriodDoubling(strong.problem), "zeta", (0.05, 0.4), strong["PD1"])
+    assert curve.status == "left_span" and [p.label for p in curve.special] == ["LP1"]
+    assert curve.tracked["Omega"][-1] == pytest.approx(frequency(strong["PD2"]), rel=0, abs=1e-6)
+    top = curve["LP1"].parameters["zeta"]
+    Omega = frequency(curve["LP1"])
+    for zeta, count in ((0.99 * top, 2), (1.01 * top, 0)):
+        response = trace(strong.problem, "Omega", (2.2, Omega - 0.1), at={"zeta": zeta})
+        assert sum(p.kind == "PD" for p in response.special) == count
+
+
+def test_a_curve_of_grazing_contacts(strong):
+    """The onset of contact loss against the damping, at every row a motion whose lowest value is b."""
+    which = list(strong.problem.clearance_names).index(strong["GR1"].note)
+    curve = trace(Grazing(strong.problem, which=which), "zeta", (0.05, 0.08), strong["GR1"])
+    assert curve.status == "reached_end"
+    for i in (0, len(curve) // 2, -1):
+        assert curve[i].samples(count=50000)[1].min() == pytest.approx(1.0, abs=1e-7)
+
+
+# ---- where there are none
+
+
+@pytest.mark.parametrize("H", [15, 16, 21])
+def test_a_motion_of_the_single_period_in_a_longer_basis_merges_with_nothing(H):
+    """Its subharmonics are rounding, whose sign says nothing."""
+    problem = HarmonicBalance(Duffing(zeta=0.1, k3=1.0, F=10.0), H, nu=3)
+    assert trace(problem, "Omega", (3.0, 12.0), stability=False).status == "reached_end"
+
+
+def test_a_double_basis_finds_what_the_single_one_does():
+    single = trace(HarmonicBalance(SpurPair(), 10), "Omega", (1.5, 0.6), stability=False)
+    double = trace(HarmonicBalance(SpurPair(), 20, nu=2), "Omega", (1.5, 0.6), stability=False)
+    assert double.status == "reached_end"
+    assert [p.label for p in double.special] == [p.label for p in single.special]
+    for a, b in zip(single.special, double.special, strict=True):
+        assert frequency(b) == pytest.approx(frequency(a), rel=0, abs=1e-8)
+
+
+def test_more_harmonics_do_not_add_points():
+    """The equations of motion have two folds, and no truncation has more."""
+    for H in (6, 12, 30):
+        curve = trace(HarmonicBalance(SpurPair(), H), "Omega", (1.5, 0.6), stability=H == 6)
+        assert sorted(p.kind for p in curve.special) == ["GR", "GR", "LP", "LP"], H
+
+
+def test_a_rigid_gap_has_no_corner_to_graze():
+    curve = trace(HarmonicBalance(SpurPair(b=0.0), 3), "Omega", (1.5, 0.5))
+    assert curve.special == () and curve.stable.all()
+
+
+def test_points_can_be_refined_with_more_harmonics(strong):
+    """From the motion padded with zeros, in a few steps."""
+    fine = HarmonicBalance(STRONG, 60)
+    for label, kind in (("LP1", Fold), ("PD1", PeriodDoubling)):
+        point = strong[label]
+        U = np.append(resize(point.X, 60), frequency(point))
+        solution = solve(kind(fine), U, STRONG.parameters)
+        assert solution.iterations <= 4
+        assert solution.X[-1] == pytest.approx(frequency(point), rel=0, abs=1e-5)
+
+
+def test_clearances_are_named():
+    system = System([[1.0]], [[0.1]], [[0.0]], [Element([1.0], Backlash(1.0), name="gap")], Load([0.1], {1: [0.05]}))
+    assert HarmonicBalance(system, 3).clearance_names == (
+        "lowest of gap at -1", "highest of gap at -1", "lowest of gap at 1", "highest of gap at 1",
+    )  # fmt: skip
