@@ -21,6 +21,7 @@ Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), ch.
 from __future__ import annotations
 
 import copy
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, NamedTuple, Self
@@ -385,7 +386,7 @@ class Peak(Augmented):
     Parameters
     ----------
     problem, parameter : as for `Augmented`.
-    measure : "rms" (alternating part) or a harmonic, "H1", "H2", ...
+    measure : "rms" (alternating part) or a harmonic, "H1", "H2", ..., with nu = 2 also "H1/2".
     element : number of the element.
 
     Raises
@@ -400,13 +401,21 @@ class Peak(Augmented):
         S = np.zeros((problem.m, 2 * problem.H + 1))
         if measure == "rms":
             S[element, 1:] = 1.0
-        elif measure[:1] == "H" and measure[1:].isdigit() and 1 <= int(measure[1:]) * problem.nu <= problem.H:
-            k = int(measure[1:]) * problem.nu
-            S[element, 2 * k - 1 : 2 * k + 1] = 1.0
         else:
-            raise ValueError(f"peak of {measure!r}: need 'rms' or 'H1' to 'H{problem.H // problem.nu}'")
+            k = self._harmonic(measure)
+            S[element, 2 * k - 1 : 2 * k + 1] = 1.0
         self.S = S.ravel()
         self._b: Array | None = None
+
+    def _harmonic(self, measure: str) -> int:
+        """Basis harmonic of "H2" or, for nu = 2, "H1/2"."""
+        nu, H = self.problem.nu, self.problem.H
+        found = re.fullmatch(r"H(\d+)(?:/(\d+))?", measure)
+        k = int(found[1]) * nu / int(found[2] or 1) if found and found[2] != "0" else 0
+        if k != int(k) or not 1 <= k <= H:
+            fractions = f", also H1/{nu}, ..." if nu > 1 else ""
+            raise ValueError(f"peak of {measure!r}: need 'rms' or 'H1' to 'H{H // nu}'{fractions}")
+        return int(k)
 
     def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
         """See `Augmented.extra`."""

@@ -124,7 +124,7 @@ class _Search:
             except NoConvergence as error:
                 self.say(f"no start at Omega = {span[0]:g}: {error}")
                 continue
-            if any(_same(X, Y) for Y in self.known(span[0])):
+            if self._on_a_branch(X, span[0]):
                 continue
             branch = trace(self.problem, "Omega", span, X, steps=self.steps, stability=self.stability)
             self.branches.append(branch)
@@ -144,6 +144,19 @@ class _Search:
                 out += shifts(self.problem, X)
         return _distinct(out)
 
+    def _on_a_branch(self, X: Array, Omega: float) -> bool:
+        """Whether a motion, or a copy of it shifted by periods of the excitation, lies on a branch already traced."""
+        for branch in self.branches:
+            x = branch.values - Omega
+            for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
+                s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
+                between = (1 - s) * branch.X[i] + s * branch.X[i + 1]
+                # rows turn by at most 20 degrees, so that the curve stays this close to its chord
+                near = 0.15 * float(np.linalg.norm(branch.X[i + 1] - branch.X[i])) + 1e-6 * float(np.linalg.norm(X))
+                if any(float(np.linalg.norm(Y - between)) <= near for Y in shifts(self.problem, X)):
+                    return True
+        return False
+
     def deflated(self, Omega: float, guesses: int, rng: np.random.Generator) -> None:
         """New motions by deflated Newton from random starts."""
         known = self.known(Omega)
@@ -160,27 +173,36 @@ class _Search:
     def through(self, Omega: float, name: str, span: tuple[float, float]) -> None:
         """New motions by following each known one through a range of a second parameter and back."""
         own = self.problem.parameters[name]
-        for X in self.known(Omega):
+        pending = self.known(Omega)
+        for X in pending:  # grows as motions are found: each is followed in its turn
             for end in span:
                 if end == own:
                     continue
-                curve = trace(self.problem, name, (own, end), X, at={"Omega": Omega}, steps=self.steps,
-                              stability=False, special=False)  # fmt: skip
-                if curve.status == Status.LEFT_SPAN:  # it came back to the model's own value as another motion
-                    self._take(curve.X[-1], Omega, f"following {name} to {curve.values.max():.4g} and back")
+                curve = trace(
+                    self.problem, name, (own, end), X, at={"Omega": Omega}, steps=self.steps,
+                    stability=False, special=False,
+                )  # fmt: skip
+                back = curve.X[-1]
+                # it came back to the model's own value as another motion
+                if curve.status == Status.LEFT_SPAN and not any(_same(back, Y) for Y in pending):
+                    pending.append(back)
+                    self._take(back, Omega, f"following {name} to {_farthest(curve.values, own):.4g} and back")
         self.say(f"Omega = {Omega:.5g}: known motions followed in {name} over ({span[0]:g}, {span[1]:g})")
 
     def _take(self, X: Array, Omega: float, how: str) -> None:
         """Trace the branch of a motion unless it lies on one already."""
-        if any(_same(X, Y) for Y in self.known(Omega)):
+        if self._on_a_branch(X, Omega):
             return
-        if not self.problem.subharmonic_part(X).size or np.linalg.norm(self.problem.subharmonic_part(X)) > 1e-6:
-            branch = whole_branch(self.problem, X, Omega, self.span, self.steps, self.stability)
-            self.branches.append(branch)
-            self.say(f"branch {len(self.branches)}, at Omega = {Omega:.5g} by {how}: {branch.message}")
+        branch = whole_branch(self.problem, X, Omega, self.span, self.steps, self.stability)
+        self.branches.append(branch)
+        self.say(f"branch {len(self.branches)}, at Omega = {Omega:.5g} by {how}: {branch.message}")
 
     def _at(self, Omega: float) -> dict[str, float]:
         return {**self.problem.parameters, "Omega": Omega}
+
+
+def _farthest(values: Array, own: float) -> float:
+    return float(values[np.argmax(np.abs(values - own))])
 
 
 def whole_branch(
@@ -224,7 +246,7 @@ def _distinct(motions: list[Array]) -> list[Array]:
 
 
 def random_motions(problem: HarmonicBalance, known: list[Array], count: int, rng: np.random.Generator) -> list[Array]:
-    """Random starts: mean, lowest harmonics and phase of a size between a tenth and ten times the known motions."""
+    """Random starts: mean, lowest harmonics and phase of a size between a fifth and fifteen times the known motions."""
     size = max([problem.motion_size(X) for X in known] + [1e-3])
     corners = [abs(x) for xs in problem.layout.breakpoints for x in xs]
     size = max(size, 0.1 * max(corners, default=0.0))
@@ -232,11 +254,11 @@ def random_motions(problem: HarmonicBalance, known: list[Array], count: int, rng
     out = []
     for i in range(count):
         c = np.zeros((problem.m, problem.H + 1), dtype=complex)
-        scale = size * 10 ** rng.uniform(-0.7, 1.0)
-        top = min(problem.H, max(1, problem.nu) + 1)
+        scale = size * 10 ** rng.uniform(-0.7, 1.2)
+        top = min(problem.H, problem.nu + 1)
+        weight = np.where(np.arange(1, top + 1) <= problem.nu, 1.0, 0.5)
         phases = rng.uniform(0, 2 * np.pi, top)
-        sizes = scale * rng.uniform(0, 1, top) / np.arange(1, top + 1) ** 0.5
-        c[:, 1 : top + 1] = sizes * np.exp(1j * phases)
+        c[:, 1 : top + 1] = scale * weight * rng.uniform(0, 1, top) * np.exp(1j * phases)
         c[:, 0] = means[i % len(means)] + rng.normal(0, 0.3, problem.m) * scale
         out.append(to_real(c).ravel())
     return out

@@ -267,6 +267,7 @@ class _Tracer:
             if row is None:
                 status = Status.RETRACED if reason == _BACK else Status.STEP_TOO_SMALL
                 return status, f"{reason} at {self.name} = {last.value:.6g}; the shortest step was tried"
+            row = self._turn_outside(last, row)
             end = self._end_value(row)
             if end is not None:
                 row = self._final(last, row, end)
@@ -413,6 +414,14 @@ class _Tracer:
         if self.sense * (row.value - self.a) < 0:
             return self.a
         return None
+
+    def _turn_outside(self, last: Row, row: Row) -> Row:
+        """The row; or the fold before it, where that lies outside the span and the step came back into it."""
+        if last.heading * row.heading < 0:
+            for found in find(self._arc(last, row), stability=False):
+                if found.located and self._end_value(found.row) is not None:
+                    return found.row
+        return row
 
     def _final(self, last: Row, row: Row, end: float) -> Row:
         """Row exactly at the end of the span, solved at fixed parameter from between the last two rows."""

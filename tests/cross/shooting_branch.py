@@ -38,18 +38,29 @@ def _collocation(s):
 
 NODES, INTEGRALS = _collocation(STAGES)
 # interpolation on 0 and the Gauss points, which is the collocation polynomial itself
+UNIT = np.eye(len(NODES))
 _WEIGHTS = np.array([1.0 / np.prod(x - np.delete(NODES[:-1], i)) for i, x in enumerate(NODES[:-1])])
 
 
+def _weights(x):
+    """Weights (s + 2) of the values at the nodes in the value at x."""
+    i = int(np.searchsorted(NODES, x))
+    if NODES[i] == x:
+        return UNIT[i]
+    w = np.zeros(len(NODES))
+    np.divide(_WEIGHTS, x - NODES[:-1], out=w[:-1])
+    return w / w.sum()
+
+
 def _at(x, values):
-    """Collocation polynomial with these values at the nodes (nodes, ...), at x."""
-    away = x - NODES[:-1]
-    if x == 1.0:
-        return values[-1]
-    if np.any(away == 0):
-        return values[int(np.argmin(np.abs(away)))]
-    w = _WEIGHTS / away
-    return np.tensordot(w / w.sum(), values[:-1], 1)
+    """Collocation polynomial with these values at the nodes (s + 2,), at x."""
+    return float(_weights(x) @ values)
+
+
+def _motion_at(x, U, g):
+    """Matrix (2n, 2n) and offset (2n,) at x of motions with U (s + 2, 2n, 2n) and g (s + 2, 2n) at the nodes."""
+    w = _weights(x)
+    return np.tensordot(w, U, 1), w @ g
 
 
 class Pieces:
@@ -125,11 +136,13 @@ class Pieces:
             i, x = 0, 0.0
             while True:
                 U, g = self.motions(lines)
-                back = np.linalg.inv(_at(x, U[i]))
-                y, Phi = back @ (y - _at(x, g[i])), back @ Phi
+                matrix, offset = _motion_at(x, U[i], g[i])
+                back = np.linalg.inv(matrix)
+                y, Phi = back @ (y - offset), back @ Phi
                 event = self._first_event(lines, i, x, U[i:] @ y + g[i:])
                 i, x, j, end = event or (self.cells - 1, 1.0, -1, "")
-                y, Phi = _at(x, U[i]) @ y + _at(x, g[i]), _at(x, U[i]) @ Phi
+                matrix, offset = _motion_at(x, U[i], g[i])
+                y, Phi = matrix @ y + offset, matrix @ Phi
                 if event is None:
                     break
                 passed += 1
@@ -256,7 +269,7 @@ class Shooter:
             A = np.vstack([np.column_stack([Phi - np.eye(size), slope]), normal])
             du = np.linalg.solve(A, -np.append(end - u[:-1], normal @ (u - start)))
             u = u + du
-            if np.linalg.norm(du) < 1e-11 * (1 + np.linalg.norm(u)):
+            if np.linalg.norm(du) < 1e-10 * (1 + np.linalg.norm(u)):
                 break
         else:
             raise AssertionError(f"shooting did not converge at Omega = {u[-1]:.6g}: step {np.linalg.norm(du):.1e}")
@@ -317,7 +330,7 @@ class Shooter:
                 known[s] = self.orbit(*self._split(a.u + s * chord), normal)
             return test(known[s])
 
-        s = brentq(value, 0.0, 1.0, xtol=1e-12, rtol=1e-12)
+        s = brentq(value, 0.0, 1.0, xtol=1e-9, rtol=1e-9)
         return s, known[s]
 
     def doubled(self, point, distance=0.01):

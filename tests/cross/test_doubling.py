@@ -23,7 +23,7 @@ DOUBLED = {"PD1": 1.846195, "PD2": 1.400379, "LP1": 1.030052, "LP2": 1.404840}
 
 @pytest.fixture(scope="module")
 def curve():
-    return trace(HarmonicBalance(PAIR, 40), "Omega", SPAN)
+    return trace(HarmonicBalance(PAIR, 30), "Omega", SPAN)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def settled(Omega, y, periods, turns):
     """State after a transient from near y."""
     y = y + np.array([0.02, -0.01])
     for _ in range(turns):
-        y = integrate(PAIR.system(), Omega, y, periods, tolerance=1e-10).end
+        y = integrate(PAIR.system(), Omega, y, periods, tolerance=1e-9).end
     return y
 
 
@@ -90,7 +90,7 @@ def test_time_integration_settles_on_the_doubled_motion(doubled, Omega):
     i = near[np.argmin(np.abs(doubled.values[near] - Omega))]
     Omega = float(doubled.values[i])
     expected = state(doubled.problem, doubled.X[i], Omega=Omega)
-    y = settled(Omega, expected, 2, 40)
+    y = settled(Omega, expected, 2, 36)
     np.testing.assert_allclose(y, expected, rtol=0, atol=2e-5)
     assert np.linalg.norm(integrate(PAIR.system(), Omega, y, 2).end - y) < 1e-6
     assert np.linalg.norm(integrate(PAIR.system(), Omega, y, 1).end - y) > 0.1

@@ -1,0 +1,92 @@
+"""Floquet multipliers from Hill's matrix, which knows nothing of switching instants, against those of `stability`.
+
+    x = e^{lambda t} p(t), p of the period T of the motion:   [lambda^2 + lambda (2 zeta + 2 D) + J] p = 0
+    mu = e^{lambda T}
+
+J is the Jacobian of the balance and D the derivative in time, both (2N + 1) square in the real basis; the eigenvalues
+with |Im lambda| <= omega / 2 are the multipliers. The stiffness jumps where contact begins and ends, so its harmonics
+fall like 1/k and those of p like 1/k^3.
+"""
+
+import numpy as np
+import pytest
+
+from hbgear import HarmonicBalance, SpurPair, trace
+from hbgear.fourier import resize
+from hbgear.newton import solve
+
+N = np.array([10, 20, 40, 80, 160])
+# model, Omega, where the trace that leads there begins
+CASES = {
+    "constant stiffness": (SpurPair(), 0.78, 1.5),
+    "varying stiffness": (SpurPair(eps=(0.3, 0.1)), 0.8, 1.7),
+    "unstable by period doubling": (SpurPair(e=(0.10,)), 1.5, 2.4),
+    "upper motion": (SpurPair(e=(0.10,)), 0.65, 2.4),
+}
+
+
+def hill(J, omega, zeta):
+    """Multipliers from the Jacobian of a balance with basis frequency omega, one for each eigenvalue in the strip."""
+    n = len(J)
+    k = np.arange(1, n // 2 + 1)
+    D = np.zeros((n, n))
+    D[2 * k - 1, 2 * k], D[2 * k, 2 * k - 1] = omega * k, -omega * k
+    first_order = np.block([[np.zeros((n, n)), np.eye(n)], [-J, -2 * D - 2 * zeta * np.eye(n)]])
+    exponents = np.linalg.eigvals(first_order)
+    # rounding puts a negative multiplier's exponents on either side of the edge of the strip
+    inside = exponents[np.abs(exponents.imag) <= omega / 2 * (1 + 1e-6)]
+    return np.exp(inside * 2 * np.pi / omega)
+
+
+def apart(found, truth):
+    """Largest distance of a true multiplier from the nearest one found."""
+    return max(np.abs(found - mu).min() for mu in truth)
+
+
+def motion(model, Omega, H, near):
+    problem = HarmonicBalance(model, H)
+    return problem, solve(problem, resize(near, H), {**model.parameters, "Omega": Omega}).X
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request):
+    """Model, Omega, a coarse motion, the fine problem, its motion, and its multipliers by `stability`."""
+    model, Omega, start = CASES[request.param]
+    near = trace(HarmonicBalance(model, 20), "Omega", (start, Omega), stability=False, special=False).X[-1]
+    fine, X = motion(model, Omega, 320, near)
+    return model, Omega, near, fine, X, fine.multipliers(X, points=6, Omega=Omega)
+
+
+def order(errors):
+    return np.polyfit(np.log(N), np.log(errors), 1)[0]
+
+
+def test_the_matrix_of_a_motion_converges_with_the_cube_of_its_harmonics(case):
+    model, Omega, _, fine, X, truth = case
+    J = fine.evaluate(X, Omega=Omega)[1]
+    errors = [apart(hill(J[: 2 * n + 1, : 2 * n + 1], Omega, model.zeta), truth) for n in N]
+    assert order(errors) == pytest.approx(-3.0, abs=0.2)
+    assert errors[-1] < 5e-7
+
+
+def test_the_balance_linearised_is_better_than_the_motion_it_gives(case):
+    """With the motion of N harmonics, Hill's matrix is that of the balance itself: its errors nearly cancel.
+
+    The multipliers along that motion err like N^-3. Both meet as N grows.
+    """
+    model, Omega, near, _, _, truth = case
+    of_balance, along = [], []
+    for n in N:
+        problem, X = motion(model, Omega, int(n), near)
+        of_balance.append(apart(hill(problem.evaluate(X, Omega=Omega)[1], Omega, model.zeta), truth))
+        along.append(apart(problem.multipliers(X, points=6, Omega=Omega), truth))
+    assert order(along) == pytest.approx(-3.0, abs=0.3)
+    assert of_balance[-1] < 5e-8 and along[-1] < 5e-7
+    assert max(of_balance) < 2e-5
+
+
+def test_in_contact_throughout_it_is_exact():
+    problem = HarmonicBalance(SpurPair(b=0.0), 5)
+    X = problem.start(0.75)
+    J = problem.evaluate(X, Omega=0.75)[1]
+    assert apart(hill(J, 0.75, 0.05), problem.multipliers(X, Omega=0.75)) < 1e-12

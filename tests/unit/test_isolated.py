@@ -1,0 +1,187 @@
+"""Every branch in a span: isolas and coexisting motions, found, told apart and traced."""
+
+import numpy as np
+import pytest
+from cross.shooting import shoot, state
+
+from hbgear import Duffing, HarmonicBalance, SpurPair
+from hbgear.fourier import evaluate
+from hbgear.isolated import deflated_newton, random_motions, shifts, trace_all
+
+STRONG = SpurPair(e=(0.10,))
+ISOLA = Duffing(zeta=0.1, k3=1.0, F=10.0)
+"""Its subharmonic of order 3 is a closed curve in Omega, away from the motion of the period of the load."""
+ISOLA_SPAN = (3.5, 9.0)
+ATTRACTORS = (0.05141, 0.34055)
+"""Rms of the two stable motions of kahraman_singh_fah010 at Omega = 0.65."""
+
+
+@pytest.fixture(scope="module")
+def isola():
+    return trace_all(HarmonicBalance(ISOLA, 15, nu=3), ISOLA_SPAN, frequencies=[5.0], guesses=20)
+
+
+def rms_at(branch, Omega):
+    """Rms and stability of the motions of a branch at a frequency, by interpolation."""
+    out = []
+    A = branch.amplitude("rms")
+    for i in np.flatnonzero(np.diff(np.sign(branch.values - Omega))):
+        s = (Omega - branch.values[i]) / (branch.values[i + 1] - branch.values[i])
+        out.append(((1 - s) * A[i] + s * A[i + 1], bool(branch.stable[i])))
+    return out
+
+
+# ---- isolas
+
+
+def test_a_closed_branch_is_found(isola):
+    """The branch from the linear response, one that closes on itself well inside the span, and the resonance above."""
+    assert len(isola) == 3
+    main, found, resonance = isola
+    assert resonance.status == "left_span" and resonance.amplitude("H1").max() > 7
+    assert main.status == "reached_end" and main.special == ()
+    assert found.status == "closed"
+    assert sorted(p.kind for p in found.special if p.kind == "LP") == ["LP", "LP"]
+    assert (found.values.min(), found.values.max()) == pytest.approx((4.048296, 6.813300), abs=1e-5)
+
+
+def test_it_is_disconnected(isola):
+    """Along the whole of it the subharmonics are large, along the main branch they are zero."""
+    main, found, _ = isola
+    sizes = [[np.linalg.norm(branch.problem.subharmonic_part(X)) for X in branch.X] for branch in (main, found)]
+    assert max(sizes[0]) < 1e-9 and min(sizes[1]) > 0.5
+
+
+def test_its_folds_are_its_ends(isola):
+    found = isola[1]
+    folds = sorted(p.parameters["Omega"] for p in found.special if p.kind == "LP")
+    assert folds == pytest.approx([found.values.min(), found.values.max()], abs=1e-9)
+    for point in found.special:
+        if point.kind == "LP":
+            assert np.abs(point.multipliers - 1).min() < 1e-4
+
+
+def test_its_motions_are_motions(isola):
+    """Shooting from one of each half closes after three periods of the load, with the same multipliers."""
+    found = isola[1]
+    for stable in (True, False):
+        rows = np.flatnonzero(found.stable == stable)
+        i = int(rows[np.argmin(np.abs(found.values[rows] - 5.0))])
+        Omega = float(found.values[i])
+        y = state(found.problem, found.X[i], Omega=Omega)
+        true, period = shoot(ISOLA.system(), Omega, y, nu=3)
+        np.testing.assert_allclose(true, y, rtol=0, atol=1e-4)
+        assert bool(np.abs(np.linalg.eigvals(period.monodromy)).max() < 1) == stable
+
+
+def test_the_survey_says_how_it_looked(isola):
+    assert isola.log[0].startswith("branch 1, from the linear response at Omega = 3.5")
+    assert any("at Omega = 5 by deflated Newton: the curve closed" in line for line in isola.log)
+    assert isola.log[-1].startswith("Omega = 5: 1 motions known, 20 random starts")
+
+
+def test_subharmonics_of_a_lightly_damped_oscillator():
+    """They hang together with nothing: two closed curves, each the mirror image of the other."""
+    problem = HarmonicBalance(Duffing(zeta=0.01, k3=1.0, F=3.0), 9, nu=3)
+    found = trace_all(problem, (2.0, 4.0), frequencies=[3.0], guesses=20, stability=False)
+    closed = [branch for branch in found if branch.status == "closed"]
+    assert len(closed) >= 1
+    for branch in closed:
+        assert np.linalg.norm(problem.subharmonic_part(branch.X[0])) > 0.1
+        assert (branch.values.min(), branch.values.max()) == pytest.approx((2.32427, 3.02947), abs=1e-4)
+
+
+# ---- coexisting motions
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_two_attractors_and_the_motion_between(seed):
+    found = trace_all(HarmonicBalance(STRONG, 20), (0.62, 0.68), frequencies=[0.65], guesses=20, seed=seed)
+    motions = sorted(motion for branch in found for motion in rms_at(branch, 0.65))
+    assert [stable for _, stable in motions] == [True, False, True]
+    np.testing.assert_allclose([motions[0][0], motions[2][0]], ATTRACTORS, rtol=0, atol=2e-5)
+
+
+def test_the_same_seed_finds_the_same():
+    problem = HarmonicBalance(STRONG, 8)
+    a, b = (trace_all(problem, (0.63, 0.67), frequencies=[0.65], guesses=6, stability=False) for _ in range(2))
+    assert a.log == b.log and len(a) == len(b)
+    for x, y in zip(a, b, strict=True):
+        np.testing.assert_array_equal(x.X, y.X)
+
+
+def test_a_second_parameter_leads_to_the_others():
+    """Without random starts: the excitation is raised past a jump and lowered again, as often as it takes."""
+    problem, second = HarmonicBalance(STRONG, 10), ("e_scale", (0.1, 3.0))
+    found = trace_all(problem, (0.62, 0.68), frequencies=[0.65], guesses=0, second=second)
+    motions = sorted(motion for branch in found for motion in rms_at(branch, 0.65))
+    assert any("following e_scale to" in line for line in found.log)
+    assert [stable for _, stable in motions] == [True, False, True]
+
+
+def test_a_branch_is_found_once():
+    """Both ends of the span are on one curve, and so is what is found between."""
+    found = trace_all(HarmonicBalance(ISOLA, 5), (3.0, 12.0), frequencies=[5.0], guesses=30, stability=False)
+    ends = [tuple(np.round(branch.X[[0, -1]].ravel(), 6)) for branch in found]
+    assert len(set(ends)) == len(ends)
+    spans = [(branch.values.min(), branch.values.max()) for branch in found]
+    assert min(low for low, _ in spans) >= 3.0 and max(high for _, high in spans) <= 12.0
+
+
+def test_a_motion_of_the_single_period_is_traced_in_a_longer_basis():
+    """The resonant motion beside the small one, which no end of the span leads to, counts for nu = 3 as well."""
+    at = {"frequencies": [5.0], "guesses": 30, "stability": False}
+    single = trace_all(HarmonicBalance(ISOLA, 5), ISOLA_SPAN, **at)
+    longer = trace_all(HarmonicBalance(ISOLA, 15, nu=3), ISOLA_SPAN, **at)
+    largest = max(branch.amplitude("H1").max() for branch in single)
+    assert largest > 5
+    assert max(branch.amplitude("H1").max() for branch in longer) == pytest.approx(largest, rel=1e-3)
+
+
+def test_one_branch_where_there_is_one():
+    found = trace_all(HarmonicBalance(Duffing(), 5), (0.6, 1.5), frequencies=3, guesses=8, stability=False)
+    assert len(found) == 1 and found[0].status == "reached_end"
+    assert len(found.log) == 1 + 3
+
+
+# ---- parts
+
+
+def test_shifted_motions_are_motions(isola):
+    found = isola[1]
+    X, Omega = found.X[len(found) // 2], float(found.values[len(found) // 2])
+    copies = shifts(found.problem, X)
+    assert len(copies) == 3
+    theta = np.linspace(0, 2 * np.pi, 7)
+    for j, copy in enumerate(copies):
+        assert np.linalg.norm(found.problem.residual(copy, Omega=Omega)) < 1e-8
+        np.testing.assert_allclose(evaluate(copy, theta), evaluate(X, theta + 2 * np.pi * j / 3), rtol=0, atol=1e-12)
+    assert len(shifts(found.problem, isola[0].X[0])) == 1
+
+
+def test_deflated_newton_does_not_come_back(isola):
+    """From beside a known motion it goes to another one; without the known ones it goes to that one."""
+    found = isola[1]
+    problem, i = found.problem, len(found) // 2
+    here = {**ISOLA.parameters, "Omega": float(found.values[i])}
+    X = found.X[i]
+    near = X + 1e-3 * np.cos(np.arange(X.size))
+    np.testing.assert_allclose(deflated_newton(problem, near, here, []), X, rtol=0, atol=1e-7)
+    other = deflated_newton(problem, near, here, shifts(problem, X))
+    assert other is None or min(np.linalg.norm(other - Y) for Y in shifts(problem, X)) > 1e-3
+
+
+def test_random_starts_span_two_decades():
+    problem = HarmonicBalance(STRONG, 8)
+    known = [problem.start(0.65)]
+    starts = random_motions(problem, known, 200, np.random.default_rng(0))
+    sizes = np.array([problem.motion_size(X) for X in starts])
+    assert sizes.max() > 20 * sizes.min() and all(X.shape == (problem.size,) for X in starts)
+    again = random_motions(problem, known, 200, np.random.default_rng(0))
+    np.testing.assert_array_equal(starts, again)
+
+
+@pytest.mark.parametrize("frequencies", [[0.5], [0.65, 0.7], []])
+def test_frequencies_outside_the_span(frequencies):
+    with pytest.raises(ValueError, match=r"must lie within the span \(0.62, 0.68\)"):
+        trace_all(HarmonicBalance(STRONG, 3), (0.62, 0.68), frequencies=frequencies)

@@ -1,0 +1,179 @@
+"""Jump maps and critical values against traces, similarity, and what they say when there is nothing to find."""
+
+import re
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from hbgear import Duffing, Fold, HarmonicBalance, SpurPair, trace
+from hbgear.maps import Arm, NoFold, critical, jump_map
+
+SPAN = (0.108, 0.122)
+NEAR = {"frequencies": (1.2, 0.65)}
+PAIR = SpurPair(zeta=0.115)
+"""Near its cusp, at zeta = 0.118."""
+
+
+def folds_at(problem, **at):
+    """Frequencies of the folds of a response curve, ascending."""
+    curve = trace(problem, "Omega", (1.2, 0.65), at=at, stability=False)
+    return sorted(p.parameters["Omega"] for p in curve.special if p.kind == "LP")
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return HarmonicBalance(PAIR, 5)
+
+
+@pytest.fixture(scope="module")
+def jumps(problem):
+    return jump_map(problem, "zeta", SPAN, seeds=2, **NEAR)
+
+
+# ---- jump maps
+
+
+@pytest.mark.parametrize("zeta", [0.108, 0.112, 0.1165])
+def test_jump_frequencies_are_those_of_response_curves(problem, jumps, zeta):
+    """A softening jump: up at the lower fold while Omega falls, down at the upper while it rises."""
+    found, expected = jumps.jumps_at(zeta), folds_at(problem, zeta=zeta)
+    assert [direction for _, direction in found] == [-1, 1]
+    np.testing.assert_allclose([Omega for Omega, _ in found], expected, rtol=0, atol=2e-5)
+    assert jumps.several_motions(zeta) == [(found[0][0], found[1][0])]
+
+
+def test_no_jump_beyond_the_cusp(problem, jumps):
+    assert len(jumps.cusps) == 1
+    zeta = jumps.cusps[0].parameters["zeta"]
+    assert 0.117 < zeta < 0.119
+    assert jumps.jumps_at(zeta + 1e-4) == [] and jumps.several_motions(zeta + 1e-4) == []
+    assert len(jumps.jumps_at(zeta - 1e-4)) == 2
+    assert folds_at(problem, zeta=zeta + 1e-4) == []
+
+
+def test_one_fold_curve_and_its_two_arms(jumps):
+    """All response curves meet the same folds: followed once, cut at the cusp."""
+    assert len(jumps.folds) == 1 and len(jumps.arms) == 2
+    for arm in jumps.arms:
+        assert np.all(np.diff(arm.values) >= 0) and arm.values[0] == pytest.approx(SPAN[0], abs=1e-12)
+        assert arm.values[-1] == pytest.approx(jumps.cusps[0].parameters["zeta"], abs=1e-12)
+    ends = [arm.Omega[-1] for arm in jumps.arms]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)
+    assert jumps.labels["zeta"] and jumps.span == SPAN
+
+
+def test_the_band_of_several_motions(jumps):
+    values = np.linspace(*SPAN, 31)
+    ((low, high),) = jumps.bands(values)
+    cusp = jumps.cusps[0].parameters["zeta"]
+    assert np.isnan(low[values > cusp]).all() and np.isfinite(low[values < cusp]).all()
+    inside = values < cusp
+    width = (high - low)[inside]
+    assert np.all(width > 0) and all(b < a for a, b in pairwise(width))
+
+
+def test_a_map_of_no_jumps():
+    empty = jump_map(SpurPair(), "zeta", (0.2, 0.3), harmonics=4, seeds=2)
+    assert (empty.folds, empty.arms, empty.cusps) == ((), (), ())
+    assert empty.bands(np.array([0.25])) == []
+
+
+def test_a_map_backwards_is_the_same_and_reports_what_it_does(problem, jumps):
+    said = []
+    other = jump_map(problem, "zeta", SPAN[::-1], seeds=2, report=said.append, **NEAR)
+    assert other.span == SPAN
+    np.testing.assert_allclose(other.jumps_at(0.112), jumps.jumps_at(0.112), rtol=0, atol=1e-5)
+    assert said[0] == "response curve at zeta = 0.108"
+    assert sum("followed in zeta" in line for line in said) == 1
+    assert sum("response curve" in line for line in said) == 2
+
+
+def test_outside_of_its_values_an_arm_has_no_jump():
+    arm = Arm(np.array([1.0, 2.0]), np.array([5.0, 7.0]), 1)
+    assert arm.at(1.5) == 6.0 and np.isnan(arm.at(0.99)) and np.isnan(arm.at(2.01))
+
+
+@pytest.mark.parametrize("span", [(0.1, 0.1), (0.1, np.inf), (np.nan, 0.1)])
+def test_an_empty_or_infinite_span(problem, span):
+    with pytest.raises(ValueError, match="need two different finite values of zeta"):
+        jump_map(problem, "zeta", span)
+
+
+def test_too_few_seeds(problem):
+    with pytest.raises(ValueError, match="seeds = 1: need at least 2 response curves"):
+        jump_map(problem, "zeta", SPAN, seeds=1)
+
+
+# ---- critical values
+
+
+@pytest.fixture(scope="module")
+def in_zeta(problem):
+    return critical(problem, "zeta", **NEAR)
+
+
+def test_the_critical_damping_is_the_cusp_of_the_map(jumps, in_zeta):
+    cusp = jumps.cusps[0].parameters
+    assert (in_zeta.value, in_zeta.Omega) == (in_zeta.point.parameters["zeta"], in_zeta.point.parameters["Omega"])
+    assert in_zeta.value == pytest.approx(cusp["zeta"], abs=1e-8)
+    assert in_zeta.Omega == pytest.approx(cusp["Omega"], abs=1e-7)
+    assert in_zeta.jump_below and in_zeta.point.kind == "CP" and in_zeta.folds["CP1"] is in_zeta.point
+
+
+@pytest.mark.parametrize(("factor", "count"), [(0.995, 2), (1.005, 0)])
+def test_the_jump_is_below_and_not_above(problem, in_zeta, factor, count):
+    assert len(folds_at(problem, zeta=factor * in_zeta.value)) == count
+
+
+def test_found_from_a_model_without_a_jump(in_zeta):
+    """The response has no fold; those of other dampings are looked at, away from the model's own."""
+    said = []
+    found = critical(HarmonicBalance(SpurPair(zeta=0.13), 5), "zeta", report=said.append, **NEAR)
+    assert said[0].endswith("no fold")
+    assert found.value == pytest.approx(in_zeta.value, abs=1e-8) and found.jump_below
+
+
+def test_load_and_error_matter_by_their_ratio():
+    """While no tooth touches on its back the equation is homogeneous in F_m, e and x - b: e_crit / F_m = e / F_crit."""
+    error = critical(PAIR, "e_scale", harmonics=3, **NEAR)
+    load = critical(PAIR, "F_m", harmonics=3, **NEAR)
+    assert error.value * load.value == pytest.approx(0.1, rel=1e-7)
+    assert error.Omega == pytest.approx(load.Omega, abs=1e-7)
+    assert (error.jump_below, load.jump_below) == (False, True)
+
+
+def test_similar_pairs_have_the_same_critical_damping(in_zeta):
+    found = critical(SpurPair(zeta=0.115, F_m=0.2, e=(0.1,), b=2.0), "zeta", harmonics=5, **NEAR)
+    assert found.value == pytest.approx(in_zeta.value, abs=1e-8)
+    assert found.Omega == pytest.approx(in_zeta.Omega, abs=1e-7)
+
+
+def test_no_fold_at_all():
+    """Linear oscillator: the message has the span tried and the steepest slope of the amplitude."""
+    model = Duffing(k3=0.0)
+    with pytest.raises(NoFold) as stop:
+        critical(model, "zeta", harmonics=1, frequencies=(1.1, 0.9))
+    text = str(stop.value)
+    assert "no jump that appears or vanishes with zeta" in text and "Try another parameter" in text
+    slope, Omega = map(float, re.search(r"rms amplitude is (\S+) at Omega = (\S+)\. ", text).groups())
+    w = np.linspace(0.9, 1.1, 20001)
+    rms = model.F / np.sqrt(2) / np.abs(1 - w**2 + 2j * model.zeta * w)
+    exact = np.gradient(rms, w)
+    assert slope == pytest.approx(exact[np.argmax(np.abs(exact))], rel=0.02)
+    assert w[np.argmax(np.abs(exact))] == pytest.approx(Omega, abs=0.005)
+
+
+@pytest.mark.parametrize("search", [critical, lambda model, name: jump_map(model, name, (0.1, 0.2))])
+def test_bad_parameters(search):
+    with pytest.raises(KeyError, match="SpurPair has no parameter 'zetta'; did you mean 'zeta'"):
+        search(SpurPair(), "zetta")
+    with pytest.raises(ValueError, match=r"must differ from Omega, .*; choose one of: zeta, F_m, b"):
+        search(SpurPair(), "Omega")
+
+
+def test_folds_of_the_critical_value_can_be_followed_on(problem, in_zeta):
+    """Any of its points is a start: back through the cusp from a point on the far arm."""
+    back = trace(Fold(problem), "zeta", SPAN, in_zeta.folds[len(in_zeta.folds) - 1])
+    assert [p.kind for p in back.special] == ["CP"]
+    assert back["CP1"].parameters["zeta"] == pytest.approx(in_zeta.value, abs=1e-8)
