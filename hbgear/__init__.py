@@ -19,8 +19,12 @@ from hbgear.model import Element, Load, Model, System
 from hbgear.newton import NoConvergence, Settings
 from hbgear.oscillators import Duffing
 from hbgear.peaks import peaks
+from hbgear.shooting import shoot
+from hbgear.sweep import basins, sweep
 from hbgear.switch import switch
+from hbgear.timedomain import integrate
 from hbgear.trace import Steps, trace
+from hbgear.validate import validate
 
 __all__ = [
     "Backlash",
@@ -55,14 +59,19 @@ __all__ = [
     "System",
     "Unilateral",
     "__version__",
+    "basins",
     "critical",
+    "integrate",
     "jump_map",
     "load",
     "peaks",
     "plot",
+    "shoot",
+    "sweep",
     "switch",
     "trace",
     "trace_all",
+    "validate",
 ]
 
 

@@ -26,7 +26,7 @@ DOUBLED = {"LP1": 1.225503}
 
 @pytest.fixture(scope="module")
 def curve():
-    return trace(HarmonicBalance(PAIR, 20), "Omega", SPAN)
+    return trace(HarmonicBalance(PAIR, 40), "Omega", SPAN)
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ def test_a_doubled_motion_and_its_multipliers(doubled):
     y = state(doubled.problem, doubled.X[i], Omega=Omega)
     once, twice = (integrate(PAIR.system(), Omega, y, nu) for nu in (1, 2))
     assert np.linalg.norm(once.end - y) > 0.3
-    np.testing.assert_allclose(twice.end, y, rtol=0, atol=5e-6)
+    np.testing.assert_allclose(twice.end, y, rtol=0, atol=1e-6)
     mu = np.linalg.eigvals(twice.monodromy)
     np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(doubled.multipliers[i]), rtol=0, atol=1e-5)
     assert bool(doubled.stable[i]) == bool(np.abs(mu).max() < 1)

@@ -80,7 +80,7 @@ def test_survey_saves_every_branch(run):
         ("map spur-pair --in zeta --from 0.1 --to 0.1", ["two different finite values of zeta"]),
         ("map spur-pair --in zeta --from 0.1 --to 0.2 -o map.txt", ["must end in .csv"]),
         ("critical spur-pair Omega", ["must differ from Omega"]),
-        ("critical duffing F --set k3=0 --harmonics 3", ["no jump", "steepest slope of the rms amplitude is", "Omega ="]),
+        ("critical duffing F --set k3=0 --harmonics 3", ["no jump", "steepest slope of the rms amplitude"]),
         ("switch missing.npz PD1", ["no file 'missing.npz'"]),
         ("survey duffing -o nowhere", ["no folder 'nowhere'"]),
         ("survey duffing --harmonics many", ["--harmonics many", "whole number"]),

@@ -10,14 +10,14 @@ from hbgear import Duffing, Fold, HarmonicBalance, SpurPair, trace
 from hbgear.maps import Arm, NoFold, critical, jump_map
 
 SPAN = (0.108, 0.122)
-NEAR = {"frequencies": (1.2, 0.65)}
+NEAR = {"frequencies": (1.0, 0.75)}
 PAIR = SpurPair(zeta=0.115)
 """Near its cusp, at zeta = 0.118."""
 
 
 def folds_at(problem, **at):
     """Frequencies of the folds of a response curve, ascending."""
-    curve = trace(problem, "Omega", (1.2, 0.65), at=at, stability=False)
+    curve = trace(problem, "Omega", (1.0, 0.75), at=at, stability=False)
     return sorted(p.parameters["Omega"] for p in curve.special if p.kind == "LP")
 
 

@@ -1,0 +1,176 @@
+"""Figures of time integration: sweep dots over a curve, bifurcation diagrams, basins of attraction, validation.
+
+Functions take what was found, draw on matplotlib axes and return them, in the style of `plot`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hbgear.branch import Branch
+from hbgear.plot import COLOURS, GREY, _axes, _dress, _legend, _style, response
+from hbgear.sweep import Basins, Sweep
+from hbgear.validate import Report
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DIRECTIONS = {1: ("^", "#1b7f5a", "sweep up"), -1: ("v", "#a3334d", "sweep down")}
+BASINS = ("#c9d7ea", "#f3cfa8", "#cfe3cf", "#e6c9d6", "#dcdcc0", "#c4e0e3", "#e3d4ee", "#e8e8e8")
+INKS = ("#1f4e8c", "#b85c08", "#2f7d32", "#9c1f5c", "#6b6b1f", "#0b7285", "#6a3fa0", "#444444")
+
+
+def sweeps(
+    found: Sequence[Sweep], branch: Branch | None = None, measure: str = "pp2", element: int | str = 0,
+    ax: Axes | None = None, *, legend: bool = True,
+) -> Axes:  # fmt: skip
+    """Sweep dots, over the curve of a branch if one is given.
+
+    Triangles point the way the parameter moved; they are filled where the motion has the period of the excitation, open
+    where it has a multiple of it; crosses are motions that are not periodic. Bands are the steps in which one jumped.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If there is nothing to draw, the parameters differ, or there is no such measure or element.
+    """
+    if not found:
+        raise ValueError("no sweep to draw")
+    parameters = {s.parameter for s in found} | ({branch.parameter} if branch else set())
+    if len(parameters) > 1:
+        raise ValueError(f"the sweeps and the curve are in different parameters: {', '.join(sorted(parameters))}")
+    with _style():
+        ax = _axes(ax, (5.6, 3.7))
+        if branch is not None:
+            response(branch, measure, element, ax, jumps=False, legend=False)
+        for s in found:
+            _dots(ax, s, s.amplitude(measure, element))
+            for jump in s.jumps:
+                ax.axvspan(*sorted(jump.interval), color=DIRECTIONS[s.direction][1], alpha=0.12, linewidth=0, zorder=0)
+        if branch is None:
+            ax.set_xlabel(found[0].labels.get(found[0].parameter, found[0].parameter))
+            ax.set_ylabel(f"{measure} of {_name(found[0], element)}")
+        _dress(ax)
+        if legend:
+            _legend(ax)
+    return ax
+
+
+def _dots(ax: Axes, s: Sweep, height: Any) -> None:
+    marker, colour, name = DIRECTIONS[s.direction]
+    kinds: tuple[tuple[Any, dict[str, Any], str], ...] = (
+        (s.period == 1, {"marker": marker, "markerfacecolor": colour}, name),
+        (s.period > 1, {"marker": marker, "markerfacecolor": "white"}, f"{name}, longer period"),
+        (s.period == 0, {"marker": "+"}, f"{name}, not periodic"),
+    )
+    for which, look, label in kinds:
+        if which.any():
+            ax.plot(s.values[which], height[which], linestyle="none", markersize=3.6, markeredgecolor=colour,
+                    markeredgewidth=0.7, label=label, zorder=5, gid=label, **look)  # fmt: skip
+
+
+def bifurcation(found: Sequence[Sweep], element: int | str = 0, rate: bool = False, ax: Axes | None = None) -> Axes:
+    """Poincare points at tau = 0 against the parameter: displacement of an element, or its rate."""
+    if not found:
+        raise ValueError("no sweep to draw")
+    with _style():
+        ax = _axes(ax, (5.6, 3.7))
+        for s in found:
+            j = s.index(element)
+            x = np.concatenate([np.full(len(p), value) for value, p in zip(s.values, s.points, strict=True)])
+            y = np.concatenate([p[:, j, int(rate)] for p in s.points])
+            name = DIRECTIONS[s.direction][2]
+            colour = DIRECTIONS[s.direction][1] if len(found) > 1 else "black"
+            ax.plot(
+                x, y, ",", color=colour, marker="o", markersize=1.1, markeredgewidth=0, label=name, linestyle="none"
+            )
+        s = found[0]
+        ax.set_xlabel(s.labels.get(s.parameter, s.parameter))
+        what = _name(s, element)
+        ax.set_ylabel(f"{'rate of ' if rate else ''}{what} at " + r"$\tau = 0$")
+        _dress(ax)
+        if len(found) > 1:
+            ax.legend(loc="best", markerscale=4)
+    return ax
+
+
+def basins(found: Basins, ax: Axes | None = None) -> Axes:
+    """Starts coloured by the attractor they lead to, with the Poincare points of the attractors."""
+    from matplotlib.colors import ListedColormap
+
+    count = len(found.attractors)
+    with _style():
+        ax = _axes(ax, (4.6, 3.9))
+        half_d, half_v = (0.5 * (np.ptp(x) / max(len(x) - 1, 1) or 1.0) for x in (found.d, found.v))
+        extent = (found.d[0] - half_d, found.d[-1] + half_d, found.v[0] - half_v, found.v[-1] + half_v)
+        shades = ListedColormap([BASINS[i % len(BASINS)] for i in range(count)])
+        ax.imshow(found.label, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=-0.5, vmax=count - 0.5,
+                  interpolation="nearest")  # fmt: skip
+        for i, a in enumerate(found.attractors):
+            name = f"period {a.period}, rms {a.rms:.4g}: {a.share:.0%}" if a.period else f"not periodic: {a.share:.0%}"
+            look: dict[str, Any] = {"markersize": 5, "markeredgewidth": 0.4} if a.period else {"markersize": 1.5}
+            ax.plot(*a.points.T, "o", color=INKS[i % len(INKS)], markeredgecolor="white", label=name,
+                    gid=f"attractor {i}", **look)  # fmt: skip
+        ax.set_xlim(extent[0], extent[1])
+        ax.set_ylim(extent[2], extent[3])
+        what = found.labels.get("amplitude", "element coordinate")
+        ax.set_xlabel(f"{what} at " + r"$\tau = 0$")
+        ax.set_ylabel(f"rate of {what} at " + r"$\tau = 0$")
+        ax.set_title(rf"$\Omega$ = {found.Omega:.5g}")
+        _dress(ax)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=min(count, 2), handletextpad=0.3)
+    return ax
+
+
+def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure:
+    """The checked points on the curve, and their differences from time integration over the parameter."""
+    import matplotlib.pyplot as plt
+
+    with _style():
+        figure, (top, low) = plt.subplots(2, 1, figsize=(5.6, 6.0), sharex=True, layout="constrained")
+        response(branch, "rms", element, top, jumps=False, legend=False)
+        x = np.array([row.value for row in report.rows])
+        rms = branch.amplitude("rms", element)[[row.index for row in report.rows]]
+        for ok, name, colour in (
+            (True, "agrees with integration", "#1b7f5a"),
+            (False, "differs from integration", "#c01818"),
+        ):
+            which = np.array([row.ok == ok for row in report.rows], dtype=bool)
+            if which.any():
+                top.plot(x[which], rms[which], "o", markersize=7, markerfacecolor="none", markeredgecolor=colour,
+                         markeredgewidth=1.3, label=name, zorder=6, gid=name)  # fmt: skip
+        _legend(top)
+        _differences(low, report, x)
+        low.set_xlabel(top.get_xlabel())
+        top.set_xlabel("")
+        for ax in (top, low):
+            _dress(ax)
+    return figure
+
+
+def _differences(ax: Axes, report: Report, x: Any) -> None:
+    kinds = (
+        ("rms_error", "o", COLOURS["no_impact"], "rms"),
+        ("pp2_error", "s", COLOURS["single_sided"], "half peak-to-peak"),
+        ("harmonic_error", "D", COLOURS["double_sided"], "harmonics"),
+        ("multiplier_error", "x", "#444444", "multipliers"),
+        ("closure", "_", GREY, "closure of the period"),
+    )
+    for name, marker, colour, label in kinds:
+        y = np.array([max(getattr(row, name), 1e-16) for row in report.rows])
+        ax.plot(x, y, marker, color=colour, markersize=4, markerfacecolor="none", label=label, gid=name)
+    ax.axhline(report.tolerance, color=GREY, linewidth=0.7, zorder=0, gid="tolerance")
+    ax.annotate("tolerance", (0, report.tolerance), (3, 2), xycoords=("axes fraction", "data"),
+                textcoords="offset points", fontsize=8, color=GREY)  # fmt: skip
+    ax.set_yscale("log")
+    ax.set_ylabel("difference from time integration")
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=3)
+
+
+def _name(s: Sweep, element: int | str) -> str:
+    name = f", {s.elements[s.index(element)]}" if len(s.elements) > 1 else ""
+    return s.labels.get("amplitude", "gap (model units)") + name

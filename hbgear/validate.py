@@ -1,0 +1,423 @@
+"""A traced curve held against time integration, point by point.
+
+For each chosen point, from its harmonic-balance state y0 at tau = 0 and its multipliers mu:
+
+    closure       |y(nu T; y0) - y0| in the element coordinates, relative to their size
+    amplitude     rms, half peak-to-peak and harmonics of the periodic motion found by shooting from y0
+    multipliers   those of the variational equation integrated along that motion
+    growth        (|l y+ - l y-| / 2 delta)^(1/p) after p periods from two states y* +- delta v: it must be |mu|, below
+                  1 where the curve says stable and above 1 where it says unstable; v, l right and left eigenvectors of
+                  the largest multiplier
+
+Integration is by DOP853 with the corners of the laws met exactly, in the coordinates of the model; it shares with
+harmonic balance only the matrices and the laws.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from hbgear import measures
+from hbgear._version import __version__
+from hbgear.branch import NEUTRAL, Branch, replacing
+from hbgear.catalogue import problem_of
+from hbgear.fourier import Array, ComplexArray, to_complex
+from hbgear.model import describe
+from hbgear.newton import NoConvergence
+from hbgear.receptance import Structure
+from hbgear.shooting import Orbit, shoot
+from hbgear.timedomain import Flow, modal_state, physical_state, state_of
+
+Progress = Callable[[float, str], None]
+
+LEAST = 1e-9
+"""Smallest tolerance that time integration can decide on."""
+
+_HARMONICS = 5  # of the excitation that are compared
+_PERIODS = 6  # at most, over which growth is measured
+_DISTURBANCE = 1e-6  # relative to the state
+_AWAY = 0.02  # |mu - 1| of the points beside a fold: nearer, the motion at a given frequency is ill-conditioned
+
+
+@dataclass(frozen=True)
+class Check:
+    """One point held against time integration; differences are relative, see the module.
+
+    Parameters
+    ----------
+    index, reason : row of the branch and why it was chosen.
+    value, Omega : of the branch's parameter, and the frequency.
+    element : name of the element with the largest difference of rms.
+    rms, rms_true : its rms by harmonic balance and by integration.
+    closure, rms_error, pp2_error, harmonic_error, multiplier_error : largest over the elements.
+    sensitivity : 1 / min |mu - 1|, what an error is amplified by at a given frequency.
+    mu, mu_true : the largest multiplier of the branch and of the integrated variational equation.
+    growth : measured growth of a disturbance per period, to be held against |mu|.
+    stable : what the branch says; None if it has no multipliers.
+    verdict : "agrees", or what does not.
+    """
+
+    index: int
+    reason: str
+    value: float
+    Omega: float
+    element: str
+    rms: float
+    rms_true: float
+    closure: float
+    rms_error: float
+    pp2_error: float
+    harmonic_error: float
+    multiplier_error: float
+    sensitivity: float
+    mu: complex
+    mu_true: complex
+    growth: float
+    stable: bool | None
+    verdict: str
+
+    @property
+    def ok(self) -> bool:
+        """Whether it agrees."""
+        return self.verdict == "agrees"
+
+
+@dataclass(frozen=True)
+class Report:
+    """Checks in the order of the branch, the tolerance they were judged by, and what else there is to say."""
+
+    parameter: str
+    tolerance: float
+    rows: tuple[Check, ...]
+    complete: bool = True
+
+    @property
+    def ok(self) -> bool:
+        """Whether every point agrees and all were checked."""
+        return self.complete and bool(self.rows) and all(row.ok for row in self.rows)
+
+    def __repr__(self) -> str:
+        good = sum(row.ok for row in self.rows)
+        end = "" if self.complete else ", interrupted"
+        return f"<Report: {good} of {len(self.rows)} points agree with time integration{end}>"
+
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        """Headers and rows of text."""
+        headers = ["point", self.parameter, "rms", "rms diff.", "pp2 diff.", "harmonics", "closure", "|mu|", "mu diff.",
+                   "growth", "verdict"]  # fmt: skip
+        return headers, [_texts(row) for row in self.rows]
+
+    def export(self, path: str | os.PathLike[str]) -> None:
+        """Write all numbers (.csv), whole or not at all."""
+        if not str(path).lower().endswith(".csv"):
+            raise ValueError(f"'{path}' must end in .csv")
+        names = [f.name for f in fields(Check)]
+        with replacing(path, "x", encoding="utf-8", newline="") as handle:
+            writer = csv.writer(handle)
+            writer.writerow(names)
+            writer.writerows([getattr(row, name) for name in names] for row in self.rows)
+
+
+def _texts(row: Check) -> list[str]:
+    numbers = [f"{x:.1e}" for x in (row.rms_error, row.pp2_error, row.harmonic_error, row.closure)]
+    return [f"{row.index} {row.reason}", f"{row.value:.6g}", f"{row.rms:.6g}", *numbers, f"{abs(row.mu):.5f}",
+            f"{row.multiplier_error:.1e}", f"{row.growth:.5f}", row.verdict]  # fmt: skip
+
+
+def validate(
+    branch: Branch,
+    points: int | Sequence[int | str] = 12,
+    tolerance: float = 1e-4,
+    *,
+    multiplier_tolerance: float | None = None,
+    problem: Any = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Hold points of a branch against time integration.
+
+    Parameters
+    ----------
+    branch : a curve of periodic motions; if it was loaded without its problem, that is rebuilt from its header.
+    points : how many, chosen around the folds, at the peak, where the estimated error is worst, around changes of the
+        impact regime and evenly between; or which: rows, or labels of special points.
+    tolerance : largest relative difference of rms and harmonics that agrees; ten times as much of pp2, which rests on
+        two single values.
+    multiplier_tolerance : largest difference of multipliers; by default 100 times the tolerance.
+    problem : `HarmonicBalance` of the branch, if its model is not in the catalogue.
+    progress : called as ``progress(share done, text)``.
+
+    Returns
+    -------
+    Report
+        Ctrl-C ends it with the points checked so far, ``complete`` False.
+
+    Raises
+    ------
+    ValueError, KeyError, IndexError
+        If the branch is no curve of motions, its model is unknown or does not fit it, a point is not on it, or the
+        tolerance is below `LEAST`.
+    """
+    if not LEAST <= tolerance < 1:
+        raise ValueError(
+            f"tolerance = {tolerance:g} cannot be met: time integration itself decides to about {LEAST:g}; give more"
+        )
+    problem = problem_for(branch, problem)
+    chosen = choose(branch, points)
+    limit = 100 * tolerance if multiplier_tolerance is None else multiplier_tolerance
+    rows: list[Check] = []
+    complete = True
+    try:
+        for done, (i, reason) in enumerate(chosen):
+            if progress:
+                progress(done / len(chosen), f"{branch.parameter} = {branch.values[i]:.5g} ({reason})")
+            rows.append(_check(branch, problem, i, reason, tolerance, limit))
+    except KeyboardInterrupt:
+        complete = False
+    return Report(branch.parameter, tolerance, tuple(rows), complete)
+
+
+# ---- what is checked
+
+
+def problem_for(branch: Branch, problem: Any = None) -> Any:
+    """The harmonic balance of a branch: the one given, its own, or one rebuilt from its header.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If the branch does not hold motions, or the problem does not fit it.
+    """
+    layout = branch.layout
+    if layout is None or "Omega" not in branch.parameters_at(0):
+        raise ValueError(
+            "only curves of periodic motions can be validated, with harmonics and a frequency; this is none"
+        )
+    written = branch.meta.get("hbgear")
+    if written not in (None, __version__):
+        text = f"the curve was traced with hbgear {written}, this is {__version__}; differences may come from that"
+        warnings.warn(text, stacklevel=3)
+    if problem is None:
+        problem = branch.problem or problem_of(branch.meta)
+    own = problem.layout
+    if (own.elements, own.breakpoints) != (layout.elements, layout.breakpoints):
+        raise ValueError(
+            f"the curve has elements {layout.elements} with corners {layout.breakpoints}, the model {own.elements} "
+            f"with {own.breakpoints}: it was traced with another model; give the problem it was traced with"
+        )
+    same_model(branch.meta.get("model"), problem.model)
+    if (own.nu, problem.size) != (layout.nu, branch.X.shape[1]):
+        problem = problem.with_order(layout.nu, layout.harmonics)
+    for name in branch.parameters_at(0):
+        problem.check_parameter(name)
+    return problem
+
+
+def same_model(written: Any, model: Any) -> None:
+    """Refuse a model that is not the one in the header of the branch."""
+    own = describe(model)
+    if not written or written == own:
+        return
+    names = sorted(set(written["fields"]) | set(own["fields"]))
+    other = [n for n in names if written["fields"].get(n) != own["fields"].get(n)]
+    what = (
+        f"with other {', '.join(other)}"
+        if written["class"] == own["class"]
+        else f"a {written['class']}, not {own['class']}"
+    )
+    raise ValueError(f"the curve was traced with another model ({what}): give the problem it was traced with")
+
+
+def choose(branch: Branch, points: int | Sequence[int | str]) -> list[tuple[int, str]]:
+    """Rows to check and why, in the order of the branch.
+
+    Raises
+    ------
+    ValueError, IndexError, KeyError
+        If no point is asked for, or one is not on the branch.
+    """
+    if isinstance(points, int | np.integer):
+        if points < 1:
+            raise ValueError(f"points = {points} must be at least 1")
+        return _worthwhile(branch, int(points))
+    picked: dict[int, str] = {}
+    for key in points:
+        if isinstance(key, str):
+            picked.setdefault(branch[key].index, key)  # type: ignore[attr-defined]
+        elif not -len(branch) <= key < len(branch):
+            raise IndexError(f"point {key} is outside the branch, which has rows 0 to {len(branch) - 1}")
+        else:
+            picked.setdefault(int(key) % len(branch), "asked for")
+    if not picked:
+        raise ValueError("no points to validate; give a number, rows or labels")
+    return sorted(picked.items())
+
+
+def _worthwhile(branch: Branch, count: int) -> list[tuple[int, str]]:
+    """The most interesting rows first, up to three quarters of the number, then evenly between."""
+    wanted: list[tuple[int, str]] = []
+    for point in branch.special:
+        if point.kind == "LP":
+            wanted += [(_beside(branch, point.index, side), f"beside {point.label}") for side in (-1, 1)]
+    wanted.append((int(np.nanargmax(branch.amplitude("rms"))), "peak"))
+    if not np.isnan(branch.error).all():
+        wanted.append((int(np.nanargmax(branch.error)), "worst error"))
+    for point in branch.special:
+        if point.kind not in ("LP", "CP"):
+            wanted += [(_inside(branch, point.index + side), f"beside {point.label}") for side in (-1, 1)]
+    picked: dict[int, str] = {}
+    # there the motion is singular, or neither stable nor unstable
+    taken = {p.index for p in branch.special if p.kind in ("LP", "BP", "CP", "PD", "NS")}
+    for i, reason in wanted:
+        if len(picked) < max(count - count // 4, 1) and i not in picked and i not in taken:
+            picked[i] = reason
+    free = [i for i in range(len(branch)) if i not in taken]
+    while len(picked) < min(count, len(free)):
+        picked[_farthest(branch, free, picked)] = "between"
+    return sorted(picked.items())
+
+
+def _inside(branch: Branch, i: int) -> int:
+    return min(max(i, 0), len(branch) - 1)
+
+
+def _beside(branch: Branch, fold: int, side: int) -> int:
+    """The first row beside a fold that is not nearly singular."""
+    for away in range(1, 6):
+        i = _inside(branch, fold + side * away)
+        if branch.multipliers is None or np.abs(branch.multipliers[i] - 1).min() > _AWAY:
+            return i
+    return _inside(branch, fold + 2 * side)
+
+
+def _farthest(branch: Branch, free: list[int], picked: dict[int, str]) -> int:
+    """The row farthest along the curve from those picked."""
+    size = max(float(np.linalg.norm(np.ptp(branch.X, axis=0))), 1e-300)
+    span = float(np.ptp(branch.values)) or 1.0
+    steps = np.hypot(np.diff(branch.values) / span, np.linalg.norm(np.diff(branch.X, axis=0), axis=1) / size)
+    arc = np.concatenate([[0.0], np.cumsum(steps)])
+    near = [np.abs(arc[i] - arc[list(picked)]).min() if picked else -i for i in free]
+    return free[int(np.argmax([-1.0 if i in picked else x for i, x in zip(free, near, strict=True)]))]
+
+
+# ---- one point
+
+
+def _check(branch: Branch, problem: Any, i: int, reason: str, tolerance: float, limit: float) -> Check:
+    here = branch.parameters_at(i)
+    X, layout = branch.X[i], branch.layout
+    assert layout is not None
+    Omega = here["Omega"]
+    changes = {k: v for k, v in here.items() if k != "Omega"}
+    model = problem.model.replace(**changes) if changes else problem.model
+    y = state_of(problem, X, **here)
+    stored = branch.multipliers[i] if branch.multipliers is not None else None
+    mu = problem.multipliers(X, **here) if stored is None or np.isnan(stored).any() else stored
+    stable = None if stored is None else branch[i].stable
+    head = (i, reason, float(branch.values[i]), Omega)
+    closure = _closure(model, y, Omega, layout.nu)
+    rms = [float(measures.rms(layout.rows(X, j))) for j in range(len(layout.elements))]
+    top = mu[np.argmax(np.abs(mu))]
+    try:
+        orbit = shoot(model, Omega, y, layout.nu)
+    except (NoConvergence, ArithmeticError, np.linalg.LinAlgError):
+        nan = float("nan")
+        mus = complex(top), complex(nan)
+        verdict = "no periodic motion found from here"
+        return Check(
+            *head, layout.elements[0], rms[0], nan, closure, nan, nan, nan, nan, nan, *mus, nan, stable, verdict
+        )
+    true = orbit.rows(layout.harmonics)
+    errors = np.array([_differences(layout.rows(X, j), true[j], layout.nu) for j in range(len(true))])
+    worst = int(np.argmax(errors[:, 0]))
+    sensitivity = 1 / max(float(np.abs(orbit.multipliers - 1).min()), 1e-12)
+    apart = _apart(mu, orbit.multipliers)
+    growth = _growth(model, orbit)
+    verdict = _verdict(errors.max(axis=0), apart, growth, orbit, stable, tolerance, limit)
+    largest = errors.max(axis=0)
+    return Check(
+        *head,
+        element=layout.elements[worst],
+        rms=rms[worst],
+        rms_true=float(measures.rms(true[worst])),
+        closure=closure,
+        rms_error=float(largest[0]),
+        pp2_error=float(largest[1]),
+        harmonic_error=float(largest[2]),
+        multiplier_error=apart,
+        sensitivity=sensitivity,
+        mu=complex(top),
+        mu_true=complex(orbit.multipliers[0]),
+        growth=growth,
+        stable=stable,
+        verdict=verdict,
+    )
+
+
+def _closure(model: Any, y: Array, Omega: float, nu: int) -> float:
+    """How far element coordinates and rates over Omega are from where they were a period before, over their size."""
+    flow = Flow(model.system(), Omega)
+    T = nu * 2 * np.pi / Omega
+    end, _, _ = flow.march(0.0, y, T, "DOP853", 1e-12)
+    (d0, v0), (d1, v1) = flow.gaps(0.0, y), flow.gaps(T, end)
+    size = max(float(np.abs(d0).max()), float(np.abs(v0).max()) / Omega, 1e-300)
+    return max(float(np.abs(d1 - d0).max()), float(np.abs(v1 - v0).max()) / Omega) / size
+
+
+def _differences(found: Array, true: Array, nu: int) -> tuple[float, float, float]:
+    """Relative differences of rms, pp2, and of the first harmonics (against the largest of them)."""
+    rms, pp2 = (float(abs(m(found) - m(true)) / m(true)) for m in (measures.rms, measures.half_peak_to_peak))
+    last = _HARMONICS * nu + 1
+    a, b = to_complex(found)[:last], to_complex(true)[:last]
+    return rms, pp2, float(np.abs(a - b).max() / np.abs(b[1:]).max())
+
+
+def _apart(mu: ComplexArray, true: ComplexArray) -> float:
+    """Largest distance of multipliers matched in pairs."""
+    D = np.abs(mu[:, None] - true)
+    return float(D[linear_sum_assignment(D)].max())
+
+
+def _growth(model: Any, orbit: Orbit) -> float:
+    """Growth per period of a disturbance in the direction of the largest multiplier, from two disturbed motions."""
+    system = model.system()
+    structure, flow = Structure(system), Flow(system, orbit.Omega)
+    mu, V = np.linalg.eig(orbit.reduced)
+    top = int(np.argmax(np.abs(mu)))
+    left = np.linalg.inv(V)[top]
+    y = physical_state(structure, V[:, top])
+    delta = y * (_DISTURBANCE * np.linalg.norm(orbit.state) / np.linalg.norm(y))
+    # few enough periods that what decays stays above rounding and what grows stays small
+    periods = int(np.clip(np.floor(np.log(1e3) / max(abs(np.log(abs(mu[top]))), 1e-3)), 1, _PERIODS))
+    T = orbit.nu * 2 * np.pi / orbit.Omega
+    ends = [flow.march(0.0, orbit.state + s * delta, periods * T, "DOP853", 1e-12)[0] for s in (1, -1)]
+    first = left @ modal_state(structure, delta)
+    last = left @ modal_state(structure, 0.5 * (ends[0] - ends[1]))
+    return float(abs(last / first) ** (1 / periods))
+
+
+def _verdict(
+    errors: Array, apart: float, growth: float, orbit: Orbit, stable: bool | None, tolerance: float, limit: float
+) -> str:
+    """What does not agree, or "agrees"."""
+    wrong = [
+        name
+        for name, error, allowed in zip(("rms", "pp2", "harmonics"), errors, (1, 10, 1), strict=True)
+        if not error <= allowed * tolerance
+    ]
+    if not apart <= limit:
+        wrong.append("multipliers")
+    wrong = [f"{', '.join(wrong)} differ{'s' if wrong in (['rms'], ['pp2']) else ''}"] if wrong else []
+    largest = abs(orbit.multipliers[0])
+    if not abs(growth - largest) <= 1e-3 * max(1.0, largest) + limit:
+        wrong.append("growth is not that of the multiplier")
+    if stable is not None and (growth <= 1 + NEUTRAL) != stable and abs(growth - 1) > min(limit, 1e-5):
+        wrong.append("it leaves" if stable else "it stays")
+    return ", ".join(wrong) or "agrees"

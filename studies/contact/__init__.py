@@ -1,0 +1,1 @@
+"""Contact: what the exact projection of backlash gains over samples of it."""

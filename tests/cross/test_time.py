@@ -1,0 +1,72 @@
+"""Time integration: its order, and harmonic balance held against it."""
+
+import numpy as np
+import pytest
+
+from hbgear import DoubleHelicalPair, Duffing, HarmonicBalance, SpurPair, integrate, shoot, sweep, trace, validate
+from hbgear.sweep import Settling
+from hbgear.timedomain import state_of
+
+DRIVEN = SpurPair(eps=(0.2,), e=(0.08,))
+
+
+@pytest.mark.parametrize(("model", "Omega", "least"), [(Duffing(k3=1.0), 0.8, 5.5), (DRIVEN, 0.8, 5.5)])
+def test_order_of_the_exponential_method(model, Omega, least):
+    """The error after two periods falls at least with this power of the step, corners of the law or not."""
+    y = np.array([1.4, 0.3])
+    true = integrate(model, y, 2, Omega, tolerance=1e-13).end
+    steps = np.array([6, 12, 24])
+    errors = [np.linalg.norm(integrate(model, y, 2, Omega, method="exponential", steps=n).end - true) for n in steps]
+    slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert slope > least and errors[-1] < 1e-6
+
+
+@pytest.mark.parametrize("method", ["RK45", "Radau", "exponential"])
+def test_methods_agree(method):
+    y = np.array([1.4, 0.3])
+    true = integrate(DRIVEN, y, 3, 0.8, tolerance=1e-13).end
+    np.testing.assert_allclose(integrate(DRIVEN, y, 3, 0.8, method=method).end, true, rtol=0, atol=3e-8)
+
+
+@pytest.mark.parametrize(("model", "H", "Omega"), [(Duffing(), 21, 1.05), (SpurPair(), 300, 0.9)])
+def test_dop853_closes_motions_of_harmonic_balance(model, H, Omega):
+    problem = HarmonicBalance(model, H)
+    X = problem.start(Omega)
+    y = state_of(problem, X, **model.parameters, Omega=Omega)
+    end = integrate(model, y, 1, Omega, tolerance=1e-13).end
+    # what the harmonics above H leave goes with H^-3 in the velocity of a kinked law
+    assert np.linalg.norm(end - y) < (1e-9 if isinstance(model, Duffing) else 1e-7)
+    orbit = shoot(model, Omega, y)
+    assert orbit.closure < 1e-10 and np.linalg.norm(orbit.state - y) < 1e-6
+
+
+def test_sweeps_jump_where_the_folds_are():
+    curve = trace(HarmonicBalance(SpurPair(), 20), "Omega", (0.9, 0.65))
+    low, high = sorted(curve[label].parameters["Omega"] for label in ("LP1", "LP2"))
+    grid = np.arange(0.68, 0.86, 0.01)
+    settling = Settling(1e-5)
+    for direction, fold in (("up", high), ("down", low)):
+        (jump,) = sweep(SpurPair(), grid, direction, settling=settling).jumps
+        a, b = sorted(jump.interval)
+        assert a <= fold <= b and b - a < 0.0101
+
+
+def test_two_attractors():
+    """kahraman_singh_fah010 at Omega = 0.65."""
+    model, found = SpurPair(e=(0.10,)), []
+    curve = trace(HarmonicBalance(model, 24), "Omega", (0.9, 0.5))
+    for i in np.flatnonzero(np.diff(np.sign(curve.values - 0.65))):
+        X = curve.problem.start(0.65) if not curve.stable[i] else curve.X[i]
+        if curve.stable[i]:
+            orbit = shoot(model, 0.65, state_of(curve.problem, X, **curve.parameters_at(int(i))))
+            found.append(float(np.sqrt(0.5 * np.sum(orbit.rows(20)[0, 1:] ** 2))))
+    assert sorted(found) == pytest.approx([0.05141, 0.34055], abs=2e-5)
+
+
+def test_the_double_helical_pair_is_confirmed():
+    """Twelve points around the folds, stable and unstable: rms to 1e-5 and every verdict on stability."""
+    curve = trace(HarmonicBalance(DoubleHelicalPair(zeta=0.05), 24), "Omega", (1.0, 0.82))
+    report = validate(curve, 12, 1e-4)
+    assert len(report.rows) == 12 and report.ok
+    assert max(row.rms_error for row in report.rows) < 1e-5
+    assert {bool(curve.stable[row.index]) for row in report.rows} == {True, False}

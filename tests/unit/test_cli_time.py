@@ -1,0 +1,81 @@
+"""The commands validate and sweep."""
+
+import os
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear import cli
+
+
+@pytest.fixture
+def run(capsys, tmp_path, monkeypatch):
+    """Run the command in an empty folder: ``(exit code, stdout, stderr)``."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def call(text):
+        with pytest.raises(SystemExit) as stop:
+            cli.main(text.split())
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err
+
+    return call
+
+
+@pytest.fixture
+def saved(run):
+    """A Duffing curve with its two folds, saved in the folder."""
+    assert run("trace duffing --harmonics 9 --from 0.9 --to 1.3 -o duffing.npz")[0] == 0
+    return "duffing.npz"
+
+
+def test_validate_agrees_and_writes_both_files(run, saved):
+    code, out, err = run(f"validate {saved} --points 5 -o report.csv --plot report.png")
+    assert (code, err) == (0, "") and "5 of 5 points agree within 0.0001" in out
+    assert out.count("agrees") == 5 and "beside LP1" in out and "beside LP2" in out
+    table = np.genfromtxt("report.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    assert len(table) == 5 and table["rms_error"].max() < 1e-6
+    assert os.path.getsize("report.png") > 10_000
+
+
+def test_validate_ends_with_1_where_a_point_disagrees(run):
+    assert run("trace duffing --harmonics 1 --from 1.0 --to 1.2 -o coarse.npz")[0] == 0
+    code, out, err = run("validate coarse.npz --points 3")
+    assert (code, err) == (1, "") and "agree within 0.0001" in out and "3 of 3" not in out
+
+
+def test_sweep_brackets_the_folds_of_the_curve_it_is_drawn_on(run, saved):
+    code, out, err = run(
+        "sweep duffing --up --down --from 1.09 --to 1.11 --count 11 --tolerance 1e-4 --over duffing.npz -o sweep.csv"
+    )
+    assert (code, err) == (0, "")
+    curve, step = hb.load(saved), 0.02 / 10
+    rows = [line.split() for line in out.splitlines() if line.strip().startswith("1.")]
+    found = [sorted(float(x) for x in row[:2]) for row in rows]
+    folds = [curve["LP1"].parameters["Omega"], curve["LP2"].parameters["Omega"]]
+    assert len(found) == 2
+    for (low, high), fold in zip(found, folds, strict=True):  # up first, then down
+        assert low - step <= fold <= high + step
+    assert os.path.exists("duffing_sweep.png") and os.path.exists("sweep.csv")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("validate missing.npz", ["no file 'missing.npz'"]),
+        ("validate duffing.npz --tolerance 1e-15", ["tolerance = 1e-15 cannot be met"]),
+        ("validate duffing.npz -o report.txt", ["must end in .csv"]),
+        ("validate duffing.npz --element nose", ["no element 'nose'"]),
+        ("sweep duffign", ["no model 'duffign'", "did you mean 'duffing'"]),
+        ("sweep spur-pair --over duffing.npz", ["Duffing"]),
+        ("sweep duffing --in zeta --from 0.1 --to 0.2", ["--at Omega"]),
+        ("sweep duffing --at Omega=1 --in Omga --from 1 --to 2", ["no parameter 'Omga'"]),
+    ],
+)
+def test_bad_input(run, saved, text, words):
+    code, _, err = run(text)
+    assert code == 2 and err.startswith("hbgear: error: ") and err.count("\n") == 1
+    for word in words:
+        assert word in err
