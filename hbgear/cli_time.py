@@ -153,7 +153,8 @@ def _show(s: Any, measure: str, element: int | str) -> None:
         print_table(["jump after", "before", f"{measure} before", f"{measure} after"], jumps, "jumps")
     odd = []
     for i in np.flatnonzero(s.period != 1):
-        lost = f"not periodic after {s.taken[i]} periods ({s.left[i]:.0e} to go), Lyapunov exponent {s.lyapunov[i]:.3g}"
+        slow = f", {s.left[i]:.0e} to go" if s.lyapunov[i] < 0 else ""
+        lost = f"not periodic after {s.taken[i]} periods{slow}, Lyapunov exponent {s.lyapunov[i]:.3g}"
         odd.append([f"{s.values[i]:.6g}", f"period {s.period[i]}" if s.period[i] else lost, f"{size[i]:.5g}"])
     if odd:
         print_table([s.parameter, "motion", measure], odd, "motions that do not have the period of the excitation")

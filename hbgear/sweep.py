@@ -36,6 +36,7 @@ _WINDOW = 8  # periods over which the rate of approach is judged, twice
 _LONG = 128  # periods a motion that is not periodic is observed for
 _PATIENCE = 400  # periods after which a motion that has not settled is tested for chaos
 _CHAOTIC = 0.02  # growth of a disturbance per period, as a logarithm, above which a motion is called chaotic
+_JUMP_IN_CHAOS = 0.2  # the same where a motion is not periodic, its amplitude then fluctuates
 _JUMP = 0.02  # change between neighbouring values, relative to the largest amplitude so far, that may be a jump
 
 
@@ -462,7 +463,8 @@ class _Sweeper:
         rms = np.array([f[1].rms for f in self.found])
         change = np.abs(np.diff(rms, axis=0)).max(axis=1)
         usual = change[-2] if i > 1 else 0.0
-        if change[-1] < max(3 * usual, _JUMP * rms.max()):
+        least = _JUMP if all(f[2].period[0] for f in self.found[-2:]) else _JUMP_IN_CHAOS
+        if change[-1] < max(3 * usual, least * rms.max()):
             return
         stepper = self._stepper(self.values[i - 1])
         flight = stepper.start(state)

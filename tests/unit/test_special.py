@@ -280,8 +280,8 @@ def test_a_double_basis_finds_what_the_single_one_does():
 
 def test_more_harmonics_do_not_add_points():
     """The equations of motion have two folds, and no truncation has more."""
-    for H in (6, 12, 30):
-        curve = trace(HarmonicBalance(SpurPair(), H), "Omega", (1.5, 0.6), stability=H == 6)
+    for H in (6, 24):
+        curve = trace(HarmonicBalance(SpurPair(), H), "Omega", (1.5, 0.6), stability=False)
         assert sorted(p.kind for p in curve.special) == ["GR", "GR", "LP", "LP"], H
 
 
