@@ -254,9 +254,11 @@ def random_motions(problem: HarmonicBalance, known: list[Array], count: int, rng
     out = []
     for i in range(count):
         c = np.zeros((problem.m, problem.H + 1), dtype=complex)
-        scale = size * 10 ** rng.uniform(-0.7, 1.2)
         top = min(problem.H, problem.nu + 1)
-        weight = np.where(np.arange(1, top + 1) <= problem.nu, 1.0, 0.5)
+        if i % 2:  # motions of the size of the known ones, the higher harmonics smaller
+            scale, weight = size * 10 ** rng.uniform(-0.7, 1.0), np.arange(1, top + 1) ** -0.5
+        else:  # large ones, the excitation's own harmonic as strong as its subharmonics
+            scale, weight = size * 10 ** rng.uniform(-0.7, 1.2), np.where(np.arange(1, top + 1) <= problem.nu, 1, 0.5)
         phases = rng.uniform(0, 2 * np.pi, top)
         c[:, 1 : top + 1] = scale * weight * rng.uniform(0, 1, top) * np.exp(1j * phases)
         c[:, 0] = means[i % len(means)] + rng.normal(0, 0.3, problem.m) * scale

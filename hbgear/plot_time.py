@@ -44,7 +44,7 @@ def sweeps(
     if len(parameters) > 1:
         raise ValueError(f"the sweeps and the curve are in different parameters: {', '.join(sorted(parameters))}")
     with _style():
-        ax = _axes(ax, (5.6, 3.7))
+        ax = _axes(ax, (7.0, 3.7))
         if branch is not None:
             response(branch, measure, element, ax, jumps=False, legend=False)
         for s in found:
@@ -57,6 +57,9 @@ def sweeps(
         _dress(ax)
         if legend:
             _legend(ax)
+            old: Any = ax.get_legend()
+            names = [text.get_text() for text in old.get_texts()]
+            ax.legend(old.legend_handles, names, loc="upper left", bbox_to_anchor=(1.01, 1.0), handlelength=2.2)
     return ax
 
 
@@ -85,9 +88,7 @@ def bifurcation(found: Sequence[Sweep], element: int | str = 0, rate: bool = Fal
             y = np.concatenate([p[:, j, int(rate)] for p in s.points])
             name = DIRECTIONS[s.direction][2]
             colour = DIRECTIONS[s.direction][1] if len(found) > 1 else "black"
-            ax.plot(
-                x, y, ",", color=colour, marker="o", markersize=1.1, markeredgewidth=0, label=name, linestyle="none"
-            )
+            ax.plot(x, y, "o", color=colour, markersize=1.6, markeredgewidth=0, label=name)
         s = found[0]
         ax.set_xlabel(s.labels.get(s.parameter, s.parameter))
         what = _name(s, element)
@@ -163,9 +164,10 @@ def _differences(ax: Axes, report: Report, x: Any) -> None:
     for name, marker, colour, label in kinds:
         y = np.array([max(getattr(row, name), 1e-16) for row in report.rows])
         ax.plot(x, y, marker, color=colour, markersize=4, markerfacecolor="none", label=label, gid=name)
-    ax.axhline(report.tolerance, color=GREY, linewidth=0.7, zorder=0, gid="tolerance")
-    ax.annotate("tolerance", (0, report.tolerance), (3, 2), xycoords=("axes fraction", "data"),
-                textcoords="offset points", fontsize=8, color=GREY)  # fmt: skip
+    for level, name in ((report.tolerance, "tolerance"), (report.multiplier_tolerance, "tolerance of multipliers")):
+        ax.axhline(level, color=GREY, linewidth=0.7, zorder=0, gid=name)
+        ax.annotate(name, (0, level), (3, 2), xycoords=("axes fraction", "data"), textcoords="offset points",
+                    fontsize=8, color=GREY)  # fmt: skip
     ax.set_yscale("log")
     ax.set_ylabel("difference from time integration")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=3)

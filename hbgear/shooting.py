@@ -50,7 +50,7 @@ class Orbit:
 
     def motion(self, samples: int = _SAMPLES) -> Motion:
         """The motion over its period, with so many samples per excitation period."""
-        return integrate(self.model, self.state, self.nu, self.Omega, tolerance=1e-12, samples=samples)
+        return integrate(self.model, self.state, self.nu, self.Omega, samples=samples)
 
     def rows(self, H: int, motion: Motion | None = None) -> Array:
         """Element coordinates as real rows (m, 2H + 1) in the basis phase theta = tau / nu."""

@@ -316,6 +316,12 @@ class Flow:
         y = y.reshape(2 * self.n, -1)[:, 0]
         return self.W.T @ y[: self.n] - e, self.W.T @ y[self.n :] - de
 
+    def _gaps_over(self, t: Array, Y: Array) -> tuple[Array, Array]:
+        """d and v (m, T) of states (size, T) at instants t."""
+        m, y = self.m, Y.reshape(2 * self.n, -1, len(t))[:, 0]
+        s = (self.series[: 2 * m] @ np.exp(1j * self.Omega * self.orders[:, None] * t)).real
+        return self.W.T @ y[: self.n] - s[:m], self.W.T @ y[self.n :] - s[m:]
+
     def rates(self, line: Lines, t: float, Y: Array) -> Array:
         """y', or (y', Phi') flattened, with each element on its line."""
         n = self.n
@@ -417,7 +423,7 @@ class Flow:
             return np.full(self.m, np.inf), np.zeros(self.m, dtype=int)
         dense = solver.dense_output()
         t = np.linspace(solver.t_old, solver.t, _FINE + 1)
-        d, v = (np.array(x).T for x in zip(*map(self.gaps, t, dense(t).T), strict=True))
+        d, v = self._gaps_over(t, dense(t))
 
         def value(rows: Integers, at: Array) -> Array:
             return np.array([self.gaps(x, dense(x))[0][j] for j, x in zip(rows, at, strict=True)])
@@ -435,8 +441,7 @@ class Flow:
         def visit(t0: float, t1: float, dense: Callable[[Array], Array]) -> None:
             inside = slice(int(np.searchsorted(t, t0)), int(np.searchsorted(t, t1)))
             if inside.stop > inside.start:
-                for i, column in zip(range(inside.start, inside.stop), dense(t[inside]).T, strict=True):
-                    d[:, i], v[:, i] = self.gaps(t[i], column)
+                d[:, inside], v[:, inside] = self._gaps_over(t[inside], dense(t[inside]))
 
         end = (phase + 2 * np.pi * periods) / self.Omega
         Y, instants, count = self.march(phase / self.Omega, y, end, method, tolerance, visit)

@@ -41,8 +41,9 @@ Progress = Callable[[float, str], None]
 LEAST = 1e-9
 """Smallest tolerance that time integration can decide on."""
 
+_TOLERANCE = 1e-11  # of the integration
 _HARMONICS = 5  # of the excitation that are compared
-_PERIODS = 6  # at most, over which growth is measured
+_PERIODS = 3  # at most, over which growth is measured
 _DISTURBANCE = 1e-6  # relative to the state
 _AWAY = 0.02  # |mu - 1| of the points beside a fold: nearer, the motion at a given frequency is ill-conditioned
 
@@ -92,10 +93,11 @@ class Check:
 
 @dataclass(frozen=True)
 class Report:
-    """Checks in the order of the branch, the tolerance they were judged by, and what else there is to say."""
+    """Checks in the order of the branch, the tolerances they were judged by, and whether all were made."""
 
     parameter: str
     tolerance: float
+    multiplier_tolerance: float
     rows: tuple[Check, ...]
     complete: bool = True
 
@@ -181,7 +183,7 @@ def validate(
             rows.append(_check(branch, problem, i, reason, tolerance, limit))
     except KeyboardInterrupt:
         complete = False
-    return Report(branch.parameter, tolerance, tuple(rows), complete)
+    return Report(branch.parameter, tolerance, limit, tuple(rows), complete)
 
 
 # ---- what is checked
@@ -199,6 +201,11 @@ def problem_for(branch: Branch, problem: Any = None) -> Any:
     if layout is None or "Omega" not in branch.parameters_at(0):
         raise ValueError(
             "only curves of periodic motions can be validated, with harmonics and a frequency; this is none"
+        )
+    if "Omega" in branch.tracked:
+        raise ValueError(
+            "this is a curve of special points, whose motions are singular at their frequency; validate response "
+            "curves traced through them instead"
         )
     written = branch.meta.get("hbgear")
     if written not in (None, __version__):
@@ -326,7 +333,7 @@ def _check(branch: Branch, problem: Any, i: int, reason: str, tolerance: float, 
     rms = [float(measures.rms(layout.rows(X, j))) for j in range(len(layout.elements))]
     top = mu[np.argmax(np.abs(mu))]
     try:
-        orbit = shoot(model, Omega, y, layout.nu)
+        orbit = shoot(model, Omega, y, layout.nu, tolerance=10 * _TOLERANCE)
     except (NoConvergence, ArithmeticError, np.linalg.LinAlgError):
         nan = float("nan")
         mus = complex(top), complex(nan)
@@ -365,7 +372,7 @@ def _closure(model: Any, y: Array, Omega: float, nu: int) -> float:
     """How far element coordinates and rates over Omega are from where they were a period before, over their size."""
     flow = Flow(model.system(), Omega)
     T = nu * 2 * np.pi / Omega
-    end, _, _ = flow.march(0.0, y, T, "DOP853", 1e-12)
+    end, _, _ = flow.march(0.0, y, T, "DOP853", _TOLERANCE)
     (d0, v0), (d1, v1) = flow.gaps(0.0, y), flow.gaps(T, end)
     size = max(float(np.abs(d0).max()), float(np.abs(v0).max()) / Omega, 1e-300)
     return max(float(np.abs(d1 - d0).max()), float(np.abs(v1 - v0).max()) / Omega) / size
@@ -397,7 +404,7 @@ def _growth(model: Any, orbit: Orbit) -> float:
     # few enough periods that what decays stays above rounding and what grows stays small
     periods = int(np.clip(np.floor(np.log(1e3) / max(abs(np.log(abs(mu[top]))), 1e-3)), 1, _PERIODS))
     T = orbit.nu * 2 * np.pi / orbit.Omega
-    ends = [flow.march(0.0, orbit.state + s * delta, periods * T, "DOP853", 1e-12)[0] for s in (1, -1)]
+    ends = [flow.march(0.0, orbit.state + s * delta, periods * T, "DOP853", _TOLERANCE)[0] for s in (1, -1)]
     first = left @ modal_state(structure, delta)
     last = left @ modal_state(structure, 0.5 * (ends[0] - ends[1]))
     return float(abs(last / first) ** (1 / periods))

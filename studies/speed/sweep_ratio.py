@@ -1,0 +1,115 @@
+"""Cost of a response curve: slow sweeps by time integration against one continuation with stability.
+
+    python -m studies.speed.sweep_ratio -o DIR [--quick]
+
+The double-helical pair with its defaults, Omega from 0.3 to 1.6. The sweeps pass 131 frequencies up and down; at each the motion
+is integrated until it is settled to the tolerance given. The continuation is the whole curve with multipliers, special
+points and jumps. Sweeps run on the fast integrator of hbgear, exact in the linear part; what the same periods would take with
+DOP853 of scipy is measured on some of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+import hbgear as hb
+from hbgear.sweep import Settling, Sweep, sweep
+from hbgear.timedomain import integrate, state_of
+
+SPAN = (0.3, 1.6)
+VALUES = 131
+
+
+def continuation(harmonics: int) -> tuple[hb.Branch, float]:
+    """The curve and the seconds it took, the better of two runs."""
+    problem = hb.HarmonicBalance(hb.DoubleHelicalPair(), harmonics)
+    seconds = []
+    for _ in range(2):
+        start = time.perf_counter()
+        branch = hb.trace(problem, "Omega", (SPAN[1], SPAN[0]))
+        seconds.append(time.perf_counter() - start)
+    return branch, min(seconds)
+
+
+def sweeps(tolerance: float, values: int) -> tuple[list[Sweep], float]:
+    """Up and down, and the seconds they took."""
+    grid = np.linspace(*SPAN, values)
+    start = time.perf_counter()
+    found = [sweep(hb.DoubleHelicalPair(), grid, way, settling=Settling(tolerance)) for way in ("up", "down")]
+    return found, time.perf_counter() - start
+
+
+def dop853(branch: hb.Branch, frequencies: tuple[float, ...] = (0.4, 0.6, 0.9, 1.3)) -> float:
+    """Seconds of DOP853 for one unit of the phase time Omega t / (2 pi) times Omega: a period at Omega takes this over Omega."""
+    per_time = []
+    for Omega in frequencies:
+        i = int(np.argmin(np.abs(branch.values - Omega)))
+        here = branch.parameters_at(i)
+        y = state_of(branch.problem, branch.X[i], **here)
+        start = time.perf_counter()
+        integrate(hb.DoubleHelicalPair(), y, 3, here["Omega"], tolerance=1e-8, samples=64)
+        per_time.append((time.perf_counter() - start) / 3 * here["Omega"])
+    return float(np.median(per_time))
+
+
+def run(quick: bool = False) -> dict[str, Any]:
+    """Everything in the table; ``quick`` sweeps six frequencies only and scales nothing."""
+    values, tolerances = (6, (1e-3,)) if quick else (VALUES, (1e-3, 1e-5, 1e-7))
+    with threadpool_limits(1):
+        curves = {H: continuation(H) for H in (16, 24)}
+        unit = dop853(curves[16][0])
+        rows = []
+        for tolerance in tolerances:
+            found, seconds = sweeps(tolerance, values)
+            periods = sum(int(s.taken.sum()) for s in found)
+            slow = sum(float((s.taken / s.values).sum()) for s in found) * unit
+            rows.append(
+                {"tolerance": tolerance, "seconds": seconds, "periods": periods, "dop853": slow, "sweeps": found}
+            )
+    return {"curves": curves, "rows": rows, "values": values}
+
+
+def table(result: dict[str, Any]) -> str:
+    """The results as tables in Markdown."""
+    lines = ["| continuation | points | seconds |", "| --- | --- | --- |"]
+    for H, (branch, seconds) in result["curves"].items():
+        lines.append(f"| H = {H}, with stability and special points | {len(branch)} | {seconds:.2f} |")
+    base = result["curves"][16][1]
+    head = [f"sweeps, {result['values']} frequencies up and down, settled to", "periods", "seconds",
+            "over continuation (H = 16)", "the same by DOP853 [s], estimated", "over continuation"]  # fmt: skip
+    lines += ["", "| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
+    for row in result["rows"]:
+        cells = [f"{row['tolerance']:.0e}", str(row["periods"]), f"{row['seconds']:.0f}", f"{row['seconds'] / base:.0f}",
+                 f"{row['dop853']:.0f}", f"{row['dop853'] / base:.0f}"]  # fmt: skip
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Measure; write ``sweep_ratio.md`` and the figure ``sweep_ratio.png``."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path, default=Path(), help="folder for what is written")
+    parser.add_argument("--quick", action="store_true", help="six frequencies instead of 131")
+    options = parser.parse_args()
+    result = run(options.quick)
+    text = table(result)
+    print(text)
+    (options.output / "sweep_ratio.md").write_text(f"# Sweeps against continuation\n\n{text}\n", encoding="utf-8")
+
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from hbgear import plot, plot_time
+
+    last = result["rows"][-1]["sweeps"]
+    plot.save(plot_time.sweeps(last, result["curves"][16][0], "rms"), options.output / "sweep_ratio.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,259 @@
+"""Sweeps by time integration against continuation: the same amplitudes, and jumps where the folds are."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import hbgear as hb
+from hbgear import plot_time
+from hbgear.branch import Status
+from hbgear.newton import solve
+from hbgear.sweep import Settling, basins, export, lyapunov, observe, settle, sweep
+from hbgear.timedomain import Stepper
+
+FOLDS = (0.7080316187, 0.8284639844)
+ATTRACTORS = (0.05141, 0.34055)
+
+
+@pytest.fixture(scope="module")
+def pair():
+    return hb.trace(hb.HarmonicBalance(hb.SpurPair(), 40), "Omega", (1.0, 0.55))
+
+
+@pytest.fixture(scope="module")
+def up():
+    return sweep(hb.SpurPair(), np.linspace(0.69, 0.85, 9), "up")
+
+
+@pytest.fixture(scope="module")
+def down():
+    return sweep(hb.SpurPair(), np.linspace(0.69, 0.85, 9), "down")
+
+
+def stable_rms(curve, Omega):
+    """rms of the stable motions of a curve at one frequency."""
+    x = curve.values - Omega
+    out = []
+    for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
+        X = solve(curve.problem, curve.X[i], {"Omega": Omega}).X
+        if np.abs(curve.problem.multipliers(X, Omega=Omega)).max() < 1:
+            out.append(float(curve.layout.measure("rms", X)))
+    return np.array(out)
+
+
+# ---- against continuation
+
+
+def test_jumps_are_where_the_folds_are(up, down):
+    """Within the sweep's own step, and nowhere else."""
+    ((rise,), (fall,)) = up.jumps, down.jumps
+    assert (rise.direction, fall.direction) == (1, -1)
+    assert rise.interval[0] < FOLDS[1] < rise.interval[1] and fall.interval[1] < FOLDS[0] < fall.interval[0]
+    assert abs(np.diff(rise.interval)) == pytest.approx(0.02) and rise.after > rise.before and fall.after < fall.before
+
+
+def test_every_dot_lies_on_the_curve(up, down, pair):
+    for found in (up, down):
+        assert found.settled.all() and (found.period == 1).all() and found.status == Status.REACHED_END
+        for Omega, rms in zip(found.values, found.amplitude(), strict=True):
+            assert np.abs(stable_rms(pair, Omega) - rms).min() < 2e-6 * rms
+
+
+def test_between_the_folds_the_two_sweeps_differ(up, down):
+    between = (up.values > FOLDS[0]) & (up.values < FOLDS[1])
+    assert np.all(down.amplitude()[::-1][between] > 1.5 * up.amplitude()[between])
+    np.testing.assert_allclose(
+        up.amplitude()[up.values < FOLDS[0]], down.amplitude()[::-1][up.values < FOLDS[0]], rtol=1e-6
+    )
+
+
+def test_measures_are_those_of_the_curve(pair):
+    i = int(np.argmin(np.abs(pair.values - 0.9)))
+    Omega = float(pair.values[i])
+    found = sweep(hb.SpurPair(), [Omega], settling=Settling(1e-10))
+    for measure in ("rms", "pp2", "max", "mean", "H1", "H2", "H5"):
+        assert found.amplitude(measure)[0] == pytest.approx(pair[i].amplitude(measure), abs=2e-7)
+    _, d = pair[i].samples(count=1)
+    assert found.points[0][0, 0, 0] == pytest.approx(d[0], abs=1e-6)
+
+
+def test_two_attractors():
+    """SpurPair with F_ah = 0.10 at Omega = 0.65, from starts all over the plane; no other motion is met."""
+    found = basins(hb.SpurPair(e=(0.1,)), 0.65, (-2, 2), (-1.5, 1.5), (12, 10))
+    assert [a.period for a in found.attractors] == [1, 1]
+    np.testing.assert_allclose(sorted(a.rms for a in found.attractors), ATTRACTORS, atol=5e-6)
+    assert found.label.shape == (10, 12) and sum(a.share for a in found.attractors) == pytest.approx(1)
+    assert found.attractors[0].share >= found.attractors[1].share > 0.1
+    # one of the starts, integrated alone
+    y, x = 3, 7
+    stepper = Stepper(hb.SpurPair(e=(0.1,)), 0.65)
+    flight = stepper.start([found.d[x] + 0.1, found.v[y]])
+    settle(stepper, flight)
+    assert observe(stepper, flight, 1).rms[0] == pytest.approx(found.attractors[found.label[y, x]].rms, abs=1e-5)
+
+
+def test_default_double_helical_pair_rises_without_a_jump():
+    """What a coarse sweep of it shows as a step is a steep slope: turned back by one value it returns."""
+    found = sweep(hb.DoubleHelicalPair(), [0.86, 0.89], settling=Settling(1e-5))
+    assert found.rms[1, 0] > 1.25 * found.rms[0, 0] and found.jumps == ()
+    np.testing.assert_allclose(found.rms[:, 0], found.rms[:, 1], rtol=1e-4)
+
+
+# ---- periods
+
+
+def test_doubled_motion_has_period_two():
+    """Between the period doublings of F_ah = 0.10; harmonic balance over two periods has the same amplitude."""
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 30), "Omega", (2.1, 1.9))
+    doubled = hb.switch(curve, "PD1", steps=hb.Steps(max_points=25))
+    Omega = float(doubled.values[-1])
+    found = sweep(hb.SpurPair(e=(0.1,)), [Omega])
+    assert found.period.tolist() == [2] and found.points[0].shape == (2, 1, 2)
+    assert found.amplitude()[0] == pytest.approx(doubled.amplitude()[-1], rel=1e-4)
+
+
+def test_longer_periods_and_chaos():
+    """The same pair further down: period 4, then a motion whose neighbours run away from it."""
+    found = sweep(hb.SpurPair(e=(0.1,)), [1.5, 1.66], settling=Settling(longest=600))
+    assert found.period.tolist() == [4, 0]
+    assert np.isnan(found.lyapunov[0]) and 0.05 < found.lyapunov[1] < 0.1
+    assert "1 of 2 motions did not settle" in found.message and found.taken[1] < 600
+    assert [len(p) for p in found.points] == [4, 128]
+
+
+def test_lyapunov_exponent_of_a_settled_motion_is_its_multiplier():
+    """lambda = log|mu| / T: -zeta for the pair in impact, whose multipliers are complex."""
+    model = hb.SpurPair()
+    stepper = Stepper(model, 0.9)
+    flight = stepper.start([1.1, 0.3])
+    settle(stepper, flight)
+    assert lyapunov(stepper, flight, 100) == pytest.approx(-0.05, abs=1e-3)
+
+
+def test_lyapunov_exponent_of_a_chaotic_motion():
+    """x'' + 0.25 x' - x + x^3 = 0.4 cos t, against its variational equation along one long run of other code."""
+    double_well = hb.System(
+        [[1.0]], [[0.25]], [[0.0]], [hb.Element([1.0], hb.Cubic(1.0, -1.0))], hb.Load(cosine={1: [0.4]})
+    )
+    stepper = Stepper(double_well, 1.0)
+    flight = stepper.start([0.3, 0.0])
+    stepper.advance(flight, 30)
+    exponent = lyapunov(stepper, flight, 300)
+
+    def f(t, y):
+        x, v, a, b = y
+        return [v, -0.25 * v + x - x**3 + 0.4 * np.cos(t), b, -0.25 * b + (1 - 3 * x * x) * a]
+
+    y, logs = np.array([0.3, 0.0, 1.0, 0.0]), []
+    for p in range(350):
+        y = solve_ivp(f, (2 * np.pi * p, 2 * np.pi * (p + 1)), y, rtol=1e-6, atol=1e-8).y[:, -1]
+        size = np.hypot(*y[2:])
+        logs.append(np.log(size))
+        y[2:] /= size
+    true = np.mean(logs[50:]) / (2 * np.pi)
+    assert true > 0.05
+    assert exponent == pytest.approx(true, rel=0.25)
+
+
+# ---- settling
+
+
+def test_settled_means_that_little_is_left():
+    """Slow and fast: the distance still to go after it says settled, by going on for long."""
+    for zeta, tolerance in ((0.02, 1e-4), (0.02, 1e-6), (0.2, 1e-6)):
+        stepper = Stepper(hb.SpurPair(zeta=zeta), 0.5)
+        flight = stepper.start([[1.0, 0.5], [2.0, -0.3], [0.0, 0.0]])
+        how = settle(stepper, flight, Settling(tolerance))
+        there = stepper.land(flight)
+        assert (how.period == 1).all()
+        stepper.advance(flight, 100)
+        size = np.linalg.norm(stepper.land(flight), axis=1)
+        left = np.linalg.norm(stepper.land(flight) - there, axis=1) / size
+        assert np.all(left < 3 * tolerance)
+        assert zeta > 0.1 or left.max() > 1e-3 * tolerance  # it has not waited for ever
+    assert how.taken.max() < 40
+
+
+def test_a_motion_that_does_not_settle_says_so():
+    found = sweep(hb.SpurPair(zeta=1e-4), [0.5], settling=Settling(longest=60))
+    assert found.period[0] == 0 and found.taken[0] == 60 and found.left[0] > 1e-3 and abs(found.lyapunov[0]) < 1e-3
+    assert "1 of 1 motions did not settle within 60 periods" in found.message
+
+
+def test_sweep_in_another_parameter(pair):
+    """In the damping at fixed Omega, down the resonance."""
+    found = sweep(hb.SpurPair(), [0.05, 0.06, 0.07], "down", parameter="zeta", at={"Omega": 0.9})
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 20), "zeta", (0.05, 0.07), at={"Omega": 0.9}, stability=False)
+    assert found.values.tolist() == [0.07, 0.06, 0.05]
+    np.testing.assert_allclose(found.amplitude()[[0, 2]], curve.amplitude()[[-1, 0]], rtol=1e-5)
+
+
+# ---- interruption, bad input, output
+
+
+def test_interrupted_it_keeps_what_it_has():
+    def stop(share, text):
+        if share > 0.5:
+            raise KeyboardInterrupt
+
+    found = sweep(hb.SpurPair(), [0.4, 0.42, 0.44, 0.46], progress=stop)
+    assert len(found) == 3 and found.status == Status.INTERRUPTED and "after 3 of 4 values" in found.message
+
+
+def test_progress_is_reported():
+    seen = []
+    sweep(hb.SpurPair(), [0.4, 0.45], progress=lambda share, text: seen.append((share, text)))
+    assert [share for share, _ in seen] == [0.5, 1.0] and "Omega = 0.45" in seen[1][1] and "period 1" in seen[1][1]
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "words"),
+    [
+        (lambda: sweep(hb.SpurPair(), []), ValueError, "at least one value"),
+        (lambda: sweep(hb.SpurPair(), [0.5, np.nan]), ValueError, "all finite"),
+        (lambda: sweep(hb.SpurPair(), [-0.5, 0.5]), ValueError, "must be positive"),
+        (lambda: sweep(hb.SpurPair(), [0.5], "sideways"), ValueError, "'up' or 'down'"),
+        (lambda: sweep(hb.SpurPair(), [0.5], parameter="zetta"), KeyError, "did you mean 'zeta'"),
+        (lambda: sweep(hb.SpurPair(), [0.05], parameter="zeta"), ValueError, "needs a fixed Omega"),
+        (lambda: Settling(tolerance=1e-15), ValueError, "cannot be met"),
+        (lambda: Settling(longest=3), ValueError, "periods <= longest"),
+        (lambda: basins(hb.DoubleHelicalPair(), 0.9), ValueError, "24 coordinates"),
+        (lambda: basins(hb.SpurPair(), 0.9, d=(1.0, -1.0)), ValueError, "ascending"),
+        (lambda: plot_time.sweeps([]), ValueError, "no sweep"),
+    ],
+)
+def test_bad_input(call, error, words):
+    with pytest.raises(error, match=words):
+        call()
+
+
+def test_table_and_figures(up, down, pair, tmp_path):
+    export((up, down), tmp_path / "sweep.csv")
+    table = np.genfromtxt(tmp_path / "sweep.csv", delimiter=",", names=True)
+    assert len(table) == 18 and set(table["direction"]) == {-1, 1}
+    np.testing.assert_array_equal(table["rms_gap"], np.concatenate([up.amplitude(), down.amplitude()]))
+    with pytest.raises(ValueError, match=r"must end in \.csv"):
+        up.export(tmp_path / "sweep.txt")
+    ax = plot_time.sweeps((up, down), pair, "rms")
+    dots = {line.get_gid(): line for line in ax.lines if str(line.get_gid()).startswith("sweep")}
+    np.testing.assert_array_equal(dots["sweep up"].get_xdata(), up.values)
+    np.testing.assert_array_equal(dots["sweep down"].get_ydata(), down.amplitude())
+    assert any(str(line.get_gid()).startswith("branch") for line in ax.lines)
+    ax = plot_time.bifurcation((up,))
+    np.testing.assert_array_equal(ax.lines[0].get_xdata(), up.values)
+    with pytest.raises(ValueError, match="different parameters"):
+        plot_time.sweeps((sweep(hb.SpurPair(), [0.1], parameter="zeta", at={"Omega": 0.5}),), pair)
+    with pytest.raises(KeyError, match="no element 'mesh'"):
+        up.amplitude("rms", "mesh")
+    plt.close("all")
+
+
+def test_basins_are_drawn():
+    found = basins(hb.SpurPair(e=(0.1,)), 0.65, (0, 2), (-1, 1), (4, 3))
+    ax = plot_time.basins(found)
+    np.testing.assert_array_equal(ax.images[0].get_array(), found.label)
+    for i, a in enumerate(found.attractors):
+        (line,) = (line for line in ax.lines if line.get_gid() == f"attractor {i}")
+        np.testing.assert_array_equal(line.get_xydata(), a.points)
+    plt.close("all")

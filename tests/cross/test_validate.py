@@ -1,0 +1,215 @@
+"""Curves held against time integration: they agree, and what is wrong with a curve is found."""
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear import plot_time
+from hbgear.validate import LEAST, choose, problem_for, validate
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """The case with impacts: two folds, unstable between them."""
+    return hb.trace(hb.HarmonicBalance(hb.SpurPair(), 40), "Omega", (1.5, 0.3))
+
+
+@pytest.fixture(scope="module")
+def report(pair):
+    return validate(pair, 10, 1e-5)
+
+
+def test_duffing_agrees_to_what_integration_can_tell():
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 15), "Omega", (0.5, 1.6))
+    found = validate(curve, 6, 1e-9, multiplier_tolerance=1e-6)
+    assert found.ok and len(found.rows) == 6
+    assert max(row.rms_error for row in found.rows) < 1e-10
+    assert max(row.closure for row in found.rows) < 1e-9
+    assert {row.stable for row in found.rows} == {True, False}
+
+
+def test_spur_pair_agrees(report):
+    assert report.ok and len(report.rows) == 10
+    assert max(row.rms_error for row in report.rows) < 1e-6
+    for row in report.rows:
+        assert row.growth == pytest.approx(abs(row.mu), abs=2e-4)
+        assert (row.growth < 1) == row.stable
+    assert {row.stable for row in report.rows} == {True, False}
+
+
+def test_double_helical_pair_of_low_damping():
+    """24 coordinates: rms to 1e-5 with 24 harmonics at 12 points, and every verdict on stability.
+
+    Among them are motions that lose their stability to a second frequency, in opposite phase on the two helices.
+    """
+    curve = hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 24), "Omega", (1.0, 0.8))
+    found = validate(curve, 12, 1e-5, multiplier_tolerance=1e-3)
+    assert found.ok and len(found.rows) == 12
+    assert max(row.rms_error for row in found.rows) < 1e-5
+    unstable = [row for row in found.rows if not row.stable]
+    assert len(unstable) >= 2 and all(row.growth > 1 for row in unstable)
+
+
+def test_period_doubling_of_the_double_helical_pair():
+    """Between Omega = 0.3306 and 0.3435 the default pair is unstable with a multiplier below -1."""
+    problem = hb.HarmonicBalance(hb.DoubleHelicalPair(), 10)
+    curve = hb.trace(problem, "Omega", (0.336, 0.33595))
+    (row,) = validate(curve, [0], 1e-5).rows
+    assert row.ok and row.stable is False
+    assert row.mu_true.real == pytest.approx(-1.0291, abs=2e-3)
+    assert row.growth == pytest.approx(abs(row.mu_true), abs=1e-5)
+
+
+def test_motions_of_two_periods():
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 30), "Omega", (2.2, 1.85))
+    doubled = hb.switch(curve, "PD1", steps=hb.Steps(max_points=12))
+    found = validate(doubled, 4, 1e-5)
+    assert found.ok and doubled.layout.nu == 2
+
+
+# ---- what is wrong is found
+
+
+def test_a_wrong_motion_is_found(pair):
+    X = pair.X.copy()
+    X[30] *= 1 + 1e-3
+    (row,) = validate(replace(pair, X=X), [30], 1e-5).rows
+    assert not row.ok and "rms" in row.verdict and "harmonics" in row.verdict
+    assert row.rms_error == pytest.approx(1e-3, rel=0.01)
+    assert row.closure > 1e-5
+
+
+def test_wrong_multipliers_are_found(pair):
+    mu = pair.multipliers.copy()
+    mu[30] *= 1.05
+    (row,) = validate(replace(pair, multipliers=mu), [30], 1e-5).rows
+    assert row.verdict == "multipliers differ"
+
+
+def test_a_wrong_verdict_on_stability_is_found(pair):
+    """The middle motion with the multipliers of a stable one, and the other way round."""
+    middle = pair["LP1"].index + 8
+    for i, other, words in ((middle, 5, "it stays"), (5, middle, "it leaves")):
+        mu = pair.multipliers.copy()
+        mu[i] = mu[other]
+        (row,) = validate(replace(pair, multipliers=mu), [i], 1e-5, multiplier_tolerance=1e-3).rows
+        assert words != row.verdict and ("it leaves" if i == middle else "it stays") in row.verdict
+
+
+def test_few_harmonics_fail_a_sharp_tolerance():
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 5), "Omega", (1.0, 0.9))
+    assert not validate(curve, 3, 1e-6).ok
+    assert validate(curve, 3, 1e-2).ok
+
+
+# ---- which points
+
+
+def test_points_that_matter_are_chosen(pair):
+    chosen = dict(choose(pair, 12))
+    reasons = " ".join(chosen.values())
+    for word in ("beside LP1", "beside LP2", "beside GR1", "peak", "worst error", "between"):
+        assert word in reasons
+    assert len(chosen) == 12 and list(chosen) == sorted(chosen)
+    assert not {p.index for p in pair.special if p.kind == "LP"} & set(chosen)
+    assert len(choose(pair, 10_000)) == len(pair) - 2
+    assert [i for i, _ in choose(pair, ["GR1", 3, -1])] == sorted([3, pair["GR1"].index, len(pair) - 1])
+
+
+@pytest.mark.parametrize(
+    ("points", "error", "words"),
+    [
+        (0, ValueError, "at least 1"),
+        ([], ValueError, "no points"),
+        ([100_000], IndexError, "outside the branch"),
+        (["LP9"], KeyError, "no special point 'LP9'"),
+    ],
+)
+def test_points_that_are_not_there(pair, points, error, words):
+    with pytest.raises(error, match=words):
+        validate(pair, points)
+
+
+@pytest.mark.parametrize("tolerance", [1e-12, 0.0, 2.0, np.nan])
+def test_tolerances_that_cannot_be_met(pair, tolerance):
+    with pytest.raises(ValueError, match="cannot be met"):
+        validate(pair, 3, tolerance)
+    assert LEAST < 1e-8
+
+
+# ---- curves from files
+
+
+def test_a_saved_curve_is_checked_with_the_model_of_its_header(pair, tmp_path):
+    pair.save(tmp_path / "pair.npz")
+    loaded = hb.load(tmp_path / "pair.npz")
+    assert loaded.problem is None
+    assert validate(loaded, [40], 1e-5).ok
+
+
+def test_curves_in_another_parameter():
+    problem = hb.HarmonicBalance(hb.SpurPair(), 20)
+    curve = hb.trace(problem, "zeta", (0.08, 0.06), at={"Omega": 0.9}, stability=False)
+    (row,) = validate(curve, [3], 1e-4).rows
+    assert row.ok and row.stable is None and row.Omega == 0.9
+
+
+def test_another_model_is_refused(pair):
+    for other, words in (
+        (hb.SpurPair(zeta=0.06), "with other zeta"),
+        (hb.DoubleHelicalPair(), "was traced with another model"),
+        (hb.SpurPair(b=0.5), "corners"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            validate(pair, 2, problem=hb.HarmonicBalance(other, 40))
+    with pytest.raises(ValueError, match="does not say which model"):
+        validate(replace(pair, problem=None, meta={}), 2)
+    unknown = {**pair.meta, "model": {"class": "Pump", "fields": {}}}
+    with pytest.raises(KeyError, match="no class 'Pump'"):
+        validate(replace(pair, problem=None, meta=unknown), 2)
+
+
+def test_a_curve_of_folds_is_refused():
+    problem = hb.HarmonicBalance(hb.SpurPair(), 8)
+    start = hb.trace(problem, "Omega", (1.0, 0.6))["LP1"]
+    folds = hb.trace(hb.Fold(problem, "Omega"), "zeta", (0.05, 0.051), start=start)
+    with pytest.raises(ValueError, match="a curve of special points"):
+        validate(folds, 1)
+    with pytest.raises(ValueError, match="only curves of periodic motions"):
+        validate(replace(folds, layout=None), 1)
+
+
+def test_another_version_is_mentioned(pair):
+    with pytest.warns(UserWarning, match=r"traced with hbgear 0\.0\.1"):
+        problem_for(replace(pair, meta={**pair.meta, "hbgear": "0.0.1"}))
+
+
+# ---- what is shown
+
+
+def test_table_file_and_figure(pair, report, tmp_path):
+    headers, rows = report.table()
+    assert len(rows) == 10 and {len(row) for row in rows} == {len(headers)} and rows[0][-1] == "agrees"
+    report.export(tmp_path / "report.csv")
+    text = (tmp_path / "report.csv").read_text().splitlines()
+    assert len(text) == 11 and text[0].startswith("index,reason,value,Omega")
+    with pytest.raises(ValueError, match=r"must end in \.csv"):
+        report.export(tmp_path / "report.txt")
+    top, low = plot_time.validation(report, pair).axes
+    marks = {line.get_gid(): line for line in (*top.lines, *low.lines)}
+    np.testing.assert_array_equal(marks["agrees with integration"].get_xdata(), [row.value for row in report.rows])
+    np.testing.assert_array_equal(marks["rms_error"].get_ydata(), [max(r.rms_error, 1e-16) for r in report.rows])
+    plt.close("all")
+
+
+def test_interrupted_it_keeps_what_it_has(pair):
+    def stop(share, text):
+        if share > 0.4:
+            raise KeyboardInterrupt
+
+    found = validate(pair, [3, 20, 40, 60], 1e-5, progress=stop)
+    assert [row.index for row in found.rows] == [3, 20] and not found.complete and not found.ok
+    assert "interrupted" in repr(found)
