@@ -2,10 +2,10 @@
 
     python -m studies.speed.sweep_ratio -o DIR [--quick]
 
-The double-helical pair with its defaults, Omega from 0.3 to 1.6. The sweeps pass 131 frequencies up and down; at each the motion
-is integrated until it is settled to the tolerance given. The continuation is the whole curve with multipliers, special
-points and jumps. Sweeps run on the fast integrator of hbgear, exact in the linear part; what the same periods would take with
-DOP853 of scipy is measured on some of them.
+The double-helical pair with its defaults, Omega from 0.3 to 1.6. The sweeps pass 131 frequencies up and down; at each
+the motion is integrated until it is settled to the tolerance given. The continuation is the whole curve with
+multipliers, special points and jumps. Sweeps run on the fast integrator of hbgear, exact in the linear part; what the
+same periods would take with DOP853 of scipy is extrapolated from some of them.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def sweeps(tolerance: float, values: int) -> tuple[list[Sweep], float]:
 
 
 def dop853(branch: hb.Branch, frequencies: tuple[float, ...] = (0.4, 0.6, 0.9, 1.3)) -> float:
-    """Seconds of DOP853 for one unit of the phase time Omega t / (2 pi) times Omega: a period at Omega takes this over Omega."""
+    """Seconds s of DOP853 such that an excitation period at Omega takes s / Omega, as its steps are of one length."""
     per_time = []
     for Omega in frequencies:
         i = int(np.argmin(np.abs(branch.values - Omega)))
@@ -85,8 +85,9 @@ def table(result: dict[str, Any]) -> str:
             "over continuation (H = 16)", "the same by DOP853 [s], estimated", "over continuation"]  # fmt: skip
     lines += ["", "| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     for row in result["rows"]:
-        cells = [f"{row['tolerance']:.0e}", str(row["periods"]), f"{row['seconds']:.0f}", f"{row['seconds'] / base:.0f}",
-                 f"{row['dop853']:.0f}", f"{row['dop853'] / base:.0f}"]  # fmt: skip
+        seconds, slow = row["seconds"], row["dop853"]
+        cells = [f"{row['tolerance']:.0e}", str(row["periods"]), f"{seconds:.0f}", f"{seconds / base:.0f}"]
+        cells += [f"{slow:.0f}", f"{slow / base:.0f}"]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
