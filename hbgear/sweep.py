@@ -344,6 +344,7 @@ def sweep(
     at: Mapping[str, float] | None = None,
     start: Array | None = None,
     settling: Settling = Settling(),
+    disturbance: float = 1e-4,
     steps: int | None = None,
     progress: Progress | None = None,
 ) -> Sweep:
@@ -358,6 +359,8 @@ def sweep(
     at : values of parameters that stay fixed (``{"Omega": 0.9}`` when something else is swept).
     start : (2n,) state (q, q') at tau = 0 before the first value; by default at rest at q = 0.
     settling : when a motion counts as settled.
+    disturbance : size, relative to the state, of a random disturbance given at each value. Without one, a symmetric
+        model (two equal helices) stays on a symmetric motion even where that is unstable; it must exceed the tolerance.
     steps : of the integration per excitation period; chosen by default.
     progress : called as ``progress(share done, text)``.
 
@@ -372,9 +375,11 @@ def sweep(
     Raises
     ------
     ValueError, KeyError
-        If the grid is empty or not finite, the direction or a parameter unknown, or Omega is missing or not positive.
+        If the grid is empty or not finite, the direction or a parameter unknown, Omega missing or not positive, or the
+        disturbance negative.
     """
-    return _Sweeper(model, grid, direction, parameter, dict(at or {}), start, settling, steps, progress).run()
+    held = dict(at or {})
+    return _Sweeper(model, grid, direction, parameter, held, start, settling, disturbance, steps, progress).run()
 
 
 @dataclass(eq=False)
@@ -388,6 +393,7 @@ class _Sweeper:
     at: dict[str, float]
     start: Array | None
     settling: Settling
+    disturbance: float
     steps: int | None
     progress: Progress | None
     found: list[tuple[float, Observation, Settled, float]] = field(default_factory=list)
@@ -400,6 +406,9 @@ class _Sweeper:
         if values.size == 0 or not np.all(np.isfinite(values)):
             raise ValueError(f"a sweep needs at least one value, all finite; got {self.grid!r}")
         self.values = values if self.direction == "up" else values[::-1]
+        if not (np.isfinite(self.disturbance) and self.disturbance >= 0):
+            raise ValueError(f"disturbance = {self.disturbance} must be finite and not negative")
+        self.random = np.random.default_rng(1)
         known = ("Omega", *self.model.parameters)
         for name in (self.parameter, *self.at):
             if name not in known:
@@ -435,12 +444,22 @@ class _Sweeper:
     def _settle(self, value: float, state: Array) -> Array:
         """Settle at a value from a state, note what is found, and return the state then."""
         stepper = self._stepper(value)
-        flight = stepper.start(state)
+        flight = self._disturbed(stepper, stepper.start(state))
         how, exponent = self._wait(stepper, flight)
         period = int(how.period[0])
         seen = observe(stepper, flight, period or _LONG)
         self.found.append((float(value), seen, how, exponent))
         return stepper.states(flight)[0]
+
+    def _disturbed(self, stepper: Stepper, flight: Flight) -> Flight:
+        """The motion a little beside; the same little in every run."""
+        weights, structure = _weights(stepper), stepper.structures[0]
+        if not self.found:  # a start at rest has no size yet
+            stepper.advance(flight, _WINDOW)
+        z = stepper.land(flight)
+        beside = modal_state(structure, self.random.standard_normal(2 * structure.n))
+        size = np.linalg.norm(weights * z) / np.linalg.norm(weights * beside)
+        return stepper.fly(z + self.disturbance * size * beside)
 
     def _wait(self, stepper: Stepper, flight: Flight) -> tuple[Settled, float]:
         """Settle; a motion that has not and whose neighbours run away from it is chaotic and not waited for."""

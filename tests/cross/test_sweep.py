@@ -95,9 +95,20 @@ def test_two_attractors():
 
 def test_default_double_helical_pair_rises_without_a_jump():
     """What a coarse sweep of it shows as a step is a steep slope: turned back by one value it returns."""
-    found = sweep(hb.DoubleHelicalPair(), [0.86, 0.89], settling=Settling(1e-5))
+    found = sweep(hb.DoubleHelicalPair(), [0.86, 0.89], settling=Settling(1e-5), disturbance=0.0)
     assert found.rms[1, 0] > 1.25 * found.rms[0, 0] and found.jumps == ()
     np.testing.assert_allclose(found.rms[:, 0], found.rms[:, 1], rtol=1e-4)
+
+
+def test_symmetric_motion_that_is_unstable_is_left_only_if_disturbed():
+    """The default double-helical pair between its period doublings: the helices then move in opposite phase too."""
+    pair, how = hb.DoubleHelicalPair(), Settling(1e-4, longest=800)
+    still = sweep(pair, [0.337], settling=how, disturbance=0.0)
+    left = sweep(pair, [0.337], settling=how, disturbance=0.02)
+    assert still.period.tolist() == [1] and left.period.tolist() == [2]
+    apart = left.points[0][:, 0, 0] - left.points[0][:, 1, 0]
+    assert apart[0] == pytest.approx(-apart[1], rel=0.05) and abs(apart[0]) == pytest.approx(0.203, abs=0.01)
+    assert abs(still.points[0][0, 0, 0] - still.points[0][0, 1, 0]) < 1e-9
 
 
 # ---- periods
@@ -216,6 +227,7 @@ def test_progress_is_reported():
         (lambda: sweep(hb.SpurPair(), [0.5], "sideways"), ValueError, "'up' or 'down'"),
         (lambda: sweep(hb.SpurPair(), [0.5], parameter="zetta"), KeyError, "did you mean 'zeta'"),
         (lambda: sweep(hb.SpurPair(), [0.05], parameter="zeta"), ValueError, "needs a fixed Omega"),
+        (lambda: sweep(hb.SpurPair(), [0.5], disturbance=-1.0), ValueError, "not negative"),
         (lambda: Settling(tolerance=1e-15), ValueError, "cannot be met"),
         (lambda: Settling(longest=3), ValueError, "periods <= longest"),
         (lambda: basins(hb.DoubleHelicalPair(), 0.9), ValueError, "24 coordinates"),
