@@ -1,6 +1,6 @@
 """Errors of backlash forces: with the number of samples N, and with the number of harmonics H if nothing is sampled.
 
-    python -m studies.contact.sampling -o DIR [--quick]
+    python -m studies.contact.sampling [--quick] [-o DIR]
 
 Left, against the exact projection of the same harmonics: force and Jacobian of random motions, and the jump-up
 frequency of the spur pair of Kahraman & Singh (F_ah = 0.05) at H = 10, beside what ten harmonics lose of it without
@@ -11,20 +11,17 @@ Sampling errors depend on where the samples fall; each is a root mean square ove
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import hbgear as hb
 from hbgear.fourier import Array, resize
 from hbgear.newton import solve
-from hbgear.plot import STYLE, save
+from studies import study
 
 H_SAMPLED = 10
 MOTIONS = 20
@@ -128,22 +125,21 @@ def plot(results: Results) -> Figure:
     """Both convergences with their fitted slopes."""
     slopes = results.slopes
     lost = float(np.interp(H_SAMPLED, results.H, results.folds[:, 0]))
-    with rc_context(STYLE):
-        figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.6), layout="constrained", sharey=True)
-        _line(left, results.N, results.jacobian, "s-", "#8a8a8a", "Jacobian, relative", slopes["jacobian"])
-        _line(left, results.N, results.force, "o-", "#333333", "force, relative", slopes["force"])
-        _line(left, results.N_fold, results.fold, "^-", UP, "jump-up frequency", slopes["sampled fold"])
-        left.axhline(lost, color=UP, lw=0.9, ls=":", label=f"the same, lost by $H = {H_SAMPLED}$ alone")
-        left.set_xlabel("samples per period $N$ [-]")
-        left.set_ylabel(r"error: relative, or of $\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]")
-        left.set_title(f"forces sampled, $H = {H_SAMPLED}$")
-        _line(right, results.H, results.folds[:, 0], "^-", UP, "jump-up frequency", slopes["jump-up"])
-        _line(right, results.H, results.folds[:, 1], "v-", DOWN, "jump-down frequency", slopes["jump-down"])
-        right.set_xlabel("harmonics $H$ [-]")
-        right.set_title("exact projection")
-        for ax in (left, right):
-            ax.legend(loc="lower left")
-            ax.tick_params(which="both", direction="in", top=True, right=True)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.6), layout="constrained", sharey=True)
+    _line(left, results.N, results.jacobian, "s-", "#8a8a8a", "Jacobian, relative", slopes["jacobian"])
+    _line(left, results.N, results.force, "o-", "#333333", "force, relative", slopes["force"])
+    _line(left, results.N_fold, results.fold, "^-", UP, "jump-up frequency", slopes["sampled fold"])
+    left.axhline(lost, color=UP, lw=0.9, ls=":", label=f"the same, lost by $H = {H_SAMPLED}$ alone")
+    left.set_xlabel("samples per period $N$ [-]")
+    left.set_ylabel(r"error: relative, or of $\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]")
+    left.set_title(f"forces sampled, $H = {H_SAMPLED}$")
+    _line(right, results.H, results.folds[:, 0], "^-", UP, "jump-up frequency", slopes["jump-up"])
+    _line(right, results.H, results.folds[:, 1], "v-", DOWN, "jump-down frequency", slopes["jump-down"])
+    right.set_xlabel("harmonics $H$ [-]")
+    right.set_title("exact projection")
+    for ax in (left, right):
+        ax.legend(loc="lower left")
+        ax.tick_params(which="both", direction="in", top=True, right=True)
     return figure
 
 
@@ -151,19 +147,11 @@ def _line(ax: Axes, x: Array, errors: Array, style: str, color: str, label: str,
     ax.loglog(x, errors, style, color=color, ms=3.5, lw=0.9, label=f"{label}, slope ${slope:.1f}$")
 
 
-def main() -> None:
-    """Measure, print the slopes and write ``sampling.png`` and ``sampling.pdf``."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path, default=Path(), help="folder for the figure")
-    parser.add_argument("--quick", action="store_true", help="fewer and smaller N and H")
-    options = parser.parse_args()
-    results = run(options.quick)
-    for name, slope in results.slopes.items():
-        print(f"{name}: slope {slope:.2f}")
-    figure = plot(results)
-    for kind in ("png", "pdf"):
-        save(figure, options.output / f"sampling.{kind}")
+def report(results: Results) -> str:
+    """The fitted orders, as a table in Markdown."""
+    lines = [f"| {name} | {slope:.2f} |" for name, slope in results.slopes.items()]
+    return "\n".join(["| error | slope in N or H |", "| --- | --- |", *lines, ""])
 
 
 if __name__ == "__main__":
-    main()
+    study.main()

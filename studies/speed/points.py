@@ -1,6 +1,6 @@
 """Time of a converged point, with and without stability, and what BLAS threads do to it.
 
-    python -m studies.speed.points -o DIR [--quick]
+    python -m studies.speed.points [--quick] [-o DIR]
 
 Each case is traced several times, the variants in turn, so that a drift of the machine's speed meets all of them; the
 table gives medians, and ratios of the runs made side by side.
@@ -8,16 +8,17 @@ table gives medians, and ratios of the runs made side by side.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable
-from pathlib import Path
 from statistics import median
 from typing import Any
 
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
+from studies import study
+
+ALONE = True
 
 CASES: dict[str, tuple[Callable[[], hb.Model], int]] = {
     "Duffing, H = 7": (hb.Duffing, 7),
@@ -64,7 +65,7 @@ def run(quick: bool = False) -> list[dict[str, Any]]:
     return rows
 
 
-def table(rows: list[dict[str, Any]]) -> str:
+def report(rows: list[dict[str, Any]]) -> str:
     """The results as a table in Markdown."""
     head = ["case", "points", "Newton steps per point", *(f"{v} [ms/point]" for v in VARIANTS), "curve [s]",
             "stability / points", "two threads / one"]  # fmt: skip
@@ -75,19 +76,8 @@ def table(rows: list[dict[str, Any]]) -> str:
         cells = [row["case"], str(row["points"]), f"{row['newton']:.2f}", *times]
         cells += [f"{whole:.2f}", f"{extra:.2f}", f"{threads:.2f}"]
         lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
-def main() -> None:
-    """Measure and write ``points.md``."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path, default=Path(), help="folder for points.md")
-    parser.add_argument("--quick", action="store_true", help="one run of each instead of seven")
-    options = parser.parse_args()
-    text = table(run(options.quick))
-    print(text)
-    (options.output / "points.md").write_text(f"# Time per point\n\n{text}\n", encoding="utf-8")
+    return "\n".join([*lines, ""])
 
 
 if __name__ == "__main__":
-    main()
+    study.main()

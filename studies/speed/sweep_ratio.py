@@ -1,6 +1,6 @@
 """Cost of a response curve: slow sweeps by time integration against one continuation with stability.
 
-    python -m studies.speed.sweep_ratio -o DIR [--quick]
+    python -m studies.speed.sweep_ratio [--quick] [-o DIR]
 
 The double-helical pair with its defaults, Omega from 0.3 to 1.6. The sweeps pass 131 frequencies up and down; at each
 the motion is integrated until it is settled to the tolerance given. The continuation is the whole curve with
@@ -10,17 +10,20 @@ same periods would take with DOP853 of scipy is extrapolated from some of them.
 
 from __future__ import annotations
 
-import argparse
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
+from hbgear import plot_time
 from hbgear.sweep import Settling, Sweep, sweep
 from hbgear.timedomain import integrate, state_of
+from studies import study
+
+ALONE = True
 
 SPAN = (0.3, 1.6)
 VALUES = 131
@@ -75,7 +78,7 @@ def run(quick: bool = False) -> dict[str, Any]:
     return {"curves": curves, "rows": rows, "values": values}
 
 
-def table(result: dict[str, Any]) -> str:
+def report(result: dict[str, Any]) -> str:
     """The results as tables in Markdown."""
     lines = ["| continuation | points | seconds |", "| --- | --- | --- |"]
     for H, (branch, seconds) in result["curves"].items():
@@ -89,28 +92,13 @@ def table(result: dict[str, Any]) -> str:
         cells = [f"{row['tolerance']:.0e}", str(row["periods"]), f"{seconds:.0f}", f"{seconds / base:.0f}"]
         cells += [f"{slow:.0f}", f"{slow / base:.0f}"]
         lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+    return "\n".join([*lines, ""])
 
 
-def main() -> None:
-    """Measure; write ``sweep_ratio.md`` and the figure ``sweep_ratio.png``."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path, default=Path(), help="folder for what is written")
-    parser.add_argument("--quick", action="store_true", help="six frequencies instead of 131")
-    options = parser.parse_args()
-    result = run(options.quick)
-    text = table(result)
-    print(text)
-    (options.output / "sweep_ratio.md").write_text(f"# Sweeps against continuation\n\n{text}\n", encoding="utf-8")
-
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from hbgear import plot, plot_time
-
-    last = result["rows"][-1]["sweeps"]
-    plot.save(plot_time.sweeps(last, result["curves"][16][0], "rms"), options.output / "sweep_ratio.png")
+def plot(result: dict[str, Any]) -> Figure:
+    """The tightest sweeps as dots on the curve."""
+    return plot_time.sweeps(result["rows"][-1]["sweeps"], result["curves"][16][0], "rms").figure  # type: ignore[return-value]
 
 
 if __name__ == "__main__":
-    main()
+    study.main()

@@ -18,14 +18,56 @@ def on_path(monkeypatch):
 
 
 def names():
-    return [module.name for module in pkgutil.walk_packages([str(ROOT / "studies")], "studies.") if not module.ispkg]
+    found = pkgutil.walk_packages([str(ROOT / "studies")], "studies.")
+    return [module.name for module in found if not module.ispkg and module.name.count(".") == 2]
 
 
 @pytest.mark.parametrize("name", names())
-def test_a_study_runs_from_python_and_from_the_command_line(name):
-    study = importlib.import_module(name)
-    assert study.__doc__ and f"python -m {name} -o DIR" in study.__doc__
-    assert callable(study.run) and callable(study.main)
+def test_a_study_has_its_parts(name):
+    module = importlib.import_module(name)
+    if not hasattr(module, "run"):
+        return  # a helper of those beside it
+    assert f"python -m {name} " in module.__doc__
+    assert hasattr(module, "plot") or hasattr(module, "report")
+
+
+def test_gallery_is_up_to_date():
+    from studies.__main__ import names as all_names
+    from studies.gallery import gallery
+
+    assert (ROOT / "studies" / "README.md").read_text(encoding="utf-8") == gallery(all_names())
+
+
+def test_a_study_is_made_with_its_figure_and_report(tmp_path, monkeypatch):
+    from studies import study
+
+    module = importlib.import_module("studies.contact.sampling")
+    few = module.Results(*(module.np.array([1.0, 2.0]) for _ in range(6)), module.np.array([[2.0, 2.0], [1.0, 0.5]]))
+    monkeypatch.setattr(module, "run", lambda quick: few)
+    study.make("studies.contact.sampling", tmp_path, quick=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["sampling.md", "sampling.pdf", "sampling.png"]
+    assert "| jump-up | -1.00 |" in (tmp_path / "sampling.md").read_text()
+
+
+def test_runner_refuses_what_is_not_there(monkeypatch, capsys):
+    from studies.__main__ import main
+
+    monkeypatch.setattr("sys.argv", ["studies", "dong_2023"])
+    assert main() == 2 and "no study 'studies.dong_2023'" in capsys.readouterr().err
+    monkeypatch.setattr("sys.argv", ["studies", "--quick"])
+    assert main() == 2 and "say where to" in capsys.readouterr().err
+
+
+def test_runner_skips_what_is_unchanged(tmp_path):
+    from studies.__main__ import fingerprint, is_made
+
+    name, file = "studies.contact.sampling", tmp_path / "a.png"
+    made = {name: {"fingerprint": fingerprint(name), "files": [str(file)]}}
+    assert not is_made(name, {}) and not is_made(name, made)
+    file.touch()
+    assert is_made(name, made)
+    made[name]["fingerprint"] = "of other sources"
+    assert not is_made(name, made)
 
 
 def test_sampling(tmp_path):
@@ -42,13 +84,3 @@ def test_sampling(tmp_path):
     figure.savefig(tmp_path / "sampling.png")
     matplotlib.pyplot.close(figure)
     assert (tmp_path / "sampling.png").stat().st_size > 10_000
-
-
-def test_sampling_from_the_command_line(tmp_path, monkeypatch, capsys):
-    study = importlib.import_module("studies.contact.sampling")
-    few = study.Results(*(study.np.array([1.0, 2.0]) for _ in range(6)), study.np.array([[2.0, 2.0], [1.0, 0.5]]))
-    monkeypatch.setattr(study, "run", lambda quick: few)
-    monkeypatch.setattr("sys.argv", ["sampling", "-o", str(tmp_path), "--quick"])
-    study.main()
-    assert "jump-up: slope -1.00" in capsys.readouterr().out
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["sampling.pdf", "sampling.png"]
