@@ -1,0 +1,7 @@
+"""Dong et al. (2022): the marine double-helical gear pair, figure by figure.
+
+H. Dong, Y. Bi, B. Wen, Z. Liu, L. Wang, "Bending-torsional-axial-pendular nonlinear dynamic modeling and frequency
+response analysis of a marine double-helical gear drive system considering backlash", J. Low Freq. Noise Vib. Act.
+Control 41(2) (2022) 519-539. The numbers of the studies are those of its figures. What the paper leaves open is chosen
+as `DoubleHelicalPair` says; the table of readings shows what other choices give.
+"""
