@@ -14,11 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hbgear.flow import Flow
 from hbgear.fourier import Array, ComplexArray, to_real
 from hbgear.model import Model
 from hbgear.newton import NoConvergence
 from hbgear.receptance import Structure
-from hbgear.timedomain import Flow, Motion, integrate, modal_state, physical_state
+from hbgear.stepper import modal_state, physical_state
+from hbgear.timedomain import Motion, integrate
 
 _SAMPLES = 2048  # per excitation period, of the motion whose harmonics are asked for
 

@@ -19,56 +19,17 @@ Free motions (rigid rotation) carry the trivial multipliers +1 and are left out.
 
 from __future__ import annotations
 
-from functools import lru_cache
-from math import factorial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hbgear.collocation import gauss, moments
 from hbgear.fourier import Array, ComplexArray, derive, to_complex, waves
 
 if TYPE_CHECKING:
     from hbgear.balance import HarmonicBalance
 
 _SHARE = 0.2  # longest step as a share of the excitation period, whatever the structure
-
-
-@lru_cache(maxsize=16)
-def _gauss(s: int) -> tuple[Array, Array]:
-    """Gauss points on (0, 1) and monomial coefficients L[j, p] of the Lagrange polynomials on them."""
-    x = 0.5 * (np.polynomial.legendre.leggauss(s)[0] + 1.0)
-    return x, np.linalg.inv(np.vander(x, increasing=True)).T
-
-
-def _phi(z: ComplexArray, order: int) -> ComplexArray:
-    """phi_0..phi_order of z, (order + 1, ...): phi_0 = e^z, phi_{p+1} = (phi_p - 1/p!) / z."""
-    out = np.empty((order + 1, *z.shape), dtype=complex)
-    small = np.abs(z) < 4.0
-    far = np.where(small, 4.0, z)
-    out[0] = np.exp(z)
-    for p in range(order):  # away from zero the forward recursion loses nothing
-        out[p + 1] = (out[p] - 1.0 / factorial(p)) / far
-    near = z[small]
-    if near.size:  # near zero: Taylor series of the highest, then the recursion downwards
-        term = np.full(near.shape, 1.0 / factorial(order), dtype=complex)
-        total = term.copy()
-        for j in range(1, 30):
-            term = term * near / (order + j)
-            total += term
-        for p in range(order, 0, -1):
-            out[p, small] = total
-            total = near * total + 1.0 / factorial(p - 1)
-    return out
-
-
-def _moments(poles: ComplexArray, h: Array, c: Array, s: int) -> ComplexArray:
-    """int_0^{c h} e^{lambda (c h - x)} (x / h)^p dx for p = 0..s-1, shape (p, h, c, lambda)."""
-    span = h[:, None] * c
-    phi = _phi(span[..., None] * poles, s)
-    out = np.empty((s, *phi.shape[1:]), dtype=complex)
-    for p in range(s):
-        out[p] = factorial(p) * (span * c**p)[..., None] * phi[p + 1]
-    return out
 
 
 def _steps(instants: Array, omega: float, width: float) -> tuple[Array, Array, Array]:
@@ -131,7 +92,7 @@ def monodromy(
     pace = np.sqrt((mobility * np.maximum(kr, np.abs(coarse[:, 0]).max(axis=-1))).max())
     width = min((points / 5.0 if width is None else width) / (pace or 1.0), _SHARE * 2 * np.pi / parameters["Omega"])
     start, h, which = _steps(problem.switching(X, **parameters).theta, omega, width)
-    x, L = _gauss(points)
+    x, L = gauss(points)
     theta = (start[:, None] + (omega * h[which])[:, None] * x).ravel()
     slopes = _slopes(problem, X, omega, compiled.laws, theta)
     stiffness = (slopes[:, 0] - kr[:, None]).reshape(problem.m, -1, points)
@@ -167,8 +128,8 @@ def _propagate(
         output = np.vstack([output, output * poles])
     mo = output.shape[0]
     # integrals of the Lagrange polynomials up to each node and to the end of the step
-    moments = _moments(poles, h, np.append(x, 1.0), s)
-    integrals = np.einsum("jp,phcr->hcjr", L, moments)
+    powers = moments(poles, h, np.append(x, 1.0), s)
+    integrals = np.einsum("jp,phcr->hcjr", L, powers)
     kernel = np.einsum("or,hijr,rm->hiojm", output, integrals[:, :-1], input_, optimize=True).real
     kernel = kernel.reshape(len(h), s * mo, s * m)
     push = np.einsum("hjr,rm->hrjm", integrals[:, -1], input_).reshape(len(h), len(poles), s * m)

@@ -25,7 +25,7 @@ from hbgear import measures
 from hbgear.branch import Status, replacing
 from hbgear.fourier import Array, ComplexArray, evaluate, to_real
 from hbgear.model import Model, did_you_mean
-from hbgear.timedomain import Flight, Stepper, modal_state
+from hbgear.stepper import Flight, Stepper, modal_state
 
 Progress = Callable[[float, str], None]
 

@@ -29,12 +29,14 @@ from hbgear import measures
 from hbgear._version import __version__
 from hbgear.branch import NEUTRAL, Branch, replacing
 from hbgear.catalogue import problem_of
+from hbgear.flow import Flow
 from hbgear.fourier import Array, ComplexArray, to_complex
 from hbgear.model import describe
 from hbgear.newton import NoConvergence
 from hbgear.receptance import Structure
 from hbgear.shooting import Orbit, shoot
-from hbgear.timedomain import Flow, modal_state, physical_state, state_of
+from hbgear.stepper import modal_state, physical_state
+from hbgear.timedomain import state_of
 
 Progress = Callable[[float, str], None]
 

@@ -9,8 +9,8 @@ import hbgear as hb
 from hbgear import plot_time
 from hbgear.branch import Status
 from hbgear.newton import solve
+from hbgear.stepper import Stepper
 from hbgear.sweep import Settling, basins, export, lyapunov, observe, settle, sweep
-from hbgear.timedomain import Stepper
 
 FOLDS = (0.7080316187, 0.8284639844)
 ATTRACTORS = (0.05141, 0.34055)

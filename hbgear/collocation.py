@@ -1,0 +1,53 @@
+"""Collocation at Gauss points of a step in which the linear part is propagated exactly.
+
+    z(c h) = e^{lambda c h} z_0 + int_0^{c h} e^{lambda (c h - x)} u(x) dx,   u a polynomial through s Gauss points
+
+The integrals of its monomials are phi functions, phi_0(z) = e^z, phi_{p+1}(z) = (phi_p(z) - 1/p!) / z.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import factorial
+
+import numpy as np
+
+from hbgear.fourier import Array, ComplexArray
+
+
+@lru_cache(maxsize=16)
+def gauss(s: int) -> tuple[Array, Array]:
+    """Gauss points on (0, 1) and monomial coefficients L[j, p] of the Lagrange polynomials on them."""
+    x = 0.5 * (np.polynomial.legendre.leggauss(s)[0] + 1.0)
+    return x, np.linalg.inv(np.vander(x, increasing=True)).T
+
+
+def phi(z: ComplexArray, order: int) -> ComplexArray:
+    """phi_0..phi_order of z, (order + 1, ...): phi_0 = e^z, phi_{p+1} = (phi_p - 1/p!) / z."""
+    out = np.empty((order + 1, *z.shape), dtype=complex)
+    small = np.abs(z) < 4.0
+    far = np.where(small, 4.0, z)
+    out[0] = np.exp(z)
+    for p in range(order):  # away from zero the forward recursion loses nothing
+        out[p + 1] = (out[p] - 1.0 / factorial(p)) / far
+    near = z[small]
+    if near.size:  # near zero: Taylor series of the highest, then the recursion downwards
+        term = np.full(near.shape, 1.0 / factorial(order), dtype=complex)
+        total = term.copy()
+        for j in range(1, 30):
+            term = term * near / (order + j)
+            total += term
+        for p in range(order, 0, -1):
+            out[p, small] = total
+            total = near * total + 1.0 / factorial(p - 1)
+    return out
+
+
+def moments(poles: ComplexArray, h: Array, c: Array, s: int) -> ComplexArray:
+    """int_0^{c h} e^{lambda (c h - x)} (x / h)^p dx for p = 0..s-1, shape (p, h, c, lambda)."""
+    span = h[:, None] * c
+    values = phi(span[..., None] * poles, s)
+    out = np.empty((s, *values.shape[1:]), dtype=complex)
+    for p in range(s):
+        out[p] = factorial(p) * (span * c**p)[..., None] * values[p + 1]
+    return out
