@@ -11,7 +11,7 @@ from hbgear.augmented import Fold, Grazing, Peak, PeriodDoubling
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status, load
 from hbgear.fourier import Series
-from hbgear.gears import DoubleHelicalPair, SpurPair
+from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
 from hbgear.isolated import Survey, trace_all
 from hbgear.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
 from hbgear.maps import Critical, JumpMap, NoFold, critical, jump_map
@@ -35,6 +35,7 @@ __all__ = [
     "Duffing",
     "Element",
     "Fold",
+    "GearRotorBearing",
     "Grazing",
     "HarmonicBalance",
     "Jump",

@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from hbgear.balance import HarmonicBalance
-from hbgear.gears import DoubleHelicalPair, SpurPair
+from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
 from hbgear.model import Model, did_you_mean
 from hbgear.oscillators import Duffing
 
 MODELS: dict[str, type[Model]] = {
     "duffing": Duffing,
     "spur-pair": SpurPair,
+    "gear-rotor-bearing": GearRotorBearing,
     "double-helical": DoubleHelicalPair,
 }
 

@@ -15,6 +15,7 @@ def guesses(problem: Any, here: dict[str, float]) -> Iterator[Array]:
     compiled = problem.compiled(here)
     linear = compiled.linear(here["Omega"])
     reach = np.array([max(np.abs(law.breakpoints), default=1.0) or 1.0 for law in compiled.laws])
+    reach *= _pushed(compiled.laws, linear)
     for side in (1.5, -1.5, 0.0, 4.0, -4.0):
         d0 = side * reach
         for _ in range(50):
@@ -33,6 +34,13 @@ def guesses(problem: Any, here: dict[str, float]) -> Iterator[Array]:
         d[:, 0] = d0
         yield to_real(d).ravel()
         yield to_real(np.concatenate([d[:, :1], 0 * d[:, 1:]], axis=1)).ravel()
+
+
+def _pushed(laws: Any, linear: Any) -> Array:
+    """Side, +1 or -1, to which the constant load pushes each element, as if its law were a linear spring (m,)."""
+    springs = np.diag([law.reference for law in laws])
+    d0 = np.linalg.lstsq(linear.Z[0].real + springs, -linear.g[0].real, rcond=1e-12)[0]
+    return np.where(d0 < 0, -1.0, 1.0)
 
 
 def _static(laws: Any, d0: Array) -> tuple[Array, Array]:

@@ -1,0 +1,148 @@
+"""Spur gear pair on flexible shafts and rolling bearings with clearance: three degrees of freedom."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from hbgear.fourier import Series
+from hbgear.gears.spur import amplitudes, mesh_stiffness
+from hbgear.laws import Backlash
+from hbgear.model import Element, Load, Model, System
+
+_POSITIVE = ("mu_1", "mu_2", "kappa_1", "kappa_2")
+_NOT_NEGATIVE = ("zeta", "zeta_1", "zeta_2", "b", "b_1", "b_2")
+
+
+@dataclass(frozen=True)
+class GearRotorBearing(Model):
+    """Spur gear pair whose gears also move along the line of action, held by bearings with radial clearance.
+
+        y_1'' + 2 zeta_1 y_1' + kappa_1 f_1(y_1) + mu_1 [2 zeta p' + k(tau) f(p)] = -F_1
+        y_2'' + 2 zeta_2 y_2' + kappa_2 f_2(y_2) - mu_2 [2 zeta p' + k(tau) f(p)] = F_2
+        p'' - y_1'' + y_2'' + 2 zeta p' + k(tau) f(p) = F_m + sum_l (l Omega)^2 e_l cos(l tau)      (or sin, by `phase`)
+        k(tau) = 1 - sum_l eps_l cos(l tau),   f, f_1, f_2 = backlash functions with half-gaps b, b_1, b_2
+
+    y_1, y_2 are the displacements of pinion and gear, p = x + y_1 - y_2 - e(tau) is the mesh gap with x the relative
+    rotation r_1 theta_1 - r_2 theta_2. With the coordinates q = (y_1, y_2, x), the first equation over mu_1 and the
+    second over mu_2, M = diag(1/mu_1, 1/mu_2, 1) and the mesh has the direction (1, -1, 1): all is symmetric.
+
+    Units are as for `SpurPair`: a length b_c, the mass m_c of the pair, time 1/omega_n = sqrt(m_c/k_mean). In the
+    symbols of the papers below: zeta_1 = zeta_11, zeta = zeta_33, kappa_1 = kappa_11, mu_1 = kappa_13, and
+    zeta_13 = mu_1 zeta, which is no number of its own, since the same mesh damper acts on the pinion and on the
+    rotation; likewise for the gear. Their F_b1 and F_b2 are F_1 and F_2.
+
+    Parameters
+    ----------
+    zeta : damping ratio of the mesh, c/(2 m_c omega_n), >= 0.
+    zeta_1, zeta_2 : bearing dampers c_i/(2 m_i omega_n), >= 0.
+    kappa_1, kappa_2 : bearing stiffness k_i/(m_i omega_n^2) with the shaft in it, > 0.
+    mu_1, mu_2 : mass ratios m_c/m_i, > 0; as they go to zero the gears stand still and the pair is a `SpurPair`.
+    F_m : mean load of the mesh.
+    F_1, F_2 : preloads of the bearings F_i/(m_i b_c omega_n^2), positive as the loaded mesh pushes the gears.
+    eps : (L,) amplitudes of the mesh stiffness, of any length; () for a constant one.
+    e : (L,) amplitudes of the transmission error, of any length.
+    phase : "cos" or "sin", of the transmission error.
+    b : half backlash of the mesh, >= 0.
+    b_1, b_2 : half clearances of the bearings, >= 0; 0 makes a bearing a linear spring.
+    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range or not finite.
+
+    References
+    ----------
+    Kahraman & Singh (1991), J. Sound Vib. 144(3), 469-506, and 146(1), 135-156.
+    """
+
+    zeta: float = 0.05
+    zeta_1: float = 0.01
+    zeta_2: float = 0.01
+    kappa_1: float = 1.25
+    kappa_2: float = 1.25
+    mu_1: float = 0.25
+    mu_2: float = 0.25
+    F_m: float = 0.1
+    F_1: float = 0.1
+    F_2: float = 0.1
+    eps: tuple[float, ...] = ()
+    e: tuple[float, ...] = (0.05,)
+    phase: Literal["cos", "sin"] = "cos"
+    b: float = 1.0
+    b_1: float = 1.0
+    b_2: float = 1.0
+    eps_scale: float = 1.0
+    e_scale: float = 1.0
+
+    labels: ClassVar[Mapping[str, str]] = {
+        "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$",
+        "amplitude": r"$d / b_c$",
+        "zeta": r"damping ratio $\zeta$",
+        "zeta_1": r"bearing damper $\zeta_1$",
+        "zeta_2": r"bearing damper $\zeta_2$",
+        "kappa_1": r"bearing stiffness $\kappa_1$",
+        "kappa_2": r"bearing stiffness $\kappa_2$",
+        "mu_1": r"mass ratio $\mu_1 = m_c/m_1$",
+        "mu_2": r"mass ratio $\mu_2 = m_c/m_2$",
+        "F_m": r"mean load $F_m$",
+        "F_1": r"bearing preload $F_1$",
+        "F_2": r"bearing preload $F_2$",
+        "b": r"half backlash $b$",
+        "b_1": r"half bearing clearance $b_1$",
+        "b_2": r"half bearing clearance $b_2$",
+        "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
+        "e_scale": r"factor of the error amplitudes $e_l$",
+    }
+    default_span: ClassVar[tuple[float, float]] = (2.0, 0.3)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        rules = [(name, getattr(self, name) > 0, "must be positive") for name in _POSITIVE]
+        rules += [(name, getattr(self, name) >= 0, "must not be negative") for name in _NOT_NEGATIVE]
+        for name, fulfilled, need in rules:
+            if not fulfilled:
+                raise ValueError(f"GearRotorBearing: {name} = {getattr(self, name)} {need}")
+        if self.phase not in ("cos", "sin"):
+            raise ValueError(f"GearRotorBearing: phase = {self.phase!r} must be 'cos' or 'sin'")
+        for name in ("eps", "e"):
+            object.__setattr__(self, name, amplitudes("GearRotorBearing", name, getattr(self, name)))
+
+    @property
+    def transmission_error(self) -> Series:
+        """e(tau)."""
+        e = Series(cosine=self.e) if self.phase == "cos" else Series(sine=self.e)
+        return e.scaled(self.e_scale)
+
+    def system(self) -> System:
+        """Coordinates y_1, y_2, x; elements "gap" (the mesh), "bearing 1" and "bearing 2"."""
+        m_1, m_2 = 1 / self.mu_1, 1 / self.mu_2
+        gap = Element(
+            direction=[1.0, -1.0, 1.0],
+            law=Backlash(b=self.b, stiffness=mesh_stiffness(self.eps, self.eps_scale)),
+            displacement=self.transmission_error,
+            damping=2 * self.zeta,
+            name="gap",
+        )
+        bearing_1 = Element(
+            direction=[1.0, 0.0, 0.0],
+            law=Backlash(b=self.b_1, k=m_1 * self.kappa_1),
+            damping=2 * m_1 * self.zeta_1,
+            name="bearing 1",
+        )
+        bearing_2 = Element(
+            direction=[0.0, 1.0, 0.0],
+            law=Backlash(b=self.b_2, k=m_2 * self.kappa_2),
+            damping=2 * m_2 * self.zeta_2,
+            name="bearing 2",
+        )
+        return System(
+            M=[[m_1, 0.0, 0.0], [0.0, m_2, 0.0], [0.0, 0.0, 1.0]],
+            C=None,
+            K=[[0.0] * 3] * 3,
+            elements=[gap, bearing_1, bearing_2],
+            load=Load(constant=[-m_1 * self.F_1, m_2 * self.F_2, self.F_m]),
+            dof_names=["y_1", "y_2", "x"],
+        )
