@@ -1,0 +1,144 @@
+"""Claims, printed errors and readings of Dong et al. (2022): quick forms, against independent numbers."""
+
+import dataclasses
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+from scipy.linalg import eigvals
+
+import hbgear as hb
+
+matplotlib.use("Agg")
+
+
+@pytest.fixture(autouse=True)
+def on_path(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+
+
+@pytest.fixture
+def made_up():
+    """Results as the paper would have them, typed in."""
+    from studies.dong_2022.claims import Case
+
+    def case(peak, jumps=(0.89,), regimes=("no_impact", "single_sided"), slope=10.0, at=0.89):
+        return Case(peak, at, slope, at, jumps, regimes, (0.5, 0.33))
+
+    linear = {"jumps": (), "regimes": ("no_impact",)}
+    falling = [case(3.0, slope=30.0), case(2.0, slope=20.0), case(1.0, slope=10.0, **linear)]
+    motion = {"regime": "no_impact", "least": 1.5, "stable": True, "harmonics": np.array([1.0, 0.5, 0.2, 0.0])}
+    return {
+        "base": case(3.0),
+        "motions": {"1": {**motion, "regime": "single_sided"}, "1/2": motion, "1/3": motion},
+        "W": [case(x, at=0.8 + 0.01 * x) for x in range(1, 6)],
+        "eps": falling,
+        "eps W": [case(3.0), case(2.0, **linear), case(1.0, **linear)],
+        "zeta": falling,
+        "zeta W": [case(3.0), case(2.0, **linear), case(1.0, **linear)],
+        "e": [case(3.0), case(2.0), case(1.0)],
+        "torque": [case(1.0, at=0.8), case(2.0, at=0.9, **linear)],
+        "b": [[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]],
+    }
+
+
+def test_verdicts_follow_the_results(made_up):
+    from studies.dong_2022 import claims
+
+    assert set(claims.verdicts(made_up)) == {"reproduced"}
+    without = {**made_up, "base": dataclasses.replace(made_up["base"], jumps=())}
+    assert claims.verdicts(without).count("in part") == 1
+    flat = {**made_up, "W": [made_up["W"][0]] * 5}
+    assert claims.verdicts(flat).count("refuted") == 2
+    still = {**made_up, "motions": {**made_up["motions"], "1": made_up["motions"]["1/2"]}}
+    assert claims.verdicts(still)[0] == "refuted"
+
+
+def test_base_case_has_a_steep_rise_and_no_jump():
+    from studies.dong_2022 import base, claims
+
+    case = claims.case(base.curve(16, (1.1, 0.8)))
+    assert case.jumps == ()
+    assert case.peak == pytest.approx(0.5894, abs=5e-4)  # by time integration 0.589
+    assert case.slope_at == pytest.approx(0.887, abs=2e-3)
+
+
+def test_without_errors_the_printed_equations_are_those_of_24_coordinates():
+    from studies.dong_2022 import as_printed
+
+    half = hb.HarmonicBalance(as_printed.symmetric(), 16)
+    pair = hb.HarmonicBalance(hb.DoubleHelicalPair(), 16)
+    for Omega in (0.9, 1.3):
+        np.testing.assert_allclose(half.start(Omega), pair.start(Omega).reshape(2, -1)[0], atol=1e-9)
+    shifted = hb.HarmonicBalance(as_printed.symmetric(["z_sign"]), 16).start(0.9)
+    assert np.abs(shifted - half.start(0.9)).max() > 1e-2
+
+
+def test_opposite_motions_have_eigenvalues_of_the_24_coordinates():
+    from studies.dong_2022 import as_printed
+
+    system = hb.DoubleHelicalPair().system()
+    W, n = system.W, system.n
+    K, C = system.K + W @ W.T, system.C + 2 * 0.063 * W @ W.T
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(system.M, np.hstack([K, C]))]])
+    every = eigvals(A)
+    found = as_printed.antisymmetric()
+    assert len(found) == 24
+    nearest = np.abs(found[:, None] - every).min(axis=1)
+    assert nearest.max() < 1e-6 * np.abs(every).max()
+
+
+@pytest.mark.parametrize(("error", "unstable"), [("z_sign", True), ("mesh_r1", True), ("undefined", True),
+                                                 ("shaft_r2", False), ("no_tilts", False)])  # fmt: skip
+def test_some_errors_alone_make_opposite_motions_unstable(error, unstable):
+    from studies.dong_2022 import as_printed
+
+    assert bool(as_printed.antisymmetric([error]).real.max() > 1e-3) is unstable
+
+
+def test_mean_force_without_tilts_is_smaller_by_the_square_of_the_cosine():
+    """Statics by hand: (c_b^2 + s_b^2) F = c_b T / r_p instead of c_b^2 F."""
+    from studies.dong_2022 import as_printed
+
+    means = [hb.HarmonicBalance(as_printed.symmetric(errors), 6) for errors in ((), ["no_tilts"])]
+    F = [problem.mesh_forces(problem.start(1.3), Omega=1.3)[0, 0] for problem in means]
+    assert F[1] / F[0] == pytest.approx(np.cos(np.radians(24.43)) ** 2, rel=1e-9)
+
+
+def test_unknown_error_is_refused():
+    from studies.dong_2022 import as_printed
+
+    with pytest.raises(ValueError, match="no such error: sign"):
+        as_printed.symmetric(["sign"])
+
+
+def test_printed_errors_quick(tmp_path):
+    from studies import study
+    from studies.dong_2022 import printed_errors
+
+    results = printed_errors.run(quick=True)
+    assert len(results["curves"]["no_tilts"].jumps()) == 2 and not results["curves"]["none"].jumps()
+    assert study.draw(printed_errors.plot, results, tmp_path / "a")[0].stat().st_size > 10_000
+    assert "| z_sign |" in printed_errors.report(results)
+
+
+def test_readings_count_what_holds():
+    from studies.dong_2022 import readings
+    from studies.dong_2022.claims import Case
+
+    good = Case(1.0, 0.9, 9.0, 0.89, (0.8855, 0.865), ("no_impact", "single_sided"), (0.48, 0.32))
+    regimes = {"1": "single_sided", "1/2": "no_impact", "1/3": "no_impact"}
+    assert all(readings.held(good, regimes))
+    worse = dataclasses.replace(good, jumps=(0.95,), regimes=("double_sided",))
+    assert readings.held(worse, {**regimes, "1": "no_impact"}) == (False, False, True, True, True, False)
+
+
+def test_reduction_to_one_degree_of_freedom_jumps():
+    """The jumps of slow sweeps by time integration: up at 0.8855, down at 0.865."""
+    from studies.dong_2022 import readings
+
+    curve = hb.trace(hb.HarmonicBalance(readings.model("one DOF, F_m = 0.109"), 16), "Omega", (1.1, 0.75))
+    up, down = sorted(curve.jumps(), key=lambda jump: -jump.direction)
+    assert up.value == pytest.approx(0.8855, abs=1e-3)
+    assert down.value == pytest.approx(0.865, abs=1e-3)
