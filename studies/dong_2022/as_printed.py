@@ -24,7 +24,8 @@ Errors of the relative rotations gamma, which symmetric motions do not have (`an
 * mesh_r1: (27) has r instead of r^2 before the mesh force.
 * undefined: (27) has Delta_pL and Delta_pR, never defined, times r: read as gamma and -gamma, r in metres kept.
 
-The torque terms of (27), which lack a factor r, cancel for equal halves. (21) to (24) print k Delta without f: read as f.
+The torque terms of (27), which lack a factor r, cancel for equal halves. (21) to (24) print k Delta without f: read
+as f.
 """
 
 from __future__ import annotations
@@ -80,8 +81,7 @@ def half(pair: hb.DoubleHelicalPair, errors: Collection[str], parity: int = 1) -
     if "same_hand" not in errors:
         hand[[2, 3, 4, 7, 8, 9]] = -1
     m, c, k = (
-        np.diag(A[:12, :12])[_OWN] + parity * hand * np.diag(A[:12, 12:])[_OWN]
-        for A in (system.M, system.C, system.K)
+        np.diag(A[:12, :12])[_OWN] + parity * hand * np.diag(A[:12, 12:])[_OWN] for A in (system.M, system.C, system.K)
     )
     n = np.asarray(system.elements[0].direction)[_OWN]
     u = n.copy()

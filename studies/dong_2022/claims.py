@@ -57,7 +57,7 @@ class Claim:
     reason: str
 
     def verdict(self, r: Results) -> str:
-        """"reproduced", "in part" or "refuted"."""
+        """One of "reproduced", "in part", "refuted"."""
         held = [bool(condition(r)) for condition in self.conditions]
         return "reproduced" if all(held) else "in part" if any(held) else "refuted"
 
@@ -167,7 +167,7 @@ CLAIMS = (
     Claim("3", "Omega = 1/3: closed curve, no impact",
           lambda r: f"{r['motions']['1/3']['regime']}, stable: {r['motions']['1/3']['stable']}",
           (lambda r: r["motions"]["1/3"]["regime"] == "no_impact", lambda r: r["motions"]["1/3"]["stable"]),
-          "no impact, but parametric period doubling makes the motion unstable around 1/3"),
+          "no impact, but period doubling, in which the halves move oppositely, makes the motion unstable around 1/3"),
     Claim("4", "base case: jump at 0.89",
           lambda r: f"jumps: {folds([r['base']])}; steepest rise {r['base'].slope:.1f} at {r['base'].slope_at:.4f}",
           (lambda r: near(r["base"].jumps, 0.89, 0.01), lambda r: abs(r["base"].slope_at - 0.89) < 0.02),

@@ -4,7 +4,8 @@
 
 Each panel has one error of `as_printed` switched on in the consistent equations (grey). Stable motions are solid,
 unstable ones dashed. The table adds the errors that symmetric motions do not feel, by the largest real part among the
-eigenvalues of opposite motions of the halves, linear with the mean mesh closed; positive means unstable.
+eigenvalues of opposite motions of the halves, linear with the mean mesh closed; positive means unstable. Several errors
+of (25) and (27) contradict each other if only one is there, and are unstable then; all together need not be.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def cases(quick: bool) -> dict[str, tuple[str, ...]]:
     """Which errors are switched on, by name of the case."""
     alone = {name: (name,) for name in as_printed.ERRORS + as_printed.TWISTS}
     if quick:
-        alone = {name: alone[name] for name in ("z_sign", "no_tilts", "shaft_r2", "mesh_r1")}
+        alone = {name: alone[name] for name in ("z_sign", "no_tilts", "mesh_r1")}
     return {"none": (), **alone, "all": ALL}
 
 
@@ -47,7 +48,7 @@ def run(quick: bool = False) -> dict[str, Any]:
         growth[name] = float(as_printed.antisymmetric(errors).real.max())
         if name not in as_printed.TWISTS:
             problem = hb.HarmonicBalance(as_printed.symmetric(errors), 6 if quick else 16)
-            curves[name] = hb.trace(problem, "Omega", (1.2, 0.7) if quick else base.SPAN)
+            curves[name] = hb.trace(problem, "Omega", (1.05, 0.85) if quick else base.SPAN)
     return {"curves": curves, "growth": growth}
 
 

@@ -142,3 +142,16 @@ def test_reduction_to_one_degree_of_freedom_jumps():
     up, down = sorted(curve.jumps(), key=lambda jump: -jump.direction)
     assert up.value == pytest.approx(0.8855, abs=1e-3)
     assert down.value == pytest.approx(0.865, abs=1e-3)
+
+
+def test_from_rest_reaches_the_curve():
+    """Time integration from rest ends on the stable motion of harmonic balance, whatever W, where there is one only."""
+    from studies.dong_2022 import from_rest
+
+    results = from_rest.run(quick=True)
+    part = results["parts"]["one"]
+    problem = hb.HarmonicBalance(from_rest.machine("one", 0.0), 24)
+    for i, Omega in enumerate(part["Omega"]):
+        expected = float(hb.trace(problem, "Omega", (1.0, Omega)).amplitude("pp2")[-1])
+        for amplitude in part["motions"].values():
+            assert amplitude[i] == pytest.approx(expected, abs=2e-3)
