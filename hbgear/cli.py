@@ -18,7 +18,7 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear import catalogue, cli_design, cli_time
+from hbgear import catalogue, cli_design, cli_study, cli_time
 from hbgear.cli_support import (
     BRANCHES,
     FIGURES,
@@ -83,6 +83,7 @@ def _run(args: list[str]) -> int:
 
 
 cli_design.register(app)
+cli_study.register(app)
 cli_time.register(app)
 
 

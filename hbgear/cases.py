@@ -1,0 +1,380 @@
+"""Many cases of a model: each a response curve, of which some numbers are kept.
+
+    case i:  the model with the values of row i of a `Grid` or `Sample`  ->  peak, jumps, curve, critical values
+
+Cases run in any `concurrent.futures.Executor`, by default in processes of one BLAS thread each. Each is stored as soon
+as it is done; a study started again goes on where it stopped. A case that fails is a row with its reason.
+"""
+
+from __future__ import annotations
+
+import csv
+import errno
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from itertools import islice
+from multiprocessing import get_context, parent_process
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from hbgear.balance import HarmonicBalance
+from hbgear.branch import Branch, Status, replacing
+from hbgear.fourier import Array
+from hbgear.maps import NoFold, critical
+from hbgear.model import Model, describe, did_you_mean
+from hbgear.peaks import peaks
+from hbgear.sampling import Grid, Sample
+from hbgear.store import Result, Store, key_of
+from hbgear.trace import trace
+
+MANY = 1_000_000
+"""More cases than this are refused unless asked for."""
+
+KINDS = ("peak", "jumps", "curve")
+
+_AHEAD = 256  # cases handed to the executor before the first of them is done
+
+CaseProgress = Callable[[int, int, int], None]
+
+
+class Outcome(StrEnum):
+    """Why a study ended."""
+
+    FINISHED = "finished"
+    INTERRUPTED = "interrupted"
+    CANNOT_STORE = "cannot_store"
+    WORKERS_LOST = "workers_lost"
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is computed of each case.
+
+    Parameters
+    ----------
+    compute : some of "peak" (largest peak), "jumps" (of slow sweeps), "curve" (amplitude and stability over Omega).
+    critical : parameters whose critical values are sought.
+    harmonics, span, measure, element : as of `HarmonicBalance`, `trace` and `Branch.amplitude`.
+    """
+
+    compute: tuple[str, ...] = ("peak", "jumps")
+    critical: tuple[str, ...] = ()
+    harmonics: int = 16
+    span: tuple[float, float] = (0.5, 1.5)
+    measure: str = "pp2"
+    element: int | str = 0
+
+    def __post_init__(self) -> None:
+        for kind in self.compute:
+            if kind not in KINDS:
+                raise ValueError(f"cannot compute '{kind}'{did_you_mean(kind, KINDS)}")
+        if not (self.compute or self.critical):
+            raise ValueError(f"nothing to compute; choose of {', '.join(KINDS)} or name a critical parameter")
+
+
+@dataclass(frozen=True, eq=False)
+class Cases:
+    """The results of a study.
+
+    Parameters
+    ----------
+    model, work : what was varied from, and what was computed.
+    names : parameters that vary.
+    table : columns by name, one row for each case done: case, the parameters, the numbers, reason, seconds.
+    jumps : (J, 5) case, Omega, direction (+1 while Omega rises), amplitude before, amplitude after (nan if none).
+    curves : by case, (3, P) Omega, amplitude and stability (1 or 0); with "curve" only.
+    total, outcome, message : cases there are, and why the study ended.
+    """
+
+    model: Model
+    work: Work
+    names: tuple[str, ...]
+    table: dict[str, Any]
+    jumps: Array
+    curves: dict[int, Array]
+    total: int
+    outcome: Outcome
+    message: str
+
+    def __len__(self) -> int:
+        return len(self.table["case"])
+
+    @property
+    def failed(self) -> dict[int, str]:
+        """Reason of each case that failed."""
+        pairs = zip(self.table["case"], self.table["reason"], strict=True)
+        return {int(case): str(reason) for case, reason in pairs if reason}
+
+    def export(self, path: str | os.PathLike[str]) -> None:
+        """Write the table (.csv), or the table, jumps and curves as arrays (.npz); whole or not at all."""
+        suffix = Path(path).suffix.lower()
+        if suffix == ".csv":
+            with replacing(path, "x", encoding="utf-8", newline="") as handle:
+                writer = csv.writer(handle)
+                writer.writerow(self.table)
+                writer.writerows(zip(*(column.tolist() for column in self.table.values()), strict=True))
+        elif suffix == ".npz":
+            rows = [np.vstack([np.full(curve.shape[1], case), curve]).T for case, curve in self.curves.items()]
+            curves = np.concatenate(rows) if rows else np.empty((0, 4))
+            with replacing(path) as handle:
+                np.savez(handle, jump_table=self.jumps, curve_table=curves, **self.table)
+        else:
+            raise ValueError(f"'{path}' must end in .csv or .npz")
+
+
+def cases(
+    model: Model,
+    vary: Grid | Sample,
+    compute: tuple[str, ...] = ("peak", "jumps"),
+    *,
+    critical: tuple[str, ...] = (),
+    harmonics: int = 16,
+    span: tuple[float, float] | None = None,
+    measure: str = "pp2",
+    element: int | str = 0,
+    store: str | os.PathLike[str] | None = None,
+    executor: Executor | None = None,
+    processes: int | None = None,
+    retry: bool = False,
+    most: int = MANY,
+    progress: CaseProgress | None = None,
+) -> Cases:
+    """Compute every case of a grid or sample.
+
+    In a script, call it under ``if __name__ == "__main__":``; the processes import the script.
+
+    Parameters
+    ----------
+    model : gives the values that do not vary.
+    vary : `grid`, `latin_hypercube` or `monte_carlo`.
+    compute, critical, harmonics, span, measure, element : see `Work`; the span is the model's by default.
+    store : folder for finished cases; without one nothing is kept when the study is killed.
+    executor : where the cases run (it is not shut down); by default ``processes`` processes, one for each core.
+    retry : compute stored cases that failed once more.
+    most : largest number of cases.
+    progress : called as ``progress(done, total, failed)``.
+
+    Raises
+    ------
+    KeyError, ValueError
+        If the model has no such field, a setting is wrong, there are too many cases, or the store is of another study.
+    """
+    work = Work(tuple(compute), tuple(critical), harmonics, tuple(span or model.default_span), measure, element)  # type: ignore[arg-type]
+    _check(model, vary, work, most)
+    study = {"model": describe(model), **json.loads(json.dumps(asdict(work)))}
+    folder = None if store is None else Store(store, study)
+    plan = [_inputs(study, row) for row in vary.rows()]
+    keys = [key_of(inputs) for inputs in plan]
+    run = _Run(folder, len(set(keys)), progress)
+    for key in dict.fromkeys(keys):
+        found = folder.read(key) if folder else None
+        if found is not None and not (retry and found.reason):
+            run.done[key] = found
+    waiting = {key: inputs for key, inputs in zip(keys, plan, strict=True) if key not in run.done}
+    outcome, message = Outcome.FINISHED, "every case was computed"
+    if waiting:
+        with _executor(executor, processes, len(waiting)) as pool:
+            outcome, message = run.compute(pool, type(model), waiting, work)
+    return _collect(model, work, vary.names, plan, keys, run.done, outcome, message)
+
+
+def run_case(cls: type[Model], fields: Mapping[str, Any], work: Work) -> Result:
+    """One case, in whatever process: its numbers, or the reason why there are none."""
+    started = time.perf_counter()
+    try:
+        with threadpool_limits(1):
+            model = cls().replace(**{name: tuple(v) if isinstance(v, list) else v for name, v in fields.items()})
+            result = _numbers(model, work)
+        return Result(*result, seconds=time.perf_counter() - started)
+    except Exception as error:  # whatever is wrong with one case must not end the others
+        text = error.args[0] if error.args else type(error).__name__
+        known = isinstance(error, ValueError | KeyError)
+        reason = str(text) if known else f"{type(error).__name__}: {text}"
+        return Result(reason=" ".join(reason.split()), seconds=time.perf_counter() - started)
+
+
+def _numbers(model: Model, work: Work) -> tuple[dict[str, float], dict[str, Array]]:
+    numbers: dict[str, float] = {}
+    arrays: dict[str, Array] = {}
+    problem = HarmonicBalance(model, work.harmonics)
+    if work.compute:
+        stability = bool({"jumps", "curve"} & set(work.compute))
+        branch = trace(problem, "Omega", work.span, stability=stability)
+        if branch.status == Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        if branch.status != Status.REACHED_END:
+            raise ValueError(f"the curve ended early: {branch.message}")
+        for kind in work.compute:
+            _OF_CURVE[kind](branch, work, numbers, arrays)
+    for name in work.critical:
+        try:
+            found = critical(problem, name, frequencies=work.span)
+            numbers |= {f"critical_{name}": found.value, f"critical_{name}_Omega": found.Omega}
+        except NoFold:
+            numbers |= {f"critical_{name}": np.nan, f"critical_{name}_Omega": np.nan}
+    return numbers, arrays
+
+
+def _peak(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
+    """The largest peak, located on the curve; the largest row if that is an end."""
+    points = [*peaks(branch, work.measure, work.element), branch.peak(work.measure, work.element)]
+    top = max(points, key=lambda point: point.amplitude(work.measure, work.element))
+    numbers |= {"peak": top.amplitude(work.measure, work.element), "peak_Omega": top.parameters["Omega"]}
+
+
+def _jumps(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
+    """All jumps, and of each direction the frequency of the one with the greatest change of amplitude."""
+    rows = []
+    for jump in branch.jumps():
+        before, after = (
+            np.nan if p is None else p.amplitude(work.measure, work.element) for p in (jump.before, jump.after)
+        )
+        rows.append([jump.value, jump.direction, before, after])
+    arrays["jumps"] = np.array(rows, dtype=float).reshape(-1, 4)
+    numbers["jumps"] = float(len(rows))
+    for name, direction in (("jump_rising", 1), ("jump_falling", -1)):
+        mine = [row for row in rows if row[1] == direction]
+        top = max(mine, key=lambda row: np.nan_to_num(abs(row[3] - row[2])), default=None)
+        numbers[name] = np.nan if top is None else float(top[0])
+
+
+def _curve(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
+    assert branch.stable is not None
+    arrays["curve"] = np.array([branch.values, branch.amplitude(work.measure, work.element), branch.stable])
+
+
+_OF_CURVE = {"peak": _peak, "jumps": _jumps, "curve": _curve}
+
+
+class _Run:
+    """State of one study while it runs: results by key, and where they are stored."""
+
+    def __init__(self, folder: Store | None, total: int, progress: CaseProgress | None) -> None:
+        self.folder, self.total, self.progress = folder, total, progress
+        self.done: dict[str, Result] = {}
+
+    def compute(
+        self, pool: Executor, cls: type[Model], waiting: Mapping[str, dict[str, Any]], work: Work
+    ) -> tuple[Outcome, str]:
+        """Run what is waiting, a few hundred cases ahead, and store each as it finishes."""
+        queue = iter(waiting.items())
+        running: dict[Future[Result], str] = {}
+        kept = "everything done is kept; run it again to go on" if self.folder else "what is done is in the result"
+        try:
+            self._show()
+            while True:
+                for key, inputs in islice(queue, _AHEAD - len(running)):
+                    running[pool.submit(run_case, cls, inputs["fields"], work)] = key
+                if not running:
+                    return Outcome.FINISHED, "every case was computed"
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    self._keep(running.pop(future), waiting, future.result())
+        except KeyboardInterrupt:
+            for future in running:
+                future.cancel()
+            self._finish(running, waiting)
+            return Outcome.INTERRUPTED, f"interrupted; {kept}"
+        except BrokenExecutor as error:
+            return Outcome.WORKERS_LOST, f"a process died, killed or out of memory ({error}); {kept}"
+        except OSError as error:
+            for future in running:
+                future.cancel()
+            full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+            return Outcome.CANNOT_STORE, (
+                f"a case could not be stored ({error}); {'free some space' if full else 'see to the folder'}; {kept}"
+            )
+
+    def _finish(self, running: Mapping[Future[Result], str], waiting: Mapping[str, dict[str, Any]]) -> None:
+        """Keep the cases that could not be cancelled any more."""
+        left = [future for future in running if not future.cancelled()]
+        for future in wait(left).done:
+            if future.exception() is None:
+                self._keep(running[future], waiting, future.result())
+
+    def _keep(self, key: str, waiting: Mapping[str, dict[str, Any]], result: Result) -> None:
+        self.done[key] = result
+        if self.folder:
+            self.folder.write(key, waiting[key], result)
+        self._show()
+
+    def _show(self) -> None:
+        if self.progress:
+            self.progress(len(self.done), self.total, sum(bool(r.reason) for r in self.done.values()))
+
+
+def _check(model: Model, vary: Grid | Sample, work: Work, most: int) -> None:
+    """Refuse before the work what cannot work."""
+    if vary.size > most:
+        raise ValueError(f"{vary.size:,} cases, more than {most:,}; make the grid coarser, or ask for it with most=")
+    fields = describe(model)["fields"]
+    known = list(model.parameters) if isinstance(vary, Sample) else list(fields)
+    for name in vary.names:
+        if name not in known:
+            raise KeyError(f"{type(model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
+    problem = HarmonicBalance(model, work.harmonics)
+    problem.layout.measure(work.measure, np.zeros(problem.size), work.element)
+    for name in work.critical:
+        problem.check_parameter(name)
+
+
+def _inputs(study: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
+    return {**study, "model": study["model"]["class"], "fields": {**study["model"]["fields"], **row}}
+
+
+def _collect(
+    model: Model, work: Work, names: tuple[str, ...], plan: list[dict[str, Any]], keys: list[str],
+    done: Mapping[str, Result], outcome: Outcome, message: str,
+) -> Cases:  # fmt: skip
+    """The table of what is done, in the order of the plan."""
+    rows = [(i, plan[i]["fields"], done[key]) for i, key in enumerate(keys) if key in done]
+    table: dict[str, Any] = {"case": np.array([i for i, *_ in rows], dtype=int)}
+    table |= {name: np.array([_cell(fields[name]) for _, fields, _ in rows]) for name in names}
+    columns = dict.fromkeys(name for *_, result in rows for name in result.numbers)
+    table |= {name: np.array([result.numbers.get(name, np.nan) for *_, result in rows]) for name in columns}
+    table["reason"] = np.array([result.reason for *_, result in rows], dtype=str)
+    table["seconds"] = np.array([result.seconds for *_, result in rows], dtype=float)
+    jumps = [[i, *row] for i, _, result in rows for row in result.arrays.get("jumps", ())]
+    curves = {i: result.arrays["curve"] for i, _, result in rows if "curve" in result.arrays}
+    jump_rows = np.array(jumps, dtype=float).reshape(-1, 5)
+    return Cases(model, work, names, table, jump_rows, curves, len(plan), outcome, message)
+
+
+def _cell(value: Any) -> Any:
+    return " ".join(map(str, value)) if isinstance(value, list | tuple) else value
+
+
+@contextmanager
+def _executor(given: Executor | None, processes: int | None, count: int) -> Iterator[Executor]:
+    if given is not None:
+        yield given
+        return
+    workers = min(processes or os.cpu_count() or 1, count)
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_prepare) as pool:
+        try:
+            yield pool
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _prepare() -> None:
+    """A process leaves Ctrl-C to the one that started it, and ends when that one is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -1,0 +1,123 @@
+"""The command ``hbgear study``: many cases from a file."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hbgear.cases import MANY, CaseProgress, Outcome, cases
+from hbgear.cli_support import STOPPED_EARLY, say, wrote
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+BAD_INPUT = 2
+_PATIENCE = 5  # seconds a scheduler has to answer
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command of this file."""
+    app.command()(study)
+
+
+def study(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="What to vary and what to compute.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder for cases and table.", show_default="FILE")
+    ] = None,
+    processes: Annotated[
+        int | None, typer.Option(min=1, help="Processes at work.", show_default="one for each core")
+    ] = None,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask scheduler, such as tcp://127.0.0.1:8786.")
+    ] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Compute cases that failed before once more.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask, however many cases there are.")] = False,
+) -> None:
+    """Compute many cases: a grid or a random sample of parameters.
+
+    Every finished case is stored at once in the folder; Ctrl-C keeps them, and the same command goes on where it
+    stopped. The folder gets table.csv and table.npz. A case that fails is a row with its reason.
+    Exit codes: 0 every case is done, 2 bad input, 3 stopped early.
+    """
+    from hbgear.study_file import StudyFileError, read_study
+
+    try:
+        asked = read_study(file)
+    except StudyFileError as error:
+        for problem in error.problems:
+            say("error", problem)
+        raise typer.Exit(BAD_INPUT) from None
+    count, work = asked.vary.size, asked.work
+    if count > MANY and not yes:
+        if not sys.stdin.isatty():
+            raise ValueError(f"{file} asks for {count:,} cases; give --yes if that is meant")
+        typer.confirm(f"{file} asks for {count:,} cases. Go on?", abort=True)
+    folder = output or file.with_suffix("")
+    with dask_executor(dask) as executor, case_bar() as progress:
+        found = cases(
+            asked.model, asked.vary, work.compute, critical=work.critical, harmonics=work.harmonics, span=work.span,
+            measure=work.measure, element=work.element, store=folder, executor=executor, processes=processes,
+            retry=retry, most=max(count, MANY), progress=progress,
+        )  # fmt: skip
+    print(f"{len(found)} of {found.total} cases, {len(found.failed)} of them failed; {found.message}")
+    for case, reason in list(found.failed.items())[:5]:
+        print(f"case {case} failed: {reason}")
+    if found.outcome != Outcome.CANNOT_STORE:
+        tables = [folder / "table.csv", folder / "table.npz"]
+        for path in tables:
+            found.export(path)
+        wrote(*tables)
+    raise typer.Exit(0 if found.outcome == Outcome.FINISHED else STOPPED_EARLY)
+
+
+@contextmanager
+def dask_executor(address: str | None) -> Iterator[Executor | None]:
+    """The executor of a running scheduler; None without an address.
+
+    Raises
+    ------
+    ValueError
+        If Dask is not installed, or no scheduler answers within a few seconds.
+    """
+    if address is None:
+        yield None
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ValueError("--dask needs Dask: pip install 'hbgear[dask]'") from None
+    try:
+        client: Any = Client(address, timeout=_PATIENCE)
+    except (OSError, ValueError) as error:
+        raise ValueError(
+            f"no Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' and give its address"
+        ) from None
+    with client:
+        if not client.scheduler_info()["workers"]:
+            raise ValueError(f"the scheduler at {address} has no workers; start some with 'dask worker {address}'")
+        yield client.get_executor(pure=False)
+
+
+@contextmanager
+def case_bar() -> Iterator[CaseProgress | None]:
+    """A bar on a terminal: cases done, failed, time left; nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[failed]}"), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=None, failed="")
+
+        def show(done: int, total: int, failed: int) -> None:
+            bar.update(task, completed=done, total=total, failed=f"{failed} failed" if failed else "")
+
+        yield show

@@ -1,0 +1,184 @@
+"""The file of a study (TOML), checked before anything is computed: every error at once, each with its line."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import tomllib
+import typing
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from hbgear.cases import KINDS, Work
+from hbgear.catalogue import MODELS
+from hbgear.model import Model, did_you_mean
+from hbgear.sampling import METHODS, Grid, Sample, distribution, grid
+
+Place = tuple[str | int, ...]
+
+
+class StudyFileError(ValueError):
+    """What is wrong with a study file, one text for each error."""
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        super().__init__("; ".join(problems))
+        self.problems = tuple(problems)
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a study file asks for."""
+
+    model: Model
+    vary: Grid | Sample
+    work: Work
+
+
+def read_study(path: str | os.PathLike[str]) -> Study:
+    """Read and check a study file.
+
+    Raises
+    ------
+    StudyFileError
+        If it cannot be read, or a key, type or value is wrong.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        data = tomllib.loads(text)
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise StudyFileError([f"'{path}' cannot be read as a study: {error}"]) from None
+    problems, checked = _checked(data)
+    if not problems:
+        try:
+            return _study(checked)
+        except (ValueError, KeyError) as error:
+            problems = [(("base",), str(error.args[0]))]
+    lines = sorted((line_of(text, place), message) for place, message in problems)
+    raise StudyFileError([f"{path}, line {line}: {message}" for line, message in lines])
+
+
+def line_of(text: str, place: Place) -> int:
+    """Line at which the statement begins that brings a key into a TOML text; 1 if it is nowhere.
+
+    The first lines of the text are parsed, one line more each time: the statement that adds the key begins after the
+    last lines that could be parsed without it.
+    """
+    lines = text.splitlines()
+    start = 1
+    for n in range(1, len(lines) + 1):
+        try:
+            data = tomllib.loads("\n".join(lines[:n]))
+        except tomllib.TOMLDecodeError:
+            continue  # within a value of several lines
+        if _holds(data, place):
+            return start
+        start = n + 1
+    return line_of(text, place[:-1]) if len(place) > 1 else 1
+
+
+def _holds(data: Any, place: Place) -> bool:
+    for key in place:
+        if isinstance(data, dict):
+            if key not in data:
+                return False
+        elif not (isinstance(data, list) and isinstance(key, int) and key < len(data)):
+            return False
+        data = data[key]
+    return True
+
+
+def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
+    """Errors by place, and the data as checked."""
+    import pydantic
+
+    name = data.get("model")
+    cls = MODELS.get(name) if isinstance(name, str) else None
+    schema = _schema(cls)
+    problems: list[tuple[Place, str]] = []
+    if isinstance(name, str) and cls is None:
+        problems.append((("model",), f"there is no model '{name}'{did_you_mean(name, MODELS)}"))
+    if ("grid" in data) == ("sample" in data):
+        need = "need [grid] or [sample], and not both"
+        problems.append((("sample",), need))
+    checked = None
+    try:
+        checked = schema.model_validate(data)
+    except pydantic.ValidationError as error:
+        problems += [_told(schema, each) for each in error.errors()]
+    return problems, checked
+
+
+def _told(schema: Any, error: Any) -> tuple[Place, str]:
+    """Place and text of an error of pydantic."""
+    place: Place = tuple(error["loc"])
+    name = ".".join(map(str, place))
+    if error["type"] == "extra_forbidden":
+        for key in place[:-1]:
+            schema = schema.model_fields[key].annotation
+        return place, f"unknown key '{name}'{did_you_mean(str(place[-1]), schema.model_fields)}"
+    if error["type"] == "missing":
+        return place, f"'{name}' is missing"
+    return place, f"{name} = {error['input']!r}: {error['msg'].removeprefix('Value error, ')}"
+
+
+def _schema(cls: type[Model] | None) -> Any:
+    """The form of the file, as a model of pydantic: its tables have the fields of the model of the machine."""
+    from pydantic import AfterValidator, ConfigDict, Field, create_model
+
+    strict = ConfigDict(extra="forbid", strict=True)
+
+    def table(title: str, fields: dict[str, Any]) -> Any:
+        return create_model(title, __config__=strict, **fields)
+
+    kinds: dict[str, Any] = {}
+    if cls is not None:
+        hints = typing.get_type_hints(cls)
+        names = [f.name for f in dataclasses.fields(cls)]  # type: ignore[arg-type]
+        kinds = {n: list[float] if typing.get_origin(hints[n]) is tuple else hints[n] for n in names}
+    loose = ConfigDict(extra="allow")
+    drawn = Annotated[list[str | float], AfterValidator(_distribution)]
+    if cls is None:
+        base = several = random = create_model("any", __config__=loose)
+    else:
+        base = table("base", {n: (k, None) for n, k in kinds.items()})
+        several = table("grid", {n: (Annotated[list[k], Field(min_length=1)], None) for n, k in kinds.items()})  # type: ignore[valid-type]
+        random = table("parameters", {n: (drawn, None) for n, k in kinds.items() if k is float})
+    sample = table("sample", {
+        "method": (Literal[METHODS], METHODS[0]), "count": (Annotated[int, Field(ge=1)], ...),  # type: ignore[valid-type]
+        "seed": (Annotated[int, Field(ge=0)], 0), "parameters": (random, ...),
+    })  # fmt: skip
+    compute = table("compute", {
+        "what": (list[Literal[KINDS]], ["peak", "jumps"]), "critical": (list[str], []),  # type: ignore[valid-type]
+        "harmonics": (Annotated[int, Field(ge=1)], 16),
+        "span": (Annotated[list[float], Field(min_length=2, max_length=2)], None),
+        "measure": (str, "pp2"), "element": (int | str, 0),
+    })  # fmt: skip
+    return table("study", {"model": (str, ...), "base": (base, base()), "grid": (several, None),
+                           "sample": (sample, None), "compute": (compute, compute())})  # fmt: skip
+
+
+def _distribution(given: list[Any]) -> list[Any]:
+    try:
+        distribution(given)
+    except KeyError as error:
+        raise ValueError(error.args[0]) from None
+    return given
+
+
+def _study(checked: Any) -> Study:
+    data = checked.model_dump(exclude_unset=True)
+    base = {name: tuple(v) if isinstance(v, list) else v for name, v in data.get("base", {}).items()}
+    model = MODELS[data["model"]]().replace(**base)
+    if "grid" in data:
+        vary: Grid | Sample = grid(**data["grid"])
+    else:
+        sample = data["sample"]
+        if not sample["parameters"]:
+            raise ValueError("[sample.parameters] names no parameter")
+        vary = Sample(sample.get("method", METHODS[0]), sample["count"], sample.get("seed", 0), sample["parameters"])
+    asked = checked.compute
+    span = tuple(asked.span or model.default_span)
+    work = Work(tuple(asked.what), tuple(asked.critical), asked.harmonics, span, asked.measure, asked.element)  # type: ignore[arg-type]
+    return Study(model, vary, work)

@@ -1,0 +1,172 @@
+"""Many cases: samples, what is kept, going on after a kill, full disks, stores of others."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import hbgear as hb
+from hbgear import cli
+from hbgear.cases import cases
+from hbgear.sampling import distribution, grid, latin_hypercube, monte_carlo
+from hbgear.store import Store
+
+DUFFING = hb.Duffing(zeta=0.05, k3=1.0, F=0.15)
+SPAN = (0.5, 2.0)
+
+STUDY = """model = "duffing"
+[base]
+k3 = 1.0
+[sample]
+count = {count}
+[sample.parameters]
+zeta = ["uniform", 0.03, 0.06]
+F = ["uniform", 0.1, 0.2]
+[compute]
+what = ["peak"]
+harmonics = 3
+span = [0.5, 2.0]
+"""
+
+
+@pytest.fixture
+def run(tmp_path):
+    """`cases` on one thread, the folder ``s`` as store."""
+    with ThreadPoolExecutor(1) as pool:
+        yield lambda vary, **options: cases(
+            DUFFING, vary, **{"harmonics": 3, "span": SPAN, "store": tmp_path / "s", "executor": pool} | options
+        )
+
+
+def test_a_latin_hypercube_has_one_case_in_each_layer():
+    sample = latin_hypercube(20, 3, zeta=("uniform", 0.0, 1.0), F=("normal", 2.0, 0.5))
+    rows = list(sample.rows())
+    assert sorted(int(20 * row["zeta"]) for row in rows) == list(range(20))
+    layers = [int(20 * stats.norm(2.0, 0.5).cdf(row["F"])) for row in rows]
+    assert sorted(layers) == list(range(20))
+
+
+def test_a_longer_monte_carlo_sample_starts_with_the_shorter():
+    short, long = (list(monte_carlo(n, 1, zeta=("triangular", 0.0, 0.1, 1.0)).rows()) for n in (5, 9))
+    assert long[:5] == short
+
+
+@pytest.mark.parametrize(
+    ("given", "mean"),
+    [
+        (("uniform", 1, 3), 2.0),
+        (("normal", 2, 0.1), 2.0),
+        (("truncated_normal", 2, 1, 1, 3), 2.0),
+        (("lognormal", 2, 0.5), 2 * np.exp(0.125)),
+        (("triangular", 0, 1, 5), 2.0),
+    ],
+)
+def test_means_of_distributions(given, mean):
+    assert distribution(given).mean() == pytest.approx(mean, rel=1e-12)
+
+
+@pytest.mark.parametrize("given", [("uniform", 2, 1), ("normal", 1), ("normal", 1, 0), ("uniform", 1, np.inf)])
+def test_numbers_that_do_not_fit(given):
+    with pytest.raises(ValueError, match="need"):
+        distribution(given)
+
+
+def test_numbers_of_a_case_are_those_of_its_curve(run):
+    found = run(grid(zeta=[0.05, 0.5]), compute=("peak", "jumps", "curve"))
+    curve = hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", SPAN)
+    assert found.table["peak"][0] == pytest.approx(max(p.amplitude("pp2") for p in hb.peaks(curve, "pp2")), rel=1e-9)
+    rising, falling = (next(j.value for j in curve.jumps() if j.direction == way) for way in (1, -1))
+    assert found.table["jump_rising"][0] == pytest.approx(rising, rel=1e-9)
+    assert found.table["jump_falling"][0] == pytest.approx(falling, rel=1e-9)
+    assert found.table["jumps"].tolist() == [2, 0] and np.isnan(found.table["jump_rising"][1])
+    assert found.curves[0].shape == (3, len(curve))
+
+
+def test_a_failing_case_is_a_row_and_is_retried_only_if_asked(run, monkeypatch):
+    found = run(grid(zeta=[0.05, -0.05]))
+    assert list(found.failed) == [1] and "must not be negative" in found.failed[1]
+    calls = []
+    monkeypatch.setattr("hbgear.cases.run_case", lambda cls, fields, work: calls.append(fields) or found_result())
+    run(grid(zeta=[0.05, -0.05]))
+    assert calls == []
+    again = run(grid(zeta=[0.05, -0.05]), retry=True)
+    assert [fields["zeta"] for fields in calls] == [-0.05] and not again.failed
+
+
+def found_result():
+    from hbgear.store import Result
+
+    return Result({"peak": 1.0})
+
+
+def test_a_full_disk_stops_and_keeps_what_is_there(run, monkeypatch):
+    write, written = Store.write, []
+
+    def full(self, key, inputs, result):
+        if len(written) == 2:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written.append(key)
+        write(self, key, inputs, result)
+
+    monkeypatch.setattr(Store, "write", full)
+    vary = grid(zeta=[0.05, 0.06, 0.07, 0.08])
+    found = run(vary)
+    assert found.outcome == "cannot_store" and "free some space" in found.message
+    monkeypatch.setattr(Store, "write", write)
+    assert len(run(vary)) == 4 and run(vary).outcome == "finished"
+
+
+def test_stores_of_others_are_refused(run, tmp_path):
+    run(grid(zeta=[0.5]))
+    with pytest.raises(ValueError, match=r"another study \(harmonics = 3 there, 5 now\)"):
+        run(grid(zeta=[0.5]), harmonics=5)
+    file = tmp_path / "s" / "study.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"schema": 99}))
+    with pytest.raises(ValueError, match="schema 99"):
+        run(grid(zeta=[0.5]))
+    with pytest.raises(ValueError, match="holds no study"):
+        run(grid(zeta=[0.5]), store=tmp_path)
+
+
+def test_bad_plans(run):
+    with pytest.raises(KeyError, match="did you mean 'zeta'"):
+        run(grid(zetta=[0.5]))
+    with pytest.raises(ValueError, match="2,000,000 cases"):
+        run(grid(zeta=range(2_000_000)))
+    with pytest.raises(ValueError, match="at least one value"):
+        grid(zeta=[])
+
+
+def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
+    (tmp_path / "a.toml").write_text(STUDY.format(count=16))
+    command = [sys.executable, "-m", "hbgear", "study", "a.toml", "--processes", "1"]
+    first = subprocess.Popen(command, cwd=tmp_path)
+    end = time.time() + 60
+    while len(files := list(tmp_path.glob("a/cases/*/*.npz"))) < 3 and time.time() < end:
+        time.sleep(0.02)
+    os.kill(first.pid, signal.SIGKILL)
+    first.wait()
+    files = {path: path.stat().st_mtime_ns for path in tmp_path.glob("a/cases/*/*.npz")}
+    assert 3 <= len(files) < 16
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "16 of 16 cases, 0 of them failed" in done.stdout
+    assert all(path.stat().st_mtime_ns == before for path, before in files.items())  # nothing computed twice
+    assert len(list(tmp_path.glob("a/cases/*/*.npz"))) == 16
+    assert len((tmp_path / "a" / "table.csv").read_text().splitlines()) == 17
+
+
+def test_no_scheduler(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.toml").write_text(STUDY.format(count=2))
+    monkeypatch.setattr("hbgear.cli_study._PATIENCE", 0.5)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["study", "a.toml", "--dask", "tcp://127.0.0.1:9"])
+    assert stop.value.code == 2 and "no Dask scheduler answers" in capsys.readouterr().err

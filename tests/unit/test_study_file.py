@@ -1,0 +1,78 @@
+"""The study file: every error at once, with its line."""
+
+import pytest
+
+import hbgear as hb
+from hbgear.study_file import StudyFileError, line_of, read_study
+
+GOOD = """model = "double-helical"
+[base]
+zeta = 0.05
+eps = [0.16, 0.07]
+[grid]
+torque = [1000, 1400]
+mesh_helix = ["pitch", "base"]
+[compute]
+what = ["jumps"]
+"""
+
+BAD = """model = "duffing"
+# a comment
+[base]
+zetta = 0.05
+k3 = "one"
+[sample]
+count = 0
+[sample.parameters]
+zeta = ["unifrom", 0.01, 0.05]
+F = ["uniform",
+     0.3, 0.1]
+[compute]
+what = ["peaks"]
+harmonicz = 3
+"""
+
+
+def test_a_good_file(tmp_path):
+    (tmp_path / "a.toml").write_text(GOOD)
+    study = read_study(tmp_path / "a.toml")
+    assert study.model == hb.DoubleHelicalPair(zeta=0.05, eps=(0.16, 0.07))
+    assert study.vary.size == 4 and study.work.span == (1.6, 0.2) and study.work.compute == ("jumps",)
+
+
+def test_every_error_with_its_line(tmp_path):
+    (tmp_path / "a.toml").write_text(BAD)
+    with pytest.raises(StudyFileError) as error:
+        read_study(tmp_path / "a.toml")
+    lines = [int(text.partition("line ")[2].partition(":")[0]) for text in error.value.problems]
+    assert lines == [4, 5, 7, 9, 10, 13, 14]
+    assert "did you mean 'zeta'" in error.value.problems[0] and "did you mean 'uniform'" in error.value.problems[3]
+    assert "did you mean 'harmonics'" in error.value.problems[-1]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("model = ", "cannot be read"),
+        ('model = "dufing"\n[grid]\nzeta = [0.1]', "line 1: there is no model 'dufing'; did you mean 'duffing'"),
+        ('model = "duffing"', "need [grid] or [sample]"),
+        ('model = "duffing"\n[grid]\nzeta = []', "line 3: grid.zeta"),
+        ('model = "duffing"\n[base]\nzeta = -1.0\n[grid]\nF = [0.1]', "line 2: Duffing: zeta = -1.0"),
+    ],
+)
+def test_bad_files(tmp_path, text, words):
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(StudyFileError) as error:
+        read_study(tmp_path / "a.toml")
+    assert words in str(error.value)
+
+
+def test_lines_of_values_of_several_lines():
+    text = 'a = """\nb = 1\n"""\n\n[t]\nb = [1,\n 2]\nc = 3\n'
+    assert [line_of(text, place) for place in (("a",), ("t",), ("t", "b", 1), ("t", "c"), ("t", "no"))] == [
+        1,
+        5,
+        6,
+        8,
+        5,
+    ]
