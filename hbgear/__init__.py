@@ -19,6 +19,7 @@ from hbgear.model import Element, Load, Model, System
 from hbgear.newton import NoConvergence, Settings
 from hbgear.oscillators import Duffing
 from hbgear.peaks import peaks
+from hbgear.reduction import Reduction, reduce
 from hbgear.shooting import shoot
 from hbgear.sweep import basins, sweep
 from hbgear.switch import switch
@@ -50,6 +51,7 @@ __all__ = [
     "PeriodDoubling",
     "PiecewiseLinear",
     "Point",
+    "Reduction",
     "Series",
     "Settings",
     "SpecialPoint",
@@ -67,6 +69,7 @@ __all__ = [
     "load",
     "peaks",
     "plot",
+    "reduce",
     "shoot",
     "sweep",
     "switch",

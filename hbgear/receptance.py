@@ -34,6 +34,7 @@ MODAL_LIMIT = 1500
 
 _FREE = 1e-12  # squared frequency, relative to the highest, below which a motion counts as free
 _BALANCED = 1e-8  # relative work of the constant load on a free motion that is still rounding
+_ROUNDING = 1e-13  # the same, relative to the work the load could do at most
 _ILL = 1e8  # condition of the eigenvectors above which receptances are solved for directly
 
 
@@ -170,7 +171,8 @@ class Structure:
                 continue
             for r in self.free_left.T:
                 work = r * np.asarray(load.constant)
-                if abs(work.sum()) > _BALANCED * np.abs(work).sum():
+                largest = la.norm(r / self._scale) * la.norm(self._scale * np.asarray(load.constant))
+                if abs(work.sum()) > max(_BALANCED * np.abs(work).sum(), _ROUNDING * largest):
                     raise UnbalancedLoad(self._describe_unbalance(r, float(work.sum())))
 
     def _describe_unbalance(self, r: Array, work: float) -> str:

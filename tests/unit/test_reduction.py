@@ -1,0 +1,119 @@
+"""Reduced structures against the full ones."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+import hbgear as hb
+from hbgear.reduction import reduce
+
+
+def chain(n, law=None, dense=False, damping=0.02):
+    """n masses between walls, a spring to ground at the last, driven at the first."""
+    K = sparse.diags_array([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1]).tocsr()
+    first, last = np.eye(n)[0], np.eye(n)[-1]
+    M = sparse.eye_array(n).tocsr()
+    if dense:
+        M, K = M.toarray(), K.toarray()
+    element = hb.Element(last, law or hb.Cubic(k1=0.0, k3=0.5), name="ground")
+    return hb.System(M, damping * K, K, [element], hb.Load(cosine={1: 0.1 * first}))
+
+
+def first_frequency(n):
+    """Of the chain between walls, closed form."""
+    return 2 * np.sin(np.pi / (2 * (n + 1)))
+
+
+def test_frequencies_are_those_of_the_chain():
+    """The element is as good as absent: closed form of the chain between walls."""
+    n = 80
+    found = reduce(chain(n, hb.Unilateral(k=1e-14, gap=0.0)), 10)
+    closed = 2 * np.sin(np.arange(1, 11) * np.pi / (2 * (n + 1)))
+    np.testing.assert_allclose(found.frequencies, closed, rtol=1e-10)
+    np.testing.assert_allclose(found.basis.T @ (found.full.M @ found.basis), np.eye(found.basis.shape[1]), atol=1e-12)
+
+
+def test_all_modes_but_one_lose_nothing():
+    """With the static responses the basis is then complete."""
+    full = chain(12)
+    found = reduce(full, 11)
+    assert found.basis.shape == (12, 12)
+    assert found.error([0.0, 0.3, 1.1]).max() < 1e-10
+
+
+def test_error_falls_with_the_fourth_power_of_the_frequencies_kept():
+    """What is left of a mode after its static response goes with (w / w_r)^2; its share of a receptance is another."""
+    w, full = 0.05, chain(200)
+    modes = np.array([10, 20, 40])
+    errors = [reduce(full, int(r)).error(w)[0] for r in modes]
+    slope = np.polyfit(np.log(modes), np.log(errors), 1)[0]
+    assert slope < -2.5
+
+
+def test_static_response_is_exact():
+    full = chain(100, hb.Backlash(b=0.1))
+    assert reduce(full, 3).error(0.0)[0] < 1e-9
+
+
+@pytest.mark.parametrize("law", [hb.Cubic(k1=0.0, k3=0.5), hb.Unilateral(k=0.3, gap=0.5)])
+def test_curve_and_multipliers_of_the_full_chain(law):
+    n = 40
+    w = first_frequency(n)
+    full, found = chain(n, law, dense=True), reduce(chain(n, law), 20)
+    curves = [hb.trace(hb.HarmonicBalance(s, 7), "Omega", (0.8 * w, 1.3 * w)) for s in (full, found.system)]
+    assert [p.kind for p in curves[0].special] == [p.kind for p in curves[1].special]
+    for a, b in zip(curves[0].special, curves[1].special, strict=True):
+        assert b.parameters["Omega"] == pytest.approx(a.parameters["Omega"], rel=2e-6)
+    i = len(curves[1]) // 2
+    X, here = curves[1].X[i], curves[1].parameters_at(i)
+    mus = [curve.problem.multipliers(X, **here)[:6] for curve in curves]
+    np.testing.assert_allclose(np.sort(np.abs(mus[0])), np.sort(np.abs(mus[1])), rtol=2e-4)
+
+
+def test_full_motion_from_the_reduced_one():
+    n = 60
+    w = 1.02 * first_frequency(n)
+    full, found = chain(n, dense=True), reduce(chain(n), 25)
+    q = []
+    for system in (full, found.system):
+        problem = hb.HarmonicBalance(system, 5)
+        curve = hb.trace(problem, "Omega", (0.8 * w, w), stability=False)
+        q.append(problem.motion(curve.X[-1], Omega=w))
+    np.testing.assert_allclose(found.motion(q[1]), q[0], atol=1e-5 * np.abs(q[0]).max())
+
+
+def test_free_motion_stays_free():
+    """Two discs on a long shaft, driven against each other, with backlash at a coupling: the train turns freely."""
+    n = 50
+    K = sparse.diags_array([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1]).tolil()
+    K[0, 0] = K[-1, -1] = 1.0
+    gap = np.zeros(n)
+    gap[20], gap[21] = 1.0, -1.0
+    K[20, 20] -= 1
+    K[21, 21] -= 1
+    K[20, 21] = K[21, 20] = 0.0
+    drive = np.zeros(n)
+    drive[0], drive[-1] = 0.1, -0.1
+    M, K = sparse.eye_array(n).tocsr(), K.tocsr()
+    full = hb.System(M, 0.05 * K, K, [hb.Element(gap, hb.Backlash(b=0.05), damping=0.05)],
+                     hb.Load(constant=drive, cosine={1: 0.5 * drive}))  # fmt: skip
+    found = reduce(full, 25)
+    assert found.frequencies[0] < 1e-6 < found.frequencies[1]
+    dense = hb.System(M.toarray(), 0.05 * K.toarray(), K.toarray(), full.elements, full.load)
+    peaks = [hb.trace(hb.HarmonicBalance(s, 7), "Omega", (0.02, 0.09), stability=False).amplitude("pp2").max()
+             for s in (dense, found.system)]  # fmt: skip
+    assert peaks[1] == pytest.approx(peaks[0], rel=1e-4)
+
+
+@pytest.mark.parametrize("modes", [0, 12, -3, 2.5, True])
+def test_number_of_modes_is_checked(modes):
+    with pytest.raises(ValueError, match="whole number from 1 to n - 1 = 11"):
+        reduce(chain(12), modes)
+
+
+def test_mass_is_checked():
+    full = chain(12)
+    M = full.M.toarray()
+    M[3, 3] = 0.0
+    with pytest.raises(ValueError, match="'q4' has no positive mass"):
+        reduce(hb.System(M, full.C, full.K, full.elements, full.load), 4)
