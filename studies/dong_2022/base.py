@@ -48,6 +48,8 @@ def at(branch: hb.Branch, Omega: float) -> hb.Point:
     """
     rows = [branch[i] for i in range(len(branch))]
     start = min(rows, key=lambda point: abs(point.parameters["Omega"] - Omega) + (0 if point.stable else 1e-2))
+    if start.parameters["Omega"] == Omega:
+        return start
     here = hb.trace(branch.problem, "Omega", (start.parameters["Omega"], Omega), start=start)
     if abs(here.values[-1] - Omega) > 1e-9:
         raise ValueError(f"Omega = {Omega} was not reached from {start.parameters['Omega']:.6g}: {here.message}")
