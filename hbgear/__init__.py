@@ -10,6 +10,7 @@ from hbgear._version import __version__
 from hbgear.augmented import Fold, Grazing, Peak, PeriodDoubling
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status, load
+from hbgear.cases import Cases, cases
 from hbgear.fourier import Series
 from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
 from hbgear.isolated import Survey, trace_all
@@ -20,6 +21,7 @@ from hbgear.newton import NoConvergence, Settings
 from hbgear.oscillators import Duffing
 from hbgear.peaks import peaks
 from hbgear.reduction import Reduction, reduce
+from hbgear.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.shooting import shoot
 from hbgear.sweep import basins, sweep
 from hbgear.switch import switch
@@ -30,6 +32,7 @@ from hbgear.validate import validate
 __all__ = [
     "Backlash",
     "Branch",
+    "Cases",
     "Critical",
     "Cubic",
     "DoubleHelicalPair",
@@ -63,10 +66,14 @@ __all__ = [
     "Unilateral",
     "__version__",
     "basins",
+    "cases",
     "critical",
+    "grid",
     "integrate",
     "jump_map",
+    "latin_hypercube",
     "load",
+    "monte_carlo",
     "peaks",
     "plot",
     "reduce",

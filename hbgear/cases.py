@@ -257,6 +257,14 @@ def _curve(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[s
 _OF_CURVE = {"peak": _peak, "jumps": _jumps, "curve": _curve}
 
 
+class _NotStored(Exception):
+    """A finished case could not be written, for this reason."""
+
+    def __init__(self, reason: OSError) -> None:
+        super().__init__(str(reason))
+        self.reason = reason
+
+
 class _Run:
     """State of one study while it runs: results by key, and where they are stored."""
 
@@ -267,37 +275,45 @@ class _Run:
     def compute(
         self, pool: Executor, cls: type[Model], waiting: Mapping[str, dict[str, Any]], work: Work
     ) -> tuple[Outcome, str]:
-        """Run what is waiting, a few hundred cases ahead, and store each as it finishes."""
-        queue = iter(waiting.items())
+        """Run what is waiting and store each case as it finishes; how that ended."""
         running: dict[Future[Result], str] = {}
         kept = "everything done is kept; run it again to go on" if self.folder else "what is done is in the result"
         try:
-            self._show()
-            while True:
-                for key, inputs in islice(queue, _AHEAD - len(running)):
-                    running[pool.submit(run_case, cls, inputs["fields"], work)] = key
-                if not running:
-                    return Outcome.FINISHED, "every case was computed"
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    self._keep(running.pop(future), waiting, future.result())
-        except KeyboardInterrupt:
-            for future in running:
-                future.cancel()
-            self._finish(running, waiting)
-            return Outcome.INTERRUPTED, f"interrupted; {kept}"
+            try:
+                self._compute(pool, cls, waiting, work, running)
+            except KeyboardInterrupt:
+                self._finish(running, waiting)
+                return Outcome.INTERRUPTED, f"interrupted; {kept}"
+            return Outcome.FINISHED, "every case was computed"
         except BrokenExecutor as error:
             return Outcome.WORKERS_LOST, f"a process died, killed or out of memory ({error}); {kept}"
-        except OSError as error:
+        except _NotStored as failure:
             for future in running:
                 future.cancel()
-            full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-            return Outcome.CANNOT_STORE, (
-                f"a case could not be stored ({error}); {'free some space' if full else 'see to the folder'}; {kept}"
-            )
+            reason = failure.reason
+            advice = "free some space" if reason.errno in (errno.ENOSPC, errno.EDQUOT) else "see to the folder"
+            stored = "what was stored before is kept; run it again to go on"
+            return Outcome.CANNOT_STORE, f"a case could not be stored ({reason}); {advice}; {stored}"
+
+    def _compute(
+        self, pool: Executor, cls: type[Model], waiting: Mapping[str, dict[str, Any]], work: Work,
+        running: dict[Future[Result], str],
+    ) -> None:  # fmt: skip
+        """Every case, a few hundred handed out ahead; ``running`` holds those that are not done yet."""
+        queue = iter(waiting.items())
+        self._show()
+        while True:
+            for key, inputs in islice(queue, _AHEAD - len(running)):
+                running[pool.submit(run_case, cls, inputs["fields"], work)] = key
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                self._keep(running[future], waiting, future.result())
+                del running[future]
 
     def _finish(self, running: Mapping[Future[Result], str], waiting: Mapping[str, dict[str, Any]]) -> None:
         """Keep the cases that could not be cancelled any more."""
-        left = [future for future in running if not future.cancelled()]
+        left = [future for future in running if not future.cancel()]
         for future in wait(left).done:
             if future.exception() is None:
                 self._keep(running[future], waiting, future.result())
@@ -305,7 +321,10 @@ class _Run:
     def _keep(self, key: str, waiting: Mapping[str, dict[str, Any]], result: Result) -> None:
         self.done[key] = result
         if self.folder:
-            self.folder.write(key, waiting[key], result)
+            try:
+                self.folder.write(key, waiting[key], result)
+            except OSError as error:
+                raise _NotStored(error) from error
         self._show()
 
     def _show(self) -> None:

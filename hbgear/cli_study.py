@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hbgear.cases import MANY, CaseProgress, Outcome, cases
+from hbgear.cases import MANY, CaseProgress, Cases, Outcome, cases
 from hbgear.cli_support import STOPPED_EARLY, say, wrote
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def register(app: typer.Typer) -> None:
 def study(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="What to vary and what to compute.")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder for cases and table.", show_default="FILE")
+        Path | None, typer.Option("-o", "--output", help="Folder for cases, table and figures.", show_default="FILE")
     ] = None,
     processes: Annotated[
         int | None, typer.Option(min=1, help="Processes at work.", show_default="one for each core")
@@ -42,7 +42,8 @@ def study(
     """Compute many cases: a grid or a random sample of parameters.
 
     Every finished case is stored at once in the folder; Ctrl-C keeps them, and the same command goes on where it
-    stopped. The folder gets table.csv and table.npz. A case that fails is a row with its reason.
+    stopped. The folder gets table.csv, table.npz and figures (.png): envelope of the curves, distribution of the jumps,
+    peaks and jumps against each parameter. A case that fails is a row with its reason.
     Exit codes: 0 every case is done, 2 bad input, 3 stopped early.
     """
     from hbgear.study_file import StudyFileError, read_study
@@ -72,8 +73,26 @@ def study(
         tables = [folder / "table.csv", folder / "table.npz"]
         for path in tables:
             found.export(path)
-        wrote(*tables)
+        wrote(*tables, *draw_figures(found, folder))
     raise typer.Exit(0 if found.outcome == Outcome.FINISHED else STOPPED_EARLY)
+
+
+def draw_figures(found: Cases, folder: Path) -> list[Path]:
+    """Write each figure of the study as .png; the files written."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    from hbgear import plot_cases
+    from hbgear.plot import save
+
+    paths = []
+    for name, drawing in plot_cases.figures(found).items():
+        paths.append(folder / f"{name}.png")
+        save(drawing, paths[-1])
+    plt.close("all")
+    return paths
 
 
 @contextmanager

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pyfftw
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[Any]  # real
@@ -209,6 +208,8 @@ class Transform:
     """
 
     def __init__(self, H: int, N: int, m: int) -> None:
+        import pyfftw  # here, since it takes longer to import than all the rest
+
         if N < 2 * H + 1:
             raise ValueError(f"N = {N} samples cannot resolve H = {H} harmonics; need N >= {2 * H + 1}")
         self.H, self.N, self.m = H, N, m

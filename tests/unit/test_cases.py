@@ -1,5 +1,6 @@
 """Many cases: samples, what is kept, going on after a kill, full disks, stores of others."""
 
+import csv
 import errno
 import json
 import os
@@ -18,6 +19,7 @@ from hbgear import cli
 from hbgear.cases import cases
 from hbgear.sampling import distribution, grid, latin_hypercube, monte_carlo
 from hbgear.store import Store
+from hbgear.study_file import read_study
 
 DUFFING = hb.Duffing(zeta=0.05, k3=1.0, F=0.15)
 SPAN = (0.5, 2.0)
@@ -94,7 +96,9 @@ def test_a_failing_case_is_a_row_and_is_retried_only_if_asked(run, monkeypatch):
     found = run(grid(zeta=[0.05, -0.05]))
     assert list(found.failed) == [1] and "must not be negative" in found.failed[1]
     calls = []
-    monkeypatch.setattr("hbgear.cases.run_case", lambda cls, fields, work: calls.append(fields) or found_result())
+    monkeypatch.setattr(
+        sys.modules["hbgear.cases"], "run_case", lambda cls, fields, work: calls.append(fields) or found_result()
+    )
     run(grid(zeta=[0.05, -0.05]))
     assert calls == []
     again = run(grid(zeta=[0.05, -0.05]), retry=True)
@@ -119,9 +123,17 @@ def test_a_full_disk_stops_and_keeps_what_is_there(run, monkeypatch):
     monkeypatch.setattr(Store, "write", full)
     vary = grid(zeta=[0.05, 0.06, 0.07, 0.08])
     found = run(vary)
-    assert found.outcome == "cannot_store" and "free some space" in found.message
+    assert found.outcome == "cannot_store" and "free some space" in found.message and len(found) == 3
     monkeypatch.setattr(Store, "write", write)
     assert len(run(vary)) == 4 and run(vary).outcome == "finished"
+
+
+def test_an_error_that_is_not_of_the_store_is_not_called_one(run):
+    def broken(done, total, failed):
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    with pytest.raises(BrokenPipeError):
+        run(grid(zeta=[0.5]), progress=broken)
 
 
 def test_stores_of_others_are_refused(run, tmp_path):
@@ -145,22 +157,48 @@ def test_bad_plans(run):
         grid(zeta=[])
 
 
-def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
-    (tmp_path / "a.toml").write_text(STUDY.format(count=16))
+def stopped(folder, how):
+    """A study of 8 cases on one process that gets a signal, as from a terminal, once two are stored; its files."""
+    (folder / "a.toml").write_text(STUDY.format(count=8))
     command = [sys.executable, "-m", "hbgear", "study", "a.toml", "--processes", "1"]
-    first = subprocess.Popen(command, cwd=tmp_path)
+    study = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True, start_new_session=True)
     end = time.time() + 60
-    while len(files := list(tmp_path.glob("a/cases/*/*.npz"))) < 3 and time.time() < end:
-        time.sleep(0.02)
-    os.kill(first.pid, signal.SIGKILL)
-    first.wait()
-    files = {path: path.stat().st_mtime_ns for path in tmp_path.glob("a/cases/*/*.npz")}
-    assert 3 <= len(files) < 16
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert "16 of 16 cases, 0 of them failed" in done.stdout
-    assert all(path.stat().st_mtime_ns == before for path, before in files.items())  # nothing computed twice
-    assert len(list(tmp_path.glob("a/cases/*/*.npz"))) == 16
-    assert len((tmp_path / "a" / "table.csv").read_text().splitlines()) == 17
+    while len(stored(folder)) < 2 and time.time() < end:
+        time.sleep(0.01)
+    (os.kill if how == signal.SIGKILL else os.killpg)(study.pid, how)
+    out, _ = study.communicate(timeout=60)
+    return study.returncode, out, stored(folder)
+
+
+def stored(folder):
+    return {path: path.stat().st_mtime_ns for path in folder.glob("a/cases/*/*.npz")}
+
+
+def goes_on(folder, before):
+    """The study is computed to its end, and what was stored is left as it is."""
+    asked = read_study(folder / "a.toml")
+    with ThreadPoolExecutor(1) as pool:
+        found = cases(asked.model, asked.vary, ("peak",), harmonics=3, span=SPAN, store=folder / "a", executor=pool)
+    after = stored(folder)
+    assert found.outcome == "finished" and len(found) == len(after) == 8 and not found.failed
+    assert all(after[path] == time for path, time in before.items())
+    return found
+
+
+def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
+    code, _, files = stopped(tmp_path, signal.SIGKILL)
+    assert code == -signal.SIGKILL and 2 <= len(files) < 8
+    goes_on(tmp_path, files)
+
+
+def test_a_study_stopped_by_ctrl_c_goes_on(tmp_path):
+    code, out, files = stopped(tmp_path, signal.SIGINT)
+    assert code == 3 and 2 <= len(files) < 8
+    assert f"{len(files)} of 8 cases, 0 of them failed; interrupted; everything done is kept" in out
+    rows = list(csv.DictReader((tmp_path / "a" / "table.csv").open()))
+    whole = goes_on(tmp_path, files)
+    assert [float(row["peak"]) for row in rows] == [whole.table["peak"][int(row["case"])] for row in rows]
+    assert len(rows) == len(files)
 
 
 def test_no_scheduler(tmp_path, monkeypatch, capsys):
