@@ -1,0 +1,222 @@
+"""hbgear beside other Python packages for harmonic balance: the same curves, run by run in turn, time and accuracy.
+
+    python -m studies.speed.peers [--quick] [-o DIR]
+
+Duffing oscillator (H = 7), spur gear pair (H = 10) and a chain of n masses with a cubic spring at its end (H = 5);
+their equations are in `peers_curve`. Each package runs in an environment of its own, made on first use in `.peers`
+beside this file, on one core. Folds and peaks of the packages are taken from their points by parabolas. pyHarm has
+arclength continuation with step control, harmonicbalance one with a fixed step and one coordinate; mousai finds motions
+at given frequencies, so it finds jumps and no folds. None of them gives stability.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+from scipy import sparse
+from threadpoolctl import threadpool_limits
+
+import hbgear as hb
+from studies import study
+from studies.speed import peers_curve
+
+ALONE = True
+LIMIT = 60.0
+"""Seconds a package has for a curve and its warm-up."""
+PACKAGES = {"pyHarm": "pyHarm-os==1.2.2", "harmonicbalance": "harmonicbalance==0.2.0", "mousai": "mousai==0.3.1"}
+VARIANTS = {"hbgear": (False, False), "hbgear, stability": (True, False),
+            "hbgear, 20 modes": (False, True), "hbgear, 20 modes, stability": (True, True)}  # fmt: skip
+"""Of hbgear: with stability, structure reduced."""
+PROBLEMS = {"duffing": "Duffing", "spur": "spur pair", "chain10": "chain, n = 10", "chain50": "chain, n = 50",
+            "chain100": "chain, n = 100", "chain200": "chain, n = 200"}  # fmt: skip
+BEFORE = {"duffing": 0.84, "spur": 1.07, "chain10": 1.1, "chain50": 2.2, "chain100": 7.3, "chain200": 37.0}
+"""ms per point of the fastest Python package known before hbgear, on two cores."""
+EXACT = {
+    "duffing": ((1.1001550351366, 1.1033778377325), 1.65351716694),
+    "spur": ((0.7080316187, 0.8284639844), 1.36550347),
+}
+"""Folds and peak max|x| of converged solutions."""
+MODES = 20
+
+Row = dict[str, Any]
+
+
+def model(name: str, store: Callable[..., Any] = np.asarray) -> hb.Model:
+    """The problem as a model of hbgear; ``store``: how its matrices are kept, `scipy.sparse.csr_array` for instance."""
+    if name == "duffing":
+        return hb.Duffing(zeta=0.05, k3=0.1, F=0.18)
+    if name == "spur":
+        return hb.SpurPair()
+    given = peers_curve.problem(name)
+    n = len(given.M)
+    spring = hb.Element(np.eye(1, n, n - 1)[0], hb.Cubic(k1=0.0, k3=given.k), name="spring")
+    load = hb.Load(cosine={1: given.cosine * np.eye(1, n)[0]})
+    return hb.System(store(given.M), store(given.C), store(given.K), [spring], load)
+
+
+def ours(name: str, stability: bool, reduced: bool) -> Row:
+    """A curve by hbgear; the reduction is part of its time. Folds are located, the peak is that of the rows."""
+    given = peers_curve.problem(name)
+    start = time.perf_counter()
+    system: hb.Model = hb.reduce(model(name, sparse.csr_array), MODES).system if reduced else model(name)
+    problem = hb.HarmonicBalance(system, given.harmonics)
+    branch = hb.trace(problem, "Omega", given.span, stability=stability)
+    seconds = time.perf_counter() - start
+    folds = [float(branch[p.label].parameters["Omega"]) for p in branch.special if p.label.startswith("LP")]
+    top = branch.amplitude("max")
+    best = int(np.clip(np.argmax(top), 1, len(top) - 2))
+    return {"seconds": seconds, "points": len(branch), "failed": 0, "folds": folds,
+            "peak": max(float(top.max()), peers_curve.vertex(top, best)),
+            "residual": float(branch.residual.max())}  # fmt: skip
+
+
+def environment(package: str) -> Path:
+    """Python of the environment of a package, made with the pinned version if it is not there."""
+    folder = Path(__file__).parent / ".peers" / package
+    python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    if not python.exists():
+        subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True, capture_output=True)
+        subprocess.run([python, "-m", "pip", "install", "-q", PACKAGES[package]], check=True, capture_output=True)
+    return python
+
+
+def theirs(name: str, package: str) -> Row:
+    """A curve by another package, or ``{"failure": why}``."""
+    script = f"studies.speed.peers_{package.lower()}"
+    command = [environment(package), "-W", "ignore", "-m", script, name]
+    settings = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(study.ROOT.parent)}
+    try:
+        with tempfile.TemporaryDirectory() as scratch:  # pyHarm writes a folder where it runs
+            done = subprocess.run(command, timeout=LIMIT, check=True, cwd=scratch, env=settings,
+                                  capture_output=True, text=True)  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return {"failure": f"not done in {LIMIT:.0f} s"}
+    except subprocess.CalledProcessError as error:
+        text = error.stderr if isinstance(error.stderr, str) else error.stderr.decode(errors="replace")
+        return {"failure": text.strip().splitlines()[-1] if text.strip() else f"ended with {error.returncode}"}
+    row: Row = json.loads(done.stdout.splitlines()[-1])
+    return row
+
+
+def tools(name: str, packages: list[str]) -> dict[str, Callable[[], Row]]:
+    """What runs on a problem: the variants of hbgear, and the packages."""
+    larger = len(peers_curve.problem(name).M) > MODES
+    out: dict[str, Callable[[], Row]] = {
+        label: partial(ours, name, *how) for label, how in VARIANTS.items() if larger or not how[1]
+    }
+    return out | {package: partial(theirs, name, package) for package in packages}
+
+
+def compared(name: str, repeats: int, packages: list[str]) -> list[Row]:
+    """One row per tool: the last run's numbers with the median of the seconds of all its runs.
+
+    ``ratio`` is the median, over the rounds, of its time per point over that of hbgear in the same round. A tool that
+    fails once is not run again.
+    """
+    runs: dict[str, list[Row]] = {tool: [] for tool in tools(name, packages)}
+    for _ in range(repeats):
+        for tool, traced in tools(name, packages).items():
+            if not any("failure" in row for row in runs[tool]):
+                runs[tool].append(traced())
+    base = [row["seconds"] / row["points"] for row in runs["hbgear"]]
+    out = []
+    for tool, mine in runs.items():
+        row = {"problem": name, "tool": tool} | mine[-1]
+        if "failure" not in row:
+            row["seconds"] = median(one["seconds"] for one in mine)
+            row["ratio"] = median(one["seconds"] / one["points"] / own for one, own in zip(mine, base, strict=True))
+        out.append(row)
+    return out
+
+
+def run(quick: bool = False) -> list[Row]:
+    """Rows of all tools on all problems; quick: hbgear alone, on the small ones, once.
+
+    A package that fails on a chain is not run on the longer ones.
+    """
+    rows: list[Row] = []
+    with threadpool_limits(1):
+        ours("duffing", True, False)  # warm-up
+        for name in ("duffing", "spur", "chain10") if quick else PROBLEMS:
+            gone = {row["tool"] for row in rows if row["problem"].startswith("chain") and "failure" in row}
+            rows += compared(name, 1 if quick else 3, [p for p in PACKAGES if not quick and p not in gone])
+    return rows
+
+
+def away(row: Row) -> tuple[float, float]:
+    """Distance of folds (nan if not two) and of the peak, relative, from the exact ones."""
+    folds, peak = EXACT[row["problem"]]
+    near = np.array(sorted(row["folds"])) - folds if len(row["folds"]) == 2 else np.array([np.nan])
+    return float(np.abs(near).max()), abs(row["peak"] / peak - 1)
+
+
+def cells(row: Row) -> list[str]:
+    """A line of the table."""
+    head = [PROBLEMS[row["problem"]], row["tool"]]
+    if "failure" in row:
+        return [*head, row["failure"], *["-"] * 8]
+    folds, peak = (f"{value:.0e}" if np.isfinite(value) else "-" for value in
+                   (away(row) if row["problem"] in EXACT else (np.nan, np.nan)))  # fmt: skip
+    points = f"{row['points']}" + (f" ({row['failed']} not converged)" if row["failed"] else "")
+    each = 1e3 * row["seconds"] / row["points"]
+    return [*head, points, f"{each:.2f}", f"{row['ratio']:.2f}", f"{row['seconds']:.2f}",
+            f"{BEFORE[row['problem']]:g}", str(len(row["folds"])), folds, peak, f"{row['residual']:.0e}"]  # fmt: skip
+
+
+def report(rows: list[Row]) -> str:
+    """The table in Markdown."""
+    head = ["problem", "tool", "points", "ms/point", "over hbgear", "curve [s]", "fastest before [ms/point]", "folds",
+            "error of folds", "error of peak", "largest residual"]  # fmt: skip
+    lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
+    lines += ["| " + " | ".join(cells(row)) + " |" for row in rows]
+    note = (
+        "Medians of runs in turn, on one core. Fastest before: the fastest Python package known before hbgear, ms per"
+        " point on two cores, measured elsewhere. Curves by 20 modes contain the reduction. hbgear with stability also"
+        " locates changes of stability. Residuals of the packages are of the equation of motion, over the largest load."
+        " A package that fails on a chain is not run on longer ones. mousai walks up and down in Omega: a turn of the"
+        " walk is not a fold."
+    )
+    return "\n".join([*lines, "", note, ""])
+
+
+def plot(rows: list[Row]) -> Figure:
+    """Bars: milliseconds per point."""
+    names = list(dict.fromkeys(row["problem"] for row in rows))
+    labels = [*VARIANTS, *PACKAGES]
+    colours = dict(zip(labels, ("#9db9dd", study.BLUE, "#9fcbb0", study.GREEN, study.ORANGE, study.PURPLE, study.GREY),
+                       strict=True))  # fmt: skip
+    figure, ax = plt.subplots(figsize=(8.0, 3.6), layout="constrained")
+    for label in labels:
+        mine = [row for row in rows if row["tool"] == label and "failure" not in row]
+        here = [[r["tool"] for r in rows if r["problem"] == row["problem"] and "failure" not in r] for row in mine]
+        at = [names.index(row["problem"]) + 0.12 * (found.index(label) - (len(found) - 1) / 2)
+              for row, found in zip(mine, here, strict=True)]  # fmt: skip
+        if mine:
+            ax.bar(at, [1e3 * row["seconds"] / row["points"] for row in mine], 0.11, color=colours[label], label=label)
+    for k, name in enumerate(names):
+        ax.hlines(BEFORE[name], k - 0.42, k + 0.42, color="black", ls="--", lw=0.9,
+                  label="fastest before (elsewhere)" if k == 0 else None)  # fmt: skip
+    ax.set_yscale("log")
+    ax.set_xticks(range(len(names)), [PROBLEMS[name] for name in names])
+    ax.set_ylabel("time of a converged point [ms]")
+    ax.tick_params(axis="y", which="both", direction="in", right=True)
+    ax.tick_params(axis="x", length=0)
+    figure.legend(loc="outside upper center", ncols=4)
+    return figure
+
+
+if __name__ == "__main__":
+    study.main()

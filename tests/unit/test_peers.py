@@ -1,0 +1,70 @@
+"""The benchmark beside other packages, hbgear alone and without a network: the same curves, right folds and peaks."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+
+matplotlib.use("Agg")
+
+
+@pytest.fixture(autouse=True)
+def on_path(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+
+
+@pytest.fixture
+def peers():
+    return importlib.import_module("studies.speed.peers")
+
+
+def test_quick_form(peers, tmp_path):
+    rows = peers.run(quick=True)
+    assert [row["tool"] for row in rows] == ["hbgear", "hbgear, stability"] * 3
+    duffing, spur = rows[1], rows[3]
+    assert sorted(duffing["folds"]) == pytest.approx([1.1001550351366, 1.1033778377325], abs=1e-4)
+    assert sorted(spur["folds"]) == pytest.approx([0.7080316187, 0.8284639844], abs=1e-4)
+    assert duffing["peak"] == pytest.approx(1.65351716694, rel=2e-4)
+    assert spur["peak"] == pytest.approx(1.36550347, rel=2e-4)
+    text = peers.report([*rows, {"problem": "spur", "tool": "mousai", "failure": "not done in 60 s"}])
+    assert "| spur pair | mousai | not done in 60 s |" in text and "| Duffing | hbgear, stability |" in text
+    figure = peers.plot(rows)
+    assert figure.axes[0].get_yscale() == "log" and "[ms]" in figure.axes[0].get_ylabel()
+    figure.savefig(tmp_path / "peers.png")
+    matplotlib.pyplot.close(figure)
+
+
+def test_curves_are_judged_by_the_equation_of_motion():
+    """A linear chain in closed form has no residual, a wrong one has; a parabola's vertex is exact."""
+    curve = importlib.import_module("studies.speed.peers_curve")
+    given = curve.problem("chain3")
+    given = type(given)(**{**given.__dict__, "k": 0.0})
+    Omega = np.linspace(*given.span, 5)
+    Q = np.zeros((5, 3, given.harmonics + 1), complex)
+    for row, w in zip(Q, Omega, strict=True):
+        row[:, 1] = np.linalg.solve(given.K + 1j * w * given.C - w**2 * given.M, [given.cosine, 0, 0])
+    found = curve.judged(given, (Omega, Q), 1.0)
+    assert found["residual"] < 1e-13 and found["points"] == 5
+    Q[2, 1, 1] += 1.0
+    assert curve.judged(given, (Omega, Q), 1.0)["failed"] == 1
+    assert curve.vertex(np.array([0.0, 3.0, 3.0]), 1) == pytest.approx(3.375)
+    with pytest.raises(ValueError, match="no problem 'gear'"):
+        curve.problem("gear")
+
+
+def test_the_residual_of_a_nonlinear_motion():
+    """A motion of hbgear on the Duffing oscillator has none by the measure of the benchmark."""
+    hb, curve = importlib.import_module("hbgear"), importlib.import_module("studies.speed.peers_curve")
+    branch = hb.trace(hb.HarmonicBalance(hb.Duffing(), 7), "Omega", (0.9, 1.2), stability=False)
+    given, X = curve.problem("duffing"), branch[3].X
+    Q = np.concatenate([X[:1], X[1::2] - 1j * X[2::2]])[None]
+    assert curve.residual(given, branch.values[3], Q) < 1e-8
+    assert curve.residual(given, branch.values[3], 1.01 * Q) > 1e-3
+
+
+def test_a_package_that_fails_says_why(peers, monkeypatch):
+    monkeypatch.setattr(peers, "environment", lambda package: sys.executable)
+    assert "No module named 'mousai'" in peers.theirs("duffing", "mousai")["failure"]
