@@ -22,10 +22,12 @@ Errors of the relative rotations gamma, which symmetric motions do not have (`an
 
 * shaft_r2: (25), (26) have r^2 before the torsion of the shafts, though gamma already contains r.
 * mesh_r1: (27) has r instead of r^2 before the mesh force.
-* undefined: (27) has Delta_pL and Delta_pR, never defined, times r: read as gamma and -gamma, r in metres kept.
+* undefined: (27) has -k_t r (Delta_pL - Delta_pR), both never defined, where 2 k_t gamma is right. With r in metres
+  kept they are read as gamma and -gamma; undefined_half: as the rotations r theta / b_c, so that their difference is
+  gamma; undefined_zero: as one and the same, so that they cancel and nothing holds gamma but the mesh.
 
 The torque terms of (27), which lack a factor r, cancel for equal halves. (21) to (24) print k Delta without f: read
-as f.
+as f. (25) divides k by m_c omega_n^2 although (28) is scaled already: read as scaled once, see `printed_errors`.
 """
 
 from __future__ import annotations
@@ -42,8 +44,8 @@ from hbgear.fourier import Array
 
 ERRORS = ("z_sign", "same_hand", "no_tilts", "theta_unscaled", "leading_one", "leading_minus_one", "eps_in_error")
 """Errors that symmetric motions feel."""
-TWISTS = ("shaft_r2", "mesh_r1", "undefined")
-"""Errors that only antisymmetric motions feel."""
+TWISTS = ("shaft_r2", "mesh_r1", "undefined", "undefined_half", "undefined_zero")
+"""Errors that only antisymmetric motions feel; the last three are readings of one of them."""
 
 _PINION, _WHEEL = slice(0, 5), slice(6, 11)
 _OWN = np.r_[_PINION, _WHEEL]
@@ -94,6 +96,12 @@ def half(pair: hb.DoubleHelicalPair, errors: Collection[str], parity: int = 1) -
 def _tilt_support(pair: hb.DoubleHelicalPair, errors: Collection[str]) -> float:
     """The factor s of the tilt supports in the gap equation."""
     return 0.0 if "no_tilts" in errors else pair.b_c if "theta_unscaled" in errors else 1.0
+
+
+def _shaft_factor(r: float, errors: Collection[str]) -> float:
+    """Factor of the torsion of a shaft in the equation of its gamma, 2 if it is right."""
+    factors = {"undefined": 2 * r, "undefined_half": r, "undefined_zero": 0.0}
+    return next((factor for name, factor in factors.items() if name in errors), 2.0)
 
 
 def _matrices(h: Half, s: float, c_b: float) -> tuple[Array, Array, Array, Array]:
@@ -169,8 +177,8 @@ def antisymmetric(errors: Collection[str] = (), pair: hb.DoubleHelicalPair | Non
         m, c, k = full.M[theta, theta], -full.C[theta, theta + 12], -full.K[theta, theta + 12]
         gap = r**2 if "shaft_r2" in errors else 1.0
         Ca[g, i], Ka[g, i] = sign * gap * c_b * c / m, sign * gap * c_b * k / m
-        own = r if "undefined" in errors else 1.0
-        Ca[i, i], Ka[i, i] = 2 * own * c / m, 2 * own * k / m
+        own = _shaft_factor(r, errors)
+        Ca[i, i], Ka[i, i] = own * c / m, own * k / m
         mesh = sign * 2 * c_b / m / (r if "mesh_r1" in errors else 1.0)
         Ca[i, g], Ka[i, g] = 2 * pair.zeta * mesh, mesh
     A = np.linalg.solve(Ma, np.hstack([-Ka, -Ca]))

@@ -8,7 +8,7 @@ amplitude is half the peak-to-peak of the left gap in units of b_c. A jump is a 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -84,11 +84,27 @@ def case(branch: hb.Branch) -> Case:
 
 
 def motion(point: hb.Point) -> dict[str, Any]:
-    """Regime, least gap, stability and first harmonics of one motion."""
+    """Regime, least gap, stability and the amplitudes of all orders of one motion."""
     row = point.coefficients()
-    harmonics = np.hypot(row[1::2], row[2::2])
+    orders = np.hypot(row[1::2], row[2::2])
     low = float(point.samples()[1].min())
-    return {"regime": point.regime_name, "least": low, "stable": point.stable, "harmonics": harmonics}
+    return {"regime": point.regime_name, "least": low, "stable": point.stable, "orders": orders}
+
+
+def opposition(point: hb.Point) -> tuple[float, float]:
+    """|d_L + d_R| and |d_L - d_R| of the half orders of a doubled motion (norms of their Fourier coefficients).
+
+    The first is zero if the halves move in opposite phase, the second if they move alike.
+    """
+    left, right = (point.coefficients(j)[1:].reshape(-1, 2)[::2] for j in (0, 1))
+    return float(np.linalg.norm(left + right)), float(np.linalg.norm(left - right))
+
+
+def doubling(curve: hb.Branch) -> dict[str, Any]:
+    """The motion of two periods at Omega = 1/3, and where the motion of one period is unstable."""
+    point = base.at(hb.switch(curve, "PD1"), 1 / 3)
+    ends = sorted(curve[label].parameters["Omega"] for label in ("PD1", "PD2"))
+    return {**motion(point), "opposition": opposition(point), "unstable": tuple(ends)}
 
 
 def run(quick: bool = False) -> Results:
@@ -103,6 +119,7 @@ def run(quick: bool = False) -> Results:
     return {
         "base": of(),
         "motions": {name: motion(base.at(curve, Omega)) for name, Omega in frequencies.items()},
+        "doubled": doubling(curve),
         "W": [of(W=W) for W in base.W],
         "eps": [of(eps=eps) for eps in base.EPS],
         "eps W": [of(eps=eps, W=0.6) for eps in base.EPS],
@@ -145,7 +162,27 @@ def near(values: tuple[float, ...], target: float, within: float) -> bool:
     return any(abs(x - target) <= within for x in values)
 
 
-def amounts(values: list[float]) -> str:
+def share(orders: np.ndarray, which: slice) -> float:
+    """Part of the power of the alternating motion that some orders have."""
+    return float(np.sum(orders[which] ** 2) / np.sum(orders**2))
+
+
+def strongest(orders: np.ndarray) -> float:
+    """Part of the power of the alternating motion that the strongest order has: 1 for an ellipse."""
+    return float(np.max(orders) ** 2 / np.sum(orders**2))
+
+
+def three_lines(orders: np.ndarray) -> bool:
+    """Whether mesh orders 1, 2, 3 have 99 % of the power, each a twentieth of the strongest at least."""
+    return share(orders, slice(3)) > 0.99 and float(np.min(orders[:3])) > np.max(orders) / 20
+
+
+def words(m: dict[str, Any]) -> str:
+    """Regime and stability of a motion."""
+    return f"{m['regime']}, {'stable' if m['stable'] else 'unstable'}"
+
+
+def amounts(values: Iterable[float]) -> str:
     """Numbers of a table."""
     return ", ".join(f"{x:.4f}" for x in values)
 
@@ -156,18 +193,30 @@ def folds(cases: list[Case]) -> str:
 
 
 CLAIMS = (
-    Claim("3", "Omega = 1: near ellipse, single-sided impact",
+    Claim("3", "Omega = 1: near ellipse",
+          lambda r: f"order 1 has {share(r['motions']['1']['orders'], slice(1)):.4f} of the power",
+          (lambda r: share(r["motions"]["1"]["orders"], slice(1)) > 0.99,),
+          "close above the main resonance order 1 is by far the strongest"),
+    Claim("3", "Omega = 1: single-sided impact",
           lambda r: f"{r['motions']['1']['regime']}, least gap {r['motions']['1']['least']:.4f} b_c",
           (lambda r: r["motions"]["1"]["regime"] == "single_sided",),
           "the teeth part only while the least gap is below b_c, just below Omega = 1"),
-    Claim("3", "Omega = 1/2: closed curve, no impact",
-          lambda r: f"{r['motions']['1/2']['regime']}, stable: {r['motions']['1/2']['stable']}",
+    Claim("3", "Omega = 1/2 and 1/3: closed curves, not circular",
+          lambda r: "the strongest order has " + amounts(
+              [strongest(m["orders"]) for m in (r["motions"]["1/2"], r["motions"]["1/3"], r["doubled"])])
+          + " of the power at 1/2, at 1/3, at 1/3 with two periods",
+          (lambda r: strongest(r["motions"]["1/2"]["orders"]) < 0.9,
+           lambda r: strongest(r["motions"]["1/3"]["orders"]) < 0.9,
+           lambda r: strongest(r["doubled"]["orders"]) < 0.9),
+          "superharmonics are as strong as order 1; at 1/3 the stable curve closes after two periods"),
+    Claim("3", "Omega = 1/2: no impact", lambda r: words(r["motions"]["1/2"]),
           (lambda r: r["motions"]["1/2"]["regime"] == "no_impact", lambda r: r["motions"]["1/2"]["stable"]),
           "the dynamic gap motion is smaller than the static closure"),
-    Claim("3", "Omega = 1/3: closed curve, no impact",
-          lambda r: f"{r['motions']['1/3']['regime']}, stable: {r['motions']['1/3']['stable']}",
-          (lambda r: r["motions"]["1/3"]["regime"] == "no_impact", lambda r: r["motions"]["1/3"]["stable"]),
-          "no impact, but period doubling, in which the halves move oppositely, makes the motion unstable around 1/3"),
+    Claim("3", "Omega = 1/3: no impact",
+          lambda r: f"one period: {words(r['motions']['1/3'])}; two periods: {words(r['doubled'])}",
+          (lambda r: r["motions"]["1/3"]["regime"] == "no_impact",
+           lambda r: r["motions"]["1/3"]["stable"] or r["doubled"]["regime"] == "no_impact"),
+          "only the symmetric motion, which is unstable, has none; in the stable motion of two periods the teeth part"),
     Claim("4", "base case: jump at 0.89",
           lambda r: f"jumps: {folds([r['base']])}; steepest rise {r['base'].slope:.1f} at {r['base'].slope_at:.4f}",
           (lambda r: near(r["base"].jumps, 0.89, 0.01), lambda r: abs(r["base"].slope_at - 0.89) < 0.02),
@@ -182,7 +231,8 @@ CLAIMS = (
           "harmonics 2 and 3 of stiffness and error excite the main resonance"),
     Claim("5", "amplitude grows with backlash W",
           lambda r: "peaks " + amounts(peaks(r["W"])), (lambda r: rising(peaks(r["W"])),),
-          "W only shifts the gap by a constant while no tooth touches on its back"),
+          "W only shifts the gap by a constant while no tooth touches on its back; where two motions are stable it can "
+          "decide which is reached from rest (from_rest)"),
     Claim("5", "jump frequency leans to the right with W",
           lambda r: "peak at " + amounts([c.peak_at for c in r["W"]]),
           (lambda r: rising([c.peak_at for c in r["W"]], 1e-4),), "the same shift invariance"),
@@ -216,11 +266,16 @@ CLAIMS = (
     Claim("9", "with enough load the system is linear", lambda r: ", ".join(r["torque"][-1].regimes),
           (lambda r: r["torque"][-1].linear, lambda r: not r["torque"][-1].jumps),
           "closure and stiffness excitation both grow with the load: no jump, but the teeth part"),
-    Claim("14-16", "spectra of mesh harmonics 1, 2, 3",
-          lambda r: "; ".join(f"{k}: " + amounts(list(m["harmonics"][:3])) for k, m in r["motions"].items()),
-          (lambda r: all(np.sum(m["harmonics"][:3] ** 2) > 0.99 * np.sum(m["harmonics"] ** 2)
-                         for m in r["motions"].values()),),
-          "the excitation has three harmonics and the motions are close to linear"),
+    Claim("14", "Omega = 1/3: mesh orders 1, 2, 3",
+          lambda r: f"{amounts(r['motions']['1/3']['orders'][:3])}, {words(r['motions']['1/3'])}; two periods: orders "
+          f"1/2, 1, 3/2: {amounts(r['doubled']['orders'][:3])}, {words(r['doubled'])}",
+          (lambda r: three_lines(r["motions"]["1/3"]["orders"]), lambda r: r["motions"]["1/3"]["stable"]),
+          "so has the symmetric motion; the stable one has half orders as well"),
+    Claim("15", "Omega = 1/2: mesh orders 1, 2, 3", lambda r: amounts(r["motions"]["1/2"]["orders"][:3]),
+          (lambda r: three_lines(r["motions"]["1/2"]["orders"]),), "stiffness and error have three harmonics"),
+    Claim("16", "Omega = 1: one line at the mesh frequency", lambda r: amounts(r["motions"]["1"]["orders"][:3]),
+          (lambda r: share(r["motions"]["1"]["orders"], slice(1)) > 0.99,),
+          "close above the main resonance; the rig's sidebands need an excitation at shaft speed, which is missing"),
     Claim("17", "amplitude grows with backlash on the rig",
           lambda r: "at 1200 r/min [um] " + ", ".join(f"{row[-1]:.5f}" for row in r["b"]),
           (lambda r: rising([row[-1] for row in r["b"]]),),
@@ -246,7 +301,18 @@ def report(results: Results) -> str:
     for claim, verdict in zip(CLAIMS, found, strict=True):
         cells = (claim.figure, claim.text, claim.measured(results), verdict, claim.reason)
         lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join([*lines, ""])
+    return "\n".join([*lines, "", instability(results["doubled"]), ""])
+
+
+def instability(doubled: dict[str, Any]) -> str:
+    """What the base case does around Omega = 1/3, as a sentence."""
+    low, high = doubled["unstable"]
+    alike, opposite = doubled["opposition"]
+    how = "in opposite phase" if alike < 1e-6 * opposite else "not in opposite phase"
+    return (
+        f"Between Omega = {low:.5f} and {high:.5f} the base motion of one period is unstable by period doubling. The "
+        f"halves then move {how}: of the half orders at 1/3 |d_L + d_R| = {alike:.1e} and |d_L - d_R| = {opposite:.4f}."
+    )
 
 
 if __name__ == "__main__":
