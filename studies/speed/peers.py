@@ -36,6 +36,8 @@ from studies.speed import peers_curve
 ALONE = True
 LIMIT = 60.0
 """Seconds a package has for a curve and its warm-up."""
+LONG = 15.0
+"""Seconds; a curve that takes longer is traced once."""
 PACKAGES = {"pyHarm": "pyHarm-os==1.2.2", "harmonicbalance": "harmonicbalance==0.2.0", "mousai": "mousai==0.3.1"}
 VARIANTS = {"hbgear": (False, False), "hbgear, stability": (True, False),
             "hbgear, 20 modes": (False, True), "hbgear, 20 modes, stability": (True, True)}  # fmt: skip
@@ -124,12 +126,12 @@ def compared(name: str, repeats: int, packages: list[str]) -> list[Row]:
     """One row per tool: the last run's numbers with the median of the seconds of all its runs.
 
     ``ratio`` is the median, over the rounds, of its time per point over that of hbgear in the same round. A tool that
-    fails once is not run again.
+    fails, or takes long, is not run again.
     """
     runs: dict[str, list[Row]] = {tool: [] for tool in tools(name, packages)}
     for _ in range(repeats):
         for tool, traced in tools(name, packages).items():
-            if not any("failure" in row for row in runs[tool]):
+            if not any("failure" in row or row["seconds"] > LONG for row in runs[tool]):
                 runs[tool].append(traced())
     base = [row["seconds"] / row["points"] for row in runs["hbgear"]]
     out = []
@@ -137,7 +139,7 @@ def compared(name: str, repeats: int, packages: list[str]) -> list[Row]:
         row = {"problem": name, "tool": tool} | mine[-1]
         if "failure" not in row:
             row["seconds"] = median(one["seconds"] for one in mine)
-            row["ratio"] = median(one["seconds"] / one["points"] / own for one, own in zip(mine, base, strict=True))
+            row["ratio"] = median(one["seconds"] / one["points"] / own for one, own in zip(mine, base, strict=False))
         out.append(row)
     return out
 
