@@ -1,4 +1,4 @@
-"""Figure 8: transmission error e: the largest set jumps, the paper's own does not, and none is no jump either.
+"""Figure 8: transmission error e: larger error, larger motion, but only the largest set makes folds and jumps.
 
     python -m studies.dong_2022.fig08 [--quick] [-o DIR]
 
