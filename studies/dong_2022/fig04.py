@@ -90,7 +90,7 @@ def _remarks(rise: Axes, third: Axes, curve: hb.Branch) -> None:
     """Slope of the steep rise; periods of the two motions near 1/3."""
     steep = case(curve)
     A = float(np.interp(steep.slope_at, curve.values[::-1], curve.amplitude("pp2")[::-1]))
-    text = f"no fold; steepest slope {steep.slope:.0f}\n" + rf"at $\Omega$ = {steep.slope_at:.4f}"
+    text = f"no fold; steepest slope {steep.slope:.0f}\n" + rf"at $\Omega$ = {steep.slope_at:.3f}"
     line: Any = {"arrowstyle": "-", "lw": 0.5, "shrinkB": 4}
     rise.annotate(text, (steep.slope_at, A), (0.896, 0.42), fontsize=8, arrowprops=line)
     third.text(0.3395, 0.57, "two periods", fontsize=8)
@@ -123,7 +123,7 @@ def report(results: dict[str, Any]) -> str:
         "peak amplitude": f"{peak} at {at}",
         "other peaks": ", ".join(f"{p.amplitude('pp2'):.4f} at {p.parameters['Omega']:.4f}" for p in tops[1:]),
         "folds; jumps": f"{folds}; {jumps}",
-        "steepest slope dA/dOmega": f"{rise.slope:.1f} at {rise.slope_at:.4f}",
+        "steepest slope dA/dOmega": f"{rise.slope:.0f} at {rise.slope_at:.3f}",
         "impact regime": impact,
         "unstable": f"{lost} (PD1, PD2)",
         "motion of two periods, stable": f"{low:.5f}-{curve['PD1'].parameters['Omega']:.5f}",
