@@ -1,0 +1,39 @@
+"""The study of tolerances in its quick form, held against curves traced one by one."""
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+
+import hbgear as hb
+
+matplotlib.use("Agg")
+
+
+@pytest.fixture(scope="module")
+def tolerances():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[2]))
+        import studies.design.tolerances as module
+
+        yield module
+
+
+def test_tolerances(tolerances, tmp_path):
+    results = tolerances.run(quick=True)
+    found = results.found
+    print(found.table)
+    assert len(found) == 6 and not found.failed
+    jumps = np.isfinite(found.table["jump_rising"])
+    assert 0 < jumps.sum() < 6  # some jump, some do not
+    for case in (int(np.argmax(jumps)), int(np.argmin(jumps))):
+        model = tolerances.BASE.replace(**{name: float(found.table[name][case]) for name in found.names})
+        curve = hb.trace(hb.HarmonicBalance(model, 4), "Omega", (0.95, 0.8))
+        peak = max(point.amplitude("pp2") for point in hb.peaks(curve, "pp2"))
+        assert found.table["peak"][case] == pytest.approx(peak, rel=1e-8)
+        rising = [jump.value for jump in curve.jumps() if jump.direction == 1]
+        assert rising == pytest.approx([found.table["jump_rising"][case]] if jumps[case] else [], rel=1e-8)
+    figure = tolerances.plot(results)
+    figure.savefig(tmp_path / "a.png")
+    assert "6 cases, 0 failed" in tolerances.report(results)
