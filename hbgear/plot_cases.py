@@ -5,6 +5,7 @@ Functions take the `Cases`, draw on matplotlib axes and return them, in the styl
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator
 from itertools import pairwise
@@ -156,7 +157,7 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
                 _dress(ax)
             line[0].set_ylabel(label)
         for ax, name in zip(axes[-1], names, strict=True):
-            ax.set_xlabel(_label(found, name))
+            ax.set_xlabel(_wrapped(_label(found, name)))
             ax.locator_params(axis="x", nbins=4)
         handles, labels = _legend_of(axes)
         if labels:
@@ -198,6 +199,18 @@ def _legend_of(axes: Any) -> tuple[list[Any], list[str]]:
     entries = {str(line.get_label()): line for ax in axes.flat for line in ax.lines}
     shown = {label: line for label, line in entries.items() if not label.startswith("_")}
     return list(shown.values()), list(shown)
+
+
+def _wrapped(label: str, width: int = 22) -> str:
+    """A label in lines of about this many characters; formulas are not broken."""
+    lines = [""]
+    for word in re.findall(r"(?:\$[^$]*\$|\S)+", label):
+        length = len(re.sub(r"\\\w+", "x", f"{lines[-1]} {word}"))  # a command is about one character
+        if lines[-1] and length > width:
+            lines.append(word)
+        else:
+            lines[-1] = f"{lines[-1]} {word}".strip()
+    return "\n".join(lines)
 
 
 def _finite(column: Array) -> Array:

@@ -79,8 +79,8 @@ def plot(results: Results) -> Figure:
     """Envelope of the curves and distribution of the jumps; below, peak and jumps against each parameter."""
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(8.6, 7.0), layout="constrained")
-    top, low = figure.subfigures(2, 1, height_ratios=(1.0, 1.25))
+    figure = plt.figure(figsize=(8.6, 7.4), layout="constrained")
+    top, low = figure.subfigures(2, 1, height_ratios=(1.0, 1.45))
     left, right = top.subplots(1, 2)
     plot_cases.envelope(results.found, left)
     plot_cases.jump_distribution(results.found, right)
