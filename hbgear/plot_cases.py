@@ -201,7 +201,7 @@ def _legend_of(axes: Any) -> tuple[list[Any], list[str]]:
     return list(shown.values()), list(shown)
 
 
-def _wrapped(label: str, width: int = 22) -> str:
+def _wrapped(label: str, width: int = 24) -> str:
     """A label in lines of about this many characters; formulas are not broken."""
     lines = [""]
     for word in re.findall(r"(?:\$[^$]*\$|\S)+", label):
