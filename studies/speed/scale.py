@@ -1,0 +1,174 @@
+"""Cost of a point with stability as the structure grows: flat once it is reduced, and linear in memory.
+
+    python -m studies.speed.scale [--quick] [-o DIR]
+
+Left, a chain of n masses between walls (m = 1, springs 1, C = 0.02 K) with a cubic spring 0.5 x^3 to ground at the last
+and 0.1 cos(Omega t) on the first, H = 5, Omega from 0.8 to 1.3 of its first frequency: solved with all coordinates, and
+with its lowest 20 modes and residual flexibility. Right, a gear pair on two shafts in a housing, a square membrane of
+finer and finer mesh, by 60 modes: seconds to reduce it, and memory.
+
+Each structure runs in a process of its own, so that memory is its own.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import resource
+import time
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+from scipy import sparse
+from threadpoolctl import threadpool_limits
+
+import hbgear as hb
+from studies import study
+
+ALONE = True
+CHAIN_MODES, HOUSING_MODES = 20, 60
+SPAN = (8.0, 4.0)
+"""Omega of the geared housing; its mesh resonates near 6.3, and the teeth part there."""
+
+
+def chain(n: int, dense: bool = True) -> hb.System:
+    """The chain; equations at the head of this file."""
+    K: Any = sparse.diags_array([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1]).tocsr()
+    M: Any = sparse.eye_array(n).tocsr()
+    if dense:
+        M, K = M.toarray(), K.toarray()
+    spring = hb.Element(np.eye(1, n, n - 1)[0], hb.Cubic(k1=0.0, k3=0.5), name="ground spring")
+    return hb.System(M, 0.02 * K, K, [spring], hb.Load(cosine={1: 0.1 * np.eye(1, n)[0]}))
+
+
+def housing(side: int, shaft: int = 20) -> hb.System:
+    """Gear pair on two shafts in a housing.
+
+    A square membrane of side x side nodes (edges held, unit tension, mass and length) carries two rods of ``shaft``
+    nodes each (mass 0.1, stiffness 40 from end to end) on bearings of stiffness 4, spread over a patch of the membrane;
+    between their middles teeth of stiffness 1 and half backlash 0.005, loaded by 0.05 and excited by a transmission
+    error 0.01 sin(tau). C = 0.01 K.
+    """
+    h = 1.0 / (side + 1)
+    line = sparse.diags_array([-np.ones(side - 1), 2 * np.ones(side), -np.ones(side - 1)], offsets=[-1, 0, 1])
+    eye, nodes = sparse.eye_array(side), side * side
+    plate = sparse.kron(line, eye) + sparse.kron(eye, line)
+    rod = sparse.diags_array([-np.ones(shaft - 1), 2 * np.ones(shaft), -np.ones(shaft - 1)], offsets=[-1, 0, 1]).tolil()
+    rod[0, 0] = rod[-1, -1] = 1.0
+    K = sparse.block_diag([plate, 40 * (shaft - 1) * rod, 40 * (shaft - 1) * rod]).tocsr()
+    n = nodes + 2 * shaft
+    x, y = (g.ravel() for g in np.meshgrid(*[h * np.arange(1, side + 1)] * 2, indexing="ij"))
+    for k, centre in enumerate((0.35, 0.65)):
+        for end, height in ((0, 0.3), (shaft - 1, 0.7)):
+            seat = np.flatnonzero(np.hypot(x - centre, y - height) <= 0.1)
+            w = np.zeros(n)
+            w[seat], w[nodes + k * shaft + end] = -1.0 / len(seat), 1.0
+            row = sparse.csr_array(w[None])
+            K = K + 4.0 * row.T @ row
+    M = sparse.diags_array(np.concatenate([np.full(nodes, h * h), np.full(2 * shaft, 0.1 / shaft)])).tocsr()
+    gap, drive = np.zeros(n), np.zeros(n)
+    gap[nodes + shaft // 2], gap[nodes + shaft + shaft // 2] = 1.0, -1.0
+    drive[nodes + shaft // 2], drive[nodes + shaft + shaft // 2] = 0.05, -0.05
+    mesh = hb.Element(gap, hb.Backlash(b=0.005), hb.Series(sine=(0.01,)), 0.01, "mesh")
+    return hb.System(M, 0.01 * K, K, [mesh], hb.Load(constant=drive))
+
+
+def traced(system: hb.System, span: tuple[float, float], repeats: int) -> dict[str, Any]:
+    """Seconds per point with stability (the least of the runs), points, and the peak."""
+    seconds = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        branch = hb.trace(hb.HarmonicBalance(system, 5), "Omega", span)
+        seconds.append((time.perf_counter() - start) / len(branch))
+    top = branch.peak("pp2")
+    return {"seconds": min(seconds), "points": len(branch), "peak": top.amplitude("pp2"), "status": str(branch.status)}
+
+
+def on_chain(n: int, repeats: int, full: bool = True) -> dict[str, Any]:
+    """The chain with all coordinates and reduced."""
+    first = 2 * np.sin(np.pi / (2 * (n + 1)))
+    span = (0.8 * first, 1.3 * first)
+    with threadpool_limits(1):
+        reduced = hb.reduce(chain(n, dense=False), min(CHAIN_MODES, n - 1))
+        row = {"n": n, "reduced": traced(reduced.system, span, repeats),
+               "error": float(reduced.error(np.arange(6) * span[1]).max())}  # fmt: skip
+        return row | ({"full": traced(chain(n), span, repeats)} if full else {})
+
+
+def on_housing(side: int, full: bool = False) -> dict[str, Any]:
+    """The geared housing reduced; ``full``: with all coordinates too, without stability."""
+    with threadpool_limits(1):
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        system = housing(side)
+        start = time.perf_counter()
+        reduced = hb.reduce(system, HOUSING_MODES)
+        seconds = time.perf_counter() - start
+        row = {"n": system.n, "reduce": seconds, "reduced": traced(reduced.system, SPAN, 2)}
+        row["memory"] = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+        row["error"] = float(reduced.error(np.arange(6) * max(SPAN)).max()) if system.n < 20_000 else np.nan
+        if full:
+            branch = hb.trace(hb.HarmonicBalance(system, 5), "Omega", SPAN, stability=False)
+            row["peak"] = branch.peak("pp2").amplitude("pp2")
+        return row
+
+
+def run(quick: bool = False) -> dict[str, list[dict[str, Any]]]:
+    """Rows of the chains and of the housings."""
+    if quick:
+        return {"chain": [on_chain(10, 1), on_chain(30, 1)], "housing": [on_housing(8, full=True), on_housing(12)]}
+    tasks = [(on_chain, n, repeats) for n, repeats in ((10, 5), (50, 3), (100, 2), (200, 1))]
+    tasks += [(on_housing, 31, True), (on_housing, 100, False), (on_housing, 316, False)]
+    rows: list[dict[str, Any]] = []
+    for function, *given in tasks:
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+            rows.append(pool.submit(function, *given).result())
+    return {"chain": rows[:4], "housing": rows[4:]}
+
+
+def report(results: dict[str, list[dict[str, Any]]]) -> str:
+    """Both tables in Markdown."""
+    lines = ["| n of the chain | all coordinates [ms/point] | reduced [ms/point] | over n = 10 | error of receptance |"
+             " difference of the peaks |", "| --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    base = results["chain"][0]["reduced"]["seconds"]
+    for row in results["chain"]:
+        apart = abs(row["reduced"]["peak"] / row["full"]["peak"] - 1)
+        cells = [str(row["n"]), f"{1e3 * row['full']['seconds']:.2f}", f"{1e3 * row['reduced']['seconds']:.2f}"]
+        cells += [f"{row['reduced']['seconds'] / base:.2f}", f"{row['error']:.1e}", f"{apart:.1e}"]
+        lines.append("| " + " | ".join(cells) + " |")
+    lines += ["", "| n of the housing | reduced in [s] | memory [MiB] | [ms/point] | error of receptance |"
+              " difference of the peaks |", "| --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    for row in results["housing"]:
+        apart_text = f"{abs(row['reduced']['peak'] / row['peak'] - 1):.1e}" if "peak" in row else "-"
+        cells = [str(row["n"]), f"{row['reduce']:.2f}", f"{row['memory']:.0f}"]
+        cells += [f"{1e3 * row['reduced']['seconds']:.2f}", f"{row['error']:.1e}", apart_text]
+        lines.append("| " + " | ".join(cells) + " |")
+    note = "Points are with stability; errors of receptance are the largest at harmonics 0 to 5 of the highest Omega."
+    return "\n".join([*lines, "", note, ""])
+
+
+def plot(results: dict[str, list[dict[str, Any]]]) -> Figure:
+    """Milliseconds per point over n; seconds and memory over n."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.4), layout="constrained")
+    n = [row["n"] for row in results["chain"]]
+    for name, text, style, colour in (("full", "all coordinates", "s-", study.ORANGE),
+                                      ("reduced", f"{CHAIN_MODES} modes", "o-", study.BLUE)):  # fmt: skip
+        left.loglog(n, [1e3 * row[name]["seconds"] for row in results["chain"]], style, color=colour, ms=4, label=text)
+    left.set_xlabel("masses of the chain $n$ [-]")
+    left.set_ylabel("time of a point with stability [ms]")
+    n = [row["n"] for row in results["housing"]]
+    right.loglog(n, [row["reduce"] for row in results["housing"]], "o-", color=study.BLUE, ms=4, label="reduction [s]")
+    right.loglog(n, [row["memory"] for row in results["housing"]], "^-", color=study.PURPLE, ms=4, label="memory [MiB]")
+    per_point = [1e3 * row["reduced"]["seconds"] for row in results["housing"]]
+    right.loglog(n, per_point, "s-", color=study.ORANGE, ms=4, label="point with stability [ms]")
+    right.set_xlabel("coordinates of the geared housing $n$ [-]")
+    right.set_ylabel(f"cost with {HOUSING_MODES} modes")
+    for ax in (left, right):
+        ax.legend(loc="upper left")
+        ax.tick_params(which="both", direction="in", top=True, right=True)
+    return figure
+
+
+if __name__ == "__main__":
+    study.main()
