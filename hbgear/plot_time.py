@@ -20,8 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DIRECTIONS = {1: ("^", "#1b7f5a", "sweep up"), -1: ("v", "#a3334d", "sweep down")}
-BASINS = ("#c9d7ea", "#f3cfa8", "#cfe3cf", "#e6c9d6", "#dcdcc0", "#c4e0e3", "#e3d4ee", "#e8e8e8")
-INKS = ("#1f4e8c", "#b85c08", "#2f7d32", "#9c1f5c", "#6b6b1f", "#0b7285", "#6a3fa0", "#444444")
+BASINS = ("#dfe8f3", "#eeb67a", "#cfe6c6", "#c98fb1", "#f4f0c9", "#86bcc4", "#d6c8ea", "#a8a8a8")
+"""Shades of basins: neighbours differ in lightness too, to be told apart in print without colour."""
+INKS = ("#1f4e8c", "#8a4100", "#22602a", "#7d1247", "#6b6b1f", "#075463", "#5a3391", "#222222")
+SYMBOLS = "os^DvP*h"
+_MANY = 1000  # dots in one drawing that are kept as pixels
 
 
 def sweeps(
@@ -77,25 +80,38 @@ def _dots(ax: Axes, s: Sweep, height: Any) -> None:
 
 
 def bifurcation(found: Sequence[Sweep], element: int | str = 0, rate: bool = False, ax: Axes | None = None) -> Axes:
-    """Poincare points at tau = 0 against the parameter: displacement of an element, or its rate."""
+    """Poincare points at tau = 0 against the parameter: displacement of an element, or its rate.
+
+    Those of motions that are not periodic are smaller; clouds of them are kept as pixels in a .pdf or .svg.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If there is nothing to draw, or no such element.
+    """
     if not found:
         raise ValueError("no sweep to draw")
     with _style():
         ax = _axes(ax, (5.6, 3.7))
         for s in found:
             j = s.index(element)
-            x = np.concatenate([np.full(len(p), value) for value, p in zip(s.values, s.points, strict=True)])
-            y = np.concatenate([p[:, j, int(rate)] for p in s.points])
             name = DIRECTIONS[s.direction][2]
             colour = DIRECTIONS[s.direction][1] if len(found) > 1 else "black"
-            ax.plot(x, y, "o", color=colour, markersize=1.6, markeredgewidth=0, label=name)
+            for which, size, label in ((s.settled, 2.0, name), (~s.settled, 0.9, f"{name}, not periodic")):
+                if not which.any():
+                    continue
+                rows = np.flatnonzero(which)
+                x = np.concatenate([np.full(len(s.points[i]), s.values[i]) for i in rows])
+                y = np.concatenate([s.points[i][:, j, int(rate)] for i in rows])
+                ax.plot(x, y, "o", color=colour, markersize=size, markeredgewidth=0, label=label, gid=label,
+                        rasterized=len(x) > _MANY)  # fmt: skip
         s = found[0]
         ax.set_xlabel(s.labels.get(s.parameter, s.parameter))
         what = _name(s, element)
         ax.set_ylabel(f"{'rate of ' if rate else ''}{what} at " + r"$\tau = 0$")
         _dress(ax)
         if len(found) > 1:
-            ax.legend(loc="best", markerscale=4)
+            ax.legend(loc="best", markerscale=3)
     return ax
 
 
@@ -112,10 +128,11 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
         ax.imshow(found.label, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=-0.5, vmax=count - 0.5,
                   interpolation="nearest")  # fmt: skip
         for i, a in enumerate(found.attractors):
-            name = f"period {a.period}, rms {a.rms:.4g}: {a.share:.0%}" if a.period else f"not periodic: {a.share:.0%}"
-            look: dict[str, Any] = {"markersize": 5, "markeredgewidth": 0.4} if a.period else {"markersize": 1.5}
-            ax.plot(*a.points.T, "o", color=INKS[i % len(INKS)], markeredgecolor="white", label=name,
-                    gid=f"attractor {i}", **look)  # fmt: skip
+            name = f"period {a.period}, rms {a.rms:.4g}" if a.period else "not periodic"
+            symbol = SYMBOLS[i % len(SYMBOLS)] if a.period else "o"
+            look: dict[str, Any] = {"markersize": 6, "markeredgewidth": 0.6} if a.period else {"markersize": 1.5}
+            ax.plot(*a.points.T, symbol, color=INKS[i % len(INKS)], markeredgecolor="white", zorder=5,
+                    label=f"{name}: {a.share:.0%} of starts", gid=f"attractor {i}", **look)  # fmt: skip
         ax.set_xlim(extent[0], extent[1])
         ax.set_ylim(extent[2], extent[3])
         what = found.labels.get("amplitude", "element coordinate")
@@ -123,7 +140,7 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
         ax.set_ylabel(f"rate of {what} at " + r"$\tau = 0$")
         ax.set_title(rf"$\Omega$ = {found.Omega:.5g}")
         _dress(ax)
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=min(count, 2), handletextpad=0.3)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, handletextpad=0.3)
     return ax
 
 

@@ -1,8 +1,12 @@
 """Sweeps by time integration against continuation: the same amplitudes, and jumps where the folds are."""
 
+import dataclasses
+from itertools import pairwise
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from scipy.integrate import solve_ivp
 
 import hbgear as hb
@@ -261,9 +265,29 @@ def test_table_and_figures(up, down, pair, tmp_path):
     plt.close("all")
 
 
+def test_dots_of_motions_without_a_period_are_smaller_and_many_are_pixels(up):
+    period = np.array([0, *up.period[1:]])
+    cloud = np.random.default_rng(0).normal(size=(1500, 1, 2))
+    mixed = dataclasses.replace(up, period=period, points=(cloud, *up.points[1:]))
+    settled, wild = plot_time.bifurcation((mixed,)).lines
+    assert (settled.get_label(), wild.get_label()) == ("sweep up", "sweep up, not periodic")
+    np.testing.assert_array_equal(settled.get_xdata(), up.values[1:])
+    np.testing.assert_array_equal(wild.get_ydata(), cloud[:, 0, 0])
+    assert (wild.get_xdata() == up.values[0]).all()
+    assert wild.get_markersize() < settled.get_markersize()
+    assert wild.get_rasterized() and not settled.get_rasterized()
+    plt.close("all")
+
+
+def test_basins_can_be_told_apart_without_colour():
+    lightness = [np.dot((0.299, 0.587, 0.114), to_rgb(shade)) for shade in plot_time.BASINS]
+    assert min(abs(a - b) for a, b in pairwise(lightness)) > 0.08
+
+
 def test_basins_are_drawn():
     found = basins(hb.SpurPair(e=(0.1,)), 0.65, (0, 2), (-1, 1), (4, 3))
     ax = plot_time.basins(found)
+    assert len({line.get_marker() for line in ax.lines}) == len(found.attractors)
     np.testing.assert_array_equal(ax.images[0].get_array(), found.label)
     for i, a in enumerate(found.attractors):
         (line,) = (line for line in ax.lines if line.get_gid() == f"attractor {i}")

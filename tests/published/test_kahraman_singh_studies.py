@@ -1,0 +1,116 @@
+"""Quick forms of the studies of Kahraman & Singh (1990, 1991), and what their figures say in numbers."""
+
+import importlib
+from pathlib import Path
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import hbgear as hb
+
+matplotlib.use("Agg")
+
+
+@pytest.fixture(autouse=True)
+def on_path(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+    yield
+    plt.close("all")
+
+
+def study(name):
+    return importlib.import_module(f"studies.{name}")
+
+
+def frequencies(curve, kind):
+    return np.array([p.parameters["Omega"] for p in curve.special if p.kind == kind])
+
+
+def test_ratios():
+    """Contact loss by the closed form; folds of the strongest case; the doubled branches end where they should."""
+    module = study("kahraman_singh_1990.ratios")
+    light, strong = module.run(quick=True)
+    assert len(light.closed) == 2 and len(strong.closed) == 1
+    for found in (light, strong):
+        np.testing.assert_allclose(found.traced, found.closed, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(frequencies(light.curve, "LP"), (0.7080316, 0.8284640), atol=1e-6)
+    assert not light.doubled and len(strong.doubled) == 2
+    ends = np.sort([b.values[-1] for b in strong.doubled])
+    np.testing.assert_allclose(ends, np.sort(frequencies(strong.curve, "PD"))[[0, 2]], atol=1e-3)
+    assert len(module.plot((light, strong)).axes) == 2
+    assert "0.820631, 1.407088 | 0.820631, 1.407088" in module.report((light, strong))
+
+
+@pytest.mark.parametrize(("ratio", "regime"), [(0.5, "single_sided"), (2.0, "double_sided")])
+def test_only_the_ratio_matters_until_the_backs_of_the_teeth_meet(ratio, regime):
+    """Folds at F_m = 0.1 and at F_m = 0.3."""
+    curves = [
+        hb.trace(hb.HarmonicBalance(hb.SpurPair(F_m=F, e=(ratio * F,)), 12), "Omega", (1.2, 0.3), stability=False)
+        for F in (0.1, 0.3)
+    ]
+    assert max(curves[1].regimes, key=hb.branch.REGIMES.index) == regime
+    light, heavy = (frequencies(curve, "LP") for curve in curves)
+    lower, upper = (np.abs(heavy - fold).min() for fold in np.sort(light))
+    assert upper < 1e-9  # beside contact loss: impacts are slight
+    assert lower < 1e-9 if regime == "single_sided" else lower > 1e-3
+
+
+def test_basins():
+    """Attractors and their rms from both sides, and the unstable motion on the border between them."""
+    module = study("kahraman_singh_1990.basins")
+    results = module.run(quick=True)
+    rms = sorted(a.rms for a in results.found.attractors)
+    np.testing.assert_allclose(rms, (0.05141, 0.34055), atol=1e-5)
+    np.testing.assert_allclose(results.rms[results.stable], rms, rtol=1e-5)
+    assert list(results.stable) == [True, False, True]
+    # two starts beside the unstable motion go to different attractors
+    d, v = results.points[1]
+    beside = hb.basins(module.PAIR, module.OMEGA, (d - 2e-3, d + 2e-3), (v, v + 1e-9), (2, 1))
+    assert len(beside.attractors) == 2
+    assert "unstable | 0.224" in module.report(results)
+    assert module.plot(results).axes[0].get_legend()
+
+
+def test_bifurcation():
+    """Dots of the sweep lie on the stable lines of one and two periods; between the doublings they lie on none."""
+    module = study("kahraman_singh_1990.bifurcation")
+    results = module.run(quick=True)
+    (sweep,) = results.sweeps
+    seen = set(sweep.period)
+    assert {0, 1, 2} <= seen
+    for period in (1, 2):
+        branch = results.branches[period]
+        for i in np.flatnonzero(sweep.period == period):
+            lines = at(branch, module.strobed(branch), sweep.values[i])
+            for x in sweep.points[i][:, 0, 0]:
+                assert np.abs(lines - x).min() < 2e-3
+    np.testing.assert_allclose(frequencies(results.branches[2], "PD"), (1.846195, 1.40038), atol=2e-5)
+    wild = sweep.values[~sweep.settled]
+    assert wild.min() > 1.538632 and wild.max() < 1.819998  # the doublings of the motion of four periods
+    assert (sweep.lyapunov[~sweep.settled] > 0.01).all()
+    assert module.plot(results).axes[0].get_legend()
+
+
+def at(branch, heights, value):
+    """Heights of all lines of a branch where they pass a value."""
+    x = branch.values - value
+    i = np.flatnonzero(x[:-1] * x[1:] <= 0)
+    s = (x[i] / (x[i] - x[i + 1]))[:, None]
+    return ((1 - s) * heights[i] + s * heights[i + 1]).ravel()
+
+
+def test_rotor_bearing():
+    """The points agree with integration; clearance moves the folds; where bearings stay loaded nothing changes."""
+    module = study("kahraman_singh_1991.rotor_bearing")
+    results = module.run(quick=True)
+    assert results.report.ok and len(results.report.rows) == 2
+    assert set(results.curve.regimes) == {"no_impact", "single_sided"}
+    np.testing.assert_allclose(frequencies(results.curve, "LP"), (1.1573133, 1.2745382), atol=2e-7)  # H = 64
+    parted = frequencies(results.curve, "GR")[0]
+    model = module.MODEL.replace(b=0.0, b_1=0.0, b_2=0.0)
+    linear = hb.HarmonicBalance(model, 2)
+    X = linear.start(parted, **model.parameters)
+    assert np.hypot(*X[1:3]) == pytest.approx(model.F_m, abs=1e-9)  # contact is lost where the linear gap reaches F_m
+    assert len(module.plot(results).axes) == 2 and "agrees" in module.report(results)
