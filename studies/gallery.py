@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 from collections.abc import Sequence
 
+from studies import study
+
 HEAD = """# Studies
 
 Every figure below is made by one command, shown beside it; all of them by
@@ -36,9 +38,10 @@ def gallery(names: Sequence[str]) -> str:
             last = group
         module = importlib.import_module(name)
         sentence = (module.__doc__ or "").strip().split("\n\n")[0].replace("\n", " ")
-        image = f"![{stem}]({group}/figures/{stem}.png)\n\n" if hasattr(module, "plot") else ""
+        drawn = (study.ROOT / group / "figures" / f"{stem}.png").exists()
+        image = f"![{stem}]({group}/figures/{stem}.png)\n\n" if drawn else ""
         text = f"{image}**{stem}.** {sentence}"
-        if hasattr(module, "report"):
+        if (study.ROOT / group / "figures" / f"{stem}.md").exists():
             text += f" Numbers: [{stem}.md]({group}/figures/{stem}.md)."
         parts.append(f"{text}\n\n```sh\npython -m {name}\n```\n")
     return "\n".join(parts)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hbgear import DoubleHelicalPair, Duffing, HarmonicBalance, SpurPair, integrate, shoot, sweep, trace, validate
+from hbgear import Duffing, HarmonicBalance, SpurPair, integrate, shoot, sweep, trace
 from hbgear.sweep import Settling
 from hbgear.timedomain import state_of
 
@@ -59,12 +59,3 @@ def test_two_attractors():
             orbit = shoot(model, 0.65, state_of(curve.problem, X, **curve.parameters_at(int(i))))
             found.append(float(np.sqrt(0.5 * np.sum(orbit.rows(20)[0, 1:] ** 2))))
     assert sorted(found) == pytest.approx([0.05141, 0.34055], abs=2e-5)
-
-
-def test_the_double_helical_pair_is_confirmed():
-    """Twelve points around the folds, stable and unstable: rms to 1e-5 and every verdict on stability."""
-    curve = trace(HarmonicBalance(DoubleHelicalPair(zeta=0.05), 24), "Omega", (1.0, 0.82))
-    report = validate(curve, 12, 1e-4)
-    assert len(report.rows) == 12 and report.ok
-    assert max(row.rms_error for row in report.rows) < 1e-5
-    assert {bool(curve.stable[row.index]) for row in report.rows} == {True, False}

@@ -9,6 +9,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import hbgear as hb
 
@@ -69,3 +70,86 @@ def test_mesh_frequency_of_the_rig():
     assert [round(test.mesh, 1) for test in rig] == [166.7, 250.0, 500.0]
     assert rig[0].orders[2] == pytest.approx(3.0402, abs=1e-4)
     assert rig[2].orders[0] == pytest.approx(0.96)
+
+
+def test_backlash_changes_nothing_but_the_mean(tmp_path):
+    module = study("fig17")
+    results = module.run(quick=True)
+    first, last = results["paper", "gap"]
+    np.testing.assert_allclose(last.orders, first.orders, atol=1e-8)
+    assert last.mean - first.mean == pytest.approx(0.25, abs=1e-8)  # half of 51.27 - 50.77 um
+    # b_c = b is the gap as before and an error that many times as large: the same machine in other units
+    B = 51.27e-6
+    same = hb.DoubleHelicalPair(W=B / 50e-6 - 1, e_scale=B / 50e-6)
+    settled = hb.sweep(same, [1.0])
+    grown = results["paper", "unit"][1].orders[0]
+    for k in (1, 2, 3):
+        assert grown[k - 1] == pytest.approx(25 * settled.amplitude(f"H{k}")[0], abs=1e-5)
+    assert drawn(module, results, tmp_path)
+    assert "0.3168" in module.report(results)
+
+
+def test_speeds_and_backlash(tmp_path):
+    """Below resonance the gap follows the stiffness: without inertia d - b = T-part / k(tau), whatever the error is."""
+    module = study("fig18")
+    results = module.run(quick=True)
+    slow = results["gaps"]["model", "unit"][0]
+    k = 1 - sum(
+        eps * np.cos(order * np.linspace(0, 2 * np.pi, 999)) for order, eps in ((1, 0.16), (2, 0.07), (3, 0.03))
+    )
+    closure = 2 * 5.446 / k  # um at 1400 N m
+    assert slow.pp2[0] == pytest.approx((closure.max() - closure.min()) / 2, rel=0.02)
+    assert np.all(np.diff(slow.pp2) > 0)
+    assert drawn(module, results, tmp_path)
+    assert "| paper | kept in um | 1200 | 50.77 | 8.857" in module.report(results)
+
+
+def folds(**changes):
+    """Number of folds of the response between Omega = 1 and 0.75."""
+    problem = hb.HarmonicBalance(hb.DoubleHelicalPair(**changes), 16)
+    curve = hb.trace(problem, "Omega", (1.0, 0.75), stability=False)
+    return sum(point.kind == "LP" for point in curve.special)
+
+
+def test_jump_maps(tmp_path):
+    """Response curves on either side of the critical load; load and error scale together."""
+    module = study("maps")
+    results = module.run(quick=True)
+    load, error = results["boundaries"]["torque"], results["boundaries"]["e_scale"]
+    assert load.value == pytest.approx(1196.45, abs=0.02) and load.jump_below
+    assert (folds(torque=0.985 * load.value), folds(torque=1.01 * load.value)) == (2, 0)
+    assert load.own / load.value == pytest.approx(error.value, rel=1e-6)
+    assert load.distance == pytest.approx(-14.54, abs=0.01)
+    assert drawn(module, results, tmp_path)
+    assert "| torque | 1400 | 1196.45 |" in module.report(results)
+
+
+def floquet(pair, Omega, steps=200):
+    """Multipliers of a motion without impact: Hill's equation of the whole pair, stiffness constant in each step."""
+    system = pair.system()
+    W, c, n = system.W, np.array([e.damping for e in system.elements]), 24
+    C = system.C + (W * c) @ W.T
+    flow = np.eye(2 * n)
+    for tau in 2 * np.pi * (np.arange(steps) + 0.5) / steps:
+        k = 1 - pair.eps_scale * np.dot(pair.eps, np.cos(np.arange(1, 4) * tau))
+        below = np.linalg.solve(system.M, np.hstack([-system.K - k * W @ W.T, -C]))
+        flow = expm(np.vstack([np.eye(n, 2 * n, n), below]) * 2 * np.pi / (Omega * steps)) @ flow
+    return np.linalg.eigvals(flow)
+
+
+def test_period_doubling_is_a_parametric_resonance(tmp_path):
+    module = study("doublings")
+    results = module.run(quick=True)
+    pair = hb.DoubleHelicalPair()
+    for label in ("PD1", "PD2"):
+        mu = floquet(pair, results["curve"][label].parameters["Omega"])
+        assert np.min(np.abs(mu + 1)) < 1e-5
+    top = module.apex(results["boundaries"]["zeta"]).parameters
+    assert top["zeta"] == pytest.approx(0.12054, abs=1e-5)
+    assert module.limit(pair, "zeta") == pytest.approx(top["zeta"], rel=0.06)  # first order in eps
+    assert np.min(np.abs(floquet(pair.replace(zeta=top["zeta"]), top["Omega"]) + 1)) < 1e-5
+    swept = results["sweeps"][0]
+    assert swept.period[0] == 2
+    np.testing.assert_allclose(swept.pp2[0], results["motion"].amplitude("pp2"), atol=1e-4)
+    assert drawn(module, results, tmp_path)
+    assert "0.12054" in module.report(results)

@@ -158,8 +158,8 @@ def test_bad_plans(run):
 
 
 def stopped(folder, how):
-    """A study of 8 cases on one process that gets a signal, as from a terminal, once two are stored; its files."""
-    (folder / "a.toml").write_text(STUDY.format(count=8))
+    """A study of 30 cases on one process that gets a signal, as from a terminal, once two are stored; its files."""
+    (folder / "a.toml").write_text(STUDY.format(count=30))
     command = [sys.executable, "-m", "hbgear", "study", "a.toml", "--processes", "1"]
     study = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True, start_new_session=True)
     end = time.time() + 60
@@ -180,21 +180,21 @@ def goes_on(folder, before):
     with ThreadPoolExecutor(1) as pool:
         found = cases(asked.model, asked.vary, ("peak",), harmonics=3, span=SPAN, store=folder / "a", executor=pool)
     after = stored(folder)
-    assert found.outcome == "finished" and len(found) == len(after) == 8 and not found.failed
+    assert found.outcome == "finished" and len(found) == len(after) == 30 and not found.failed
     assert all(after[path] == time for path, time in before.items())
     return found
 
 
 def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
     code, _, files = stopped(tmp_path, signal.SIGKILL)
-    assert code == -signal.SIGKILL and 2 <= len(files) < 8
+    assert code == -signal.SIGKILL and 2 <= len(files) < 30
     goes_on(tmp_path, files)
 
 
 def test_a_study_stopped_by_ctrl_c_goes_on(tmp_path):
     code, out, files = stopped(tmp_path, signal.SIGINT)
-    assert code == 3 and 2 <= len(files) < 8
-    assert f"{len(files)} of 8 cases, 0 of them failed; interrupted; everything done is kept" in out
+    assert code == 3 and 2 <= len(files) < 30
+    assert f"{len(files)} of 30 cases, 0 of them failed; interrupted; everything done is kept" in out
     rows = list(csv.DictReader((tmp_path / "a" / "table.csv").open()))
     whole = goes_on(tmp_path, files)
     assert [float(row["peak"]) for row in rows] == [whole.table["peak"][int(row["case"])] for row in rows]
