@@ -4,7 +4,8 @@
 
 F_ah / F_m = 0.5, 1 and 2 with F_m = 0.1, and 2 with F_m = 0.3. Drawn are the motions of the period of the excitation
 and those of twice that period, which leave where the first lose their stability by period doubling. Triangles are slow
-sweeps by time integration. Dotted lines are the frequencies at which the teeth first part, from the linear pair,
+sweeps by time integration, which also find longer periods and chaos. Dotted lines are the frequencies at which the
+teeth first part, from the linear pair,
 
     (1 - r^2)^2 + (2 zeta r)^2 = (F_ah / F_m)^2 r^4.
 
@@ -14,7 +15,7 @@ As long as the teeth do not meet on their backs, (x - b) / F_m depends on the ra
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib import pyplot as plt
@@ -96,7 +97,7 @@ def doubled(curve: hb.Branch) -> tuple[hb.Branch, ...]:
 def plot(results: Sequence[Case]) -> Figure:
     """A panel for each case."""
     rows = (len(results) + 1) // 2
-    size = (7.4, 0.7 + 2.7 * rows)
+    size = (8.2, 0.8 + 2.8 * rows)
     figure, axes = plt.subplots(rows, 2, figsize=size, layout="constrained", sharex=True, squeeze=False)
     for ax, letter, found in zip(axes.flat, "abcd", results, strict=False):
         _panel(ax, found)
@@ -111,7 +112,8 @@ def _panel(ax: Axes, found: Case) -> None:
     for branch in (*found.doubled, found.curve):
         draw.response(branch, "rms", ax=ax, special=branch is found.curve, legend=False)
     if found.sweeps:
-        plot_time.sweeps(found.sweeps, measure="rms", ax=ax, legend=False)
+        dots = [replace(s, jumps=()) for s in found.sweeps]  # their bands are as wide as the steps; arrows say more
+        plot_time.sweeps(dots, measure="rms", ax=ax, legend=False)
     for r in found.closed:
         ax.axvline(r, color=draw.GREY, lw=0.8, ls=":", zorder=0)
     ax.set(xlabel="", ylabel="alternating rms of $x$ [-]", xlim=SPAN[::-1])
@@ -131,6 +133,8 @@ def _handles(results: Sequence[Case]) -> list[Line2D]:
     if any(found.sweeps for found in results):
         for marker, color, name in plot_time.DIRECTIONS.values():
             out.append(Line2D([], [], ls="none", marker=marker, ms=3.6, color=color, label=name))
+        out.append(Line2D([], [], ls="none", marker="^", ms=3.6, mfc="white", color="#555555", label="longer period"))
+        out.append(Line2D([], [], ls="none", marker="+", ms=3.6, color="#555555", label="not periodic"))
     return out
 
 
