@@ -29,9 +29,9 @@ class GearRotorBearing(Model):
     second over mu_2, M = diag(1/mu_1, 1/mu_2, 1) and the mesh has the direction (1, -1, 1): all is symmetric.
 
     Units are as for `SpurPair`: a length b_c, the mass m_c of the pair, time 1/omega_n = sqrt(m_c/k_mean). In the
-    symbols of the papers below: zeta_1 = zeta_11, zeta = zeta_33, kappa_1 = kappa_11, mu_1 = kappa_13, and
+    symbols usual for this model: zeta_1 = zeta_11, zeta = zeta_33, kappa_1 = kappa_11, mu_1 = kappa_13, and
     zeta_13 = mu_1 zeta, which is no number of its own, since the same mesh damper acts on the pinion and on the
-    rotation; likewise for the gear. Their F_b1 and F_b2 are F_1 and F_2.
+    rotation; likewise for the gear. F_1 and F_2 are F_b1 and F_b2, with signs such that both add to the mesh load.
 
     Parameters
     ----------
