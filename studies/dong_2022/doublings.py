@@ -47,7 +47,7 @@ Results = dict[str, Any]
 def run(quick: bool = False) -> Results:
     """``curve``, ``doubled``, ``sweeps``, boundaries by parameter, ``motion`` at Omega = 1/3.
 
-    The quick form sweeps one frequency only and follows the boundary in zeta only.
+    The quick form sweeps one frequency only and follows the boundary in zeta only, with long steps.
     """
     curve = base.curve(span=SPAN)
     doubled = hb.switch(curve, "PD1", (0.2, 0.45))
@@ -56,26 +56,29 @@ def run(quick: bool = False) -> Results:
         hb.sweep(hb.DoubleHelicalPair(), grid, way, disturbance=DISTURBANCE, settling=Settling(1e-5))
         for grid, way in ways
     ]
-    names = ("zeta",) if quick else tuple(OTHER)
+    boundaries = (
+        {"zeta": boundary(curve, "zeta", 0.055, hb.Steps(first=0.05, longest=0.2, turn=45))}
+        if quick
+        else {
+            name: boundary(curve, name, away, hb.Steps(first=0.005, longest=0.015)) for name, (_, away) in OTHER.items()
+        }
+    )
     return {
         "curve": curve,
         "doubled": doubled,
         "sweeps": sweeps,
-        "boundaries": {name: boundary(curve, name) for name in names},
+        "boundaries": boundaries,
         "motion": base.at(doubled, 1 / 3),
     }
 
 
-def boundary(curve: hb.Branch, name: str) -> tuple[hb.Branch, ...]:
+def boundary(curve: hb.Branch, name: str, away: float, steps: hb.Steps) -> tuple[hb.Branch, ...]:
     """PD1 and PD2 followed in a second parameter: through the apex and back, and away from it on both sides."""
     own = curve.problem.parameters[name]
-    apex, away = OTHER[name]
-    short = hb.Steps(first=0.005, longest=0.015)
-    first, second, third = (
-        hb.trace(hb.PeriodDoubling(curve.problem), name, (own, end), curve[label], steps=short)
-        for end, label in ((apex, "PD1"), (away, "PD1"), (away, "PD2"))
+    ends = ((OTHER[name][0], "PD1"), (away, "PD1"), (away, "PD2"))
+    return tuple(
+        hb.trace(hb.PeriodDoubling(curve.problem), name, (own, end), curve[label], steps=steps) for end, label in ends
     )
-    return first, second, third
 
 
 def apex(branches: tuple[hb.Branch, ...]) -> hb.SpecialPoint:

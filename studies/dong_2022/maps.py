@@ -52,20 +52,22 @@ class Boundary:
 
 
 def run(quick: bool = False) -> Results:
-    """``maps`` and ``boundaries`` by parameter; the quick form has the load and the error only."""
+    """``maps`` and ``boundaries`` by parameter; the quick form has load and error only, with few harmonics."""
     pair = hb.DoubleHelicalPair()
     maps = {}
     for name in ("torque",) if quick else tuple(SPANS):
         model = pair.replace(zeta=LOW) if name == "W" else pair
         near = (1.0, 0.75) if quick else None
-        maps[name] = hb.jump_map(model, name, SPANS[name], seeds=2 if quick else 3, frequencies=near)
-    return {"maps": maps, "boundaries": {name: boundary(name) for name in (CRITICAL[1:4:2] if quick else CRITICAL)}}
+        few = {"seeds": 2, "steps": hb.Steps(first=0.05, longest=0.2, turn=45)} if quick else {"seeds": 3}
+        maps[name] = hb.jump_map(model, name, SPANS[name], frequencies=near, **few)
+    boundaries = {name: boundary(name, 8 if quick else 16) for name in (("torque", "e_scale") if quick else CRITICAL)}
+    return {"maps": maps, "boundaries": boundaries}
 
 
-def boundary(name: str) -> Boundary:
+def boundary(name: str, harmonics: int = 16) -> Boundary:
     """Where the jump near Omega = 0.88 vanishes."""
     pair = hb.DoubleHelicalPair()
-    found = hb.critical(pair, name, frequencies=(1.0, 0.75))
+    found = hb.critical(pair, name, frequencies=(1.0, 0.75), harmonics=harmonics)
     return Boundary(found.value, found.Omega, pair.parameters[name], found.jump_below)
 
 
