@@ -86,14 +86,14 @@ def _line(ax: Axes, branch: hb.Branch, height: Array, color: str) -> None:
 
 
 def report(results: Results) -> str:
-    """Period doublings and folds of each branch; which values of a sweep were not periodic. In Markdown."""
+    """Period doublings and folds of each branch; which values of a sweep did not settle. In Markdown."""
     lines = ["| motion | period doublings | folds |", "| --- | --- | --- |"]
     for period, branch in results.branches.items():
         kinds = [
             ", ".join(f"{p.parameters['Omega']:.6f}" for p in branch.special if p.kind == kind) for kind in ("PD", "LP")
         ]
         lines.append(f"| period {period} | {kinds[0] or 'none'} | {kinds[1] or 'none'} |")
-    lines += ["", "| sweep | not periodic | jumps between |", "| --- | --- | --- |"]
+    lines += ["", "| sweep | chaotic, or not settled beside a doubling | jumps between |", "| --- | --- | --- |"]
     for s in results.sweeps:
         wild = s.values[~s.settled]
         where = f"{len(wild)} of {len(s)} values from {wild.min():.4f} to {wild.max():.4f}" if len(wild) else "none"
