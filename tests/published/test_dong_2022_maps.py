@@ -12,6 +12,8 @@ import pytest
 from scipy.linalg import expm
 
 import hbgear as hb
+from hbgear.fourier import extrema
+from hbgear.sweep import Settling
 
 ROOT = Path(__file__).parents[2]
 matplotlib.use("Agg")
@@ -153,3 +155,18 @@ def test_period_doubling_is_a_parametric_resonance(tmp_path):
     np.testing.assert_allclose(swept.pp2[0], results["motion"].amplitude("pp2"), atol=1e-4)
     assert drawn(module, results, tmp_path)
     assert "0.12054" in module.report(results)
+
+
+def test_double_sided_impact_begins(tmp_path):
+    """The grazing curve and the depth of a motion in a wide gap agree, and time integration just touches the back."""
+    module = study("double_sided")
+    results = module.run(quick=True)
+    top = module.widest(results["grazing"]["mesh period"]).parameters
+    assert top["W"] == pytest.approx(-0.93934, abs=2e-5)
+    deep = results["depths"]["mesh period", 0.063][0]
+    assert deep / 2 == pytest.approx(1 + top["W"], rel=3e-3)  # of the rows of a curve, not of its very top
+    settled = hb.sweep(hb.DoubleHelicalPair(W=top["W"]), [top["Omega"]], settling=Settling(1e-6))
+    lowest = extrema(settled.rows[0, 0])[0]
+    assert lowest == pytest.approx(-(1 + top["W"]), abs=5e-5)
+    assert drawn(module, results, tmp_path)
+    assert "| mesh period | -0.93934 | 1.516 |" in module.report(results)
