@@ -11,15 +11,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy import integrate as methods
-from scipy import sparse
-from scipy.sparse.linalg import splu
+import scipy  # its parts are imported when they are first used
 
 from hbgear.fourier import Array, derive, to_complex
 from hbgear.model import System
 from hbgear.pieces import FINE, Integers, Pieces, first_exit, stiffness_row
 
-METHODS: dict[str, Any] = {"DOP853": methods.DOP853, "RK45": methods.RK45, "Radau": methods.Radau}
+METHODS = ("DOP853", "RK45", "Radau")
 """Methods of scipy."""
 
 Lines = tuple[Array, Array]
@@ -50,13 +48,13 @@ class Flow:
 
     def _matrices(self, system: System) -> None:
         n, Wd = self.n, self.W * self.c
-        if sparse.issparse(system.M):
-            invert = splu(sparse.csc_array(system.M)).solve
-            C, K = system.C + sparse.csr_array(Wd @ self.W.T), sparse.csr_array(system.K)
-            lower = sparse.hstack([-K, -C]).toarray()
+        if scipy.sparse.issparse(system.M):
+            invert = scipy.sparse.linalg.splu(scipy.sparse.csc_array(system.M)).solve
+            C, K = system.C + scipy.sparse.csr_array(Wd @ self.W.T), scipy.sparse.csr_array(system.K)
+            lower = scipy.sparse.hstack([-K, -C]).toarray()
         else:
             invert = np.linalg.inv(system.M).__matmul__
-            dense = [A.toarray() if sparse.issparse(A) else A for A in (system.K, system.C)]
+            dense = [A.toarray() if scipy.sparse.issparse(A) else A for A in (system.K, system.C)]
             lower = np.hstack([-dense[0], -dense[1] - Wd @ self.W.T])
         self.A = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), invert(lower)])
         self.B = np.vstack([np.zeros((n, self.m)), invert(self.W)])
@@ -142,7 +140,7 @@ class Flow:
             line = self.pieces.slope[every, piece], self.pieces.offset[every, piece]
             f = partial(self.rates, line)
             extra = {"jac": partial(self.slopes, line)} if method == "Radau" and self.columns == 1 else {}
-            solver = METHODS[method](f, t, Y, end, rtol=tolerance, atol=atol, **extra)
+            solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, **extra)
             while solver.status == "running":
                 before = solver.y
                 solver.step()
@@ -182,7 +180,7 @@ class Flow:
         """The step taken again up to a corner: its end is as accurate as any, the inside of a step is not."""
         if end - t <= 1e-14 * (1 + abs(t)):
             return Y
-        solver = METHODS[method](f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **extra)
+        solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **extra)
         while solver.status == "running":
             solver.step()
         return solver.y

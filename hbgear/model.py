@@ -19,8 +19,8 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
+import scipy  # its parts are imported when they are first used
 from numpy.typing import ArrayLike
-from scipy import sparse
 
 from hbgear.fourier import Array, Series
 from hbgear.laws import Law
@@ -177,8 +177,8 @@ class Load:
 
 
 def _matrix(name: str, value: Any) -> Matrix:
-    if sparse.issparse(value):
-        out: Matrix = sparse.csr_array(value, dtype=float)
+    if scipy.sparse.issparse(value):
+        out: Matrix = scipy.sparse.csr_array(value, dtype=float)
         finite = np.all(np.isfinite(out.data))
     else:
         out = np.array(value, dtype=float)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy  # its parts are imported when they are first used
 
 from hbgear.arc import Arc, Row, normal_of, row_of
 from hbgear.augmented import Peak
@@ -72,7 +72,7 @@ def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[Row, bo
         return -float(measured(measure, layout.rows(arc.at(s).solution.X, element), layout.nu))
 
     try:
-        best = minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-7})
+        best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-7})
         row = arc.at(float(best.x))
     except (NoConvergence, np.linalg.LinAlgError):
         return _row(branch, i, arc.scale, arc.b.u - arc.a.u), False

@@ -22,9 +22,7 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as la
-from scipy import sparse
-from scipy.sparse.linalg import splu
+import scipy  # its parts are imported when they are first used
 
 from hbgear.fourier import Array, ComplexArray, stretch, to_complex
 from hbgear.model import System
@@ -68,12 +66,12 @@ class LinearPart:
 
 
 def _dense(A: object) -> Array:
-    return A.toarray() if sparse.issparse(A) else np.asarray(A)  # type: ignore[attr-defined]
+    return A.toarray() if scipy.sparse.issparse(A) else np.asarray(A)  # type: ignore[attr-defined]
 
 
 def _null_space(A: Array) -> Array:
     """Orthonormal basis of the null space of a matrix whose rows and columns are already scaled."""
-    _, s, vt = la.svd(A)
+    _, s, vt = scipy.linalg.svd(A)
     largest = s.max(initial=0.0)
     rank = int(np.sum(s > _FREE * largest)) if largest > 0 else 0
     return vt[rank:].T
@@ -101,11 +99,11 @@ class Structure:
         self.kr = np.array([e.law.reference for e in system.elements])
         self.c = np.array([e.damping for e in system.elements])
         self._check_directions()
-        self.large = sparse.issparse(system.K) and self.n > MODAL_LIMIT
+        self.large = scipy.sparse.issparse(system.K) and self.n > MODAL_LIMIT
         if self.large:
-            Ws = sparse.csr_array(self.W)
-            self.M, self.K = system.M, system.K + Ws @ sparse.diags_array(self.kr) @ Ws.T
-            self.C = system.C + Ws @ sparse.diags_array(self.c) @ Ws.T
+            Ws = scipy.sparse.csr_array(self.W)
+            self.M, self.K = system.M, system.K + Ws @ scipy.sparse.diags_array(self.kr) @ Ws.T
+            self.C = system.C + Ws @ scipy.sparse.diags_array(self.c) @ Ws.T
             self.modes: Modes | None = None
             return
         self.M = _dense(system.M)
@@ -154,7 +152,7 @@ class Structure:
 
     def _check_mass(self) -> None:
         scaled = self.M * np.outer(self._scale, self._scale)
-        s, v = la.svd(scaled)[1:]
+        s, v = scipy.linalg.svd(scaled)[1:]
         if s[-1] <= 1e-13 * s[0]:
             worst = self.system.dof_names[int(np.argmax(np.abs(v[-1])))]
             raise ValueError(
@@ -171,7 +169,7 @@ class Structure:
                 continue
             for r in self.free_left.T:
                 work = r * np.asarray(load.constant)
-                largest = la.norm(r / self._scale) * la.norm(self._scale * np.asarray(load.constant))
+                largest = np.linalg.norm(r / self._scale) * np.linalg.norm(self._scale * np.asarray(load.constant))
                 if abs(work.sum()) > max(_BALANCED * np.abs(work).sum(), _ROUNDING * largest):
                     raise UnbalancedLoad(self._describe_unbalance(r, float(work.sum())))
 
@@ -193,18 +191,18 @@ class Structure:
             T = self._scale[:, None] * _null_space((free.T @ M.T) * self._scale)
         else:
             B = T = np.diag(self._scale)
-        Mi = la.inv(T.T @ M @ B)
+        Mi = scipy.linalg.inv(T.T @ M @ B)
         K, C = Mi @ T.T @ K @ B, Mi @ T.T @ C @ B
         size = B.shape[1]
         clock = np.sqrt(np.abs(K).max()) or 1.0  # states (q, q'/clock): no bias from the unit of time
         A = np.block([[np.zeros((size, size)), clock * np.eye(size)], [-K / clock, -C]])
         A += part * clock * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
-        poles, V = la.eig(A)
+        poles, V = scipy.linalg.eig(A)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", la.LinAlgWarning)  # the condition is judged by the caller
+            warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # the condition is judged by the caller
             try:
-                U = la.inv(V)
-            except la.LinAlgError:
+                U = scipy.linalg.inv(V)
+            except scipy.linalg.LinAlgError:
                 U = np.full_like(V, np.inf)
         right = B @ V[:size]
         left_vectors = U[:, size:] @ (Mi @ T.T) / clock
@@ -219,19 +217,20 @@ class Structure:
         if not free.shape[1] or not np.any(C):
             return free
         felt = (C @ free) * self._scale[:, None] / (np.abs(C) * np.outer(self._scale, self._scale)).max()
-        _, s, vt = la.svd(felt / np.linalg.norm(free / self._scale[:, None], axis=0))
+        _, s, vt = scipy.linalg.svd(felt / np.linalg.norm(free / self._scale[:, None], axis=0))
         held = np.concatenate([s, np.zeros(vt.shape[0] - s.size)]) > 1e-9
         return free @ vt[~held].T
 
     def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
         """D(w)^-1 rhs; at w = 0 the solution without free motion."""
         if self.large:
-            return splu((self.K + 1j * w * self.C - w**2 * self.M).tocsc()).solve(rhs.astype(complex))
+            D = self.K + 1j * w * self.C - w**2 * self.M
+            return scipy.sparse.linalg.splu(D.tocsc()).solve(rhs.astype(complex))
         if w == 0.0:
             s = self._scale
             scaled = self.K * np.outer(s, s)
-            return s[:, None] * (la.pinv(scaled, rtol=_FREE) @ (s[:, None] * rhs))
-        return la.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
+            return s[:, None] * (scipy.linalg.pinv(scaled, rtol=_FREE) @ (s[:, None] * rhs))
+        return scipy.linalg.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
 
     def receptances(self, w: Array) -> tuple[ComplexArray, ComplexArray]:
         """G(w) and dG/dw, (K, m, m) each, at frequencies w (K,)."""

@@ -22,10 +22,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg as la
-from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, eigsh, splu
-from scipy.sparse.linalg import norm as sparse_norm
+import scipy  # its parts are imported when they are first used
 
 from hbgear.fourier import Array
 from hbgear.model import Load, Model, System
@@ -69,7 +66,7 @@ class Reduction:
             D = sum((a * A for a, A in zip(factors, (K, C, M), strict=True)), 0 * M)
             G = self.full.W.T @ _factored(D, 0.1).solve(W)
             near = sum((a * A for a, A in zip(factors, reduced, strict=True)), 0 * reduced[0])
-            out.append(np.abs(small.T @ la.solve(near, small) - G).max() / np.abs(G).max())
+            out.append(np.abs(small.T @ scipy.linalg.solve(near, small) - G).max() / np.abs(G).max())
         return np.array(out)
 
 
@@ -99,13 +96,14 @@ def reduce(model: Model, modes: int = 40) -> Reduction:
     if np.any(M.diagonal() <= 0):
         worst = full.dof_names[int(np.argmin(M.diagonal()))]
         raise ValueError(f"M must be positive definite; coordinate '{worst}' has no positive mass: eliminate it first")
-    K = sparse.csc_array(0.5 * (K + K.T))
+    K = scipy.sparse.csc_array(0.5 * (K + K.T))
     # a shift far below the stiffness of the structure keeps K regular where it moves freely
-    shift = 1e-10 * float(sparse_norm(K)) / float(sparse_norm(M))
+    shift = 1e-10 * float(scipy.sparse.linalg.norm(K)) / float(scipy.sparse.linalg.norm(M))
     solve = _factored(K + shift * M, 0.0).solve
-    inverse = LinearOperator(K.shape, matvec=solve, dtype=float)
+    inverse = scipy.sparse.linalg.LinearOperator(K.shape, matvec=solve, dtype=float)
     rng = np.random.default_rng(0)  # the same start in every run
-    squares, shapes = eigsh(K, modes, M, sigma=-shift, OPinv=inverse, v0=rng.standard_normal(full.n))
+    start = rng.standard_normal(full.n)
+    squares, shapes = scipy.sparse.linalg.eigsh(K, modes, M, sigma=-shift, OPinv=inverse, v0=start)
     forces = np.column_stack([full.W, *(v for load in full.loads for v in load.vectors())])
     basis = _orthonormal(shapes[:, np.argsort(squares)], solve(forces), M)
     return Reduction(_galerkin(full, basis, modes), full, basis, np.sqrt(np.maximum(np.sort(squares), 0.0)))
@@ -113,17 +111,17 @@ def reduce(model: Model, modes: int = 40) -> Reduction:
 
 def _factored(A: Any, pivoting: float) -> Any:
     """Factors of a matrix with a symmetric pattern; ordered so, they fill in least."""
-    options = {"SymmetricMode": True}
-    return splu(sparse.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=pivoting, options=options)
+    settings = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
+    return scipy.sparse.linalg.splu(scipy.sparse.csc_array(A), diag_pivot_thresh=pivoting, **settings)
 
 
 def _closed(system: System) -> tuple[Any, Any, Any]:
     """Sparse M, C and K with dampers and reference springs of the elements."""
-    W = sparse.csr_array(system.W)
-    springs = sparse.diags_array([e.law.reference for e in system.elements])
-    dampers = sparse.diags_array([e.damping for e in system.elements])
-    M, C, K = (sparse.csr_array(A) for A in (system.M, system.C, system.K))
-    return M, sparse.csr_array(C + W @ dampers @ W.T), sparse.csr_array(K + W @ springs @ W.T)
+    W = scipy.sparse.csr_array(system.W)
+    springs = scipy.sparse.diags_array([e.law.reference for e in system.elements])
+    dampers = scipy.sparse.diags_array([e.damping for e in system.elements])
+    M, C, K = (scipy.sparse.csr_array(A) for A in (system.M, system.C, system.K))
+    return M, scipy.sparse.csr_array(C + W @ dampers @ W.T), scipy.sparse.csr_array(K + W @ springs @ W.T)
 
 
 def _orthonormal(shapes: Array, extra: Array, M: Any) -> Array:

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy  # its parts are imported when they are first used
 
 from hbgear.arc import Arc, Row, row_of
 from hbgear.augmented import Augmented, Fold, Grazing, PeriodDoubling
@@ -96,7 +96,7 @@ def _root(arc: Arc, kind: str, test: Callable[[Row], float], note: str = "") -> 
     try:
         # at a turning point an error in s enters the parameter squared
         fine = 1e-9 if kind in ("LP", "CP") else 1e-13
-        s = float(brentq(beside, 0.0, 1.0, xtol=fine, rtol=fine, maxiter=60))
+        s = float(scipy.optimize.brentq(beside, 0.0, 1.0, xtol=fine, rtol=fine, maxiter=60))
         return Found(kind, s, rows[s], True, note)
     except (NoConvergence, np.linalg.LinAlgError, ValueError, RuntimeError):
         f0, f1 = abs(test(arc.a)), abs(test(arc.b))

@@ -23,7 +23,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy  # its parts are imported when they are first used
 
 from hbgear import measures
 from hbgear._version import __version__
@@ -391,7 +391,7 @@ def _differences(found: Array, true: Array, nu: int) -> tuple[float, float, floa
 def _apart(mu: ComplexArray, true: ComplexArray) -> float:
     """Largest distance of multipliers matched in pairs."""
     D = np.abs(mu[:, None] - true)
-    return float(D[linear_sum_assignment(D)].max())
+    return float(D[scipy.optimize.linear_sum_assignment(D)].max())
 
 
 def _growth(model: Any, orbit: Orbit) -> float:
