@@ -6,6 +6,7 @@ and a distance mean the same whatever the units of X and lambda.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,7 +15,7 @@ import numpy as np
 import scipy.linalg as la
 
 from hbgear.fourier import Array
-from hbgear.newton import Evaluation, NoConvergence, Settings, Solution, bordered, correct
+from hbgear.newton import Evaluation, NoConvergence, Settings, Solution, bordered, correct, norm
 
 
 @dataclass(frozen=True)
@@ -61,12 +62,10 @@ def tangent(now: Evaluation, normal: Array, scale: Array) -> tuple[Array, int]:
     rhs = np.zeros(len(A))
     rhs[-1] = 1.0
     lu, pivots, t, info = la.lapack.dgesv(A, rhs)
-    diagonal = np.diag(lu)
-    if info or not np.all(np.isfinite(t)):
+    if info or not math.isfinite(t.sum()):
         raise np.linalg.LinAlgError("singular bordered matrix")
-    swaps = int(np.sum(pivots != np.arange(len(pivots))))
-    sign = int(np.prod(np.sign(diagonal))) * (-1) ** swaps
-    return t / np.linalg.norm(t / scale), sign
+    negative = np.count_nonzero(lu.diagonal() < 0) + np.count_nonzero(pivots != np.arange(len(pivots)))
+    return t / norm(t / scale), -1 if negative % 2 else 1
 
 
 def normal_of(direction: Array, scale: Array) -> Array:
@@ -92,7 +91,7 @@ class Arc:
     def guess(self, s: float) -> Array:
         """Hermite interpolation of u."""
         a, b = self.a, self.b
-        length = float(np.linalg.norm((b.u - a.u) / self.scale))
+        length = norm((b.u - a.u) / self.scale)
         s2, s3 = s * s, s * s * s
         return (
             (2 * s3 - 3 * s2 + 1) * a.u
@@ -123,7 +122,7 @@ class Arc:
         """Whether the curve from a to b contains a row already known: the points nearest to it are compared."""
         chord = (self.b.u - self.a.u) / self.scale
         offset = (known.u - self.a.u) / self.scale
-        length = float(np.linalg.norm(chord))
+        length = norm(chord)
         s = float(offset @ chord) / length**2
         if not 0 <= s <= 1 or np.linalg.norm(offset - s * chord) > 0.1 * length:
             return False

@@ -12,19 +12,18 @@ from __future__ import annotations
 import copy
 import warnings
 from collections import OrderedDict
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.fft import next_fast_len
 
-from hbgear.basis import Toeplitz, after_derivative, apply, derivative, one_sided, real_blocks
+from hbgear.basis import Toeplitz, after_derivative, derivative, one_sided, real_blocks
 from hbgear.branch import Layout
 from hbgear.contact import ContactProjector, Crossings, crossings
-from hbgear.fourier import Array, ComplexArray, Transform, derive, extrema, resize, stretch, to_complex, to_real
+from hbgear.fourier import Array, ComplexArray, Transform, derive, extrema, resize, samples_of, stretch, to_complex, to_real
 from hbgear.laws import Law, PiecewiseLinear
 from hbgear.model import Model, System, describe, did_you_mean
-from hbgear.newton import Evaluation, NoConvergence, solve, solve_from_afar
+from hbgear.newton import Evaluation, NoConvergence, norm, solve, solve_from_afar
 from hbgear.receptance import Receptance, Structure
 from hbgear.stability import multipliers
 from hbgear.start import guesses
@@ -32,16 +31,15 @@ from hbgear.start import guesses
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
 
 
-@dataclass(frozen=True)
-class Forces:
-    """Law forces of one iterate.
+class Forces(NamedTuple):
+    """Law forces of one iterate as real rows f (m, 2H+1), with the matrices (m, 2H+1, 2H+1) of their derivatives.
 
-    f (m, 2H+1) real rows; kappa, gamma (m, 2H+1): two-sided coefficients 0..2H of dp/dd and dp/dv (gamma may be None).
+    stiffness: of the rows of f in those of d; damping: in those of d' (None if no law depends on it).
     """
 
     f: Array
-    kappa: ComplexArray
-    gamma: ComplexArray | None
+    stiffness: Array
+    damping: Array | None
 
 
 class _Compiled:
@@ -53,10 +51,21 @@ class _Compiled:
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
         exact = [not sampled and isinstance(law, PiecewiseLinear) for law in self.laws]
         self.exact, self.sampled = np.flatnonzero(exact), np.flatnonzero(~np.array(exact))
-        self.projector = ContactProjector([law for law, x in zip(self.laws, exact, strict=True) if x], nu)  # type: ignore[misc]
+        self._piecewise: list[PiecewiseLinear] = [law for law, x in zip(self.laws, exact, strict=True) if x]  # type: ignore[misc]
+        self.nu = nu
+        self.projector = self._many = ContactProjector(self._piecewise, nu)
+        self.corners = [np.array(law.breakpoints) for law in self.laws]
+        self.corner = np.concatenate(self.corners)
+        self.element = np.repeat(np.arange(len(self.laws)), [x.size for x in self.corners])  # that each corner belongs to
         tau = nu * 2 * np.pi * np.arange(transform.N) / transform.N
         self.bound = {j: self.laws[j].bind(tau) for j in self.sampled}
         self._linear: tuple[float, Any] | None = None
+
+    def projector_of(self, P: int) -> ContactProjector:
+        """Projector of P motions at once, motion after motion; the last one is kept."""
+        if len(self._many.laws) != P * len(self._piecewise):
+            self._many = ContactProjector(self._piecewise * P, self.nu)
+        return self._many
 
     def linear(self, Omega: float) -> Any:
         """Linear part at Omega; the last one is kept, for Newton at fixed Omega asks for it again and again."""
@@ -112,7 +121,7 @@ class HarmonicBalance:
         else:
             _whole("samples", samples)
             self.N = int(samples)
-        self._transform = Transform(self.H, self.N, self.m)
+        self._transform = Transform(self.H, self.N, 2 * self.m)  # forces and stiffnesses at once
         self._toeplitz = Toeplitz(self.H)
         self._cache: OrderedDict[tuple[tuple[str, float], ...], _Compiled] = OrderedDict()
         self._structures: OrderedDict[tuple[bytes, ...], Structure] = OrderedDict()
@@ -264,37 +273,38 @@ class HarmonicBalance:
                 self._structures.popitem(last=False)
         return self._structures[key]
 
-    def forces(self, X: Array, Omega: float, compiled: _Compiled) -> Forces:
-        """Force harmonics of all laws and the spectra of their derivatives."""
-        H = self.H
-        rows = X.reshape(self.m, -1)
-        c = to_complex(rows)
-        samples = self._transform.samples(c)
-        f = np.zeros((self.m, 2 * H + 1))
-        kappa = np.zeros((self.m, 2 * H + 1), dtype=complex)
-        gamma: ComplexArray | None = None
+    def forces(self, rows: Array, c: ComplexArray, Omega: float, compiled: _Compiled) -> Forces:
+        """Forces of all laws on the motion given by its rows (m, 2H + 1) and their complex form c (m, H + 1)."""
         exact, sampled = compiled.exact, compiled.sampled
-        if exact.size:
-            kappa[exact], chi, _ = compiled.projector.project(c[exact], samples[exact], 2 * H)
-            f[exact] = to_real(one_sided(chi[:, : H + 1]))
-        if sampled.size:
-            velocity = self._transform.samples(Omega / self.nu * derive(c))
-            values = np.array([compiled.bound[j](samples[j], velocity[j]) for j in sampled])
-            f[sampled] = to_real(one_sided(self._spectrum(values[:, 0])[: sampled.size, : H + 1]))
-            kappa[sampled] = self._spectrum(values[:, 1])[: sampled.size]
-            if np.any(values[:, 2]):
-                gamma = np.zeros_like(kappa)
-                gamma[sampled] = self._spectrum(values[:, 2])[: sampled.size]
-        return Forces(f, kappa, gamma)
+        if not sampled.size:
+            return self._projected(rows, c, self._transform.samples(c), compiled)
+        if not exact.size:
+            return self._sampled(c, self._transform.samples(c), Omega, compiled)
+        samples = self._transform.samples(c)
+        f, stiffness = np.empty_like(rows), np.empty((*rows.shape, rows.shape[1]))
+        f[exact], stiffness[exact], _ = self._projected(rows[exact], c[exact], samples[exact], compiled)
+        f[sampled], stiffness[sampled], part = self._sampled(c, samples, Omega, compiled)
+        damping = None
+        if part is not None:
+            damping = np.zeros_like(stiffness)
+            damping[sampled] = part
+        return Forces(f, stiffness, damping)
 
-    def _spectrum(self, values: Array) -> ComplexArray:
-        """Two-sided coefficients 0..2H of samples (rows, N); zeros where N is too short to hold them."""
-        if len(values) < self.m:  # the plan is made for all elements
-            values = np.concatenate([values, np.zeros((self.m - len(values), self.N))])
-        s = self._transform.spectrum(values)[:, : 2 * self.H + 1]
-        if s.shape[1] <= 2 * self.H:
-            s = np.pad(s, ((0, 0), (0, 2 * self.H + 1 - s.shape[1])))
-        return s
+    def _projected(self, rows: Array, c: ComplexArray, samples: Array, compiled: _Compiled) -> Forces:
+        """Exact forces kappa * d + chi of the piecewise-linear laws; rows, c and samples are those of their elements."""
+        kappa, chi = compiled.projector.project(c, samples, 2 * self.H)
+        stiffness = self._toeplitz(kappa)
+        return Forces((stiffness @ rows[..., None])[..., 0] + to_real(one_sided(chi[:, : self.H + 1])), stiffness, None)
+
+    def _sampled(self, c: ComplexArray, samples: Array, Omega: float, compiled: _Compiled) -> Forces:
+        """Forces of the other laws, from c and samples of all elements."""
+        velocity = self._transform.samples(Omega / self.nu * derive(c))
+        p, dp_dd, dp_dv = zip(*(compiled.bound[j](samples[j], velocity[j]) for j in compiled.sampled), strict=True)
+        spectra = self._transform.spectrum(np.array([*p, *dp_dd]))
+        f = to_real(one_sided(spectra[: len(p), : self.H + 1]))
+        stiffness = self._toeplitz(spectra[len(p) :])
+        damping = np.array(dp_dv)
+        return Forces(f, stiffness, self._toeplitz(self._transform.spectrum(damping)) if damping.any() else None)
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
         """Residual (n,) and Jacobian (n, n) at X (n,), n = m (2H + 1); ``Omega`` must be among the parameters."""
@@ -309,31 +319,22 @@ class HarmonicBalance:
         Omega = parameters["Omega"]
         compiled = self.compiled(parameters)
         linear = compiled.linear(Omega)
-        F = self.forces(X, Omega, compiled)
         m, n = self.m, 2 * self.H + 1
         rows = X.reshape(m, n)
         d = to_complex(rows)
-        own = self._toeplitz(F.kappa)
-        f = F.f
-        if compiled.exact.size:  # exact: the force is kappa * d + chi
-            f = f.copy()
-            f[compiled.exact] += (own @ rows[..., None])[compiled.exact, :, 0]
-        dR = np.zeros((m, n))
-        if F.gamma is not None:
-            slip = self._toeplitz(F.gamma) * 1.0
+        f, own, slip = self.forces(rows, d, Omega, compiled)
+        moved = (linear.matrices @ d.T[..., None])[..., 0]  # Z d and dZ/dOmega d, (2, H + 1, m)
+        R, dR = to_real((moved + linear.constants).transpose(0, 2, 1))
+        R += f
+        if slip is not None:
             own = own + after_derivative(slip) * (Omega / self.nu)
-            if name == "Omega":
-                dR += np.einsum("jab,jb->ja", slip, derivative(rows)) / self.nu
-        Zd = apply(linear.Z, d)
-        R = to_real(Zd + linear.g.T) + f
-        if name == "Omega":
-            dR += to_real(apply(linear.dZ, d) + linear.dg.T)
-        elif name:
-            dR = self._difference(X, name, parameters).reshape(m, n)
+            dR += np.einsum("jab,jb->ja", slip, derivative(rows)) / self.nu
+        if name != "Omega":
+            dR = self._difference(X, name, parameters) if name else np.zeros(m * n)
         J = real_blocks(linear.Z)
         for j in range(m):
             J[j, :, j, :] += own[j]
-        size = float(np.linalg.norm(f) + np.linalg.norm(Zd) + np.linalg.norm(linear.g))
+        size = norm(f) + norm(moved[0]) + norm(linear.g)
         return Evaluation(R.ravel(), J.reshape(m * n, m * n), dR.ravel(), size or 1.0)
 
     def residual(self, X: Array, **parameters: float) -> Array:
@@ -383,41 +384,36 @@ class HarmonicBalance:
         """
         compiled = self.compiled(parameters)
         c = to_complex(X.reshape(self.m, -1))
-        corners = [law.breakpoints for law in compiled.laws]
-        level = np.array([x for xs in corners for x in xs])
-        rows = np.repeat(np.arange(self.m), [len(xs) for xs in corners])
-        return crossings(c, level, rows, self._transform.samples(c))
+        return crossings(c, compiled.corner, compiled.element, self._transform.samples(c))
 
     def regime(self, X: Array, **parameters: float) -> np.ndarray:
         """Impact regime of each element (m,): 0 no impact, 1 single-sided, 2 double-sided.
 
         It is the number of corners of the law that the motion crosses, at most 2.
         """
-        return _regime(*self._reach(X, parameters))
+        return self._reach(X[None], self.compiled(parameters))[1][0]
 
     def clearance(self, X: Array, **parameters: float) -> Array:
         """Signed distances of the extrema of each element from each corner of its law: zero where contact grazes.
 
         Order: for each element and each of its corners, lowest value minus corner, highest value minus corner.
         """
-        return _clearance(*self._reach(X, parameters))
+        return self._reach(X[None], self.compiled(parameters))[0][0]
 
-    def _reach(self, X: Array, parameters: dict[str, float]) -> tuple[list[Array], Array, Array]:
-        """Corners of each law, lowest and highest value of each element."""
-        corners = [np.array(law.breakpoints) for law in self.compiled(parameters).laws]
-        if not any(x.size for x in corners):
-            return corners, np.zeros(self.m), np.zeros(self.m)
-        low, _, high, _ = extrema(X.reshape(self.m, -1))
-        return corners, low, high
+    def _reach(self, X: Array, compiled: _Compiled) -> tuple[Array, np.ndarray]:
+        """Clearances and regimes of many motions (P, n)."""
+        if not compiled.corner.size:
+            return np.zeros((len(X), 0)), np.zeros((len(X), self.m), dtype=np.int8)
+        low, _, high, _ = extrema(X.reshape(len(X), self.m, -1))
+        ends = np.stack([low, high], axis=-1)[:, compiled.element] - compiled.corner[:, None]
+        passed = (ends[..., 0] < 0) & (ends[..., 1] > 0)
+        count = passed @ (compiled.element[:, None] == np.arange(self.m)).astype(np.int8)
+        return ends.reshape(len(X), -1), np.minimum(count, 2).astype(np.int8)
 
     def force_rows(self, X: Array, **parameters: float) -> Array:
         """Law forces of each element (without its damper) as real rows (m, 2H + 1)."""
-        compiled = self.compiled(parameters)
-        F = self.forces(X, parameters["Omega"], compiled)
-        f = F.f.copy()
-        e = compiled.exact
-        f[e] += np.einsum("jab,jb->ja", self._toeplitz(F.kappa)[e], X.reshape(self.m, -1)[e])
-        return f
+        rows = X.reshape(self.m, -1)
+        return self.forces(rows, to_complex(rows), parameters["Omega"], self.compiled(parameters)).f
 
     def mesh_forces(self, X: Array, **parameters: float) -> Array:
         """Whole force of each element, law and damper, as real rows (m, 2H + 1): f_k + i k omega c d_k."""
@@ -437,16 +433,19 @@ class HarmonicBalance:
         """Floquet multipliers of the motion, largest first; see `stability.multipliers`."""
         return multipliers(self, X, points=points, width=width, **parameters)
 
-    def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
+    def observe(self, X: Array, stability: bool = True, *, Omega: float, **parameters: float) -> dict[str, Any]:
         """What a trace stores beside the unknowns: multipliers (if asked for), regime, clearance, error."""
-        corners, low, high = self._reach(X, parameters)
-        seen: dict[str, Any] = {
-            "clearance": _clearance(corners, low, high),
-            "regime": _regime(corners, low, high),
-            "error": self.truncation(X, **parameters),
-        }
+        return self.observe_all(X[None], np.array([Omega]), stability, **parameters)[0]
+
+    def observe_all(self, X: Array, Omega: Array, stability: bool = True, **parameters: float) -> list[dict[str, Any]]:
+        """`observe` for many motions X (P, n) at frequencies Omega (P,), all other parameters equal: far less work."""
+        compiled = self.compiled(parameters)
+        clearance, regime = self._reach(X, compiled)
+        error = self._truncation(X, Omega, compiled)
+        seen = [{"clearance": c, "regime": r, "error": float(e)} for c, r, e in zip(clearance, regime, error, strict=True)]
         if stability:
-            seen["multipliers"] = multipliers(self, X, **parameters)  # type: ignore[arg-type]
+            for one, x, w in zip(seen, X, Omega, strict=True):
+                one["multipliers"] = multipliers(self, x, Omega=float(w), **parameters)
         return seen
 
     @property
@@ -480,41 +479,37 @@ class HarmonicBalance:
 
         The neglected force harmonics H < k <= 2H drive the closed structure: delta d_k = G_k f_k.
         """
-        compiled = self.compiled(parameters)
-        omega = parameters["Omega"] / self.nu
-        f = self._neglected(X, omega, compiled)
-        delta = compiled.structure.receptances(np.arange(self.H + 1, 2 * self.H + 1) * omega)[0] @ f.T[..., None]
-        return float(np.sqrt(0.5 * np.sum(np.abs(delta) ** 2)))
+        return float(self._truncation(X[None], np.array([parameters["Omega"]]), self.compiled(parameters))[0])
 
-    def _neglected(self, X: Array, omega: float, compiled: _Compiled) -> ComplexArray:
-        """One-sided force harmonics H+1..2H, (m, H): in closed form for exact laws, else as far as N samples reach."""
-        H = self.H
-        c = to_complex(X.reshape(self.m, -1))
-        samples = self._transform.samples(c)
-        f = np.zeros((self.m, H), dtype=complex)
-        e = compiled.exact
-        if e.size:
-            kappa, chi, _ = compiled.projector.project(c[e], samples[e], 3 * H)
-            both = np.concatenate([np.conj(c[e][:, :0:-1]) / 2, c[e][:, :1], c[e][:, 1:] / 2], axis=1)
-            index = np.arange(H + 1, 2 * H + 1)[:, None] - np.arange(-H, H + 1)
-            f[e] = 2 * (np.einsum("jkm,jm->jk", kappa[:, index], both) + chi[:, H + 1 : 2 * H + 1])
+    def _truncation(self, X: Array, Omega: Array, compiled: _Compiled) -> Array:
+        """`truncation` of many motions X (P, n) at frequencies Omega (P,)."""
+        f = self._neglected(X, Omega / self.nu, compiled)
+        w = (Omega / self.nu)[:, None] * np.arange(self.H + 1, 2 * self.H + 1)
+        G = compiled.structure.receptances(w.ravel())[0].reshape(*w.shape, self.m, self.m)
+        delta = G @ f.transpose(0, 2, 1)[..., None]
+        return np.sqrt(0.5 * np.sum(np.abs(delta) ** 2, axis=(1, 2, 3)))
+
+    def _neglected(self, X: Array, omega: Array, compiled: _Compiled) -> ComplexArray:
+        """One-sided force harmonics H+1..2H, (P, m, H): in closed form for exact laws, else as far as N samples reach."""
+        H, P = self.H, len(X)
+        c = to_complex(X.reshape(P, self.m, -1))
+        samples = samples_of(c, self.N)
+        f = np.zeros((P, self.m, H), dtype=complex)
+        if compiled.exact.size:
+            mine = c[:, compiled.exact].reshape(-1, H + 1)
+            kappa, chi = compiled.projector_of(P).project(mine, samples[:, compiled.exact].reshape(-1, self.N), 3 * H)
+            both = np.concatenate([np.conj(mine[:, :0:-1]) / 2, mine[:, :1], mine[:, 1:] / 2], axis=1)
+            length = next_fast_len(3 * H)  # of the cyclic convolution, whose entries 2H..3H-1 nothing is folded onto
+            product = np.fft.ifft(np.fft.fft(kappa[:, 1:], length) * np.fft.fft(both, length))
+            f[:, compiled.exact] = 2 * (product[:, 2 * H : 3 * H] + chi[:, H + 1 : 2 * H + 1]).reshape(P, -1, H)
         if compiled.sampled.size:
-            v = self._transform.samples(omega * derive(c))
-            p = np.array([compiled.bound[j](samples[j], v[j])[0] for j in compiled.sampled])
-            tail = np.fft.rfft(p)[:, H + 1 : min(2 * H, self.N // 2 - 1) + 1] / self.N
-            f[compiled.sampled, : tail.shape[1]] = 2 * tail
+            velocity = samples_of(omega[:, None, None] * derive(c), self.N)
+            phases = np.tile(2 * np.pi * self.nu * np.arange(self.N) / self.N, P)
+            for j in compiled.sampled:
+                p = compiled.laws[j].force(samples[:, j].ravel(), velocity[:, j].ravel(), phases)[0].reshape(P, -1)
+                tail = np.fft.rfft(p)[:, H + 1 : min(2 * H, self.N // 2 - 1) + 1]
+                f[:, j, : tail.shape[1]] = 2 * tail / self.N
         return f
-
-
-def _clearance(corners: list[Array], low: Array, high: Array) -> Array:
-    return np.concatenate(
-        [np.column_stack([lo - x, hi - x]).ravel() for x, lo, hi in zip(corners, low, high, strict=True)]
-    )
-
-
-def _regime(corners: list[Array], low: Array, high: Array) -> np.ndarray:
-    count = [int(np.sum((lo < x) & (x < hi))) for x, lo, hi in zip(corners, low, high, strict=True)]
-    return np.minimum(count, 2).astype(np.int8)
 
 
 def _whole(name: str, number: object) -> None:

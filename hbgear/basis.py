@@ -17,18 +17,18 @@ class Toeplitz:
         difference, total = np.abs(row - col), row + col
         rs, cs = sine[:, None], sine[None, :]
         mixed, imaginary = rs != cs, 2 * H + 1
-        self._first = difference + imaginary * mixed
-        self._second = total + imaginary * mixed
         half = np.where(row == 0, 0.5, 1.0)
         sign = np.where(mixed, np.where(rs, -1.0, 1.0) * np.sign(row - col), 1.0)
+        self._index = np.array([difference, total]) + imaginary * mixed
         # cos-cos +, sin-sin -, mixed -
-        self._first_sign = half * sign
-        self._second_sign = half * np.where(mixed | (rs & cs), -1.0, 1.0)
+        self._sign = np.array([half * sign, half * np.where(mixed | (rs & cs), -1.0, 1.0)])
 
     def __call__(self, kappa: ComplexArray) -> Array:
         """(m, 2H + 1) coefficients 0..2H -> (m, 2H + 1, 2H + 1)."""
         r = np.concatenate([kappa.real, kappa.imag], axis=-1)
-        return r[:, self._first] * self._first_sign + r[:, self._second] * self._second_sign
+        parts = r.take(self._index, axis=1)
+        parts *= self._sign
+        return parts[:, 0] + parts[:, 1]
 
 
 def real_blocks(Z: ComplexArray) -> Array:
@@ -36,19 +36,12 @@ def real_blocks(Z: ComplexArray) -> Array:
     H, m = Z.shape[0] - 1, Z.shape[1]
     n = 2 * H + 1
     J = np.zeros((m, n, m, n))
-    a, b = np.arange(1, n, 2), np.arange(2, n, 2)
     J[:, 0, :, 0] = Z[0].real
-    Zk = Z[1:]
-    J[:, a, :, a] = Zk.real
-    J[:, b, :, b] = Zk.real
-    J[:, a, :, b] = Zk.imag
-    J[:, b, :, a] = -Zk.imag
+    re, im = Z.real[1:].transpose(1, 2, 0), Z.imag[1:].transpose(1, 2, 0)
+    diagonals = [np.einsum("iaja->ija", J[:, i::2, :, j::2]) for i, j in ((1, 1), (2, 2), (1, 2), (2, 1))]  # views
+    diagonals[0][:], diagonals[1][:], diagonals[2][:] = re, re, im
+    np.negative(im, out=diagonals[3])
     return J
-
-
-def apply(Z: ComplexArray, d: ComplexArray) -> ComplexArray:
-    """Z_k d_k for Z (H+1, m, m) and d (m, H+1), as (m, H+1)."""
-    return (Z @ d.T[..., None])[..., 0].T
 
 
 def one_sided(c: ComplexArray) -> ComplexArray:

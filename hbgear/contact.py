@@ -16,14 +16,19 @@ decision is which roots exist, and it is checked at the extrema between grid poi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from math import cos, pi, sin
 
 import numpy as np
 
-from hbgear.fourier import Array, ComplexArray, Series, derive, stretch, to_complex, waves
+from hbgear.fourier import Array, ComplexArray, Series, stretch, to_complex
 from hbgear.laws import PiecewiseLinear
 
 _ROUNDING = 4e-16  # relative size of a value that is zero
+_CLOSE = 4e-16 * np.pi  # distance of instants that are the same
 
 
 @dataclass(frozen=True)
@@ -40,45 +45,6 @@ class Crossings:
     above: np.ndarray
 
 
-def _evaluate(c: ComplexArray, theta: Array, derivatives: int) -> list[Array]:
-    """Value and derivatives of row r of c (R, H + 1) at theta[r]."""
-    terms = c * waves(theta, c.shape[-1] - 1)
-    out = [terms.real.sum(-1)]
-    for _ in range(derivatives):
-        terms = derive(terms)
-        out.append(terms.real.sum(-1))
-    return out
-
-
-def _touching(x: Array, c: ComplexArray, theta: Array, level: Array, rows: np.ndarray) -> tuple[Array, Array, Array]:
-    """Double roots a grid hides: extrema between samples that reach past the level although the samples do not.
-
-    Returns row, the instant of the extremum, and the value there relative to the level, for those that do.
-    """
-    closed = np.concatenate([x[:, -1:], x, x[:, :1]], axis=1)
-    left, right = closed[:, :-2], closed[:, 2:]
-    # an extremum of a smooth function exceeds its nearest sample by about an eighth of the second difference
-    r, i = np.nonzero(np.abs(x) <= np.abs(left - 2 * x + right))
-    if r.size == 0:
-        return r, np.empty(0), np.empty(0)
-    here, left, right = x[r, i], left[r, i], right[r, i]
-    toward = (np.abs(here) <= np.abs(left)) & (np.abs(here) <= np.abs(right))
-    toward &= (np.sign(here) == np.sign(left)) & (np.sign(here) == np.sign(right))
-    r, i = r[toward], i[toward]
-    if r.size == 0:
-        return r, np.empty(0), np.empty(0)
-    at, step = theta[i].copy(), theta[1] - theta[0]
-    for _ in range(5):
-        _, slope, bend = _evaluate(c[rows[r]], at, 2)
-        move = np.divide(-slope, bend, out=np.zeros_like(slope), where=bend != 0)
-        at += np.clip(move, -step, step)
-    value = _evaluate(c[rows[r]], at, 0)[0] - level[r]
-    past = np.sign(value) * np.sign(x[r, i]) < 0
-    past &= np.abs(value) > _ROUNDING * (1 + np.abs(level[r]))  # less than rounding is no contact
-    past &= np.abs(at - theta[i]) <= step
-    return r[past], at[past], value[past]
-
-
 def crossings(c: ComplexArray, level: Array, rows: np.ndarray, samples: Array) -> Crossings:
     """All instants where row ``rows[l]`` of the functions c crosses ``level[l]``.
 
@@ -89,117 +55,149 @@ def crossings(c: ComplexArray, level: Array, rows: np.ndarray, samples: Array) -
     samples : (m, N) the functions at theta_n = 2 pi n / N, N of at least 4H.
     """
     N = samples.shape[-1]
-    theta = 2 * np.pi * np.arange(N) / N
-    x = samples[rows] - level[:, None]
+    x = np.empty((len(level), N + 1))  # the first sample again after the last
+    np.subtract(samples[rows], level[:, None], out=x[:, :-1])
+    x[:, -1] = x[:, 0]
     above = x > 0
-    changes = np.empty_like(above)
-    changes[:, :-1], changes[:, -1] = above[:, :-1] != above[:, 1:], above[:, -1] != above[:, 0]
-    r, i = np.nonzero(changes)
-    low, high = theta[i], theta[i] + 2 * np.pi / N
-    value_low, value_high = x[r, i], x[r, (i + 1) % N]
-    low, high, value_low, value_high, r = _split(c[rows[r]], level[r], low, high, value_low, value_high, r)
-    tr, tat, tvalue = _touching(x, c, theta, level, rows)
-    if tr.size:  # each hidden extremum gives two brackets, one on either side of it
-        step = 2 * np.pi / N
-        tat = np.mod(tat, 2 * np.pi)
-        before, behind = np.floor(tat / step).astype(int) % N, (np.floor(tat / step).astype(int) + 1) % N
-        base = np.floor(tat / step) * step
-        r = np.concatenate([r, tr, tr])
-        low, high = np.concatenate([low, base, tat]), np.concatenate([high, tat, base + step])
-        value_low = np.concatenate([value_low, x[tr, before], tvalue])
-        value_high = np.concatenate([value_high, tvalue, x[tr, behind]])
-    if r.size == 0:
-        return Crossings(r, np.empty(0), r, above[:, 0])
-    root = _polish(c[rows[r]], level[r], low, high, value_low, value_high)
-    sign = np.where(value_high > value_low, 1, -1)
-    order = np.lexsort((root, r))
-    return Crossings(r[order], root[order], sign[order], above[:, 0])
+    # no second derivative is larger, and no second difference of neighbouring samples larger than that times step^2
+    bend = (np.abs(c) @ np.arange(c.shape[-1]) ** 2)[rows]
+    changes = np.argwhere(above[:, 1:] != above[:, :-1]).tolist()
+    near = np.argwhere(np.abs(x[:, :-1]) <= ((2 * np.pi / N) ** 2 * bend)[:, None]).tolist()
+    if not changes and not near:
+        return Crossings(np.zeros(0, dtype=int), np.empty(0), np.zeros(0, dtype=int), above[:, 0])
+    values = x.tolist()
+    coefficients = c.tolist()
+    found: list[tuple[int, float, int]] = []
+    for places, instants in ((changes, _in_cell), (near, _beside)):
+        for row, i in places:
+            wave = _Wave(coefficients[rows[row]], float(level[row]), float(bend[row]))
+            found += [(row, theta, sign) for theta, sign in instants(wave, values[row], i)]
+    found.sort()
+    row, theta, sign = (np.array(column) for column in zip(*found, strict=True)) if found else np.zeros((3, 0))
+    return Crossings(row.astype(int), theta, sign.astype(int), above[:, 0])
 
 
+class _Wave:
+    """A function less its level, Re sum_k c_k exp(i k theta) - level, at one theta after the other.
+
+    Plain numbers and Horner's rule: for the few roots of a motion, calls of NumPy would cost more than the sums.
+    """
+
+    def __init__(self, c: list[complex], level: float, bend: float) -> None:
+        self.backwards = c[:0:-1]
+        self.mean = c[0].real - level
+        self.bend = bend
+        self.rounding = _ROUNDING * (1 + abs(level))
+
+    def __call__(self, theta: float) -> tuple[float, float]:
+        """Value and slope."""
+        z = complex(cos(theta), sin(theta))
+        p = slope = 0j
+        for c in self.backwards:
+            slope = slope * z + p
+            p = p * z + c
+        return (p * z).real + self.mean, -((slope * z + p) * z).imag
+
+    def extremum(self, theta: float, step: float) -> float:
+        """Where the slope vanishes near theta: Newton with steps of at most step."""
+        top = len(self.backwards)
+        derivative = _Wave([0j, *(1j * k * c for k, c in zip(range(1, top + 1), self.backwards[::-1], strict=True))], 0, 0)
+        at = theta
+        for _ in range(5):
+            slope, bend = derivative(at)
+            at += min(step, max(-step, -slope / bend)) if bend else 0.0
+        return at
+
+
+_Instants = list[tuple[float, int]]
+"""Crossings of one function: theta, and +1 upwards or -1 downwards."""
 _PARTS = 16  # pieces of a cell that may hold three crossings
 
 
-def _split(
-    c: ComplexArray, level: Array, low: Array, high: Array, vlow: Array, vhigh: Array, r: np.ndarray
-) -> tuple[Array, Array, Array, Array, np.ndarray]:
-    """Brackets with three crossings in place of those cells whose slopes at the ends say that they may hold them.
+def _in_cell(wave: _Wave, x: list[float], i: int) -> _Instants:
+    """Crossings between samples i and i + 1, whose signs differ: one, or three.
 
     The cubic through the values and slopes at the ends has its middle slope 3/2 of the mean slope less a quarter of the
     end slopes; where that runs against the change of sign, the cell is looked at in parts.
     """
-    if r.size == 0:
-        return low, high, vlow, vhigh, r
-    mean = (vhigh - vlow) / (high - low)
-    ends = _evaluate(c, low, 1)[1] + _evaluate(c, high, 1)[1]
-    doubtful = (1.5 * mean - 0.25 * ends) * mean < 0
-    if not doubtful.any():
-        return low, high, vlow, vhigh, r
-    out = [np.array([low, high, vlow, vhigh])[:, ~doubtful], r[~doubtful]]
-    for i in np.flatnonzero(doubtful):
-        at = np.linspace(low[i], high[i], _PARTS + 1)
-        value = _evaluate(np.broadcast_to(c[i], (len(at), c.shape[-1])), at, 0)[0] - level[i]
-        cut = np.flatnonzero((value[:-1] > 0) != (value[1:] > 0))
-        out[0] = np.concatenate([out[0], [at[cut], at[cut + 1], value[cut], value[cut + 1]]], axis=1)
-        out[1] = np.concatenate([out[1], np.full(len(cut), r[i])])
-    return (*out[0], out[1])
+    step = 2 * pi / (len(x) - 1)
+    low, high = step * i, step * (i + 1)
+    slopes = wave(low)[1], wave(high)[1]
+    mean = (x[i + 1] - x[i]) / step
+    if (1.5 * mean - 0.25 * (slopes[0] + slopes[1])) * mean >= 0:
+        return [_root(wave, (low, x[i], slopes[0]), (high, x[i + 1], slopes[1]))]
+    at = [low + (high - low) * k / _PARTS for k in range(_PARTS + 1)]
+    ends = [(theta, *wave(theta)) for theta in at]
+    return [_root(wave, a, b) for a, b in pairwise(ends) if (a[1] > 0) != (b[1] > 0)]
 
 
-def _polish(c: ComplexArray, level: Array, low: Array, high: Array, vlow: Array, vhigh: Array) -> Array:
-    """Safeguarded Newton for one root in each bracket."""
-    low, high = low.copy(), high.copy()
-    rising = vhigh > vlow
-    enough = _ROUNDING * (1 + np.abs(level))
-    at = low + (high - low) * np.clip(vlow / (vlow - vhigh), 0.0, 1.0)
+def _beside(wave: _Wave, x: list[float], i: int) -> _Instants:
+    """Two crossings that samples i - 1, i, i + 1 hide: an extremum between them reaches past the level.
+
+    The extremum of a smooth function exceeds its nearest sample by about an eighth of the second difference.
+    """
+    N = len(x) - 1
+    here, left, right, step = x[i], x[i - 1 if i else N - 1], x[i + 1], 2 * pi / N
+    toward = min((left - here) * here, (right - here) * here) >= 0 and here != 0
+    if not toward or abs(here) > abs(left - 2 * here + right):
+        return []
+    at = wave.extremum(step * i, step)
+    value = wave(at)[0]
+    if value * here >= 0 or abs(value) <= wave.rounding or abs(at - step * i) > step:  # less than rounding is no contact
+        return []
+    low = at % (2 * pi) // step * step
+    at %= 2 * pi
+    return [_root(wave, (a, *wave(a)), (b, *wave(b))) for a, b in ((low, at), (at, low + step))]
+
+
+def _root(wave: _Wave, a: tuple[float, float, float], b: tuple[float, float, float]) -> tuple[float, int]:
+    """Root between a and b (theta, value, slope each), whose values differ in sign, by safeguarded Newton."""
+    (low, value_low, _), (high, value_high, _) = a, b
+    rising = value_high > value_low
+    at = _guess(a, b)
     for _ in range(60):
-        value, slope = _evaluate(c, at, 1)
-        value = value - level
-        below = (value < 0) == rising
-        low, high = np.where(below, at, low), np.where(below, high, at)
-        new = at - np.divide(value, slope, out=np.full_like(value, np.inf), where=slope != 0)
-        new = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
-        new = np.where(np.abs(value) <= enough, at, new)  # Newton on rounding near a double root would run away
-        done = np.abs(new - at) <= 4e-16 * np.pi
-        at = new
-        if done.all():
+        value, slope = wave(at)
+        if abs(value) <= wave.rounding:  # Newton on rounding near a double root would run away
             break
-    return at
+        if (value < 0) == rising:
+            low = at
+        else:
+            high = at
+        new = at - value / slope if slope else low
+        if not low < new < high:
+            new = 0.5 * (low + high)
+        move = abs(new - at)
+        at = new
+        if move <= _CLOSE or wave.bend * move * move <= _CLOSE * abs(slope):  # what Newton leaves is half of that
+            break
+    return at, 1 if rising else -1
 
 
-def indicators(found: Crossings, count: int, order: int) -> ComplexArray:
-    """Two-sided coefficients s_n, n = 0..order, of the indicators of d > level, (count, order + 1)."""
-    s = np.zeros((count, order + 1), dtype=complex)
-    never_crossed = np.ones(count, dtype=bool)
-    never_crossed[found.row] = False
-    s[never_crossed, 0] = found.above[never_crossed]
-    if found.row.size == 0:
-        return s
-    n = np.arange(1, order + 1)
-    terms = found.sign[:, None] * waves(-found.theta, order)[:, 1:] / (2j * np.pi * n)
-    gather = np.zeros((count, found.row.size))
-    gather[found.row, np.arange(found.row.size)] = 1.0
-    s[:, 1:] = gather @ terms
-    # time above = sum of (falling - rising) instants, plus a turn if the period starts above
-    share = gather @ (-found.sign * found.theta) / (2 * np.pi)
-    crossed = ~never_crossed
-    s[crossed, 0] = share[crossed] + found.above[crossed]
-    return s
+def _guess(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
+    """Root of theta as a cubic of the value through both ends with their slopes; of the chord if that is no guess."""
+    (low, value_low, slope_low), (high, value_high, slope_high) = a, b
+    u, mean = value_low / (value_low - value_high), (value_high - value_low) / (high - low)
+    s = u
+    if mean * slope_low > 0 and mean * slope_high > 0:
+        s = u * (u * (3 - 2 * u) + (1 - u) * ((1 - u) * mean / slope_low - u * mean / slope_high))
+    return low + (high - low) * (s if 0 < s < 1 else u)
 
 
-def modulate(series: ComplexArray, s: ComplexArray, order: int) -> ComplexArray:
+def modulate(series: ComplexArray, s: ComplexArray, order: int, shifts: Sequence[int]) -> ComplexArray:
     """Coefficients 0..order of products of real functions, row by row, from two-sided coefficients 0, 1, 2, ...
 
     Parameters
     ----------
-    series : (m, L + 1); s : (..., m, order + L + 1) or longer.
+    series : (m, L + 1); s : (..., m, order + L + 1) or longer; shifts : the l >= 1 at which any series is not zero.
     """
     reach = series.shape[-1] - 1
     out = series[:, :1].real * s[..., : order + 1]
-    if reach:
+    if shifts:
         both = np.concatenate([np.conj(s[..., reach:0:-1]), s], axis=-1)
-        for shift in np.flatnonzero(np.any(series[:, 1:], axis=0)) + 1:
-            factor = series[:, shift, None]
-            out += factor * both[..., reach - shift : reach - shift + order + 1]
-            out += np.conj(factor) * both[..., reach + shift : reach + shift + order + 1]
+    for shift in shifts:
+        factor = series[:, shift, None]
+        out += factor * both[..., reach - shift : reach - shift + order + 1]
+        out += np.conj(factor) * both[..., reach + shift : reach + shift + order + 1]
     return out
 
 
@@ -217,23 +215,34 @@ class ContactProjector:
         ramps = [law.ramps for law in laws]
         self.rows = np.repeat(np.arange(len(laws)), [len(changes) for _, changes, _ in ramps])
         self.level = np.concatenate([corners for *_, corners in ramps]) if ramps else np.empty(0)
-        self.change = np.concatenate([changes for _, changes, _ in ramps]) if ramps else np.empty(0)
-        self.base = np.array([(law.slopes[0], g0) for law, (g0, *_) in zip(laws, ramps, strict=True)])
+        change = np.concatenate([changes for _, changes, _ in ramps]) if ramps else np.empty(0)
+        weights = np.zeros((2, len(laws), len(change)))  # of the indicators of the corners in kappa and chi
+        weights[:, self.rows, np.arange(len(change))] = change, -change * self.level
+        self.weights = weights
+        self.base = np.array([[law.slopes[0] for law in laws], [g0 for g0, *_ in ramps]])
         series = [_two_sided(law.stiffness, nu) for law in laws]
         self.reach = max((len(row) - 1 for row in series), default=0)
         self.series = np.array([np.pad(row, (0, self.reach + 1 - len(row))) for row in series])
+        self.shifts = [k for k in range(1, self.reach + 1) if any(len(row) > k and row[k] for row in series)]
 
-    def project(self, c: ComplexArray, samples: Array, order: int) -> tuple[ComplexArray, ComplexArray, Crossings]:
-        """kappa and chi, two-sided coefficients 0..order for each element (m, order + 1), and the crossings found."""
+    def project(self, c: ComplexArray, samples: Array, order: int) -> tuple[ComplexArray, ComplexArray]:
+        """kappa and chi, two-sided coefficients 0..order of each element, (m, order + 1) each."""
         found = crossings(c, self.level, self.rows, samples)
-        s = indicators(found, len(self.level), order + self.reach)
-        both = np.zeros((2, len(self.laws), order + self.reach + 1), dtype=complex)
-        both[:, :, 0] = self.base.T
-        for i, j in enumerate(self.rows):
-            both[0, j] += self.change[i] * s[i]
-            both[1, j] -= self.change[i] * self.level[i] * s[i]
-        kappa, chi = modulate(self.series, both, order)
-        return kappa, chi, found
+        turns, kernel = _orders(order + self.reach)
+        # fraction of the period above: sum of (falling - rising) instants, plus a turn if the period starts above
+        share = found.above - np.bincount(found.row, found.sign * found.theta, len(self.level)) / (2 * np.pi)
+        both = np.empty((2, len(c), len(turns) + 1), dtype=complex)
+        both[:, :, 0] = self.base + self.weights @ share
+        both[:, :, 1:] = (self.weights[:, :, found.row] * found.sign) @ np.exp(found.theta[:, None] * turns) * kernel
+        kappa, chi = modulate(self.series, both, order, self.shifts)
+        return kappa, chi
+
+
+@lru_cache(maxsize=32)
+def _orders(order: int) -> tuple[ComplexArray, ComplexArray]:
+    """-i n and 1 / (2 pi i n) for n = 1..order."""
+    n = 1j * np.arange(1, order + 1)
+    return -n, 1 / (2 * np.pi * n)
 
 
 def _two_sided(series: Series, nu: int) -> ComplexArray:

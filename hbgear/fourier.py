@@ -29,11 +29,11 @@ def harmonics_of(X: Array) -> int:
 
 def to_complex(X: Array) -> ComplexArray:
     """One-sided complex coefficients ``(..., H + 1)`` of real rows ``(..., 2H + 1)``."""
-    c = np.zeros((*X.shape[:-1], X.shape[-1] // 2 + 1), dtype=complex)
-    c[..., 0] = X[..., 0]
-    c.real[..., 1:] = X[..., 1::2]
-    c.imag[..., 1:] = -X[..., 2::2]
-    return c
+    parts = np.empty((*X.shape[:-1], X.shape[-1] + 1))
+    parts[..., 0], parts[..., 1] = X[..., 0], 0.0
+    parts[..., 2::2] = X[..., 1::2]
+    np.negative(X[..., 2::2], out=parts[..., 3::2])
+    return parts.view(complex)
 
 
 def to_real(c: ComplexArray) -> Array:
@@ -72,7 +72,9 @@ def evaluate(X: Array, theta: ArrayLike, order: int = 0) -> Array:
 
 def derive(c: ComplexArray, order: int = 1) -> ComplexArray:
     """Coefficients of the derivative of the given order in theta: (i k)^order c_k."""
-    return (1j * np.arange(c.shape[-1])) ** order * c if order else c
+    for _ in range(order):
+        c = 1j * np.arange(c.shape[-1]) * c
+    return c
 
 
 def resize(X: Array, H: int) -> Array:
@@ -106,7 +108,7 @@ def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
     H = harmonics_of(X)
     N = max(64, 16 * H)
     k = np.arange(H + 1)
-    samples = np.fft.irfft(c * np.where(k == 0, 1.0, 0.5) * N, n=N, axis=-1)
+    samples = samples_of(c, N)
     miss = 0.5 * (np.pi / N) ** 2 * (k**2 * np.abs(c)).sum(-1)
     found = []
     for sign in (-1.0, 1.0):
@@ -192,14 +194,19 @@ class Series:
         return Series(factor * self.mean, tuple(factor * x for x in self.cosine), tuple(factor * x for x in self.sine))
 
 
-class Transform:
-    """Fast Fourier transforms between m rows of H harmonics and N samples over one period, planned once.
+def samples_of(c: ComplexArray, N: int) -> Array:
+    """Samples (..., N) at theta_n = 2 pi n / N of any number of rows of one-sided coefficients (..., H + 1)."""
+    spectrum = (0.5 * N) * c
+    spectrum[..., 0] *= 2.0
+    return np.fft.irfft(spectrum, n=N, axis=-1)
 
-    The plans own their buffers: a returned sample array is valid until the next call of the same method.
+
+class Transform:
+    """Fast Fourier transforms between up to m rows of H harmonics and N samples over one period, planned once.
 
     Parameters
     ----------
-    H, N, m : harmonics, samples, rows.
+    H, N, m : harmonics, samples, most rows.
 
     Raises
     ------
@@ -216,7 +223,7 @@ class Transform:
         self._spectrum = pyfftw.zeros_aligned((m, N // 2 + 1), dtype="complex128")
         self._samples = pyfftw.empty_aligned((m, N), dtype="float64")
         self._inverse = pyfftw.FFTW(self._spectrum, self._samples, direction="FFTW_BACKWARD", flags=("FFTW_ESTIMATE",))
-        self._input = pyfftw.empty_aligned((m, N), dtype="float64")
+        self._input = pyfftw.zeros_aligned((m, N), dtype="float64")
         self._output = pyfftw.empty_aligned((m, N // 2 + 1), dtype="complex128")
         self._forward = pyfftw.FFTW(self._input, self._output, flags=("FFTW_ESTIMATE",))
 
@@ -224,17 +231,23 @@ class Transform:
         return Transform, (self.H, self.N, self.m)
 
     def samples(self, c: ComplexArray) -> Array:
-        """Samples ``(m, N)`` of one-sided coefficients ``(m, H + 1)``, at ``theta_n = 2 pi n / N``."""
-        s = self._spectrum
-        s[:] = 0.0
-        s[:, 0] = c[:, 0]
-        s[:, 1 : self.H + 1] = 0.5 * c[:, 1:]
+        """Samples ``(rows, N)`` of one-sided coefficients ``(rows, H + 1)``, at ``theta_n = 2 pi n / N``."""
+        rows, s = len(c), self._spectrum
         # FFTW overwrites the input of a multi-dimensional inverse, so it is filled afresh every time
+        s[:] = 0.0
+        np.multiply(c, 0.5, out=s[:rows, : self.H + 1])
+        s[:rows, 0] = c[:, 0]
         self._inverse.execute()
-        return self._samples.copy()
+        return self._samples[:rows].copy()
 
     def spectrum(self, samples: Array) -> ComplexArray:
-        """Two-sided coefficients ``x_k, k = 0..N//2`` of samples ``(m, N)`` (``x_-k`` is the conjugate)."""
-        self._input[:] = samples
+        """Two-sided coefficients ``x_k, k = 0..2H`` of samples ``(rows, N)`` (``x_-k`` is the conjugate).
+
+        Zeros where N is too short to hold them.
+        """
+        rows, kept = len(samples), min(2 * self.H, self.N // 2) + 1
+        self._input[:rows] = samples
         self._forward.execute()
-        return self._output / self.N
+        out = np.zeros((rows, 2 * self.H + 1), dtype=complex)
+        np.multiply(self._output[:rows, :kept], 1.0 / self.N, out=out[:, :kept])
+        return out

@@ -13,6 +13,7 @@ Without it dR_d(name) is a central difference and the size is taken as 1 + |X|. 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
@@ -73,6 +74,12 @@ class Solution:
     residual: float
 
 
+def norm(x: Array) -> float:
+    """Euclidean norm of all entries: what `numpy.linalg.norm` gives, at a fifth of its cost for short arrays."""
+    x = x.ravel()
+    return math.sqrt(np.vdot(x, x).real)
+
+
 def linearise(problem: Any, X: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:
     """R, dR/dX, dR/dname and the size of R's terms, from whatever the problem offers."""
     if hasattr(problem, "linearise"):
@@ -87,10 +94,8 @@ def linearise(problem: Any, X: Array, name: str, parameters: Mapping[str, float]
 
 def solve_linear(A: Array, b: Array) -> Array:
     """A^-1 b; a singular or non-finite matrix raises `numpy.linalg.LinAlgError`."""
-    *_, x, info = la.lapack.dgesv(
-        A, b
-    )  # straight to LAPACK: the checks of scipy.linalg.solve cost more than the solution
-    if info or not np.all(np.isfinite(x)):
+    *_, x, info = la.lapack.dgesv(A, b)  # the checks of scipy.linalg.solve cost more than the solution
+    if info or not math.isfinite(x.sum()):
         raise np.linalg.LinAlgError("singular matrix")
     return x
 
@@ -118,7 +123,7 @@ def solve(
     name = name or next(iter(parameters))
     X = np.array(X, dtype=float)
     now = linearise(problem, X, name, parameters)
-    residuals = [float(np.linalg.norm(now.R)) / now.size]
+    residuals = [norm(now.R) / now.size]
     for iteration in range(settings.max_iterations * 4 + 1):
         if residuals[-1] <= settings.tolerance:
             return Solution(X, parameters[name], now, iteration, residuals[-1])
@@ -133,13 +138,13 @@ def solve(
         factor = 1.0
         for _ in range(12):
             trial = linearise(problem, X + factor * dX, name, parameters)
-            if np.linalg.norm(trial.R) < np.linalg.norm(now.R) * (1 - 0.1 * factor):
+            if norm(trial.R) < norm(now.R) * (1 - 0.1 * factor):
                 break
             factor *= 0.5
         else:
             break
         X, now = X + factor * dX, trial
-        residuals.append(float(np.linalg.norm(now.R)) / now.size)
+        residuals.append(norm(now.R) / now.size)
     raise NoConvergence(
         f"Newton stopped at a relative residual of {residuals[-1]:.2e} (needed {settings.tolerance:.0e}) "
         f"after {len(residuals) - 1} steps at {describe(parameters)}",
@@ -221,24 +226,24 @@ def correct(
     NoConvergence
         If Newton diverges, meets a singular bordered matrix or takes more than ``settings.max_iterations`` steps.
     """
-    start = u
-    u = u.copy()
+    start, rhs = u, np.empty_like(u)
     residuals: list[float] = []
     step = np.inf
     for iteration in range(settings.max_iterations + 1):
         here = {**parameters, name: float(u[-1])}
         now = linearise(problem, u[:-1], name, here)
-        residuals.append(float(np.linalg.norm(now.R)) / now.size)
+        residuals.append(norm(now.R) / now.size)
         if residuals[-1] <= settings.tolerance and (step <= settings.step_tolerance or iteration == 0):
             return Solution(u[:-1], float(u[-1]), now, iteration, residuals[-1])
-        if not np.isfinite(residuals[-1]) or (iteration > 3 and residuals[-1] > 10 * residuals[0]):
+        if not math.isfinite(residuals[-1]) or (iteration > 3 and residuals[-1] > 10 * residuals[0]):
             break
+        rhs[:-1], rhs[-1] = now.R, normal @ (u - start)
         try:
-            du = -solve_linear(bordered(now, normal), np.append(now.R, normal @ (u - start)))
+            du = solve_linear(bordered(now, normal), rhs)
         except np.linalg.LinAlgError:
             break
-        u = u + du
-        step = float(np.linalg.norm(du) / (np.linalg.norm(u) or 1.0))
+        u = u - du
+        step = norm(du) / (norm(u) or 1.0)
     raise NoConvergence(
         f"the corrector stopped at a relative residual of {residuals[-1]:.2e} after {len(residuals) - 1} steps",
         u[:-1], {**parameters, name: float(u[-1])}, residuals,

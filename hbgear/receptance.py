@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy  # its parts are imported when they are first used
@@ -57,12 +58,33 @@ class Modes:
 
 @dataclass(frozen=True)
 class LinearPart:
-    """Linear part of the balance at one frequency: Z (H+1, m, m), g (H+1, m) and their derivatives in Omega."""
+    """Linear part Z_k d_k + g_k of the balance at one frequency.
 
-    Z: ComplexArray
-    g: ComplexArray
-    dZ: ComplexArray
-    dg: ComplexArray
+    matrices (2, H+1, m, m): Z and dZ/dOmega; constants (2, H+1, m): g and dg/dOmega.
+    """
+
+    matrices: ComplexArray
+    constants: ComplexArray
+
+    @property
+    def Z(self) -> ComplexArray:
+        """Dynamic stiffness (H+1, m, m) seen from the elements, without their reference springs."""
+        return self.matrices[0]
+
+    @property
+    def g(self) -> ComplexArray:
+        """Constant terms (H+1, m): loads and prescribed displacements."""
+        return self.constants[0]
+
+    @property
+    def dZ(self) -> ComplexArray:
+        """dZ/dOmega (H+1, m, m)."""
+        return self.matrices[1]
+
+    @property
+    def dg(self) -> ComplexArray:
+        """dg/dOmega (H+1, m)."""
+        return self.constants[1]
 
 
 def _dense(A: object) -> Array:
@@ -241,18 +263,20 @@ class Structure:
         modes, m = self.modes, self.m
         assert modes is not None
         resolvent = 1.0 / (1j * w[:, None] - modes.poles)
-        return (resolvent @ self._residues).reshape(-1, m, m), (-1j * resolvent**2 @ self._residues).reshape(-1, m, m)
+        slope = -1j * ((resolvent * resolvent) @ self._residues)
+        return (resolvent @ self._residues).reshape(-1, m, m), slope.reshape(-1, m, m)
 
-    def responses(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """W^T D(w)^-1 F and its derivative in w, (K, m) each, for loads F (K, n)."""
-        if not self.modal:
-            Q, dQ = self._direct(w, F[:, :, None])
-            return (self.W.T @ Q)[..., 0], (self.W.T @ dQ)[..., 0]
-        modes = self.modes
-        assert modes is not None
-        resolvent = 1.0 / (1j * w[:, None] - modes.poles)
-        drive = F @ modes.left.T * resolvent
-        return drive @ modes.output.T, -1j * (drive * resolvent) @ modes.output.T
+    def drive(self, F: ComplexArray) -> ComplexArray | None:
+        """What `response` needs of a load F (n,): its share in each mode times what the elements feel of it, (m, r)."""
+        return self.modes.output * (self.modes.left @ F) if self.modes is not None and self.modal else None
+
+    def response(self, w: float, F: ComplexArray, drive: ComplexArray | None) -> tuple[ComplexArray, ComplexArray]:
+        """W^T D(w)^-1 F and its derivative in w, (m,) each, for a load F (n,) with its `drive`."""
+        if drive is None or self.modes is None:
+            Q, dQ = self._direct(np.array([w]), F[None, :, None])
+            return (self.W.T @ Q[0])[:, 0], (self.W.T @ dQ[0])[:, 0]
+        resolvent = 1.0 / (1j * w - self.modes.poles)
+        return drive @ resolvent, -1j * (drive @ (resolvent * resolvent))
 
     def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """D(w)^-1 F and its derivative in w for F (K, n, c), by one factorisation each."""
@@ -262,6 +286,15 @@ class Structure:
             for wk, Qk in zip(w, Q, strict=True)
         ])  # fmt: skip
         return Q, dQ
+
+
+class _LoadPart(NamedTuple):
+    """One harmonic of a load, Omega^power Re(amplitudes exp(i order tau)), amplitudes (n,), and its `Structure.drive`."""
+
+    power: int
+    order: int
+    amplitudes: ComplexArray
+    drive: ComplexArray | None
 
 
 class Receptance:
@@ -281,45 +314,41 @@ class Receptance:
         for j, element in enumerate(system.elements):
             c = to_complex(stretch(element.displacement.row(), nu))[: H + 1]
             self.e[: len(c), j] = c
-        self._loads: list[tuple[int, np.ndarray, ComplexArray]] = []
+        self.ratio = self.k / nu
+        self._loads: list[_LoadPart] = []
         for load in system.loads:
-            table = load.complex(system.n)
-            kept = np.array([order for order in table if order * nu <= H], dtype=int)
-            if kept.size:
-                self._loads.append((load.power, kept * nu, np.array([table[int(order)] for order in kept])))
+            for order, amplitudes in load.complex(system.n).items():
+                if order * nu <= H:
+                    self._loads.append(_LoadPart(load.power, order, amplitudes, structure.drive(amplitudes)))
 
     def loads(self, Omega: float) -> ComplexArray:
         """Load harmonics (H+1, n) at Omega."""
         F = np.zeros((self.H + 1, self.structure.n), dtype=complex)
-        for power, k, part in self._loads:
-            F[k] += Omega**power * part
+        for part in self._loads:
+            F[part.order * self.nu] += Omega**part.power * part.amplitudes
         return F
-
-    def _load_response(self, Omega: float) -> tuple[ComplexArray, ComplexArray]:
-        """y_k and dy_k/dOmega, (H+1, m) each."""
-        y = np.zeros((self.H + 1, self.structure.m), dtype=complex)
-        dy = np.zeros_like(y)
-        for power, k, part in self._loads:
-            unit, slope = self.structure.responses(k * Omega / self.nu, part)
-            y[k] += Omega**power * unit
-            dy[k] += Omega**power * slope * (k / self.nu)[:, None]
-            if power:
-                dy[k] += power * Omega ** (power - 1) * unit
-        return y, dy
 
     def at(self, Omega: float) -> LinearPart:
         """Z_k, g_k and their derivatives in Omega."""
-        s, omega = self.structure, Omega / self.nu
-        ratio = self.k / self.nu
-        G, dG = s.receptances(self.k * omega)
-        Y = 1.0 / G if s.m == 1 else np.linalg.inv(G)
-        dY = -Y @ (dG * ratio[:, None, None]) @ Y
-        y, dy = self._load_response(Omega)
-        shift = (self.e - y)[..., None]
-        spring = s.kr + 1j * (omega * self.k)[:, None] * s.c
-        g = (Y @ shift)[..., 0] - spring * self.e
-        dg = (dY @ shift - Y @ dy[..., None])[..., 0] - 1j * ratio[:, None] * s.c * self.e
-        return LinearPart(Y - np.diag(s.kr), g, dY, dg)
+        s, ratio, m = self.structure, self.ratio, self.structure.m
+        w = Omega * ratio
+        matrices = np.empty((2, self.H + 1, m, m), dtype=complex)
+        G, dG = s.receptances(w)
+        Y = matrices[0]
+        Y[:] = 1.0 / G if m == 1 else np.linalg.inv(G)
+        matrices[1] = dY = Y @ (dG * -ratio[:, None, None]) @ Y
+        shift, slope = self.e.copy(), np.zeros_like(self.e)  # e - y and -dy/dOmega
+        for part in self._loads:
+            k, growth = part.order * self.nu, Omega**part.power
+            y, dy = s.response(part.order * Omega, part.amplitudes, part.drive)
+            shift[k] -= growth * y
+            slope[k] -= part.order * growth * dy + part.power * Omega ** (part.power - 1) * y
+        spring = s.kr + 1j * w[:, None] * s.c
+        constants = np.empty((2, self.H + 1, m), dtype=complex)
+        constants[0] = (Y @ shift[..., None])[..., 0] - spring * self.e
+        constants[1] = (dY @ shift[..., None] + Y @ slope[..., None])[..., 0] - 1j * ratio[:, None] * s.c * self.e
+        Y -= np.diag(s.kr)
+        return LinearPart(matrices, constants)
 
     def motion(self, Omega: float, d: ComplexArray, f: ComplexArray) -> ComplexArray:
         """Harmonics q_k (H+1, n) of all coordinates from those of the gaps d and of the law forces f, (H+1, m) each.
