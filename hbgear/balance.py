@@ -20,7 +20,18 @@ from scipy.fft import next_fast_len
 from hbgear.basis import Toeplitz, after_derivative, derivative, one_sided, real_blocks
 from hbgear.branch import Layout
 from hbgear.contact import ContactProjector, Crossings, crossings
-from hbgear.fourier import Array, ComplexArray, Transform, derive, extrema, resize, samples_of, stretch, to_complex, to_real
+from hbgear.fourier import (
+    Array,
+    ComplexArray,
+    Transform,
+    derive,
+    extrema,
+    resize,
+    samples_of,
+    stretch,
+    to_complex,
+    to_real,
+)
 from hbgear.laws import Law, PiecewiseLinear
 from hbgear.model import Model, System, describe, did_you_mean
 from hbgear.newton import Evaluation, NoConvergence, norm, solve, solve_from_afar
@@ -54,9 +65,9 @@ class _Compiled:
         self._piecewise: list[PiecewiseLinear] = [law for law, x in zip(self.laws, exact, strict=True) if x]  # type: ignore[misc]
         self.nu = nu
         self.projector = self._many = ContactProjector(self._piecewise, nu)
-        self.corners = [np.array(law.breakpoints) for law in self.laws]
-        self.corner = np.concatenate(self.corners)
-        self.element = np.repeat(np.arange(len(self.laws)), [x.size for x in self.corners])  # that each corner belongs to
+        # corners of all laws, and the element each belongs to
+        self.corner = np.concatenate([law.breakpoints for law in self.laws])
+        self.element = np.repeat(np.arange(len(self.laws)), [len(law.breakpoints) for law in self.laws])
         tau = nu * 2 * np.pi * np.arange(transform.N) / transform.N
         self.bound = {j: self.laws[j].bind(tau) for j in self.sampled}
         self._linear: tuple[float, Any] | None = None
@@ -291,7 +302,7 @@ class HarmonicBalance:
         return Forces(f, stiffness, damping)
 
     def _projected(self, rows: Array, c: ComplexArray, samples: Array, compiled: _Compiled) -> Forces:
-        """Exact forces kappa * d + chi of the piecewise-linear laws; rows, c and samples are those of their elements."""
+        """Exact forces kappa * d + chi of the piecewise-linear laws; rows, c, samples are those of their elements."""
         kappa, chi = compiled.projector.project(c, samples, 2 * self.H)
         stiffness = self._toeplitz(kappa)
         return Forces((stiffness @ rows[..., None])[..., 0] + to_real(one_sided(chi[:, : self.H + 1])), stiffness, None)
@@ -442,10 +453,11 @@ class HarmonicBalance:
         compiled = self.compiled(parameters)
         clearance, regime = self._reach(X, compiled)
         error = self._truncation(X, Omega, compiled)
-        seen = [{"clearance": c, "regime": r, "error": float(e)} for c, r, e in zip(clearance, regime, error, strict=True)]
+        columns = zip(clearance, regime, error, strict=True)
+        seen: list[dict[str, Any]] = [{"clearance": c, "regime": r, "error": float(e)} for c, r, e in columns]
         if stability:
             for one, x, w in zip(seen, X, Omega, strict=True):
-                one["multipliers"] = multipliers(self, x, Omega=float(w), **parameters)
+                one["multipliers"] = multipliers(self, x, Omega=float(w), **parameters)  # type: ignore[arg-type]
         return seen
 
     @property
@@ -490,7 +502,7 @@ class HarmonicBalance:
         return np.sqrt(0.5 * np.sum(np.abs(delta) ** 2, axis=(1, 2, 3)))
 
     def _neglected(self, X: Array, omega: Array, compiled: _Compiled) -> ComplexArray:
-        """One-sided force harmonics H+1..2H, (P, m, H): in closed form for exact laws, else as far as N samples reach."""
+        """One-sided force harmonics H+1..2H, (P, m, H): in closed form, or as far as N samples of a law reach."""
         H, P = self.H, len(X)
         c = to_complex(X.reshape(P, self.m, -1))
         samples = samples_of(c, self.N)

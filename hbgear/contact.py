@@ -63,8 +63,6 @@ def crossings(c: ComplexArray, level: Array, rows: np.ndarray, samples: Array) -
     bend = (np.abs(c) @ np.arange(c.shape[-1]) ** 2)[rows]
     changes = np.argwhere(above[:, 1:] != above[:, :-1]).tolist()
     near = np.argwhere(np.abs(x[:, :-1]) <= ((2 * np.pi / N) ** 2 * bend)[:, None]).tolist()
-    if not changes and not near:
-        return Crossings(np.zeros(0, dtype=int), np.empty(0), np.zeros(0, dtype=int), above[:, 0])
     values = x.tolist()
     coefficients = c.tolist()
     found: list[tuple[int, float, int]] = []
@@ -73,8 +71,8 @@ def crossings(c: ComplexArray, level: Array, rows: np.ndarray, samples: Array) -
             wave = _Wave(coefficients[rows[row]], float(level[row]), float(bend[row]))
             found += [(row, theta, sign) for theta, sign in instants(wave, values[row], i)]
     found.sort()
-    row, theta, sign = (np.array(column) for column in zip(*found, strict=True)) if found else np.zeros((3, 0))
-    return Crossings(row.astype(int), theta, sign.astype(int), above[:, 0])
+    lines, thetas, signs = zip(*found, strict=True) if found else ((), (), ())
+    return Crossings(np.array(lines, dtype=int), np.array(thetas, dtype=float), np.array(signs, dtype=int), above[:, 0])
 
 
 class _Wave:
@@ -100,8 +98,8 @@ class _Wave:
 
     def extremum(self, theta: float, step: float) -> float:
         """Where the slope vanishes near theta: Newton with steps of at most step."""
-        top = len(self.backwards)
-        derivative = _Wave([0j, *(1j * k * c for k, c in zip(range(1, top + 1), self.backwards[::-1], strict=True))], 0, 0)
+        slopes = [1j * k * c for k, c in enumerate(self.backwards[::-1], 1)]
+        derivative = _Wave([0j, *slopes], 0.0, 0.0)
         at = theta
         for _ in range(5):
             slope, bend = derivative(at)
@@ -143,7 +141,8 @@ def _beside(wave: _Wave, x: list[float], i: int) -> _Instants:
         return []
     at = wave.extremum(step * i, step)
     value = wave(at)[0]
-    if value * here >= 0 or abs(value) <= wave.rounding or abs(at - step * i) > step:  # less than rounding is no contact
+    past = value * here < 0 and abs(value) > wave.rounding  # less than rounding is no contact
+    if not past or abs(at - step * i) > step:
         return []
     low = at % (2 * pi) // step * step
     at %= 2 * pi

@@ -289,7 +289,7 @@ class Structure:
 
 
 class _LoadPart(NamedTuple):
-    """One harmonic of a load, Omega^power Re(amplitudes exp(i order tau)), amplitudes (n,), and its `Structure.drive`."""
+    """One harmonic Omega^power Re(amplitudes exp(i order tau)) of a load, amplitudes (n,), and its `drive`."""
 
     power: int
     order: int

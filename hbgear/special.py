@@ -44,9 +44,6 @@ class Found:
 def find(arc: Arc, stability: bool) -> list[Found]:
     """All special points between the two rows of an arc, in the order in which the curve meets them."""
     a, b = arc.a, arc.b
-    merged = _merge(arc)
-    if merged is not None:
-        return [merged]
     found: list[Found] = []
     turned = a.heading * b.heading < 0
     crossed = a.orientation != b.orientation
@@ -60,7 +57,7 @@ def find(arc: Arc, stability: bool) -> list[Found]:
     return sorted(found, key=lambda f: f.s)
 
 
-def _merge(arc: Arc) -> Found | None:
+def merge(arc: Arc) -> Found | None:
     """Where a subharmonic branch meets the one of shorter period: its subharmonic part passes zero and changes sign."""
     part = getattr(arc.problem, "subharmonic_part", None)
     if part is None:

@@ -22,9 +22,9 @@ from hbgear.arc import Arc, Departure, Row, cosine, normal_of, row_of
 from hbgear.branch import Branch, Point, Status
 from hbgear.fourier import Array
 from hbgear.jumps import find_jumps
-from hbgear.newton import NoConvergence, Settings, correct, solve
+from hbgear.newton import NoConvergence, Settings, correct, norm, solve
 from hbgear.record import Mark, branch_of
-from hbgear.special import MERGED, find
+from hbgear.special import Found, find, merge
 
 Progress = Callable[[float, int, float], None]
 
@@ -110,6 +110,9 @@ def trace(
     return _Tracer(problem, parameter, span, start, at, steps, settings, stability, special, progress).run()
 
 
+_TOGETHER = 32  # rows observed at once
+
+
 class _Tracer:
     """State of one trace."""
 
@@ -129,7 +132,11 @@ class _Tracer:
         self.fixed = self._fixed(start, at)
         self.sense = 1.0 if self.b > self.a else -1.0
         self.rows: list[Row] = []
-        self.marks: list[Mark] = []
+        self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
+        self.waiting: list[Arc] = []  # the last pieces of the curve, not yet looked at
+        self.together = _TOGETHER if parameter == "Omega" and not getattr(problem, "auto", True) else 1
+        self.turned = False  # whether the curve has changed its heading
+        self.path, self.kept = np.empty((0, 0)), 0  # u of the first rows, and how many of them; see _earlier
         self.first = self._first_row(start)
 
     # ---- start
@@ -188,7 +195,7 @@ class _Tracer:
                 "the system"
             )
             raise NoConvergence(message, solution.X, {**self.fixed, self.name: value}, [solution.residual]) from None
-        return self._observe(row)
+        return self._observed([row])[0]
 
     def _fitted(self, start: Point) -> Array:
         """The start in this problem's number of harmonics and multiple of the period."""
@@ -208,7 +215,7 @@ class _Tracer:
         while True:
             try:
                 solution = correct(self.problem, u + h * direction, normal, self.name, self.fixed, self.settings)
-                return self._observe(row_of(solution, normal, self.scale))
+                return self._observed([row_of(solution, normal, self.scale)])[0]
             except (NoConvergence, np.linalg.LinAlgError):
                 h *= 0.5
                 if h < 1e-3 * self.steps.first:
@@ -220,18 +227,26 @@ class _Tracer:
 
     def _scale(self, X: Array) -> Array:
         """Scales of (X, lambda): the largest motion so far, and the span."""
-        floor = 1e-2 * float(np.linalg.norm(X)) or 1.0
-        scale = np.append(np.full(len(X), max(self.top, floor)), abs(self.b - self.a))
+        floor = 1e-2 * norm(X) or 1.0
+        scale = np.full(len(X) + 1, max(self.top, floor))
+        scale[-1] = abs(self.b - self.a)
         for i in range(len(self._own_parameters())):  # parameters among the unknowns: the largest value so far
             past = [abs(row.solution.X[-1 - i]) for row in self.rows]
             scale[-2 - i] = max([*past, abs(X[-1 - i])]) or 1.0
         return scale
 
-    def _observe(self, row: Row) -> Row:
-        if not hasattr(self.problem, "observe"):
-            return row
-        here = {**self.fixed, self.name: row.value}
-        return replace(row, observed=self.problem.observe(row.solution.X, stability=self.stability, **here))
+    def _observed(self, rows: list[Row]) -> list[Row]:
+        """The rows with what the problem says of their motions: at once where only Omega differs between them."""
+        if not rows or not hasattr(self.problem, "observe"):
+            return rows
+        if self.name == "Omega" and hasattr(self.problem, "observe_all"):
+            X, values = np.array([row.solution.X for row in rows]), np.array([row.value for row in rows])
+            seen = self.problem.observe_all(X, values, stability=self.stability, **self.fixed)
+        else:
+            here = [{**self.fixed, self.name: row.value} for row in rows]
+            seen = [self.problem.observe(row.solution.X, stability=self.stability, **p)
+                    for row, p in zip(rows, here, strict=True)]  # fmt: skip
+        return [replace(row, observed=one) for row, one in zip(rows, seen, strict=True)]
 
     # ---- main loop
 
@@ -249,7 +264,9 @@ class _Tracer:
             "span": [self.a, self.b], "steps": vars(self.steps), "newton": vars(self.settings),
             "stability": self.stability,
         }  # fmt: skip
-        branch = branch_of(self.problem, self.name, self.fixed, self.rows, self.marks, status, message, meta)
+        self._settle()
+        rows, marks = self._record()
+        branch = branch_of(self.problem, self.name, self.fixed, rows, marks, status, message, meta)
         if not (self.stability and self.special):
             return branch
         try:
@@ -274,10 +291,13 @@ class _Tracer:
             closed = end is None and self._closes(last, row)
             if closed:
                 row = self._as_now(self.first)
-            merged = self._append(last, row)
-            self._adapt()
+            merged = merge(self._arc(last, row)) if self.special else None
             if merged is not None:
-                return Status.MERGED, f"the branch joined the one it came from at {self.name} = {merged:.6g}"
+                self._settle()
+                self.rows += self._observed([merged.row])
+                return Status.MERGED, f"the branch joined the one it came from at {self.name} = {merged.row.value:.6g}"
+            self._append(last, row)
+            self._adapt()
             if self.progress:
                 self.progress(row.value, len(self.rows), self.step)
             if end is not None:
@@ -298,11 +318,11 @@ class _Tracer:
             self.step = max(0.5 * self.step, self.steps.shortest)
 
     def _attempt(self, last: Row, h: float) -> tuple[Row | None, str]:
-        unit = last.tangent / np.linalg.norm(last.tangent / self.scale)
+        unit = last.tangent / norm(last.tangent / self.scale)
         normal = normal_of(unit, self.scale)
-        normal = normal / np.linalg.norm(normal)
+        normal /= norm(normal)
         try:
-            predicted = last.u + h * unit + 0.5 * h * h * self._curvature(last)
+            predicted = last.u + h * unit + 0.5 * h * h * self._curvature(last, unit)
             solution = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings)
             row = row_of(solution, normal, self.scale, h, last)
         except NoConvergence as error:
@@ -311,28 +331,26 @@ class _Tracer:
             return None, "the bordered matrix is singular"
         except ValueError as error:  # the parameter left the range its model allows
             return None, str(error)
-        moved = (row.u - last.u) / self.scale
         cosine = float((row.tangent / self.scale) @ (unit / self.scale))
         angle = math.degrees(math.acos(min(1.0, max(-1.0, cosine))))
-        if np.linalg.norm(moved) > 1.5 * h:
+        if norm((row.u - last.u) / self.scale) > 1.5 * h:
             return None, "the corrector landed far from the prediction"
         if angle > self.steps.turn:
             return None, f"the tangent turned by {angle:.0f} degrees"
         if self._runs_back(last, row):
             return None, _BACK
         self._set_step(solution.iterations, angle, h)
-        return self._observe(row), ""
+        return row, ""
 
-    def _curvature(self, last: Row) -> Array:
+    def _curvature(self, last: Row, unit: Array) -> Array:
         """Change of the unit tangent per arclength over the last step; zero at the start and after a long step."""
         if len(self.rows) < 2:
             return np.zeros_like(last.u)
         before = self._as_now(self.rows[-2])
-        length = float(np.linalg.norm((last.u - before.u) / self.scale))
+        length = norm((last.u - before.u) / self.scale)
         if length < 0.05 * self.step:
             return np.zeros_like(last.u)
-        a, b = (r.tangent / np.linalg.norm(r.tangent / self.scale) for r in (before, last))
-        return (b - a) / length
+        return (unit - before.tangent / norm(before.tangent / self.scale)) / length
 
     def _set_step(self, iterations: int, angle: float, h: float) -> None:
         """Next step from the Newton count and the turning angle, at most doubled or halved."""
@@ -341,25 +359,48 @@ class _Tracer:
         factor = min(2.0, max(0.5, min(by_newton, by_angle)))
         self.step = min(self.steps.longest, max(self.steps.shortest, factor * h))
 
-    def _append(self, last: Row, row: Row) -> float | None:
-        """Store a row, with the special points between it and the last before it.
-
-        A subharmonic branch ends where its subharmonics vanish: the value there is returned and the row not stored.
-        """
-        if self.special:
-            for found in find(self._arc(last, row), self.stability):
-                interval = (last.value, row.value)
-                if found.located:
-                    self.rows.append(self._observe(found.row))
-                if found.kind == MERGED:
-                    return found.row.value
-                self.marks.append(Mark(len(self.rows) - 1, found.kind, found.located, interval, found.note))
+    def _append(self, last: Row, row: Row) -> None:
+        """Store a row; what lies between it and the last is looked at when enough rows have come together."""
+        self.waiting.append(self._arc(last, row))
         self.rows.append(row)
+        self.turned = self.turned or row.heading != last.heading
+        if len(self.waiting) >= self.together:
+            self._settle()
         self.top = max(self.top, self._motion_size(row.solution.X))
         self.scale = self._scale(row.solution.X)
         if hasattr(self.problem, "rebased"):
             self.problem = self.problem.rebased(row.solution.X, {**self.fixed, self.name: row.value})
-        return None
+
+    def _settle(self) -> None:
+        """Observe the rows that wait and find the special points between them."""
+        if not self.waiting:
+            return
+        start = len(self.rows) - len(self.waiting)
+        rows = self._observed(self.rows[start:])
+        found: list[tuple[int, Found]] = []
+        if self.special:
+            before = [self.rows[start - 1], *rows[:-1]]
+            for i, (arc, a, b) in enumerate(zip(self.waiting, before, rows, strict=True)):
+                found += [(start + i, point) for point in find(replace(arc, a=a, b=b), self.stability)]
+            located = self._observed([point.row for _, point in found])
+            found = [(i, replace(point, row=row)) for (i, point), row in zip(found, located, strict=True)]
+        self.rows[start:], self.waiting = rows, []
+        self.found += found
+
+    def _record(self) -> tuple[list[Row], list[Mark]]:
+        """All rows, the located special points among them, and the marks of these."""
+        rows: list[Row] = []
+        marks: list[Mark] = []
+        found = list(self.found)
+        for i, row in enumerate(self.rows):
+            while found and found[0][0] == i:
+                point = found.pop(0)[1]
+                if point.located:
+                    rows.append(point.row)
+                interval = (self.rows[i - 1].value, row.value)
+                marks.append(Mark(len(rows) - 1, point.kind, point.located, interval, point.note))
+            rows.append(row)
+        return rows, marks
 
     def _adapt(self) -> None:
         """Give the last row as many harmonics as its truncation error asks for (``harmonics="auto"``)."""
@@ -391,7 +432,7 @@ class _Tracer:
         except (NoConvergence, np.linalg.LinAlgError):
             return False
         self.problem, self.scale = problem, scale
-        self.rows[-1] = self._observe(row)
+        self.rows[-1] = self._observed([row])[0]
         return True
 
     def _as_now(self, row: Row) -> Row:
@@ -433,26 +474,38 @@ class _Tracer:
             final = row_of(solution, normal_of(row.u - last.u, self.scale), self.scale, s * row.step, last)
         except (NoConvergence, np.linalg.LinAlgError):
             return row
-        return self._observe(final)
+        return final
 
     def _closes(self, last: Row, row: Row) -> bool:
         """Whether the piece from last to row passes through the first row, in its direction."""
-        if len(self.rows) < 4:
+        if len(self.rows) < 4 or not self.turned:
             return False
         first = self._as_now(self.first)
         return cosine(row, first, self.scale) > 0 and self._arc(last, row).passes(first)
 
     def _runs_back(self, last: Row, row: Row) -> bool:
         """Whether the piece passes through an earlier row in the opposite direction."""
-        if len(self.rows) < 4:
+        if len(self.rows) < 4 or not (self.turned or row.heading != last.heading):
             return False
-        earlier = [self._as_now(r) for r in self.rows[:-3]]
-        a, chord = last.u / self.scale, (row.u - last.u) / self.scale
-        offsets = np.array([r.u for r in earlier]) / self.scale - a
+        chord = (row.u - last.u) / self.scale
+        offsets = (self._earlier() - last.u) / self.scale
         s = np.clip(offsets @ chord / (chord @ chord), 0, 1)
-        near = np.linalg.norm(offsets - s[:, None] * chord, axis=1) < 0.1 * np.linalg.norm(chord)
-        arc = self._arc(last, row)
-        return any(cosine(row, earlier[i], self.scale) < 0 and arc.passes(earlier[i]) for i in np.flatnonzero(near))
+        away = offsets - s[:, None] * chord
+        near = np.flatnonzero(np.einsum("ij,ij->i", away, away) < 0.01 * (chord @ chord))
+        earlier, arc = [self._as_now(self.rows[i]) for i in near], self._arc(last, row)
+        return any(cosine(row, other, self.scale) < 0 and arc.passes(other) for other in earlier)
+
+    def _earlier(self) -> Array:
+        """Unknowns (P, n + 1) of all rows but the last three, in the present number of harmonics."""
+        count, width = len(self.rows), len(self.scale)
+        if self.path.shape[1] != width:
+            self.path, self.kept = np.empty((0, width)), 0
+        if count > len(self.path):
+            self.path = np.concatenate([self.path, np.empty((count, width))])
+        for i in range(self.kept, count):
+            self.path[i] = self._as_now(self.rows[i]).u
+        self.kept = count
+        return self.path[: count - 3]
 
 
 _BACK = "the curve ran back over itself"
