@@ -7,7 +7,7 @@ and a distance mean the same whatever the units of X and lambda.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -71,6 +71,48 @@ def tangent(now: Evaluation, normal: Array, scale: Array) -> tuple[Array, int]:
 def normal_of(direction: Array, scale: Array) -> Array:
     """Normal, in unscaled unknowns, of the plane across a direction in scaled ones."""
     return direction / scale**2
+
+
+_STRAIGHT = 0.3  # share of the step by which the first predicted bend may move the point; cosine of the last turn
+
+
+def predict(rows: Sequence[Row], unit: Array, scale: Array, h: float) -> Array:
+    """Unknowns at the distance h along the tangent ``unit`` from the last row: Hermite extrapolation.
+
+    Parameters
+    ----------
+    rows : the last rows, the newest first. Through one of them with its tangent goes a line, through two a cubic,
+        through k a polynomial of degree 2k - 1, in the distance x = unit . (u - u_0) (scaled). As many are used
+        as bring smaller and smaller changes: beyond that the curve is not smooth on their scale.
+    """
+    along = normal_of(unit, scale)
+    best, gained = rows[0].u + h * unit, _STRAIGHT * h
+    x, value, slope = [0.0], [rows[0].u], [unit]
+    for row in rows[1:]:
+        cosine = float(along @ row.tangent)
+        if cosine < _STRAIGHT * norm(row.tangent / scale):
+            break
+        x.append(float(along @ (row.u - rows[0].u)))
+        value.append(row.u)
+        slope.append(row.tangent / cosine)
+        weights = np.array(_hermite(x, h)).T
+        further = weights[0] @ np.array(value) + weights[1] @ np.array(slope)
+        change = norm((further - best) / scale)
+        if not change < gained:
+            break
+        best, gained = further, change
+    return best
+
+
+def _hermite(x: list[float], at: float) -> list[tuple[float, float]]:
+    """Weights of the values and slopes at the nodes x in the Hermite polynomial at ``at``."""
+    out = []
+    for i, node in enumerate(x):
+        others = x[:i] + x[i + 1 :]
+        squared = math.prod((at - other) / (node - other) for other in others) ** 2
+        steep = sum(1 / (node - other) for other in others)
+        out.append(((1 - 2 * (at - node) * steep) * squared, (at - node) * squared))
+    return out
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Pseudo-arclength continuation: follow the solutions of a problem as one parameter changes.
 
-    predictor   u_p = u + h t + h^2 t'/2        tangent t and its last change t', u = (X, lambda)
+    predictor   u_p = Hermite extrapolation through the last rows with their tangents, u = (X, lambda)
     corrector   R(u) = 0,  n^T (u - u_p) = 0    Newton with the bordered matrix [J R_lambda; n^T]
 
 in unknowns scaled so that the span of the parameter and the size of the motion are one. The step h follows the
@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.arc import Arc, Departure, Row, cosine, normal_of, row_of
+from hbgear.arc import Arc, Departure, Row, cosine, normal_of, predict, row_of
 from hbgear.branch import Branch, Point, Status
 from hbgear.fourier import Array
 from hbgear.jumps import find_jumps
@@ -111,6 +111,7 @@ def trace(
 
 
 _TOGETHER = 32  # rows observed at once
+_SUPPORT = 4  # rows the predictor extrapolates from
 
 
 class _Tracer:
@@ -285,7 +286,7 @@ class _Tracer:
                 status = Status.RETRACED if reason == _BACK else Status.STEP_TOO_SMALL
                 return status, f"{reason} at {self.name} = {last.value:.6g}; the shortest step was tried"
             row = self._turn_outside(last, row)
-            end = self._end_value(row)
+            end = self._outside(row.value)
             if end is not None:
                 row = self._final(last, row, end)
             closed = end is None and self._closes(last, row)
@@ -322,7 +323,8 @@ class _Tracer:
         normal = normal_of(unit, self.scale)
         normal /= norm(normal)
         try:
-            predicted = last.u + h * unit + 0.5 * h * h * self._curvature(last, unit)
+            before = [self._as_now(row) for row in self.rows[-2 : -1 - _SUPPORT : -1]]
+            predicted = predict([last, *before], unit, self.scale, h)
             solution = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings)
             row = row_of(solution, normal, self.scale, h, last)
         except NoConvergence as error:
@@ -341,16 +343,6 @@ class _Tracer:
             return None, _BACK
         self._set_step(solution.iterations, angle, h)
         return row, ""
-
-    def _curvature(self, last: Row, unit: Array) -> Array:
-        """Change of the unit tangent per arclength over the last step; zero at the start and after a long step."""
-        if len(self.rows) < 2:
-            return np.zeros_like(last.u)
-        before = self._as_now(self.rows[-2])
-        length = norm((last.u - before.u) / self.scale)
-        if length < 0.05 * self.step:
-            return np.zeros_like(last.u)
-        return (unit - before.tangent / norm(before.tangent / self.scale)) / length
 
     def _set_step(self, iterations: int, angle: float, h: float) -> None:
         """Next step from the Newton count and the turning angle, at most doubled or halved."""
@@ -448,20 +440,26 @@ class _Tracer:
 
     # ---- ends
 
-    def _end_value(self, row: Row) -> float | None:
-        """The end of the span that the row lies on or beyond, if any."""
-        if self.sense * (row.value - self.b) >= 0:
+    def _outside(self, value: float) -> float | None:
+        """The end of the span that a value lies on or beyond, if any."""
+        if self.sense * (value - self.b) >= 0:
             return self.b
-        if self.sense * (row.value - self.a) < 0:
+        if self.sense * (value - self.a) < 0:
             return self.a
         return None
 
     def _turn_outside(self, last: Row, row: Row) -> Row:
         """The row; or the fold before it, where that lies outside the span and the step came back into it."""
-        if last.heading * row.heading < 0:
-            for found in find(self._arc(last, row), stability=False):
-                if found.located and self._end_value(found.row) is not None:
-                    return found.row
+        if last.heading * row.heading >= 0:
+            return row
+        arc = self._arc(last, row)
+        near = [float(arc.guess(k / 8)[-1]) for k in range(1, 8)]
+        reach = max(near) - min(near)
+        if all(self._outside(x + d) is None for x in near for d in (-reach, reach)):
+            return row
+        for found in find(arc, stability=False):
+            if found.located and self._outside(found.row.value) is not None:
+                return found.row
         return row
 
     def _final(self, last: Row, row: Row, end: float) -> Row:

@@ -1,5 +1,7 @@
 """Newton and pseudo-arclength continuation on curves known in closed form, and what they say of bad input."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ from hbgear import (
     System,
     trace,
 )
+from hbgear.arc import Row, predict
 from hbgear.newton import Evaluation, linearise, solve
 
 
@@ -132,39 +135,47 @@ def test_a_branch_point_of_a_curved_trunk_is_located():
     np.testing.assert_allclose(curve.X[:, 0], np.sin(2 * curve.values), atol=1e-8)
 
 
-class Recorded:
-    """CIRCLE that notes |R| at the first evaluation after each row: the error of the prediction."""
-
-    def __init__(self):
-        self.errors, self.calls, self.fresh = [], 0, False
-
-    def evaluate(self, X, p):
-        return CIRCLE.evaluate(X, p)
-
-    def linearise(self, X, name, p):
-        R, J = CIRCLE.evaluate(X, p)
-        self.calls += 1
-        if self.fresh:
-            self.errors.append(abs(R[0]))
-        self.fresh = False
-        return Evaluation(R, J, np.array([2 * p]), 1.0)
-
-    def row_done(self, *_):
-        self.fresh = True
+def row_at(angle):
+    """Row of the unit circle x = sin s, p = cos s at s = angle."""
+    u, t = np.array([np.sin(angle), np.cos(angle)]), np.array([np.cos(angle), -np.sin(angle)])
+    return Row(None, u, t, 1)
 
 
-def test_prediction_error_falls_with_the_cube_of_the_step():
-    """Tangent alone gives the square, its change over the last step one order more; compared at one place."""
-    lengths, errors = np.array([0.001, 0.002, 0.004]), []
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+def test_prediction_from_k_rows_is_of_order_2k(k):
+    """Hermite extrapolation through k rows with their tangents, at unequal distances, leaves the circle by h^2k."""
+    lengths, errors = 0.2 * 2.0 ** -np.arange(4), []
     for h in lengths:
-        problem = Recorded()
-        steps = Steps(first=h, longest=h, max_points=round(0.04 / h) + 1)
-        curve = trace(problem, "p", (-2, 2), at(1, 0), steps=steps, special=False, progress=problem.row_done)
-        errors.append(problem.errors[-1])
-        np.testing.assert_allclose(curve.step[1:], h, rtol=1e-12)
-        # every row costs its Newton steps and the evaluation that accepts it, and nothing else
-        assert problem.calls <= curve.iterations.sum() + len(curve) + 2
-    assert np.polyfit(np.log(lengths), np.log(errors), 1)[0] == pytest.approx(3.0, abs=0.1)
+        rows = [row_at(1.0 - h * s) for s in (0.0, 0.8, 1.5, 2.7)[:k]]
+        u = predict(rows, rows[0].tangent, np.ones(2), h)
+        assert (u - rows[0].u) @ rows[0].tangent == pytest.approx(h, rel=1e-12)  # on the plane of the corrector
+        errors.append(abs(np.hypot(*u) - 1))
+    order = np.log2(np.array(errors[:-1]) / errors[1:])
+    np.testing.assert_allclose(order[-1 if k < 4 else 1], 2 * k, atol=0.25)
+
+
+def test_prediction_uses_a_row_across_a_corner_no_more_than_it_helps():
+    """Rows beyond a corner of the curve tell nothing of its course behind: the prediction stays by the tangent."""
+    here, before = row_at(1.0), row_at(1.05)
+    turned = replace(before, tangent=np.array([before.tangent[1], -before.tangent[0]]))
+    straight = here.u + 0.05 * here.tangent
+    np.testing.assert_allclose(predict([here, turned], here.tangent, np.ones(2), 0.05), straight, rtol=1e-12)
+
+
+def test_a_row_costs_its_newton_steps_and_one_evaluation():
+    calls = []
+
+    class Counted:
+        def evaluate(self, X, p):
+            return CIRCLE.evaluate(X, p)
+
+        def linearise(self, X, name, p):
+            calls.append(p)
+            return Evaluation(*CIRCLE.evaluate(X, p), np.array([2 * p]), 1.0)
+
+    curve = trace(Counted(), "p", (-2, 2), at(1, 0), special=False)
+    assert len(calls) <= curve.iterations.sum() + len(curve) + 2
+    assert curve.iterations[5:].max() <= 2 and np.mean(curve.iterations[5:]) < 1.5
 
 
 def test_steps_stay_within_their_limits():
