@@ -41,6 +41,8 @@ DISTURBANCE = 0.02
 """Of the sweeps, relative to the state: two equal helices stay alike without it."""
 OTHER = {"zeta": (0.2, 1e-3), "eps_scale": (0.3, 1.7)}
 """Second parameters in which the boundaries are followed: first the end without doubling, then the other."""
+TITLES = ("(b) doubling against damping", "(c) doubling against stiffness variation")
+LABEL = r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]"
 Results = dict[str, Any]
 
 
@@ -124,9 +126,9 @@ def plot(results: Results) -> Figure:
     """Response, boundaries and the doubled motion."""
     figure, axes = plt.subplots(2, 2, figsize=(8.0, 6.2), layout="constrained")
     _response(axes[0, 0], results)
-    for ax, letter, name in zip((axes[0, 1], axes[1, 0]), "bc", results["boundaries"], strict=False):
+    for ax, title, name in zip((axes[0, 1], axes[1, 0]), TITLES, results["boundaries"], strict=False):
         _tongue(ax, results["boundaries"][name], name)
-        ax.set_title(f"({letter})", loc="left")
+        ax.set_title(title, loc="left")
     _motion(axes[1, 1], results["motion"])
     return figure
 
@@ -137,17 +139,33 @@ def _response(ax: Axes, results: Results) -> None:
     for swept, marker in zip(results["sweeps"], ("v", "^"), strict=False):
         ax.plot(swept.values, swept.amplitude("pp2"), marker, ms=4.5, mfc="white", mec="black", mew=0.8, ls="",
                 label=f"sweep {'up' if swept.direction > 0 else 'down'}")  # fmt: skip
-    for label in ("PD1", "PD2"):
-        point = results["curve"][label]
-        ax.plot(point.parameters["Omega"], point.amplitude("pp2"), "D", ms=4, mfc="white", mec="black", mew=0.9)
+    marked = ((results["curve"], "PD1", "D"), (results["curve"], "PD2", "D"), (results["doubled"], "LP1", "o"))
+    for branch, label, marker in marked:
+        point = branch[label]
+        ax.plot(point.parameters["Omega"], point.amplitude("pp2"), marker, ms=4, mfc="white", mec="black", mew=0.9)
+    _jumps(ax, results)
     handles = [plt.Line2D([], [], color=study.BLUE, label="no impact"),
                plt.Line2D([], [], color=study.ORANGE, label="single-sided"),
                plt.Line2D([], [], color="#555555", ls="--", label="unstable"),
-               plt.Line2D([], [], color="black", marker="D", ms=4, mfc="white", ls="", label="period doubling"),
+               plt.Line2D([], [], color="black", marker="D", ms=4, mfc="white", ls="", label="period doubling (PD)"),
+               plt.Line2D([], [], color="black", marker="o", ms=4, mfc="white", ls="", label="fold (LP)"),
                *[line for line in ax.lines if str(line.get_label()).startswith("sweep")]]  # fmt: skip
     ax.legend(handles=handles, loc="upper right")
-    ax.set_xlim(SPAN[1], SPAN[0])
-    ax.set_title("(a)", loc="left")
+    ax.set(xlim=SPAN[::-1], ylim=(0.1, 0.86), xlabel=LABEL, ylabel="half peak-to-peak of the gap $d/b_c$ [-]")
+    ax.set_title(r"(a) response near $\Omega = 1/3$", loc="left")
+
+
+def _jumps(ax: Axes, results: Results) -> None:
+    """Down from the fold of the doubled motion to the curve, up from PD2 to the doubled motion."""
+    curve, doubled = results["curve"], results["doubled"]
+    fold, lost = doubled["LP1"], curve["PD2"]
+    low, high = fold.parameters["Omega"], lost.parameters["Omega"]
+    before_fold = slice(fold.index, None, -1)  # it starts at PD1, on the other side
+    above = float(np.interp(high, doubled.values[before_fold], doubled.amplitude("pp2")[before_fold]))
+    below = base.at(curve, low).amplitude("pp2")
+    style = {"arrowstyle": "-|>", "color": "#777777", "lw": 0.8, "shrinkA": 3, "shrinkB": 0}
+    ax.annotate("", (low, below), (low, fold.amplitude("pp2")), arrowprops=style, zorder=3)
+    ax.annotate("", (high, above), (high, lost.amplitude("pp2")), arrowprops=style, zorder=3)
 
 
 def _tongue(ax: Axes, branches: tuple[hb.Branch, ...], name: str) -> None:
@@ -162,19 +180,19 @@ def _tongue(ax: Axes, branches: tuple[hb.Branch, ...], name: str) -> None:
         ax.plot(side, values, ":", color="black", lw=1.1, label=label)
     own = pair.parameters[name]
     ax.axhline(own, color=study.GREY, lw=0.7, zorder=0)
-    ax.annotate("base case", (0.985, own), (0, 3), xycoords=("axes fraction", "data"), textcoords="offset points",
-                ha="right", fontsize=8)  # fmt: skip
+    ax.annotate("base case", (0.015, own), (0, 3), xycoords=("axes fraction", "data"), textcoords="offset points",
+                fontsize=8)  # fmt: skip
     top = apex(branches)
     ax.plot(top.parameters["Omega"], top.parameters[name], "o", ms=4.5, mfc="white", mec="black", mew=0.9)
     up = name == "zeta"
     ax.annotate(f"{top.parameters[name]:.5f}", (top.parameters["Omega"], top.parameters[name]), (0, 7 if up else -7),
                 textcoords="offset points", ha="center", va="bottom" if up else "top", fontsize=8)  # fmt: skip
-    ax.margins(y=0.12)
-    if up:
-        ax.set_ylim(bottom=0)
-    ax.set_xlabel(r"$\Omega = \omega_\mathrm{mesh}/\omega_n$")
-    ax.set_ylabel(pair.labels[name])
-    ax.legend(loc="lower center" if up else "upper center")
+    ends = min(far, top.parameters[name]), max(far, top.parameters[name])
+    room = 0.42 * (ends[1] - ends[0])
+    ax.set_ylim(ends[0] if up else ends[0] - 0.4 * room, ends[1] + room)  # the legend stands above the tongue
+    ax.set_xlim(left=outline[1].min() - 0.22 * np.ptp(outline[1]))
+    ax.set(xlabel=LABEL, ylabel=f"{pair.labels[name]} [-]")
+    ax.legend(loc="upper left")
     ax.tick_params(which="both", direction="in", top=True, right=True)
 
 
@@ -209,8 +227,8 @@ def _motion(ax: Axes, point: hb.Point) -> None:
     ax.annotate("teeth part below", (0.92, 1.0), (0, -4), textcoords="offset points", ha="center", va="top", fontsize=8)
     ax.set_xlim(0, 2)
     ax.set_xlabel("mesh periods [-]")
-    ax.set_ylabel(r"$d / b_c$ [-]")
-    ax.set_title(r"(d) $\Omega = 1/3$", loc="left")
+    ax.set_ylabel("gap $d/b_c$ [-]")
+    ax.set_title(r"(d) doubled motion at $\Omega = 1/3$", loc="left")
     ax.legend(loc="upper right", ncols=2)
     ax.margins(y=0.15)
     ax.tick_params(which="both", direction="in", top=True, right=True)

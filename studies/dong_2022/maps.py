@@ -30,6 +30,8 @@ SPANS = {
     "W": (-0.6, 0.6),
 }
 """Parameters and their ranges."""
+UNITS = {"torque": ""}
+"""Of the parameters whose label does not say that they have none: the label of the torque ends in its unit."""
 LOW = 0.05
 """Damping ratio of the map in W."""
 CRITICAL = ("zeta", "torque", "eps_scale", "e_scale", "b_c")
@@ -59,7 +61,7 @@ def run(quick: bool = False) -> Results:
         model = pair.replace(zeta=LOW) if name == "W" else pair
         near = (1.0, 0.75) if quick else None
         few = {"seeds": 2, "steps": hb.Steps(first=0.05, longest=0.2, turn=45)} if quick else {"seeds": 3}
-        maps[name] = hb.jump_map(model, name, SPANS[name], frequencies=near, **few)
+        maps[name] = hb.jump_map(model, name, SPANS[name], frequencies=near, harmonics=8 if quick else 16, **few)
     boundaries = {name: boundary(name, 8 if quick else 16) for name in (("torque", "e_scale") if quick else CRITICAL)}
     return {"maps": maps, "boundaries": boundaries}
 
@@ -77,16 +79,19 @@ def plot(results: Results) -> Figure:
     columns = 3 if len(maps) > 3 else len(maps)
     rows = -(-len(maps) // columns)
     figure, axes = plt.subplots(rows, columns, figsize=(3.2 * columns, 2.9 * rows), layout="constrained", squeeze=False)
-    for ax, (name, found) in zip(axes.flat, maps.items(), strict=False):
+    for letter, ax, (name, found) in zip("abcdef", axes.flat, maps.items(), strict=False):
         jump_map(found, ax, legend=False)
-        for note in ax.texts:
-            note.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1.0})
+        ax.set(xlabel=f"{ax.get_xlabel()} {UNITS.get(name, '[-]')}".strip(), ylabel=f"{ax.get_ylabel()} [-]")
+        ax.set_title(f"({letter})", loc="left")
+        ax.margins(y=0.2)
+        _notes(ax, found, 1e6 if name == "b_c" else 1.0)
         if name == "W":
             ax.text(0.5, 0.5, rf"$\zeta$ = {LOW}", transform=ax.transAxes, ha="center", va="center")
         else:
             ax.axvline(hb.DoubleHelicalPair().parameters[name], color=study.GREY, lw=0.9, zorder=0, label="base case")
         if name == "b_c":
-            _in_micrometres(ax)
+            ax.xaxis.set_major_formatter(lambda x, _: f"{1e6 * x:g}")
+            ax.set_xlabel("average half backlash $b_c$ [μm]")
         if name == "zeta":
             _second_jump(ax, found)
     drawn = [*axes.flat[0].lines, *axes.flat[0].collections]
@@ -96,24 +101,29 @@ def plot(results: Results) -> Figure:
     return figure
 
 
-def _in_micrometres(ax: Axes) -> None:
-    """Ticks and the note at the cusp of a map in b_c."""
-    ax.xaxis.set_major_formatter(lambda x, _: f"{1e6 * x:g}")
-    ax.set_xlabel("average half backlash $b_c$ [μm]")
-    for note in ax.texts:
-        value, Omega = note.get_text().split(", ")
-        note.set_text(f"{1e6 * float(value):.2f}, {Omega}")
+def _notes(ax: Axes, found: hb.JumpMap, unit: float) -> None:
+    """Value and Omega of the upper cusp beside it; the note of a lower one is left to the enlarged part."""
+    top = max((cusp.parameters["Omega"] for cusp in found.cusps), default=0.0)
+    for note in list(ax.texts):
+        value, Omega = note.xy  # type: ignore[attr-defined]
+        if Omega < top:
+            note.remove()
+        note.set_text(f"({unit * value:.5g}, {Omega:.4f})")
+        note.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1.0})
+        if value > found.span[0] + 0.8 * (found.span[1] - found.span[0]):
+            note.set_ha("right")
 
 
 def _second_jump(ax: Axes, found: hb.JumpMap) -> None:
     """The neighbourhood of the second cusp, enlarged."""
-    inset = ax.inset_axes((0.5, 0.12, 0.47, 0.42))
+    inset = ax.inset_axes((0.30, 0.16, 0.46, 0.38))
     jump_map(found, inset, legend=False)
+    low = min(found.cusps, key=lambda cusp: cusp.parameters["Omega"]).parameters
     for note in list(inset.texts):
         note.remove()
-    inset.set(xlim=(0.019, 0.0212), ylim=(0.4510, 0.4540), xlabel="", ylabel="")
+    inset.set(xlim=(0.019, 0.0212), ylim=(0.4510, 0.4542), xlabel="", ylabel="")
+    inset.set_title(f"second jump: ({low['zeta']:.5g}, {low['Omega']:.4f})", fontsize=8, pad=3)
     inset.tick_params(labelsize=7)
-    inset.set_title("second jump, enlarged", fontsize=8, pad=3)
 
 
 def report(results: Results) -> str:
