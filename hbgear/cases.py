@@ -3,7 +3,8 @@
     case i:  the model with the values of row i of a `Grid` or `Sample`  ->  peak, jumps, curve, critical values
 
 Cases run in any `concurrent.futures.Executor`, by default in processes of one BLAS thread each. Each is stored as soon
-as it is done; a study started again goes on where it stopped. A case that fails is a row with its reason.
+as it is done; a study started again goes on where it stopped. A case that fails is a row with its reason. If the
+executor itself fails, or the disk, the study ends early and says why.
 """
 
 from __future__ import annotations
@@ -12,28 +13,35 @@ import csv
 import errno
 import json
 import os
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
+from functools import partial
 from itertools import islice
-from multiprocessing import get_context, parent_process
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from hbgear.balance import HarmonicBalance
-from hbgear.branch import Branch, Status, replacing
+from hbgear.branch import Branch, Status, load, replacing
 from hbgear.fourier import Array
 from hbgear.maps import NoFold, critical
 from hbgear.model import Model, describe, did_you_mean
 from hbgear.peaks import peaks
+from hbgear.processes import executor_of
 from hbgear.sampling import Grid, Sample
 from hbgear.store import Result, Store, key_of
 from hbgear.trace import trace
@@ -41,7 +49,7 @@ from hbgear.trace import trace
 MANY = 1_000_000
 """More cases than this are refused unless asked for."""
 
-KINDS = ("peak", "jumps", "curve")
+KINDS = ("peak", "jumps", "curve", "branch")
 
 _AHEAD = 256  # cases handed to the executor before the first of them is done
 
@@ -63,7 +71,8 @@ class Work:
 
     Parameters
     ----------
-    compute : some of "peak" (largest peak), "jumps" (of slow sweeps), "curve" (amplitude and stability over Omega).
+    compute : some of "peak" (largest peak), "jumps" (of slow sweeps), "curve" (amplitude and stability over Omega),
+        "branch" (all there is to know of the curve, for `Cases.branch`; some hundred kB for each case).
     critical : parameters whose critical values are sought.
     harmonics, span, measure, element : as of `HarmonicBalance`, `trace` and `Branch.amplitude`.
     """
@@ -95,6 +104,8 @@ class Cases:
     jumps : (J, 5) case, Omega, direction (+1 while Omega rises), amplitude before, amplitude after (nan if none).
     curves : by case, (3, P) Omega, amplitude and stability (1 or 0); with "curve" only.
     total, outcome, message : cases there are, and why the study ended.
+    values : by case, the values that vary, as the model takes them.
+    packed : of a case, the bytes of its branch; see `branch`.
     """
 
     model: Model
@@ -106,6 +117,8 @@ class Cases:
     total: int
     outcome: Outcome
     message: str
+    values: Mapping[int, Mapping[str, Any]]
+    packed: Callable[[int], bytes]
 
     def __len__(self) -> int:
         return len(self.table["case"])
@@ -115,6 +128,36 @@ class Cases:
         """Reason of each case that failed."""
         pairs = zip(self.table["case"], self.table["reason"], strict=True)
         return {int(case): str(reason) for case, reason in pairs if reason}
+
+    def model_of(self, case: int) -> Model:
+        """The model of a case.
+
+        Raises
+        ------
+        KeyError
+            If the case was not computed.
+        """
+        if case not in self.values:
+            raise KeyError(f"case {case} was not computed; {len(self)} of {self.total} are there, see table['case']")
+        return self.model.replace(**self.values[case])
+
+    def branch(self, case: int) -> Branch:
+        """The response curve of a case as `trace` gave it; with "branch" only.
+
+        Raises
+        ------
+        KeyError
+            If the case was not computed or failed, or branches were not asked for.
+        """
+        if case in self.failed:
+            raise KeyError(f"case {case} failed: {self.failed[case]}")
+        if "branch" not in self.work.compute:
+            raise KeyError('no branches were kept; ask for them: compute=("branch",)')
+        problem = HarmonicBalance(self.model_of(case), self.work.harmonics)
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / "branch.npz"
+            file.write_bytes(self.packed(case))
+            return load(file, problem=problem)
 
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write the table (.csv), or the table, jumps and curves as arrays (.npz); whole or not at all."""
@@ -174,19 +217,20 @@ def cases(
     _check(model, vary, work, most)
     study = {"model": describe(model), **json.loads(json.dumps(asdict(work)))}
     folder = None if store is None else Store(store, study)
-    plan = [_inputs(study, row) for row in vary.rows()]
-    keys = [key_of(inputs) for inputs in plan]
-    run = _Run(folder, len(set(keys)), progress)
+    rows = list(vary.rows())
+    keys = [key_of(_inputs(study, row)) for row in rows]
+    run = _Run(study, folder, len(set(keys)), progress)
     for key in dict.fromkeys(keys):
         found = folder.read(key) if folder else None
         if found is not None and not (retry and found.reason):
             run.done[key] = found
-    waiting = {key: inputs for key, inputs in zip(keys, plan, strict=True) if key not in run.done}
+    waiting = {key: row for key, row in zip(keys, rows, strict=True) if key not in run.done}
     outcome, message = Outcome.FINISHED, "every case was computed"
     if waiting:
-        with _executor(executor, processes, len(waiting)) as pool:
+        with executor_of(executor, processes, len(waiting)) as pool:
             outcome, message = run.compute(pool, type(model), waiting, work)
-    return _collect(model, work, vary.names, plan, keys, run.done, outcome, message)
+    packed = partial(_packed_of, folder, run.done, keys)
+    return _collect(model, work, vary.names, rows, keys, run.done, outcome, message, packed)
 
 
 def run_case(cls: type[Model], fields: Mapping[str, Any], work: Work) -> Result:
@@ -195,8 +239,8 @@ def run_case(cls: type[Model], fields: Mapping[str, Any], work: Work) -> Result:
     try:
         with threadpool_limits(1):
             model = cls().replace(**{name: tuple(v) if isinstance(v, list) else v for name, v in fields.items()})
-            result = _numbers(model, work)
-        return Result(*result, seconds=time.perf_counter() - started)
+            result = _computed(model, work)
+        return replace(result, seconds=time.perf_counter() - started)
     except Exception as error:  # whatever is wrong with one case must not end the others
         text = error.args[0] if error.args else type(error).__name__
         known = isinstance(error, ValueError | KeyError)
@@ -204,26 +248,30 @@ def run_case(cls: type[Model], fields: Mapping[str, Any], work: Work) -> Result:
         return Result(reason=" ".join(reason.split()), seconds=time.perf_counter() - started)
 
 
-def _numbers(model: Model, work: Work) -> tuple[dict[str, float], dict[str, Array]]:
+def _computed(model: Model, work: Work) -> Result:
     numbers: dict[str, float] = {}
     arrays: dict[str, Array] = {}
+    packed = b""
     problem = HarmonicBalance(model, work.harmonics)
     if work.compute:
-        stability = bool({"jumps", "curve"} & set(work.compute))
+        stability = set(work.compute) != {"peak"}
         branch = trace(problem, "Omega", work.span, stability=stability)
         if branch.status == Status.INTERRUPTED:
             raise KeyboardInterrupt
         if branch.status != Status.REACHED_END:
             raise ValueError(f"the curve ended early: {branch.message}")
-        for kind in work.compute:
-            _OF_CURVE[kind](branch, work, numbers, arrays)
+        for kind, take in _OF_CURVE.items():
+            if kind in work.compute:
+                take(branch, work, numbers, arrays)
+        if "branch" in work.compute:
+            packed = _packed(branch)
     for name in work.critical:
         try:
             found = critical(problem, name, frequencies=work.span)
             numbers |= {f"critical_{name}": found.value, f"critical_{name}_Omega": found.Omega}
         except NoFold:
             numbers |= {f"critical_{name}": np.nan, f"critical_{name}_Omega": np.nan}
-    return numbers, arrays
+    return Result(numbers, arrays, packed)
 
 
 def _peak(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
@@ -257,43 +305,73 @@ def _curve(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[s
 _OF_CURVE = {"peak": _peak, "jumps": _jumps, "curve": _curve}
 
 
+def _packed(branch: Branch) -> bytes:
+    """What `Branch.save` writes."""
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "branch.npz"
+        branch.save(file)
+        return file.read_bytes()
+
+
+def _packed_of(folder: Store | None, done: Mapping[str, Result], keys: list[str], case: int) -> bytes:
+    """The packed branch of a case: from its file, or from memory if there is no store."""
+    key = keys[case]
+    return folder.branch(key) if folder else done[key].branch
+
+
 class _NotStored(Exception):
-    """A finished case could not be written, for this reason."""
+    """A finished case could not be written."""
 
     def __init__(self, reason: OSError) -> None:
-        super().__init__(str(reason))
-        self.reason = reason
+        full = reason.errno in (errno.ENOSPC, errno.EDQUOT)
+        advice = "free some space" if full else "see to the folder"
+        super().__init__(f"a case could not be stored ({reason}); {advice}")
+
+
+class _Lost(Exception):
+    """The executor did not bring back a case: a process, a worker or the scheduler is gone."""
+
+    def __init__(self, reason: Exception) -> None:
+        kind = type(reason).__name__
+        if isinstance(reason, BrokenExecutor):
+            text = f"a process died, killed or out of memory ({reason})"
+        elif isinstance(reason, CancelledError):
+            text = "the executor dropped a case; its scheduler may be gone"
+        else:
+            text = f"the executor gave a case up ({kind}: {' '.join(str(reason).split())})"
+        super().__init__(text)
 
 
 class _Run:
     """State of one study while it runs: results by key, and where they are stored."""
 
-    def __init__(self, folder: Store | None, total: int, progress: CaseProgress | None) -> None:
-        self.folder, self.total, self.progress = folder, total, progress
+    def __init__(
+        self, study: Mapping[str, Any], folder: Store | None, total: int, progress: CaseProgress | None
+    ) -> None:
+        self.study, self.folder, self.total, self.progress = study, folder, total, progress
         self.done: dict[str, Result] = {}
 
     def compute(
         self, pool: Executor, cls: type[Model], waiting: Mapping[str, dict[str, Any]], work: Work
     ) -> tuple[Outcome, str]:
-        """Run what is waiting and store each case as it finishes; how that ended."""
+        """Run what is waiting, values by key, and store each case as it finishes; how that ended."""
         running: dict[Future[Result], str] = {}
         kept = "everything done is kept; run it again to go on" if self.folder else "what is done is in the result"
         try:
             try:
                 self._compute(pool, cls, waiting, work, running)
             except KeyboardInterrupt:
-                self._finish(running, waiting)
+                with suppress(KeyboardInterrupt):  # once more: do not wait
+                    self._finish(running, waiting)
                 return Outcome.INTERRUPTED, f"interrupted; {kept}"
+            except _Lost as failure:
+                self._finish(running, waiting, patience=0.0)
+                return Outcome.WORKERS_LOST, f"{failure}; {kept}"
             return Outcome.FINISHED, "every case was computed"
-        except BrokenExecutor as error:
-            return Outcome.WORKERS_LOST, f"a process died, killed or out of memory ({error}); {kept}"
         except _NotStored as failure:
             for future in running:
                 future.cancel()
-            reason = failure.reason
-            advice = "free some space" if reason.errno in (errno.ENOSPC, errno.EDQUOT) else "see to the folder"
-            stored = "what was stored before is kept; run it again to go on"
-            return Outcome.CANNOT_STORE, f"a case could not be stored ({reason}); {advice}; {stored}"
+            return Outcome.CANNOT_STORE, f"{failure}; what was stored before is kept; run it again to go on"
 
     def _compute(
         self, pool: Executor, cls: type[Model], waiting: Mapping[str, dict[str, Any]], work: Work,
@@ -303,33 +381,52 @@ class _Run:
         queue = iter(waiting.items())
         self._show()
         while True:
-            for key, inputs in islice(queue, _AHEAD - len(running)):
-                running[pool.submit(run_case, cls, inputs["fields"], work)] = key
+            for key, row in islice(queue, _AHEAD - len(running)):
+                running[_submitted(pool, cls, _inputs(self.study, row)["fields"], work)] = key
             if not running:
                 return
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                self._keep(running[future], waiting, future.result())
+                self._keep(running[future], waiting, _result(future))
                 del running[future]
 
-    def _finish(self, running: Mapping[Future[Result], str], waiting: Mapping[str, dict[str, Any]]) -> None:
-        """Keep the cases that could not be cancelled any more."""
+    def _finish(
+        self, running: Mapping[Future[Result], str], waiting: Mapping[str, dict[str, Any]],
+        patience: float | None = None,
+    ) -> None:  # fmt: skip
+        """Keep the cases that could not be cancelled any more, those done within ``patience`` seconds."""
         left = [future for future in running if not future.cancel()]
-        for future in wait(left).done:
-            if future.exception() is None:
+        for future in wait(left, timeout=patience).done:
+            if not future.cancelled() and future.exception() is None:
                 self._keep(running[future], waiting, future.result())
 
     def _keep(self, key: str, waiting: Mapping[str, dict[str, Any]], result: Result) -> None:
         self.done[key] = result
         if self.folder:
             try:
-                self.folder.write(key, waiting[key], result)
+                self.folder.write(key, _inputs(self.study, waiting[key]), result)
             except OSError as error:
                 raise _NotStored(error) from error
+            self.done[key] = replace(result, branch=b"")  # large, and in the file
         self._show()
 
     def _show(self) -> None:
         if self.progress:
             self.progress(len(self.done), self.total, sum(bool(r.reason) for r in self.done.values()))
+
+
+def _submitted(pool: Executor, cls: type[Model], fields: Mapping[str, Any], work: Work) -> Future[Result]:
+    try:
+        return pool.submit(run_case, cls, fields, work)
+    except Exception as error:
+        raise _Lost(error) from error
+
+
+def _result(future: Future[Result]) -> Result:
+    """What a case gave. `run_case` raises nothing, so what is raised here comes from the executor."""
+    try:
+        return future.result()
+    except Exception as error:
+        raise _Lost(error) from error
 
 
 def _check(model: Model, vary: Grid | Sample, work: Work, most: int) -> None:
@@ -353,12 +450,12 @@ def _inputs(study: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
 
 def _collect(
     model: Model, work: Work, names: tuple[str, ...], plan: list[dict[str, Any]], keys: list[str],
-    done: Mapping[str, Result], outcome: Outcome, message: str,
+    done: Mapping[str, Result], outcome: Outcome, message: str, packed: Callable[[int], bytes],
 ) -> Cases:  # fmt: skip
     """The table of what is done, in the order of the plan."""
-    rows = [(i, plan[i]["fields"], done[key]) for i, key in enumerate(keys) if key in done]
+    rows = [(i, plan[i], done[key]) for i, key in enumerate(keys) if key in done]
     table: dict[str, Any] = {"case": np.array([i for i, *_ in rows], dtype=int)}
-    table |= {name: np.array([_cell(fields[name]) for _, fields, _ in rows]) for name in names}
+    table |= {name: np.array([_cell(values[name]) for _, values, _ in rows]) for name in names}
     columns = dict.fromkeys(name for *_, result in rows for name in result.numbers)
     table |= {name: np.array([result.numbers.get(name, np.nan) for *_, result in rows]) for name in columns}
     table["reason"] = np.array([result.reason for *_, result in rows], dtype=str)
@@ -366,34 +463,9 @@ def _collect(
     jumps = [[i, *row] for i, _, result in rows for row in result.arrays.get("jumps", ())]
     curves = {i: result.arrays["curve"] for i, _, result in rows if "curve" in result.arrays}
     jump_rows = np.array(jumps, dtype=float).reshape(-1, 5)
-    return Cases(model, work, names, table, jump_rows, curves, len(plan), outcome, message)
+    values = {i: {name: tuple(v) if isinstance(v, list) else v for name, v in row.items()} for i, row, _ in rows}
+    return Cases(model, work, names, table, jump_rows, curves, len(plan), outcome, message, values, packed)
 
 
 def _cell(value: Any) -> Any:
     return " ".join(map(str, value)) if isinstance(value, list | tuple) else value
-
-
-@contextmanager
-def _executor(given: Executor | None, processes: int | None, count: int) -> Iterator[Executor]:
-    if given is not None:
-        yield given
-        return
-    workers = min(processes or os.cpu_count() or 1, count)
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_prepare) as pool:
-        try:
-            yield pool
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _prepare() -> None:
-    """A process leaves Ctrl-C to the one that started it, and ends when that one is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

@@ -52,6 +52,7 @@ from hbgear.cli_support import (
 )
 
 BAD_INPUT = 2
+_CTRL_C = 130  # what typer makes of a Ctrl-C that a command does not see to itself
 
 app = typer.Typer(
     name="hbgear",
@@ -71,10 +72,16 @@ def main(args: Sequence[str] | None = None) -> None:
 
 def _run(args: list[str]) -> int:
     try:
-        return int(app(args, prog_name="hbgear", standalone_mode=False) or 0)
+        code = int(app(args, prog_name="hbgear", standalone_mode=False) or 0)
+        if code == _CTRL_C:
+            raise KeyboardInterrupt
+        return code
     except (ValueError, KeyError, OSError, hb.NoConvergence) as error:
         say("error", error.args[0] if isinstance(error, KeyError) else error)
         return BAD_INPUT
+    except (KeyboardInterrupt, typer.Abort):  # where there was nothing to keep, or No was the answer
+        say("error", "stopped before it was done")
+        return STOPPED_EARLY
     except Exception as error:  # what typer says of unknown options and commands; anything else is a bug of ours
         if not hasattr(error, "format_message"):
             raise

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -70,10 +71,14 @@ def study(
     for case, reason in list(found.failed.items())[:5]:
         print(f"case {case} failed: {reason}")
     if found.outcome != Outcome.CANNOT_STORE:
-        tables = [folder / "table.csv", folder / "table.npz"]
-        for path in tables:
-            found.export(path)
-        wrote(*tables, *draw_figures(found, folder))
+        try:
+            tables = [folder / "table.csv", folder / "table.npz"]
+            for path in tables:
+                found.export(path)
+            wrote(*tables, *draw_figures(found, folder))
+        except OSError as error:
+            say("error", f"tables and figures could not be written ({error}); the cases are kept: run it again")
+            raise typer.Exit(STOPPED_EARLY) from None
     raise typer.Exit(0 if found.outcome == Outcome.FINISHED else STOPPED_EARLY)
 
 
@@ -111,6 +116,8 @@ def dask_executor(address: str | None) -> Iterator[Executor | None]:
         from distributed import Client
     except ImportError:
         raise ValueError("--dask needs Dask: pip install 'hbgear[dask]'") from None
+    for name in ("distributed", "distributed.client", "tornado.application"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # a lost scheduler is told in one line instead
     try:
         client: Any = Client(address, timeout=_PATIENCE)
     except (OSError, ValueError) as error:

@@ -1,7 +1,7 @@
 """A folder that holds the finished cases of a study, each under a key of its inputs.
 
     study.json              schema, version of hbgear, and the settings all cases share
-    cases/ab/abcdef....npz  one case: a JSON header (inputs, numbers, reason of a failure) and arrays
+    cases/ab/abcdef....npz  one case: a JSON header (inputs, numbers, reason of a failure), arrays, bytes of a branch
 
 Each file appears whole or not at all, so a study that is killed loses only what was being computed.
 """
@@ -29,10 +29,11 @@ SCHEMA = 1
 
 @dataclass(frozen=True)
 class Result:
-    """What a case gave: numbers and arrays by name, or the reason why not; seconds it took."""
+    """What a case gave: numbers and arrays by name, its branch packed, or the reason why not; seconds it took."""
 
     numbers: dict[str, float] = field(default_factory=dict)
     arrays: dict[str, Array] = field(default_factory=dict)
+    branch: bytes = b""
     reason: str = ""
     seconds: float = 0.0
 
@@ -76,14 +77,19 @@ class Store:
         return self.folder / "cases" / key[:2] / f"{key}.npz"
 
     def read(self, key: str) -> Result | None:
-        """A case that was stored; None if it is not there or cannot be read, so that it is computed again."""
+        """A case that was stored, without its branch; None if it is not there or cannot be read."""
         try:
             with np.load(self.path(key), allow_pickle=False) as archive:
                 head = json.loads(str(archive["header"]))
                 arrays = {name: archive[name] for name in head["arrays"]}
-                return Result(head["numbers"], arrays, head["reason"], head["seconds"])
+                return Result(head["numbers"], arrays, reason=head["reason"], seconds=head["seconds"])
         except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
             return None
+
+    def branch(self, key: str) -> bytes:
+        """The packed branch of a case that was stored with one."""
+        with np.load(self.path(key), allow_pickle=False) as archive:
+            return bytes(archive["branch"])
 
     def write(self, key: str, inputs: Mapping[str, Any], result: Result) -> None:
         """Store a case, whole or not at all."""
@@ -91,8 +97,11 @@ class Store:
                 "reason": result.reason, "seconds": result.seconds}  # fmt: skip
         path = self.path(key)
         path.parent.mkdir(parents=True, exist_ok=True)
+        arrays = dict(result.arrays)
+        if result.branch:
+            arrays["branch"] = np.frombuffer(result.branch, dtype=np.uint8)
         with replacing(path) as handle:
-            np.savez(handle, header=np.array(json.dumps(head)), **result.arrays)  # type: ignore[arg-type]
+            np.savez(handle, header=np.array(json.dumps(head)), **arrays)  # type: ignore[arg-type]
 
 
 def _check_same(file: Path, head: dict[str, Any]) -> None:

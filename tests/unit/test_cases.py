@@ -8,10 +8,11 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 
 import numpy as np
 import pytest
+import typer
 from scipy import stats
 
 import hbgear as hb
@@ -128,6 +129,76 @@ def test_a_full_disk_stops_and_keeps_what_is_there(run, monkeypatch):
     assert len(run(vary)) == 4 and run(vary).outcome == "finished"
 
 
+def test_full_disk_when_the_tables_are_written(tmp_path, monkeypatch, capsys):
+    (tmp_path / "a.toml").write_text(STUDY.format(count=1))
+
+    def full(self, path):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(hb.Cases, "export", full)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["study", str(tmp_path / "a.toml")])
+    assert stop.value.code == 3 and len(stored(tmp_path)) == 1
+    assert "could not be written" in capsys.readouterr().err
+
+
+class Losing(Executor):
+    """An executor that loses the third case, and the fourth, which was done before."""
+
+    def __init__(self, error):
+        self.error, self.count = error, 0
+
+    def submit(self, function, *args):
+        self.count += 1
+        future = Future()
+        if self.count == 3:
+            future.set_exception(self.error)
+        elif self.count == 5 and isinstance(self.error, OSError):
+            raise self.error
+        else:
+            future.set_result(function(*args))
+        return future
+
+
+class KilledWorker(Exception):
+    """Named as the one of Dask."""
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (BrokenExecutor("abrupt"), "a process died, killed or out of memory (abrupt)"),
+        (CancelledError(), "its scheduler may be gone"),
+        (KilledWorker("after 4 workers"), "(KilledWorker: after 4 workers)"),
+        (OSError("closed"), "(OSError: closed)"),
+    ],
+)
+def test_what_is_done_is_kept_when_the_executor_fails(run, error, words):
+    vary = grid(zeta=[0.05, 0.06, 0.07, 0.08])
+    found = run(vary, executor=Losing(error))
+    assert found.outcome == "workers_lost" and words in found.message and "everything done is kept" in found.message
+    assert found.table["case"].tolist() == [0, 1, 3] and not found.failed
+    assert run(vary).outcome == "finished" and len(run(vary)) == 4
+
+
+def test_branches_are_kept_whole(run, tmp_path):
+    curve = hb.trace(hb.HarmonicBalance(DUFFING.replace(zeta=0.06), 3), "Omega", SPAN)
+    options = {"compute": ("peak", "branch")}
+    vary = grid(zeta=[-0.05, 0.06])
+    for found in (run(vary, **options), run(vary, **options), run(vary, store=None, **options)):  # new, read, no store
+        branch = found.branch(1)
+        assert np.array_equal(branch.X, curve.X) and np.array_equal(branch.multipliers, curve.multipliers)
+        assert [p.label for p in branch.special] == [p.label for p in curve.special]
+        assert branch.amplitude("rms", dof="x") == pytest.approx(curve.amplitude("rms", dof="x"))
+        assert found.model_of(1) == DUFFING.replace(zeta=0.06)
+        with pytest.raises(KeyError, match=r"case 0 failed: .* must not be negative"):
+            found.branch(0)
+        with pytest.raises(KeyError, match="case 2 was not computed"):
+            found.branch(2)
+    with pytest.raises(KeyError, match="no branches were kept"):
+        run(grid(zeta=[0.07]), store=None).branch(0)
+
+
 def test_an_error_that_is_not_of_the_store_is_not_called_one(run):
     def broken(done, total, failed):
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
@@ -162,12 +233,17 @@ def stopped(folder, how):
     (folder / "a.toml").write_text(STUDY.format(count=30))
     command = [sys.executable, "-m", "hbgear", "study", "a.toml", "--processes", "1"]
     study = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True, start_new_session=True)
-    end = time.time() + 60
-    while len(stored(folder)) < 2 and time.time() < end:
-        time.sleep(0.01)
+    wait_for(lambda: len(stored(folder)) >= 2)
     (os.kill if how == signal.SIGKILL else os.killpg)(study.pid, how)
     out, _ = study.communicate(timeout=60)
     return study.returncode, out, stored(folder)
+
+
+def wait_for(condition, seconds=60.0):
+    end = time.time() + seconds
+    while not condition():
+        assert time.time() < end, "waited in vain"
+        time.sleep(0.01)
 
 
 def stored(folder):
@@ -199,6 +275,57 @@ def test_a_study_stopped_by_ctrl_c_goes_on(tmp_path):
     whole = goes_on(tmp_path, files)
     assert [float(row["peak"]) for row in rows] == [whole.table["peak"][int(row["case"])] for row in rows]
     assert len(rows) == len(files)
+
+
+def test_ctrl_c_while_the_processes_start(tmp_path):
+    """Nobody prints a traceback, not the processes either."""
+    (tmp_path / "a.toml").write_text(STUDY.format(count=30))
+    command = [sys.executable, "-m", "hbgear", "study", "a.toml", "--processes", "2"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    study = subprocess.Popen(command, cwd=tmp_path, start_new_session=True, **pipes)
+    wait_for(lambda: (tmp_path / "a" / "study.json").exists())
+    time.sleep(0.1)
+    os.killpg(study.pid, signal.SIGINT)
+    _, err = study.communicate(timeout=60)
+    assert study.returncode == 3 and "Traceback" not in err
+    assert len(stored(tmp_path)) < 30
+
+
+@pytest.fixture
+def million(tmp_path, monkeypatch):
+    """Call the command for a study of a million cases and one: (exit code, what it was asked)."""
+    asked, computed = [], []
+    file = tmp_path / "a.toml"
+    file.write_text(STUDY.format(count=1_000_001))
+
+    def refuse(text, abort):
+        asked.append(text)
+        raise typer.Abort
+
+    def nothing(*args, most, **options):
+        computed.append(most)
+        raise ValueError("enough")
+
+    monkeypatch.setattr("typer.confirm", refuse)
+    monkeypatch.setattr("hbgear.cli_study.cases", nothing)
+
+    def call(*options, terminal):
+        monkeypatch.setattr(sys.stdin, "isatty", lambda: terminal)
+        with pytest.raises(SystemExit) as stop:
+            cli.main(["study", str(file), *options])
+        return stop.value.code, asked, computed
+
+    return call
+
+
+def test_a_million_cases_are_asked_about(million, capsys):
+    code, asked, computed = million(terminal=True)
+    assert code == 3 and computed == [] and "1,000,001 cases. Go on?" in asked[0]
+
+
+def test_a_million_cases_without_a_terminal(million, capsys):
+    assert million(terminal=False) == (2, [], []) and "give --yes" in capsys.readouterr().err
+    assert million("--yes", terminal=False) == (2, [], [1_000_001])
 
 
 def test_no_scheduler(tmp_path, monkeypatch, capsys):
