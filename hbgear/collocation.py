@@ -25,21 +25,20 @@ def gauss(s: int) -> tuple[Array, Array]:
 def phi(z: ComplexArray, order: int) -> ComplexArray:
     """phi_0..phi_order of z, (order + 1, ...): phi_0 = e^z, phi_{p+1} = (phi_p - 1/p!) / z."""
     out = np.empty((order + 1, *z.shape), dtype=complex)
-    small = np.abs(z) < 4.0
-    far = np.where(small, 4.0, z)
     out[0] = np.exp(z)
-    for p in range(order):  # away from zero the forward recursion loses nothing
-        out[p + 1] = (out[p] - 1.0 / factorial(p)) / far
+    small = np.abs(z) < 4.0
+    if not small.all():  # away from zero the recursion loses nothing
+        far = np.where(small, 4.0, z)
+        for p in range(order):
+            out[p + 1] = (out[p] - 1.0 / factorial(p)) / far
     near = z[small]
-    if near.size:  # near zero: Taylor series of the highest, then the recursion downwards
-        term = np.full(near.shape, 1.0 / factorial(order), dtype=complex)
-        total = term.copy()
-        for j in range(1, 30):
-            term = term * near / (order + j)
-            total += term
-        for p in range(order, 0, -1):
-            out[p, small] = total
-            total = near * total + 1.0 / factorial(p - 1)
+    if near.size:  # near zero: the Taylor series phi_p = sum_k z^k / (k + p)!, by Horner's rule for all p in one go
+        total = np.zeros_like(near)
+        for n in range(order + 30, 0, -1):
+            total *= near
+            total += 1.0 / factorial(n)
+            if n <= order:
+                out[n, small] = total
     return out
 
 

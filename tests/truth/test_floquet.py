@@ -18,11 +18,15 @@ from hbgear import (
     HarmonicBalance,
     Law,
     Load,
+    Parallel,
+    Series,
     SpurPair,
     System,
+    stability,
     trace,
 )
 from hbgear.fourier import evaluate
+from hbgear.stability import monodromies, multipliers, multipliers_of
 
 
 @dataclass(frozen=True)
@@ -72,12 +76,20 @@ def dragged():
     return System([[1.0]], [[0.05]], [[0.2]], [Element([1.0], Drag())], Load(cosine={1: [0.8]}))
 
 
+def chain(n=12):
+    """Masses between walls with a cubic spring to ground at the last, which is pushed."""
+    K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    spring = Element(np.eye(n)[-1], Cubic(1.0, 0.2))
+    return System(np.eye(n), 0.01 * np.eye(n), K, [spring], Load(cosine={1: 0.4 * np.eye(n)[-1]}))
+
+
 FINE = {"points": 5, "width": 0.05}
 CASES = {
     "Duffing": (lambda rng: Duffing(), 1.0),
     "SpurPair": (lambda rng: SpurPair(eps=(0.2, 0.1)), 0.8),
     "three masses": (three_masses, 0.9),
     "velocity-dependent": (lambda rng: dragged(), 1.1),
+    "steps of several parts": (lambda rng: chain(), 1.6),
 }
 
 
@@ -177,3 +189,78 @@ def test_stable_means_disturbances_die():
         np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(true), atol=1e-7)
         found[round(piece.amplitude()[-1], 2)] = bool(piece.stable[-1])
     assert list(dict(sorted(found.items())).values()) == [True, False, True]
+
+
+def switched():
+    """Two gaps, one of varying stiffness, side by side with a damper that gives way, on a chain of three masses."""
+    beside = Parallel((Backlash(0.2, 0.5, Series(1.0, (0.3,), (0.1,))), Drag(0.2)))
+    elements = [Element([1.0, -1.0, 0.0], beside, name="a"), Element([0.0, 1.0, -1.0], Backlash(0.4), name="b")]
+    K = np.diag([1.2, 1.0, 0.8])
+    return System(np.eye(3), 0.04 * np.eye(3), K, elements, Load(cosine={1: [0.5, 0.0, -0.3], 2: [0.0, 0.2, 0.0]}))
+
+
+def along(model, H, span):
+    """Problem, motions and frequencies along a curve, grazing points among them."""
+    problem = HarmonicBalance(model, H)
+    curve = trace(problem, "Omega", span, stability=False)
+    grazing = [p for p in curve.special if p.kind == "GR"]
+    X = np.array([*curve.X[:: max(1, len(curve) // 20)], *(p.X for p in grazing)])
+    Omega = np.array([*curve.values[:: max(1, len(curve) // 20)], *(p.parameters["Omega"] for p in grazing)])
+    return problem, X, Omega
+
+
+def doubled():
+    """Motions of twice the period: those of the simple one, seen so."""
+    problem, X, Omega = along(SpurPair(e=(0.1,)), 10, (2.2, 1.7))
+    twice = problem.with_order(2)
+    return twice, np.array([twice.converted(x, problem.layout) for x in X]), Omega
+
+
+CURVES = {
+    "no corner": lambda: along(Duffing(), 7, (0.5, 1.6)),
+    "all regimes": lambda: along(SpurPair(eps=(0.2, 0.1)), 12, (1.5, 0.3)),
+    "two gaps and a damper": lambda: along(switched(), 12, (2.0, 0.7)),
+    "twice the period": doubled,
+    "many coordinates": lambda: along(DoubleHelicalPair(), 8, (1.3, 0.7)),
+    "long steps": lambda: along(chain(), 5, (0.3, 0.6)),
+}
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_many_at_once_are_those_one_by_one(name):
+    problem, X, Omega = CURVES[name]()
+    count = {len(problem.switching(x, Omega=w).theta) for x, w in zip(X, Omega, strict=True)}
+    if name == "all regimes":
+        assert {0, 2, 4} <= count
+    together = multipliers_of(problem, X, Omega)
+    single = np.array([multipliers(problem, x, Omega=w) for x, w in zip(X, Omega, strict=True)])
+    assert together.shape == (len(X), single.shape[1]) and together.dtype == complex
+    assert np.all(np.diff(np.abs(together)) <= 1e-12)
+    scale = np.abs(single).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(together / scale, single / scale, rtol=0, atol=1e-12)
+
+
+def test_many_at_once_in_several_lots(monkeypatch):
+    problem, X, Omega = CURVES["all regimes"]()
+    whole = monodromies(problem, X, Omega)
+    monkeypatch.setattr(stability, "_ROOM", 50_000)
+    np.testing.assert_allclose(monodromies(problem, X, Omega), whole, rtol=0, atol=1e-12 * np.abs(whole).max())
+    assert monodromies(problem, X[:0], Omega[:0]).shape == (0, 2, 2)
+
+
+def test_steps_of_several_parts():
+    """Of 24 coordinates with 6 nodes two parts make a step, with 4 three; with 12 a step is one part."""
+    problem, X, Omega = CURVES["long steps"]()
+    whole = monodromies(problem, X, Omega, points=12, width=1.5)
+    for points in (4, 6):
+        parts = monodromies(problem, X, Omega, points=points, width=0.2)
+        np.testing.assert_allclose(parts, whole, rtol=0, atol=1e-9)
+
+
+def test_without_modes_it_says_what_to_do():
+    problem = HarmonicBalance(Duffing(), 3)
+    X = problem.start(0.7)
+    problem.compiled({}).structure.modes = None
+    for call in (lambda: multipliers(problem, X, Omega=0.7), lambda: multipliers_of(problem, X[None], np.array([0.7]))):
+        with pytest.raises(ValueError, match="reduce the model"):
+            call()
