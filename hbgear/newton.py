@@ -152,6 +152,22 @@ def solve(
     )  # fmt: skip
 
 
+def refine(problem: Any, solution: Solution, parameters: Mapping[str, float], name: str) -> Solution:
+    """The solution after one more Newton step; as it was if that does not lower its residual.
+
+    For equations so flat that a residual at the tolerance leaves digits of the unknowns open, as at special points.
+    """
+    try:
+        X = solution.X - solve_linear(solution.evaluation.dR_dX, solution.evaluation.R)
+    except np.linalg.LinAlgError:
+        return solution
+    now = linearise(problem, X, name, parameters)
+    residual = norm(now.R) / now.size
+    if not residual < solution.residual:
+        return solution
+    return Solution(X, solution.value, now, solution.iterations + 1, residual)
+
+
 class _Homotopy:
     """R(X) - (1 - s) R(X0) = 0: solved by X0 at s = 0, and by a solution of the problem at s = 1."""
 

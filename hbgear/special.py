@@ -15,7 +15,7 @@ The bracketed root runs along the arc between two rows, where every point is cor
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # its parts are imported when they are first used
@@ -23,8 +23,8 @@ import scipy  # its parts are imported when they are first used
 from hbgear.arc import Arc, Row, row_of
 from hbgear.augmented import Augmented, Fold, Grazing, PeriodDoubling
 from hbgear.branch import NEUTRAL
-from hbgear.fourier import ComplexArray
-from hbgear.newton import NoConvergence, Settings, Solution, bordered, linearise, solve
+from hbgear.fourier import Array, ComplexArray
+from hbgear.newton import NoConvergence, Settings, Solution, bordered, linearise, refine, solve
 
 MERGED = "merged"
 """Kind of the point at which a subharmonic branch ends; it is not a special point of its own."""
@@ -66,7 +66,30 @@ def merge(arc: Arc) -> Found | None:
     least = 1e-7 * float(np.linalg.norm(arc.a.solution.X))  # below it the part is rounding: a motion of shorter period
     if min(np.linalg.norm(first), np.linalg.norm(second)) <= least or float(first @ second) >= 0:
         return None
-    return _root(arc, MERGED, lambda row: float(first @ part(row.solution.X)))
+    rough = _root(arc, MERGED, lambda row: float(first @ part(row.solution.X)))
+    try:
+        return replace(rough, row=_at_doubling(arc, rough.row))
+    except (NoConvergence, np.linalg.LinAlgError):
+        return rough
+
+
+def _at_doubling(arc: Arc, row: Row) -> Row:
+    """The row moved to the period doubling of the shorter motion where the branch ends.
+
+    With subharmonics of size a the equations hold the parameter to the tolerance over a, that is not at all.
+    """
+    problem = arc.problem
+    if problem.nu % 2 or not problem.smooth:
+        return row
+    extended = PeriodDoubling(problem.with_order(problem.nu // 2), arc.name)
+    shorter = extended.doubled.fitted(row.solution.X)[extended.even]
+    here = {**arc.parameters, arc.name: row.value}
+    solution = refine(extended, solve(extended, np.append(shorter, row.value), here, arc.name), here, arc.name)
+    value = float(solution.X[-1])
+    if abs(value - row.value) > 0.1 * abs(arc.b.value - arc.a.value):
+        return row
+    X = problem.fitted(extended.embed(solution.X[:-1]))
+    return _singular(arc, np.append(X, value), row)
 
 
 def _root(arc: Arc, kind: str, test: Callable[[Row], float], note: str = "") -> Found:
@@ -106,10 +129,15 @@ _BESIDE = 1e-5  # distance along the arc at which the two sides of a singular po
 
 def _between(arc: Arc, a: Row, b: Row, share: float) -> Row:
     """Row between two close ones, where the equations themselves cannot be solved."""
-    u = (1 - share) * a.u + share * b.u
+    tangent = (1 - share) * a.tangent + share * b.tangent
+    return _singular(arc, (1 - share) * a.u + share * b.u, replace(a, tangent=tangent))
+
+
+def _singular(arc: Arc, u: Array, near: Row) -> Row:
+    """Row at u, where the equations are singular, with tangent and orientation of one nearby."""
     now = linearise(arc.problem, u[:-1], arc.name, {**arc.parameters, arc.name: float(u[-1])})
     point = Solution(u[:-1], float(u[-1]), now, 0, float(np.linalg.norm(now.R)) / now.size)
-    return Row(point, u, (1 - share) * a.tangent + share * b.tangent, a.orientation)
+    return Row(point, u, near.tangent, near.orientation)
 
 
 def _fold(arc: Arc) -> Found:
@@ -137,7 +165,8 @@ def _newton(arc: Arc, kind: str, extended: Augmented, s: float, note: str = "") 
     """
     u = arc.guess(s)
     settings = Settings(arc.settings.tolerance, arc.settings.step_tolerance, 5)
-    solution = solve(extended, u, {**arc.parameters, arc.name: float(u[-1])}, arc.name, settings)
+    here = {**arc.parameters, arc.name: float(u[-1])}
+    solution = refine(extended, solve(extended, u, here, arc.name, settings), here, arc.name)
     U = solution.X
     chord = (arc.b.u - arc.a.u) / arc.scale
     place = float(chord @ ((U - arc.a.u) / arc.scale) / (chord @ chord))
