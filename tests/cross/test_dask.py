@@ -1,18 +1,21 @@
-"""A study on a real Dask scheduler with two worker processes, one of which is killed."""
+"""Studies on a real Dask scheduler with two worker processes: one is killed, or the scheduler."""
 
 import csv
 import json
-import os
-import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from distributed import Client
 
 STUDY = """model = "duffing"
 [base]
 k3 = 1.0
 [sample]
-count = 16
+count = 12
 [sample.parameters]
 zeta = ["uniform", 0.03, 0.06]
 [compute]
@@ -21,40 +24,87 @@ harmonics = 3
 span = [0.5, 2.0]
 """
 
+KILLING = """
+import os, signal, sys
+from contextlib import contextmanager
+from hbgear import cli, cli_study
 
-def test_a_killed_worker_loses_nothing(tmp_path):
-    (tmp_path / "a.toml").write_text(STUDY)
-    dask = [sys.executable, "-m", "dask"]
-    local = ["--host", "127.0.0.1", "--no-dashboard"]
-    processes = [
-        subprocess.Popen([*dask, "scheduler", *local, "--port", "0", "--scheduler-file", "s.json"], cwd=tmp_path)
-    ]
+@contextmanager
+def killing():
+    yield lambda done, total, failed: os.kill(int(sys.argv[2]), signal.SIGKILL) if done == 3 else None
+
+cli_study.case_bar = killing
+cli.main(["study", "a.toml", "--dask", sys.argv[1]])
+"""
+"""The command; when three cases are stored, a process is killed."""
+
+DASK = [sys.executable, "-m", "dask"]
+LOCAL = ["--host", "127.0.0.1", "--no-dashboard"]
+
+
+@contextmanager
+def cluster(folder: Path):
+    """Address of a scheduler, its process and those of its two workers."""
+    scheduler = [*DASK, "scheduler", *LOCAL, "--port", "0", "--scheduler-file", "s.json"]
+    quiet = {"cwd": folder, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    processes = [subprocess.Popen(scheduler, **quiet)]
     try:
-        wait_for(lambda: (tmp_path / "s.json").exists() and (tmp_path / "s.json").stat().st_size)
-        address = json.loads((tmp_path / "s.json").read_text())["address"]
-        assert address.startswith("tcp://127.0.0.1:")
-        worker = [*dask, "worker", address, *local, "--nthreads", "1", "--no-nanny"]
-        processes += [subprocess.Popen(worker, cwd=tmp_path) for _ in range(2)]
-        time.sleep(5)
-        command = [sys.executable, "-m", "hbgear", "study", "a.toml", "--dask", address]
-        study = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
-        processes.append(study)
-        wait_for(lambda: len(list(tmp_path.glob("a/cases/*/*.npz"))) >= 3)
-        os.kill(processes[1].pid, signal.SIGKILL)
-        out, _ = study.communicate(timeout=120)
+        address = address_of(folder / "s.json")
+        worker = [*DASK, "worker", address, *LOCAL, "--nthreads", "1", "--no-nanny"]
+        processes += [subprocess.Popen(worker, **quiet) for _ in range(2)]
+        with Client(address) as client:
+            client.wait_for_workers(2, timeout=60)
+        yield address, *processes
     finally:
         for process in processes:
             process.kill()
             process.wait()
-    assert study.returncode == 0 and "16 of 16 cases, 0 of them failed" in out
-    assert len(list(tmp_path.glob("a/cases/*/*.npz"))) == 16
-    rows = list(csv.DictReader((tmp_path / "a" / "table.csv").open()))
-    assert [int(row["case"]) for row in rows] == list(range(16))
-    assert len({row["zeta"] for row in rows}) == 16 and all(row["peak"] and not row["reason"] for row in rows)
 
 
-def wait_for(condition, seconds=60.0):
-    end = time.time() + seconds
-    while not condition():
+def address_of(file: Path) -> str:
+    end = time.time() + 60
+    while not (file.exists() and file.stat().st_size):
         assert time.time() < end, "waited in vain"
         time.sleep(0.05)
+    address = json.loads(file.read_text())["address"]
+    assert address.startswith("tcp://127.0.0.1:")
+    return address
+
+
+@pytest.fixture
+def study(tmp_path):
+    """Run the study and kill a process on the way: (exit code, stdout, stderr)."""
+    (tmp_path / "a.toml").write_text(STUDY)
+    (tmp_path / "study.py").write_text(KILLING)
+
+    def run(address, victim):
+        command = [sys.executable, "study.py", address, str(victim.pid)]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+        assert victim.wait(timeout=10) == -9
+        return done.returncode, done.stdout, done.stderr
+
+    return run
+
+
+def stored(folder):
+    return len(list(folder.glob("a/cases/*/*.npz")))
+
+
+def test_a_killed_worker_loses_nothing(study, tmp_path):
+    with cluster(tmp_path) as (address, _, worker, _other):
+        code, out, _ = study(address, worker)
+    assert code == 0 and "12 of 12 cases, 0 of them failed" in out and stored(tmp_path) == 12
+    rows = list(csv.DictReader((tmp_path / "a" / "table.csv").open()))
+    assert [int(row["case"]) for row in rows] == list(range(12))
+    assert len({row["zeta"] for row in rows}) == 12 and all(row["peak"] and not row["reason"] for row in rows)
+
+
+def test_a_killed_scheduler_is_told_and_the_study_goes_on_without(study, tmp_path):
+    with cluster(tmp_path) as (address, scheduler, *_):
+        code, out, err = study(address, scheduler)
+    kept = stored(tmp_path)
+    assert code == 3 and 3 <= kept < 12 and "Traceback" not in err
+    assert f"{kept} of 12 cases, 0 of them failed" in out and "its scheduler may be gone" in out
+    again = [sys.executable, "-m", "hbgear", "study", "a.toml"]
+    out = subprocess.run(again, cwd=tmp_path, capture_output=True, text=True, timeout=120).stdout
+    assert "12 of 12 cases" in out and stored(tmp_path) == 12
