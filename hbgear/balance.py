@@ -36,7 +36,7 @@ from hbgear.laws import Law, PiecewiseLinear
 from hbgear.model import Model, System, describe, did_you_mean
 from hbgear.newton import Evaluation, NoConvergence, norm, solve, solve_from_afar
 from hbgear.receptance import Receptance, Structure
-from hbgear.stability import multipliers
+from hbgear.stability import multipliers, multipliers_of
 from hbgear.start import guesses
 
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
@@ -456,8 +456,8 @@ class HarmonicBalance:
         columns = zip(clearance, regime, error, strict=True)
         seen: list[dict[str, Any]] = [{"clearance": c, "regime": r, "error": float(e)} for c, r, e in columns]
         if stability:
-            for one, x, w in zip(seen, X, Omega, strict=True):
-                one["multipliers"] = multipliers(self, x, Omega=float(w), **parameters)  # type: ignore[arg-type]
+            for one, mu in zip(seen, multipliers_of(self, X, Omega, **parameters), strict=True):  # type: ignore[arg-type]
+                one["multipliers"] = mu
         return seen
 
     @property
