@@ -46,18 +46,19 @@ def test_validate_ends_with_1_where_a_point_disagrees(run):
     assert (code, err) == (1, "") and "agree within 0.0001" in out and "3 of 3" not in out
 
 
-def test_sweep_brackets_the_folds_of_the_curve_it_is_drawn_on(run, saved):
-    code, out, err = run(
-        "sweep duffing --up --down --from 1.09 --to 1.11 --count 11 --tolerance 1e-4 --over duffing.npz -o sweep.csv"
-    )
+def test_sweep_brackets_the_folds_of_the_curve_it_is_drawn_on(run):
+    model = "duffing --set zeta=0.1 --set F=1.2"
+    assert run(f"trace {model} --harmonics 9 --from 1.1 --to 1.7 -o hard.npz")[0] == 0
+    span = "--from 1.32 --to 1.53 --count 8 --tolerance 1e-4"
+    code, out, err = run(f"sweep {model} --up --down {span} --over hard.npz -o sweep.csv")
     assert (code, err) == (0, "")
-    curve, step = hb.load(saved), 0.02 / 10
+    curve = hb.load("hard.npz")
     rows = [line.split() for line in out.splitlines() if line.strip().startswith("1.")]
     found = [sorted(float(x) for x in row[:2]) for row in rows]
     folds = [curve["LP1"].parameters["Omega"], curve["LP2"].parameters["Omega"]]
     assert len(found) == 2
     for (low, high), fold in zip(found, folds, strict=True):  # up first, then down
-        assert low - step <= fold <= high + step
+        assert low <= fold <= high and high - low == pytest.approx(0.03)
     assert os.path.exists("duffing_sweep.png") and os.path.exists("sweep.csv")
 
 
