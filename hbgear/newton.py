@@ -75,9 +75,9 @@ class Solution:
 
 
 def norm(x: Array) -> float:
-    """Euclidean norm of all entries: what `numpy.linalg.norm` gives, at a fifth of its cost for short arrays."""
-    x = x.ravel()
-    return math.sqrt(np.vdot(x, x).real)
+    """Euclidean norm of all entries, as `numpy.linalg.norm` gives it at several times the cost for short arrays."""
+    x = x.ravel().view(float)
+    return math.sqrt(x.dot(x))
 
 
 def linearise(problem: Any, X: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:

@@ -315,6 +315,9 @@ class Receptance:
             c = to_complex(stretch(element.displacement.row(), nu))[: H + 1]
             self.e[: len(c), j] = c
         self.ratio = self.k / nu
+        self._springs = np.diag(structure.kr)
+        self._moved = bool(self.e.any())
+        self._sprung, self._damped = structure.kr * self.e, 1j * structure.c * self.e
         self._loads: list[_LoadPart] = []
         for load in system.loads:
             for order, amplitudes in load.complex(system.n).items():
@@ -333,21 +336,26 @@ class Receptance:
         s, ratio, m = self.structure, self.ratio, self.structure.m
         w = Omega * ratio
         matrices = np.empty((2, self.H + 1, m, m), dtype=complex)
+        constants = np.zeros((2, self.H + 1, m), dtype=complex)
         G, dG = s.receptances(w)
-        Y = matrices[0]
-        Y[:] = 1.0 / G if m == 1 else np.linalg.inv(G)
-        matrices[1] = dY = Y @ (dG * -ratio[:, None, None]) @ Y
-        shift, slope = self.e.copy(), np.zeros_like(self.e)  # e - y and -dy/dOmega
+        Y, dY = matrices
+        slope = dG * -ratio[:, None, None]
+        if m == 1:  # what follows, without the cost of a product of matrices
+            np.divide(1.0, G, out=Y)
+            np.multiply(slope * Y, Y, out=dY)
+        else:
+            Y[:] = np.linalg.inv(G)
+            dY[:] = Y @ slope @ Y
+        if self._moved:
+            constants[0] = (Y @ self.e[..., None])[..., 0] - self._sprung - w[:, None] * self._damped
+            constants[1] = (dY @ self.e[..., None])[..., 0] - ratio[:, None] * self._damped
         for part in self._loads:
             k, growth = part.order * self.nu, Omega**part.power
             y, dy = s.response(part.order * Omega, part.amplitudes, part.drive)
-            shift[k] -= growth * y
-            slope[k] -= part.order * growth * dy + part.power * Omega ** (part.power - 1) * y
-        spring = s.kr + 1j * w[:, None] * s.c
-        constants = np.empty((2, self.H + 1, m), dtype=complex)
-        constants[0] = (Y @ shift[..., None])[..., 0] - spring * self.e
-        constants[1] = (dY @ shift[..., None] + Y @ slope[..., None])[..., 0] - 1j * ratio[:, None] * s.c * self.e
-        Y -= np.diag(s.kr)
+            constants[0, k] -= growth * (Y[k] @ y)
+            change = part.order * growth * dy + part.power * Omega ** (part.power - 1) * y
+            constants[1, k] -= growth * (dY[k] @ y) + Y[k] @ change
+        Y -= self._springs
         return LinearPart(matrices, constants)
 
     def motion(self, Omega: float, d: ComplexArray, f: ComplexArray) -> ComplexArray:
