@@ -59,7 +59,7 @@ def test_sweep_brackets_the_folds_of_the_curve_it_is_drawn_on(run):
     assert len(found) == 2
     for (low, high), fold in zip(found, folds, strict=True):  # up first, then down
         assert low <= fold <= high and high - low == pytest.approx(0.03)
-    assert os.path.exists("duffing_sweep.png") and os.path.exists("sweep.csv")
+    assert os.path.exists("hard_sweep.png") and os.path.exists("sweep.csv")
 
 
 @pytest.mark.parametrize(
