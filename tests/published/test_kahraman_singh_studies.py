@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.sweep import Settling
+from hbgear.timedomain import state_of
 
 matplotlib.use("Agg")
 
@@ -36,11 +38,44 @@ def test_ratios():
     for found in (light, strong):
         np.testing.assert_allclose(found.traced, found.closed, rtol=0, atol=1e-5)
     np.testing.assert_allclose(frequencies(light.curve, "LP"), (0.7080316, 0.8284640), atol=1e-6)
-    assert not light.doubled and len(strong.doubled) == 2
-    ends = np.sort([b.values[-1] for b in strong.doubled])
+    assert not light.longer and len(strong.longer) == 2
+    ends = np.sort([b.values[-1] for b in strong.longer])
     np.testing.assert_allclose(ends, np.sort(frequencies(strong.curve, "PD"))[[0, 2]], atol=1e-3)
     assert len(module.plot((light, strong)).axes) == 2
     assert "0.820631, 1.407088 | 0.820631, 1.407088" in module.report((light, strong))
+
+
+def test_motions_of_three_periods():
+    """A branch found from one motion: integrated multipliers are -1 where it doubles and +1 at its fold."""
+    longer = study("kahraman_singh_1990.longer")
+    pair = hb.SpurPair(e=(0.2,))
+    start = longer.orbit(pair, 2.1, 0.7765, -0.2683, 3)
+    branch = longer.root(pair, start, (2.3, 2.0))
+    assert longer.order(branch) == 3 and branch.values.min() == 2.0
+    for label, Omega, mu, closure in (("PD1", 2.094172, -1, 1e-9), ("LP1", 2.151813, 1, 1e-3)):
+        found = branch[label].parameters["Omega"]
+        assert found == pytest.approx(Omega, abs=2e-6)
+        state = state_of(branch.problem, branch[label].X, Omega=found)
+        integrated = hb.shoot(pair, found, state, 3, tolerance=closure)  # singular at the fold: the state as it is
+        assert np.abs(integrated.multipliers - mu).min() < 5e-3
+    swept = hb.sweep(pair, [2.1], start=start.state)
+    assert swept.period[0] == 3 and longer.lies_on([branch], swept, 0)
+    assert swept.rms[0, 0] == pytest.approx(0.31463, abs=2e-5)
+
+
+def test_the_branch_of_a_doubled_motion_is_that_of_its_ancestor():
+    """Two periods below the period doubling at 1.856903; the motion of one period is the root."""
+    longer = study("kahraman_singh_1990.longer")
+    pair = hb.SpurPair(e=(0.2,))
+    swept = hb.sweep(pair, [1.87, 1.85], "down", settling=Settling(1e-5))
+    assert list(swept.period) == [1, 2]
+    found = longer.orbit(pair, 1.85, *swept.points[1][0, 0], 2)
+    branch = longer.root(pair, found, (1.95, 1.84))
+    assert longer.order(branch) == 1 and frequencies(branch, "PD") == pytest.approx([1.856903], abs=1e-6)
+    assert longer.lies_on([branch], swept, 0) and not longer.lies_on([branch], swept, 1)
+    both = longer.family(branch, (1.95, 1.84), 2)
+    assert [longer.order(b) for b in both] == [1, 2] and longer.lies_on(both, swept, 1)
+    assert longer.isolated(pair, both, [swept], (1.95, 1.84), 2) == []
 
 
 @pytest.mark.parametrize(("ratio", "regime"), [(0.5, "single_sided"), (2.0, "double_sided")])
