@@ -23,7 +23,6 @@ from concurrent.futures import (
     Future,
     wait,
 )
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from functools import partial
@@ -227,8 +226,11 @@ def cases(
     waiting = {key: row for key, row in zip(keys, rows, strict=True) if key not in run.done}
     outcome, message = Outcome.FINISHED, "every case was computed"
     if waiting:
-        with executor_of(executor, processes, len(waiting)) as pool:
-            outcome, message = run.compute(pool, type(model), waiting, work)
+        try:
+            with executor_of(executor, processes, len(waiting)) as pool:
+                outcome, message = run.compute(pool, type(model), waiting, work)
+        except KeyboardInterrupt:  # once more, while the last cases were waited for, or before the first
+            outcome, message = Outcome.INTERRUPTED, f"interrupted; {run.kept}"
     packed = partial(_packed_of, folder, run.done, keys)
     return _collect(model, work, vary.names, rows, keys, run.done, outcome, message, packed)
 
@@ -351,22 +353,28 @@ class _Run:
         self.study, self.folder, self.total, self.progress = study, folder, total, progress
         self.done: dict[str, Result] = {}
 
+    @property
+    def kept(self) -> str:
+        """Where what is done can be found."""
+        return "everything done is kept; run it again to go on" if self.folder else "what is done is in the result"
+
     def compute(
         self, pool: Executor, cls: type[Model], waiting: Mapping[str, dict[str, Any]], work: Work
     ) -> tuple[Outcome, str]:
-        """Run what is waiting, values by key, and store each case as it finishes; how that ended."""
+        """Run what is waiting, values by key, and store each case as it finishes; how that ended.
+
+        Ctrl-C waits for the cases at work; once more, and it is raised.
+        """
         running: dict[Future[Result], str] = {}
-        kept = "everything done is kept; run it again to go on" if self.folder else "what is done is in the result"
         try:
             try:
                 self._compute(pool, cls, waiting, work, running)
             except KeyboardInterrupt:
-                with suppress(KeyboardInterrupt):  # once more: do not wait
-                    self._finish(running, waiting)
-                return Outcome.INTERRUPTED, f"interrupted; {kept}"
+                self._finish(running, waiting)
+                return Outcome.INTERRUPTED, f"interrupted; {self.kept}"
             except _Lost as failure:
                 self._finish(running, waiting, patience=0.0)
-                return Outcome.WORKERS_LOST, f"{failure}; {kept}"
+                return Outcome.WORKERS_LOST, f"{failure}; {self.kept}"
             return Outcome.FINISHED, "every case was computed"
         except _NotStored as failure:
             for future in running:

@@ -42,9 +42,10 @@ def study(
 ) -> None:
     """Compute many cases: a grid or a random sample of parameters.
 
-    Every finished case is stored at once in the folder; Ctrl-C keeps them, and the same command goes on where it
-    stopped. The folder gets table.csv, table.npz and figures (.png): envelope of the curves, distribution of the jumps,
-    peaks and jumps against each parameter. A case that fails is a row with its reason.
+    Every finished case is stored at once in the folder. Ctrl-C ends when the cases at work are done (Ctrl-C again: at
+    once) and keeps them all; the same command goes on where it stopped. The folder gets table.csv, table.npz and
+    figures (.png): envelope of the curves, distribution of the jumps, peaks and jumps against each parameter. A case
+    that fails is a row with its reason.
     Exit codes: 0 every case is done, 2 bad input, 3 stopped early.
     """
     from hbgear.study_file import StudyFileError, read_study

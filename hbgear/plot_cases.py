@@ -91,7 +91,7 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
         ax.set_xlim(Omega[0], Omega[-1])
         ax.set_ylim(bottom=0.0)
         ax.set_xlabel(_label(found, "Omega"))
-        ax.set_ylabel(f"{_measure(found)} of {found.model.labels.get('amplitude', 'gap (model units)')}, stable")
+        ax.set_ylabel(f"{_measure(found)}, stable")
         _dress(ax)
         if legend:
             ax.legend(loc="best")
@@ -155,7 +155,7 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
                 for column in columns:
                     _dots(ax, found, name, column)
                 _dress(ax)
-            line[0].set_ylabel(label)
+            line[0].set_ylabel(_wrapped(label))
         for ax, name in zip(axes[-1], names, strict=True):
             ax.set_xlabel(_wrapped(_label(found, name)))
             ax.locator_params(axis="x", nbins=4)
@@ -218,7 +218,9 @@ def _finite(column: Array) -> Array:
 
 
 def _measure(found: Cases) -> str:
-    return MEASURES.get(found.work.measure, f"harmonic {found.work.measure[1:]}")
+    """Name of the measure and of what it is of."""
+    name = MEASURES.get(found.work.measure, f"harmonic {found.work.measure[1:]}")
+    return f"{name} of {found.model.labels.get('amplitude', 'gap (model units)')}"
 
 
 def _label(found: Cases, name: str) -> str:

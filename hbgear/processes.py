@@ -8,22 +8,30 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context, parent_process, resource_tracker
+from multiprocessing import active_children, get_context, parent_process, resource_tracker
 
 
 @contextmanager
 def executor_of(given: Executor | None, processes: int | None, count: int) -> Iterator[Executor]:
-    """The executor that was given, else processes, one for each core but not more than there is work; ended after."""
+    """The executor that was given, else processes, one for each core but not more than there is work; ended after.
+
+    An error, Ctrl-C too, does not wait for the processes.
+    """
     if given is not None:
         yield given
         return
     workers = min(processes or os.cpu_count() or 1, count)
+    others = set(active_children())
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_prepare) as pool:
         try:
             with _holding_ctrl_c():
                 for _ in range(workers):  # each starts a process
                     pool.submit(os.getpid)
             yield pool
+        except BaseException:
+            for process in set(active_children()) - others:
+                process.terminate()
+            raise
         finally:
             pool.shutdown(cancel_futures=True)
 

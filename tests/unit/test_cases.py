@@ -286,6 +286,35 @@ def test_a_study_stopped_by_ctrl_c_goes_on(tmp_path):
     assert len(rows) == len(files)
 
 
+def test_ctrl_c_twice_waits_for_nothing(tmp_path):
+    """No case in work would end by itself."""
+    (tmp_path / "study.py").write_text(ENDLESS)
+    before = time.time()
+    study = subprocess.run([sys.executable, "study.py"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert study.stdout.split() == ["interrupted", "0"] and "Traceback" not in study.stderr
+    assert time.time() - before < 60
+
+
+ENDLESS = """
+import os, signal, sys, threading, time
+import hbgear as hb
+
+def endless(cls, fields, work):
+    time.sleep(600)
+
+def interrupt():
+    for _ in range(2):
+        time.sleep(2.0)
+        os.kill(os.getpid(), signal.SIGINT)
+
+if __name__ == "__main__":
+    sys.modules["hbgear.cases"].run_case = endless
+    threading.Thread(target=interrupt, daemon=True).start()
+    found = hb.cases(hb.Duffing(), hb.grid(zeta=[0.1, 0.2]), processes=2)
+    print(found.outcome, len(found))
+"""
+
+
 def test_ctrl_c_while_the_processes_start(tmp_path):
     """Nobody prints a traceback, not the processes either."""
     (tmp_path / "a.toml").write_text(STUDY.format(count=300))
