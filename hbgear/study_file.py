@@ -6,7 +6,8 @@ import dataclasses
 import os
 import tomllib
 import typing
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -44,19 +45,45 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     StudyFileError
         If it cannot be read, or a key, type or value is wrong.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-        data = tomllib.loads(text)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise StudyFileError([f"'{path}' cannot be read as a study: {error}"]) from None
+    text, data = _parsed(path)
     problems, checked = _checked(data)
     if not problems:
         try:
             return _study(checked)
-        except (ValueError, KeyError) as error:
-            problems = [(("base",), str(error.args[0]))]
+        except _Wrong as wrong:
+            problems = [(wrong.place, str(wrong))]
     lines = sorted((line_of(text, place), message) for place, message in problems)
     raise StudyFileError([f"{path}, line {line}: {message}" for line, message in lines])
+
+
+def _parsed(path: str | os.PathLike[str]) -> tuple[str, dict[str, Any]]:
+    """Text of the file, and what TOML reads in it."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        return text, tomllib.loads(text)
+    except OSError as error:
+        reason = str(error.strerror)
+    except UnicodeDecodeError:
+        reason = "it is no text (UTF-8)"
+    except tomllib.TOMLDecodeError as error:
+        reason = str(error).replace("at end of document", f"at the end, line {len(text.splitlines())}")
+    raise StudyFileError([f"'{path}' cannot be read as a study: {reason}"])
+
+
+class _Wrong(Exception):
+    """Values that are right one by one and wrong together; in which table."""
+
+    def __init__(self, table: str, reason: Exception) -> None:
+        super().__init__(reason.args[0])
+        self.place: Place = (table,)
+
+
+@contextmanager
+def _within(table: str) -> Iterator[None]:
+    try:
+        yield
+    except (ValueError, KeyError) as error:
+        raise _Wrong(table, error) from None
 
 
 def line_of(text: str, place: Place) -> int:
@@ -102,6 +129,8 @@ def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
     if ("grid" in data) == ("sample" in data):
         need = "need [grid] or [sample], and not both"
         problems.append((("sample",), need))
+    if data.get("grid") == {}:
+        problems.append((("grid",), "[grid] names no parameter; need one at least, as in zeta = [0.04, 0.05]"))
     checked = None
     try:
         checked = schema.model_validate(data)
@@ -169,16 +198,20 @@ def _distribution(given: list[Any]) -> list[Any]:
 
 def _study(checked: Any) -> Study:
     data = checked.model_dump(exclude_unset=True)
-    base = {name: tuple(v) if isinstance(v, list) else v for name, v in data.get("base", {}).items()}
-    model = MODELS[data["model"]]().replace(**base)
+    with _within("base"):
+        base = {name: tuple(v) if isinstance(v, list) else v for name, v in data.get("base", {}).items()}
+        model = MODELS[data["model"]]().replace(**base)
     if "grid" in data:
-        vary: Grid | Sample = grid(**data["grid"])
+        with _within("grid"):
+            vary: Grid | Sample = grid(**data["grid"])
     else:
-        sample = data["sample"]
-        if not sample["parameters"]:
-            raise ValueError("[sample.parameters] names no parameter")
-        vary = Sample(sample.get("method", METHODS[0]), sample["count"], sample.get("seed", 0), sample["parameters"])
+        given = data["sample"]
+        with _within("sample"):
+            if not given["parameters"]:
+                raise ValueError("[sample.parameters] names no parameter")
+            vary = Sample(given.get("method", METHODS[0]), given["count"], given.get("seed", 0), given["parameters"])
     asked = checked.compute
     span = tuple(asked.span or model.default_span)
-    work = Work(tuple(asked.what), tuple(asked.critical), asked.harmonics, span, asked.measure, asked.element)  # type: ignore[arg-type]
+    with _within("compute"):
+        work = Work(tuple(asked.what), tuple(asked.critical), asked.harmonics, span, asked.measure, asked.element)  # type: ignore[arg-type]
     return Study(model, vary, work)

@@ -53,10 +53,16 @@ def test_every_error_with_its_line(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("model = ", "cannot be read"),
+        ("model = ", "cannot be read as a study: Invalid value (at the end, line 1)"),
+        ('model = "duffing"\nzeta == 1', "cannot be read as a study: Invalid value (at line 2, column 7)"),
+        ("", "line 1: 'model' is missing"),
         ('model = "dufing"\n[grid]\nzeta = [0.1]', "line 1: there is no model 'dufing'; did you mean 'duffing'"),
         ('model = "duffing"', "need [grid] or [sample]"),
         ('model = "duffing"\n[grid]\nzeta = []', "line 3: grid.zeta"),
+        ('model = "duffing"\n[grid]', "line 2: [grid] names no parameter"),
+        ('model = "duffing"\n[grid]\nzeta = [1, 1]', "line 2: grid: zeta has a value twice"),
+        ('model = "duffing"\n[sample]\ncount = 3\n[sample.parameters]', "line 2: [sample.parameters] names no"),
+        ('model = "duffing"\n[grid]\nzeta = [1]\n[compute]\nwhat = []', "line 4: nothing to compute"),
         ('model = "duffing"\n[base]\nzeta = -1.0\n[grid]\nF = [0.1]', "line 2: Duffing: zeta = -1.0"),
     ],
 )
@@ -65,6 +71,18 @@ def test_bad_files(tmp_path, text, words):
     with pytest.raises(StudyFileError) as error:
         read_study(tmp_path / "a.toml")
     assert words in str(error.value)
+
+
+def test_files_that_are_no_text(tmp_path):
+    (tmp_path / "a.toml").write_bytes(b"\x86\x00\xff")
+    (tmp_path / "folder.toml").mkdir()
+    for name, words in (
+        ("a.toml", "it is no text"),
+        ("folder.toml", "Is a directory"),
+        ("none.toml", "No such file or directory"),
+    ):
+        with pytest.raises(StudyFileError, match=words):
+            read_study(tmp_path / name)
 
 
 def test_lines_of_values_of_several_lines():
