@@ -33,8 +33,12 @@ def phi(z: ComplexArray, order: int) -> ComplexArray:
             out[p + 1] = (out[p] - 1.0 / factorial(p)) / far
     near = z[small]
     if near.size:  # near zero: the Taylor series phi_p = sum_k z^k / (k + p)!, by Horner's rule for all p in one go
+        reach, term, last = np.abs(near).max(), 1.0, order
+        while term > 1e-17:
+            last += 1
+            term *= reach / last
         total = np.zeros_like(near)
-        for n in range(order + 30, 0, -1):
+        for n in range(last, 0, -1):
             total *= near
             total += 1.0 / factorial(n)
             if n <= order:

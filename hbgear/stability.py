@@ -28,6 +28,7 @@ Free motions (rigid rotation) carry the trivial multipliers +1 and are left out.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,7 +42,8 @@ if TYPE_CHECKING:
 
 _SHARE = 0.2  # longest step as a share of the excitation period, whatever the structure
 _COARSE = 32  # phases of an excitation period at which the modulations are looked at for their size
-_ROOM, _STEPS = 1_000_000, 20  # numbers in the matrices of motions computed at once, and steps a motion may have then
+_ROOM = 1_000_000  # numbers that the matrices of the motions computed at once may have
+_CACHE = 16_000  # numbers in matrices of steps that stay close to the processor
 
 
 def multipliers(
@@ -106,7 +108,7 @@ def monodromies(
     modes, kr = _halved(compiled.structure.modes), compiled.structure.kr
     width = points / 5.0 if width is None else width
     parts = max(1, modes.size // (2 * points * problem.m))  # about half as many nodes in a step as states
-    together = 1 + _ROOM // (_STEPS * modes.size**2 + 20_000)
+    together = 1 + _ROOM // (4 * modes.size**2 + 20_000)
     out = np.empty((len(X), modes.size, modes.size))
     for some in (slice(i, i + together) for i in range(0, len(X), together)):
         motions = _motions(problem, compiled, X[some], Omega[some])
@@ -219,18 +221,17 @@ def _halved(modes: Any) -> _Modes:
 
 @dataclass(frozen=True)
 class _Steps:
-    """Steps of the periods of P motions, motion after motion. A period is cut into pieces of equal steps.
+    """Steps of the periods of P motions: first the first step of each, then the second of those that have one, ...
 
     motion, h (C,): of a piece, its motion and the duration of its steps; piece, start (S,): of a step, its piece and
-    the phase it begins at; first, count (P,): of a motion, its first step and how many it has.
+    the phase it begins at; rounds: where in them the first steps begin, the second, ..., and the end.
     """
 
     motion: np.ndarray
     h: Array
     piece: np.ndarray
     start: Array
-    first: np.ndarray
-    count: np.ndarray
+    rounds: np.ndarray
 
 
 def _steps(motions: _Motions, longest: Array) -> _Steps:
@@ -239,10 +240,12 @@ def _steps(motions: _Motions, longest: Array) -> _Steps:
     omega = motions.omega[motion]
     counts = np.maximum(1, np.ceil(length / omega / longest[motion] - 1e-9)).astype(int)
     piece = np.repeat(np.arange(len(counts)), counts)
-    number = np.arange(len(piece)) - (np.cumsum(counts) - counts)[piece]
-    count = np.bincount(motion, counts, len(longest)).astype(int)
-    start = theta[piece] + (length / counts)[piece] * number
-    return _Steps(motion, length / counts / omega, piece, start, np.cumsum(count) - count, count)
+    number = np.arange(len(piece))
+    start = theta[piece] + (length / counts)[piece] * (number - (np.cumsum(counts) - counts)[piece])
+    number -= np.searchsorted(motion[piece], motion[piece])  # in its motion, from 0
+    order = np.argsort(number, kind="stable")
+    rounds = np.concatenate([[0], np.cumsum(np.bincount(number))])
+    return _Steps(motion, length / counts / omega, piece[order], start[order], rounds)
 
 
 def _pieces(motions: _Motions) -> tuple[np.ndarray, Array, Array]:
@@ -275,12 +278,17 @@ def _carried(motions: _Motions, steps: _Steps, modes: _Modes, kr: Array, points:
     feedback = sum(d[:, :, None] * a[steps.piece] for d, a in zip(D, A, strict=True))
     inverse = np.linalg.inv(np.eye(D.shape[-1]) + feedback)
     response = np.concatenate([inverse * -d[:, None, :] for d in D], axis=-1)
-    step = B[steps.piece] @ (response @ R[steps.piece])
-    modes.add_turn(step, np.exp(h[:, None] * modes.poles))
-    total = step[steps.first]
-    for number in range(1, steps.count.max(initial=0)):
-        on = np.flatnonzero(steps.count > number)
-        total[on] = step[steps.first[on] + number] @ total[on]
+    turn = np.exp(steps.h[:, None] * modes.poles)
+    total = np.zeros((len(motions.rows), modes.size, modes.size)) + np.eye(modes.size)
+    at_once = 1 + _CACHE // total.size
+    for first in range(0, len(steps.rounds) - 1, at_once):
+        rounds = steps.rounds[first : first + at_once + 1]
+        piece = steps.piece[rounds[0] : rounds[-1]]
+        step = B[piece] @ (response[rounds[0] : rounds[-1]] @ R[piece])
+        modes.add_turn(step, turn[piece])
+        for a, b in pairwise(rounds - rounds[0]):
+            on = steps.motion[piece[a:b]]
+            total[on] = step[a:b] @ total[on]
     return total
 
 
