@@ -16,6 +16,7 @@ from scipy.io import loadmat
 
 import hbgear as hb
 from hbgear import cli, cli_support
+from hbgear.study_file import read_study
 
 REPOSITORY = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])}  # whether installed or not
@@ -414,8 +415,9 @@ def test_singular_and_ill_formed_matrices():
 # ---- what the README promises
 
 
-def readme_blocks():
-    return re.findall(r"```python\n(.*?)```", (REPOSITORY / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+def readme_blocks(language="python"):
+    text = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
 
 
 @pytest.mark.parametrize(
@@ -427,6 +429,13 @@ def test_readme_python_runs(block, jumps, tmp_path, monkeypatch, capsys):
     exec(compile(readme_blocks()[block], "README.md", "exec"), {"__name__": "__main__"})
     printed = [float(x) for x in re.findall(r"Omega = ([\d.]+)", capsys.readouterr().out)]
     assert printed == pytest.approx(jumps, abs=2e-5)
+
+
+def test_readme_study_file_is_one(tmp_path):
+    (file,) = readme_blocks("toml")
+    (tmp_path / "a.toml").write_text(file, encoding="utf-8")
+    study = read_study(tmp_path / "a.toml")
+    assert study.vary.size == 200 and study.model == hb.DoubleHelicalPair(zeta=0.055)
 
 
 def test_ci_runs_the_test_command_of_the_readme():
