@@ -170,3 +170,20 @@ def test_double_sided_impact_begins(tmp_path):
     assert lowest == pytest.approx(-(1 + top["W"]), abs=5e-5)
     assert drawn(module, results, tmp_path)
     assert "| mesh period | -0.93934 | 1.516 |" in module.report(results)
+
+
+def test_basins_of_the_pair(tmp_path):
+    """Starts have the gaps asked for; those of the map end as its full form says; rest is the start d = -W."""
+    module = study("basins")
+    state = module.turned(module.LOW, np.array([-0.3]), np.array([0.2]))[0]
+    first = hb.integrate(module.LOW, state, 1, module.FOLDED, samples=64)
+    np.testing.assert_allclose(first.d[:, 0], -0.3, atol=1e-12)
+    np.testing.assert_allclose(first.v[:, 0], 0.2 + module.rest(), atol=1e-12)
+    moved = module.shifted(module.LOW, np.array([1.0]), np.array([0.0]))[0, :24]
+    opened = np.sin(np.radians(24.43)) * np.array([1, -1])
+    np.testing.assert_allclose(module.LOW.system().W.T @ moved, opened, atol=1e-12)
+    results = module.run(quick=True)
+    assert results["folds"].left < 1e-4
+    np.testing.assert_array_equal(results["folds"].large, [[0, 1, 1], [0, 1, 1]])
+    assert drawn(module, results, tmp_path)
+    assert "| zeta = 0.05, Omega = 0.867 | 6 |" in module.report(results)

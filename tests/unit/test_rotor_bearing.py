@@ -6,6 +6,7 @@ from unit.test_models import OMEGA, TAU, backlash, imbalance, random_motion
 
 import hbgear as hb
 from hbgear.fourier import to_complex, to_real
+from hbgear.newton import solve
 
 UNEQUAL = hb.GearRotorBearing(
     zeta=0.04, zeta_1=0.02, zeta_2=0.03, kappa_1=1.1, kappa_2=0.7, mu_1=0.3, mu_2=0.15, F_m=0.12, F_1=0.05, F_2=0.08,
@@ -89,6 +90,18 @@ def test_heavy_gears_stand_still_and_leave_the_spur_pair():
         errors.append(np.abs(problem.start(0.6, **problem.parameters)[: X.size] - X).max())
     assert errors[2] < 1e-6
     np.testing.assert_allclose(np.divide(errors[1:], errors[:-1]), 0.01, rtol=0.02)
+
+
+@pytest.mark.parametrize(("mu", "tolerance", "limit"), [(1e-6, 1e-10, 2e-9), (1e-8, 1e-10, 5e-5), (1e-8, 1e-13, 2e-9)])
+def test_accuracy_of_the_gap_with_heavy_gears(mu, tolerance, limit):
+    """While the bearings stay loaded, preload and clearance only shift their means: the gap is that without either."""
+    bare = hb.GearRotorBearing(mu_1=mu, mu_2=mu, F_1=0.0, F_2=0.0, b_1=0.0, b_2=0.0, eps=(0.2,))
+    gaps = []
+    for model in (bare, bare.replace(F_1=0.1, F_2=0.1, b_1=1.0, b_2=1.0)):
+        problem = hb.HarmonicBalance(model, 12)
+        here = {**model.parameters, "Omega": 0.6}
+        gaps.append(solve(problem, problem.start(**here), here, settings=hb.Settings(tolerance=tolerance)).X[:25])
+    assert np.abs(gaps[1] - gaps[0]).max() < limit
 
 
 def test_start_from_springs_pushed_to_either_side():
