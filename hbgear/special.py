@@ -95,11 +95,13 @@ def _at_doubling(arc: Arc, row: Row) -> Row:
 def _root(arc: Arc, kind: str, test: Callable[[Row], float], note: str = "") -> Found:
     """Bracketed root of a test function along the arc; where correction fails, the nearer end, not located."""
     rows: dict[float, Row] = {0.0: arc.a, 1.0: arc.b}
+    values: dict[float, float] = {}
 
     def value(s: float) -> float:
-        if s not in rows:
-            rows[s] = arc.at(s)
-        return test(rows[s])
+        if s not in values:
+            rows[s] = rows[s] if s in rows else arc.at(s)
+            values[s] = test(rows[s])
+        return values[s]
 
     def beside(s: float) -> float:
         """The value, or zero where the equations are singular with a change of sign beside: the point itself."""
@@ -110,13 +112,14 @@ def _root(arc: Arc, kind: str, test: Callable[[Row], float], note: str = "") -> 
             if value(low) * value(high) >= 0:
                 raise
             share = value(low) / (value(low) - value(high))
-            rows[s] = _between(arc, rows[low], rows[high], share)
+            rows[s], values[s] = _between(arc, rows[low], rows[high], share), 0.0
             return 0.0
 
     try:
         # at a turning point an error in s enters the parameter squared
         fine = 1e-9 if kind in ("LP", "CP") else 1e-13
-        s = float(scipy.optimize.brentq(beside, 0.0, 1.0, xtol=fine, rtol=fine, maxiter=60))
+        scipy.optimize.brentq(beside, 0.0, 1.0, xtol=fine, rtol=fine, maxiter=60)
+        s = min(values, key=lambda x: abs(values[x]))  # near a singular point the last of them may be noise
         return Found(kind, s, rows[s], True, note)
     except (NoConvergence, np.linalg.LinAlgError, ValueError, RuntimeError):
         f0, f1 = abs(test(arc.a)), abs(test(arc.b))

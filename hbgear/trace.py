@@ -22,7 +22,7 @@ from hbgear.arc import Arc, Departure, Row, cosine, normal_of, predict, row_of
 from hbgear.branch import Branch, Point, Status
 from hbgear.fourier import Array
 from hbgear.jumps import find_jumps
-from hbgear.newton import NoConvergence, Settings, correct, norm, solve
+from hbgear.newton import NoConvergence, Settings, correct, norm, sharpen, solve
 from hbgear.record import Mark, branch_of
 from hbgear.special import Found, find, merge
 
@@ -111,6 +111,7 @@ def trace(
 
 
 _TOGETHER = 32  # rows observed at once
+_SHARP = 1e-2  # part of the tolerance above which a converged row gets one Newton step more
 _SUPPORT = 4  # rows the predictor extrapolates from
 
 
@@ -326,6 +327,8 @@ class _Tracer:
             before = [self._as_now(row) for row in self.rows[-2 : -1 - _SUPPORT : -1]]
             predicted = predict([last, *before], unit, self.scale, h)
             solution = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings)
+            if solution.residual > _SHARP * self.settings.tolerance:
+                solution = sharpen(self.problem, solution, normal, self.name, self.fixed, self.settings)
             row = row_of(solution, normal, self.scale, h, last)
         except NoConvergence as error:
             return None, str(error)
