@@ -88,6 +88,12 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
         ax.fill_between(Omega, least, largest, color=colour, alpha=0.15, linewidth=0, label="all cases")
         ax.fill_between(Omega, low, high, color=colour, alpha=0.35, linewidth=0, label="5 to 95 %")
         ax.plot(Omega, middle, color="black", linewidth=1.0, label="median")
+        none = np.isnan(middle)
+        if none.any():  # the curve is unstable there in every case, as where its period has doubled
+            ax.fill_between(
+                Omega, 0, 1, where=none.tolist(), transform=ax.get_xaxis_transform(), color="0.9", linewidth=0,
+                label="none stable",
+            )  # fmt: skip
         ax.set_xlim(Omega[0], Omega[-1])
         ax.set_ylim(bottom=0.0)
         ax.set_xlabel(_label(found, "Omega"))
@@ -155,7 +161,7 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
                 for column in columns:
                     _dots(ax, found, name, column)
                 _dress(ax)
-            line[0].set_ylabel(_wrapped(label))
+            line[0].set_ylabel(_wrapped(label, 27))
         for ax, name in zip(axes[-1], names, strict=True):
             ax.set_xlabel(_wrapped(_label(found, name)))
             ax.locator_params(axis="x", nbins=4)

@@ -1,6 +1,7 @@
 """Figures of many cases, held against the closed form of a linear oscillator; what is drawn and what is left out."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -51,6 +52,12 @@ def test_envelope_of_a_linear_oscillator(linear):
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["all cases", "5 to 95 %", "median"]
 
 
+def test_frequencies_where_none_is_stable_are_marked(linear):
+    gap = {case: np.array([x, y, np.abs(x - 1.0) > 0.1]) for case, (x, y, _) in linear.curves.items()}
+    labels = [text.get_text() for text in plot_cases.envelope(replace(linear, curves=gap)).get_legend().get_texts()]
+    assert labels[-1] == "none stable"
+
+
 def test_both_stable_motions_count_and_the_unstable_one_does_not():
     Omega, height = np.array([1.0, 2.0, 3.0, 2.5, 1.5, 2.0, 4.0]), np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
     stable = np.array([1, 1, 1, 0, 1, 1, 1.0])
@@ -69,7 +76,7 @@ def test_jumps_are_counted(hard):
 def test_numbers_against_parameters(hard):
     figure = plot_cases.against_parameters(hard)
     peak, jumps = figure.axes
-    assert jumps.get_xlabel() == hb.Duffing.labels["zeta"] and peak.get_ylabel() == "largest half\npeak-to-peak of $x$"
+    assert jumps.get_xlabel() == hb.Duffing.labels["zeta"] and peak.get_ylabel() == "largest half peak-to-peak\nof $x$"
     np.testing.assert_allclose(peak.lines[0].get_xydata(), np.array([HARD, hard.table["peak"]]).T)
     assert {line.get_gid(): len(line.get_xdata()) for line in jumps.lines} == {"jump_rising": 2, "jump_falling": 2}
 
