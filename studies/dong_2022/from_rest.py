@@ -4,12 +4,13 @@
 
 While no tooth touches on its back, W changes no periodic motion apart from its mean. It does change how far apart the
 teeth are at rest in the middle of the gap, and so, where two motions are stable, which of them is reached. The machines
-have two folds: the reduction to one degree of freedom (F_m = 0.109) and the pair with zeta = 0.05. Above, dots are
-settled motions from rest (all coordinates zero) on the response curve; below, the motion reached for each W.
+have two folds (dotted): the reduction to one degree of freedom (F_m = 0.109) and the pair with zeta = 0.05. Above, dots
+are settled motions from rest (all coordinates zero) on the response curve; below, the motion reached for each W.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,12 +22,21 @@ import hbgear as hb
 from hbgear import plot as draw
 from studies import study
 from studies.dong_2022 import base, readings
+from studies.dong_2022.family import OMEGA
+from studies.dong_2022.resting import reached
 
 TITLES = {"one": r"one DOF, $F_m = 0.109$", "pair": r"24 DOF, $\zeta = 0.05$"}
-PLANS = {"one": (0.8575, 0.8925, 11), "pair": (0.842, 0.872, 13)}
-"""Lowest and highest Omega and how many between, around the two folds of each machine."""
-PERIODS = {"one": 100, "pair": 300}
-"""Periods of the excitation after which a motion is taken as settled; the slowest mode of the pair decays slowly."""
+PLANS = {
+    "one": np.linspace(0.8575, 0.8925, 11),
+    "pair": np.concatenate([np.linspace(0.842, 0.8645, 10), np.arange(0.8655, 0.8686, 0.0005), [0.8695, 0.872]]),
+}
+"""Omega around the two folds of each machine, finer where a start from rest may reach either motion."""
+NEAR = (0.8635, 0.8705)
+"""Omega of the enlarged panel of the pair."""
+MARGIN = 0.02
+"""By which the panels show more than these frequencies."""
+PERIODS = {"one": 100, "pair": 200}
+"""Periods of the excitation after which a motion is taken as settled."""
 
 
 def machine(name: str, W: float) -> hb.Model:
@@ -44,26 +54,17 @@ def machine(name: str, W: float) -> hb.Model:
     return readings.model("one DOF, F_m = 0.109").replace(b=1 + W)
 
 
-def reached(name: str, W: float, frequencies: np.ndarray) -> np.ndarray:
-    """Half peak-to-peak of the motion reached from rest (q = q' = 0) at each Omega; nan if it is not of period one."""
-    model = machine(name, W)
-    rest = np.zeros((len(frequencies), 2 * model.system().n))
-    settled = hb.integrate(model, rest, PERIODS[name], frequencies, method="exponential", samples=32).end
-    last = hb.integrate(model, settled, 2, frequencies, method="exponential", samples=512).d[:, 0]
-    first, second = np.split(last, 2, axis=1)
-    same = np.abs(second - first).max(axis=1) < 1e-3
-    return np.where(same, np.ptp(second, axis=1) / 2, np.nan)
-
-
 def run(quick: bool = False) -> dict[str, Any]:
     """Curves at W = 0 and motions from rest; the quick form has one machine, two W and two frequencies."""
     W = base.W[2:4] if quick else base.W
     out: dict[str, Any] = {"W": W, "parts": {}}
     for name in ["one"] if quick else TITLES:
-        low, high, count = PLANS[name]
-        frequencies = np.array([0.875, 0.9]) if quick else np.linspace(low, high, count)
-        curve = hb.trace(hb.HarmonicBalance(machine(name, 0.0), 16), "Omega", (high + 0.02, low - 0.02))
-        motions = {w: reached(name, w, frequencies) for w in W}
+        frequencies = np.array([0.875, 0.9]) if quick else PLANS[name]
+        span = (1.5, frequencies[0] - MARGIN)  # from where teeth stay in contact
+        problem = hb.HarmonicBalance(machine(name, 0.0), 16)
+        steps = hb.Steps() if quick else hb.Steps(first=0.005, longest=0.005)
+        curve = hb.trace(problem, "Omega", span, steps=steps)
+        motions = {w: reached(machine(name, w), frequencies, PERIODS[name]).amplitude for w in W}
         out["parts"][name] = {"Omega": frequencies, "curve": curve, "motions": motions}
     return out
 
@@ -88,20 +89,28 @@ def upper(part: dict[str, Any]) -> np.ndarray:
 
 
 def plot(results: dict[str, Any]) -> Figure:
-    """Motions from rest as dots on the curves; below, which of the motions each W leads to."""
-    parts = results["parts"]
-    figure, axes = plt.subplots(2, len(parts), figsize=(3.8 * len(parts), 4.4), layout="constrained", squeeze=False,
-                                sharex="col", height_ratios=(1.0, 0.55))  # fmt: skip
-    for (above, below), (name, part) in zip(axes.T, parts.items(), strict=True):
+    """Motions from rest as dots on the curves; below, which of the motions each W leads to; the pair twice."""
+    panels = [(part, TITLES[name], _span(part["Omega"])) for name, part in results["parts"].items()]
+    if "pair" in results["parts"]:
+        panels.append((results["parts"]["pair"], f"{TITLES['pair']}, enlarged", NEAR))
+    figure, axes = plt.subplots(2, len(panels), figsize=(0.8 + 2.8 * len(panels), 4.4), layout="constrained",
+                                squeeze=False, sharex="col", height_ratios=(1.0, 0.55))  # fmt: skip
+    for (above, below), (part, title, span) in zip(axes.T, panels, strict=True):
         draw.response(part["curve"], ax=above, color=study.GREY, special=False, jumps=False, legend=False)
-        above.set(title=TITLES[name], xlabel="", ylabel="")
+        above.set(title=title, xlabel="", ylabel="", xlim=span)
         _motions(above, below, part, results["W"])
-        below.set_xlabel(r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]")
+        below.set_xlabel(OMEGA)
     axes[0, 0].set_ylabel("half peak-to-peak\nof the gap $d/b_c$ [-]")
     axes[1, 0].set_ylabel("backlash change\n$W$ [-]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles[-3:], labels[-3:], loc="outside upper center", ncols=3)
+    handles.append(plt.Line2D([], [], color="#8a8a8a", lw=0.8, ls=":", label="fold"))
+    handles.append(plt.Line2D([], [], color=study.GREY, lw=1.2, ls="--", label="unstable"))
+    figure.legend(handles[-5:], [*labels[-3:], "fold", "unstable"], loc="outside upper center", ncols=5)
     return figure
+
+
+def _span(Omega: np.ndarray) -> tuple[float, float]:
+    return float(Omega[0]) - MARGIN, float(Omega[-1]) + MARGIN
 
 
 def _motions(above: Axes, below: Axes, part: dict[str, Any], W: tuple[float, ...]) -> None:
@@ -115,8 +124,8 @@ def _motions(above: Axes, below: Axes, part: dict[str, Any], W: tuple[float, ...
         (np.isnan(large), study.GREY, study.GREY, "the only one"),
     ):
         look: Any = {"ls": "", "marker": "o", "color": color, "mfc": face}
-        above.plot(Omega[which], A[which], ms=4.5, label=text, zorder=3, **look)
-        below.plot(Omega[which], row[which], ms=5, **look)
+        above.plot(Omega[which], A[which], ms=4, label=text, zorder=3, **look)
+        below.plot(Omega[which], row[which], ms=4, **look)
     for fold in part["curve"].special:
         if fold.kind == "LP":
             for ax in (above, below):
@@ -128,14 +137,32 @@ def _motions(above: Axes, below: Axes, part: dict[str, Any], W: tuple[float, ...
 
 
 def report(results: dict[str, Any]) -> str:
-    """Where different W lead to different motions."""
+    """Where different W lead to different motions, and which each reaches."""
     lines = ["| machine | Omega | frequencies at which W decides | largest difference |", "| --- | --- | --- | --- |"]
     for name, part in results["parts"].items():
         difference, Omega = spread(part), part["Omega"]
         where = ", ".join(f"{x:.4f}" for x in Omega[difference > 1e-3]) or "none"
-        span = f"{Omega[0]:.3f} to {Omega[-1]:.3f}, {len(Omega)} values"
+        span = f"{Omega[0]:.4f} to {Omega[-1]:.4f}, {len(Omega)} values"
         lines.append(f"| {TITLES[name]} | {span} | {where} | {np.nanmax(difference):.2g} |")
-    return "\n".join([*lines, ""])
+    lines += ["", "Lowest Omega from which on the larger motion is reached from rest, or nothing else is stable:", "",
+              "| machine | " + " | ".join(f"W = {w:g}" for w in results["W"]) + " |",
+              "| --- |" + " --- |" * len(results["W"])]  # fmt: skip
+    remarks: list[str] = []
+    for name, part in results["parts"].items():
+        starts = [_first(part["Omega"], row, part["curve"]) for row in upper(part)]
+        lines.append(f"| {TITLES[name]} | " + " | ".join(f"{x:.4f}" for x in starts) + " |")
+        if all(a < b for a, b in pairwise(starts)):
+            lean = f"{TITLES[name]}: from rest the jump leans to the right as W grows, from {starts[0]:.4f} to "
+            remarks += ["", f"{lean}{starts[-1]:.4f}, as the paper's Figure 5 says; it is the start that moves it, not "
+                        "the curve, and only where the curve has two folds."]  # fmt: skip
+    return "\n".join([*lines, *remarks, ""])
+
+
+def _first(Omega: np.ndarray, large: np.ndarray, curve: hb.Branch) -> float:
+    """First frequency above all at which the smaller of two motions, or the only one below the folds, is met."""
+    low = min(point.parameters["Omega"] for point in curve.special if point.kind == "LP")
+    small = np.flatnonzero((large == 0) | (Omega < low))
+    return float(Omega[small[-1] + 1 if small.size else 0])
 
 
 if __name__ == "__main__":
