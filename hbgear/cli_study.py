@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -128,7 +129,24 @@ def dask_executor(address: str | None) -> Iterator[Executor | None]:
     with client:
         if not client.scheduler_info()["workers"]:
             raise ValueError(f"the scheduler at {address} has no workers; start some with 'dask worker {address}'")
-        yield client.get_executor(pure=False)
+        ended = threading.Event()
+        threading.Thread(target=_watch, args=(client, ended), daemon=True).start()
+        try:
+            yield client.get_executor(pure=False)
+        finally:
+            ended.set()
+
+
+def _watch(client: Any, ended: threading.Event) -> None:
+    """Say once when no worker is left; Dask itself waits for new ones in silence."""
+    while not ended.wait(_PATIENCE):
+        try:
+            workers = client.scheduler_info()["workers"]
+        except OSError:  # the study itself tells of a lost scheduler
+            return
+        if not workers:
+            say("warning", "no worker is left; the study waits for new ones, Ctrl-C ends it and keeps what is done")
+            return
 
 
 @contextmanager

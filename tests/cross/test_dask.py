@@ -31,15 +31,16 @@ from hbgear import cli, cli_study
 
 @contextmanager
 def killing():
-    yield lambda done, total, failed: os.kill(int(sys.argv[2]), signal.SIGKILL) if done == 3 else None
+    yield lambda done, total, failed: [os.kill(int(pid), signal.SIGKILL) for pid in sys.argv[2:] if done == 3]
 
 cli_study.case_bar = killing
 cli.main(["study", "a.toml", "--dask", sys.argv[1]])
 """
-"""The command; when three cases are stored, a process is killed."""
+"""The command; when three cases are stored, processes are killed."""
 
 DASK = [sys.executable, "-m", "dask"]
 LOCAL = ["--host", "127.0.0.1", "--no-dashboard"]
+WORKER = [*DASK, "worker", *LOCAL, "--nthreads", "1", "--no-nanny"]
 
 
 @contextmanager
@@ -50,8 +51,7 @@ def cluster(folder: Path):
     processes = [subprocess.Popen(scheduler, **quiet)]
     try:
         address = address_of(folder / "s.json")
-        worker = [*DASK, "worker", address, *LOCAL, "--nthreads", "1", "--no-nanny"]
-        processes += [subprocess.Popen(worker, **quiet) for _ in range(2)]
+        processes += [subprocess.Popen([*WORKER, address], **quiet) for _ in range(2)]
         with Client(address) as client:
             client.wait_for_workers(2, timeout=60)
         yield address, *processes
@@ -73,17 +73,15 @@ def address_of(file: Path) -> str:
 
 @pytest.fixture
 def study(tmp_path):
-    """Run the study and kill a process on the way: (exit code, stdout, stderr)."""
+    """Start the study, which kills these processes on the way."""
     (tmp_path / "a.toml").write_text(STUDY)
     (tmp_path / "study.py").write_text(KILLING)
+    pipes = {"cwd": tmp_path, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
 
-    def run(address, victim):
-        command = [sys.executable, "study.py", address, str(victim.pid)]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
-        assert victim.wait(timeout=10) == -9
-        return done.returncode, done.stdout, done.stderr
+    def start(address, *victims):
+        return subprocess.Popen([sys.executable, "study.py", address, *(str(v.pid) for v in victims)], **pipes)
 
-    return run
+    return start
 
 
 def stored(folder):
@@ -92,8 +90,10 @@ def stored(folder):
 
 def test_a_killed_worker_loses_nothing(study, tmp_path):
     with cluster(tmp_path) as (address, _, worker, _other):
-        code, out, _ = study(address, worker)
-    assert code == 0 and "12 of 12 cases, 0 of them failed" in out and stored(tmp_path) == 12
+        running = study(address, worker)
+        out, _ = running.communicate(timeout=120)
+        assert worker.wait(timeout=10) == -9
+    assert running.returncode == 0 and "12 of 12 cases, 0 of them failed" in out and stored(tmp_path) == 12
     rows = list(csv.DictReader((tmp_path / "a" / "table.csv").open()))
     assert [int(row["case"]) for row in rows] == list(range(12))
     assert len({row["zeta"] for row in rows}) == 12 and all(row["peak"] and not row["reason"] for row in rows)
@@ -101,10 +101,22 @@ def test_a_killed_worker_loses_nothing(study, tmp_path):
 
 def test_a_killed_scheduler_is_told_and_the_study_goes_on_without(study, tmp_path):
     with cluster(tmp_path) as (address, scheduler, *_):
-        code, out, err = study(address, scheduler)
+        running = study(address, scheduler)
+        out, err = running.communicate(timeout=120)
     kept = stored(tmp_path)
-    assert code == 3 and 3 <= kept < 12 and "Traceback" not in err
+    assert running.returncode == 3 and 3 <= kept < 12 and "Traceback" not in err
     assert f"{kept} of 12 cases, 0 of them failed" in out and "its scheduler may be gone" in out
     again = [sys.executable, "-m", "hbgear", "study", "a.toml"]
     out = subprocess.run(again, cwd=tmp_path, capture_output=True, text=True, timeout=120).stdout
     assert "12 of 12 cases" in out and stored(tmp_path) == 12
+
+
+def test_a_study_without_workers_says_so_and_waits_for_new_ones(study, tmp_path):
+    with cluster(tmp_path) as (address, _, *workers):
+        running = study(address, *workers)
+        assert "no worker is left" in running.stderr.readline()
+        new = subprocess.Popen([*WORKER, address], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        out, _ = running.communicate(timeout=120)
+        new.kill()
+        new.wait()
+    assert running.returncode == 0 and "12 of 12 cases, 0 of them failed" in out and stored(tmp_path) == 12
