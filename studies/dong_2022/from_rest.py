@@ -96,8 +96,11 @@ def plot(results: dict[str, Any]) -> Figure:
     figure, axes = plt.subplots(2, len(panels), figsize=(0.8 + 2.8 * len(panels), 4.4), layout="constrained",
                                 squeeze=False, sharex="col", height_ratios=(1.0, 0.55))  # fmt: skip
     for (above, below), (part, title, span) in zip(axes.T, panels, strict=True):
-        draw.response(part["curve"], ax=above, color=study.GREY, special=False, jumps=False, legend=False)
-        above.set(title=title, xlabel="", ylabel="", xlim=span)
+        curve = part["curve"]
+        draw.response(curve, ax=above, color=study.GREY, special=False, jumps=False, legend=False)
+        seen = curve.amplitude("pp2")[(span[0] <= curve.values) & (curve.values <= span[1])]
+        room = 0.06 * np.ptp(seen)
+        above.set(title=title, xlabel="", ylabel="", xlim=span, ylim=(seen.min() - room, seen.max() + room))
         _motions(above, below, part, results["W"])
         below.set_xlabel(OMEGA)
     axes[0, 0].set_ylabel("half peak-to-peak\nof the gap $d/b_c$ [-]")
