@@ -222,7 +222,7 @@ def cases(
     for key in dict.fromkeys(keys):
         found = folder.read(key) if folder else None
         if found is not None and not (retry and found.reason):
-            run.done[key] = found
+            run.add(key, found)
     waiting = {key: row for key, row in zip(keys, rows, strict=True) if key not in run.done}
     outcome, message = Outcome.FINISHED, "every case was computed"
     if waiting:
@@ -352,6 +352,13 @@ class _Run:
     ) -> None:
         self.study, self.folder, self.total, self.progress = study, folder, total, progress
         self.done: dict[str, Result] = {}
+        self.failed: set[str] = set()
+
+    def add(self, key: str, result: Result) -> None:
+        """Count a case as done."""
+        self.done[key] = result
+        if result.reason:
+            self.failed.add(key)
 
     @property
     def kept(self) -> str:
@@ -408,18 +415,18 @@ class _Run:
                 self._keep(running[future], waiting, future.result())
 
     def _keep(self, key: str, waiting: Mapping[str, dict[str, Any]], result: Result) -> None:
-        self.done[key] = result
+        self.add(key, result)
         if self.folder:
             try:
                 self.folder.write(key, _inputs(self.study, waiting[key]), result)
             except OSError as error:
                 raise _NotStored(error) from error
-            self.done[key] = replace(result, branch=b"")  # large, and in the file
+            self.add(key, replace(result, branch=b""))  # a branch is large, and in the file
         self._show()
 
     def _show(self) -> None:
         if self.progress:
-            self.progress(len(self.done), self.total, sum(bool(r.reason) for r in self.done.values()))
+            self.progress(len(self.done), self.total, len(self.failed))
 
 
 def _submitted(pool: Executor, cls: type[Model], fields: Mapping[str, Any], work: Work) -> Future[Result]:

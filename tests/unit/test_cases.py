@@ -94,7 +94,9 @@ def test_numbers_of_a_case_are_those_of_its_curve(run):
 
 
 def test_a_failing_case_is_a_row_and_is_retried_only_if_asked(run, monkeypatch):
-    found = run(grid(zeta=[0.05, -0.05]))
+    told = []
+    found = run(grid(zeta=[0.05, -0.05]), progress=lambda *numbers: told.append(numbers))
+    assert told[0] == (0, 2, 0) and told[-1] == (2, 2, 1)
     assert list(found.failed) == [1] and "must not be negative" in found.failed[1]
     calls = []
     monkeypatch.setattr(
