@@ -55,7 +55,8 @@ class Store:
     Raises
     ------
     ValueError
-        If the folder holds another study, one of another version of hbgear, or files that are no study.
+        If the folder holds another study, one of another version of hbgear, or files that are no study; if it is a
+        file itself, or its parent is not there.
     OSError
         If it cannot be written.
     """
@@ -67,6 +68,10 @@ class Store:
         if file.exists():
             _check_same(file, head)
             return
+        if self.folder.exists() and not self.folder.is_dir():
+            raise ValueError(f"'{folder}' is a file; give a folder for the cases")
+        if not self.folder.parent.is_dir():
+            raise ValueError(f"cannot make '{folder}': there is no folder '{self.folder.parent}'; create it first")
         if self.folder.is_dir() and any(self.folder.iterdir()):
             raise ValueError(f"the folder '{folder}' is not empty and holds no study; give another one")
         self.folder.mkdir(exist_ok=True)

@@ -217,8 +217,13 @@ def test_stores_of_others_are_refused(run, tmp_path):
     file.write_text(json.dumps(json.loads(file.read_text()) | {"schema": 99}))
     with pytest.raises(ValueError, match="schema 99"):
         run(grid(zeta=[0.5]))
-    with pytest.raises(ValueError, match="holds no study"):
-        run(grid(zeta=[0.5]), store=tmp_path)
+    for folder, words in (
+        (tmp_path, "holds no study"),
+        (file, "is a file; give a folder"),
+        (tmp_path / "none" / "s", "there is no folder"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            run(grid(zeta=[0.5]), store=folder)
 
 
 def test_bad_plans(run):
