@@ -117,7 +117,7 @@ def dask_executor(address: str | None) -> Iterator[Executor | None]:
     try:
         from distributed import Client
     except ImportError:
-        raise ValueError("--dask needs Dask: pip install 'hbgear[dask]'") from None
+        raise ValueError("--dask needs Dask: install hbgear with its extra [dask], or distributed>=2024.8") from None
     for name in ("distributed", "distributed.client", "tornado.application"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # a lost scheduler is told in one line instead
     try:
