@@ -383,3 +383,11 @@ def test_no_scheduler(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit) as stop:
         cli.main(["study", "a.toml", "--dask", "tcp://127.0.0.1:9"])
     assert stop.value.code == 2 and "no Dask scheduler answers" in capsys.readouterr().err
+
+
+def test_no_dask(tmp_path, monkeypatch, capsys):
+    (tmp_path / "a.toml").write_text(STUDY.format(count=2))
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["study", str(tmp_path / "a.toml"), "--dask", "tcp://127.0.0.1:9"])
+    assert stop.value.code == 2 and "--dask needs Dask" in capsys.readouterr().err
