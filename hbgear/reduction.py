@@ -38,12 +38,44 @@ class Reduction:
     full : the `System` it stands for.
     basis : (n, r) B, orthonormal in M.
     frequencies : (modes,) angular frequencies of the modes kept; those left out lie above the last.
+    flexibility : (m, m) static flexibility between the elements of all modes left out, sum phi phi^T / w^2.
     """
 
     system: System
     full: System
     basis: Array
     frequencies: Array
+    flexibility: Array
+
+    def modulation(self, swing: Any = None) -> float:
+        """Bound mu on the share of its own stiffness by which the elements can modulate a mode left out.
+
+            mu = largest eigenvalue of s^1/2 Phi s^1/2,   Phi the flexibility of the modes left out, s the swings
+
+        The multipliers of the reduced system tell the stability of the kept modes. A mode left out, with frequency w
+        and damping ratio zeta, obeys x'' + 2 zeta w x' + (w^2 + kappa(t)) x = 0 with |kappa| <= mu w^2. The energy of
+        exp(zeta w t) x grows at most with the rate mu w / sqrt(1 - zeta^2), so that its multipliers over a time T obey
+
+            |multiplier| <= exp((mu / (2 sqrt(1 - zeta^2)) - zeta) w T)
+
+        and it is stable by itself if zeta > mu / 2, nearly.
+
+        Parameters
+        ----------
+        swing : (m,) largest |dp/dd - k| of each element over the motion, k its reference stiffness; by default k,
+            that of a contact that opens and closes.
+
+        Raises
+        ------
+        ValueError
+            If there is not one swing for each element, or one is negative.
+        """
+        m = len(self.full.elements)
+        reference = np.array([e.law.reference for e in self.full.elements])
+        s = reference if swing is None else np.atleast_1d(np.asarray(swing, dtype=float))
+        if s.shape != (m,) or not np.all(s >= 0):
+            raise ValueError(f"swing = {swing!r}: need {m} stiffnesses, one for each element, none negative")
+        return float(np.linalg.eigvalsh(np.sqrt(np.outer(s, s)) * self.flexibility)[-1])
 
     def motion(self, p: Array) -> Array:
         """Coordinates (n, ...) of the full system from those of the reduced one (r, ...): q = B p."""
@@ -106,7 +138,11 @@ def reduce(model: Model, modes: int = 40) -> Reduction:
     squares, shapes = scipy.sparse.linalg.eigsh(K, modes, M, sigma=-shift, OPinv=inverse, v0=start)
     forces = np.column_stack([full.W, *(v for load in full.loads for v in load.vectors())])
     basis = _orthonormal(shapes[:, np.argsort(squares)], solve(forces), M)
-    return Reduction(_galerkin(full, basis, modes), full, basis, np.sqrt(np.maximum(np.sort(squares), 0.0)))
+    kept = basis[:, :modes]
+    beyond = full.W - M @ (kept @ (kept.T @ full.W))  # what of the directions moves no mode that is kept
+    flexibility = beyond.T @ solve(beyond)
+    frequencies = np.sqrt(np.maximum(np.sort(squares), 0.0))
+    return Reduction(_galerkin(full, basis, modes), full, basis, frequencies, 0.5 * (flexibility + flexibility.T))
 
 
 def _factored(A: Any, pivoting: float) -> Any:

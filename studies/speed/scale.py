@@ -108,6 +108,7 @@ def on_housing(side: int, full: bool = False) -> dict[str, Any]:
         row = {"n": system.n, "reduce": seconds, "reduced": traced(reduced.system, SPAN, 2)}
         row["memory"] = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
         row["error"] = float(reduced.error(np.arange(6) * max(SPAN)).max()) if system.n < 20_000 else np.nan
+        row["modulation"], row["damping"] = reduced.modulation() / 2, 0.005 * float(reduced.frequencies[-1])
         if full:
             branch = hb.trace(hb.HarmonicBalance(system, 5), "Omega", SPAN, stability=False)
             row["peak"] = branch.peak("pp2").amplitude("pp2")
@@ -138,13 +139,19 @@ def report(results: dict[str, list[dict[str, Any]]]) -> str:
         cells += [f"{row['reduced']['seconds'] / base:.2f}", f"{row['error']:.1e}", f"{apart:.1e}"]
         lines.append("| " + " | ".join(cells) + " |")
     lines += ["", "| n of the housing | reduced in [s] | memory [MiB] | [ms/point] | error of receptance |"
-              " difference of the peaks |", "| --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+              " difference of the peaks | mu / 2 of modes left out | their least damping ratio |",
+              "| --- | --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
     for row in results["housing"]:
         apart_text = f"{abs(row['reduced']['peak'] / row['peak'] - 1):.1e}" if "peak" in row else "-"
         cells = [str(row["n"]), f"{row['reduce']:.2f}", f"{row['memory']:.0f}"]
         cells += [f"{1e3 * row['reduced']['seconds']:.2f}", f"{row['error']:.1e}", apart_text]
+        cells += [f"{row['modulation']:.3f}", f"{row['damping']:.3f}"]
         lines.append("| " + " | ".join(cells) + " |")
-    note = "Points are with stability; errors of receptance are the largest at harmonics 0 to 5 of the highest Omega."
+    note = (
+        "Points are with stability; errors of receptance are the largest at harmonics 0 to 5 of the highest Omega. A mode"
+        " left out is stable by itself if its damping ratio is above mu / 2, half the largest share of its stiffness by"
+        " which the teeth can modulate it (`Reduction.modulation`)."
+    )
     return "\n".join([*lines, "", note, ""])
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy import sparse
+from scipy.linalg import expm
 
 import hbgear as hb
 from hbgear.reduction import reduce
@@ -68,6 +69,59 @@ def test_curve_and_multipliers_of_the_full_chain(law):
     X, here = curves[1].X[i], curves[1].parameters_at(i)
     mus = [curve.problem.multipliers(X, **here)[:6] for curve in curves]
     np.testing.assert_allclose(np.sort(np.abs(mus[0])), np.sort(np.abs(mus[1])), rtol=2e-4)
+
+
+def test_flexibility_of_the_modes_left_out():
+    """Against the sum over all modes of the dense structure."""
+    n, modes = 60, 12
+    full = chain(n, hb.Unilateral(k=0.3, gap=0.5), dense=True)
+    found = reduce(chain(n, hb.Unilateral(k=0.3, gap=0.5)), modes)
+    w = np.eye(n)[-1]
+    squares, shapes = np.linalg.eigh(full.K + 0.3 * np.outer(w, w))
+    exact = np.sum((w @ shapes[:, modes:]) ** 2 / squares[modes:])
+    np.testing.assert_allclose(found.flexibility, [[exact]], rtol=1e-9)
+    assert found.modulation() == pytest.approx(0.3 * exact, rel=1e-9)
+    assert found.modulation([0.1]) == pytest.approx(0.1 * exact, rel=1e-9)
+    for swing in ([0.1, 0.2], [-0.1], [np.nan]):
+        with pytest.raises(ValueError, match="one for each element"):
+            found.modulation(swing)
+
+
+def test_flexibility_beside_free_motion():
+    """Two masses on a spring between them, both free: the one mode kept is the free motion, the other is left out."""
+    spring = hb.Element([1, -1, 0], hb.Unilateral(k=2.0, gap=-1.0), name="spring")
+    K = np.array([[0.0, 0, 0], [0, 1, -1], [0, -1, 1]])
+    found = reduce(hb.System(np.eye(3), 0.01 * K, K, [spring]), 1)
+    closed = K + 2.0 * np.outer([1, -1, 0], [1, -1, 0])
+    squares, shapes = np.linalg.eigh(closed)
+    exact = np.sum((np.array([1, -1, 0]) @ shapes[:, 1:]) ** 2 / squares[1:])
+    np.testing.assert_allclose(found.flexibility, [[exact]], rtol=1e-7)
+
+
+@pytest.mark.parametrize("zeta", [0.0, 0.02])
+def test_bound_on_the_growth_of_a_mode(zeta):
+    """A stiffness switched between 1 - mu and 1 + mu at twice the frequency grows nearly as fast as the bound says."""
+    mu, T = 0.05, 2 * np.pi
+    slow, fast = (expm(T / 4 * np.array([[0, 1], [-(1 + k), -2 * zeta]])) for k in (-mu, mu))
+    largest = np.abs(np.linalg.eigvals(fast @ slow @ fast @ slow)).max()
+    rate, bound = np.log(largest) / T, mu / (2 * np.sqrt(1 - zeta**2)) - zeta
+    assert 0.6 * mu / 2 < rate + zeta < mu / 2 and rate < bound
+
+
+def test_no_more_multipliers_above_the_bound_than_the_reduced_system_has():
+    """The bound and the count hold for the full chain at a motion that opens and closes its stop."""
+    n, modes, beta = 40, 20, 0.1
+    law = hb.Unilateral(k=0.3, gap=0.5)
+    full, found = chain(n, law, dense=True, damping=beta), reduce(chain(n, law, damping=beta), modes)
+    w = first_frequency(n)
+    problem = hb.HarmonicBalance(full, 7)
+    mu = np.abs(problem.multipliers(problem.start(w), Omega=w))
+    # damping ratio beta w_r / 2 rises with the frequency: the mode next to those kept decays most slowly
+    lowest = found.frequencies[-1]
+    assert found.modulation() < beta * lowest  # it is stable by itself
+    bound = np.exp((found.modulation() / 2 - beta * lowest / 2) * lowest * 2 * np.pi / w)
+    assert np.sum(mu > bound) <= 2 * found.system.n < len(mu)
+    assert np.sum(mu > bound) >= modes  # and it is not far above the others
 
 
 def test_full_motion_from_the_reduced_one():
