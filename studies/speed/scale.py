@@ -148,9 +148,9 @@ def report(results: dict[str, list[dict[str, Any]]]) -> str:
         cells += [f"{row['modulation']:.3f}", f"{row['damping']:.3f}"]
         lines.append("| " + " | ".join(cells) + " |")
     note = (
-        "Points are with stability; errors of receptance are the largest at harmonics 0 to 5 of the highest Omega. A mode"
-        " left out is stable by itself if its damping ratio is above mu / 2, half the largest share of its stiffness by"
-        " which the teeth can modulate it (`Reduction.modulation`)."
+        "Points are with stability; errors of receptance are the largest at harmonics 0 to 5 of the highest Omega."
+        " A mode left out is stable by itself if its damping ratio is above mu / 2, half the largest share of its"
+        " stiffness by which the teeth can modulate it (`Reduction.modulation`)."
     )
     return "\n".join([*lines, "", note, ""])
 
