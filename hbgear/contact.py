@@ -65,11 +65,13 @@ def crossings(c: ComplexArray, level: Array, rows: np.ndarray, samples: Array) -
     near = np.argwhere(np.abs(x[:, :-1]) <= ((2 * np.pi / N) ** 2 * bend)[:, None]).tolist()
     values = x.tolist()
     coefficients = c.tolist()
+    waves: dict[int, _Wave] = {}
     found: list[tuple[int, float, int]] = []
     for places, instants in ((changes, _in_cell), (near, _beside)):
         for row, i in places:
-            wave = _Wave(coefficients[rows[row]], float(level[row]), float(bend[row]))
-            found += [(row, theta, sign) for theta, sign in instants(wave, values[row], i)]
+            if row not in waves:
+                waves[row] = _Wave(coefficients[rows[row]], float(level[row]), float(bend[row]))
+            found += [(row, theta, sign) for theta, sign in instants(waves[row], values[row], i)]
     found.sort()
     lines, thetas, signs = zip(*found, strict=True) if found else ((), (), ())
     return Crossings(np.array(lines, dtype=int), np.array(thetas, dtype=float), np.array(signs, dtype=int), above[:, 0])
