@@ -14,6 +14,7 @@ The bracketed root runs along the arc between two rows, where every point is cor
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -196,14 +197,18 @@ def _determinant(arc: Arc) -> Callable[[Row], float]:
     return value
 
 
-def _unstable(mu: ComplexArray) -> int:
-    return int(np.sum(np.abs(mu) > 1 + NEUTRAL))
+def _verdict(mu: ComplexArray) -> tuple[int, float]:
+    """Number of unstable multipliers, and det(Phi + 1), whose sign changes at period doublings."""
+    return int(np.count_nonzero(np.abs(mu) > 1 + NEUTRAL)), float((mu + 1).prod().real)
 
 
 def _stability_changes(arc: Arc, explained: bool) -> list[Found]:
     """Period doublings and Neimark-Sacker points from the multipliers of both rows."""
     ma, mb = arc.a.observed.get("multipliers"), arc.b.observed.get("multipliers")
-    if ma is None or mb is None or not (np.all(np.isfinite(ma)) and np.all(np.isfinite(mb))):
+    if ma is None or mb is None:
+        return []
+    (ua, da), (ub, db) = _verdict(ma), _verdict(mb)
+    if (ua == ub and da * db >= 0) or not math.isfinite(da * db):
         return []
     multipliers = arc.problem.multipliers
 
@@ -215,10 +220,10 @@ def _stability_changes(arc: Arc, explained: bool) -> list[Found]:
         return multipliers(row.solution.X, points=8, width=1.0, **here)
 
     out: list[Found] = []
-    doubling = np.prod(ma + 1).real * np.prod(mb + 1).real < 0
+    doubling = da * db < 0
     if doubling:
         out.append(_doubling(arc, lambda row: float(np.prod(at(row) + 1).real)))
-    low, high = sorted((_unstable(ma), _unstable(mb)))
+    low, high = sorted((ua, ub))
     if high - low - int(doubling) - int(explained) >= 2:
         out.append(_root(arc, "NS", lambda row: float(np.sort(np.abs(at(row)))[::-1][low] - 1.0)))
     return out
