@@ -49,9 +49,9 @@ Results = dict[str, Any]
 def run(quick: bool = False) -> Results:
     """``curve``, ``doubled``, ``sweeps``, boundaries by parameter, ``motion`` at Omega = 1/3.
 
-    The quick form sweeps one frequency only and follows the boundary in zeta only, with long steps.
+    The quick form sweeps one frequency and follows the boundary in zeta only, with long steps and fewer harmonics.
     """
-    curve = base.curve(span=SPAN)
+    curve = base.curve(8 if quick else 16, SPAN)
     doubled = hb.switch(curve, "PD1", (0.2, 0.45))
     ways: tuple[tuple[tuple[float, ...], str], ...] = (((1 / 3,), "down"),) if quick else ((DOWN, "down"), (DOWN, "up"))
     sweeps = [

@@ -28,7 +28,7 @@ def run(quick: bool = False) -> Results:
     with the first and the last only. The quick form has two backlashes and three speeds."""
     steep = np.arange(1055.0, 1075.0, 0.5)  # the rise beside the cusp
     full = np.unique(np.concatenate([np.arange(400.0, 1400.1, 10.0), steep]))
-    speeds = np.array([400.0, 600.0, 1200.0]) if quick else full
+    speeds = np.array([400.0, 500.0, 600.0]) if quick else full
     lengths = (base.B[0], base.B[-1]) if quick else base.B
     gaps = {
         (mapping, entry): [backlash.measure(B, entry, mapping, speeds) for B in some]
