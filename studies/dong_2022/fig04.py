@@ -17,6 +17,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 import hbgear as hb
 from hbgear import plot as draw
@@ -30,7 +31,9 @@ from studies.dong_2022.family import AMPLITUDE, OMEGA, cells
 
 _PARTS = ((0.2, 0.3, 0.025), (0.3, 0.36, 0.003), (0.36, 0.84, 0.03), (0.84, 1.0, 0.01), (1.0, 1.61, 0.05))
 GRID = np.unique(np.round(np.concatenate([np.arange(*part) for part in _PARTS]), 6))
-"""Frequencies of the sweeps."""
+"""Frequencies of the long sweeps."""
+STEEP = np.round(np.arange(0.876, 0.8961, 0.001), 6)
+"""Frequencies of short sweeps over the steep rise: no step of them is a jump."""
 RISE = (1.0, 0.84)
 """Omega of the steep rise, where the curve is traced with shorter steps."""
 THIRD = (0.36, 0.3)
@@ -56,9 +59,9 @@ def run(quick: bool = False) -> dict[str, Any]:
     H = 8 if quick else 16
     curve = base.curve(H, (1.0, 0.3) if quick else base.SPAN)
     settling = Settling(tolerance=5e-5) if quick else Settling(tolerance=1e-6)
-    grid, directions = (np.array([0.335, 0.325]), ("down",)) if quick else (GRID, ("up", "down"))
+    grids, directions = ((np.array([0.335, 0.325]),), ("down",)) if quick else ((GRID, STEEP), ("up", "down"))
     start = doubled(H) if quick else curve
-    sweeps = [slow_sweep(start, grid, direction, settling) for direction in directions]
+    sweeps = [slow_sweep(start, grid, direction, settling) for grid in grids for direction in directions]
     rise = curve if quick else base.curve(H, RISE)
     return {"curve": curve, "rise": rise, "doubled": doubled(H), "sweeps": sweeps}
 
@@ -102,9 +105,12 @@ def _legend(figure: Figure, ax: Axes, doubled: hb.Branch) -> None:
     draw.response(doubled, ax=ax, jumps=False, legend=True)
     ax.set(xlabel=OMEGA, ylabel=AMPLITUDE)
     old: Any = ax.get_legend()
-    handles, names = old.legend_handles, [text.get_text() for text in old.get_texts()]
+    entries = dict(zip((text.get_text() for text in old.get_texts()), old.legend_handles, strict=True))
+    for _, color, name in plot_time.DIRECTIONS.values():
+        if name in entries:
+            entries[f"jump of {name}"] = Patch(color=color, alpha=0.12, lw=0)
     old.remove()
-    figure.legend(handles, names, loc="outside upper center", ncols=4)
+    figure.legend(list(entries.values()), list(entries), loc="outside upper center", ncols=4)
 
 
 def hysteresis(results: dict[str, Any]) -> tuple[float, float]:
@@ -131,12 +137,14 @@ def report(results: dict[str, Any]) -> str:
         "both stable": f"{low:.5f}-{high:.5f}",
     }
     for found in results["sweeps"]:
-        name = "up" if found.direction > 0 else "down"
-        rows[f"sweep {name}, {len(found)} frequencies, jumps in"] = (
+        name = f"sweep {'up' if found.direction > 0 else 'down'}, {len(found)} frequencies"
+        low, high = found.values.min(), found.values.max()
+        rows[f"{name} from {low:g} to {high:g}, jumps in"] = (
             ", ".join("{:.4f}-{:.4f}".format(*sorted(jump.interval)) for jump in found.jumps) or "none"
         )
         two_periods = found.values[found.period == 2]
-        rows[f"sweep {name}, two periods"] = f"{two_periods.min():.4f}-{two_periods.max():.4f}"
+        if len(two_periods):
+            rows[f"{name}, two periods"] = f"{two_periods.min():.4f}-{two_periods.max():.4f}"
     lines = ["| base case | value |", "| --- | --- |", *(f"| {key} | {value} |" for key, value in rows.items()), ""]
     return "\n".join(lines)
 

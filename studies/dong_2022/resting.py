@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import hbgear as hb
+from hbgear.branch import REGIMES
 from hbgear.fourier import Array
 
 
@@ -23,8 +24,9 @@ class Reached:
     least: Array
 
     def regime(self, b: float) -> list[str]:
-        """Impact regime at each frequency for the half backlash b."""
-        return ["no_impact" if low > b else "single_sided" if low > -b else "double_sided" for low in self.least]
+        """Impact regime at each frequency for the half backlash b; "unsettled" where it is not of one period."""
+        names = np.select([self.least > b, self.least > -b, self.least <= -b], REGIMES, "unsettled")
+        return [str(name) for name in names]
 
 
 def reached(model: hb.Model, frequencies: Array, periods: int, tolerance: float = 1e-3) -> Reached:

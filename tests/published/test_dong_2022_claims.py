@@ -178,9 +178,13 @@ def test_readings_quick(tmp_path):
     from studies.dong_2022 import readings
 
     results = readings.run(quick=True)
-    assert [sum(found["held"]) for found in results.values()] == [4, 4]
+    assert [sum(found["held"]) for found in results["curves"].values()] == [4, 4]
+    jumps = results["rest"]["one DOF, F_m = 0.109", 0.0]["case"].jumps
+    assert jumps == pytest.approx([0.8825])  # from 0.880 to 0.885; it ends at the fold at 0.8855
     assert study.draw(readings.plot, results, tmp_path / "a")[0].stat().st_size > 10_000
-    assert "| default | no | no | yes | yes | yes | yes | 4 of 6 | no |" in readings.report(results)
+    text = readings.report(results)
+    assert "| default | no | no | yes | yes | yes | yes | 4 of 6 | no |" in text
+    assert "from rest, W = 0 | yes | yes | no | no | yes | yes | 4 of 6 |" in text
 
 
 @pytest.fixture(scope="module")
