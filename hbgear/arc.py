@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import scipy.linalg as la
+import scipy  # its parts are imported when they are first used
 
 from hbgear.fourier import Array
 from hbgear.newton import Evaluation, NoConvergence, Settings, Solution, bordered, correct, norm
@@ -61,7 +61,7 @@ def tangent(now: Evaluation, normal: Array, scale: Array) -> tuple[Array, int]:
     A = bordered(now, normal)
     rhs = np.zeros(len(A))
     rhs[-1] = 1.0
-    lu, pivots, t, info = la.lapack.dgesv(A, rhs)
+    lu, pivots, t, info = scipy.linalg.lapack.dgesv(A, rhs)
     if info or not math.isfinite(t.sum()):
         raise np.linalg.LinAlgError("singular bordered matrix")
     negative = np.count_nonzero(lu.diagonal() < 0) + np.count_nonzero(pivots != np.arange(len(pivots)))

@@ -27,7 +27,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-import scipy.linalg as la
+import scipy  # its parts are imported when they are first used
 
 from hbgear.fourier import Array, extrema, waves
 from hbgear.newton import Evaluation, bordered, linearise
@@ -181,7 +181,7 @@ class _Borders:
     """Null vectors of a nearly singular matrix A: [A a; b^T 0] [v; g] = [0; 1], and the same for A^T and w."""
 
     def __init__(self, A: Array) -> None:
-        u, s, vt = la.svd(A)
+        u, s, vt = scipy.linalg.svd(A)
         self.a, self.b = u[:, -1], vt[-1]
         self.size = float(s[0])
 
@@ -195,8 +195,8 @@ class _Borders:
         B[:n, :n] = A
         for _ in range(2):
             B[:n, n], B[n, :n] = a, b
-            lu = la.lu_factor(B)
-            right, left = la.lu_solve(lu, rhs), la.lu_solve(lu, rhs, trans=1)
+            lu = scipy.linalg.lu_factor(B)
+            right, left = scipy.linalg.lu_solve(lu, rhs), scipy.linalg.lu_solve(lu, rhs, trans=1)
             v, w, g = right[:n], left[:n], float(right[n])
             a, b = w / np.linalg.norm(w), v / np.linalg.norm(v)
         return v, w, g
@@ -308,7 +308,7 @@ class PeriodDoubling(Fold):
         """The doubling disturbance at or near a period doubling, in the basis of twice the period, unit norm."""
         A = self._matrix(X, here)
         out = np.zeros(self.doubled.size)
-        out[self.odd] = la.svd(A)[2][-1]
+        out[self.odd] = scipy.linalg.svd(A)[2][-1]
         return out
 
     def _matrix(self, X: Array, here: Mapping[str, float]) -> Array:
@@ -426,13 +426,13 @@ class Peak(Augmented):
             direction[-1] = 1.0
             self._b = direction
         B = bordered(now, self._b)
-        lu = la.lu_factor(B)
+        lu = scipy.linalg.lu_factor(B)
         e = np.zeros(n + 1)
         e[-1] = 1.0
-        t = la.lu_solve(lu, e)
+        t = scipy.linalg.lu_solve(lu, e)
         slope = self.S * X
         g = float(slope @ t[:n])
-        z = la.lu_solve(lu, np.append(slope, 0.0), trans=1)[:n]
+        z = scipy.linalg.lu_solve(lu, np.append(slope, 0.0), trans=1)[:n]
         h = _STEP * max(1e-3, float(np.linalg.norm(X))) / max(float(np.linalg.norm(t)), 1e-12)
         ends = []
         for s in (h, -h):

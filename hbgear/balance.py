@@ -15,7 +15,7 @@ from collections import OrderedDict
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.fft import next_fast_len
+import scipy  # its parts are imported when they are first used
 
 from hbgear.basis import Toeplitz, after_derivative, derivative, one_sided, real_blocks
 from hbgear.branch import Layout
@@ -128,7 +128,7 @@ class HarmonicBalance:
         system = model.system()
         self.m = len(system.elements)
         if samples is None:
-            self.N = next_fast_len(max(1024, 64 * self.H) if sampled else max(64, 8 * self.H), real=True)
+            self.N = scipy.fft.next_fast_len(max(1024, 64 * self.H) if sampled else max(64, 8 * self.H), real=True)
         else:
             _whole("samples", samples)
             self.N = int(samples)
@@ -511,7 +511,7 @@ class HarmonicBalance:
             mine = c[:, compiled.exact].reshape(-1, H + 1)
             kappa, chi = compiled.projector_of(P).project(mine, samples[:, compiled.exact].reshape(-1, self.N), 3 * H)
             both = np.concatenate([np.conj(mine[:, :0:-1]) / 2, mine[:, :1], mine[:, 1:] / 2], axis=1)
-            length = next_fast_len(3 * H)  # of the cyclic convolution, whose entries 2H..3H-1 nothing is folded onto
+            length = scipy.fft.next_fast_len(3 * H)  # nothing is folded onto entries 2H..3H-1 of the cyclic convolution
             product = np.fft.ifft(np.fft.fft(kappa[:, 1:], length) * np.fft.fft(both, length))
             f[:, compiled.exact] = 2 * (product[:, 2 * H : 3 * H] + chi[:, H + 1 : 2 * H + 1]).reshape(P, -1, H)
         if compiled.sampled.size:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-import scipy.linalg as la
+import scipy  # its parts are imported when they are first used
 
 from hbgear.fourier import Array
 
@@ -95,7 +95,7 @@ def linearise(problem: Any, X: Array, name: str, parameters: Mapping[str, float]
 
 def solve_linear(A: Array, b: Array) -> Array:
     """A^-1 b; a singular or non-finite matrix raises `numpy.linalg.LinAlgError`."""
-    *_, x, info = la.lapack.dgesv(A, b)  # the checks of scipy.linalg.solve cost more than the solution
+    *_, x, info = scipy.linalg.lapack.dgesv(A, b)  # the checks of scipy.linalg.solve cost more than the solution
     if info or not math.isfinite(x.sum()):
         raise np.linalg.LinAlgError("singular matrix")
     return x

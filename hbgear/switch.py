@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy.linalg as la
+import scipy  # its parts are imported when they are first used
 
 from hbgear.arc import Departure
 from hbgear.augmented import PeriodDoubling
@@ -61,7 +61,7 @@ def _across(branch: Branch, point: SpecialPoint) -> np.ndarray:
     now = linearise(branch.problem, point.X, branch.parameter, point.parameters)
     size = getattr(branch.problem, "motion_size", np.linalg.norm)
     scale = np.append(np.full(len(point.X), float(size(point.X)) or 1.0), np.ptp(branch.values) or 1.0)
-    null = la.svd(np.column_stack([now.dR_dX, now.dR_dp]) * scale)[2][-2:]
+    null = scipy.linalg.svd(np.column_stack([now.dR_dX, now.dR_dp]) * scale)[2][-2:]
     i = point.index
     before, after = max(i - 1, 0), min(i + 1, len(branch) - 1)
     along = np.append(branch.X[after] - branch.X[before], branch.values[after] - branch.values[before]) / scale
