@@ -257,7 +257,7 @@ def _computed(model: Model, work: Work) -> Result:
     problem = HarmonicBalance(model, work.harmonics)
     if work.compute:
         stability = set(work.compute) != {"peak"}
-        branch = trace(problem, "Omega", work.span, stability=stability)
+        branch = trace(problem, "Omega", work.span, stability=stability, special=stability)
         if branch.status == Status.INTERRUPTED:
             raise KeyboardInterrupt
         if branch.status != Status.REACHED_END:
@@ -278,7 +278,7 @@ def _computed(model: Model, work: Work) -> Result:
 
 def _peak(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
     """The largest peak, located on the curve; the largest row if that is an end."""
-    points = [*peaks(branch, work.measure, work.element), branch.peak(work.measure, work.element)]
+    points = [*peaks(branch, work.measure, work.element, share=0.99), branch.peak(work.measure, work.element)]
     top = max(points, key=lambda point: point.amplitude(work.measure, work.element))
     numbers |= {"peak": top.amplitude(work.measure, work.element), "peak_Omega": top.parameters["Omega"]}
 

@@ -165,12 +165,11 @@ def _root(wave: _Wave, a: tuple[float, float, float], b: tuple[float, float, flo
         else:
             high = at
         new = at - value / slope if slope else low
-        if not low < new < high:
-            new = 0.5 * (low + high)
         move = abs(new - at)
-        at = new
-        if move <= _CLOSE or wave.bend * move * move <= _CLOSE * abs(slope):  # what Newton leaves is half of that
+        if slope and (move <= _CLOSE or wave.bend * move * move <= _CLOSE * abs(slope)):  # Newton leaves half of that
+            at = min(max(new, low), high)
             break
+        at = new if low < new < high else 0.5 * (low + high)
     return at, 1 if rising else -1
 
 

@@ -15,7 +15,9 @@ from hbgear.measures import measure as measured
 from hbgear.newton import NoConvergence, Settings, Solution, linearise, solve
 
 
-def peaks(branch: Branch, measure: str = "rms", element: int | str = 0) -> tuple[SpecialPoint, ...]:
+def peaks(
+    branch: Branch, measure: str = "rms", element: int | str = 0, *, share: float = 0.0
+) -> tuple[SpecialPoint, ...]:
     """Local maxima of an amplitude along a branch, in its order, labelled PK1, PK2, ...
 
     Between the neighbours of each highest row the amplitude is maximised along the curve itself; for "rms" and
@@ -26,6 +28,8 @@ def peaks(branch: Branch, measure: str = "rms", element: int | str = 0) -> tuple
     ----------
     branch : a branch that still knows its problem.
     measure, element : see `Branch.amplitude`.
+    share : peaks whose highest row is below this share of the highest of all are left out; 0.99 finds the largest peak
+        without the work for the others.
 
     Raises
     ------
@@ -35,7 +39,7 @@ def peaks(branch: Branch, measure: str = "rms", element: int | str = 0) -> tuple
     if branch.problem is None or branch.layout is None:
         raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     A = branch.amplitude(measure, element)
-    tops = [i for i in range(1, len(branch) - 1) if A[i - 1] <= A[i] > A[i + 1]]
+    tops = [i for i in range(1, len(branch) - 1) if A[i - 1] <= A[i] > A[i + 1] and A[i] >= share * A.max()]
     found = []
     for number, i in enumerate(tops, 1):
         row, located = _refine(branch, i, measure, branch.layout.index(element))

@@ -194,6 +194,18 @@ def test_as_many_crossings_as_a_polynomial_has_roots(rng):
         np.testing.assert_allclose(problem.switching(X, Omega=1.0).theta, roots, atol=1e-10)
 
 
+def test_instants_have_all_their_digits(rng):
+    """At each the function is at its level to rounding, or as near as a change of theta by rounding brings it."""
+    rows = rng.standard_normal((200, 15)) * rng.choice([0.5, 2.0], (200, 1))
+    c, level = to_complex(rows), rng.uniform(0.2, 1.0, 200)
+    samples = evaluate(rows, 2 * np.pi * np.arange(64) / 64)
+    found = crossings(c, level, np.arange(200), samples)
+    assert found.theta.size > 400
+    for row, theta in zip(found.row, found.theta, strict=True):
+        value, slope = evaluate(rows[row], theta)[0] - level[row], evaluate(rows[row], theta, 1)[0]
+        assert abs(value) < 4e-15 * (1 + np.abs(c[row]).sum()) + 1e-14 * abs(slope)
+
+
 def test_three_crossings_between_two_samples():
     """sin^3 - delta^2 sin crosses zero three times within a cell of the grid; missing two makes the Jacobian jump."""
     delta, H = 0.03, 3

@@ -60,7 +60,7 @@ def test_projection_of_rough_motions(modules):
     expected = crossings(c, one.level, one.rows, samples)
     found = batched.instants(c, one.level, one.rows, samples)
     assert np.array_equal(found.row, expected.row) and np.array_equal(found.sign, expected.sign)
-    assert found.theta == pytest.approx(expected.theta, abs=3e-8)
+    assert found.theta == pytest.approx(expected.theta, abs=1e-10)
     assert set(np.bincount(expected.row)) >= {0, 2, 4}
     forces = []
     for projector in (one, many):

@@ -133,3 +133,10 @@ def test_no_such_measure(duffing):
         peaks(duffing, "H2")
     with pytest.raises(KeyError, match="no element 'gap'; there are 'x'"):
         peaks(duffing, "rms", "gap")
+
+
+def test_the_largest_peak_alone(spur):
+    every, largest = peaks(spur, "rms"), peaks(spur, "rms", share=0.99)
+    assert len(every) > 2 and len(largest) == 1
+    best = max(every, key=lambda p: p.amplitude("rms"))
+    np.testing.assert_array_equal(largest[0].X, best.X)
