@@ -57,6 +57,9 @@ def plot(results: Results) -> Figure:
         rms = curve.amplitude("rms", element)[rows]
         ax.plot(results.linear.values, results.linear.amplitude("rms", element), color=draw.GREY, lw=0.9)
         draw.response(curve, "rms", element, ax, legend=False)
+        for note in ax.texts:
+            if note.get_text():  # labels of the folds; arrows have none
+                note.set(position=(-9, 0), ha="right")
         ax.plot(curve.values[rows][good], rms[good], "o", ms=7.5, mfc="none", mec=study.GREEN, mew=1.2, zorder=6)
         ax.set(xlabel="", ylabel=f"alternating rms of {name} [-]", xlim=(curve.values.min(), curve.values.max()))
         ax.set_ylim(bottom=0)
