@@ -6,7 +6,8 @@ Duffing oscillator (H = 7), spur gear pair (H = 10) and a chain of n masses with
 their equations are in `peers_curve`. Each package runs in an environment of its own, made on first use in `.peers`
 beside this file, on one core. Folds and peaks of the packages are taken from their points by parabolas. pyHarm has
 arclength continuation with step control, harmonicbalance one with a fixed step and one coordinate; mousai finds motions
-at given frequencies, so it finds jumps and no folds. None of them gives stability.
+at given frequencies, so it finds jumps and no folds; so does algebraic-hbm, for one coordinate and polynomial laws, and
+compiles its equations for every curve. None of them gives stability.
 """
 
 from __future__ import annotations
@@ -38,14 +39,16 @@ LIMIT = 60.0
 """Seconds a package has for a curve and its warm-up."""
 LONG = 15.0
 """Seconds; a curve that takes longer is traced once."""
-PACKAGES = {"pyHarm": "pyHarm-os==1.2.2", "harmonicbalance": "harmonicbalance==0.2.0", "mousai": "mousai==0.3.1"}
+PACKAGES = {"pyHarm": "pyHarm-os==1.2.2", "harmonicbalance": "harmonicbalance==0.2.0",
+            "mousai": "mousai==0.3.1", "algebraic_hbm": "algebraic-hbm==0.1.4"}  # fmt: skip
 VARIANTS = {"hbgear": (False, False), "hbgear, stability": (True, False),
             "hbgear, 20 modes": (False, True), "hbgear, 20 modes, stability": (True, True)}  # fmt: skip
 """Of hbgear: with stability, structure reduced."""
 PROBLEMS = {"duffing": "Duffing", "spur": "spur pair", "chain10": "chain, n = 10", "chain50": "chain, n = 50",
             "chain100": "chain, n = 100", "chain200": "chain, n = 200"}  # fmt: skip
 BEFORE = {"duffing": 0.84, "spur": 1.07, "chain10": 1.1, "chain50": 2.2, "chain100": 7.3, "chain200": 37.0}
-"""ms per point of the fastest Python package known before hbgear, on two cores."""
+PYHARM_BEFORE = {"duffing": 1.1, "spur": 1.7, "chain10": 5.3, "chain50": 152.0}
+"""ms per point of the fastest Python package known before hbgear, measured elsewhere; and of pyHarm there."""
 EXACT = {
     "duffing": ((1.1001550351366, 1.1033778377325), 1.65351716694),
     "spur": ((0.7080316187, 0.8284639844), 1.36550347),
@@ -188,18 +191,37 @@ def report(rows: list[Row]) -> str:
         "Medians of runs in turn, on one core. Fastest before: the fastest Python package known before hbgear, ms per"
         " point on two cores, measured elsewhere. Curves by 20 modes contain the reduction. hbgear with stability also"
         " locates changes of stability. Residuals of the packages are of the equation of motion, over the largest load."
-        " A package that fails on a chain is not run on longer ones. mousai walks up and down in Omega: a turn of the"
-        " walk is not a fold."
+        " A package that fails on a chain is not run on longer ones. mousai and algebraic_hbm walk up and down in"
+        " Omega: a turn of the walk is not a fold."
     )
-    return "\n".join([*lines, "", note, ""])
+    return "\n".join([*lines, "", note, "", *against_before(rows), ""])
+
+
+def against_before(rows: list[Row]) -> list[str]:
+    """Lines of a table: hbgear against the fastest package known before, on the machine of this run.
+
+    That one was measured elsewhere, beside pyHarm, whose time here and there gives the ratio of the machines.
+    """
+    each = {(r["problem"], r["tool"]): 1e3 * r["seconds"] / r["points"] for r in rows if "failure" not in r}
+    lines = ["| problem | pyHarm here / there | fastest before, scaled [ms/point] | over hbgear with stability |",
+             "| --- | --- | --- | --- |"]  # fmt: skip
+    slower = 1.0
+    for name in dict.fromkeys(row["problem"] for row in rows):
+        if (name, "pyHarm") in each and name in PYHARM_BEFORE:
+            slower = each[name, "pyHarm"] / PYHARM_BEFORE[name]
+        own = min(each[name, tool] for tool in VARIANTS if "stability" in tool and (name, tool) in each)
+        cells = [PROBLEMS[name], f"{slower:.2f}", f"{slower * BEFORE[name]:.2f}", f"{slower * BEFORE[name] / own:.1f}"]
+        lines.append("| " + " | ".join(cells) + " |")
+    note = "Where pyHarm did not finish, the ratio of the machines is that of the problem before. An estimate."
+    return [*lines, "", note]
 
 
 def plot(rows: list[Row]) -> Figure:
     """Bars: milliseconds per point."""
     names = list(dict.fromkeys(row["problem"] for row in rows))
     labels = [*VARIANTS, *PACKAGES]
-    colours = dict(zip(labels, ("#9db9dd", study.BLUE, "#9fcbb0", study.GREEN, study.ORANGE, study.PURPLE, study.GREY),
-                       strict=True))  # fmt: skip
+    ours = ("#9db9dd", study.BLUE, "#9fcbb0", study.GREEN)
+    colours = dict(zip(labels, (*ours, study.ORANGE, study.PURPLE, study.GREY, "#c9b458"), strict=True))
     figure, ax = plt.subplots(figsize=(8.0, 3.6), layout="constrained")
     for label in labels:
         mine = [row for row in rows if row["tool"] == label and "failure" not in row]
