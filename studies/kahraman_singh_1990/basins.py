@@ -65,11 +65,13 @@ def plot(results: Results) -> Figure:
     """The basins with attractors, the unstable motion and the corners."""
     figure, ax = plt.subplots(figsize=(5.2, 4.4), layout="constrained")
     for corner in (-PAIR.b, PAIR.b):
-        ax.axvline(corner, color="#444444", lw=0.8, ls=":", zorder=2)
+        name = r"corners $x = \pm b$" if corner > 0 else "_"
+        ax.axvline(corner, color="#444444", lw=0.8, ls=":", zorder=2, label=name)
     ax.plot(*results.points[~results.stable].T, "X", ms=7, color="black", mec="white", mew=0.6, zorder=6,
             label="unstable motion")  # fmt: skip
     plot_time.basins(results.found, ax)
-    ax.set(xlabel=r"$x$ at $\tau = 0$ [-]", ylabel=r"$x'$ at $\tau = 0$ [-]")
+    ax.set_title(rf"$F_{{ah}}/F_m = {PAIR.e[0] / PAIR.F_m:g}$, $F_m = {PAIR.F_m:g}$, $\Omega = {OMEGA}$", loc="left")
+    ax.set(title="", xlabel=r"$x$ at $\tau = 0$ [-]", ylabel=r"$x'$ at $\tau = 0$ [-]")
     return figure
 
 
