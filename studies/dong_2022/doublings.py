@@ -53,13 +53,13 @@ def run(quick: bool = False) -> Results:
     """
     curve = base.curve(8 if quick else 16, SPAN)
     doubled = hb.switch(curve, "PD1", (0.2, 0.45))
+    settling = Settling(1e-4 if quick else 1e-5)
     ways: tuple[tuple[tuple[float, ...], str], ...] = (((1 / 3,), "down"),) if quick else ((DOWN, "down"), (DOWN, "up"))
     sweeps = [
-        hb.sweep(hb.DoubleHelicalPair(), grid, way, disturbance=DISTURBANCE, settling=Settling(1e-5))
-        for grid, way in ways
+        hb.sweep(hb.DoubleHelicalPair(), grid, way, disturbance=DISTURBANCE, settling=settling) for grid, way in ways
     ]
     boundaries = (
-        {"zeta": boundary(curve, "zeta", 0.055, hb.Steps(first=0.05, longest=0.2, turn=45))}
+        {"zeta": boundary(curve, "zeta", 0.055, hb.Steps(first=0.1, longest=0.3, turn=60))}
         if quick
         else {
             name: boundary(curve, name, away, hb.Steps(first=0.005, longest=0.015)) for name, (_, away) in OTHER.items()

@@ -29,21 +29,20 @@ def study(name):
     return importlib.import_module(f"studies.dong_2022.{name}")
 
 
-def drawn(module, results, tmp_path):
-    """The figure of a study is made and closed again; its axes."""
-    from studies.study import draw
+def drawn(module, results):
+    """The figure of a study is drawn and closed again; its axes."""
+    from studies.study import journal
 
-    kept = []
+    with journal():
+        import matplotlib.pyplot as plt
 
-    def plot(r):
-        kept.append(module.plot(r))
-        return kept[0]
-
-    draw(plot, results, tmp_path / "figure")
-    return kept[0].axes
+        figure = module.plot(results)
+        figure.canvas.draw()
+        plt.close(figure)
+    return figure.axes
 
 
-def test_spectra_at_one_third(tmp_path):
+def test_spectra_at_one_third():
     """The doubled motion: half orders lead, and are of opposite phase in the two helices."""
     module = study("fig14")
     results = module.run(quick=True)
@@ -53,18 +52,18 @@ def test_spectra_at_one_third(tmp_path):
     np.testing.assert_allclose(right[1:], np.where(order % 2, -left[1:], left[1:]), atol=1e-9)
     # slow sweep with time integration at the same Omega: period 2, half peak-to-peak 0.57174
     assert results["doubled"].amplitude("pp2") == pytest.approx(0.57174, abs=3e-4)
-    assert drawn(module, results, tmp_path)
+    assert drawn(module, results)
     assert "| doubled | 0.5 | 0.46" in module.report(results)
 
 
 @pytest.mark.parametrize(("name", "Omega"), [("fig15", 0.5), ("fig16", 1.0)])
-def test_spectra_against_time_integration(name, Omega, tmp_path):
+def test_spectra_against_time_integration(name, Omega):
     module = study(name)
     results = module.run(quick=True)
     settled = hb.sweep(hb.DoubleHelicalPair(), [Omega])
     for measure in ("H1", "H2", "H3"):
         assert results["motion"].amplitude(measure) == pytest.approx(settled.amplitude(measure)[0], abs=1e-6)
-    assert drawn(module, results, tmp_path)
+    assert drawn(module, results)
     assert "10.23" in module.report(results)
 
 
@@ -75,7 +74,7 @@ def test_mesh_frequency_of_the_rig():
     assert rig[2].orders[0] == pytest.approx(0.96)
 
 
-def test_backlash_changes_nothing_but_the_mean(tmp_path):
+def test_backlash_changes_nothing_but_the_mean():
     module = study("fig17")
     results = module.run(quick=True)
     first, last = results["paper", "gap"]
@@ -88,11 +87,11 @@ def test_backlash_changes_nothing_but_the_mean(tmp_path):
     grown = results["paper", "unit"][1].orders[0]
     for k in (1, 2, 3):
         assert grown[k - 1] == pytest.approx(25 * settled.amplitude(f"H{k}")[0], abs=1e-5)
-    assert drawn(module, results, tmp_path)
+    assert drawn(module, results)
     assert "0.3168" in module.report(results)
 
 
-def test_speeds_and_backlash(tmp_path):
+def test_speeds_and_backlash():
     """Below resonance the gap follows the stiffness: without inertia d - b = T-part / k(tau), whatever the error is."""
     module = study("fig18")
     results = module.run(quick=True)
@@ -103,7 +102,7 @@ def test_speeds_and_backlash(tmp_path):
     closure = 2 * 5.446 / k  # um at 1400 N m
     assert slow.pp2[0] == pytest.approx((closure.max() - closure.min()) / 2, rel=0.02)
     assert np.all(np.diff(slow.pp2) > 0)
-    assert drawn(module, results, tmp_path)
+    assert drawn(module, results)
     assert "| paper | kept in um | 600 | 50.77 | 6.276" in module.report(results)
 
 
@@ -114,7 +113,7 @@ def folds(**changes):
     return sum(point.kind == "LP" for point in curve.special)
 
 
-def test_jump_maps(tmp_path):
+def test_jump_maps():
     """Response curves on either side of the critical load; load and error scale together."""
     module = study("maps")
     results = module.run(quick=True)
@@ -124,7 +123,7 @@ def test_jump_maps(tmp_path):
     error = load.own / load.value
     assert (folds(e_scale=error / 0.985), folds(e_scale=error / 1.01)) == (2, 0)
     assert load.distance == pytest.approx(-14.54, abs=0.05)
-    assert drawn(module, results, tmp_path)
+    assert drawn(module, results)
     assert "| torque | 1400 | 119" in module.report(results)
 
 
@@ -141,7 +140,7 @@ def floquet(pair, Omega, steps=200):
     return np.linalg.eigvals(flow)
 
 
-def test_period_doubling_is_a_parametric_resonance(tmp_path):
+def test_period_doubling_is_a_parametric_resonance():
     module = study("doublings")
     results = module.run(quick=True)
     pair = hb.DoubleHelicalPair()
@@ -155,11 +154,11 @@ def test_period_doubling_is_a_parametric_resonance(tmp_path):
     swept = results["sweeps"][0]
     assert swept.period[0] == 2
     np.testing.assert_allclose(swept.pp2[0], results["motion"].amplitude("pp2"), atol=3e-4)
-    assert drawn(module, results, tmp_path)
+    assert drawn(module, results)
     assert "0.12054" in module.report(results)
 
 
-def test_double_sided_impact_begins(tmp_path):
+def test_double_sided_impact_begins():
     """The grazing curve and the depth of a motion in a wide gap agree, and time integration just touches the back."""
     module = study("double_sided")
     results = module.run(quick=True)
@@ -173,11 +172,11 @@ def test_double_sided_impact_begins(tmp_path):
     settled = hb.sweep(pair, [top["Omega"]], start=state, settling=Settling(1e-4))
     lowest = extrema(settled.rows[0, 0])[0]
     assert lowest == pytest.approx(-(1 + top["W"]), abs=5e-4)
-    assert drawn(module, results, tmp_path)
+    assert drawn(module, results)
     assert "| mesh period | -0.93" in module.report(results)
 
 
-def test_basins_of_the_pair(tmp_path):
+def test_basins_of_the_pair():
     """Starts have the gaps asked for; those of the map end as its full form says; rest is the start d = -W."""
     module = study("basins")
     state = module.turned(module.LOW, np.array([-0.3]), np.array([0.2]))[0]
@@ -190,5 +189,5 @@ def test_basins_of_the_pair(tmp_path):
     results = module.run(quick=True)
     assert results["folds"].left < 1e-4
     np.testing.assert_array_equal(results["folds"].large, [[0, 1, 1], [0, 1, 1]])
-    assert drawn(module, results, tmp_path)
+    assert drawn(module, results)
     assert "| zeta = 0.05, Omega = 0.867 | 6 |" in module.report(results)
