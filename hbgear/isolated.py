@@ -213,9 +213,31 @@ def whole_branch(
     first = trace(problem, "Omega", span, start, steps=steps, stability=False, special=False)
     if first.status in (Status.CLOSED, Status.RETRACED) or not first.status.complete:
         return trace(problem, "Omega", span, start, steps=steps, stability=stability)
+    if first.status is Status.MERGED:
+        start, span = _beside_end(problem, first, span)
+        return trace(problem, "Omega", span, start, steps=steps, stability=stability)
     end = float(first.values[-1])
     other = span[0] if end == span[1] else span[1]
     return trace(problem, "Omega", (end, other), first.X[-1], steps=steps, stability=stability)
+
+
+def _beside_end(
+    problem: HarmonicBalance, branch: Branch, span: tuple[float, float]
+) -> tuple[Point, tuple[float, float]]:
+    """A motion just before the end of a branch that merged, and the span in the order that leads away from there.
+
+    The subharmonics vanish like the square root of the distance.
+    """
+    (X, Y), (end, before) = branch.X[[-1, -2]], branch.values[[-1, -2]]
+    value, guess = float(end + 0.01 * (before - end)), X + 0.1 * (Y - X)
+    try:
+        found = solve(problem, guess, {**problem.parameters, "Omega": value}, "Omega").X
+        if np.linalg.norm(problem.subharmonic_part(found)) < 0.02 * np.linalg.norm(problem.subharmonic_part(Y)):
+            found, value = Y, float(before)
+    except NoConvergence:
+        found, value = Y, float(before)
+    low, high = sorted(span)
+    return problem_point(problem, found, value), (low, high) if before > end else (high, low)
 
 
 def problem_point(problem: HarmonicBalance, X: Array, Omega: float) -> Point:

@@ -10,7 +10,7 @@ import numpy as np
 
 from hbgear._version import __version__
 from hbgear.arc import Row
-from hbgear.branch import Branch, SpecialPoint, Status
+from hbgear.branch import Branch, Layout, SpecialPoint, Status
 from hbgear.fourier import Array
 
 
@@ -36,7 +36,8 @@ def branch_of(
     widest = max(len(r.solution.X) for r in rows)
     if hasattr(problem, "fitted") and widest > problem.size:
         problem = problem.with_order(problem.nu, (widest // problem.m - 1) // 2)
-    points = [_point(problem, name, fixed, row) for row in rows]
+    layout = getattr(problem, "layout", None)
+    points = [_point(problem, layout, name, fixed, row) for row in rows]
     own = getattr(problem, "unknown_parameters", ())
     known = all(p["multipliers"] is not None for p in points)
     count: dict[str, int] = {}
@@ -70,7 +71,7 @@ def branch_of(
         jump_records=(),
         status=status,
         message=message if status.complete else f"{message}. {status.advice}",
-        layout=getattr(problem, "layout", None),
+        layout=layout,
         meta={
             "hbgear": __version__,
             **(problem.describe() if hasattr(problem, "describe") else {}),
@@ -80,7 +81,7 @@ def branch_of(
     )
 
 
-def _point(problem: Any, name: str, fixed: dict[str, float], row: Row) -> dict[str, Any]:
+def _point(problem: Any, layout: Layout | None, name: str, fixed: dict[str, float], row: Row) -> dict[str, Any]:
     """Fields of the Point a row stands for."""
     X, own = _split(problem, row.solution.X)
     return {
@@ -91,7 +92,7 @@ def _point(problem: Any, name: str, fixed: dict[str, float], row: Row) -> dict[s
         "multipliers": row.observed.get("multipliers"),
         "regime": row.observed.get("regime", np.zeros(0, dtype=np.int8)),
         "error": row.observed.get("error", math.nan),
-        "layout": getattr(problem, "layout", None),
+        "layout": layout,
     }
 
 

@@ -22,7 +22,10 @@ def guesses(problem: Any, here: dict[str, float]) -> Iterator[Array]:
             p, k = _static(compiled.laws, d0)
             r = linear.Z[0].real @ d0 + linear.g[0].real + p
             J = linear.Z[0].real + np.diag(k)
-            d0 = d0 - np.linalg.lstsq(J, r, rcond=1e-12)[0]
+            step = np.linalg.lstsq(J, r, rcond=1e-12)[0]
+            d0 = d0 - step
+            if np.all(np.abs(step) <= 1e-14 * reach):
+                break
         if not np.all(np.isfinite(d0)):
             continue
         k = _static(compiled.laws, d0)[1]

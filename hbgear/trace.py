@@ -293,7 +293,7 @@ class _Tracer:
             closed = end is None and self._closes(last, row)
             if closed:
                 row = self._as_now(self.first)
-            merged = merge(self._arc(last, row)) if self.special else None
+            merged = merge(self._arc(last, row))
             if merged is not None:
                 self._settle()
                 self.rows += self._observed([merged.row])

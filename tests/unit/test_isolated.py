@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from cross.shooting import shoot, state
 
-from hbgear import Duffing, HarmonicBalance, SpurPair
+from hbgear import Duffing, HarmonicBalance, SpurPair, Steps, switch, trace
 from hbgear.fourier import evaluate
-from hbgear.isolated import deflated_newton, random_motions, shifts, trace_all
+from hbgear.isolated import deflated_newton, random_motions, shifts, trace_all, whole_branch
 
 STRONG = SpurPair(e=(0.10,))
 ISOLA = Duffing(zeta=0.1, k3=1.0, F=10.0)
@@ -29,6 +29,19 @@ def rms_at(branch, Omega):
         s = (Omega - branch.values[i]) / (branch.values[i + 1] - branch.values[i])
         out.append(((1 - s) * A[i] + s * A[i + 1], bool(branch.stable[i])))
     return out
+
+
+def test_a_branch_that_merges_at_both_ends_is_traced_whole():
+    """From any of its motions: between both period doublings of the curve it doubles from, over all its folds."""
+    curve = trace(HarmonicBalance(STRONG, 16), "Omega", (2.6, 0.4))
+    doubled = switch(curve, "PD1")
+    assert doubled.status == "merged"
+    for i in (len(doubled) // 3, len(doubled) - 10):
+        whole = whole_branch(doubled.problem, doubled.X[i], float(doubled.values[i]), (2.6, 0.4), Steps(), True)
+        assert whole.status == "merged"
+        np.testing.assert_allclose(np.sort(whole.values[[0, -1]]), np.sort(doubled.values[[0, -1]]), atol=1e-3)
+        folds = [sorted(p.parameters["Omega"] for p in b.special if p.kind == "LP") for b in (whole, doubled)]
+        np.testing.assert_allclose(*folds, rtol=1e-8)
 
 
 # ---- isolas
