@@ -21,6 +21,7 @@ from hbgear import (
     SpurPair,
     System,
     Unilateral,
+    trace,
 )
 from hbgear.fourier import derive, evaluate, stretch, to_complex, to_real
 
@@ -316,3 +317,17 @@ def test_bad_input(make, error, message):
 def test_excitation_above_the_harmonics_is_warned_of():
     with pytest.warns(UserWarning, match="the excitation has 3 harmonics but H = 2 with nu = 1 keeps only 2"):
         HarmonicBalance(DoubleHelicalPair(), 2)
+
+
+@pytest.mark.parametrize("model", [Duffing(), SpurPair(eps=(0.2,)), DoubleHelicalPair(zeta=0.05)], ids=type)
+def test_many_motions_are_observed_as_one_by_one(model):
+    """Rows of a curve with contact and without: regimes, clearances, truncation errors and multipliers."""
+    problem = HarmonicBalance(model, 8)
+    branch = trace(problem, "Omega", (1.1, 0.7), special=False, stability=False)
+    some = slice(None, None, 5)
+    together = problem.observe_all(branch.X[some], branch.values[some])
+    for seen, X, Omega in zip(together, branch.X[some], branch.values[some], strict=True):
+        alone = problem.observe(X, Omega=float(Omega))
+        assert seen.keys() == alone.keys()
+        for name, value in alone.items():
+            np.testing.assert_allclose(seen[name], value, rtol=1e-9, atol=1e-13, err_msg=name)
