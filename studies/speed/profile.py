@@ -3,7 +3,8 @@
     python -m studies.speed.profile [--quick] [-o DIR]
 
 Each part is called by itself at the rows of a traced curve and its median time multiplied by how often the trace calls
-it; what is left of the time of the whole trace is prediction, step control and bookkeeping.
+it. What is left of the time of the whole trace is prediction, step control, bookkeeping, the start, and what the same
+calls cost more when they come between others than over and over.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ CASES = {"duffing": "Duffing\n$H=7$", "spur": "spur pair\n$H=10$", "chain10": "c
          "double-helical": "double-helical\npair, $H=16$"}  # fmt: skip
 PARTS = {"receptances": study.PURPLE, "forces of the laws": study.ORANGE, "assembly of the equations": "#e8c27a",
          "linear algebra": study.BLUE, "truncation, regime": "#9fcbb0", "stability": study.GREEN,
-         "special points": "#b8423a", "predictor, steps, records": study.GREY}  # fmt: skip
+         "special points": "#b8423a", "all else": study.GREY}  # fmt: skip
 
 
 class Counted(hb.HarmonicBalance):
@@ -95,13 +96,13 @@ def profiled(name: str, repeats: int) -> dict[str, Any]:
     parts_of_point = {
         "receptances": per_point * each["receptances"],
         "forces of the laws": per_point * each["forces"],
-        "assembly of the equations": per_point * (each["evaluation"] - each["receptances"] - each["forces"]),
+        "assembly of the equations": per_point * max(0.0, each["evaluation"] - each["receptances"] - each["forces"]),
         "linear algebra": solves * each["solve"],
         "truncation, regime": observe[0],
         "stability": observe[1] - observe[0],
         "special points": (whole - plain) / points,
     }
-    parts_of_point["predictor, steps, records"] = max(0.0, whole / points - sum(parts_of_point.values()))
+    parts_of_point["all else"] = max(0.0, whole / points - sum(parts_of_point.values()))
     return {"name": name, "points": points, "whole": whole / points, "evaluations": per_point, "parts": parts_of_point,
             "iteration": each["evaluation"] + each["solve"], "solve": each["solve"],
             "newton": float(branch.iterations.mean())}  # fmt: skip

@@ -68,3 +68,23 @@ def test_the_residual_of_a_nonlinear_motion():
 def test_a_package_that_fails_says_why(peers, monkeypatch):
     monkeypatch.setattr(peers, "environment", lambda package: sys.executable)
     assert "No module named 'mousai'" in peers.theirs("duffing", "mousai")["failure"]
+
+
+def test_against_what_was_fastest_before(peers):
+    """The machines are compared by pyHarm: twice its time here doubles what the fastest would take."""
+    rows = [{"problem": "duffing", "tool": tool, "seconds": ms / 10, "points": 100, "residual": 0.0, "folds": []}
+            for tool, ms in (("hbgear, stability", 0.5), ("pyHarm", 2.2))]  # fmt: skip
+    line = next(text for text in peers.against_before(rows) if text.startswith("| Duffing"))
+    assert line == "| Duffing | 2.00 | 1.68 | 3.4 |"
+
+
+def test_profile(tmp_path):
+    profile = importlib.import_module("studies.speed.profile")
+    rows = profile.run(quick=True)
+    for row in rows:
+        assert 2.0 < row["evaluations"] < 3.0 and 0.9 < row["newton"] < 1.6  # a Newton step and the check of its result
+        assert row["whole"] <= sum(row["parts"].values()) * (1 + 1e-12) and row["iteration"] > row["solve"] > 0
+    assert "LAPACK" in profile.report(rows)
+    figure = profile.plot(rows)
+    figure.savefig(tmp_path / "profile.png")
+    matplotlib.pyplot.close(figure)
