@@ -36,6 +36,7 @@ class Steps:
     first, longest, shortest : step lengths.
     turn : largest angle [deg] between successive tangents; steps aim at half of it.
     newton : Newton steps per point the step length aims at.
+    support : rows the predictor extrapolates from, at most; 1 is the tangent alone.
     max_points : rows after which the trace stops.
 
     Raises
@@ -49,6 +50,7 @@ class Steps:
     shortest: float = 1e-7
     turn: float = 20.0
     newton: int = 3
+    support: int = 4
     max_points: int = 5000
 
     def __post_init__(self) -> None:
@@ -59,8 +61,11 @@ class Steps:
             )
         if not 0 < self.turn <= 60:
             raise ValueError(f"turn = {self.turn} degrees must be above 0 and at most 60")
-        if self.max_points < 2 or self.newton < 1:
-            raise ValueError(f"max_points = {self.max_points} must be at least 2 and newton = {self.newton} at least 1")
+        if self.max_points < 2 or self.newton < 1 or self.support < 1:
+            raise ValueError(
+                f"max_points = {self.max_points} must be at least 2, newton = {self.newton} and "
+                f"support = {self.support} at least 1"
+            )
 
 
 def trace(
@@ -112,7 +117,6 @@ def trace(
 
 _TOGETHER = 32  # rows observed at once
 _SHARP = 1e-2  # part of the tolerance above which a converged row gets one Newton step more
-_SUPPORT = 4  # rows the predictor extrapolates from
 
 
 class _Tracer:
@@ -324,7 +328,7 @@ class _Tracer:
         normal = normal_of(unit, self.scale)
         normal /= norm(normal)
         try:
-            before = [self._as_now(row) for row in self.rows[-2 : -1 - _SUPPORT : -1]]
+            before = [self._as_now(row) for row in self.rows[-2 : -1 - self.steps.support : -1]]
             predicted = predict([last, *before], unit, self.scale, h)
             solution = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings)
             if solution.residual > _SHARP * self.settings.tolerance:

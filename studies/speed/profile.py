@@ -34,6 +34,10 @@ PARTS = {"receptances": study.PURPLE, "forces of the laws": study.ORANGE, "assem
          "special points": "#b8423a", "all else": study.GREY}  # fmt: skip
 
 
+SUPPORTS = (1, 2, 3, 4, 5)
+"""Rows of the predictors compared."""
+
+
 class Counted(hb.HarmonicBalance):
     """A balance that counts how often it is evaluated."""
 
@@ -61,6 +65,17 @@ def case(name: str) -> tuple[hb.Model, int, tuple[float, float]]:
         pair = hb.DoubleHelicalPair()
         return pair, 16, pair.default_span
     return model(name), peer(name).harmonics, peer(name).span
+
+
+def predicted(name: str, supports: tuple[int, ...]) -> dict[int, float]:
+    """Newton steps per point of the curve with predictors through so many rows: tangent, cubic, and so on."""
+    machine, harmonics, span = case(name)
+    found = {}
+    for support in supports:
+        branch = hb.trace(hb.HarmonicBalance(machine, harmonics), "Omega", span, stability=False, special=False,
+                          steps=hb.Steps(support=support))  # fmt: skip
+        found[support] = float(branch.iterations.mean())
+    return found
 
 
 def profiled(name: str, repeats: int) -> dict[str, Any]:
@@ -105,7 +120,7 @@ def profiled(name: str, repeats: int) -> dict[str, Any]:
     parts_of_point["all else"] = max(0.0, whole / points - sum(parts_of_point.values()))
     return {"name": name, "points": points, "whole": whole / points, "evaluations": per_point, "parts": parts_of_point,
             "iteration": each["evaluation"] + each["solve"], "solve": each["solve"],
-            "newton": float(branch.iterations.mean())}  # fmt: skip
+            "newton": float(branch.iterations.mean()), "predictors": predicted(name, SUPPORTS)}  # fmt: skip
 
 
 def run(quick: bool = False) -> list[dict[str, Any]]:
@@ -125,7 +140,13 @@ def report(rows: list[dict[str, Any]]) -> str:
         cells += [f"{1e3 * row['parts'][part]:.3f}" for part in PARTS]
         cells += [f"{row['evaluations']:.2f}", f"{row['newton']:.2f}", f"{row['iteration'] / row['solve']:.1f}"]
         lines.append("| " + " | ".join([*cells, f"{stability / (row['whole'] - stability):.2f}"]) + " |")
-    return "\n".join([*lines, "", "Parts in milliseconds per point of the curve; one core.", ""])
+    lines += ["", "Parts in milliseconds per point of the curve; one core.", "",
+              "| Newton steps per point, predictor through | " + " | ".join(f"{k} rows" for k in SUPPORTS) + " |",
+              "|" + " --- |" * (1 + len(SUPPORTS))]  # fmt: skip
+    for row in rows:
+        steps = " | ".join(f"{row['predictors'][k]:.2f}" for k in SUPPORTS)
+        lines.append(f"| {CASES[row['name']].replace(chr(10), ' ').replace('$', '')} | {steps} |")
+    return "\n".join([*lines, ""])
 
 
 def plot(rows: list[dict[str, Any]]) -> Figure:

@@ -162,6 +162,14 @@ def test_prediction_uses_a_row_across_a_corner_no_more_than_it_helps():
     np.testing.assert_allclose(predict([here, turned], here.tangent, np.ones(2), 0.05), straight, rtol=1e-12)
 
 
+def test_more_rows_save_newton_steps():
+    """The tangent alone, and polynomials through two and four rows."""
+    curves = [trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=Steps(support=k), stability=False)
+              for k in (1, 2, 4)]  # fmt: skip
+    needed = [curve.iterations[5:].mean() for curve in curves]
+    assert needed[0] > 1.9 and needed[0] > needed[1] > needed[2] and needed[2] < 1.2
+
+
 def test_a_row_costs_its_newton_steps_and_one_evaluation():
     calls = []
 
@@ -379,6 +387,7 @@ def test_a_start_on_a_fold_either_works_or_says_so():
         ({"shortest": 0.0}, "0 < shortest"),
         ({"turn": 0.0}, "turn = 0.0 degrees must be above 0"),
         ({"max_points": 1}, "max_points = 1 must be at least 2"),
+        ({"support": 0}, "support = 0 at least 1"),
     ],
 )
 def test_bad_steps(settings, message):
