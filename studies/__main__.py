@@ -79,10 +79,6 @@ def is_made(name: str, made: dict[str, Any]) -> bool:
     return bool(here) and here["fingerprint"] == fingerprint(name) and all(map(os.path.exists, here["files"]))
 
 
-def _make(name: str, out: Path | None, quick: bool) -> list[str]:
-    return [str(path) for path in study.make(name, out, quick)]
-
-
 def make_all(todo: Sequence[str], out: Path | None, quick: bool, jobs: int, made: dict[str, Any]) -> list[str]:
     """Make studies, noting each as it is done; what failed, with why. Ctrl-C keeps what is done."""
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
@@ -108,7 +104,8 @@ def _in_processes(
         return failed
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
     begun = time.monotonic()
-    running: dict[Future[list[str]], str] = {pool.submit(_make, name, out, quick): name for name in group}
+    # what is submitted must not be from here: a package's __main__ is not imported by the processes
+    running: dict[Future[list[Path]], str] = {pool.submit(study.make, name, out, quick): name for name in group}
     try:
         while running:
             for future in wait(running, return_when=FIRST_COMPLETED).done:
@@ -119,7 +116,7 @@ def _in_processes(
                     tell(f"failed  {failed[-1]}")
                     continue
                 if out is None and not quick:
-                    made[name] = {"fingerprint": fingerprint(name), "files": future.result()}
+                    made[name] = {"fingerprint": fingerprint(name), "files": [str(path) for path in future.result()]}
                     with replacing(MADE, "w") as handle:
                         json.dump(made, handle, indent=1)
                 tell(f"made    {name}  ({time.monotonic() - begun:.0f} s since the start)")

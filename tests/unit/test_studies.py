@@ -2,6 +2,8 @@
 
 import importlib
 import pkgutil
+import subprocess
+import sys
 from pathlib import Path
 
 import matplotlib
@@ -84,3 +86,11 @@ def test_sampling(tmp_path):
     figure.savefig(tmp_path / "sampling.png")
     matplotlib.pyplot.close(figure)
     assert (tmp_path / "sampling.png").stat().st_size > 10_000
+
+
+def test_studies_are_made_by_the_command(tmp_path):
+    """By `python -m studies` itself, in processes of its own."""
+    command = [sys.executable, "-m", "studies", "dong_2022.fig15", "--quick", "-o", str(tmp_path), "--jobs", "1"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert {path.name for path in tmp_path.iterdir()} >= {"fig15.png", "fig15.pdf", "fig15.md"}
