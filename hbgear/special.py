@@ -223,10 +223,29 @@ def _stability_changes(arc: Arc, explained: bool) -> list[Found]:
     doubling = da * db < 0
     if doubling:
         out.append(_doubling(arc, lambda row: float(np.prod(at(row) + 1).real)))
-    low, high = sorted((ua, ub))
-    if high - low - int(doubling) - int(explained) >= 2:
-        out.append(_root(arc, "NS", lambda row: float(np.sort(np.abs(at(row)))[::-1][low] - 1.0)))
+    if abs(ua - ub) - int(doubling) - int(explained) >= 2:
+        outside = min(_verdict(_pairs(mu))[0] for mu in (ma, mb))  # complex ones that are unstable at both ends
+        out.append(_root(arc, "NS", lambda row: _modulus(at(row), outside) - 1.0))
     return out
+
+
+def _pairs(mu: ComplexArray) -> ComplexArray:
+    """The multipliers that are not real."""
+    return mu[np.abs(mu.imag) > 1e-8 * np.abs(mu)]
+
+
+def _modulus(mu: ComplexArray, k: int) -> float:
+    """The modulus number k, from the largest, of the multipliers that are not real.
+
+    Raises
+    ------
+    ValueError
+        If there are not so many.
+    """
+    pairs = np.sort(np.abs(_pairs(mu)))[::-1]
+    if k >= len(pairs):
+        raise ValueError(f"{len(pairs)} multipliers are not real, fewer than {k + 1}")
+    return float(pairs[k])
 
 
 def _doubling(arc: Arc, test: Callable[[Row], float]) -> Found:

@@ -188,3 +188,17 @@ def test_critical_value_of_the_double_helical_pair(name):
     )
     assert (below, above) == ((2, 0) if found.jump_below else (0, 2))
     assert found.jump_below == (name != "eps_scale")
+
+
+def test_a_pair_that_crosses_just_before_a_fold():
+    """Between two rows a pair comes inside the unit circle and a real multiplier passes +1: two points, told apart."""
+    problem = HarmonicBalance(DoubleHelicalPair(zeta=0.03), 16)
+    coarse = trace(problem, "Omega", (1.0, 0.7))
+    fine = trace(problem, "Omega", (1.0, 0.7), steps=Steps(first=0.004, longest=0.004))  # in which they lie apart
+    assert [p.kind for p in coarse.special] == [p.kind for p in fine.special]
+    for a, b in zip(coarse.special, fine.special, strict=True):
+        assert a.located and a.parameters["Omega"] == pytest.approx(b.parameters["Omega"], abs=1e-8)
+    assert coarse["LP2"].parameters["Omega"] - coarse["NS2"].parameters["Omega"] > 1e-4
+    for label in ("NS1", "NS2"):
+        mu = coarse[label].multipliers
+        assert np.min(np.abs(np.abs(mu[np.abs(mu.imag) > 1e-3]) - 1)) < 1e-9
