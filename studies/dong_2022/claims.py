@@ -64,23 +64,37 @@ class Claim:
 
 def case(branch: hb.Branch) -> Case:
     """The numbers of a response curve."""
-    x, A = branch.values, branch.amplitude("pp2")
-    top = max(hb.peaks(branch, "pp2"), key=lambda point: point.amplitude("pp2"))
-    steps = np.flatnonzero(np.abs(np.diff(x)) > 1e-9)
-    slopes = np.abs(np.diff(A)[steps] / np.diff(x)[steps])
-    steepest = int(np.argmax(slopes))
+    peaks = hb.peaks(branch, "pp2")
+    top = max(peaks, key=lambda point: point.amplitude("pp2"))
     stable = np.ones(len(branch), dtype=bool) if branch.stable is None else branch.stable
     regimes = {name for name, ok in zip(branch.regimes, stable, strict=True) if ok}
-    tops = [i for i in range(1, len(x) - 1) if A[i - 1] <= A[i] > A[i + 1] and x[i] < 0.65]
     return Case(
         top.amplitude("pp2"),
         top.parameters["Omega"],
-        float(slopes[steepest]),
-        float(x[steps[steepest]]),
+        *steepest(branch),
         tuple(jump.value for jump in branch.jumps()),
         tuple(sorted(regimes)),
-        tuple(float(x[i]) for i in tops),
+        tuple(point.parameters["Omega"] for point in peaks if point.parameters["Omega"] < 0.65),
     )
+
+
+def steepest(branch: hb.Branch) -> tuple[float, float]:
+    """Largest |dA/dOmega| between rows, and where; without folds, between rows so close that it is the derivative."""
+    i, slope = _between_rows(branch)
+    if not any(point.kind == "LP" for point in branch.special):
+        first, last = max(i - 1, 0), min(i + 2, len(branch) - 1)
+        span = float(branch.values[first]), float(branch.values[last])
+        branch = hb.trace(branch.problem, "Omega", span, branch[first], steps=hb.Steps(longest=0.01),
+                          stability=False, special=False)  # fmt: skip
+        i, slope = _between_rows(branch)
+    return slope, float(branch.values[i : i + 2].mean())
+
+
+def _between_rows(branch: hb.Branch) -> tuple[int, float]:
+    """The row behind which the amplitude changes most for its Omega, and |dA/dOmega| there."""
+    change, step = (np.abs(np.diff(y)) for y in (branch.amplitude("pp2"), branch.values))
+    slopes = np.divide(change, step, out=np.zeros_like(change), where=step > 1e-9)
+    return int(np.argmax(slopes)), float(slopes.max())
 
 
 def motion(point: hb.Point) -> dict[str, Any]:
