@@ -4,8 +4,8 @@
     corrector   R(u) = 0,  n^T (u - u_p) = 0    Newton with the bordered matrix [J R_lambda; n^T]
 
 in unknowns scaled so that the span of the parameter and the size of the motion are one. The step h follows the
-number of Newton steps and the angle the tangent turned through; a step that turns too far, lands too far from
-where it was sent or runs back over the curve is taken again at half its length. The tangent passes folds without a
+number of Newton steps, the angle the tangent turned through and how far the prediction missed the curve; a step that
+turns too far, lands too far from where it was sent or runs back over the curve is taken again at half its length. The tangent passes folds without a
 change of parameter.
 """
 
@@ -36,6 +36,8 @@ class Steps:
     first, longest, shortest : step lengths.
     turn : largest angle [deg] between successive tangents; steps aim at half of it.
     newton : Newton steps per point the step length aims at.
+    miss : largest distance of a point from its prediction, as a share of the step: what the curve does that its last
+        rows do not tell, a small loop for instance, is looked at in smaller steps.
     support : rows the predictor extrapolates from, at most; 1 is the tangent alone.
     max_points : rows after which the trace stops.
 
@@ -50,6 +52,7 @@ class Steps:
     shortest: float = 1e-7
     turn: float = 20.0
     newton: int = 3
+    miss: float = 0.02
     support: int = 4
     max_points: int = 5000
 
@@ -61,6 +64,8 @@ class Steps:
             )
         if not 0 < self.turn <= 60:
             raise ValueError(f"turn = {self.turn} degrees must be above 0 and at most 60")
+        if not 0 < self.miss <= 1:
+            raise ValueError(f"miss = {self.miss} must be above 0 and at most 1")
         if self.max_points < 2 or self.newton < 1 or self.support < 1:
             raise ValueError(
                 f"max_points = {self.max_points} must be at least 2, newton = {self.newton} and "
@@ -115,6 +120,7 @@ def trace(
     return _Tracer(problem, parameter, span, start, at, steps, settings, stability, special, progress).run()
 
 
+_HASTE = 1e3  # steps below so many of the shortest are not shortened for the sake of the prediction
 _TOGETHER = 32  # rows observed at once
 _SHARP = 1e-2  # part of the tolerance above which a converged row gets one Newton step more
 
@@ -346,16 +352,20 @@ class _Tracer:
             return None, "the corrector landed far from the prediction"
         if angle > self.steps.turn:
             return None, f"the tangent turned by {angle:.0f} degrees"
+        missed = norm((row.u - predicted) / self.scale) / h
+        if missed > self.steps.miss and before and h > _HASTE * self.steps.shortest:
+            return None, f"the prediction missed the curve by {missed:.0%} of the step"
         if self._runs_back(last, row):
             return None, _BACK
-        self._set_step(solution.iterations, angle, h)
+        self._set_step(solution.iterations, angle, missed, h)
         return row, ""
 
-    def _set_step(self, iterations: int, angle: float, h: float) -> None:
-        """Next step from the Newton count and the turning angle, at most doubled or halved."""
+    def _set_step(self, iterations: int, angle: float, missed: float, h: float) -> None:
+        """Next step from the Newton count, the turning angle and the prediction, at most doubled or halved."""
         by_newton = 2.0 ** ((self.steps.newton - iterations) / 2)
         by_angle = 0.5 * self.steps.turn / max(angle, 0.1)
-        factor = min(2.0, max(0.5, min(by_newton, by_angle)))
+        by_miss = (0.5 * self.steps.miss / max(missed, 1e-9)) ** 0.5
+        factor = min(2.0, max(0.5, min(by_newton, by_angle, by_miss)))
         self.step = min(self.steps.longest, max(self.steps.shortest, factor * h))
 
     def _append(self, last: Row, row: Row) -> None:
