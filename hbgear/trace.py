@@ -5,8 +5,8 @@
 
 in unknowns scaled so that the span of the parameter and the size of the motion are one. The step h follows the
 number of Newton steps, the angle the tangent turned through and how far the prediction missed the curve; a step that
-turns too far, lands too far from where it was sent or runs back over the curve is taken again at half its length. The tangent passes folds without a
-change of parameter.
+turns too far, lands too far from where it was sent or runs back over the curve is taken again at half its length. The
+tangent passes folds without a change of parameter.
 """
 
 from __future__ import annotations
