@@ -37,7 +37,7 @@ class Steps:
     turn : largest angle [deg] between successive tangents; steps aim at half of it.
     newton : Newton steps per point the step length aims at.
     miss : largest distance of a point from its prediction, as a share of the step: what the curve does that its last
-        rows do not tell, a small loop for instance, is looked at in smaller steps.
+        rows do not tell, a small loop for instance, is looked at in smaller steps. Not used with sampled corners.
     support : rows the predictor extrapolates from, at most; 1 is the tangent alone.
     max_points : rows after which the trace stops.
 
@@ -147,6 +147,8 @@ class _Tracer:
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
         self.waiting: list[Arc] = []  # the last pieces of the curve, not yet looked at
         self.together = _TOGETHER if parameter == "Omega" and not getattr(problem, "auto", True) else 1
+        # where corners of a law are sampled the curve itself has corners, which are not worth small steps
+        self.miss = steps.miss if getattr(problem, "smooth", True) else math.inf
         self.turned = False  # whether the curve has changed its heading
         self.path, self.kept = np.empty((0, 0)), 0  # u of the first rows, and how many of them; see _earlier
         self.first = self._first_row(start)
@@ -353,7 +355,7 @@ class _Tracer:
         if angle > self.steps.turn:
             return None, f"the tangent turned by {angle:.0f} degrees"
         missed = norm((row.u - predicted) / self.scale) / h
-        if missed > self.steps.miss and before and h > _HASTE * self.steps.shortest:
+        if missed > self.miss and before and h > _HASTE * self.steps.shortest:
             return None, f"the prediction missed the curve by {missed:.0%} of the step"
         if self._runs_back(last, row):
             return None, _BACK
@@ -364,7 +366,7 @@ class _Tracer:
         """Next step from the Newton count, the turning angle and the prediction, at most doubled or halved."""
         by_newton = 2.0 ** ((self.steps.newton - iterations) / 2)
         by_angle = 0.5 * self.steps.turn / max(angle, 0.1)
-        by_miss = (0.5 * self.steps.miss / max(missed, 1e-9)) ** 0.5
+        by_miss = (0.5 * self.miss / max(missed, 1e-9)) ** 0.5
         factor = min(2.0, max(0.5, min(by_newton, by_angle, by_miss)))
         self.step = min(self.steps.longest, max(self.steps.shortest, factor * h))
 
