@@ -77,11 +77,14 @@ def lowest(branch: hb.Branch) -> Array:
 
 
 def depth(motion: str, harmonics: int = 16, **changes: float) -> float:
-    """Largest b - min d of the stable motions, in units of b_c, up to the folds that end them."""
+    """Largest b - min d of the stable motions, in units of b_c, up to the located points that end them."""
     branch = curve(motion, harmonics, W=WIDE, **changes)
     assert branch.stable is not None
-    ending = np.convolve(branch.stable, [1, 1, 1], "same") > 0
-    return float(np.max(1 + WIDE - lowest(branch)[ending]))
+    counted = branch.stable.copy()
+    for point in branch.special:
+        beside = branch.stable[max(point.index - 1, 0) : point.index + 2]
+        counted[point.index] |= bool(point.located and point.kind in ("LP", "PD", "NS") and beside.any())
+    return float(np.max(1 + WIDE - lowest(branch)[counted]))
 
 
 def grazing(motion: str, harmonics: int = 16) -> hb.Branch:
