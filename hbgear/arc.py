@@ -134,13 +134,8 @@ class Arc:
         """Hermite interpolation of u."""
         a, b = self.a, self.b
         length = norm((b.u - a.u) / self.scale)
-        s2, s3 = s * s, s * s * s
-        return (
-            (2 * s3 - 3 * s2 + 1) * a.u
-            + (s3 - 2 * s2 + s) * length * a.tangent
-            + (3 * s2 - 2 * s3) * b.u
-            + (s3 - s2) * length * b.tangent
-        )
+        (value_a, slope_a), (value_b, slope_b) = _hermite([0.0, 1.0], s)
+        return value_a * a.u + slope_a * length * a.tangent + value_b * b.u + slope_b * length * b.tangent
 
     def at(self, s: float) -> Row:
         """Corrected row at the fraction s of the chord.

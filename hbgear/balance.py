@@ -339,7 +339,8 @@ class HarmonicBalance:
         R += f
         if slip is not None:
             own = own + after_derivative(slip) * (Omega / self.nu)
-            dR += np.einsum("jab,jb->ja", slip, derivative(rows)) / self.nu
+            if name == "Omega":
+                dR += np.einsum("jab,jb->ja", slip, derivative(rows)) / self.nu
         if name != "Omega":
             dR = self._difference(X, name, parameters) if name else np.zeros(m * n)
         J = real_blocks(linear.Z)

@@ -240,7 +240,7 @@ def run_case(cls: type[Model], fields: Mapping[str, Any], work: Work) -> Result:
     started = time.perf_counter()
     try:
         with threadpool_limits(1):
-            model = cls().replace(**{name: tuple(v) if isinstance(v, list) else v for name, v in fields.items()})
+            model = cls().replace(**_as_fields(fields))
             result = _computed(model, work)
         return replace(result, seconds=time.perf_counter() - started)
     except Exception as error:  # whatever is wrong with one case must not end the others
@@ -463,6 +463,11 @@ def _inputs(study: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
     return {**study, "model": study["model"]["class"], "fields": {**study["model"]["fields"], **row}}
 
 
+def _as_fields(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain data as a model takes it: lists, of which JSON and TOML are made, as tuples."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+
+
 def _collect(
     model: Model, work: Work, names: tuple[str, ...], plan: list[dict[str, Any]], keys: list[str],
     done: Mapping[str, Result], outcome: Outcome, message: str, packed: Callable[[int], bytes],
@@ -478,7 +483,7 @@ def _collect(
     jumps = [[i, *row] for i, _, result in rows for row in result.arrays.get("jumps", ())]
     curves = {i: result.arrays["curve"] for i, _, result in rows if "curve" in result.arrays}
     jump_rows = np.array(jumps, dtype=float).reshape(-1, 5)
-    values = {i: {name: tuple(v) if isinstance(v, list) else v for name, v in row.items()} for i, row, _ in rows}
+    values = {i: _as_fields(row) for i, row, _ in rows}
     return Cases(model, work, names, table, jump_rows, curves, len(plan), outcome, message, values, packed)
 
 

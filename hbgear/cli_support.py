@@ -111,6 +111,7 @@ def value_of(what: str, text: str, kind: Any) -> Any:
 
 
 def number_of(what: str, text: str) -> float:
+    """The finite number a text stands for; ``what`` names it in the error."""
     try:
         value = float(text)
     except ValueError:
@@ -128,10 +129,12 @@ def loaded(file: Path, measure: str, element: str) -> tuple[hb.Branch, int | str
 
 
 def element_of(text: str) -> int | str:
+    """The number or the name of an element, as given on the command line."""
     return int(text) if text.isdecimal() else text
 
 
 def span_of(model: hb.Model, parameter: str, first: float | None, last: float | None) -> tuple[float, float]:
+    """The span given, with the ends that are missing from the model's default."""
     default: tuple[float | None, float | None] = model.default_span if parameter == "Omega" else (None, None)
     a, b = (given if given is not None else usual for given, usual in zip((first, last), default, strict=True))
     if a is None or b is None:
@@ -219,6 +222,7 @@ def save_branch(branch: hb.Branch, path: Path | None) -> None:
 
 
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
+    """A curve, traced with a progress bar and one thread for linear algebra."""
     with one_thread(), progress_bar(parameter, *span) as progress:
         return hb.trace(problem, parameter, span, progress=progress, **options)
 
@@ -258,6 +262,7 @@ def draw(path: Path, make: Callable[[Any], Any]) -> None:
 
 
 def wrote(*paths: Path | None) -> None:
+    """Say which files were written."""
     if any(paths):
         print("wrote", ", ".join(str(path) for path in paths if path))
 
@@ -275,6 +280,7 @@ def print_table(headers: list[str], rows: list[list[str]], title: str = "") -> N
 
 
 def table_of(headers: list[str], rows: list[list[str]], title: str = "") -> Table:
+    """A table for the terminal."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -304,6 +310,7 @@ def show_branch(branch: hb.Branch, measure: str, element: int | str) -> None:
 
 
 def show_jumps(branch: hb.Branch, measure: str, element: int | str) -> None:
+    """Print the jumps of a branch as a table, or that there are none."""
     if not branch.jumps():
         print("no jumps" if branch.multipliers is not None else "no jumps known: traced without stability")
         return
@@ -321,6 +328,7 @@ def show_jumps(branch: hb.Branch, measure: str, element: int | str) -> None:
 
 
 def what_happens(branch: hb.Branch, point: hb.SpecialPoint) -> str:
+    """A special point in words, with what it does to stability."""
     text = MEANINGS.get(point.kind, point.kind)
     if point.kind in ("PD", "NS") and branch.stable is not None and 0 < point.index < len(branch) - 1:
         before, after = branch.stable[point.index - 1], branch.stable[point.index + 1]
@@ -397,6 +405,7 @@ def text_of(value: Any) -> str:
 
 
 def summary_of(cls: type) -> str:
+    """First line of the docstring of a class, up to a semicolon."""
     return (inspect.getdoc(cls) or "").splitlines()[0].partition(";")[0].rstrip(".")
 
 

@@ -162,11 +162,14 @@ def refine(problem: Any, solution: Solution, parameters: Mapping[str, float], na
         X = solution.X - solve_linear(solution.evaluation.dR_dX, solution.evaluation.R)
     except np.linalg.LinAlgError:
         return solution
+    return _better(problem, solution, X, name, parameters)
+
+
+def _better(problem: Any, found: Solution, X: Array, name: str, parameters: Mapping[str, float]) -> Solution:
+    """The solution one step further, at X and parameters, if its residual is lower; else the one found."""
     now = linearise(problem, X, name, parameters)
     residual = norm(now.R) / now.size
-    if not residual < solution.residual:
-        return solution
-    return Solution(X, solution.value, now, solution.iterations + 1, residual)
+    return Solution(X, parameters[name], now, found.iterations + 1, residual) if residual < found.residual else found
 
 
 class _Homotopy:
@@ -279,9 +282,7 @@ def sharpen(
     if norm(du) > settings.step_tolerance * norm(u):
         return found
     u = u - du
-    now = linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])})
-    residual = norm(now.R) / now.size
-    return Solution(u[:-1], float(u[-1]), now, found.iterations + 1, residual) if residual < found.residual else found
+    return _better(problem, found, u[:-1], name, {**parameters, name: float(u[-1])})
 
 
 def bordered(now: Evaluation, normal: Array) -> Array:

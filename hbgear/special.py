@@ -222,7 +222,7 @@ def _stability_changes(arc: Arc, explained: bool) -> list[Found]:
     out: list[Found] = []
     doubling = da * db < 0
     if doubling:
-        out.append(_doubling(arc, lambda row: float(np.prod(at(row) + 1).real)))
+        out.append(_doubling(arc, lambda row: _verdict(at(row))[1]))
     if abs(ua - ub) - int(doubling) - int(explained) >= 2:
         outside = min(_verdict(_pairs(mu))[0] for mu in (ma, mb))  # complex ones that are unstable at both ends
         out.append(_root(arc, "NS", lambda row: _modulus(at(row), outside) - 1.0))

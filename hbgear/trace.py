@@ -393,8 +393,8 @@ class _Tracer:
             before = [self.rows[start - 1], *rows[:-1]]
             for i, (arc, a, b) in enumerate(zip(self.waiting, before, rows, strict=True)):
                 found += [(start + i, point) for point in find(replace(arc, a=a, b=b), self.stability)]
-            located = self._observed([point.row for _, point in found])
-            found = [(i, replace(point, row=row)) for (i, point), row in zip(found, located, strict=True)]
+            located = iter(self._observed([point.row for _, point in found if point.located]))
+            found = [(i, replace(point, row=next(located)) if point.located else point) for i, point in found]
         self.rows[start:], self.waiting = rows, []
         self.found += found
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from hbgear.fourier import Series
-from hbgear.gears.spur import amplitudes, mesh_stiffness
+from hbgear.gears.spur import amplitudes, checked_phase, mesh_stiffness, transmission_error
 from hbgear.laws import Backlash
 from hbgear.model import Element, Load, Model, System
 
@@ -117,16 +117,14 @@ class GearRotorBearing(Model):
         for name, fulfilled, need in rules:
             if not fulfilled:
                 raise ValueError(f"GearRotorBearing: {name} = {getattr(self, name)} {need}")
-        if self.phase not in ("cos", "sin"):
-            raise ValueError(f"GearRotorBearing: phase = {self.phase!r} must be 'cos' or 'sin'")
+        checked_phase("GearRotorBearing", self.phase)
         for name in ("eps", "e"):
             object.__setattr__(self, name, amplitudes("GearRotorBearing", name, getattr(self, name)))
 
     @property
     def transmission_error(self) -> Series:
         """e(tau)."""
-        e = Series(cosine=self.e) if self.phase == "cos" else Series(sine=self.e)
-        return e.scaled(self.e_scale)
+        return transmission_error(self.e, self.phase, self.e_scale)
 
     def system(self) -> System:
         """Coordinates y_1, y_2, x; elements "gap" (the mesh), "bearing 1" and "bearing 2"."""

@@ -32,6 +32,26 @@ def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
     return out
 
 
+def checked_phase(owner: str, phase: str) -> None:
+    """Refuse a phase of the transmission error that is neither "cos" nor "sin"."""
+    if phase not in ("cos", "sin"):
+        raise ValueError(f"{owner}: phase = {phase!r} must be 'cos' or 'sin'")
+
+
+def transmission_error(e: tuple[float, ...], phase: str, scale: float = 1.0) -> Series:
+    """Transmission error.
+
+        e(tau) = scale sum_l e[l-1] cos(l tau), or sin(l tau)
+
+    Parameters
+    ----------
+    e : (L,) amplitudes, entry 0 for l = 1.
+    phase : "cos" or "sin".
+    scale : factor of all of them.
+    """
+    return (Series(cosine=e) if phase == "cos" else Series(sine=e)).scaled(scale)
+
+
 def mesh_stiffness(eps: tuple[float, ...], scale: float = 1.0) -> Series:
     """Mesh stiffness over its mean.
 
@@ -103,16 +123,14 @@ class SpurPair(Model):
         for name in ("zeta", "b"):
             if getattr(self, name) < 0:
                 raise ValueError(f"SpurPair: {name} = {getattr(self, name)} must not be negative")
-        if self.phase not in ("cos", "sin"):
-            raise ValueError(f"SpurPair: phase = {self.phase!r} must be 'cos' or 'sin'")
+        checked_phase("SpurPair", self.phase)
         for name in ("eps", "e"):
             object.__setattr__(self, name, amplitudes("SpurPair", name, getattr(self, name)))
 
     @property
     def transmission_error(self) -> Series:
         """e(tau)."""
-        e = Series(cosine=self.e) if self.phase == "cos" else Series(sine=self.e)
-        return e.scaled(self.e_scale)
+        return transmission_error(self.e, self.phase, self.e_scale)
 
     def system(self) -> System:
         """One coordinate q = x + e(tau) on no other spring than the mesh."""
