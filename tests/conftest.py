@@ -2,6 +2,7 @@
 tests anywhere can ``from cross.shooting import ...``."""
 
 import os
+from pathlib import Path
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -14,6 +15,12 @@ import pytest  # noqa: E402
 def rng():
     """Random numbers that are the same in every run."""
     return np.random.default_rng(2022)
+
+
+@pytest.fixture
+def on_path(monkeypatch):
+    """The folder of the project on the path, so that ``studies`` can be imported."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1]))
 
 
 @pytest.fixture

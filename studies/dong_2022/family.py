@@ -69,6 +69,10 @@ def listed(field_name: str, symbol: str, values: Sequence[Any], unit: str = "") 
     return members
 
 
+SECOND_W = 0.6
+"""Backlash of the second panel of Figures 6 and 7."""
+
+
 def with_backlash(members: Sequence[Member], W: float) -> list[Member]:
     """The same members at another W."""
     return [replace(m, name=f"{m.name}, W = {W:g}", changes={**m.changes, "W": W}) for m in members]
@@ -133,11 +137,17 @@ def legend(figure: Figure, family: Family, extra: Sequence[Line2D] = ()) -> None
     figure.legend(handles=handles, loc="outside upper center", ncols=5 if len(family) > 4 else 4)
 
 
-def draw_two_backlashes(narrow: Family, wide: Family, W: float) -> Figure:
-    """Panels of a family at W = 0 and at another W, the curves at W = 0 as circles over the second."""
+def at_two_backlashes(members: Sequence[Member], quick: bool = False) -> dict[str, Family]:
+    """The curves at W = 0 and at the W of the second panel."""
+    return {"narrow": traced(members, quick), "wide": traced(with_backlash(members, SECOND_W), quick)}
+
+
+def draw_two_backlashes(results: dict[str, Family]) -> Figure:
+    """Panels of `at_two_backlashes`, the curves at W = 0 as circles over the second."""
+    narrow, wide = results["narrow"], results["wide"]
     figure, (left, right) = panels()
     draw_family(left, narrow, ("GR", "PD"), "(a) $W = 0$")
-    draw_family(right, wide, (), f"(b) $W = {W:g}$: the same curves")
+    draw_family(right, wide, (), f"(b) $W = {SECOND_W:g}$: the same curves")
     draw_dots(right, narrow)
     circle = Line2D([], [], ls="none", marker="o", ms=3.6, mfc="white", mec="#555555", label="in (b): the curve of (a)")
     legend(figure, narrow, [circle])

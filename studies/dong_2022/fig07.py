@@ -12,20 +12,17 @@ from matplotlib.figure import Figure
 from studies import study
 from studies.dong_2022 import base, family
 
-W = 0.6
-"""Backlash of the second panel."""
 MEMBERS = family.listed("zeta", r"$\zeta$", base.ZETA)
 
 
 def run(quick: bool = False) -> dict[str, family.Family]:
     """One curve for each damping ratio at both W."""
-    wide = family.with_backlash(MEMBERS, W)
-    return {"narrow": family.traced(MEMBERS, quick), "wide": family.traced(wide, quick)}
+    return family.at_two_backlashes(MEMBERS, quick)
 
 
 def plot(results: dict[str, family.Family]) -> Figure:
     """A panel for each W."""
-    return family.draw_two_backlashes(results["narrow"], results["wide"], W)
+    return family.draw_two_backlashes(results)
 
 
 def report(results: dict[str, family.Family]) -> str:

@@ -38,20 +38,14 @@ def report(results: Results) -> str:
     rig = spectra.RIG[0]
     worst = max(abs(results["symmetric"].multipliers), default=0.0)  # type: ignore[arg-type]
     text = [
-        *spectra.table(list(results.items())),
-        "",
         f"The symmetric motion has a multiplier of magnitude {worst:.4f} and is not what a machine would do; the "
         'doubled one is stable and parts the teeth, which the paper\'s "no impact at Omega = 1/3" does not allow for. '
         "A simulation of two equal helices from symmetric initial values never leaves the symmetric motion.",
-        "",
         f"Mesh orders 1, 2, 3 of the paper are there in both motions. Its third line, {rig.lines[2]} Hz, is order "
         f"{rig.orders[2]:.3f}: three times {rig.lines[0]} Hz is {3 * rig.lines[0]:.1f} Hz, so it is either misread or "
         "no mesh harmonic. No half order is reported.",
-        "",
-        spectra.speeds(OMEGA, rig),
-        "",
     ]
-    return "\n".join(text)
+    return spectra.page(results, text, OMEGA, rig)
 
 
 if __name__ == "__main__":

@@ -34,15 +34,10 @@ def report(results: Results) -> str:
     point, rig = results["motion"], spectra.RIG[1]
     ratio = point.amplitude("H2") / point.amplitude("H1")
     text = [
-        *spectra.table(list(results.items())),
-        "",
         f"The second order is {ratio:.2f} times the first: superharmonic resonance. The measured lines are exactly "
         "orders " + ", ".join(f"{order:g}" for order in rig.orders) + ", which every motion of the mesh period has.",
-        "",
-        spectra.speeds(OMEGA, rig),
-        "",
     ]
-    return "\n".join(text)
+    return spectra.page(results, text, OMEGA, rig)
 
 
 if __name__ == "__main__":

@@ -33,17 +33,12 @@ def report(results: Results) -> str:
     point, rig = results["motion"], spectra.RIG[2]
     ratio = point.amplitude("H1") / point.amplitude("H2")
     text = [
-        *spectra.table(list(results.items())),
-        "",
         f"The first order is {ratio:.0f} times the second. With 25 teeth the mesh frequency at {rig.speed:g} r/min is "
         f"{rig.mesh:g} Hz, not the {rig.lines[0]:g} Hz of the paper (order {rig.orders[0]:.2f}): {rig.lines[0]:g} Hz "
         f"would be {60 * rig.lines[0] / 25:g} r/min, or 24 teeth. Sidebands need a modulation by the rotation of a "
         "shaft (eccentricity, pitch errors), which the model does not have: its spectrum has mesh orders only.",
-        "",
-        spectra.speeds(OMEGA, rig),
-        "",
     ]
-    return "\n".join(text)
+    return spectra.page(results, text, OMEGA, rig)
 
 
 if __name__ == "__main__":

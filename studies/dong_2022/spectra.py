@@ -124,6 +124,11 @@ def speeds(Omega: float, rig: Rig) -> str:
     )
 
 
+def page(motions: dict[str, hb.Point], text: Sequence[str], Omega: float, rig: Rig) -> str:
+    """The table of the motions, the paragraphs, and what the paper's pairing with a speed means, in Markdown."""
+    return "\n\n".join(["\n".join(table(list(motions.items()))), *text, speeds(Omega, rig)]) + "\n"
+
+
 def base_motion(Omega: float) -> hb.Point:
     """The motion of the base case at Omega."""
     return base.at(base.curve(), Omega)

@@ -1,7 +1,6 @@
 """Claims, printed errors and readings of Dong et al. (2022): quick forms, against independent numbers."""
 
 import dataclasses
-from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -12,11 +11,7 @@ import hbgear as hb
 from hbgear.sweep import Settling
 
 matplotlib.use("Agg")
-
-
-@pytest.fixture(autouse=True)
-def on_path(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+pytestmark = pytest.mark.usefixtures("on_path")
 
 
 @pytest.fixture

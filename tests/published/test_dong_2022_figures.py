@@ -1,6 +1,5 @@
 """Figures 3 to 9 of Dong et al. (2022): quick forms, against time integration and symmetry."""
 
-from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -10,11 +9,7 @@ import hbgear as hb
 from hbgear.timedomain import integrate, state_of
 
 matplotlib.use("Agg")
-
-
-@pytest.fixture(autouse=True)
-def on_path(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+pytestmark = pytest.mark.usefixtures("on_path")
 
 
 def drawn(study_module, results, folder):

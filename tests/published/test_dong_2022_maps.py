@@ -18,11 +18,7 @@ from hbgear.timedomain import state_of
 
 ROOT = Path(__file__).parents[2]
 matplotlib.use("Agg")
-
-
-@pytest.fixture(autouse=True)
-def on_path(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT))
+pytestmark = pytest.mark.usefixtures("on_path")
 
 
 def study(name):

@@ -2,18 +2,13 @@
 
 import importlib
 import sys
-from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
 
 matplotlib.use("Agg")
-
-
-@pytest.fixture(autouse=True)
-def on_path(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+pytestmark = pytest.mark.usefixtures("on_path")
 
 
 @pytest.fixture

@@ -12,11 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 matplotlib.use("Agg")
-
-
-@pytest.fixture(autouse=True)
-def on_path(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT))
+pytestmark = pytest.mark.usefixtures("on_path")
 
 
 def names():
