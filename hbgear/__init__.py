@@ -26,7 +26,8 @@ from hbgear.shooting import shoot
 from hbgear.sweep import basins, sweep
 from hbgear.switch import switch
 from hbgear.timedomain import integrate
-from hbgear.trace import Steps, trace
+from hbgear.stride import Steps
+from hbgear.trace import trace
 from hbgear.validate import validate
 
 __all__ = [

@@ -6,16 +6,14 @@ and a distance mean the same whatever the units of X and lambda.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import scipy  # its parts are imported when they are first used
 
 from hbgear.fourier import Array
-from hbgear.newton import Evaluation, NoConvergence, Settings, Solution, bordered, correct, norm
+from hbgear.newton import NoConvergence, Settings, Solution, correct, corrected, norm
 
 
 @dataclass(frozen=True)
@@ -50,69 +48,9 @@ class Departure:
     direction: Array
 
 
-def tangent(now: Evaluation, normal: Array, scale: Array) -> tuple[Array, int]:
-    """Tangent of R(u) = 0 with a positive component along normal, and the sign of the bordered determinant.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the bordered matrix is singular: a branch point, or a normal that is no direction of the curve.
-    """
-    A = bordered(now, normal)
-    rhs = np.zeros(len(A))
-    rhs[-1] = 1.0
-    lu, pivots, t, info = scipy.linalg.lapack.dgesv(A, rhs)
-    if info or not math.isfinite(t.sum()):
-        raise np.linalg.LinAlgError("singular bordered matrix")
-    negative = np.count_nonzero(lu.diagonal() < 0) + np.count_nonzero(pivots != np.arange(len(pivots)))
-    return t / norm(t / scale), -1 if negative % 2 else 1
-
-
 def normal_of(direction: Array, scale: Array) -> Array:
     """Normal, in unscaled unknowns, of the plane across a direction in scaled ones."""
     return direction / scale**2
-
-
-_STRAIGHT = 0.3  # share of the step by which the first predicted bend may move the point; cosine of the last turn
-
-
-def predict(rows: Sequence[Row], unit: Array, scale: Array, h: float) -> Array:
-    """Unknowns at the distance h along the tangent ``unit`` from the last row: Hermite extrapolation.
-
-    Parameters
-    ----------
-    rows : the last rows, the newest first. Through one of them with its tangent goes a line, through two a cubic,
-        through k a polynomial of degree 2k - 1, in the distance x = unit . (u - u_0) (scaled). As many are used
-        as bring smaller and smaller changes: beyond that the curve is not smooth on their scale.
-    """
-    along = normal_of(unit, scale)
-    best, gained = rows[0].u + h * unit, _STRAIGHT * h
-    x, value, slope = [0.0], [rows[0].u], [unit]
-    for row in rows[1:]:
-        cosine = float(along @ row.tangent)
-        if cosine < _STRAIGHT * norm(row.tangent / scale):
-            break
-        x.append(float(along @ (row.u - rows[0].u)))
-        value.append(row.u)
-        slope.append(row.tangent / cosine)
-        weights = np.array(_hermite(x, h)).T
-        further = weights[0] @ np.array(value) + weights[1] @ np.array(slope)
-        change = norm((further - best) / scale)
-        if not change < gained:
-            break
-        best, gained = further, change
-    return best
-
-
-def _hermite(x: list[float], at: float) -> list[tuple[float, float]]:
-    """Weights of the values and slopes at the nodes x in the Hermite polynomial at ``at``."""
-    out = []
-    for i, node in enumerate(x):
-        others = x[:i] + x[i + 1 :]
-        squared = math.prod((at - other) / (node - other) for other in others) ** 2
-        steep = sum(1 / (node - other) for other in others)
-        out.append(((1 - 2 * (at - node) * steep) * squared, (at - node) * squared))
-    return out
 
 
 @dataclass(frozen=True)
@@ -130,12 +68,18 @@ class Arc:
     scale: Array
     settings: Settings
 
+    @property
+    def length(self) -> float:
+        """Length of the chord, scaled."""
+        return norm((self.b.u - self.a.u) / self.scale)
+
     def guess(self, s: float) -> Array:
         """Hermite interpolation of u."""
-        a, b = self.a, self.b
-        length = norm((b.u - a.u) / self.scale)
-        (value_a, slope_a), (value_b, slope_b) = _hermite([0.0, 1.0], s)
-        return value_a * a.u + slope_a * length * a.tangent + value_b * b.u + slope_b * length * b.tangent
+        a, b, length = self.a, self.b, self.length
+        square, rest = s * s, 1.0 - s
+        value = square * (3.0 - 2.0 * s)
+        slope = length * s * rest
+        return (1.0 - value) * a.u + value * b.u + slope * (rest * a.tangent - s * b.tangent)
 
     def at(self, s: float) -> Row:
         """Corrected row at the fraction s of the chord.
@@ -181,9 +125,28 @@ _STILL = 1e-7  # component of the scaled tangent in lambda that is rounding
 
 
 def row_of(solution: Solution, normal: Array, scale: Array, step: float = 0.0, before: Row | None = None) -> Row:
-    """Row of a solution, its tangent pointing along normal; before is the row the curve comes from."""
+    """Row of a solution, its tangent pointing along normal; before is the row the curve comes from.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the curve has no direction there.
+    """
+    point = corrected(solution, normal)
+    unit = point.direction / norm(point.direction / scale)
     u = np.append(solution.X, solution.value)
-    t, sign = tangent(solution.evaluation, normal, scale)
-    moves = t[-1] / scale[-1]
-    heading = int(np.sign(moves)) if abs(moves) > _STILL else before.heading if before else 0
-    return Row(solution, u, t, sign, step, heading)
+    return row_along(solution, u, unit, orientations(point.A[None])[0], scale, step, before)
+
+
+def orientations(A: Array) -> list[int]:
+    """Signs of the determinants of bordered matrices (k, n + 1, n + 1); +1 for none."""
+    return [-1 if sign < 0 else 1 for sign in np.linalg.slogdet(A)[0].tolist()]
+
+
+def row_along(
+    solution: Solution, u: Array, unit: Array, orientation: int, scale: Array, step: float, before: Row | None
+) -> Row:
+    """Row of a solution whose tangent is known."""
+    moves = float(unit[-1] / scale[-1])
+    heading = (1 if moves > 0 else -1) if abs(moves) > _STILL else before.heading if before else 0
+    return Row(solution, u, unit, orientation, step, heading)

@@ -30,7 +30,7 @@ import numpy as np
 import scipy  # its parts are imported when they are first used
 
 from hbgear.fourier import Array, extrema, waves
-from hbgear.newton import Evaluation, bordered, linearise
+from hbgear.newton import Evaluation, bordered, jacobians, linearise, linearise_all, norm
 
 _STEP = 1e-5  # relative step of the directional differences
 
@@ -78,6 +78,18 @@ def sides(problem: Any, X: Array, here: Mapping[str, float], name: str) -> Sides
         R.append(r)
         J.append(j)
     return Sides((R[0], R[1]), (J[0], J[1]), values[0] - values[1])
+
+
+def bends(problem: Any, X: Array, v: Array, here: Mapping[str, float], name: str) -> tuple[Array, Array]:
+    """Derivatives (n, n) of dR/dX along v and in a parameter, by central differences."""
+    h = _STEP * max(1e-3, norm(X)) / norm(v)
+    if name != "Omega":  # which may take any value, so that all four can be evaluated at once
+        plus, minus = (problem.evaluate(X + s * h * v, **here)[1] for s in (1, -1))
+        return (plus - minus) / (2 * h), sides(problem, X, here, name).dJ
+    e = _STEP * here[name]
+    U = np.column_stack([np.array([X + h * v, X - h * v, X, X]), here[name] + e * np.array([0.0, 0.0, 1.0, -1.0])])
+    J = jacobians(problem, U, name, here)
+    return (J[0] - J[1]) / (2 * h), (J[2] - J[3]) / (2 * e)
 
 
 class Augmented(ABC):
@@ -249,13 +261,11 @@ class Fold(Augmented):
         now = linearise(self.problem, X, self.parameter, here)
         v, w, g = self._prepare(now.dR_dX, now).null(now.dR_dX)
         k = self._weighted(now.size, 1.0)
-        h = _STEP * max(1e-3, float(np.linalg.norm(X))) / float(np.linalg.norm(v))
-        plus, minus = (self.problem.evaluate(X + s * h * v, **here)[1] for s in (1, -1))
-        g_p = -k * float(w @ sides(self.problem, X, here, self.parameter).dJ @ v)
+        along, across = bends(self.problem, X, v, here, self.parameter)
         there = sides(self.problem, X, here, name) if name else None
         return Extra(
-            now, there and there.dR, k * g, -k * (w @ (plus - minus)) / (2 * h),
-            g_p, -k * float(w @ there.dJ @ v) if there else 0.0,
+            now, there and there.dR, k * g, -k * (w @ along),
+            -k * float(w @ across @ v), -k * float(w @ there.dJ @ v) if there else 0.0,
         )  # fmt: skip
 
     def direction(self, U: Array, **parameters: float) -> int:
@@ -267,9 +277,8 @@ class Fold(Augmented):
         here = {**parameters, **own}
         now = linearise(self.problem, X, self.parameter, here)
         v, w, _ = _Borders(now.dR_dX).null(now.dR_dX)
-        h = _STEP * max(1e-3, float(np.linalg.norm(X))) / float(np.linalg.norm(v))
-        plus, minus = (self.problem.evaluate(X + s * h * v, **here)[1] for s in (1, -1))
-        return 1 if float(w @ (plus - minus) @ v) * float(w @ now.dR_dp) > 0 else -1
+        along, _ = bends(self.problem, X, v, here, self.parameter)
+        return 1 if float(w @ along @ v) * float(w @ now.dR_dp) > 0 else -1
 
     def _matrix(self, X: Array, here: Mapping[str, float]) -> Array:
         return self.problem.evaluate(X, **here)[1]
@@ -323,14 +332,12 @@ class PeriodDoubling(Fold):
         k = self._weighted(now.size, 1.0)
         direction[self.odd] = v
         odd, even = self.odd, self.even
-        h = _STEP * max(1e-3, float(np.linalg.norm(X))) / float(np.linalg.norm(v))
-        plus, minus = (self.doubled.evaluate(wide + s * h * direction, **here)[1] for s in (1, -1))
-        gradient = w @ (plus - minus)[np.ix_(odd, even)] / (2 * h)
-        g_p = -k * float(w @ sides(self.doubled, wide, here, self.parameter).dJ[np.ix_(odd, odd)] @ v)
+        along, across = bends(self.doubled, wide, direction, here, self.parameter)
         there = sides(self.doubled, wide, here, name) if name else None
         return Extra(
-            now, None if there is None else there.dR[even], k * g, -k * gradient,
-            g_p, -k * float(w @ there.dJ[np.ix_(odd, odd)] @ v) if there else 0.0,
+            now, None if there is None else there.dR[even], k * g, -k * (w @ along[np.ix_(odd, even)]),
+            -k * float(w @ across[np.ix_(odd, odd)] @ v),
+            -k * float(w @ there.dJ[np.ix_(odd, odd)] @ v) if there else 0.0,
         )  # fmt: skip
 
 
@@ -433,13 +440,10 @@ class Peak(Augmented):
         slope = self.S * X
         g = float(slope @ t[:n])
         z = scipy.linalg.lu_solve(lu, np.append(slope, 0.0), trans=1)[:n]
-        h = _STEP * max(1e-3, float(np.linalg.norm(X))) / max(float(np.linalg.norm(t)), 1e-12)
-        ends = []
-        for s in (h, -h):
-            there = {**here, self.parameter: here[self.parameter] + s * t[n]}
-            side = linearise(self.problem, X + s * t[:n], self.parameter, there)
-            ends.append(np.column_stack([side.dR_dX, side.dR_dp]))
-        bend = z @ (ends[0] - ends[1]) / (2 * h)
+        h = _STEP * max(1e-3, norm(X)) / max(norm(t), 1e-12)
+        u = np.append(X, here[self.parameter])
+        side = linearise_all(self.problem, np.array([u + h * t, u - h * t]), self.parameter, here)
+        bend = z @ np.column_stack([side.dR_dX[0] - side.dR_dX[1], side.dR_dp[0] - side.dR_dp[1]]) / (2 * h)
         weight = self._weighted(now.size, 1.0 + abs(float(slope @ X)))
         g_X, g_p = weight * (self.S * t[:n] - bend[:n]), -weight * float(bend[n])
         if not name:

@@ -34,8 +34,8 @@ from hbgear.fourier import (
 )
 from hbgear.laws import Law, PiecewiseLinear
 from hbgear.model import Model, System, describe, did_you_mean
-from hbgear.newton import Evaluation, NoConvergence, norm, solve, solve_from_afar
-from hbgear.receptance import Receptance, Structure
+from hbgear.newton import Evaluation, NoConvergence, norms, solve, solve_from_afar
+from hbgear.receptance import LinearPart, Receptance, Structure
 from hbgear.stability import multipliers, multipliers_of
 from hbgear.start import guesses
 
@@ -43,7 +43,7 @@ _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
 
 
 class Forces(NamedTuple):
-    """Law forces of one iterate as real rows f (m, 2H+1), with the matrices (m, 2H+1, 2H+1) of their derivatives.
+    """Law forces of P motions as real rows f (P, m, 2H+1), with matrices (P, m, 2H+1, 2H+1) of their derivatives.
 
     stiffness: of the rows of f in those of d; damping: in those of d' (None if no law depends on it).
     """
@@ -64,13 +64,14 @@ class _Compiled:
         self.exact, self.sampled = np.flatnonzero(exact), np.flatnonzero(~np.array(exact))
         self._piecewise: list[PiecewiseLinear] = [law for law, x in zip(self.laws, exact, strict=True) if x]  # type: ignore[misc]
         self.nu = nu
-        self.projector = self._many = ContactProjector(self._piecewise, nu)
+        self._many = ContactProjector(self._piecewise, nu)
         # corners of all laws, and the element each belongs to
         self.corner = np.concatenate([law.breakpoints for law in self.laws])
         self.element = np.repeat(np.arange(len(self.laws)), [len(law.breakpoints) for law in self.laws])
-        tau = nu * 2 * np.pi * np.arange(transform.N) / transform.N
-        self.bound = {j: self.laws[j].bind(tau) for j in self.sampled}
-        self._linear: tuple[float, Any] | None = None
+        self.rated = any(self.laws[j].rated for j in self.sampled)
+        self._tau = nu * 2 * np.pi * np.arange(transform.N) / transform.N
+        self._bound: dict[int, list[Any]] = {}
+        self._linear: tuple[bytes, LinearPart] | None = None
 
     def projector_of(self, P: int) -> ContactProjector:
         """Projector of P motions at once, motion after motion; the last one is kept."""
@@ -78,10 +79,18 @@ class _Compiled:
             self._many = ContactProjector(self._piecewise * P, self.nu)
         return self._many
 
-    def linear(self, Omega: float) -> Any:
-        """Linear part at Omega; the last one is kept, for Newton at fixed Omega asks for it again and again."""
-        if self._linear is None or self._linear[0] != Omega:
-            self._linear = (Omega, self.receptance.at(Omega))
+    def bound(self, P: int) -> list[Any]:
+        """The sampled laws, each on the samples of P motions one after the other."""
+        if P not in self._bound:
+            tau = np.tile(self._tau, P)
+            self._bound[P] = [self.laws[j].bind(tau) for j in self.sampled]
+        return self._bound[P]
+
+    def linear(self, Omega: Array) -> LinearPart:
+        """Linear part at Omega (P,); the last one is kept, for Newton at fixed Omega asks for it again and again."""
+        key = Omega.tobytes()
+        if self._linear is None or self._linear[0] != key:
+            self._linear = (key, self.receptance.at_all(Omega))
         return self._linear[1]
 
 
@@ -132,7 +141,7 @@ class HarmonicBalance:
         else:
             _whole("samples", samples)
             self.N = int(samples)
-        self._transform = Transform(self.H, self.N, 2 * self.m)  # forces and stiffnesses at once
+        self._transform = Transform(self.H, self.N)
         self._toeplitz = Toeplitz(self.H)
         self._cache: OrderedDict[tuple[tuple[str, float], ...], _Compiled] = OrderedDict()
         self._structures: OrderedDict[tuple[bytes, ...], Structure] = OrderedDict()
@@ -284,38 +293,46 @@ class HarmonicBalance:
                 self._structures.popitem(last=False)
         return self._structures[key]
 
-    def forces(self, rows: Array, c: ComplexArray, Omega: float, compiled: _Compiled) -> Forces:
-        """Forces of all laws on the motion given by its rows (m, 2H + 1) and their complex form c (m, H + 1)."""
+    def forces(self, rows: Array, c: ComplexArray, Omega: Array, compiled: _Compiled) -> Forces:
+        """Forces of all laws on P motions given by their rows (P, m, 2H + 1) and complex form c (P, m, H + 1)."""
         exact, sampled = compiled.exact, compiled.sampled
         if not sampled.size:
-            return self._projected(rows, c, self._transform.samples(c), compiled)
+            return self._projected(rows, c, compiled)
         if not exact.size:
-            return self._sampled(c, self._transform.samples(c), Omega, compiled)
-        samples = self._transform.samples(c)
-        f, stiffness = np.empty_like(rows), np.empty((*rows.shape, rows.shape[1]))
-        f[exact], stiffness[exact], _ = self._projected(rows[exact], c[exact], samples[exact], compiled)
-        f[sampled], stiffness[sampled], part = self._sampled(c, samples, Omega, compiled)
+            return self._sampled(c, Omega, compiled)
+        f, stiffness = np.empty_like(rows), np.empty((*rows.shape, rows.shape[-1]))
+        f[:, exact], stiffness[:, exact], _ = self._projected(rows[:, exact], c[:, exact], compiled)
+        f[:, sampled], stiffness[:, sampled], part = self._sampled(c[:, sampled], Omega, compiled)
         damping = None
         if part is not None:
             damping = np.zeros_like(stiffness)
-            damping[sampled] = part
+            damping[:, sampled] = part
         return Forces(f, stiffness, damping)
 
-    def _projected(self, rows: Array, c: ComplexArray, samples: Array, compiled: _Compiled) -> Forces:
-        """Exact forces kappa * d + chi of the piecewise-linear laws; rows, c, samples are those of their elements."""
-        kappa, chi = compiled.projector.project(c, samples, 2 * self.H)
-        stiffness = self._toeplitz(kappa)
-        return Forces((stiffness @ rows[..., None])[..., 0] + to_real(one_sided(chi[:, : self.H + 1])), stiffness, None)
+    def _projected(self, rows: Array, c: ComplexArray, compiled: _Compiled) -> Forces:
+        """Exact forces kappa * d + chi of the piecewise-linear laws, from the motions of their elements."""
+        flat = c.reshape(-1, self.H + 1)
+        kappa, chi = compiled.projector_of(len(c)).project(flat, self._transform.samples(flat), 2 * self.H)
+        stiffness = self._toeplitz(kappa).reshape(*rows.shape, -1)
+        held = to_real(one_sided(chi[:, : self.H + 1])).reshape(rows.shape)
+        return Forces((stiffness @ rows[..., None])[..., 0] + held, stiffness, None)
 
-    def _sampled(self, c: ComplexArray, samples: Array, Omega: float, compiled: _Compiled) -> Forces:
-        """Forces of the other laws, from c and samples of all elements."""
-        velocity = self._transform.samples(Omega / self.nu * derive(c))
-        p, dp_dd, dp_dv = zip(*(compiled.bound[j](samples[j], velocity[j]) for j in compiled.sampled), strict=True)
-        spectra = self._transform.spectrum(np.array([*p, *dp_dd]))
-        f = to_real(one_sided(spectra[: len(p), : self.H + 1]))
-        stiffness = self._toeplitz(spectra[len(p) :])
-        damping = np.array(dp_dv)
-        return Forces(f, stiffness, self._toeplitz(self._transform.spectrum(damping)) if damping.any() else None)
+    def _sampled(self, c: ComplexArray, Omega: Array, compiled: _Compiled) -> Forces:
+        """Forces of the other laws, from the motions of their elements."""
+        P, m, n = len(c), c.shape[1], 2 * self.H + 1
+        waves = [c, (Omega / self.nu)[:, None, None] * derive(c)] if compiled.rated else [c]
+        flat = np.concatenate([x[:, j] for x in waves for j in range(m)])
+        samples = self._transform.samples(flat).reshape(len(waves), m, P * self.N)
+        at_rest = np.zeros(0 if compiled.rated else P * self.N)
+        found = []
+        for j, law in enumerate(compiled.bound(P)):
+            found.append(law(samples[0, j], samples[1, j] if compiled.rated else at_rest))
+        p, dp_dd, dp_dv = zip(*found, strict=True)
+        damped = compiled.rated and any(x.any() for x in dp_dv)
+        parts = np.concatenate([*p, *dp_dd, *dp_dv] if damped else [*p, *dp_dd]).reshape(-1, self.N)
+        spectra = self._transform.spectrum(parts).reshape(-1, m, P, n).swapaxes(1, 2)
+        slopes = self._toeplitz(spectra[1:].reshape(-1, n)).reshape(-1, P, m, n, n)
+        return Forces(to_real(one_sided(spectra[0, ..., : self.H + 1])), slopes[0], slopes[1] if damped else None)
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
         """Residual (n,) and Jacobian (n, n) at X (n,), n = m (2H + 1); ``Omega`` must be among the parameters."""
@@ -327,27 +344,34 @@ class HarmonicBalance:
 
         dR/dOmega is analytic; the derivative in a model parameter is a central difference of the residual.
         """
-        Omega = parameters["Omega"]
+        rest = {key: value for key, value in parameters.items() if key != "Omega"}
+        R, J, dR, size = (x[0] for x in self.linearise_all(X[None], np.array([parameters["Omega"]]), **rest))
+        if name != "Omega":
+            dR = self._difference(X, name, parameters) if name else np.zeros(len(R))
+        return Evaluation(R, J, dR, float(size))
+
+    def linearise_all(self, X: Array, Omega: Array, **parameters: float) -> Evaluation:
+        """`linearise` in Omega of many motions X (P, n) at frequencies Omega (P,), all other parameters equal.
+
+        Each entry has the axis P before the others. Eight motions cost little more than one.
+        """
         compiled = self.compiled(parameters)
-        linear = compiled.linear(Omega)
-        m, n = self.m, 2 * self.H + 1
-        rows = X.reshape(m, n)
-        d = to_complex(rows)
-        f, own, slip = self.forces(rows, d, Omega, compiled)
-        moved = (linear.matrices @ d.T[..., None])[..., 0]  # Z d and dZ/dOmega d, (2, H + 1, m)
-        R, dR = to_real((moved + linear.constants).transpose(0, 2, 1))
+        matrices, constants = (linear := compiled.linear(Omega)).matrices, linear.constants
+        P, m, n = len(X), self.m, 2 * self.H + 1
+        rows = X.reshape(P, m, n)
+        c = to_complex(rows)
+        f, own, slip = self.forces(rows, c, Omega, compiled)
+        moved = (matrices @ c.swapaxes(1, 2)[..., None])[..., 0]  # Z d and dZ/dOmega d, (2, P, H + 1, m)
+        R, dR = to_real((moved + constants).swapaxes(2, 3))
         R += f
         if slip is not None:
-            own = own + after_derivative(slip) * (Omega / self.nu)
-            if name == "Omega":
-                dR += np.einsum("jab,jb->ja", slip, derivative(rows)) / self.nu
-        if name != "Omega":
-            dR = self._difference(X, name, parameters) if name else np.zeros(m * n)
-        J = real_blocks(linear.Z)
+            own = own + after_derivative(slip) * (Omega / self.nu)[:, None, None, None]
+            dR += (slip @ derivative(rows)[..., None])[..., 0] / self.nu
+        J = real_blocks(matrices[0])
         for j in range(m):
-            J[j, :, j, :] += own[j]
-        size = norm(f) + norm(moved[0]) + norm(linear.g)
-        return Evaluation(R.ravel(), J.reshape(m * n, m * n), dR.ravel(), size or 1.0)
+            J[:, j, :, j, :] += own[:, j]
+        size = norms(f) + norms(moved[0]) + norms(constants[0])
+        return Evaluation(R.reshape(P, -1), J.reshape(P, m * n, m * n), dR.reshape(P, -1), np.where(size > 0, size, 1.0))
 
     def residual(self, X: Array, **parameters: float) -> Array:
         """R alone (n,)."""
@@ -425,7 +449,8 @@ class HarmonicBalance:
     def force_rows(self, X: Array, **parameters: float) -> Array:
         """Law forces of each element (without its damper) as real rows (m, 2H + 1)."""
         rows = X.reshape(self.m, -1)
-        return self.forces(rows, to_complex(rows), parameters["Omega"], self.compiled(parameters)).f
+        compiled, Omega = self.compiled(parameters), np.array([parameters["Omega"]])
+        return self.forces(rows[None], to_complex(rows)[None], Omega, compiled).f[0]
 
     def mesh_forces(self, X: Array, **parameters: float) -> Array:
         """Whole force of each element, law and damper, as real rows (m, 2H + 1): f_k + i k omega c d_k."""
@@ -498,7 +523,7 @@ class HarmonicBalance:
         """`truncation` of many motions X (P, n) at frequencies Omega (P,)."""
         f = self._neglected(X, Omega / self.nu, compiled)
         w = (Omega / self.nu)[:, None] * np.arange(self.H + 1, 2 * self.H + 1)
-        G = compiled.structure.receptances(w.ravel())[0].reshape(*w.shape, self.m, self.m)
+        G = compiled.structure.receptances(w)[0]
         delta = G @ f.transpose(0, 2, 1)[..., None]
         return np.sqrt(0.5 * np.sum(np.abs(delta) ** 2, axis=(1, 2, 3)))
 

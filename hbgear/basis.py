@@ -32,13 +32,13 @@ class Toeplitz:
 
 
 def real_blocks(Z: ComplexArray) -> Array:
-    """Real matrix (m, n, m, n) of d_k -> Z_k d_k in the basis (a0, a1, b1, ...), n = 2H + 1."""
-    H, m = Z.shape[0] - 1, Z.shape[1]
-    n = 2 * H + 1
-    J = np.zeros((m, n, m, n))
-    J[:, 0, :, 0] = Z[0].real
-    re, im = Z.real[1:].transpose(1, 2, 0), Z.imag[1:].transpose(1, 2, 0)
-    diagonals = [np.einsum("iaja->ija", J[:, i::2, :, j::2]) for i, j in ((1, 1), (2, 2), (1, 2), (2, 1))]  # views
+    """Real matrices (P, m, n, m, n) of d_k -> Z_k d_k in the basis (a0, a1, b1, ...), n = 2H + 1, Z (P, H+1, m, m)."""
+    P, m, n = len(Z), Z.shape[-1], 2 * Z.shape[1] - 1
+    J = np.zeros((P, m, n, m, n))
+    J[:, :, 0, :, 0] = Z[:, 0].real
+    re, im = Z.real[:, 1:].transpose(0, 2, 3, 1), Z.imag[:, 1:].transpose(0, 2, 3, 1)
+    pairs = ((1, 1), (2, 2), (1, 2), (2, 1))
+    diagonals = [np.einsum("piaja->pija", J[:, :, i::2, :, j::2]) for i, j in pairs]  # views
     diagonals[0][:], diagonals[1][:], diagonals[2][:] = re, re, im
     np.negative(im, out=diagonals[3])
     return J
@@ -57,7 +57,7 @@ def derivative(rows: Array) -> Array:
 
 
 def after_derivative(A: Array) -> Array:
-    """Matrix A (m, n, n) applied after d/dtheta."""
+    """Matrix A (..., n, n) applied after d/dtheta."""
     H = A.shape[-1] // 2
     k = np.arange(1, H + 1)
     out = np.zeros_like(A)

@@ -25,6 +25,7 @@ from math import cos, pi, sin
 import numpy as np
 
 from hbgear.fourier import Array, ComplexArray, Series, stretch, to_complex
+from hbgear.fourier import waves as harmonic_waves
 from hbgear.laws import PiecewiseLinear
 
 _ROUNDING = 4e-16  # relative size of a value that is zero
@@ -61,20 +62,76 @@ def crossings(c: ComplexArray, level: Array, rows: np.ndarray, samples: Array) -
     above = x > 0
     # no second derivative is larger, and no second difference of neighbouring samples larger than that times step^2
     bend = (np.abs(c) @ np.arange(c.shape[-1]) ** 2)[rows]
-    changes = np.argwhere(above[:, 1:] != above[:, :-1]).tolist()
-    near = np.argwhere(np.abs(x[:, :-1]) <= ((2 * np.pi / N) ** 2 * bend)[:, None]).tolist()
-    values = x.tolist()
-    coefficients = c.tolist()
-    waves: dict[int, _Wave] = {}
+    changes = np.nonzero(above[:, 1:] != above[:, :-1])
+    near = np.nonzero(np.abs(x[:, :-1]) <= ((2 * np.pi / N) ** 2 * bend)[:, None])
+    toward = _toward(x, *near)
+    near = tuple(place[toward] for place in near)
     found: list[tuple[int, float, int]] = []
+    if len(changes[0]) > _FEW:
+        found, left = _roots(c[rows], level, bend, x, *changes)
+        changes = tuple(place[left] for place in changes)
+    waves: dict[int, _Wave] = {}
     for places, instants in ((changes, _in_cell), (near, _beside)):
-        for row, i in places:
+        for row, i in zip(*(place.tolist() for place in places), strict=True):
             if row not in waves:
-                waves[row] = _Wave(coefficients[rows[row]], float(level[row]), float(bend[row]))
-            found += [(row, theta, sign) for theta, sign in instants(waves[row], values[row], i)]
+                waves[row] = _Wave(c[rows[row]].tolist(), float(level[row]), float(bend[row]))
+            found += [(row, theta, sign) for theta, sign in instants(waves[row], x[row], i)]
     found.sort()
     lines, thetas, signs = zip(*found, strict=True) if found else ((), (), ())
     return Crossings(np.array(lines, dtype=int), np.array(thetas, dtype=float), np.array(signs, dtype=int), above[:, 0])
+
+
+_FEW = 12  # crossings up to which one after the other costs less than all at once
+
+
+def _toward(x: Array, row: np.ndarray, i: np.ndarray) -> np.ndarray:
+    """Whether x[row, i] is an extremum of three neighbours that may reach past zero between them.
+
+    The extremum of a smooth function exceeds its nearest sample by about an eighth of the second difference.
+    """
+    here, left, right = x[row, i], x[row, np.where(i, i, x.shape[1] - 1) - 1], x[row, i + 1]
+    toward = ((left - here) * here >= 0) & ((right - here) * here >= 0) & (here != 0)
+    return toward & (np.abs(here) <= np.abs(left - 2 * here + right))
+
+
+def _roots(
+    c: ComplexArray, level: Array, bend: Array, x: Array, line: np.ndarray, cell: np.ndarray
+) -> tuple[list[tuple[int, float, int]], np.ndarray]:
+    """`_in_cell` of many cells at once; and which are left to it: those that may hold three crossings, and rare others.
+
+    Halley's method from the chord of a cell, without a safeguard but looked at in the end.
+    """
+    N, K = x.shape[1] - 1, c.shape[-1]
+    step, table, order = 2 * np.pi / N, _table(N, K - 1), 1j * np.arange(K)
+    c, level, bend, first, last = c[line], level[line], bend[line], x[line, cell], x[line, cell + 1]
+    parts = np.empty((len(c), 3, K), dtype=complex)  # of the value, the slope and the curvature
+    parts[:, 0], parts[:, 1], parts[:, 2] = c, order * c, order * order * c
+    ends = np.array([table[cell], table[cell + 1]]).transpose(1, 2, 0)
+    slopes = (parts[:, 1:2] @ ends).real.sum(axis=(1, 2))
+    mean = (last - first) / step
+    left = (1.5 * mean - 0.25 * slopes) * mean < 0
+    low = step * cell
+    at = low + step * first / (first - last)
+    with np.errstate(all="ignore"):
+        for _ in range(6):
+            value, slope, curvature = (parts @ harmonic_waves(at, K - 1)[..., None])[..., 0].real.T
+            newton = (value - level) / slope
+            change = newton / (1 - 0.5 * newton * curvature / slope)
+            at = at - change
+            rest = bend * change / slope  # Halley's next step is smaller than its square times this one
+            settled = (np.abs(rest) < 0.5) & (rest * rest * np.abs(change) <= _CLOSE)
+            if (settled | left).all():
+                break
+        left |= ~(settled & (at >= low) & (at <= low + step))
+    sign = np.where(last > first, 1, -1)
+    found = zip(line[~left].tolist(), at[~left].tolist(), sign[~left].tolist(), strict=True)
+    return list(found), left
+
+
+@lru_cache(maxsize=32)
+def _table(N: int, H: int) -> ComplexArray:
+    """exp(i k theta_n) on the grid and at its end, (N + 1, H + 1)."""
+    return harmonic_waves(2 * np.pi / N * np.arange(N + 1), H)
 
 
 class _Wave:
@@ -114,36 +171,29 @@ _Instants = list[tuple[float, int]]
 _PARTS = 16  # pieces of a cell that may hold three crossings
 
 
-def _in_cell(wave: _Wave, x: list[float], i: int) -> _Instants:
+def _in_cell(wave: _Wave, x: Array, i: int) -> _Instants:
     """Crossings between samples i and i + 1, whose signs differ: one, or three.
 
     The cubic through the values and slopes at the ends has its middle slope 3/2 of the mean slope less a quarter of the
     end slopes; where that runs against the change of sign, the cell is looked at in parts.
     """
     step = 2 * pi / (len(x) - 1)
-    low, high = step * i, step * (i + 1)
+    low, high, first, last = step * i, step * (i + 1), float(x[i]), float(x[i + 1])
     slopes = wave(low)[1], wave(high)[1]
-    mean = (x[i + 1] - x[i]) / step
+    mean = (last - first) / step
     if (1.5 * mean - 0.25 * (slopes[0] + slopes[1])) * mean >= 0:
-        return [_root(wave, (low, x[i], slopes[0]), (high, x[i + 1], slopes[1]))]
+        return [_root(wave, (low, first, slopes[0]), (high, last, slopes[1]))]
     at = [low + (high - low) * k / _PARTS for k in range(_PARTS + 1)]
     ends = [(theta, *wave(theta)) for theta in at]
     return [_root(wave, a, b) for a, b in pairwise(ends) if (a[1] > 0) != (b[1] > 0)]
 
 
-def _beside(wave: _Wave, x: list[float], i: int) -> _Instants:
-    """Two crossings that samples i - 1, i, i + 1 hide: an extremum between them reaches past the level.
-
-    The extremum of a smooth function exceeds its nearest sample by about an eighth of the second difference.
-    """
-    N = len(x) - 1
-    here, left, right, step = x[i], x[i - 1 if i else N - 1], x[i + 1], 2 * pi / N
-    toward = min((left - here) * here, (right - here) * here) >= 0 and here != 0
-    if not toward or abs(here) > abs(left - 2 * here + right):
-        return []
+def _beside(wave: _Wave, x: Array, i: int) -> _Instants:
+    """Two crossings that samples i - 1, i, i + 1 hide: an extremum between them reaches past the level."""
+    step = 2 * pi / (len(x) - 1)
     at = wave.extremum(step * i, step)
     value = wave(at)[0]
-    past = value * here < 0 and abs(value) > wave.rounding  # less than rounding is no contact
+    past = value * float(x[i]) < 0 and abs(value) > wave.rounding  # less than rounding is no contact
     if not past or abs(at - step * i) > step:
         return []
     low = at % (2 * pi) // step * step
@@ -217,7 +267,8 @@ class ContactProjector:
         self.level = np.concatenate([corners for *_, corners in ramps]) if ramps else np.empty(0)
         change = np.concatenate([changes for _, changes, _ in ramps]) if ramps else np.empty(0)
         weights = np.zeros((2, len(laws), len(change)))  # of the indicators of the corners in kappa and chi
-        weights[:, self.rows, np.arange(len(change))] = change, -change * self.level
+        self.own = np.array([change, -change * self.level])
+        weights[:, self.rows, np.arange(len(change))] = self.own
         self.weights = weights
         self.base = np.array([[law.slopes[0] for law in laws], [g0 for g0, *_ in ramps]])
         series = [_two_sided(law.stiffness, nu) for law in laws]
@@ -233,7 +284,12 @@ class ContactProjector:
         share = found.above - np.bincount(found.row, found.sign * found.theta, len(self.level)) / (2 * np.pi)
         both = np.empty((2, len(c), len(turns) + 1), dtype=complex)
         both[:, :, 0] = self.base + self.weights @ share
-        both[:, :, 1:] = (self.weights[:, :, found.row] * found.sign) @ np.exp(found.theta[:, None] * turns) * kernel
+        # sums over the instants of each element, which lie side by side, as differences of one running sum
+        each = (self.own[:, found.row] * found.sign)[..., None] * np.exp(found.theta[:, None] * turns)
+        running = np.zeros((2, len(found.row) + 1, len(turns)), dtype=complex)
+        np.cumsum(each, axis=1, out=running[:, 1:])
+        edge = np.searchsorted(self.rows[found.row], np.arange(len(c) + 1))
+        np.multiply(running[:, edge[1:]] - running[:, edge[:-1]], kernel, out=both[:, :, 1:])
         kappa, chi = modulate(self.series, both, order, self.shifts)
         return kappa, chi
 

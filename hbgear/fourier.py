@@ -202,11 +202,13 @@ def samples_of(c: ComplexArray, N: int) -> Array:
 
 
 class Transform:
-    """Fast Fourier transforms between up to m rows of H harmonics and N samples over one period, planned once.
+    """Fast Fourier transforms between rows of H harmonics and N samples over one period.
+
+    Plans are made once for every power of two of rows, when so many are first transformed at once.
 
     Parameters
     ----------
-    H, N, m : harmonics, samples, most rows.
+    H, N : harmonics, samples.
 
     Raises
     ------
@@ -214,40 +216,54 @@ class Transform:
         If N < 2H + 1: the samples cannot resolve the harmonics.
     """
 
-    def __init__(self, H: int, N: int, m: int) -> None:
-        import pyfftw  # here, since it takes longer to import than all the rest
-
+    def __init__(self, H: int, N: int) -> None:
         if N < 2 * H + 1:
             raise ValueError(f"N = {N} samples cannot resolve H = {H} harmonics; need N >= {2 * H + 1}")
-        self.H, self.N, self.m = H, N, m
-        self._spectrum = pyfftw.zeros_aligned((m, N // 2 + 1), dtype="complex128")
-        self._samples = pyfftw.empty_aligned((m, N), dtype="float64")
-        self._inverse = pyfftw.FFTW(self._spectrum, self._samples, direction="FFTW_BACKWARD", flags=("FFTW_ESTIMATE",))
-        self._input = pyfftw.zeros_aligned((m, N), dtype="float64")
-        self._output = pyfftw.empty_aligned((m, N // 2 + 1), dtype="complex128")
-        self._forward = pyfftw.FFTW(self._input, self._output, flags=("FFTW_ESTIMATE",))
+        self.H, self.N = H, N
+        self._plans: dict[int, _Plans] = {}
 
-    def __reduce__(self) -> tuple[type[Transform], tuple[int, int, int]]:
-        return Transform, (self.H, self.N, self.m)
+    def __reduce__(self) -> tuple[type[Transform], tuple[int, int]]:
+        return Transform, (self.H, self.N)
+
+    def _planned(self, rows: int) -> _Plans:
+        room = 1 << (rows - 1).bit_length()
+        if room not in self._plans:
+            self._plans[room] = _Plans(room, self.N)
+        return self._plans[room]
 
     def samples(self, c: ComplexArray) -> Array:
         """Samples ``(rows, N)`` of one-sided coefficients ``(rows, H + 1)``, at ``theta_n = 2 pi n / N``."""
-        rows, s = len(c), self._spectrum
+        rows, plans = len(c), self._planned(len(c))
         # FFTW overwrites the input of a multi-dimensional inverse, so it is filled afresh every time
+        s = plans.coefficients
         s[:] = 0.0
         np.multiply(c, 0.5, out=s[:rows, : self.H + 1])
         s[:rows, 0] = c[:, 0]
-        self._inverse.execute()
-        return self._samples[:rows].copy()
+        plans.inverse.execute()
+        return plans.values[:rows].copy()
 
     def spectrum(self, samples: Array) -> ComplexArray:
         """Two-sided coefficients ``x_k, k = 0..2H`` of samples ``(rows, N)`` (``x_-k`` is the conjugate).
 
         Zeros where N is too short to hold them.
         """
-        rows, kept = len(samples), min(2 * self.H, self.N // 2) + 1
-        self._input[:rows] = samples
-        self._forward.execute()
+        rows, kept, plans = len(samples), min(2 * self.H, self.N // 2) + 1, self._planned(len(samples))
+        plans.samples[:rows] = samples
+        plans.forward.execute()
         out = np.zeros((rows, 2 * self.H + 1), dtype=complex)
-        np.multiply(self._output[:rows, :kept], 1.0 / self.N, out=out[:, :kept])
+        np.multiply(plans.spectrum[:rows, :kept], 1.0 / self.N, out=out[:, :kept])
         return out
+
+
+class _Plans:
+    """Plans of both directions for so many rows of N samples, with the arrays they work on."""
+
+    def __init__(self, rows: int, N: int) -> None:
+        import pyfftw  # here, since it takes longer to import than all the rest
+
+        self.coefficients = pyfftw.zeros_aligned((rows, N // 2 + 1), dtype="complex128")
+        self.values = pyfftw.empty_aligned((rows, N), dtype="float64")
+        self.inverse = pyfftw.FFTW(self.coefficients, self.values, direction="FFTW_BACKWARD", flags=("FFTW_ESTIMATE",))
+        self.samples = pyfftw.zeros_aligned((rows, N), dtype="float64")
+        self.spectrum = pyfftw.empty_aligned((rows, N // 2 + 1), dtype="complex128")
+        self.forward = pyfftw.FFTW(self.samples, self.spectrum, flags=("FFTW_ESTIMATE",))

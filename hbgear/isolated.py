@@ -24,7 +24,8 @@ from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Point, Status
 from hbgear.fourier import Array, to_complex, to_real
 from hbgear.newton import NoConvergence, Settings, solve, solve_linear
-from hbgear.trace import Steps, trace
+from hbgear.stride import Steps
+from hbgear.trace import trace
 
 Report = Callable[[str], None]
 

@@ -9,6 +9,7 @@ Contract for a new law
 2. ``force(d, v, tau)`` accepts arrays of one shape and returns ``(p, dp/dd, dp/dv)`` of that shape.
 3. ``reference`` is a typical positive stiffness; it only conditions the linear algebra and never changes a result.
 4. ``breakpoints`` lists the values of ``d`` at which a derivative jumps: the period is cut there for stability.
+5. ``rated`` may be False if ``p`` does not depend on ``v``: then no velocity is computed for it, and v is all zeros.
 """
 
 from __future__ import annotations
@@ -49,6 +50,11 @@ class Law(ABC):
         """Values of d, ascending, at which dp/dd or dp/dv jumps."""
         return ()
 
+    @property
+    def rated(self) -> bool:
+        """Whether p may depend on v."""
+        return True
+
     def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
         """The law on a fixed grid of phases, so that what depends on tau alone is evaluated once."""
         return lambda d, v: self.force(d, v, tau)
@@ -76,6 +82,10 @@ class Cubic(Law):
     @property
     def reference(self) -> float:
         return abs(self.k1) or abs(self.k3) or 1.0
+
+    @property
+    def rated(self) -> bool:
+        return False
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         d2 = d * d
@@ -128,6 +138,10 @@ class PiecewiseLinear(Law):
     @property
     def breakpoints(self) -> tuple[float, ...]:
         return self.corners
+
+    @property
+    def rated(self) -> bool:
+        return False
 
     @property
     def ramps(self) -> tuple[float, Array, Array]:
@@ -223,6 +237,10 @@ class Parallel(Law):
     @property
     def breakpoints(self) -> tuple[float, ...]:
         return tuple(sorted({x for law in self.laws for x in law.breakpoints}))
+
+    @property
+    def rated(self) -> bool:
+        return any(law.rated for law in self.laws)
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         return self.bind(tau)(d, v)

@@ -21,7 +21,8 @@ from hbgear.branch import Branch, Point, SpecialPoint, joined, replacing
 from hbgear.fourier import Array
 from hbgear.model import Model
 from hbgear.newton import NoConvergence, solve
-from hbgear.trace import Steps, trace
+from hbgear.stride import Steps
+from hbgear.trace import trace
 
 Report = Callable[[str], None]
 

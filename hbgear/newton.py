@@ -7,8 +7,9 @@ A *problem* is anything with
 It may also offer, for speed and accuracy,
 
     linearise(X, name, **parameters) -> Evaluation   R, dR_dX, dR_d(name) and the size of the terms R is the sum of
+    linearise_all(X, Omega, **parameters)            the same, name being Omega, for many X (k, n) and Omega (k,)
 
-Without it dR_d(name) is a central difference and the size is taken as 1 + |X|. Nothing here knows any physics.
+Without the first dR_d(name) is a central difference and the size is taken as 1 + |X|. Nothing here knows any physics.
 """
 
 from __future__ import annotations
@@ -81,16 +82,40 @@ def norm(x: Array) -> float:
     return math.sqrt(x.dot(x))
 
 
+def norms(x: Array) -> Array:
+    """Euclidean norms (P,) of all entries of each x[p], (P, ...)."""
+    flat = np.ascontiguousarray(x).reshape(len(x), -1).view(float)
+    return np.sqrt(np.einsum("ij,ij->i", flat, flat))
+
+
 def linearise(problem: Any, X: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:
-    """R, dR/dX, dR/dname and the size of R's terms, from whatever the problem offers."""
+    """R, dR/dX, dR/dname (zeros without a name) and the size of R's terms, from whatever the problem offers."""
     if hasattr(problem, "linearise"):
         return problem.linearise(X, name, **parameters)
     R, J = problem.evaluate(X, **parameters)
+    if not name:
+        return Evaluation(np.asarray(R), np.asarray(J), np.zeros(len(X)), 1.0 + float(np.linalg.norm(X)))
     value = parameters[name]
     h = 1e-6 * max(abs(value), 1e-2)
     plus = problem.evaluate(X, **{**parameters, name: value + h})[0]
     minus = problem.evaluate(X, **{**parameters, name: value - h})[0]
     return Evaluation(np.asarray(R), np.asarray(J), (plus - minus) / (2 * h), 1.0 + float(np.linalg.norm(X)))
+
+
+def linearise_all(problem: Any, U: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:
+    """`linearise` at points U (k, n + 1) of unknowns and parameter; every entry has the axis k before the others."""
+    if name == "Omega" and hasattr(problem, "linearise_all"):
+        rest = {key: value for key, value in parameters.items() if key != name}
+        return problem.linearise_all(U[:, :-1], U[:, -1], **rest)
+    each = [linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])}) for u in U]
+    return Evaluation(*(np.array(x) for x in zip(*each, strict=True)))
+
+
+def jacobians(problem: Any, U: Array, name: str, parameters: Mapping[str, float]) -> Array:
+    """dR/dX (k, n, n) at points U (k, n + 1) of unknowns and parameter."""
+    if name == "Omega" and hasattr(problem, "linearise_all"):
+        return linearise_all(problem, U, name, parameters).dR_dX
+    return np.array([problem.evaluate(u[:-1], **{**parameters, name: float(u[-1])})[1] for u in U])
 
 
 def solve_linear(A: Array, b: Array) -> Array:
@@ -114,20 +139,19 @@ def solve(
     ----------
     X : (n,) start.
     parameters : all parameters of the problem.
-    name : the parameter whose derivative the returned evaluation holds; any if empty.
+    name : the parameter whose value and derivative the solution holds; if empty they are nan and 0.
 
     Raises
     ------
     NoConvergence
         If the residual does not fall below the tolerance.
     """
-    name = name or next(iter(parameters))
     X = np.array(X, dtype=float)
     now = linearise(problem, X, name, parameters)
     residuals = [norm(now.R) / now.size]
     for iteration in range(settings.max_iterations * 4 + 1):
         if residuals[-1] <= settings.tolerance:
-            return Solution(X, parameters[name], now, iteration, residuals[-1])
+            return Solution(X, parameters[name] if name else math.nan, now, iteration, residuals[-1])
         try:
             dX = -solve_linear(now.dR_dX, now.R)
         except np.linalg.LinAlgError:
@@ -177,11 +201,10 @@ class _Homotopy:
 
     def __init__(self, problem: Any, X0: Array, parameters: Mapping[str, float]) -> None:
         self.problem, self.parameters = problem, parameters
-        self.name = next(iter(parameters))
-        self.R0 = linearise(problem, X0, self.name, parameters).R
+        self.R0 = linearise(problem, X0, "", parameters).R
 
     def linearise(self, X: Array, name: str, s: float) -> Evaluation:
-        now = linearise(self.problem, X, self.name, self.parameters)
+        now = linearise(self.problem, X, "", self.parameters)
         return Evaluation(now.R - (1 - s) * self.R0, now.dR_dX, self.R0, now.size)
 
 
@@ -270,19 +293,88 @@ def correct(
     )  # fmt: skip
 
 
-def sharpen(
-    problem: Any, found: Solution, normal: Array, name: str, parameters: Mapping[str, float], settings: Settings
-) -> Solution:
-    """The solution after one more Newton step in the same plane; as it was if that does not lower its residual."""
-    u, rhs = np.append(found.X, found.value), np.append(found.evaluation.R, 0.0)
-    try:
-        du = solve_linear(bordered(found.evaluation, normal), rhs)
-    except np.linalg.LinAlgError:
-        return found
-    if norm(du) > settings.step_tolerance * norm(u):
-        return found
-    u = u - du
-    return _better(problem, found, u[:-1], name, {**parameters, name: float(u[-1])})
+class Corrected(NamedTuple):
+    """A corrected point with the direction t of the curve there: A t = (0, ..., 0, 1), A = [dR_dX dR_dp; normal^T]."""
+
+    solution: Solution
+    direction: Array
+    A: Array
+
+
+_SHARP = 1e-2  # part of the tolerance above which a converged point gets one Newton step more
+
+
+def correct_all(
+    problem: Any, predicted: Array, normal: Array, name: str, parameters: Mapping[str, float], settings: Settings
+) -> tuple[list[Corrected], str]:
+    """`correct` for predicted points (k, n + 1) of one curve together, each in its plane across the same normal.
+
+    A point whose residual is not a hundred times below the tolerance gets one Newton step more, for predictions are
+    often good enough to be accepted with few digits.
+
+    Returns
+    -------
+    The points in order, up to the first that fails, and why it did.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a bordered matrix is singular.
+    """
+    u, left, failed, reason = predicted.copy(), np.arange(len(predicted)), len(predicted), ""
+    found: dict[int, Corrected] = {}
+    best, step, first = (np.full(len(u), np.inf) for _ in range(3))
+    for iteration in range(settings.max_iterations + 2):
+        now = linearise_all(problem, u[left], name, parameters)
+        residual = norms(now.R) / now.size
+        again = np.isfinite(best[left])  # converged before this step
+        close = (residual <= settings.tolerance) & ((step[left] <= settings.step_tolerance) | (iteration == 0))
+        A, rhs = all_bordered(now, normal), np.zeros((len(left), u.shape[1], 2))
+        rhs[:, :-1, 0], rhs[:, -1, 0], rhs[:, -1, 1] = now.R, (u[left] - predicted[left]) @ normal, 1.0
+        both = np.linalg.solve(A, rhs)
+        for j in np.flatnonzero(np.where(again, residual < best[left], close)):
+            i = int(left[j])
+            point = Evaluation(now.R[j], now.dR_dX[j], now.dR_dp[j], float(now.size[j]))
+            solution = Solution(u[i, :-1].copy(), float(u[i, -1]), point, iteration, float(residual[j]))
+            found[i], best[i] = Corrected(solution, both[j, :, 1], A[j]), residual[j]
+        first[left] = residual if iteration == 0 else first[left]
+        lost = ~np.isfinite(residual) | ((iteration > 3) & (residual > 10 * first[left]))
+        lost = (lost | (iteration >= settings.max_iterations)) & ~np.isfinite(best[left])
+        if lost.any():
+            worst = int(np.flatnonzero(lost)[0])
+            failed = int(left[worst])
+            reason = f"the corrector stopped at a relative residual of {residual[worst]:.2e} after {iteration} steps"
+        du = both[..., 0]
+        u[left] -= du
+        step[left] = norms(du) / np.maximum(norms(u[left]), 1e-300)
+        done = again | (np.isfinite(best[left]) & ((residual <= _SHARP * settings.tolerance)
+                                                   | (step[left] > settings.step_tolerance)))  # fmt: skip
+        left = left[~done & (left < failed)]
+        if not left.size:
+            break
+    return [found[i] for i in range(failed)], reason
+
+
+def all_bordered(now: Evaluation, normal: Array) -> Array:
+    """`bordered` of stacked evaluations, (k, n + 1, n + 1), with one normal (n + 1,) or one each (k, n + 1)."""
+    k, n = now.R.shape
+    A = np.empty((k, n + 1, n + 1))
+    A[:, :n, :n], A[:, :n, n], A[:, n] = now.dR_dX, now.dR_dp, normal
+    return A
+
+
+def corrected(solution: Solution, normal: Array) -> Corrected:
+    """A solution with its direction.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the bordered matrix is singular: a branch point, or a normal that is no direction of the curve.
+    """
+    A = bordered(solution.evaluation, normal)
+    rhs = np.zeros(len(A))
+    rhs[-1] = 1.0
+    return Corrected(solution, solve_linear(A, rhs), A)
 
 
 def bordered(now: Evaluation, normal: Array) -> Array:

@@ -58,9 +58,9 @@ class Modes:
 
 @dataclass(frozen=True)
 class LinearPart:
-    """Linear part Z_k d_k + g_k of the balance at one frequency.
+    """Linear part Z_k d_k + g_k of the balance at P frequencies, or at one without the axis P.
 
-    matrices (2, H+1, m, m): Z and dZ/dOmega; constants (2, H+1, m): g and dg/dOmega.
+    matrices (2, P, H+1, m, m): Z and dZ/dOmega; constants (2, P, H+1, m): g and dg/dOmega.
     """
 
     matrices: ComplexArray
@@ -68,22 +68,22 @@ class LinearPart:
 
     @property
     def Z(self) -> ComplexArray:
-        """Dynamic stiffness (H+1, m, m) seen from the elements, without their reference springs."""
+        """Dynamic stiffness (P, H+1, m, m) seen from the elements, without their reference springs."""
         return self.matrices[0]
 
     @property
     def g(self) -> ComplexArray:
-        """Constant terms (H+1, m): loads and prescribed displacements."""
+        """Constant terms (P, H+1, m): loads and prescribed displacements."""
         return self.constants[0]
 
     @property
     def dZ(self) -> ComplexArray:
-        """dZ/dOmega (H+1, m, m)."""
+        """dZ/dOmega (P, H+1, m, m)."""
         return self.matrices[1]
 
     @property
     def dg(self) -> ComplexArray:
-        """dg/dOmega (H+1, m)."""
+        """dg/dOmega (P, H+1, m)."""
         return self.constants[1]
 
 
@@ -254,29 +254,33 @@ class Structure:
             return s[:, None] * (scipy.linalg.pinv(scaled, rtol=_FREE) @ (s[:, None] * rhs))
         return scipy.linalg.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
 
-    def receptances(self, w: Array) -> tuple[ComplexArray, ComplexArray]:
-        """G(w) and dG/dw, (K, m, m) each, at frequencies w (K,)."""
-        if not self.modal:
-            E = np.broadcast_to(self.W, (len(w), *self.W.shape))
-            Q, dQ = self._direct(w, E)
-            return self.W.T @ Q, self.W.T @ dQ
-        modes, m = self.modes, self.m
-        assert modes is not None
-        resolvent = 1.0 / (1j * w[:, None] - modes.poles)
+    def resolvent(self, w: Array) -> ComplexArray | None:
+        """1 / (i w - pole) of every pole, (..., r), at frequencies w (...); None unless `modal`."""
+        return 1.0 / (1j * w[..., None] - self.modes.poles) if self.modes is not None and self.modal else None
+
+    def receptances(self, w: Array, resolvent: ComplexArray | None = None) -> tuple[ComplexArray, ComplexArray]:
+        """G(w) and dG/dw, (..., m, m) each, at frequencies w (...), of which the resolvent may be known."""
+        if resolvent is None:
+            resolvent = self.resolvent(w)
+        shape = (*w.shape, self.m, self.m)
+        if resolvent is None:
+            Q, dQ = self._direct(w.ravel(), np.broadcast_to(self.W, (w.size, *self.W.shape)))
+            return (self.W.T @ Q).reshape(shape), (self.W.T @ dQ).reshape(shape)
         slope = -1j * ((resolvent * resolvent) @ self._residues)
-        return (resolvent @ self._residues).reshape(-1, m, m), slope.reshape(-1, m, m)
+        return (resolvent @ self._residues).reshape(shape), slope.reshape(shape)
 
     def drive(self, F: ComplexArray) -> ComplexArray | None:
-        """What `response` needs of a load F (n,): its share in each mode times what the elements feel of it, (m, r)."""
-        return self.modes.output * (self.modes.left @ F) if self.modes is not None and self.modal else None
+        """What `response` needs of a load F (n,): its share in each mode times what the elements feel of it, (r, m)."""
+        return (self.modes.output * (self.modes.left @ F)).T if self.modes is not None and self.modal else None
 
-    def response(self, w: float, F: ComplexArray, drive: ComplexArray | None) -> tuple[ComplexArray, ComplexArray]:
-        """W^T D(w)^-1 F and its derivative in w, (m,) each, for a load F (n,) with its `drive`."""
-        if drive is None or self.modes is None:
-            Q, dQ = self._direct(np.array([w]), F[None, :, None])
-            return (self.W.T @ Q[0])[:, 0], (self.W.T @ dQ[0])[:, 0]
-        resolvent = 1.0 / (1j * w - self.modes.poles)
-        return drive @ resolvent, -1j * (drive @ (resolvent * resolvent))
+    def response(
+        self, w: Array, F: ComplexArray, drive: ComplexArray | None, resolvent: ComplexArray | None
+    ) -> tuple[ComplexArray, ComplexArray]:
+        """W^T D(w)^-1 F and its derivative in w, (P, m) each, at w (P,) for a load F (n,) with its `drive`."""
+        if drive is None or resolvent is None:
+            Q, dQ = self._direct(w, np.broadcast_to(F[:, None], (len(w), self.n, 1)))
+            return (self.W.T @ Q)[..., 0], (self.W.T @ dQ)[..., 0]
+        return resolvent @ drive, -1j * ((resolvent * resolvent) @ drive)
 
     def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """D(w)^-1 F and its derivative in w for F (K, n, c), by one factorisation each."""
@@ -333,11 +337,17 @@ class Receptance:
 
     def at(self, Omega: float) -> LinearPart:
         """Z_k, g_k and their derivatives in Omega."""
-        s, ratio, m = self.structure, self.ratio, self.structure.m
-        w = Omega * ratio
-        matrices = np.empty((2, self.H + 1, m, m), dtype=complex)
-        constants = np.zeros((2, self.H + 1, m), dtype=complex)
-        G, dG = s.receptances(w)
+        found = self.at_all(np.array([Omega]))
+        return LinearPart(found.matrices[:, 0], found.constants[:, 0])
+
+    def at_all(self, Omega: Array) -> LinearPart:
+        """The same at many frequencies (P,)."""
+        s, ratio, m, P = self.structure, self.ratio, self.structure.m, len(Omega)
+        w = Omega[:, None] * ratio
+        matrices = np.empty((2, P, self.H + 1, m, m), dtype=complex)
+        constants = np.zeros((2, P, self.H + 1, m), dtype=complex)
+        resolvent = s.resolvent(w)
+        G, dG = s.receptances(w, resolvent)
         Y, dY = matrices
         slope = dG * -ratio[:, None, None]
         if m == 1:  # what follows, without the cost of a product of matrices
@@ -347,14 +357,19 @@ class Receptance:
             Y[:] = np.linalg.inv(G)
             dY[:] = Y @ slope @ Y
         if self._moved:
-            constants[0] = (Y @ self.e[..., None])[..., 0] - self._sprung - w[:, None] * self._damped
-            constants[1] = (dY @ self.e[..., None])[..., 0] - ratio[:, None] * self._damped
+            constants[:] = (matrices @ self.e[..., None])[..., 0]
+            constants[0] -= self._sprung + w[..., None] * self._damped
+            constants[1] -= ratio[:, None] * self._damped
         for part in self._loads:
-            k, growth = part.order * self.nu, Omega**part.power
-            y, dy = s.response(part.order * Omega, part.amplitudes, part.drive)
-            constants[0, k] -= growth * (Y[k] @ y)
-            change = part.order * growth * dy + part.power * Omega ** (part.power - 1) * y
-            constants[1, k] -= growth * (dY[k] @ y) + Y[k] @ change
+            k, order, power = part.order * self.nu, part.order, part.power
+            y, dy = s.response(w[:, k], part.amplitudes, part.drive, None if resolvent is None else resolvent[:, k])
+            change = order * dy
+            if power:
+                growth = (Omega**power)[:, None]
+                change = growth * change + power * (Omega ** (power - 1))[:, None] * y
+                y = growth * y
+            constants[:, :, k] -= (matrices[:, :, k] @ y[..., None])[..., 0]
+            constants[1, :, k] -= (Y[:, k] @ change[..., None])[..., 0]
         Y -= self._springs
         return LinearPart(matrices, constants)
 

@@ -15,7 +15,7 @@ The bracketed root runs along the arc between two rows, where every point is cor
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,6 +56,21 @@ def find(arc: Arc, stability: bool) -> list[Found]:
         found += _stability_changes(arc, turned or crossed)
     found += _grazing(arc)
     return sorted(found, key=lambda f: f.s)
+
+
+def suspects(rows: Sequence[Row], stability: bool) -> list[int]:
+    """Numbers i of the pieces from rows[i] to rows[i + 1] on which `find` may find something."""
+    heading, orientation = (np.array([getattr(row, name) for row in rows]) for name in ("heading", "orientation"))
+    some = (heading[1:] * heading[:-1] < 0) | (orientation[1:] != orientation[:-1])
+    seen = [(row.observed.get("multipliers"), row.observed.get("clearance")) for row in rows]
+    mu, clearance = zip(*seen, strict=True)
+    if stability and all(x is not None for x in mu):
+        unstable, doubling = _verdicts(np.array(mu))
+        some |= (unstable[1:] != unstable[:-1]) | (doubling[1:] * doubling[:-1] < 0)
+    if all(x is not None for x in clearance):
+        ends = np.array(clearance)
+        some |= (ends[1:] * ends[:-1] < 0).any(axis=1)
+    return [int(i) for i in np.flatnonzero(some)]
 
 
 def merge(arc: Arc) -> Found | None:
@@ -152,11 +167,19 @@ def _fold(arc: Arc) -> Found:
         return Found(kind, 0.0, a, True)
     if getattr(arc.problem, "smooth", not isinstance(arc.problem, Augmented)):
         try:
-            s = a.tangent[-1] / (a.tangent[-1] - b.tangent[-1])
-            return _newton(arc, kind, Fold(arc.problem, arc.name), s)
+            return _newton(arc, kind, Fold(arc.problem, arc.name), _turn(arc))
         except (NoConvergence, np.linalg.LinAlgError):
             pass
     return _root(arc, kind, lambda row: float(row.tangent[-1]))
+
+
+def _turn(arc: Arc) -> float:
+    """Where on the arc the parameter turns, by the Hermite polynomial through its ends."""
+    rise = float(arc.b.u[-1] - arc.a.u[-1])
+    begin, end = (float(row.tangent[-1]) * arc.length for row in (arc.a, arc.b))
+    roots = np.roots([3 * (begin + end) - 6 * rise, 6 * rise - 4 * begin - 2 * end, begin])
+    inside = [float(s.real) for s in roots if abs(s.imag) < 1e-12 and 0 <= s.real <= 1]
+    return inside[0] if inside else begin / (begin - end)
 
 
 def _newton(arc: Arc, kind: str, extended: Augmented, s: float, note: str = "") -> Found:
@@ -199,7 +222,13 @@ def _determinant(arc: Arc) -> Callable[[Row], float]:
 
 def _verdict(mu: ComplexArray) -> tuple[int, float]:
     """Number of unstable multipliers, and det(Phi + 1), whose sign changes at period doublings."""
-    return int(np.count_nonzero(np.abs(mu) > 1 + NEUTRAL)), float((mu + 1).prod().real)
+    unstable, doubling = _verdicts(mu[None])
+    return int(unstable[0]), float(doubling[0])
+
+
+def _verdicts(mu: ComplexArray) -> tuple[np.ndarray, Array]:
+    """The same of many sets of multipliers (P, r)."""
+    return np.count_nonzero(np.abs(mu) > 1 + NEUTRAL, axis=1), (mu + 1).prod(axis=1).real
 
 
 def _stability_changes(arc: Arc, explained: bool) -> list[Found]:

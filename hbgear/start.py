@@ -13,7 +13,7 @@ from hbgear.fourier import Array, to_real
 def guesses(problem: Any, here: dict[str, float]) -> Iterator[Array]:
     """Linear responses about the static states that Newton finds with harmonic 0 alone, from several sides."""
     compiled = problem.compiled(here)
-    linear = compiled.linear(here["Omega"])
+    linear = compiled.receptance.at(here["Omega"])
     reach = np.array([max(np.abs(law.breakpoints), default=1.0) or 1.0 for law in compiled.laws])
     reach *= _pushed(compiled.laws, linear)
     for side in (1.5, -1.5, 0.0, 4.0, -4.0):

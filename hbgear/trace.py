@@ -1,76 +1,31 @@
 """Pseudo-arclength continuation: follow the solutions of a problem as one parameter changes.
 
-    predictor   u_p = Hermite extrapolation through the last rows with their tangents, u = (X, lambda)
-    corrector   R(u) = 0,  n^T (u - u_p) = 0    Newton with the bordered matrix [J R_lambda; n^T]
-
-in unknowns scaled so that the span of the parameter and the size of the motion are one. The step h follows the
-number of Newton steps, the angle the tangent turned through and how far the prediction missed the curve; a step that
-turns too far, lands too far from where it was sent or runs back over the curve is taken again at half its length. The
-tangent passes folds without a change of parameter.
+Rows are found in strides (`stride`), in unknowns scaled so that the span of the parameter and the size of the motion
+are one. The step follows the number of Newton steps, the angle the tangent turned through and how far the prediction
+missed the curve; a step that turns too far, lands too far from where it was sent or runs back over the curve is taken
+again at half its length. The tangent passes folds without a change of parameter. Special points are looked for between
+the rows, the curve's ends at every row.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from hbgear.arc import Arc, Departure, Row, cosine, normal_of, predict, row_of
+from hbgear.arc import Arc, Departure, Row, cosine, normal_of, row_of
 from hbgear.branch import Branch, Point, Status
 from hbgear.fourier import Array
 from hbgear.jumps import find_jumps
-from hbgear.newton import NoConvergence, Settings, correct, norm, sharpen, solve
+from hbgear.newton import NoConvergence, Settings, correct, norm, solve
 from hbgear.record import Mark, branch_of
-from hbgear.special import Found, find, merge
+from hbgear.special import Found, find, merge, suspects
+from hbgear.stride import Pace, Steps, Strider
 
 Progress = Callable[[float, int, float], None]
-
-
-@dataclass(frozen=True)
-class Steps:
-    """Step control, in scaled arclength (the span of the parameter is 1).
-
-    first, longest, shortest : step lengths.
-    turn : largest angle [deg] between successive tangents; steps aim at half of it.
-    newton : Newton steps per point the step length aims at.
-    miss : largest distance of a point from its prediction, as a share of the step: what the curve does that its last
-        rows do not tell, a small loop for instance, is looked at in smaller steps. Not used with sampled corners.
-    support : rows the predictor extrapolates from, at most; 1 is the tangent alone.
-    max_points : rows after which the trace stops.
-
-    Raises
-    ------
-    ValueError
-        If lengths are not positive and in order, or a limit is out of range.
-    """
-
-    first: float = 0.01
-    longest: float = 0.04
-    shortest: float = 1e-7
-    turn: float = 20.0
-    newton: int = 3
-    miss: float = 0.02
-    support: int = 4
-    max_points: int = 5000
-
-    def __post_init__(self) -> None:
-        if not 0 < self.shortest <= self.first <= self.longest < math.inf:
-            raise ValueError(
-                f"step lengths must obey 0 < shortest <= first <= longest, got {self.shortest}, {self.first}, "
-                f"{self.longest}"
-            )
-        if not 0 < self.turn <= 60:
-            raise ValueError(f"turn = {self.turn} degrees must be above 0 and at most 60")
-        if not 0 < self.miss <= 1:
-            raise ValueError(f"miss = {self.miss} must be above 0 and at most 1")
-        if self.max_points < 2 or self.newton < 1 or self.support < 1:
-            raise ValueError(
-                f"max_points = {self.max_points} must be at least 2, newton = {self.newton} and "
-                f"support = {self.support} at least 1"
-            )
 
 
 def trace(
@@ -120,9 +75,7 @@ def trace(
     return _Tracer(problem, parameter, span, start, at, steps, settings, stability, special, progress).run()
 
 
-_HASTE = 1e3  # steps below so many of the shortest are not shortened for the sake of the prediction
 _TOGETHER = 32  # rows observed at once
-_SHARP = 1e-2  # part of the tolerance above which a converged row gets one Newton step more
 
 
 class _Tracer:
@@ -146,9 +99,12 @@ class _Tracer:
         self.rows: list[Row] = []
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
         self.waiting: list[Arc] = []  # the last pieces of the curve, not yet looked at
-        self.together = _TOGETHER if parameter == "Omega" and not getattr(problem, "auto", True) else 1
+        many = parameter == "Omega" and hasattr(problem, "linearise_all") and not problem.auto
+        self.together = _TOGETHER if many else 1
+        self.ahead = steps.ahead if many else 1
         # where corners of a law are sampled the curve itself has corners, which are not worth small steps
         self.miss = steps.miss if getattr(problem, "smooth", True) else math.inf
+        self.subharmonic = getattr(problem, "nu", 1) > 1
         self.turned = False  # whether the curve has changed its heading
         self.path, self.kept = np.empty((0, 0)), 0  # u of the first rows, and how many of them; see _earlier
         self.first = self._first_row(start)
@@ -269,7 +225,7 @@ class _Tracer:
         self.rows = [self.first]
         self._adapt()
         self.first = self.rows[0]
-        self.step = self.steps.first
+        self.pace = Pace(self.steps.first)
         try:
             status, message = self._loop()
         except KeyboardInterrupt:
@@ -293,82 +249,57 @@ class _Tracer:
         while True:
             if len(self.rows) >= self.steps.max_points:
                 return Status.MAX_POINTS, f"{len(self.rows)} points, at {self.name} = {self.rows[-1].value:.6g}"
-            last = self.rows[-1]
-            row, reason = self._advance(last)
-            if row is None:
+            rows, reason = self._advance()
+            if not rows:
                 status = Status.RETRACED if reason == _BACK else Status.STEP_TOO_SMALL
-                return status, f"{reason} at {self.name} = {last.value:.6g}; the shortest step was tried"
-            row = self._turn_outside(last, row)
-            end = self._outside(row.value)
-            if end is not None:
-                row = self._final(last, row, end)
-            closed = end is None and self._closes(last, row)
-            if closed:
-                row = self._as_now(self.first)
-            merged = merge(self._arc(last, row))
-            if merged is not None:
-                self._settle()
-                self.rows += self._observed([merged.row])
-                return Status.MERGED, f"the branch joined the one it came from at {self.name} = {merged.row.value:.6g}"
-            self._append(last, row)
+                return status, f"{reason} at {self.name} = {self.rows[-1].value:.6g}; the shortest step was tried"
+            for row in rows:
+                ended = self._take(row)
+                if ended is not None:
+                    return ended
+            self.top = max(self.top, *(self._motion_size(row.solution.X) for row in rows))
+            self.scale = self._scale(self.rows[-1].solution.X)
             self._adapt()
-            if self.progress:
-                self.progress(row.value, len(self.rows), self.step)
-            if end is not None:
-                if end == self.b:
-                    return Status.REACHED_END, f"{self.name} = {end:.6g} reached"
-                return Status.LEFT_SPAN, f"the curve turned back to {self.name} = {end:.6g}"
-            if closed:
-                return Status.CLOSED, f"the curve closed after {len(self.rows)} points"
 
-    def _advance(self, last: Row) -> tuple[Row | None, str]:
-        """The next row, or None and the reason why even the shortest step failed."""
+    def _take(self, row: Row) -> tuple[Status, str] | None:
+        """Go on to a row; status and message if the curve ends there."""
+        last = self.rows[-1]
+        row = self._turn_outside(last, row)
+        end = self._outside(row.value)
+        if end is not None:
+            row = self._final(last, row, end)
+        closed = end is None and self._closes(last, row)
+        if closed:
+            row = self._as_now(self.first)
+        merged = merge(self._arc(last, row)) if self.subharmonic else None
+        if merged is not None:
+            self._settle()
+            self.rows += self._observed([merged.row])
+            return Status.MERGED, f"the branch joined the one it came from at {self.name} = {merged.row.value:.6g}"
+        self._append(last, row)
+        if self.progress:
+            self.progress(row.value, len(self.rows), row.step)
+        if end is not None:
+            if end == self.b:
+                return Status.REACHED_END, f"{self.name} = {end:.6g} reached"
+            return Status.LEFT_SPAN, f"the curve turned back to {self.name} = {end:.6g}"
+        return (Status.CLOSED, f"the curve closed after {len(self.rows)} points") if closed else None
+
+    def _advance(self) -> tuple[list[Row], str]:
+        """The next rows, or none and the reason why even the shortest step failed."""
+        low, high = sorted((self.a, self.b))
+        strider = Strider(self.problem, self.name, self.fixed, (low, high), self.steps, self.miss, self.settings)
+        last = [self.rows[-1], *(self._as_now(row) for row in self.rows[-2 : -1 - self.steps.support : -1])]
         while True:
-            row, reason = self._attempt(last, self.step)
-            if row is not None:
-                return row, ""
-            if self.step <= self.steps.shortest:
-                return None, reason
-            self.step = max(0.5 * self.step, self.steps.shortest)
-
-    def _attempt(self, last: Row, h: float) -> tuple[Row | None, str]:
-        unit = last.tangent / norm(last.tangent / self.scale)
-        normal = normal_of(unit, self.scale)
-        normal /= norm(normal)
-        try:
-            before = [self._as_now(row) for row in self.rows[-2 : -1 - self.steps.support : -1]]
-            predicted = predict([last, *before], unit, self.scale, h)
-            solution = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings)
-            if solution.residual > _SHARP * self.settings.tolerance:
-                solution = sharpen(self.problem, solution, normal, self.name, self.fixed, self.settings)
-            row = row_of(solution, normal, self.scale, h, last)
-        except NoConvergence as error:
-            return None, str(error)
-        except np.linalg.LinAlgError:
-            return None, "the bordered matrix is singular"
-        except ValueError as error:  # the parameter left the range its model allows
-            return None, str(error)
-        cosine = float((row.tangent / self.scale) @ (unit / self.scale))
-        angle = math.degrees(math.acos(min(1.0, max(-1.0, cosine))))
-        if norm((row.u - last.u) / self.scale) > 1.5 * h:
-            return None, "the corrector landed far from the prediction"
-        if angle > self.steps.turn:
-            return None, f"the tangent turned by {angle:.0f} degrees"
-        missed = norm((row.u - predicted) / self.scale) / h
-        if missed > self.miss and before and h > _HASTE * self.steps.shortest:
-            return None, f"the prediction missed the curve by {missed:.0%} of the step"
-        if self._runs_back(last, row):
-            return None, _BACK
-        self._set_step(solution.iterations, angle, missed, h)
-        return row, ""
-
-    def _set_step(self, iterations: int, angle: float, missed: float, h: float) -> None:
-        """Next step from the Newton count, the turning angle and the prediction, at most doubled or halved."""
-        by_newton = 2.0 ** ((self.steps.newton - iterations) / 2)
-        by_angle = 0.5 * self.steps.turn / max(angle, 0.1)
-        by_miss = (0.5 * self.miss / max(missed, 1e-9)) ** 0.5
-        factor = min(2.0, max(0.5, min(by_newton, by_angle, by_miss)))
-        self.step = min(self.steps.longest, max(self.steps.shortest, factor * h))
+            room = self.steps.max_points - len(self.rows)
+            step, count = self.pace
+            rows, pace, reason = strider.stride(last, self.scale, Pace(step, min(count, self.ahead, room)))
+            kept = self._before_running_back(rows)
+            if kept < len(rows):
+                rows, reason, pace = rows[:kept], _BACK, Pace(max(0.5 * step, self.steps.shortest))
+            self.pace = pace
+            if rows or step <= self.steps.shortest:
+                return rows, reason
 
     def _append(self, last: Row, row: Row) -> None:
         """Store a row; what lies between it and the last is looked at when enough rows have come together."""
@@ -377,8 +308,6 @@ class _Tracer:
         self.turned = self.turned or row.heading != last.heading
         if len(self.waiting) >= self.together:
             self._settle()
-        self.top = max(self.top, self._motion_size(row.solution.X))
-        self.scale = self._scale(row.solution.X)
         if hasattr(self.problem, "rebased"):
             self.problem = self.problem.rebased(row.solution.X, {**self.fixed, self.name: row.value})
 
@@ -390,9 +319,10 @@ class _Tracer:
         rows = self._observed(self.rows[start:])
         found: list[tuple[int, Found]] = []
         if self.special:
-            before = [self.rows[start - 1], *rows[:-1]]
-            for i, (arc, a, b) in enumerate(zip(self.waiting, before, rows, strict=True)):
-                found += [(start + i, point) for point in find(replace(arc, a=a, b=b), self.stability)]
+            path = [self.rows[start - 1], *rows]
+            for i in suspects(path, self.stability):
+                arc = replace(self.waiting[i], a=path[i], b=path[i + 1])
+                found += [(start + i, point) for point in find(arc, self.stability)]
             located = iter(self._observed([point.row for _, point in found if point.located]))
             found = [(i, replace(point, row=next(located)) if point.located else point) for i, point in found]
         self.rows[start:], self.waiting = rows, []
@@ -500,17 +430,30 @@ class _Tracer:
         first = self._as_now(self.first)
         return cosine(row, first, self.scale) > 0 and self._arc(last, row).passes(first)
 
-    def _runs_back(self, last: Row, row: Row) -> bool:
-        """Whether the piece passes through an earlier row in the opposite direction."""
-        if len(self.rows) < 4 or not (self.turned or row.heading != last.heading):
-            return False
+    def _before_running_back(self, rows: list[Row]) -> int:
+        """How many of the new rows come before the curve runs back over an earlier row."""
+        path = [self.rows[-1], *rows]
+        turned = self.turned or any(row.heading != path[0].heading for row in rows)
+        if len(self.rows) < 4 or not turned:
+            return len(rows)
+        earlier = self._earlier() / self.scale
+        u = np.array([row.u for row in path]) / self.scale
+        apart = np.square(earlier).sum(axis=1)[:, None] - 2 * earlier @ u.T + np.square(u).sum(axis=1)
+        reach = np.square(u[1:] - u[:-1]).sum(axis=1)
+        for k in np.flatnonzero((apart[:, 1:] < _NEAR * reach).any(axis=0)):
+            if self._runs_back(path[k], path[k + 1], earlier):
+                return int(k)
+        return len(rows)
+
+    def _runs_back(self, last: Row, row: Row, earlier: Array) -> bool:
+        """Whether the piece passes through an earlier row, at ``earlier`` in scaled unknowns, in the other direction."""
         chord = (row.u - last.u) / self.scale
-        offsets = (self._earlier() - last.u) / self.scale
+        offsets = earlier - last.u / self.scale
         s = np.clip(offsets @ chord / (chord @ chord), 0, 1)
         away = offsets - s[:, None] * chord
         near = np.flatnonzero(np.einsum("ij,ij->i", away, away) < 0.01 * (chord @ chord))
-        earlier, arc = [self._as_now(self.rows[i]) for i in near], self._arc(last, row)
-        return any(cosine(row, other, self.scale) < 0 and arc.passes(other) for other in earlier)
+        others, arc = [self._as_now(self.rows[i]) for i in near], self._arc(last, row)
+        return any(cosine(row, other, self.scale) < 0 and arc.passes(other) for other in others)
 
     def _earlier(self) -> Array:
         """Unknowns (P, n + 1) of all rows but the last three, in the present number of harmonics."""
@@ -526,6 +469,7 @@ class _Tracer:
 
 
 _BACK = "the curve ran back over itself"
+_NEAR = 1.3  # squared distance from its end, in its length squared, that what lies beside a piece may have
 
 
 def _check_start(problem: Any, X: Array) -> None:

@@ -31,7 +31,7 @@ from matplotlib.figure import Figure
 import hbgear as hb
 from hbgear import newton
 from studies import study
-from studies.speed.batched import Batch, bordered
+from studies.speed.batched import Batch
 from studies.speed.profile import Counted
 
 ALONE = True
@@ -96,7 +96,7 @@ def jobs(name: str, sizes: tuple[int, ...]) -> dict[tuple[int, str], Callable[[f
         now, n, b = batch.linearise(X[:B], Omega[:B]), normal[:B], rhs[:B, :, None]
         x, w = X[:B], Omega[:B]
         out[B, "evaluation"] = partial(_repeat, turns, lambda f, batch=batch, x=x, w=w: batch.linearise(x, f * w))
-        out[B, "solution"] = partial(_repeat, turns, lambda f, now=now, n=n, b=b: np.linalg.solve(bordered(now, n), b))
+        out[B, "solution"] = partial(_repeat, turns, lambda f, now=now, n=n, b=b: np.linalg.solve(newton.all_bordered(now, n), b))
     return out
 
 

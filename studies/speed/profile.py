@@ -41,12 +41,13 @@ SUPPORTS = (1, 2, 3, 4, 5)
 class Counted(hb.HarmonicBalance):
     """A balance that counts how often it is evaluated."""
 
-    calls = 0
+    calls = motions = 0
 
-    def linearise(self, X: np.ndarray, name: str, **parameters: float) -> Any:
-        """As `HarmonicBalance.linearise`."""
+    def linearise_all(self, X: np.ndarray, Omega: np.ndarray, **parameters: float) -> Any:
+        """As `HarmonicBalance.linearise_all`."""
         self.calls += 1
-        return super().linearise(X, name, **parameters)
+        self.motions += len(X)
+        return super().linearise_all(X, Omega, **parameters)
 
 
 def seconds(call: Callable[[], Any], repeats: int) -> float:

@@ -108,7 +108,7 @@ def test_series():
 @pytest.mark.parametrize(("H", "N"), [(1, 3), (5, 11), (5, 64), (16, 135)])
 def test_transform(rng, H, N):
     rows = rng.standard_normal((2, 2 * H + 1))
-    t = Transform(H, N, 2)
+    t = Transform(H, N)
     samples = t.samples(to_complex(rows))
     np.testing.assert_allclose(samples, evaluate(rows, 2 * np.pi * np.arange(N) / N), atol=1e-12)
     two_sided = to_complex(rows) * np.where(np.arange(H + 1) == 0, 1.0, 0.5)
@@ -116,7 +116,7 @@ def test_transform(rng, H, N):
 
 
 def test_transforms_do_not_share_or_overwrite(rng):
-    a, b = Transform(3, 16, 1), Transform(3, 16, 1)
+    a, b = Transform(3, 16), Transform(3, 16)
     one, other = rng.standard_normal((2, 1, 7))
     kept, spectrum = a.samples(to_complex(one)), a.spectrum(evaluate(one, THETA[:16]))
     before = kept.copy(), spectrum.copy()
@@ -131,4 +131,4 @@ def test_transforms_do_not_share_or_overwrite(rng):
 
 def test_too_few_samples():
     with pytest.raises(ValueError, match="N = 16 samples cannot resolve H = 8 harmonics; need N >= 17"):
-        Transform(8, 16, 1)
+        Transform(8, 16)

@@ -9,9 +9,6 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.basis import Toeplitz, one_sided
-from hbgear.contact import ContactProjector, crossings
-from hbgear.fourier import samples_of, to_complex, to_real
 
 matplotlib.use("Agg")
 
@@ -45,28 +42,6 @@ def test_batch_is_every_problem_by_itself(modules, case):
         assert now.dR_dX[i] == pytest.approx(one.dR_dX, abs=1e-13 * np.abs(one.dR_dX).max())
         assert now.dR_dp[i] == pytest.approx(one.dR_dp, abs=1e-13 * np.abs(one.dR_dp).max())
         assert now.size[i] == pytest.approx(one.size, rel=1e-13)
-
-
-def test_projection_of_rough_motions(modules):
-    """Many crossings, both sides, three in a cell, motions that just reach a corner: instants and projections agree."""
-    batched, _ = modules
-    rng = np.random.default_rng(4)
-    laws = [hb.Backlash(b) for b in rng.uniform(0.2, 1.0, 200)]
-    rows = rng.standard_normal((200, 15)) * rng.choice([0.1, 0.5, 2.0], (200, 1))
-    rows[0] = np.eye(15)[1] * (laws[0].corners[1] * (1 + 1e-9))
-    c = to_complex(rows)
-    samples = samples_of(c, 64)
-    one, many = ContactProjector(laws, 1), batched._Projector(laws, 1)
-    expected = crossings(c, one.level, one.rows, samples)
-    found = batched.instants(c, one.level, one.rows, samples)
-    assert np.array_equal(found.row, expected.row) and np.array_equal(found.sign, expected.sign)
-    assert found.theta == pytest.approx(expected.theta, abs=1e-10)
-    assert set(np.bincount(expected.row)) >= {0, 2, 4}
-    forces = []
-    for projector in (one, many):
-        kappa, chi = projector.project(c, samples, 14)
-        forces.append((Toeplitz(7)(kappa) @ rows[..., None])[..., 0] + to_real(one_sided(chi[:, :8])))
-    assert forces[1] == pytest.approx(forces[0], abs=1e-12)  # an error of an instant enters a force squared
 
 
 def test_batch_refuses_what_it_cannot_hold(modules):

@@ -21,8 +21,9 @@ from hbgear import (
     System,
     trace,
 )
-from hbgear.arc import Row, predict
+from hbgear.arc import Row
 from hbgear.newton import Evaluation, linearise, solve
+from hbgear.stride import predict
 
 
 class Curve:
@@ -148,7 +149,7 @@ def test_prediction_from_k_rows_is_of_order_2k(k):
     lengths, errors = 0.12 * 1.5 ** -np.arange(4), []
     for h in lengths:
         rows = [row_at(1.0 - h * s) for s in (0.0, 0.8, 1.5, 2.7)[:k]]
-        u = predict(rows, rows[0].tangent, np.ones(2), h)
+        (u,) = predict(rows, rows[0].tangent, np.ones(2), np.array([h]))
         assert (u - rows[0].u) @ rows[0].tangent == pytest.approx(h, rel=1e-12)  # on the plane of the corrector
         errors.append(abs(np.hypot(*u) - 1))
     order = np.diff(np.log(errors)) / np.diff(np.log(lengths))
@@ -160,7 +161,8 @@ def test_prediction_uses_a_row_across_a_corner_no_more_than_it_helps():
     here, before = row_at(1.0), row_at(1.05)
     turned = replace(before, tangent=np.array([before.tangent[1], -before.tangent[0]]))
     straight = here.u + 0.05 * here.tangent
-    np.testing.assert_allclose(predict([here, turned], here.tangent, np.ones(2), 0.05), straight, rtol=1e-12)
+    (u,) = predict([here, turned], here.tangent, np.ones(2), np.array([0.05]))
+    np.testing.assert_allclose(u, straight, rtol=1e-12)
 
 
 @pytest.mark.parametrize("first", [0.01, 0.013, 0.02, 0.027, 0.04])
@@ -182,8 +184,8 @@ def test_a_small_loop_is_not_stepped_over(first):
 
 def test_more_rows_save_newton_steps():
     """The tangent alone, and polynomials through two and four rows."""
-    curves = [trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=Steps(support=k), stability=False)
-              for k in (1, 2, 4)]  # fmt: skip
+    curves = [trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=Steps(support=k, ahead=1),
+                    stability=False) for k in (1, 2, 4)]  # fmt: skip
     needed = [curve.iterations.sum() for curve in curves]
     assert needed[0] > 1.2 * needed[1] > 1.2 * 1.2 * needed[2]
     assert curves[2].iterations[5:].mean() < 1.2
@@ -407,7 +409,8 @@ def test_a_start_on_a_fold_either_works_or_says_so():
         ({"turn": 0.0}, "turn = 0.0 degrees must be above 0"),
         ({"max_points": 1}, "max_points = 1 must be at least 2"),
         ({"miss": 0.0}, "miss = 0.0 must be above 0"),
-        ({"support": 0}, "support = 0 at least 1"),
+        ({"support": 0}, "support = 0 and ahead = 8 at least 1"),
+        ({"ahead": 0}, "ahead = 0 at least 1"),
     ],
 )
 def test_bad_steps(settings, message):

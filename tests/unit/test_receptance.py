@@ -155,7 +155,7 @@ def test_dependent_directions():
 def test_critically_damped_structure(zeta):
     """Two poles meet and their modes with them: Z is still 1 - w^2 + 2 zeta i w, and the multipliers stay small."""
     problem = HarmonicBalance(Duffing(zeta=zeta), H)
-    part = problem.compiled({}).linear(0.8)
+    part = problem.compiled({}).receptance.at(0.8)
     w = 0.8 * np.arange(H + 1)
     np.testing.assert_allclose(part.Z[:, 0, 0], 1 - w**2 + 2j * zeta * w, rtol=1e-9)
     X = problem.start(0.8)
