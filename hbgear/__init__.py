@@ -23,10 +23,10 @@ from hbgear.peaks import peaks
 from hbgear.reduction import Reduction, reduce
 from hbgear.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.shooting import shoot
+from hbgear.stride import Steps
 from hbgear.sweep import basins, sweep
 from hbgear.switch import switch
 from hbgear.timedomain import integrate
-from hbgear.stride import Steps
 from hbgear.trace import trace
 from hbgear.validate import validate
 

@@ -7,13 +7,13 @@ and a distance mean the same whatever the units of X and lambda.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from hbgear.fourier import Array
-from hbgear.newton import NoConvergence, Settings, Solution, correct, corrected, norm
+from hbgear.newton import Evaluation, NoConvergence, Settings, Solution, correct, corrected, norm
 
 
 @dataclass(frozen=True)
@@ -141,6 +141,12 @@ def row_of(solution: Solution, normal: Array, scale: Array, step: float = 0.0, b
 def orientations(A: Array) -> list[int]:
     """Signs of the determinants of bordered matrices (k, n + 1, n + 1); +1 for none."""
     return [-1 if sign < 0 else 1 for sign in np.linalg.slogdet(A)[0].tolist()]
+
+
+def without_evaluation(row: Row) -> Row:
+    """The row without the matrices it was corrected with, which take far more room than all else."""
+    nothing = Evaluation(np.empty(0), np.empty((0, 0)), np.empty(0), row.solution.evaluation.size)
+    return replace(row, solution=replace(row.solution, evaluation=nothing))
 
 
 def row_along(

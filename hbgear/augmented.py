@@ -29,7 +29,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import scipy  # its parts are imported when they are first used
 
-from hbgear.fourier import Array, extrema, waves
+from hbgear.fourier import Array, waves
 from hbgear.newton import Evaluation, bordered, jacobians, linearise, linearise_all, norm
 
 _STEP = 1e-5  # relative step of the directional differences
@@ -359,12 +359,10 @@ class Grazing(Augmented):
     def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
         """See `Augmented.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
-        g = float(self.problem.clearance(X, **here)[self.which])
-        rows = X.reshape(self.problem.m, -1)
+        g, at = self.problem.graze(X, self.which, **here)
         element = self.problem.clearance_elements[self.which]
-        _, low_at, _, high_at = extrema(rows[element])
-        w = waves(high_at if self.which % 2 else low_at, self.problem.H)[0]
-        slope = np.zeros_like(rows)
+        w = waves(at, self.problem.H)[0]
+        slope = np.zeros((self.problem.m, 2 * self.problem.H + 1))
         slope[element, 0], slope[element, 1::2], slope[element, 2::2] = 1.0, w.real[1:], w.imag[1:]
         weight = self._weighted(now.size, 1.0 + float(np.linalg.norm(X)))
         R_name = linearise(self.problem, X, name, here).dR_dp if name else None
@@ -379,9 +377,9 @@ class Grazing(Augmented):
         ends: list[tuple[float, float]] = []
         for value in (here[name] + h, here[name] - h):
             try:
-                ends.append((value, float(self.problem.clearance(X, **{**here, name: value})[self.which])))
+                ends.append((value, self.problem.graze(X, self.which, **{**here, name: value})[0]))
             except ValueError:
-                ends.append((here[name], float(self.problem.clearance(X, **here)[self.which])))
+                ends.append((here[name], self.problem.graze(X, self.which, **here)[0]))
         return (ends[0][1] - ends[1][1]) / (ends[0][0] - ends[1][0])
 
 

@@ -34,7 +34,7 @@ from hbgear.fourier import (
 )
 from hbgear.laws import Law, PiecewiseLinear
 from hbgear.model import Model, System, describe, did_you_mean
-from hbgear.newton import Evaluation, NoConvergence, norms, solve, solve_from_afar
+from hbgear.newton import Evaluation, Evaluations, NoConvergence, norms, solve, solve_from_afar
 from hbgear.receptance import LinearPart, Receptance, Structure
 from hbgear.stability import multipliers, multipliers_of
 from hbgear.start import guesses
@@ -345,18 +345,20 @@ class HarmonicBalance:
         dR/dOmega is analytic; the derivative in a model parameter is a central difference of the residual.
         """
         rest = {key: value for key, value in parameters.items() if key != "Omega"}
-        R, J, dR, size = (x[0] for x in self.linearise_all(X[None], np.array([parameters["Omega"]]), **rest))
+        now = self.linearise_all(X[None], np.array([parameters["Omega"]]), **rest)
+        R, J, dR, size = now.R[0], now.dR_dX[0], now.dR_dp[0], now.size[0]
         if name != "Omega":
             dR = self._difference(X, name, parameters) if name else np.zeros(len(R))
         return Evaluation(R, J, dR, float(size))
 
-    def linearise_all(self, X: Array, Omega: Array, **parameters: float) -> Evaluation:
+    def linearise_all(self, X: Array, Omega: Array, **parameters: float) -> Evaluations:
         """`linearise` in Omega of many motions X (P, n) at frequencies Omega (P,), all other parameters equal.
 
-        Each entry has the axis P before the others. Eight motions cost little more than one.
+        Eight motions cost little more than one.
         """
         compiled = self.compiled(parameters)
-        matrices, constants = (linear := compiled.linear(Omega)).matrices, linear.constants
+        linear = compiled.linear(Omega)
+        matrices, constants = linear.matrices, linear.constants
         P, m, n = len(X), self.m, 2 * self.H + 1
         rows = X.reshape(P, m, n)
         c = to_complex(rows)
@@ -371,7 +373,8 @@ class HarmonicBalance:
         for j in range(m):
             J[:, j, :, j, :] += own[:, j]
         size = norms(f) + norms(moved[0]) + norms(constants[0])
-        return Evaluation(R.reshape(P, -1), J.reshape(P, m * n, m * n), dR.reshape(P, -1), np.where(size > 0, size, 1.0))
+        size[size == 0] = 1.0
+        return Evaluations(R.reshape(P, -1), J.reshape(P, m * n, m * n), dR.reshape(P, -1), size)
 
     def residual(self, X: Array, **parameters: float) -> Array:
         """R alone (n,)."""
@@ -436,6 +439,12 @@ class HarmonicBalance:
         """
         return self._reach(X[None], self.compiled(parameters))[0][0]
 
+    def graze(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
+        """One entry of `clearance`, and the phase at which its extremum lies."""
+        compiled, (corner, highest) = self.compiled(parameters), divmod(which, 2)
+        ends = extrema(X.reshape(self.m, -1)[compiled.element[corner]])
+        return float(ends[2 * highest] - compiled.corner[corner]), float(ends[2 * highest + 1])
+
     def _reach(self, X: Array, compiled: _Compiled) -> tuple[Array, np.ndarray]:
         """Clearances and regimes of many motions (P, n)."""
         if not compiled.corner.size:
@@ -466,7 +475,9 @@ class HarmonicBalance:
         q = compiled.receptance.motion(parameters["Omega"], to_complex(X.reshape(self.m, -1)).T, f)
         return to_real(q.T)
 
-    def multipliers(self, X: Array, points: int = 6, width: float | None = None, **parameters: float) -> ComplexArray:
+    def multipliers(
+        self, X: Array, points: int | None = None, width: float | None = None, **parameters: float
+    ) -> ComplexArray:
         """Floquet multipliers of the motion, largest first; see `stability.multipliers`."""
         return multipliers(self, X, points=points, width=width, **parameters)
 

@@ -64,9 +64,10 @@ def crossings(c: ComplexArray, level: Array, rows: np.ndarray, samples: Array) -
     bend = (np.abs(c) @ np.arange(c.shape[-1]) ** 2)[rows]
     changes = np.nonzero(above[:, 1:] != above[:, :-1])
     near = np.nonzero(np.abs(x[:, :-1]) <= ((2 * np.pi / N) ** 2 * bend)[:, None])
-    toward = _toward(x, *near)
-    near = tuple(place[toward] for place in near)
     found: list[tuple[int, float, int]] = []
+    if near[0].size:
+        toward = _toward(x, *near)
+        near = tuple(place[toward] for place in near)
     if len(changes[0]) > _FEW:
         found, left = _roots(c[rows], level, bend, x, *changes)
         changes = tuple(place[left] for place in changes)
@@ -284,12 +285,15 @@ class ContactProjector:
         share = found.above - np.bincount(found.row, found.sign * found.theta, len(self.level)) / (2 * np.pi)
         both = np.empty((2, len(c), len(turns) + 1), dtype=complex)
         both[:, :, 0] = self.base + self.weights @ share
-        # sums over the instants of each element, which lie side by side, as differences of one running sum
-        each = (self.own[:, found.row] * found.sign)[..., None] * np.exp(found.theta[:, None] * turns)
-        running = np.zeros((2, len(found.row) + 1, len(turns)), dtype=complex)
-        np.cumsum(each, axis=1, out=running[:, 1:])
-        edge = np.searchsorted(self.rows[found.row], np.arange(len(c) + 1))
-        np.multiply(running[:, edge[1:]] - running[:, edge[:-1]], kernel, out=both[:, :, 1:])
+        if found.row.size:
+            # sums over the instants of each element, which lie side by side, as differences of one running sum
+            each = (self.own[:, found.row] * found.sign)[..., None] * np.exp(found.theta[:, None] * turns)
+            running = np.zeros((2, len(found.row) + 1, len(turns)), dtype=complex)
+            np.cumsum(each, axis=1, out=running[:, 1:])
+            edge = np.searchsorted(self.rows[found.row], np.arange(len(c) + 1))
+            np.multiply(running[:, edge[1:]] - running[:, edge[:-1]], kernel, out=both[:, :, 1:])
+        else:
+            both[:, :, 1:] = 0.0
         kappa, chi = modulate(self.series, both, order, self.shifts)
         return kappa, chi
 

@@ -42,6 +42,15 @@ class Evaluation(NamedTuple):
     size: float
 
 
+class Evaluations(NamedTuple):
+    """Evaluations of k points: R (k, n), dR_dX (k, n, n), dR_dp (k, n) and sizes (k,)."""
+
+    R: Array
+    dR_dX: Array
+    dR_dp: Array
+    size: Array
+
+
 class NoConvergence(RuntimeError):
     """Newton's method failed; carries the last iterate ``X``, ``parameters`` and relative ``residuals``."""
 
@@ -102,13 +111,13 @@ def linearise(problem: Any, X: Array, name: str, parameters: Mapping[str, float]
     return Evaluation(np.asarray(R), np.asarray(J), (plus - minus) / (2 * h), 1.0 + float(np.linalg.norm(X)))
 
 
-def linearise_all(problem: Any, U: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:
-    """`linearise` at points U (k, n + 1) of unknowns and parameter; every entry has the axis k before the others."""
+def linearise_all(problem: Any, U: Array, name: str, parameters: Mapping[str, float]) -> Evaluations:
+    """`linearise` at points U (k, n + 1) of unknowns and parameter."""
     if name == "Omega" and hasattr(problem, "linearise_all"):
         rest = {key: value for key, value in parameters.items() if key != name}
         return problem.linearise_all(U[:, :-1], U[:, -1], **rest)
     each = [linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])}) for u in U]
-    return Evaluation(*(np.array(x) for x in zip(*each, strict=True)))
+    return Evaluations(*(np.array(x) for x in zip(*each, strict=True)))
 
 
 def jacobians(problem: Any, U: Array, name: str, parameters: Mapping[str, float]) -> Array:
@@ -301,6 +310,7 @@ class Corrected(NamedTuple):
     A: Array
 
 
+_PATIENCE = 2  # Newton steps in which all points but the first must converge: where they do not, they are too far
 _SHARP = 1e-2  # part of the tolerance above which a converged point gets one Newton step more
 
 
@@ -321,41 +331,50 @@ def correct_all(
     numpy.linalg.LinAlgError
         If a bordered matrix is singular.
     """
-    u, left, failed, reason = predicted.copy(), np.arange(len(predicted)), len(predicted), ""
+    u, left, reason = predicted, list(range(len(predicted))), ""
+    last, first = [math.inf] * len(u), [math.inf] * len(u)  # Newton steps relative to |u|, and first residuals
     found: dict[int, Corrected] = {}
-    best, step, first = (np.full(len(u), np.inf) for _ in range(3))
     for iteration in range(settings.max_iterations + 2):
-        now = linearise_all(problem, u[left], name, parameters)
-        residual = norms(now.R) / now.size
-        again = np.isfinite(best[left])  # converged before this step
-        close = (residual <= settings.tolerance) & ((step[left] <= settings.step_tolerance) | (iteration == 0))
-        A, rhs = all_bordered(now, normal), np.zeros((len(left), u.shape[1], 2))
-        rhs[:, :-1, 0], rhs[:, -1, 0], rhs[:, -1, 1] = now.R, (u[left] - predicted[left]) @ normal, 1.0
+        now = linearise_all(problem, u, name, parameters)
+        residuals = (norms(now.R) / now.size).tolist()
+        A, rhs = all_bordered(now, normal), np.zeros((*u.shape, 2))
+        rhs[:, :-1, 0], rhs[:, -1, 0], rhs[:, -1, 1] = now.R, (u - predicted[left]) @ normal, 1.0
         both = np.linalg.solve(A, rhs)
-        for j in np.flatnonzero(np.where(again, residual < best[left], close)):
-            i = int(left[j])
-            point = Evaluation(now.R[j], now.dR_dX[j], now.dR_dp[j], float(now.size[j]))
-            solution = Solution(u[i, :-1].copy(), float(u[i, -1]), point, iteration, float(residual[j]))
-            found[i], best[i] = Corrected(solution, both[j, :, 1], A[j]), residual[j]
-        first[left] = residual if iteration == 0 else first[left]
-        lost = ~np.isfinite(residual) | ((iteration > 3) & (residual > 10 * first[left]))
-        lost = (lost | (iteration >= settings.max_iterations)) & ~np.isfinite(best[left])
-        if lost.any():
-            worst = int(np.flatnonzero(lost)[0])
-            failed = int(left[worst])
-            reason = f"the corrector stopped at a relative residual of {residual[worst]:.2e} after {iteration} steps"
-        du = both[..., 0]
-        u[left] -= du
-        step[left] = norms(du) / np.maximum(norms(u[left]), 1e-300)
-        done = again | (np.isfinite(best[left]) & ((residual <= _SHARP * settings.tolerance)
-                                                   | (step[left] > settings.step_tolerance)))  # fmt: skip
-        left = left[~done & (left < failed)]
-        if not left.size:
+        onward = u - both[..., 0]
+        steps = (norms(both[..., 0]) / np.maximum(norms(onward), 1e-300)).tolist()
+        go_on = []
+        for j, (i, residual) in enumerate(zip(left, residuals, strict=True)):
+            known = found.get(i)
+            close = residual <= settings.tolerance and (last[i] <= settings.step_tolerance or iteration == 0)
+            if close if known is None else residual < known.solution.residual:
+                point = Evaluation(now.R[j].copy(), now.dR_dX[j].copy(), now.dR_dp[j].copy(), float(now.size[j]))
+                solution = Solution(u[j, :-1], float(u[j, -1]), point, iteration, residual)
+                found[i] = Corrected(solution, both[j, :, 1], A[j])
+            last[i], first[i] = steps[j], min(first[i], residual) if iteration else residual
+            if known is not None or (close and residual <= _SHARP * settings.tolerance):
+                continue
+            if close:
+                if steps[j] <= settings.step_tolerance:
+                    go_on.append(j)
+                continue
+            patience = min(_PATIENCE, settings.max_iterations) if i else settings.max_iterations
+            diverged = not math.isfinite(residual) or (iteration > 3 and residual > 10 * first[i])
+            if diverged or iteration >= patience:
+                reason = f"the corrector stopped at a relative residual of {residual:.2e} after {iteration} steps"
+                break
+            go_on.append(j)
+        if not go_on:
             break
-    return [found[i] for i in range(failed)], reason
+        u, left = onward[go_on], [left[j] for j in go_on]
+    points = []
+    for i in range(len(predicted)):
+        if i not in found:
+            break
+        points.append(found[i])
+    return points, reason
 
 
-def all_bordered(now: Evaluation, normal: Array) -> Array:
+def all_bordered(now: Evaluations, normal: Array) -> Array:
     """`bordered` of stacked evaluations, (k, n + 1, n + 1), with one normal (n + 1,) or one each (k, n + 1)."""
     k, n = now.R.shape
     A = np.empty((k, n + 1, n + 1))

@@ -42,12 +42,13 @@ if TYPE_CHECKING:
 
 _SHARE = 0.2  # longest step as a share of the excitation period, whatever the structure
 _COARSE = 32  # phases of an excitation period at which the modulations are looked at for their size
+_LARGE = 24  # states for each element from which a structure is large
 _ROOM = 1_000_000  # numbers that the matrices of the motions computed at once may have
 _CACHE = 16_000  # numbers in matrices of steps that stay close to the processor
 
 
 def multipliers(
-    problem: HarmonicBalance, X: Array, *, points: int = 6, width: float | None = None, **parameters: float
+    problem: HarmonicBalance, X: Array, *, points: int | None = None, width: float | None = None, **parameters: float
 ) -> ComplexArray:
     """Floquet multipliers of the motion X over its period 2 pi nu / Omega, largest magnitude first.
 
@@ -55,10 +56,11 @@ def multipliers(
     ----------
     problem : `HarmonicBalance` whose unknowns X are.
     X : (m (2H + 1),) coefficients of a periodic motion.
-    points : s, Gauss points per step; the scheme has order 2s.
+    points : s, Gauss points per step; the scheme has order 2s. By default 6, or 10 for a large structure, where
+        products of matrices cost most and fewer steps are worth more points.
     width : longest step (of a large structure: part of a step), in units of the time in which the stiffest spring of
-        the elements would turn the structure's inertia by one radian; by default s / 5. None is longer than a fifth of
-        the excitation period.
+        the elements would turn the structure's inertia by one radian; by default s / 5, or with these 10 points 4.
+        None is longer than a fifth of the excitation period.
     parameters : ``Omega`` and any model parameters that differ.
 
     Returns
@@ -75,7 +77,7 @@ def multipliers(
 
 
 def multipliers_of(
-    problem: HarmonicBalance, X: Array, Omega: Array, *, points: int = 6, width: float | None = None,
+    problem: HarmonicBalance, X: Array, Omega: Array, *, points: int | None = None, width: float | None = None,
     **parameters: float,
 ) -> ComplexArray:  # fmt: skip
     """Multipliers (P, r) of P motions X (P, m (2H + 1)) at the frequencies Omega (P,); see `multipliers`.
@@ -87,7 +89,7 @@ def multipliers_of(
 
 
 def monodromy(
-    problem: HarmonicBalance, X: Array, *, points: int = 6, width: float | None = None, **parameters: float
+    problem: HarmonicBalance, X: Array, *, points: int | None = None, width: float | None = None, **parameters: float
 ) -> Array:
     """Real matrix (r, r) that carries a disturbance over one period, in real modal coordinates; see `multipliers`."""
     Omega = np.array([parameters.pop("Omega")])
@@ -95,7 +97,7 @@ def monodromy(
 
 
 def monodromies(
-    problem: HarmonicBalance, X: Array, Omega: Array, *, points: int = 6, width: float | None = None,
+    problem: HarmonicBalance, X: Array, Omega: Array, *, points: int | None = None, width: float | None = None,
     **parameters: float,
 ) -> Array:  # fmt: skip
     """The matrices (P, r, r) of P motions; see `multipliers_of` and `monodromy`."""
@@ -106,7 +108,9 @@ def monodromies(
             "trace with stability=False or reduce the model"
         )
     modes, kr = _halved(compiled.structure.modes), compiled.structure.kr
-    width = points / 5.0 if width is None else width
+    large = points is None and modes.size >= _LARGE * problem.m
+    points = (10 if large else 6) if points is None else points
+    width = (4.0 if large else points / 5.0) if width is None else width
     parts = max(1, modes.size // (2 * points * problem.m))  # about half as many nodes in a step as states
     together = 1 + _ROOM // (4 * modes.size**2 + 20_000)
     out = np.empty((len(X), modes.size, modes.size))

@@ -33,7 +33,7 @@ class Steps:
         rows do not tell, a small loop for instance, is looked at in smaller steps. Not used with sampled corners.
     support : rows the predictor extrapolates from, at most; 1 is the tangent alone.
     ahead : rows predicted and corrected together, at most, where that is cheaper: in Omega, with a fixed number of
-        harmonics. The rows obey the same limits as one after the other.
+        harmonics and no sampled corners. The rows obey the same limits as one after the other.
     max_points : rows after which the trace stops.
 
     Raises
@@ -87,7 +87,7 @@ class Stride(NamedTuple):
 _HASTE = 1e3  # steps below so many of the shortest are not shortened for the sake of the prediction
 _FAR = 1.5  # distance of two rows, in steps, that is too large
 _BENT = 0.8  # cosine of the turn of a stride at which it ends
-_SURE = 0.25  # part of the largest miss up to which more rows are sought together
+_LEAST = 4  # rows sought together after a stride that found any: those that are refused cost little
 
 
 @dataclass(frozen=True)
@@ -116,13 +116,12 @@ class Strider:
                 self.problem, predicted, normal / norm(normal), self.name, self.fixed, self.settings
             )
         except (ValueError, np.linalg.LinAlgError) as error:  # out of the range of a model, or a singular matrix
-            return Stride([], Pace(pace.step) if pace.rows > 1 else self._shorter(pace), str(error))
+            return Stride([], Pace(pace.step) if pace.rows > 1 else self.shorter(pace.step), str(error))
         found, reason_of, turns, misses = self._judged(rows, predicted, points, scale, pace.step)
         reason = reason_of or reason
         if not found:
-            return Stride([], self._shorter(pace), reason)
-        sure = not reason and misses[-1] <= _SURE * self.miss
-        together = min(self.steps.ahead, 2 * pace.rows) if sure else len(found)
+            return Stride([], self.shorter(pace.step), reason)
+        together = min(self.steps.ahead, max(_LEAST, 2 * len(found)))
         step = self._next_step(found[0].solution.iterations, max(turns), misses[0], pace.step)
         return Stride(found, Pace(step, together), reason)
 
@@ -168,8 +167,9 @@ class Strider:
                                    found[-1] if found else rows[0]))  # fmt: skip
         return found, "", turns, misses
 
-    def _shorter(self, pace: Pace) -> Pace:
-        return Pace(max(0.5 * pace.step, self.steps.shortest))
+    def shorter(self, step: float) -> Pace:
+        """The pace after a step that was too long."""
+        return Pace(max(0.5 * step, self.steps.shortest))
 
     def _next_step(self, iterations: int, angle: float, missed: float, step: float) -> float:
         """Next step from the Newton count, the turning angle and the prediction, at most doubled or halved."""
@@ -210,7 +210,7 @@ def predict(rows: Sequence[Row], unit: Array, scale: Array, distance: Array) -> 
 
 
 def _hermite(x: Array, at: Array) -> tuple[Array, Array]:
-    """Weights (k, r) of the values and of the slopes at the nodes x (r,) in the Hermite polynomial at other places (k,)."""
+    """Weights (k, r) of values and slopes at the nodes x (r,) in the Hermite polynomial at other places (k,)."""
     gap = x[:, None] - x
     np.fill_diagonal(gap, 1.0)
     off = at[:, None] - x

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.arc import Arc, Departure, Row, cosine, normal_of, row_of
+from hbgear.arc import Arc, Departure, Row, cosine, normal_of, row_of, without_evaluation
 from hbgear.branch import Branch, Point, Status
 from hbgear.fourier import Array
 from hbgear.jumps import find_jumps
@@ -35,7 +35,7 @@ def trace(
     start: Point | Departure | Array | None = None,
     *,
     at: Mapping[str, float] | None = None,
-    steps: Steps = Steps(),
+    steps: Steps = Steps(),  # noqa: B008
     settings: Settings = Settings(),  # noqa: B008
     stability: bool = True,
     special: bool = True,
@@ -101,9 +101,9 @@ class _Tracer:
         self.waiting: list[Arc] = []  # the last pieces of the curve, not yet looked at
         many = parameter == "Omega" and hasattr(problem, "linearise_all") and not problem.auto
         self.together = _TOGETHER if many else 1
-        self.ahead = steps.ahead if many else 1
-        # where corners of a law are sampled the curve itself has corners, which are not worth small steps
-        self.miss = steps.miss if getattr(problem, "smooth", True) else math.inf
+        # where corners of a law are sampled the curve itself has corners: not worth small steps, nor to be told ahead
+        smooth = getattr(problem, "smooth", True)
+        self.ahead, self.miss = steps.ahead if many and smooth else 1, steps.miss if smooth else math.inf
         self.subharmonic = getattr(problem, "nu", 1) > 1
         self.turned = False  # whether the curve has changed its heading
         self.path, self.kept = np.empty((0, 0)), 0  # u of the first rows, and how many of them; see _earlier
@@ -291,14 +291,13 @@ class _Tracer:
         strider = Strider(self.problem, self.name, self.fixed, (low, high), self.steps, self.miss, self.settings)
         last = [self.rows[-1], *(self._as_now(row) for row in self.rows[-2 : -1 - self.steps.support : -1])]
         while True:
-            room = self.steps.max_points - len(self.rows)
             step, count = self.pace
-            rows, pace, reason = strider.stride(last, self.scale, Pace(step, min(count, self.ahead, room)))
+            count = min(count, self.ahead, self.steps.max_points - len(self.rows))
+            rows, self.pace, reason = strider.stride(last, self.scale, Pace(step, count))
             kept = self._before_running_back(rows)
             if kept < len(rows):
-                rows, reason, pace = rows[:kept], _BACK, Pace(max(0.5 * step, self.steps.shortest))
-            self.pace = pace
-            if rows or step <= self.steps.shortest:
+                rows, reason, self.pace = rows[:kept], _BACK, strider.shorter(step)
+            if rows or (step <= self.steps.shortest and count == 1):
                 return rows, reason
 
     def _append(self, last: Row, row: Row) -> None:
@@ -325,7 +324,7 @@ class _Tracer:
                 found += [(start + i, point) for point in find(arc, self.stability)]
             located = iter(self._observed([point.row for _, point in found if point.located]))
             found = [(i, replace(point, row=next(located)) if point.located else point) for i, point in found]
-        self.rows[start:], self.waiting = rows, []
+        self.rows[start:], self.waiting = [*(without_evaluation(row) for row in rows[:-1]), rows[-1]], []
         self.found += found
 
     def _record(self) -> tuple[list[Row], list[Mark]]:
@@ -446,7 +445,7 @@ class _Tracer:
         return len(rows)
 
     def _runs_back(self, last: Row, row: Row, earlier: Array) -> bool:
-        """Whether the piece passes through an earlier row, at ``earlier`` in scaled unknowns, in the other direction."""
+        """Whether the piece passes through an earlier row (``earlier``: all, scaled) in the other direction."""
         chord = (row.u - last.u) / self.scale
         offsets = earlier - last.u / self.scale
         s = np.clip(offsets @ chord / (chord @ chord), 0, 1)

@@ -19,7 +19,7 @@ from hbgear.basis import Toeplitz, one_sided, real_blocks
 from hbgear.contact import ContactProjector
 from hbgear.fourier import Array, ComplexArray, Transform, to_complex, to_real
 from hbgear.laws import Cubic, PiecewiseLinear
-from hbgear.newton import Evaluation, norms
+from hbgear.newton import Evaluations, norms
 
 
 class Batch:
@@ -54,7 +54,7 @@ class Batch:
         else:
             raise ValueError("the laws of a batch must be all piecewise linear or all cubic")
 
-    def linearise(self, X: Array, Omega: Array) -> Evaluation:
+    def linearise(self, X: Array, Omega: Array) -> Evaluations:
         """R, dR/dX, dR/dOmega and sizes at X (B, n) and Omega (B,)."""
         B, m, n = self.B, self.m, 2 * self.H + 1
         matrices, constants = self._linear.at(Omega)
@@ -71,7 +71,7 @@ class Batch:
         for j in range(m):
             J[:, j, :, j, :] += own[:, j]
         size = norms(f) + norms(moved[0]) + norms(constants[0])
-        return Evaluation(R, J.reshape(B, m * n, m * n), dR, np.where(size > 0, size, 1.0))
+        return Evaluations(R, J.reshape(B, m * n, m * n), dR, np.where(size > 0, size, 1.0))
 
     def _projected(self, rows: Array, c: ComplexArray) -> tuple[Array, Array]:
         kappa, chi = self._projector.project(c, self._transform.samples(c), 2 * self.H)

@@ -96,7 +96,9 @@ def jobs(name: str, sizes: tuple[int, ...]) -> dict[tuple[int, str], Callable[[f
         now, n, b = batch.linearise(X[:B], Omega[:B]), normal[:B], rhs[:B, :, None]
         x, w = X[:B], Omega[:B]
         out[B, "evaluation"] = partial(_repeat, turns, lambda f, batch=batch, x=x, w=w: batch.linearise(x, f * w))
-        out[B, "solution"] = partial(_repeat, turns, lambda f, now=now, n=n, b=b: np.linalg.solve(newton.all_bordered(now, n), b))
+        out[B, "solution"] = partial(
+            _repeat, turns, lambda f, now=now, n=n, b=b: np.linalg.solve(newton.all_bordered(now, n), b)
+        )
     return out
 
 

@@ -93,6 +93,35 @@ def test_frequency_derivative_against_differences(case, slope):
     np.testing.assert_allclose(analytic, expected, rtol=1e-7, atol=1e-7)
 
 
+@pytest.mark.parametrize("count", [2, 9])
+def test_many_motions_are_evaluated_as_one_by_one(case, rng, count):
+    """Motions with and without contact, at frequencies of their own: the same numbers to rounding."""
+    problem, X, _ = case
+    many = X * rng.uniform(0.1, 2.0, (count, 1)) + 0.3 * rng.standard_normal((count, len(X)))
+    Omega = rng.uniform(0.4, 1.6, count)
+    now = problem.linearise_all(many, Omega)
+    for i in range(count):
+        one = problem.linearise(many[i], "Omega", Omega=float(Omega[i]))
+        for found, expected in zip(now, one, strict=True):
+            np.testing.assert_allclose(found[i], expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def test_a_law_that_says_it_needs_no_velocity_is_evaluated_as_one_that_does_not():
+    class Silent(Cubic):
+        rated = True
+
+    X = np.random.default_rng(5).standard_normal(11)
+    for law in (Cubic(0.3, 0.1), Silent(0.3, 0.1)):
+        system = System(np.eye(1), 0.1 * np.eye(1), np.eye(1), [Element(np.ones(1), law)], Load(cosine={1: np.ones(1)}))
+        problem = HarmonicBalance(system, 5)
+        assert problem.compiled({}).rated == law.rated
+        found = problem.linearise(X, "Omega", Omega=OMEGA)
+        if law.rated:
+            for a, b in zip(found, expected, strict=True):
+                np.testing.assert_allclose(a, b, rtol=0, atol=1e-14)
+        expected = found
+
+
 @pytest.mark.parametrize("name", ["zeta", "F_m", "b", "eps_scale", "e_scale"])
 def test_parameter_derivative_against_differences(name, rng, slope):
     problem = HarmonicBalance(SpurPair(eps=(0.2, 0.1)), 6)
@@ -210,6 +239,19 @@ def test_regime_clearance_and_switching():
         X[0] = mean
         assert problem.regime(X, Omega=1.0) == [regime]
     assert problem.regime(np.array([0, 0.5, 0, 0, 0]), Omega=1.0) == [0]
+
+
+def test_a_grazing_extremum_is_an_entry_of_the_clearance(rng):
+    problem = HarmonicBalance(DoubleHelicalPair(stagger=0.5), 4)
+    X = rng.standard_normal(problem.size)
+    clearance = problem.clearance(X)
+    for which, expected in enumerate(clearance):
+        g, theta = problem.graze(X, which)
+        element, corner = divmod(which // 2, 2)
+        row = X.reshape(problem.m, -1)[element]
+        assert g == pytest.approx(expected, abs=1e-13)
+        assert evaluate(row, theta)[0] - (-1, 1)[corner] == pytest.approx(g, abs=1e-12)
+        assert evaluate(row, theta, 1)[0] == pytest.approx(0.0, abs=1e-8)
 
 
 def test_truncation_estimate_predicts_the_error():

@@ -5,7 +5,8 @@ import pytest
 from scipy.optimize import brentq
 
 from hbgear import Backlash, Element, HarmonicBalance, PiecewiseLinear, Series, System, Unilateral
-from hbgear.contact import crossings
+from hbgear.basis import Toeplitz, one_sided
+from hbgear.contact import ContactProjector, crossings
 from hbgear.fourier import evaluate, to_complex, to_real
 
 WAVY = Series(mean=1.0, cosine=(-0.2, 0.07), sine=(0.1, 0.0, 0.05))
@@ -204,6 +205,27 @@ def test_instants_have_all_their_digits(rng):
     for row, theta in zip(found.row, found.theta, strict=True):
         value, slope = evaluate(rows[row], theta)[0] - level[row], evaluate(rows[row], theta, 1)[0]
         assert abs(value) < 4e-15 * (1 + np.abs(c[row]).sum()) + 1e-14 * abs(slope)
+
+
+def test_crossings_of_many_motions_are_those_of_one_by_one(rng):
+    """Many crossings, both sides, three in a cell, motions that just reach a corner: instants and projections agree."""
+    laws = [Backlash(b) for b in rng.uniform(0.2, 1.0, 200)]
+    rows = rng.standard_normal((200, 15)) * rng.choice([0.1, 0.5, 2.0], (200, 1))
+    rows[0] = np.eye(15)[1] * (laws[0].corners[1] * (1 + 1e-9))
+    c, theta = to_complex(rows), 2 * np.pi * np.arange(64) / 64
+    samples = evaluate(rows, theta)
+    many = ContactProjector(laws, 1)
+    found = crossings(c, many.level, many.rows, samples)
+    assert set(np.bincount(found.row)) >= {0, 2, 4}
+    kappa, chi = many.project(c, samples, 14)
+    for i, law in enumerate(laws):
+        one, mine, motion = ContactProjector([law], 1), found.row // 2 == i, slice(i, i + 1)
+        alone = crossings(c[motion], one.level, one.rows, samples[motion])
+        assert np.array_equal(found.row[mine] % 2, alone.row) and np.array_equal(found.sign[mine], alone.sign)
+        np.testing.assert_allclose(found.theta[mine], alone.theta, rtol=0, atol=1e-10)
+        forces = [(Toeplitz(7)(k) @ rows[i])[0] + to_real(one_sided(x[:, :8]))[0]
+                  for k, x in ((kappa[motion], chi[motion]), one.project(c[motion], samples[motion], 14))]  # fmt: skip
+        np.testing.assert_allclose(forces[0], forces[1], rtol=0, atol=1e-12)  # an error of an instant enters squared
 
 
 def test_three_crossings_between_two_samples():

@@ -1,5 +1,6 @@
 """Newton and pseudo-arclength continuation on curves known in closed form, and what they say of bad input."""
 
+import gc
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from hbgear import (
     Load,
     NoConvergence,
     Point,
+    Settings,
     SpurPair,
     Status,
     Steps,
@@ -22,7 +24,7 @@ from hbgear import (
     trace,
 )
 from hbgear.arc import Row
-from hbgear.newton import Evaluation, linearise, solve
+from hbgear.newton import Evaluation, Evaluations, correct, correct_all, linearise, solve
 from hbgear.stride import predict
 
 
@@ -180,6 +182,89 @@ def test_a_small_loop_is_not_stepped_over(first):
     np.testing.assert_allclose([p.parameters["p"] for p in curve.special], [-expected, expected], rtol=1e-6)
     blind = trace(loop, "p", (-1.0, 1.0), np.array([-1.0]), steps=Steps(first=first, miss=1.0))
     assert len(curve) > len(blind)
+
+
+class Strided(Curve):
+    """A curve in Omega whose points can be evaluated together."""
+
+    auto = False
+
+    def evaluate(self, X, Omega):
+        return super().evaluate(X, Omega)
+
+    def linearise_all(self, X, Omega):
+        each = [linearise(Curve(self.f, self.slope), x, "p", {"p": p}) for x, p in zip(X, Omega, strict=True)]
+        return Evaluations(*(np.array(x) for x in zip(*each, strict=True)))
+
+
+@pytest.mark.parametrize("first", [0.01, 0.013, 0.02, 0.027, 0.04])
+def test_strides_do_not_step_over_a_small_loop(first):
+    """The loop of `test_a_small_loop_is_not_stepped_over`, moved to where Omega is positive."""
+    w = 0.025
+    loop = Strided(
+        lambda x, p: p - 2 - x + 2 * x * np.exp(-((x / w) ** 2)),
+        lambda x, p: -1 + 2 * np.exp(-((x / w) ** 2)) * (1 - 2 * (x / w) ** 2),
+    )
+    z = brentq(lambda z: 2 * np.exp(-(z**2)) * (1 - 2 * z**2) - 1, 0.1, 0.7, xtol=1e-15)
+    curve = trace(loop, "Omega", (1.0, 3.0), np.array([-1.0]), steps=Steps(first=first))
+    assert curve.status is Status.REACHED_END and [p.kind for p in curve.special] == ["LP", "LP"]
+    expected = w * z * (1 - 2 * np.exp(-(z**2)))
+    np.testing.assert_allclose([p.parameters["Omega"] - 2 for p in curve.special], [-expected, expected], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("problem", "span"),
+    [
+        (lambda: HarmonicBalance(Duffing(zeta=0.05, k3=0.1, F=0.18), 7), (0.5, 1.6)),
+        (lambda: HarmonicBalance(SpurPair(), 10), (1.5, 0.3)),
+        (lambda: HarmonicBalance(DoubleHelicalPair(zeta=0.05), 12), (1.1, 0.75)),
+    ],
+)
+def test_rows_sought_together_tell_the_same_curve(problem, span):
+    """Special points, jumps and ends of strides and of one row after the other; rows keep their distance."""
+    one, many = (trace(problem(), "Omega", span, steps=Steps(ahead=k)) for k in (1, 8))
+    assert one.status is many.status and one.message == many.message
+    assert [p.label for p in one.special] == [p.label for p in many.special]
+    for a, b in zip(one.special, many.special, strict=True):
+        assert a.parameters["Omega"] == pytest.approx(b.parameters["Omega"], abs=1e-9)
+        np.testing.assert_allclose(a.X, b.X, rtol=0, atol=1e-6)
+    assert [(j.label, j.direction) for j in one.jumps()] == [(j.label, j.direction) for j in many.jumps()]
+    u = np.column_stack([many.X / many.problem.motion_size(many.X[np.argmax(many.amplitude("rms"))]),
+                         many.values / abs(span[1] - span[0])])  # fmt: skip
+    assert np.linalg.norm(np.diff(u, axis=0), axis=1).max() < 1.5 * Steps().longest
+    assert many.residual.max() < 1e-10
+
+
+def test_points_corrected_together_are_those_corrected_alone():
+    """Three predictions of the circle; a fourth too far for Newton ends them, and what comes behind it is dropped."""
+    problem = Strided(lambda x, p: x * x + p * p - 1, lambda x, p: 2 * x)
+    normal, angles = np.array([-0.8, 0.6]), np.array([1.0, 0.9, 0.8])
+    predicted = 1.0001 * np.column_stack([np.cos(angles), np.sin(angles)])
+    points, reason = correct_all(problem, predicted, normal, "Omega", {}, Settings())
+    assert len(points) == 3 and reason == ""
+    for u, point in zip(predicted, points, strict=True):
+        alone = correct(problem, u, normal, "Omega", {})
+        found = np.append(point.solution.X, point.solution.value)
+        np.testing.assert_allclose(found, [*alone.X, alone.value], rtol=0, atol=1e-12)
+        assert np.hypot(*found) == pytest.approx(1.0, abs=1e-14) and normal @ (found - u) == pytest.approx(0, abs=1e-14)
+        np.testing.assert_allclose(point.A @ point.direction, [0.0, 1.0], atol=1e-14)
+        assert found @ point.direction == pytest.approx(0.0, abs=1e-9)  # dR/dp is a difference
+    far = np.concatenate([predicted[:2], [[40.0, 3.0]], predicted[2:]])
+    points, reason = correct_all(problem, far, normal, "Omega", {}, Settings())
+    assert len(points) == 2 and "the corrector stopped at a relative residual of" in reason
+
+
+def test_rows_keep_no_matrices():
+    """What a row was corrected with is dropped once its neighbourhood has been looked at."""
+
+    def held(*_):
+        counts.append(len([x for x in gc.get_objects() if isinstance(x, Evaluation) and x.R.size]))
+
+    counts = []
+    gc.collect()
+    held()
+    trace(HarmonicBalance(Duffing(), 7), "Omega", (0.5, 1.6), stability=False, progress=held)
+    assert len(counts) > 80 and max(counts) - counts[0] < 60
 
 
 def test_more_rows_save_newton_steps():

@@ -168,7 +168,8 @@ def test_branch_point_where_two_equal_halves_part(pair):
     points = [p for p in pair.special if p.kind == "BP"]
     assert len(points) == 2 and all(p.located for p in points)
     for point in points:
-        np.testing.assert_allclose(point.coefficients(0), point.coefficients(1), rtol=0, atol=1e-8)
+        # the difference is what is singular there: a residual of 1e-12 leaves it open to some 1e-8
+        np.testing.assert_allclose(point.coefficients(0), point.coefficients(1), rtol=0, atol=1e-7)
         n = pair.X.shape[1] // 2
         J = pair.problem.evaluate(point.X, **point.parameters)[1]
         difference = J[:n, :n] - J[:n, n:]
