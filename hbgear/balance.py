@@ -64,7 +64,7 @@ class _Compiled:
         self.exact, self.sampled = np.flatnonzero(exact), np.flatnonzero(~np.array(exact))
         self._piecewise: list[PiecewiseLinear] = [law for law, x in zip(self.laws, exact, strict=True) if x]  # type: ignore[misc]
         self.nu = nu
-        self._many = ContactProjector(self._piecewise, nu)
+        self._projectors: dict[int, ContactProjector] = {}
         # corners of all laws, and the element each belongs to
         self.corner = np.concatenate([law.breakpoints for law in self.laws])
         self.element = np.repeat(np.arange(len(self.laws)), [len(law.breakpoints) for law in self.laws])
@@ -74,10 +74,10 @@ class _Compiled:
         self._linear: tuple[bytes, LinearPart] | None = None
 
     def projector_of(self, P: int) -> ContactProjector:
-        """Projector of P motions at once, motion after motion; the last one is kept."""
-        if len(self._many.laws) != P * len(self._piecewise):
-            self._many = ContactProjector(self._piecewise * P, self.nu)
-        return self._many
+        """Projector of P motions at once, motion after motion."""
+        if P not in self._projectors:
+            self._projectors[P] = ContactProjector(self._piecewise * P, self.nu)
+        return self._projectors[P]
 
     def bound(self, P: int) -> list[Any]:
         """The sampled laws, each on the samples of P motions one after the other."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from hbgear.fourier import Array, ComplexArray, derive, to_complex, to_real
@@ -33,15 +35,28 @@ class Toeplitz:
 
 def real_blocks(Z: ComplexArray) -> Array:
     """Real matrices (P, m, n, m, n) of d_k -> Z_k d_k in the basis (a0, a1, b1, ...), n = 2H + 1, Z (P, H+1, m, m)."""
-    P, m, n = len(Z), Z.shape[-1], 2 * Z.shape[1] - 1
-    J = np.zeros((P, m, n, m, n))
-    J[:, :, 0, :, 0] = Z[:, 0].real
-    re, im = Z.real[:, 1:].transpose(0, 2, 3, 1), Z.imag[:, 1:].transpose(0, 2, 3, 1)
-    pairs = ((1, 1), (2, 2), (1, 2), (2, 1))
-    diagonals = [np.einsum("piaja->pija", J[:, :, i::2, :, j::2]) for i, j in pairs]  # views
-    diagonals[0][:], diagonals[1][:], diagonals[2][:] = re, re, im
-    np.negative(im, out=diagonals[3])
-    return J
+    P, K, m = Z.shape[:3]
+    n = 2 * K - 1
+    J = np.zeros((P, m * n * m * n))
+    to, place, sign = _blocks(K, m)
+    J[:, to] = np.ascontiguousarray(Z).view(float).reshape(P, -1).take(place, axis=1) * sign
+    return J.reshape(P, m, n, m, n)
+
+
+@lru_cache(maxsize=32)
+def _blocks(K: int, m: int) -> tuple[np.ndarray, np.ndarray, Array]:
+    """Where in the matrix entries go that come from real and imaginary parts of Z (K, m, m), where from, and signs."""
+    n = 2 * K - 1
+    matrix, parts = np.arange((m * n) ** 2).reshape(m, n, m, n), np.arange(2 * K * m * m).reshape(K, m, m, 2)
+    i, j = np.meshgrid(np.arange(m), np.arange(m), indexing="ij")
+    to, place, sign = [matrix[i, 0, j, 0]], [parts[0, ..., 0]], [np.ones((m, m))]
+    for k in range(1, K):
+        a, b = 2 * k - 1, 2 * k
+        for row, column, part, factor in ((a, a, 0, 1.0), (b, b, 0, 1.0), (a, b, 1, 1.0), (b, a, 1, -1.0)):
+            to.append(matrix[i, row, j, column])
+            place.append(parts[k, ..., part])
+            sign.append(np.full((m, m), factor))
+    return np.ravel(to), np.ravel(place), np.ravel(sign)
 
 
 def one_sided(c: ComplexArray) -> ComplexArray:

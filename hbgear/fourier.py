@@ -10,6 +10,7 @@ are ``c_k / 2`` for ``k >= 1`` and their conjugates for ``k <= -1``.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -29,20 +30,28 @@ def harmonics_of(X: Array) -> int:
 
 def to_complex(X: Array) -> ComplexArray:
     """One-sided complex coefficients ``(..., H + 1)`` of real rows ``(..., 2H + 1)``."""
-    parts = np.empty((*X.shape[:-1], X.shape[-1] + 1))
-    parts[..., 0], parts[..., 1] = X[..., 0], 0.0
-    parts[..., 2::2] = X[..., 1::2]
-    np.negative(X[..., 2::2], out=parts[..., 3::2])
+    place, sign = _to_complex(X.shape[-1])
+    parts = X.take(place, axis=-1) * sign
+    parts[..., 1] = 0.0
     return parts.view(complex)
 
 
 def to_real(c: ComplexArray) -> Array:
     """Real rows ``(..., 2H + 1)`` of one-sided complex coefficients ``(..., H + 1)``."""
-    X = np.empty((*c.shape[:-1], 2 * c.shape[-1] - 1))
-    X[..., 0] = c[..., 0].real
-    X[..., 1::2] = c[..., 1:].real
-    X[..., 2::2] = -c[..., 1:].imag
-    return X
+    place, sign = _to_real(c.shape[-1])
+    return np.ascontiguousarray(c).view(float).take(place, axis=-1) * sign
+
+
+@lru_cache(maxsize=64)
+def _to_complex(n: int) -> tuple[np.ndarray, Array]:
+    """Of n real coefficients: where the real and imaginary parts come from, and their signs."""
+    return np.concatenate([[0], np.arange(n)]), np.tile([1.0, -1.0], n // 2 + 1)
+
+
+@lru_cache(maxsize=64)
+def _to_real(K: int) -> tuple[np.ndarray, Array]:
+    """Of K complex coefficients: where among real and imaginary parts the real ones come from, and their signs."""
+    return np.concatenate([[0], np.arange(2, 2 * K)]), np.concatenate([[1.0], np.tile([1.0, -1.0], K - 1)])
 
 
 def waves(theta: ArrayLike, H: int) -> ComplexArray:

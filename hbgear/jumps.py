@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from hbgear.branch import Branch, Jump, Point, SpecialPoint
-from hbgear.newton import NoConvergence, Settings, solve
+from hbgear.newton import NoConvergence, Settings, Solution, solve
 
 # A fold of the truncated equations and the multiplier +1 of the true motion differ by the truncation error: that many
 # rows beside a fold may carry the other verdict.
@@ -21,7 +23,7 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
     """
     if branch.stable is None or branch.problem is None:
         return ()
-    out = []
+    left = []
     for fold in branch.special:
         if fold.kind != "LP" or not fold.located or not 0 < fold.index < len(branch) - 1:
             continue
@@ -31,9 +33,11 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
         # a fold ends one stable part; where rows in doubt make it look like two, the longer run is the true one
         side, point = max(sides, key=lambda found: _stable_run(branch, fold.index, found[0]))
         direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
-        landing = _landing(branch, point, fold, settings)
-        out.append(Jump(point.label, branch.parameter, float(branch.values[point.index]), direction, point, landing))
-    return tuple(out)
+        left.append((point, direction, _crossed(branch, point, fold, settings)))
+    return tuple(
+        Jump(point.label, branch.parameter, float(branch.values[point.index]), direction, point, _nearest(point, found))
+        for (point, direction, _), found in zip(left, _points(branch, [found for *_, found in left]), strict=True)
+    )
 
 
 def _leaves_at(branch: Branch, fold: SpecialPoint, side: int) -> SpecialPoint | None:
@@ -67,30 +71,44 @@ def _stable_run(branch: Branch, start: int, side: int) -> int:
     return count
 
 
-def _landing(branch: Branch, left: SpecialPoint, fold: SpecialPoint, settings: Settings) -> Point | None:
-    """The nearest stable motion at the parameter of the point left, on another part of the curve."""
+def _crossed(branch: Branch, left: SpecialPoint, fold: SpecialPoint, settings: Settings) -> list[Solution]:
+    """The motions on other parts of the curve at the parameter of the point left."""
     value = float(branch.values[left.index])
     x = branch.values - value
     low, high = sorted((left.index, fold.index))
-    candidates: list[Point] = []
+    found = []
     for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
         if low - 1 <= i <= high:
             continue
         s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
         here = {**branch.parameters_at(int(i)), branch.parameter: value}
+        start = (1 - s) * branch.X[i] + s * branch.X[i + 1]
         try:
-            solution = solve(
-                branch.problem, (1 - s) * branch.X[i] + s * branch.X[i + 1], here, branch.parameter, settings
-            )
+            found.append(solve(branch.problem, start, here, branch.parameter, settings))
         except NoConvergence:
             continue
-        seen = branch.problem.observe(solution.X, stability=True, **here)
-        landed = Point(
-            solution.X, here, solution.residual, solution.iterations,
-            seen["multipliers"], seen["regime"], seen["error"], branch.layout,
-        )  # fmt: skip
-        if landed.stable:
-            candidates.append(landed)
-    if not candidates:
-        return None
-    return min(candidates, key=lambda p: float(np.linalg.norm(p.X - left.X)))
+    return found
+
+
+def _points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point]]:
+    """Motions, group by group, with what the problem says of them: at once where only Omega differs."""
+    problem: Any = branch.problem
+    every = [solution for group in groups for solution in group]
+    fixed = {k: v for k, v in branch.parameters_at(0).items() if k != branch.parameter}
+    here = [{**fixed, branch.parameter: solution.value} for solution in every]
+    if branch.parameter == "Omega" and every:
+        X, Omega = np.array([solution.X for solution in every]), np.array([solution.value for solution in every])
+        seen = problem.observe_all(X, Omega, **fixed)
+    else:
+        seen = [problem.observe(solution.X, **p) for solution, p in zip(every, here, strict=True)]
+    points = iter([
+        Point(solution.X, p, solution.residual, solution.iterations, one["multipliers"], one["regime"], one["error"],
+              branch.layout) for solution, p, one in zip(every, here, seen, strict=True)
+    ])  # fmt: skip
+    return [[next(points) for _ in group] for group in groups]
+
+
+def _nearest(left: SpecialPoint, found: list[Point]) -> Point | None:
+    """The stable one whose motion is nearest to that of the point left, if there is any."""
+    stable = [point for point in found if point.stable]
+    return min(stable, key=lambda p: float(np.linalg.norm(p.X - left.X))) if stable else None

@@ -93,7 +93,9 @@ def norm(x: Array) -> float:
 
 def norms(x: Array) -> Array:
     """Euclidean norms (P,) of all entries of each x[p], (P, ...)."""
-    flat = np.ascontiguousarray(x).reshape(len(x), -1).view(float)
+    flat = x.reshape(len(x), -1)
+    if flat.dtype == complex:
+        flat = flat.view(float)
     return np.sqrt(np.einsum("ij,ij->i", flat, flat))
 
 

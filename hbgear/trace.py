@@ -165,7 +165,7 @@ class _Tracer:
                 "the system"
             )
             raise NoConvergence(message, solution.X, {**self.fixed, self.name: value}, [solution.residual]) from None
-        return self._observed([row])[0]
+        return row
 
     def _fitted(self, start: Point) -> Array:
         """The start in this problem's number of harmonics and multiple of the period."""
@@ -185,7 +185,7 @@ class _Tracer:
         while True:
             try:
                 solution = correct(self.problem, u + h * direction, normal, self.name, self.fixed, self.settings)
-                return self._observed([row_of(solution, normal, self.scale)])[0]
+                return row_of(solution, normal, self.scale)
             except (NoConvergence, np.linalg.LinAlgError):
                 h *= 0.5
                 if h < 1e-3 * self.steps.first:
@@ -207,22 +207,26 @@ class _Tracer:
 
     def _observed(self, rows: list[Row]) -> list[Row]:
         """The rows with what the problem says of their motions: at once where only Omega differs between them."""
-        if not rows or not hasattr(self.problem, "observe"):
+        fresh = [row for row in rows if not row.observed]
+        if not fresh or not hasattr(self.problem, "observe"):
             return rows
         if self.name == "Omega" and hasattr(self.problem, "observe_all"):
-            X, values = np.array([row.solution.X for row in rows]), np.array([row.value for row in rows])
+            X, values = np.array([row.solution.X for row in fresh]), np.array([row.value for row in fresh])
             seen = self.problem.observe_all(X, values, stability=self.stability, **self.fixed)
         else:
-            here = [{**self.fixed, self.name: row.value} for row in rows]
+            here = [{**self.fixed, self.name: row.value} for row in fresh]
             seen = [self.problem.observe(row.solution.X, stability=self.stability, **p)
-                    for row, p in zip(rows, here, strict=True)]  # fmt: skip
-        return [replace(row, observed=one) for row, one in zip(rows, seen, strict=True)]
+                    for row, p in zip(fresh, here, strict=True)]  # fmt: skip
+        told = iter(seen)
+        return [row if row.observed else replace(row, observed=next(told)) for row in rows]
 
     # ---- main loop
 
     def run(self) -> Branch:
         """Trace until something ends it."""
         self.rows = [self.first]
+        if self.together == 1:
+            self._settle()
         self._adapt()
         self.first = self.rows[0]
         self.pace = Pace(self.steps.first)
@@ -312,26 +316,24 @@ class _Tracer:
 
     def _settle(self) -> None:
         """Observe the rows that wait and find the special points between them."""
-        if not self.waiting:
-            return
-        start = len(self.rows) - len(self.waiting)
-        rows = self._observed(self.rows[start:])
+        start = len(self.rows) - len(self.waiting) - 1
+        path = self._observed(self.rows[start:])
         found: list[tuple[int, Found]] = []
-        if self.special:
-            path = [self.rows[start - 1], *rows]
-            for i in suspects(path, self.stability):
-                arc = replace(self.waiting[i], a=path[i], b=path[i + 1])
-                found += [(start + i, point) for point in find(arc, self.stability)]
-            located = iter(self._observed([point.row for _, point in found if point.located]))
-            found = [(i, replace(point, row=next(located)) if point.located else point) for i, point in found]
-        self.rows[start:], self.waiting = [*(without_evaluation(row) for row in rows[:-1]), rows[-1]], []
+        for i in suspects(path, self.stability) if self.special else ():
+            arc = replace(self.waiting[i], a=path[i], b=path[i + 1])
+            found += [(start + 1 + i, point) for point in find(arc, self.stability)]
+        if self.together == 1:  # the problem may be another one at the next row
+            located = self._observed([point.row for _, point in found])
+            found = [(i, replace(point, row=row)) for (i, point), row in zip(found, located, strict=True)]
+        self.rows[start:], self.waiting = [*(without_evaluation(row) for row in path[:-1]), path[-1]], []
         self.found += found
 
     def _record(self) -> tuple[list[Row], list[Mark]]:
         """All rows, the located special points among them, and the marks of these."""
         rows: list[Row] = []
         marks: list[Mark] = []
-        found = list(self.found)
+        located = iter(self._observed([point.row for _, point in self.found]))
+        found = [(i, replace(point, row=next(located))) for i, point in self.found]
         for i, row in enumerate(self.rows):
             while found and found[0][0] == i:
                 point = found.pop(0)[1]
