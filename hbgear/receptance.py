@@ -87,6 +87,19 @@ class LinearPart:
         return self.constants[1]
 
 
+def _inverse(G: ComplexArray) -> ComplexArray:
+    """Inverses of matrices (..., m, m); of one or two rows in closed form, for a fraction of the cost."""
+    if G.shape[-1] == 1:
+        return 1.0 / G
+    if G.shape[-1] > 2:
+        return np.linalg.inv(G)
+    a, b, c, d = (G[..., i, j] for i in (0, 1) for j in (0, 1))
+    out = np.empty_like(G)
+    out[..., 0, 0], out[..., 0, 1], out[..., 1, 0], out[..., 1, 1] = d, -b, -c, a
+    out /= (a * d - b * c)[..., None, None]
+    return out
+
+
 def _dense(A: object) -> Array:
     return A.toarray() if scipy.sparse.issparse(A) else np.asarray(A)  # type: ignore[attr-defined]
 
@@ -350,12 +363,8 @@ class Receptance:
         G, dG = s.receptances(w, resolvent)
         Y, dY = matrices
         slope = dG * -ratio[:, None, None]
-        if m == 1:  # what follows, without the cost of a product of matrices
-            np.divide(1.0, G, out=Y)
-            np.multiply(slope * Y, Y, out=dY)
-        else:
-            Y[:] = np.linalg.inv(G)
-            dY[:] = Y @ slope @ Y
+        Y[:] = _inverse(G)
+        dY[:] = slope * Y * Y if m == 1 else Y @ slope @ Y
         if self._moved:
             constants[:] = (matrices @ self.e[..., None])[..., 0]
             constants[0] -= self._sprung + w[..., None] * self._damped

@@ -87,7 +87,7 @@ class Stride(NamedTuple):
 _HASTE = 1e3  # steps below so many of the shortest are not shortened for the sake of the prediction
 _FAR = 1.5  # distance of two rows, in steps, that is too large
 _BENT = 0.8  # cosine of the turn of a stride at which it ends
-_LEAST = 4  # rows sought together after a stride that found any: those that are refused cost little
+_FURTHER = 2  # rows sought together beyond those of the last stride: those that are refused cost little
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class Strider:
         reason = reason_of or reason
         if not found:
             return Stride([], self.shorter(pace.step), reason)
-        together = min(self.steps.ahead, max(_LEAST, 2 * len(found)))
+        together = min(self.steps.ahead, len(found) + _FURTHER)
         step = self._next_step(found[0].solution.iterations, max(turns), misses[0], pace.step)
         return Stride(found, Pace(step, together), reason)
 

@@ -1,16 +1,17 @@
-"""Where the time of a point goes: receptances, contact, linear algebra, special points, stability, the rest.
+"""Where the time of a point goes: receptances, contact, corrector, special points, stability, the rest.
 
     python -m studies.speed.profile [--quick] [-o DIR]
 
-Each part is called by itself at the rows of a traced curve and its median time multiplied by how often the trace calls
-it. What is left of the time of the whole trace is prediction, step control, bookkeeping, the start, and what the same
-calls cost more when they come between others than over and over.
+The parts of the steps along a curve are timed while it is traced; special points and stability are the difference that
+leaving them out makes. The cost of a Newton iteration beside that of one LAPACK solution of its matrix is measured by
+itself at the rows of the curve, for one motion and for eight at once.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from statistics import median
 from typing import Any
 
@@ -20,8 +21,8 @@ from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
-from hbgear.fourier import to_complex
-from hbgear.newton import bordered, solve_linear
+from hbgear import stride
+from hbgear.newton import all_bordered, solve_linear
 from studies import study
 from studies.speed.peers import model
 from studies.speed.peers_curve import problem as peer
@@ -30,24 +31,64 @@ ALONE = True
 CASES = {"duffing": "Duffing\n$H=7$", "spur": "spur pair\n$H=10$", "chain10": "chain of 10\n$H=5$",
          "double-helical": "double-helical\npair, $H=16$"}  # fmt: skip
 PARTS = {"receptances": study.PURPLE, "forces of the laws": study.ORANGE, "assembly of the equations": "#e8c27a",
-         "linear algebra": study.BLUE, "truncation, regime": "#9fcbb0", "stability": study.GREEN,
-         "special points": "#b8423a", "all else": study.GREY}  # fmt: skip
-
+         "corrector": study.BLUE, "predictor, step control": "#9db9dd", "truncation, regime": "#9fcbb0",
+         "stability": study.GREEN, "special points, jumps": "#b8423a", "all else": study.GREY}  # fmt: skip
+TOGETHER = 8
+"""Motions at once beside which one is measured."""
 
 SUPPORTS = (1, 2, 3, 4, 5)
 """Rows of the predictors compared."""
 
 
 class Counted(hb.HarmonicBalance):
-    """A balance that counts how often it is evaluated."""
+    """A balance that counts how often it is evaluated and for how many motions, and times the parts of it."""
 
-    calls = motions = 0
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        self.calls = self.motions = 0
+        self.spent = {"evaluation": 0.0, "receptances": 0.0, "forces": 0.0}
+        super().__init__(*args, **settings)
 
     def linearise_all(self, X: np.ndarray, Omega: np.ndarray, **parameters: float) -> Any:
         """As `HarmonicBalance.linearise_all`."""
         self.calls += 1
         self.motions += len(X)
-        return super().linearise_all(X, Omega, **parameters)
+        with timed(self.spent, "receptances"):  # kept for the evaluation, which asks for them again
+            self.compiled(parameters).linear(Omega)
+        with timed(self.spent, "evaluation"):
+            return super().linearise_all(X, Omega, **parameters)
+
+    def forces(self, *args: Any) -> Any:
+        """As `HarmonicBalance.forces`."""
+        with timed(self.spent, "forces"):
+            return super().forces(*args)
+
+
+@contextmanager
+def timed(spent: dict[str, float], part: str) -> Iterator[None]:
+    """Add the time of what is done in it."""
+    start = time.perf_counter()
+    yield
+    spent[part] += time.perf_counter() - start
+
+
+@contextmanager
+def strides_timed(spent: dict[str, float]) -> Iterator[None]:
+    """Time the strides of traces made in it, and the corrector in them."""
+    whole, corrector = stride.Strider.stride, stride.correct_all
+
+    def timed_whole(*args: Any) -> Any:
+        with timed(spent, "stride"):
+            return whole(*args)
+
+    def timed_corrector(*args: Any) -> Any:
+        with timed(spent, "corrector"):
+            return corrector(*args)
+
+    stride.Strider.stride, stride.correct_all = timed_whole, timed_corrector  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        stride.Strider.stride, stride.correct_all = whole, corrector  # type: ignore[method-assign]
 
 
 def seconds(call: Callable[[], Any], repeats: int) -> float:
@@ -79,49 +120,59 @@ def predicted(name: str, supports: tuple[int, ...]) -> dict[int, float]:
     return found
 
 
+def along(name: str) -> tuple[Counted, hb.Branch, dict[str, float]]:
+    """A curve without special points and stability, with what it took: its balance, and seconds of its parts."""
+    machine, harmonics, span = case(name)
+    counted = Counted(machine, harmonics)
+    start = counted.start(span[0])
+    counted.calls, counted.motions, counted.spent = 0, 0, dict.fromkeys(counted.spent, 0.0)
+    counted.spent |= {"stride": 0.0, "corrector": 0.0}
+    with strides_timed(counted.spent):
+        branch = hb.trace(counted, "Omega", span, start, special=False, stability=False)
+    return counted, branch, counted.spent
+
+
+def iteration(name: str, branch: hb.Branch, together: int) -> tuple[float, float]:
+    """Seconds, for each of so many motions at once, of an evaluation and of the solution of its bordered matrix."""
+    machine, harmonics, _ = case(name)
+    balance = hb.HarmonicBalance(machine, harmonics)
+    evaluation, solution = [], []
+    for first in range(0, len(branch) - together, together):
+        X, Omega = branch.X[first : first + together], branch.values[first : first + together]
+        A = all_bordered(balance.linearise_all(X, Omega), np.append(0 * X[0], 1.0))
+        fresh = iter(1 + 1e-12 * np.arange(5))  # a frequency that is not kept from the last call
+        evaluation.append(seconds(lambda X=X, w=Omega, f=fresh: balance.linearise_all(X, next(f) * w), 4) / together)
+        solution.append(seconds(lambda A=A[0]: solve_linear(A, A[:, 0]), 4))
+    return median(evaluation), median(solution)
+
+
 def profiled(name: str, repeats: int) -> dict[str, Any]:
-    """Milliseconds per point of each part, and of one Newton iteration and one LAPACK solve."""
+    """Seconds per point of each part, and Newton iterations against LAPACK solutions."""
     machine, harmonics, span = case(name)
     balance = hb.HarmonicBalance(machine, harmonics)
-    counted = Counted(machine, harmonics)
-    branch = hb.trace(counted, "Omega", span, special=False)
-    calls, points = counted.calls, len(branch)
-    counted.calls = 0
+    runs = [along(name) for _ in range(repeats)]
+    counted, branch, _ = runs[-1]
+    points = len(branch)
+    spent = {part: median(one[part] for *_, one in runs) / points for part in counted.spent}
     whole = seconds(lambda: hb.trace(balance, "Omega", span), repeats)
     plain = seconds(lambda: hb.trace(balance, "Omega", span, special=False), repeats)
-    single: dict[str, list[float]] = {"receptances": [], "forces": [], "evaluation": [], "solve": []}
-    for X, value in zip(branch.X, branch.values, strict=True):
-        here = {**branch.fixed, "Omega": float(value)}
-        compiled, rows = balance.compiled(here), X.reshape(balance.m, -1)
-        now, omega, c = balance.linearise(X, "Omega", **here), here["Omega"], to_complex(rows)
-        matrix, rhs = bordered(now, np.append(0 * X, 1.0)), np.append(now.R, 0.0)
-        parts = {
-            "receptances": lambda compiled=compiled, omega=omega: compiled.receptance.at(omega),
-            "forces": lambda rows=rows, c=c, omega=omega, at=compiled: balance.forces(rows, c, omega, at),
-            "evaluation": lambda X=X, here=here: balance.linearise(X, "Omega", **here),
-            "solve": lambda matrix=matrix, rhs=rhs: solve_linear(matrix, rhs),
-        }
-        for part, call in parts.items():
-            compiled._linear = None  # as after a change of Omega
-            single[part].append(seconds(call, 3))
-    each = {part: median(times) for part, times in single.items()}
     observe = [seconds(lambda on=on: balance.observe_all(branch.X, branch.values, on, **branch.fixed), repeats) / points
                for on in (False, True)]  # fmt: skip
-    per_point = calls / points
-    solves = branch.iterations.mean() + 1  # Newton's, and that of the tangent
-    parts_of_point = {
-        "receptances": per_point * each["receptances"],
-        "forces of the laws": per_point * each["forces"],
-        "assembly of the equations": per_point * max(0.0, each["evaluation"] - each["receptances"] - each["forces"]),
-        "linear algebra": solves * each["solve"],
+    parts = {
+        "receptances": spent["receptances"],
+        "forces of the laws": spent["forces"],
+        "assembly of the equations": spent["evaluation"] - spent["forces"],
+        "corrector": max(0.0, spent["corrector"] - spent["evaluation"] - spent["receptances"]),
+        "predictor, step control": spent["stride"] - spent["corrector"],
         "truncation, regime": observe[0],
         "stability": observe[1] - observe[0],
-        "special points": (whole - plain) / points,
+        "special points, jumps": max(0.0, whole - plain) / points,
     }
-    parts_of_point["all else"] = max(0.0, whole / points - sum(parts_of_point.values()))
-    return {"name": name, "points": points, "whole": whole / points, "evaluations": per_point, "parts": parts_of_point,
-            "iteration": each["evaluation"] + each["solve"], "solve": each["solve"],
-            "newton": float(branch.iterations.mean()), "predictors": predicted(name, SUPPORTS)}  # fmt: skip
+    parts["all else"] = max(0.0, whole / points - sum(parts.values()))
+    return {"name": name, "points": points, "whole": whole / points, "parts": parts,
+            "evaluations": counted.calls / points, "motions": counted.motions / points,
+            "newton": float(branch.iterations.mean()), "predictors": predicted(name, SUPPORTS),
+            "iterations": {k: iteration(name, branch, k) for k in (1, TOGETHER)}}  # fmt: skip
 
 
 def run(quick: bool = False) -> list[dict[str, Any]]:
@@ -132,14 +183,16 @@ def run(quick: bool = False) -> list[dict[str, Any]]:
 
 def report(rows: list[dict[str, Any]]) -> str:
     """Table in Markdown."""
-    head = ["case", "ms/point", *PARTS, "evaluations per point", "Newton steps per point",
-            "Newton iteration / LAPACK solve", "stability / rest"]  # fmt: skip
+    head = ["case", "ms/point", *PARTS, "evaluations per point", "motions evaluated per point",
+            "Newton steps per point", "Newton iteration / LAPACK solve", f"of {TOGETHER} at once",
+            "stability / rest"]  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     for row in rows:
         stability = row["parts"]["stability"]
         cells = [CASES[row["name"]].replace("\n", " ").replace("$", ""), f"{1e3 * row['whole']:.3f}"]
         cells += [f"{1e3 * row['parts'][part]:.3f}" for part in PARTS]
-        cells += [f"{row['evaluations']:.2f}", f"{row['newton']:.2f}", f"{row['iteration'] / row['solve']:.1f}"]
+        cells += [f"{row['evaluations']:.2f}", f"{row['motions']:.2f}", f"{row['newton']:.2f}"]
+        cells += [f"{(evaluation + solution) / solution:.1f}" for evaluation, solution in row["iterations"].values()]
         lines.append("| " + " | ".join([*cells, f"{stability / (row['whole'] - stability):.2f}"]) + " |")
     lines += ["", "Parts in milliseconds per point of the curve; one core.", "",
               "| Newton steps per point, predictor through | " + " | ".join(f"{k} rows" for k in SUPPORTS) + " |",
