@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 _SHARE = 0.2  # longest step as a share of the excitation period, whatever the structure
 _COARSE = 32  # phases of an excitation period at which the modulations are looked at for their size
-_LARGE = 24  # states for each element from which a structure is large
+_LONG = 12.0  # periods in which the springs turn the inertia by more radians are cut into fewer steps of more points
 _ROOM = 1_000_000  # numbers that the matrices of the motions computed at once may have
 _CACHE = 16_000  # numbers in matrices of steps that stay close to the processor
 
@@ -56,10 +56,10 @@ def multipliers(
     ----------
     problem : `HarmonicBalance` whose unknowns X are.
     X : (m (2H + 1),) coefficients of a periodic motion.
-    points : s, Gauss points per step; the scheme has order 2s. By default 6, or 10 for a large structure, where
-        products of matrices cost most and fewer steps are worth more points.
+    points : s, Gauss points per step; the scheme has order 2s. By default 6, or 10 where the period is long beside the
+        motions the springs of the elements would excite, for fewer steps are then worth more points.
     width : longest step (of a large structure: part of a step), in units of the time in which the stiffest spring of
-        the elements would turn the structure's inertia by one radian; by default s / 5, or with these 10 points 4.
+        the elements would turn the structure's inertia by one radian; by default s / 5, or with these 10 points 3.5.
         None is longer than a fifth of the excitation period.
     parameters : ``Omega`` and any model parameters that differ.
 
@@ -108,16 +108,23 @@ def monodromies(
             "trace with stability=False or reduce the model"
         )
     modes, kr = _halved(compiled.structure.modes), compiled.structure.kr
-    large = points is None and modes.size >= _LARGE * problem.m
-    points = (10 if large else 6) if points is None else points
-    width = (4.0 if large else points / 5.0) if width is None else width
-    parts = max(1, modes.size // (2 * points * problem.m))  # about half as many nodes in a step as states
     together = 1 + _ROOM // (4 * modes.size**2 + 20_000)
     out = np.empty((len(X), modes.size, modes.size))
     for some in (slice(i, i + together) for i in range(0, len(X), together)):
         motions = _motions(problem, compiled, X[some], Omega[some])
-        longest = np.minimum(width / _pace(motions, modes, kr), _SHARE * 2 * np.pi / (motions.omega * problem.nu))
-        out[some] = _carried(motions, _steps(motions, parts * longest), modes, kr, points, parts)
+        period, pace = 2 * np.pi / motions.omega, _pace(motions, modes, kr)
+        long = pace * period > (_LONG if points is None else np.inf)
+        if long.any() and not long.all():  # each part by its own scheme, so that no motion depends on its company
+            for part in (long, ~long):
+                out[some][part] = monodromies(
+                    problem, X[some][part], Omega[some][part], points=None, width=width, **parameters
+                )
+            continue
+        s = points or (10 if long.any() else 6)
+        widest = width or (3.5 if long.any() else s / 5.0)
+        parts = max(1, modes.size // (2 * s * problem.m))  # about half as many nodes in a step as states
+        longest = np.minimum(widest / pace, _SHARE * period / problem.nu)
+        out[some] = _carried(motions, _steps(motions, parts * longest), modes, kr, s, parts)
     return out
 
 
