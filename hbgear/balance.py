@@ -26,6 +26,7 @@ from hbgear.fourier import (
     Transform,
     derive,
     extrema,
+    highest,
     resize,
     samples_of,
     stretch,
@@ -441,9 +442,9 @@ class HarmonicBalance:
 
     def graze(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
         """One entry of `clearance`, and the phase at which its extremum lies."""
-        compiled, (corner, highest) = self.compiled(parameters), divmod(which, 2)
-        ends = extrema(X.reshape(self.m, -1)[compiled.element[corner]])
-        return float(ends[2 * highest] - compiled.corner[corner]), float(ends[2 * highest + 1])
+        compiled, corner, sign = self.compiled(parameters), which // 2, 1 if which % 2 else -1
+        value, theta = highest(sign * X.reshape(self.m, -1)[compiled.element[corner]])
+        return float(sign * value - compiled.corner[corner]), float(theta)
 
     def _reach(self, X: Array, compiled: _Compiled) -> tuple[Array, np.ndarray]:
         """Clearances and regimes of many motions (P, n)."""

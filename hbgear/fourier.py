@@ -112,18 +112,19 @@ def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
     -------
     low, theta_low, high, theta_high : each (...,), one per row.
     """
+    low, at_low = highest(-np.asarray(X, dtype=float))
+    return -low, at_low, *highest(X)
+
+
+def highest(X: Array) -> tuple[Array, Array]:
+    """Largest value of each row over a period and its phase, each (...,); see `extrema`."""
     X = np.asarray(X, dtype=float)
     c = to_complex(X.reshape(-1, X.shape[-1]))
     H = harmonics_of(X)
     N = max(64, 16 * H)
-    k = np.arange(H + 1)
-    samples = samples_of(c, N)
-    miss = 0.5 * (np.pi / N) ** 2 * (k**2 * np.abs(c)).sum(-1)
-    found = []
-    for sign in (-1.0, 1.0):
-        high, at = _highest(sign * c, sign * samples, miss)
-        found += [(sign * high).reshape(X.shape[:-1]), at.reshape(X.shape[:-1])]
-    return found[0], found[1], found[2], found[3]
+    miss = 0.5 * (np.pi / N) ** 2 * (np.arange(H + 1) ** 2 * np.abs(c)).sum(-1)
+    value, at = _highest(c, samples_of(c, N), miss)
+    return value.reshape(X.shape[:-1]), at.reshape(X.shape[:-1])
 
 
 def _highest(c: ComplexArray, samples: Array, miss: Array) -> tuple[Array, Array]:
