@@ -27,11 +27,12 @@ def phi(z: ComplexArray, order: int) -> ComplexArray:
     out = np.empty((order + 1, *z.shape), dtype=complex)
     out[0] = np.exp(z)
     small = np.abs(z) < 4.0
-    if not small.all():  # away from zero the recursion loses nothing
+    where = ... if small.all() else small
+    if where is small:  # away from zero the recursion loses nothing
         far = np.where(small, 4.0, z)
         for p in range(order):
             out[p + 1] = (out[p] - 1.0 / factorial(p)) / far
-    near = z[small]
+    near = z[where]
     if near.size:  # near zero: the Taylor series phi_p = sum_k z^k / (k + p)!, by Horner's rule for all p in one go
         reach, term, last = np.abs(near).max(), 1.0, order
         while term > 1e-17:
@@ -42,15 +43,14 @@ def phi(z: ComplexArray, order: int) -> ComplexArray:
             total *= near
             total += 1.0 / factorial(n)
             if n <= order:
-                out[n, small] = total
+                out[n, where] = total
     return out
 
 
 def moments(poles: ComplexArray, h: Array, c: Array, s: int) -> ComplexArray:
     """int_0^{c h} e^{lambda (c h - x)} (x / h)^p dx for p = 0..s-1, shape (p, h, c, lambda)."""
-    span = h[:, None] * c
-    values = phi(span[..., None] * poles, s)
-    out = np.empty((s, *values.shape[1:]), dtype=complex)
-    for p in range(s):
-        out[p] = factorial(p) * (span * c**p)[..., None] * values[p + 1]
+    span, p = h[:, None] * c, np.arange(s)[:, None]
+    out = phi(span[..., None] * poles, s)[1:]
+    out *= (np.array([factorial(k) for k in range(s)], dtype=float)[:, None] * c**p)[:, None, :, None]
+    out *= span[..., None]
     return out

@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -137,6 +138,9 @@ def solve_linear(A: Array, b: Array) -> Array:
     return x
 
 
+_SINGULAR = 1e13  # condition of a matrix that is singular to rounding
+
+
 def solve(
     problem: Any,
     X: Array,
@@ -166,11 +170,7 @@ def solve(
         try:
             dX = -solve_linear(now.dR_dX, now.R)
         except np.linalg.LinAlgError:
-            raise NoConvergence(
-                "the Jacobian is singular: some motion is not determined by the equations at this point (a gap that "
-                "stays open without load, or a fold exactly at the start); move the start or load the system",
-                X, parameters, residuals,
-            ) from None  # fmt: skip
+            break
         factor = 1.0
         for _ in range(12):
             trial = linearise(problem, X + factor * dX, name, parameters)
@@ -181,6 +181,12 @@ def solve(
             break
         X, now = X + factor * dX, trial
         residuals.append(norm(now.R) / now.size)
+    if np.linalg.cond(now.dR_dX) > _SINGULAR:
+        raise NoConvergence(
+            "the Jacobian is singular: some motion is not determined by the equations at this point (a gap that stays "
+            "open without load, or a fold exactly at the start); move the start or load the system",
+            X, parameters, residuals,
+        )  # fmt: skip
     raise NoConvergence(
         f"Newton stopped at a relative residual of {residuals[-1]:.2e} (needed {settings.tolerance:.0e}) "
         f"after {len(residuals) - 1} steps at {describe(parameters)}",
@@ -311,9 +317,40 @@ class Corrected(NamedTuple):
     direction: Array
     A: Array
 
+    def copied(self) -> Corrected:
+        """The same without a hold on arrays of other points."""
+        solution, now = self.solution, self.solution.evaluation
+        own = Evaluation(now.R.copy(), now.dR_dX.copy(), now.dR_dp.copy(), now.size)
+        return Corrected(replace(solution, X=solution.X.copy(), evaluation=own), self.direction.copy(), self.A.copy())
+
 
 _PATIENCE = 2  # Newton steps in which all points but the first must converge: where they do not, they are too far
 _SHARP = 1e-2  # part of the tolerance above which a converged point gets one Newton step more
+
+
+@dataclass
+class _Iterate:
+    """One point of `correct_all` on its way: its last Newton step and first residual, and the best it came to."""
+
+    patience: int
+    last: float = math.inf
+    first: float = math.inf
+    best: Corrected | None = None
+    failed: bool = False
+
+    def goes_on(self, point: Corrected, step: float, settings: Settings) -> bool:
+        """Keep the point if it is converged and the best so far; say whether to take the next step."""
+        residual, iteration, known = point.solution.residual, point.solution.iterations, self.best
+        close = residual <= settings.tolerance and (self.last <= settings.step_tolerance or iteration == 0)
+        if close if known is None else residual < known.solution.residual:
+            self.best = point.copied()
+        self.first = residual if iteration == 0 else min(self.first, residual)
+        self.last = step
+        if known is not None or close:
+            return known is None and residual > _SHARP * settings.tolerance and step <= settings.step_tolerance
+        diverged = not math.isfinite(residual) or (iteration > 3 and residual > 10 * self.first)
+        self.failed = diverged or iteration >= self.patience
+        return not self.failed
 
 
 def correct_all(
@@ -333,47 +370,30 @@ def correct_all(
     numpy.linalg.LinAlgError
         If a bordered matrix is singular.
     """
+    most = settings.max_iterations
+    points = [_Iterate(min(_PATIENCE, most) if i else most) for i in range(len(predicted))]
     u, left, reason = predicted, list(range(len(predicted))), ""
-    last, first = [math.inf] * len(u), [math.inf] * len(u)  # Newton steps relative to |u|, and first residuals
-    found: dict[int, Corrected] = {}
-    for iteration in range(settings.max_iterations + 2):
+    for iteration in range(most + 2):
         now = linearise_all(problem, u, name, parameters)
-        residuals = (norms(now.R) / now.size).tolist()
         A, rhs = all_bordered(now, normal), np.zeros((*u.shape, 2))
         rhs[:, :-1, 0], rhs[:, -1, 0], rhs[:, -1, 1] = now.R, (u - predicted[left]) @ normal, 1.0
         both = np.linalg.solve(A, rhs)
         onward = u - both[..., 0]
+        residuals = (norms(now.R) / now.size).tolist()
         steps = (norms(both[..., 0]) / np.maximum(norms(onward), 1e-300)).tolist()
-        go_on = []
-        for j, (i, residual) in enumerate(zip(left, residuals, strict=True)):
-            known = found.get(i)
-            close = residual <= settings.tolerance and (last[i] <= settings.step_tolerance or iteration == 0)
-            if close if known is None else residual < known.solution.residual:
-                point = Evaluation(now.R[j].copy(), now.dR_dX[j].copy(), now.dR_dp[j].copy(), float(now.size[j]))
-                solution = Solution(u[j, :-1], float(u[j, -1]), point, iteration, residual)
-                found[i] = Corrected(solution, both[j, :, 1], A[j])
-            last[i], first[i] = steps[j], min(first[i], residual) if iteration else residual
-            if known is not None or (close and residual <= _SHARP * settings.tolerance):
-                continue
-            if close:
-                if steps[j] <= settings.step_tolerance:
-                    go_on.append(j)
-                continue
-            patience = min(_PATIENCE, settings.max_iterations) if i else settings.max_iterations
-            diverged = not math.isfinite(residual) or (iteration > 3 and residual > 10 * first[i])
-            if diverged or iteration >= patience:
-                reason = f"the corrector stopped at a relative residual of {residual:.2e} after {iteration} steps"
+        onto = []
+        for j, point in enumerate(points[i] for i in left):
+            here = Evaluation(now.R[j], now.dR_dX[j], now.dR_dp[j], float(now.size[j]))
+            solution = Solution(u[j, :-1], float(u[j, -1]), here, iteration, residuals[j])
+            if point.goes_on(Corrected(solution, both[j, :, 1], A[j]), steps[j], settings):
+                onto.append(j)
+            elif point.failed:
+                reason = f"the corrector stopped at a relative residual of {residuals[j]:.2e} after {iteration} steps"
                 break
-            go_on.append(j)
-        if not go_on:
+        if not onto:
             break
-        u, left = onward[go_on], [left[j] for j in go_on]
-    points = []
-    for i in range(len(predicted)):
-        if i not in found:
-            break
-        points.append(found[i])
-    return points, reason
+        u, left = onward[onto], [left[j] for j in onto]
+    return [point.best for point in takewhile(lambda p: p.best is not None, points)], reason  # type: ignore[misc]
 
 
 def all_bordered(now: Evaluations, normal: Array) -> Array:

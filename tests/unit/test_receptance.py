@@ -160,4 +160,5 @@ def test_critically_damped_structure(zeta):
     np.testing.assert_allclose(part.Z[:, 0, 0], 1 - w**2 + 2j * zeta * w, rtol=1e-9)
     X = problem.start(0.8)
     product = np.prod(problem.multipliers(X, Omega=0.8, width=0.1))
-    assert product == pytest.approx(np.exp(-2 * zeta * 2 * np.pi / 0.8), rel=1e-6)
+    # two modes of a condition up to 1e8 cancel
+    assert product == pytest.approx(np.exp(-2 * zeta * 2 * np.pi / 0.8), rel=1e-6, abs=2e-10)
