@@ -194,7 +194,7 @@ def solve(
     )  # fmt: skip
 
 
-def refine(problem: Any, solution: Solution, parameters: Mapping[str, float], name: str) -> Solution:
+def refine(problem: Any, solution: Solution, parameters: Mapping[str, float]) -> Solution:
     """The solution after one more Newton step; as it was if that does not lower its residual.
 
     For equations so flat that a residual at the tolerance leaves digits of the unknowns open, as at special points.
@@ -203,14 +203,11 @@ def refine(problem: Any, solution: Solution, parameters: Mapping[str, float], na
         X = solution.X - solve_linear(solution.evaluation.dR_dX, solution.evaluation.R)
     except np.linalg.LinAlgError:
         return solution
-    return _better(problem, solution, X, name, parameters)
-
-
-def _better(problem: Any, found: Solution, X: Array, name: str, parameters: Mapping[str, float]) -> Solution:
-    """The solution one step further, at X and parameters, if its residual is lower; else the one found."""
-    now = linearise(problem, X, name, parameters)
+    now = linearise(problem, X, "", parameters)
     residual = norm(now.R) / now.size
-    return Solution(X, parameters[name], now, found.iterations + 1, residual) if residual < found.residual else found
+    if not residual < solution.residual:
+        return solution
+    return replace(solution, X=X, evaluation=now, iterations=solution.iterations + 1, residual=residual)
 
 
 class _Homotopy:

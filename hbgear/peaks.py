@@ -91,7 +91,7 @@ def _newton(branch: Branch, row: Row, measure: str, element: int, scale: Array) 
     peak = Peak(problem, branch.parameter, measure, element)
     fixed = {k: v for k, v in branch.parameters_at(0).items() if k != branch.parameter}
     try:
-        U = solve(peak, row.u, {**fixed, branch.parameter: row.value}, branch.parameter).X
+        U = solve(peak, row.u, {**fixed, branch.parameter: row.value}).X
     except NoConvergence:
         return row
     if np.linalg.norm((U - row.u) / scale) > 1e-3:

@@ -100,7 +100,7 @@ def _at_doubling(arc: Arc, row: Row) -> Row:
     extended = PeriodDoubling(problem.with_order(problem.nu // 2), arc.name)
     shorter = extended.doubled.fitted(row.solution.X)[extended.even]
     here = {**arc.parameters, arc.name: row.value}
-    solution = refine(extended, solve(extended, np.append(shorter, row.value), here, arc.name), here, arc.name)
+    solution = refine(extended, solve(extended, np.append(shorter, row.value), here), here)
     value = float(solution.X[-1])
     if abs(value - row.value) > 0.1 * abs(arc.b.value - arc.a.value):
         return row
@@ -193,7 +193,7 @@ def _newton(arc: Arc, kind: str, extended: Augmented, s: float, note: str = "") 
     u = arc.guess(s)
     settings = Settings(arc.settings.tolerance, arc.settings.step_tolerance, 5)
     here = {**arc.parameters, arc.name: float(u[-1])}
-    solution = refine(extended, solve(extended, u, here, arc.name, settings), here, arc.name)
+    solution = refine(extended, solve(extended, u, here, settings=settings), here)
     U = solution.X
     chord = (arc.b.u - arc.a.u) / arc.scale
     place = float(chord @ ((U - arc.a.u) / arc.scale) / (chord @ chord))
