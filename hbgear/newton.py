@@ -181,7 +181,7 @@ def solve(
             break
         X, now = X + factor * dX, trial
         residuals.append(norm(now.R) / now.size)
-    if np.linalg.cond(now.dR_dX) > _SINGULAR:
+    if np.isfinite(now.dR_dX).all() and np.linalg.cond(now.dR_dX) > _SINGULAR:
         raise NoConvergence(
             "the Jacobian is singular: some motion is not determined by the equations at this point (a gap that stays "
             "open without load, or a fold exactly at the start); move the start or load the system",
