@@ -75,30 +75,36 @@ def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[Row, bo
     def low(s: float) -> float:
         return -float(measured(measure, layout.rows(arc.at(s).solution.X, element), layout.nu))
 
+    def search(xatol: float) -> Row:
+        best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": xatol})
+        return arc.at(float(best.x))
+
     try:
-        best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-7})
-        row = arc.at(float(best.x))
+        if measure not in ("max", "pp2", "mean"):
+            sharp = _newton(arc, search(_ROUGH), measure, element)
+            if sharp is not None:
+                return sharp, True
+        return search(_FINE), True
     except (NoConvergence, np.linalg.LinAlgError):
         return _row(branch, i, arc.scale, arc.b.u - arc.a.u), False
-    if measure not in ("max", "pp2", "mean"):
-        return _newton(branch, row, measure, element, arc.scale), True
-    return row, True
 
 
-def _newton(branch: Branch, row: Row, measure: str, element: int, scale: Array) -> Row:
-    """All digits of a peak by Newton, if it stays where the search was."""
-    problem: Any = branch.problem
-    peak = Peak(problem, branch.parameter, measure, element)
-    fixed = {k: v for k, v in branch.parameters_at(0).items() if k != branch.parameter}
+_ROUGH, _FINE = 1e-2, 1e-7  # shares of the arc to which a peak is searched for: before Newton, and instead of it
+
+
+def _newton(arc: Arc, row: Row, measure: str, element: int) -> Row | None:
+    """All digits of a peak by Newton, if it stays on the arc."""
+    peak = Peak(arc.problem, arc.name, measure, element)
+    here = {**arc.parameters, arc.name: row.value}
     try:
-        U = solve(peak, row.u, {**fixed, branch.parameter: row.value}).X
+        U = solve(peak, row.u, here).X
     except NoConvergence:
-        return row
-    if np.linalg.norm((U - row.u) / scale) > 1e-3:
-        return row
-    now = linearise(problem, U[:-1], branch.parameter, {**fixed, branch.parameter: float(U[-1])})
+        return None
+    if np.linalg.norm((U - row.u) / arc.scale) > 0.1 * arc.length:
+        return None
+    now = linearise(arc.problem, U[:-1], arc.name, {**here, arc.name: float(U[-1])})
     solution = Solution(U[:-1], float(U[-1]), now, row.solution.iterations, float(np.linalg.norm(now.R)) / now.size)
-    return row_of(solution, normal_of(row.tangent, scale), scale)
+    return row_of(solution, normal_of(row.tangent, arc.scale), arc.scale)
 
 
 def _arc(branch: Branch, i: int) -> Arc:
