@@ -138,6 +138,14 @@ def solve_linear(A: Array, b: Array) -> Array:
     return x
 
 
+def is_singular(A: Array) -> bool:
+    """Whether a finite matrix is singular up to rounding, once its rows are of one size."""
+    if not np.isfinite(A).all():
+        return False
+    largest = np.abs(A).max(axis=1, keepdims=True)
+    return not largest.all() or bool(np.linalg.cond(A / largest) > _SINGULAR)
+
+
 _SINGULAR = 1e13  # condition of a matrix that is singular to rounding
 
 
@@ -181,7 +189,7 @@ def solve(
             break
         X, now = X + factor * dX, trial
         residuals.append(norm(now.R) / now.size)
-    if np.isfinite(now.dR_dX).all() and np.linalg.cond(now.dR_dX) > _SINGULAR:
+    if is_singular(now.dR_dX):
         raise NoConvergence(
             "the Jacobian is singular: some motion is not determined by the equations at this point (a gap that stays "
             "open without load, or a fold exactly at the start); move the start or load the system",
