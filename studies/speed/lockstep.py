@@ -3,11 +3,11 @@
     python -m studies.speed.lockstep [--quick] [-o DIR]
 
 In lock step the equations of B designs, each with its own parameters, motion and frequency, are evaluated and solved in
-one set of arrays (`batched`). Measured are the CPU time of such a Newton iteration for each design beside that of one
-problem alone, and how the time of a case parts into steps along the curve, which a lock step would take together, and
-the rest: start, truncation errors and regimes, stability, special points, jumps and peaks, which belong to each design.
-The estimate is generous: prediction and step control gain as much as Newton does, no design waits for another, and
-nothing is spent on those that leave.
+one set of arrays (`batched`), as a trace does with the rows it seeks together, of one design. Measured are the CPU time
+of such a Newton iteration for each design beside that of eight rows of one problem for each row, and how the time of a
+case parts into steps along the curve, which a lock step would take together, and the rest: start, truncation errors and
+regimes, stability, special points, jumps and peaks, which belong to each design. The estimate is generous: prediction
+and step control gain as much as Newton does, no design waits for another, and nothing is spent on those that leave.
 
     gain of a case = whole / (rest + steps / gain of an iteration)  <=  whole / rest
 
@@ -43,6 +43,8 @@ CASES: dict[str, tuple[hb.Model, int, tuple[str, ...]]] = {
 }
 """Model, harmonics, and what differs between its designs."""
 SIZES = (1, 8, 32, 128)
+TOGETHER = hb.Steps().ahead
+"""Rows of one problem that a trace seeks together."""
 TASKS = {
     "peak": {"peak": True, "special": True, "stability": False},
     "peak and jumps": {"peak": True, "special": True, "stability": True},
@@ -73,8 +75,8 @@ def designs(name: str, count: int, seed: int = 1) -> list[hb.Model]:
 def jobs(name: str, sizes: tuple[int, ...]) -> dict[tuple[int, str], Callable[[float], Any]]:
     """By size of the batch and part of a Newton iteration: that part for max(sizes) designs, in turns of B.
 
-    Each takes a factor of all frequencies. Size 0 is one problem alone, called as `trace` calls it. The motions are
-    rows of the curve of the case.
+    Each takes a factor of all frequencies. Size 0 is one problem, eight motions at once as `trace` does. The motions
+    are rows of the curve of the case.
     """
     model, harmonics, _ = CASES[name]
     alone = hb.HarmonicBalance(model, harmonics)
@@ -84,13 +86,12 @@ def jobs(name: str, sizes: tuple[int, ...]) -> dict[tuple[int, str], Callable[[f
     X, Omega = branch.X[rows], branch.values[rows]
     problems = [hb.HarmonicBalance(one, harmonics) for one in designs(name, count)]
     normal, rhs = np.column_stack([X, np.ones(count)]), np.column_stack([X, np.zeros(count)])
-    each = [alone.linearise(x, "Omega", Omega=w) for x, w in zip(X, Omega.tolist(), strict=True)]
-    triples = list(zip(each, normal, rhs, strict=True))
+    strides = [slice(i, i + TOGETHER) for i in range(0, count, TOGETHER)]
+    each = [(alone.linearise_all(X[some], Omega[some]), normal[some], rhs[some, :, None]) for some in strides]
     out: dict[tuple[int, str], Callable[[float], Any]] = {
-        (0, "evaluation"): lambda f: [alone.linearise(x, "Omega", Omega=w)
-                                      for x, w in zip(X, (f * Omega).tolist(), strict=True)],
-        (0, "solution"): lambda f: [newton.solve_linear(newton.bordered(one, n), b) for one, n, b in triples],
-    }  # fmt: skip
+        (0, "evaluation"): lambda f: [alone.linearise_all(X[some], f * Omega[some]) for some in strides],
+        (0, "solution"): lambda f: [np.linalg.solve(newton.all_bordered(now, n), b) for now, n, b in each],
+    }
     for B in sizes:
         batch, turns = Batch(problems[:B]), range(count // B)
         now, n, b = batch.linearise(X[:B], Omega[:B]), normal[:B], rhs[:B, :, None]
@@ -119,7 +120,7 @@ def iterations(name: str, sizes: tuple[int, ...], repeats: int) -> dict[int, dic
 
 
 def parts(name: str, repeats: int) -> dict[str, Any]:
-    """Evaluations and solutions of a curve, and seconds of its steps and of each task."""
+    """Motions evaluated for a curve, and seconds of its steps and of each task."""
     model, harmonics, _ = CASES[name]
     span = model.default_span
     counted = Counted(model, harmonics)
@@ -141,8 +142,7 @@ def parts(name: str, repeats: int) -> dict[str, Any]:
     measured = [[seconds(call) for call in calls.values()] for _ in range(repeats)]
     typical = dict(zip(calls, np.median(measured, axis=0).tolist(), strict=True))
     return {
-        "evaluations": counted.calls,
-        "solutions": float(branch.iterations.sum()) + len(branch),  # Newton's, and those of the tangents
+        "motions": counted.motions,
         "steps": typical["bare"] - typical["start"] - typical["observed"],
         "tasks": {task: typical[task] for task in TASKS},
     }
@@ -160,8 +160,7 @@ def run(quick: bool = False) -> list[dict[str, Any]]:
         found = iterations(name, SIZES[:3] if quick else SIZES, 3 if quick else 15)
         curve = parts(name, 1 if quick else 7)
         cost = {
-            B: [curve["evaluations"] * e + curve["solutions"] * s
-                for e, s in zip(times["evaluation"], times["solution"], strict=True)]
+            B: [curve["motions"] * (e + s) for e, s in zip(times["evaluation"], times["solution"], strict=True)]
             for B, times in found.items()
         }  # fmt: skip
         gains = {B: median(a / b for a, b in zip(cost[0], times, strict=True)) for B, times in cost.items() if B}
@@ -179,7 +178,7 @@ def run(quick: bool = False) -> list[dict[str, Any]]:
 def report(rows: list[dict[str, Any]]) -> str:
     """Two tables in Markdown, and what follows from them."""
     sizes = list(rows[0]["gains"])
-    head = ["for each design [µs]", "one alone", *(f"B = {B}" for B in sizes)]
+    head = ["for each design [µs]", f"{TOGETHER} rows of one", *(f"B = {B}" for B in sizes)]
     lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     for row in rows:
         name = row["name"].replace("$", "")
@@ -217,10 +216,10 @@ def plot(rows: list[dict[str, Any]]) -> Figure:
         right.bar(at, [one["gain"] for one in found], 0.9 * width, color=colour, label=row["name"])
         most = "steps that cost nothing" if row is rows[-1] else None
         right.hlines([one["most"] for one in found], at - 0.45 * width, at + 0.45 * width, "black", lw=1.2, label=most)
-    left.plot([], [], color=study.GREY, lw=0.8, ls=":", label="one problem alone")
+    left.plot([], [], color=study.GREY, lw=0.8, ls=":", label="eight rows of one problem")
     left.set_xticks(SIZES, [str(B) for B in SIZES])
     left.minorticks_off()
-    left.set(xlabel="designs in the batch, $B$", ylabel="Newton iteration of a design [µs]", ylim=(5, 2500))
+    left.set(xlabel="designs in the batch, $B$", ylabel="Newton iteration of a design [µs]", ylim=(5, 1500))
     left.legend(loc="upper right")
     for level, text in ((PROCESSES, "two processes"), (PROCESSES * WORTH, "three times two processes")):
         right.axhline(level, color="black", lw=0.7, ls="--", zorder=0)
