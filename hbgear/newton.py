@@ -322,12 +322,6 @@ class Corrected(NamedTuple):
     direction: Array
     A: Array
 
-    def copied(self) -> Corrected:
-        """The same without a hold on arrays of other points."""
-        solution, now = self.solution, self.solution.evaluation
-        own = Evaluation(now.R.copy(), now.dR_dX.copy(), now.dR_dp.copy(), now.size)
-        return Corrected(replace(solution, X=solution.X.copy(), evaluation=own), self.direction.copy(), self.A.copy())
-
 
 _PATIENCE = 2  # Newton steps in which all points but the first must converge: where they do not, they are too far
 _SHARP = 1e-2  # part of the tolerance above which a converged point gets one Newton step more
@@ -343,19 +337,18 @@ class _Iterate:
     best: Corrected | None = None
     failed: bool = False
 
-    def goes_on(self, point: Corrected, step: float, settings: Settings) -> bool:
-        """Keep the point if it is converged and the best so far; say whether to take the next step."""
-        residual, iteration, known = point.solution.residual, point.solution.iterations, self.best
+    def judge(self, residual: float, iteration: int, step: float, settings: Settings) -> tuple[bool, bool]:
+        """Whether the point where it is now is converged and the best so far, and whether to take the next step."""
         close = residual <= settings.tolerance and (self.last <= settings.step_tolerance or iteration == 0)
-        if close if known is None else residual < known.solution.residual:
-            self.best = point.copied()
         self.first = residual if iteration == 0 else min(self.first, residual)
         self.last = step
-        if known is not None or close:
-            return known is None and residual > _SHARP * settings.tolerance and step <= settings.step_tolerance
+        if self.best is not None:
+            return residual < self.best.solution.residual, False
+        if close:
+            return True, residual > _SHARP * settings.tolerance and step <= settings.step_tolerance
         diverged = not math.isfinite(residual) or (iteration > 3 and residual > 10 * self.first)
         self.failed = diverged or iteration >= self.patience
-        return not self.failed
+        return False, not self.failed
 
 
 def correct_all(
@@ -388,11 +381,14 @@ def correct_all(
         steps = (norms(both[..., 0]) / np.maximum(norms(onward), 1e-300)).tolist()
         onto = []
         for j, point in enumerate(points[i] for i in left):
-            here = Evaluation(now.R[j], now.dR_dX[j], now.dR_dp[j], float(now.size[j]))
-            solution = Solution(u[j, :-1], float(u[j, -1]), here, iteration, residuals[j])
-            if point.goes_on(Corrected(solution, both[j, :, 1], A[j]), steps[j], settings):
+            best, on = point.judge(residuals[j], iteration, steps[j], settings)
+            if best:  # copied, or it would hold on to the arrays of all
+                here = Evaluation(now.R[j].copy(), now.dR_dX[j].copy(), now.dR_dp[j].copy(), float(now.size[j]))
+                solution = Solution(u[j, :-1].copy(), float(u[j, -1]), here, iteration, residuals[j])
+                point.best = Corrected(solution, both[j, :, 1].copy(), A[j].copy())
+            if on:
                 onto.append(j)
-            elif point.failed:
+            if point.failed:
                 reason = f"the corrector stopped at a relative residual of {residuals[j]:.2e} after {iteration} steps"
                 break
         if not onto:
