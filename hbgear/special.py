@@ -9,7 +9,9 @@ BP  two curves cross: det [J R_lambda; t^T] changes sign. Bracketed root of the 
 GR  an extremum of an element grazes a corner of its law: the impact regime changes.
     Newton on {R = 0, extremum = corner}, or a bracketed root.
 
-The bracketed root runs along the arc between two rows, where every point is corrected onto the curve.
+The bracketed root runs along the arc between two rows, where every point is corrected onto the curve. Two points that
+lie between the same two rows leave no change of sign there: where a test function seems to touch zero, the curve is
+looked at more closely.
 """
 
 from __future__ import annotations
@@ -59,18 +61,75 @@ def find(arc: Arc, stability: bool) -> list[Found]:
 
 
 def suspects(rows: Sequence[Row], stability: bool) -> list[int]:
-    """Numbers i of the pieces from rows[i] to rows[i + 1] on which `find` may find something."""
+    """Numbers i of the pieces from rows[i] to rows[i + 1] on which `find` finds something."""
     heading, orientation = (np.array([getattr(row, name) for row in rows]) for name in ("heading", "orientation"))
     some = (heading[1:] * heading[:-1] < 0) | (orientation[1:] != orientation[:-1])
-    seen = [(row.observed.get("multipliers"), row.observed.get("clearance")) for row in rows]
-    mu, clearance = zip(*seen, strict=True)
+    mu = [row.observed.get("multipliers") for row in rows]
     if stability and all(x is not None for x in mu):
-        unstable, doubling = _verdicts(np.array(mu))
-        some |= (unstable[1:] != unstable[:-1]) | (doubling[1:] * doubling[:-1] < 0)
-    if all(x is not None for x in clearance):
-        ends = np.array(clearance)
-        some |= (ends[1:] * ends[:-1] < 0).any(axis=1)
+        unstable = _verdicts(np.array(mu))[0]
+        some |= unstable[1:] != unstable[:-1]
+    tests = _tests(rows, stability)
+    some |= (tests[1:] * tests[:-1] < 0).any(axis=1)
     return [int(i) for i in np.flatnonzero(some)]
+
+
+def _tests(rows: Sequence[Row], stability: bool) -> Array:
+    """Functions that change sign at special points, (rows, T): det(Phi + 1) and clearances, as far as known."""
+    columns = [np.zeros((len(rows), 0))]
+    mu, clearance = ([row.observed.get(name) for row in rows] for name in ("multipliers", "clearance"))
+    if stability and all(x is not None for x in mu):
+        columns.append(_verdicts(np.array(mu))[1][:, None])
+    if all(x is not None for x in clearance):
+        columns.append(np.array(clearance))
+    return np.concatenate(columns, axis=1)
+
+
+_SHALLOW = 0.25  # share of its least value among the rows below which a test function may cross zero between them
+_TRIES = 3  # rows looked at there
+
+
+def touching(rows: Sequence[Row], length: Array, stability: bool) -> dict[int, float]:
+    """Pieces on which a test function of one sign at the rows may cross zero twice, with the place s on each.
+
+    It does if the parabola through three rows, the pieces between them of the given lengths, comes close to zero.
+    """
+    f = _tests(rows, stability)
+    before, here, after = f[:-2], f[1:-1], f[2:]
+    h, k = length[:-1, None], length[1:, None]
+    least = (before * here > 0) & (here * after > 0) & (np.abs(here) <= np.minimum(np.abs(before), np.abs(after)))
+    rise, fall = (here - before) / h, (after - here) / k
+    bend, slope = (fall - rise) / (h + k), (rise * k + fall * h) / (h + k)
+    found: dict[int, float] = {}
+    for i, j in np.argwhere(least & (bend * here > 0)):
+        at = -0.5 * slope[i, j] / bend[i, j]
+        if 1 + 0.5 * slope[i, j] * at / here[i, j] > _SHALLOW:
+            continue
+        piece, s = (int(i), 1 + at / h[i, 0]) if at < 0 else (int(i) + 1, at / k[i, 0])
+        found.setdefault(piece, float(s))
+    return found
+
+
+def find_hidden(arc: Arc, s: float, stability: bool, observed: Callable[[Row], Row]) -> list[Found]:
+    """Special points on a piece of the curve on which a test function seems to touch zero near s, if it does."""
+    places, rows = [0.0, 1.0], [arc.a, arc.b]
+    for _ in range(_TRIES):
+        try:
+            row = observed(arc.at(s))
+        except (NoConvergence, np.linalg.LinAlgError):
+            return []
+        i = int(np.searchsorted(places, s))
+        places.insert(i, s)
+        rows.insert(i, row)
+        pieces = suspects(rows, stability)
+        if pieces:
+            return [replace(point, s=places[i] + point.s * (places[i + 1] - places[i])) for i in pieces
+                    for point in find(replace(arc, a=rows[i], b=rows[i + 1]), stability)]  # fmt: skip
+        near = touching(rows, np.diff(places), stability)
+        if not near:
+            return []
+        piece, share = next(iter(near.items()))
+        s = places[piece] + share * (places[piece + 1] - places[piece])
+    return []
 
 
 def merge(arc: Arc) -> Found | None:
@@ -173,6 +232,9 @@ def _fold(arc: Arc) -> Found:
     return _root(arc, kind, lambda row: float(row.tangent[-1]))
 
 
+_AT_THE_END = 1e-6  # how far beyond the ends of its arc a point may come to lie: farther, it belongs to another arc
+
+
 def _turn(arc: Arc) -> float:
     """Where on the arc the parameter turns, by the Hermite polynomial through its ends."""
     rise = float(arc.b.u[-1] - arc.a.u[-1])
@@ -197,7 +259,8 @@ def _newton(arc: Arc, kind: str, extended: Augmented, s: float, note: str = "") 
     U = solution.X
     chord = (arc.b.u - arc.a.u) / arc.scale
     place = float(chord @ ((U - arc.a.u) / arc.scale) / (chord @ chord))
-    if not -0.05 <= place <= 1.05 or np.linalg.norm((U - u) / arc.scale) > 0.5 * np.linalg.norm(chord):
+    inside = -_AT_THE_END <= place <= 1 + _AT_THE_END
+    if not inside or np.linalg.norm((U - u) / arc.scale) > 0.5 * np.linalg.norm(chord):
         raise NoConvergence("Newton left the arc", U, arc.parameters, [])
     now = linearise(arc.problem, U[:-1], arc.name, {**arc.parameters, arc.name: float(U[-1])})
     point = Solution(U[:-1], float(U[-1]), now, solution.iterations, float(np.linalg.norm(now.R)) / now.size)
@@ -208,7 +271,10 @@ def _determinant(arc: Arc) -> Callable[[Row], float]:
     """Signed bordered determinant, relative to its size at the first row."""
 
     def logdet(row: Row) -> tuple[float, float]:
-        sign, log = np.linalg.slogdet(bordered(row.solution.evaluation, row.tangent / arc.scale**2))
+        now = row.solution.evaluation
+        if not now.R.size:  # dropped, see `without_evaluation`
+            now = linearise(arc.problem, row.solution.X, arc.name, {**arc.parameters, arc.name: row.value})
+        sign, log = np.linalg.slogdet(bordered(now, row.tangent / arc.scale**2))
         return float(sign), float(log)
 
     reference = logdet(arc.a)[1]

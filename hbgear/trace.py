@@ -22,7 +22,7 @@ from hbgear.fourier import Array
 from hbgear.jumps import find_jumps
 from hbgear.newton import NoConvergence, Settings, correct, norm, solve
 from hbgear.record import Mark, branch_of
-from hbgear.special import Found, find, merge, suspects
+from hbgear.special import Found, find, find_hidden, merge, suspects, touching
 from hbgear.stride import Pace, Steps, Strider
 
 Progress = Callable[[float, int, float], None]
@@ -319,14 +319,34 @@ class _Tracer:
         start = len(self.rows) - len(self.waiting) - 1
         path = self._observed(self.rows[start:])
         found: list[tuple[int, Found]] = []
-        for i in suspects(path, self.stability) if self.special else ():
-            arc = replace(self.waiting[i], a=path[i], b=path[i + 1])
-            found += [(start + 1 + i, point) for point in find(arc, self.stability)]
+        if self.special:
+            sure = suspects(path, self.stability)
+            for i in sure:
+                arc = replace(self.waiting[i], a=path[i], b=path[i + 1])
+                found += [(start + 1 + i, point) for point in find(arc, self.stability)]
+            found += self._hidden(path, start, sure)
         if self.together == 1:  # the problem may be another one at the next row
             located = self._observed([point.row for _, point in found])
             found = [(i, replace(point, row=row)) for (i, point), row in zip(found, located, strict=True)]
         self.rows[start:], self.waiting = [*(without_evaluation(row) for row in path[:-1]), path[-1]], []
         self.found += found
+
+    def _hidden(self, path: list[Row], start: int, sure: list[int]) -> list[tuple[int, Found]]:
+        """Pairs of special points between two rows of a path, whose first is number start, on pieces not sure."""
+        early = self.rows[start - 1 : start] if start else []
+        rows = [*early, *path]
+        if len(rows) < 3 or len({len(row.u) for row in rows}) > 1:
+            return []
+        u = np.array([row.u for row in rows]) / self.scale
+        length = np.sqrt(np.square(u[1:] - u[:-1]).sum(axis=1))
+        found: list[tuple[int, Found]] = []
+        for piece, s in touching(rows, length, self.stability).items():
+            if piece - len(early) not in sure and 0 < s < 1:
+                arc, number = self._arc(rows[piece], rows[piece + 1]), start - len(early) + piece + 1
+                hidden = find_hidden(arc, s, self.stability, lambda row: self._observed([row])[0])
+                if not any(other == number for other, _ in [*self.found, *found]):
+                    found += [(number, point) for point in hidden]
+        return found
 
     def _record(self) -> tuple[list[Row], list[Mark]]:
         """All rows, the located special points among them, and the marks of these."""
@@ -334,6 +354,7 @@ class _Tracer:
         marks: list[Mark] = []
         located = iter(self._observed([point.row for _, point in self.found]))
         found = [(i, replace(point, row=next(located))) for i, point in self.found]
+        found.sort(key=lambda one: (one[0], one[1].s))
         for i, row in enumerate(self.rows):
             while found and found[0][0] == i:
                 point = found.pop(0)[1]

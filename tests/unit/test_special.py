@@ -6,6 +6,7 @@ import pytest
 from hbgear import (
     Backlash,
     Cubic,
+    DoubleHelicalPair,
     Duffing,
     Element,
     Fold,
@@ -307,3 +308,33 @@ def test_clearances_are_named():
     assert HarmonicBalance(system, 3).clearance_names == (
         "lowest of gap at -1", "highest of gap at -1", "lowest of gap at 1", "highest of gap at 1",
     )  # fmt: skip
+
+
+# ---- pairs between two rows
+
+
+@pytest.mark.parametrize("steps", [Steps(), Steps(longest=0.03), Steps(ahead=1)], ids=["strides", "short", "single"])
+@pytest.mark.parametrize(("zeta", "expected"), [(0.12, (0.336273, 0.337659)), (0.1205, (0.336781, 0.337149))])
+def test_doublings_closer_than_the_rows(zeta, expected, steps):
+    """The range in which the double-helical pair doubles its period is a hundredth of a step before it vanishes."""
+    problem = HarmonicBalance(DoubleHelicalPair(zeta=zeta), 12)
+    curve = trace(problem, "Omega", (0.2, 0.6), steps=steps)
+    found = [p for p in curve.special if p.kind == "PD"]
+    np.testing.assert_allclose([p.parameters["Omega"] for p in found], expected, atol=1e-6)
+    assert all(p.located and np.abs(p.multipliers + 1).min() < 1e-4 for p in found)
+    middle, here = 0.5 * (found[0].X + found[1].X), {"Omega": sum(expected) / 2}
+    assert np.abs(problem.multipliers(solve(problem, middle, here).X, **here)).max() > 1
+    assert trace(HarmonicBalance(DoubleHelicalPair(zeta=0.1207), 12), "Omega", (0.2, 0.6), steps=steps).special == ()
+
+
+@pytest.mark.parametrize("less", [1e-3, 1e-5, 1e-7])
+def test_contact_that_is_met_between_two_rows_only(less):
+    """A stop just within a linear resonance: (1 - w^2)^2 + (2 zeta w)^2 = (F / gap)^2 at first and last contact."""
+    zeta, F = 0.1, 0.3
+    gap = F / (2 * zeta * np.sqrt(1 - zeta**2)) * (1 - less)
+    stop = Element([1.0], Unilateral(1.0, gap))
+    system = System([[1.0]], [[2 * zeta]], [[1.0]], [stop], Load(cosine={1: [F]}))
+    curve = trace(HarmonicBalance(system, 5), "Omega", (0.5, 1.6))
+    expected = np.sqrt(np.roots([1, 4 * zeta**2 - 2, 1 - (F / gap) ** 2]))
+    assert [p.kind for p in curve.special] == ["GR", "GR"]
+    np.testing.assert_allclose([p.parameters["Omega"] for p in curve.special], np.sort(expected), rtol=1e-7)
