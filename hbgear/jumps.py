@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from hbgear.branch import Branch, Jump, Point, SpecialPoint
-from hbgear.newton import NoConvergence, Settings, Solution, solve
+from hbgear.newton import NoConvergence, Settings, Solution, observe_all, solve
 
 # A fold of the truncated equations and the multiplier +1 of the true motion differ by the truncation error: that many
 # rows beside a fold may carry the other verdict.
@@ -91,16 +89,14 @@ def _crossed(branch: Branch, left: SpecialPoint, fold: SpecialPoint, settings: S
 
 
 def _points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point]]:
-    """Motions, group by group, with what the problem says of them: at once where only Omega differs."""
-    problem: Any = branch.problem
+    """Motions, group by group, with what the problem says of them."""
     every = [solution for group in groups for solution in group]
+    if not every:
+        return [[] for _ in groups]
     fixed = {k: v for k, v in branch.parameters_at(0).items() if k != branch.parameter}
     here = [{**fixed, branch.parameter: solution.value} for solution in every]
-    if branch.parameter == "Omega" and every:
-        X, Omega = np.array([solution.X for solution in every]), np.array([solution.value for solution in every])
-        seen = problem.observe_all(X, Omega, **fixed)
-    else:
-        seen = [problem.observe(solution.X, **p) for solution, p in zip(every, here, strict=True)]
+    u = np.array([np.append(solution.X, solution.value) for solution in every])
+    seen = observe_all(branch.problem, u, branch.parameter, fixed, True)
     points = iter([
         Point(solution.X, p, solution.residual, solution.iterations, one["multipliers"], one["regime"], one["error"],
               branch.layout) for solution, p, one in zip(every, here, seen, strict=True)

@@ -94,7 +94,7 @@ def norm(x: Array) -> float:
 
 def norms(x: Array) -> Array:
     """Euclidean norms (P,) of all entries of each x[p], (P, ...)."""
-    flat = x.reshape(len(x), -1)
+    flat = x.reshape(len(x), math.prod(x.shape[1:]))
     if flat.dtype == complex:
         flat = flat.view(float)
     return np.sqrt(np.einsum("ij,ij->i", flat, flat))
@@ -121,6 +121,21 @@ def linearise_all(problem: Any, U: Array, name: str, parameters: Mapping[str, fl
         return problem.linearise_all(U[:, :-1], U[:, -1], **rest)
     each = [linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])}) for u in U]
     return Evaluations(*(np.array(x) for x in zip(*each, strict=True)))
+
+
+def observe_all(
+    problem: Any, U: Array, name: str, parameters: Mapping[str, float], stability: bool
+) -> list[dict[str, Any]]:
+    """What a problem says of its motions U (k, n + 1): at once where only Omega differs between them."""
+    if name == "Omega" and hasattr(problem, "observe_all"):
+        return problem.observe_all(U[:, :-1], U[:, -1], stability=stability, **parameters)
+    return [problem.observe(u[:-1], stability=stability, **{**parameters, name: float(u[-1])}) for u in U]
+
+
+def solution_at(problem: Any, u: Array, name: str, parameters: Mapping[str, float], iterations: int = 0) -> Solution:
+    """The solution known to lie at u (n + 1,), with its evaluation."""
+    now = linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])})
+    return Solution(u[:-1], float(u[-1]), now, iterations, norm(now.R) / now.size)
 
 
 def jacobians(problem: Any, U: Array, name: str, parameters: Mapping[str, float]) -> Array:

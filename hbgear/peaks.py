@@ -12,7 +12,7 @@ from hbgear.augmented import Peak
 from hbgear.branch import Branch, SpecialPoint
 from hbgear.fourier import Array
 from hbgear.measures import measure as measured
-from hbgear.newton import NoConvergence, Settings, Solution, linearise, solve
+from hbgear.newton import NoConvergence, Settings, Solution, linearise, solution_at, solve
 
 
 def peaks(
@@ -102,8 +102,7 @@ def _newton(arc: Arc, row: Row, measure: str, element: int) -> Row | None:
         return None
     if np.linalg.norm((U - row.u) / arc.scale) > 0.1 * arc.length:
         return None
-    now = linearise(arc.problem, U[:-1], arc.name, {**here, arc.name: float(U[-1])})
-    solution = Solution(U[:-1], float(U[-1]), now, row.solution.iterations, float(np.linalg.norm(now.R)) / now.size)
+    solution = solution_at(arc.problem, U, arc.name, arc.parameters, row.solution.iterations)
     return row_of(solution, normal_of(row.tangent, arc.scale), arc.scale)
 
 

@@ -27,7 +27,7 @@ from hbgear.arc import Arc, Row, row_of
 from hbgear.augmented import Augmented, Fold, Grazing, PeriodDoubling
 from hbgear.branch import NEUTRAL
 from hbgear.fourier import Array, ComplexArray
-from hbgear.newton import NoConvergence, Settings, Solution, bordered, linearise, refine, solve
+from hbgear.newton import NoConvergence, Settings, bordered, linearise, refine, solution_at, solve
 
 MERGED = "merged"
 """Kind of the point at which a subharmonic branch ends; it is not a special point of its own."""
@@ -64,24 +64,24 @@ def suspects(rows: Sequence[Row], stability: bool) -> list[int]:
     """Numbers i of the pieces from rows[i] to rows[i + 1] on which `find` finds something."""
     heading, orientation = (np.array([getattr(row, name) for row in rows]) for name in ("heading", "orientation"))
     some = (heading[1:] * heading[:-1] < 0) | (orientation[1:] != orientation[:-1])
-    mu = [row.observed.get("multipliers") for row in rows]
-    if stability and all(x is not None for x in mu):
-        unstable = _verdicts(np.array(mu))[0]
-        some |= unstable[1:] != unstable[:-1]
-    tests = _tests(rows, stability)
-    some |= (tests[1:] * tests[:-1] < 0).any(axis=1)
+    unstable, f = _tests(rows, stability)
+    some |= (unstable[1:] != unstable[:-1]) | (f[1:] * f[:-1] < 0).any(axis=1)
     return [int(i) for i in np.flatnonzero(some)]
 
 
-def _tests(rows: Sequence[Row], stability: bool) -> Array:
-    """Functions that change sign at special points, (rows, T): det(Phi + 1) and clearances, as far as known."""
-    columns = [np.zeros((len(rows), 0))]
+def _tests(rows: Sequence[Row], stability: bool) -> tuple[np.ndarray, Array]:
+    """Numbers of unstable multipliers, and functions that change sign at special points (rows, T), as far as known.
+
+    The functions are det(Phi + 1) and the clearances.
+    """
+    unstable, columns = np.zeros(len(rows), dtype=int), [np.zeros((len(rows), 0))]
     mu, clearance = ([row.observed.get(name) for row in rows] for name in ("multipliers", "clearance"))
     if stability and all(x is not None for x in mu):
-        columns.append(_verdicts(np.array(mu))[1][:, None])
+        unstable, doubling = _verdicts(np.array(mu))
+        columns.append(doubling[:, None])
     if all(x is not None for x in clearance):
         columns.append(np.array(clearance))
-    return np.concatenate(columns, axis=1)
+    return unstable, np.concatenate(columns, axis=1)
 
 
 _SHALLOW = 0.25  # share of its least value among the rows below which a test function may cross zero between them
@@ -93,7 +93,7 @@ def touching(rows: Sequence[Row], length: Array, stability: bool) -> dict[int, f
 
     It does if the parabola through three rows, the pieces between them of the given lengths, comes close to zero.
     """
-    f = _tests(rows, stability)
+    _, f = _tests(rows, stability)
     before, here, after = f[:-2], f[1:-1], f[2:]
     h, k = length[:-1, None], length[1:, None]
     least = (before * here > 0) & (here * after > 0) & (np.abs(here) <= np.minimum(np.abs(before), np.abs(after)))
@@ -213,8 +213,7 @@ def _between(arc: Arc, a: Row, b: Row, share: float) -> Row:
 
 def _singular(arc: Arc, u: Array, near: Row) -> Row:
     """Row at u, where the equations are singular, with tangent and orientation of one nearby."""
-    now = linearise(arc.problem, u[:-1], arc.name, {**arc.parameters, arc.name: float(u[-1])})
-    point = Solution(u[:-1], float(u[-1]), now, 0, float(np.linalg.norm(now.R)) / now.size)
+    point = solution_at(arc.problem, u, arc.name, arc.parameters)
     return Row(point, u, near.tangent, near.orientation)
 
 
@@ -262,8 +261,7 @@ def _newton(arc: Arc, kind: str, extended: Augmented, s: float, note: str = "") 
     inside = -_AT_THE_END <= place <= 1 + _AT_THE_END
     if not inside or np.linalg.norm((U - u) / arc.scale) > 0.5 * np.linalg.norm(chord):
         raise NoConvergence("Newton left the arc", U, arc.parameters, [])
-    now = linearise(arc.problem, U[:-1], arc.name, {**arc.parameters, arc.name: float(U[-1])})
-    point = Solution(U[:-1], float(U[-1]), now, solution.iterations, float(np.linalg.norm(now.R)) / now.size)
+    point = solution_at(arc.problem, U, arc.name, arc.parameters, solution.iterations)
     return Found(kind, min(max(place, 0.0), 1.0), row_of(point, chord / arc.scale, arc.scale), True, note)
 
 

@@ -132,7 +132,7 @@ class Strider:
         if len(predicted) == 1:
             return predicted
         last = np.concatenate([rows[0].u[None], predicted[:-1]])
-        length = np.sqrt(np.square((predicted - last) / scale).sum(axis=1))
+        length = norms((predicted - last) / scale)
         outside = (predicted[:, -1] < self.bounds[0]) | (predicted[:, -1] > self.bounds[1])
         bent = ~(length * _BENT < pace.step)
         bent[0] = False
@@ -196,7 +196,7 @@ def predict(rows: Sequence[Row], unit: Array, scale: Array, distance: Array) -> 
     along = normal_of(unit, scale)
     u, t = np.array([row.u for row in rows]), np.array([row.tangent for row in rows])
     x, cosine = (u - u[0]) @ along, t @ along
-    steep = np.flatnonzero(cosine[1:] < _STRAIGHT * np.sqrt(np.square(t[1:] / scale).sum(axis=1)))
+    steep = np.flatnonzero(cosine[1:] < _STRAIGHT * norms(t[1:] / scale))
     r = 1 + int(steep[0]) if steep.size else len(rows)
     value, slope = _hermite(x[:r], distance)
     guesses = np.concatenate([

@@ -20,7 +20,7 @@ from hbgear.arc import Arc, Departure, Row, cosine, normal_of, row_of, without_e
 from hbgear.branch import Branch, Point, Status
 from hbgear.fourier import Array
 from hbgear.jumps import find_jumps
-from hbgear.newton import NoConvergence, Settings, correct, norm, solve
+from hbgear.newton import NoConvergence, Settings, correct, norm, norms, observe_all, solve
 from hbgear.record import Mark, branch_of
 from hbgear.special import Found, find, find_hidden, merge, suspects, touching
 from hbgear.stride import Pace, Steps, Strider
@@ -206,18 +206,12 @@ class _Tracer:
         return scale
 
     def _observed(self, rows: list[Row]) -> list[Row]:
-        """The rows with what the problem says of their motions: at once where only Omega differs between them."""
+        """The rows with what the problem says of their motions."""
         fresh = [row for row in rows if not row.observed]
         if not fresh or not hasattr(self.problem, "observe"):
             return rows
-        if self.name == "Omega" and hasattr(self.problem, "observe_all"):
-            X, values = np.array([row.solution.X for row in fresh]), np.array([row.value for row in fresh])
-            seen = self.problem.observe_all(X, values, stability=self.stability, **self.fixed)
-        else:
-            here = [{**self.fixed, self.name: row.value} for row in fresh]
-            seen = [self.problem.observe(row.solution.X, stability=self.stability, **p)
-                    for row, p in zip(fresh, here, strict=True)]  # fmt: skip
-        told = iter(seen)
+        u = np.array([row.u for row in fresh])
+        told = iter(observe_all(self.problem, u, self.name, self.fixed, self.stability))
         return [row if row.observed else replace(row, observed=next(told)) for row in rows]
 
     # ---- main loop
@@ -338,7 +332,7 @@ class _Tracer:
         if len(rows) < 3 or len({len(row.u) for row in rows}) > 1:
             return []
         u = np.array([row.u for row in rows]) / self.scale
-        length = np.sqrt(np.square(u[1:] - u[:-1]).sum(axis=1))
+        length = norms(u[1:] - u[:-1])
         found: list[tuple[int, Found]] = []
         for piece, s in touching(rows, length, self.stability).items():
             if piece - len(early) not in sure and 0 < s < 1:

@@ -32,7 +32,7 @@ import hbgear as hb
 from hbgear import newton
 from studies import study
 from studies.speed.batched import Batch
-from studies.speed.profile import Counted
+from studies.speed.profile import TOGETHER, Counted
 
 ALONE = True
 
@@ -43,8 +43,6 @@ CASES: dict[str, tuple[hb.Model, int, tuple[str, ...]]] = {
 }
 """Model, harmonics, and what differs between its designs."""
 SIZES = (1, 8, 32, 128)
-TOGETHER = hb.Steps().ahead
-"""Rows of one problem that a trace seeks together."""
 TASKS = {
     "peak": {"peak": True, "special": True, "stability": False},
     "peak and jumps": {"peak": True, "special": True, "stability": True},

@@ -33,8 +33,8 @@ CASES = {"duffing": "Duffing\n$H=7$", "spur": "spur pair\n$H=10$", "chain10": "c
 PARTS = {"receptances": study.PURPLE, "forces of the laws": study.ORANGE, "assembly of the equations": "#e8c27a",
          "corrector": study.BLUE, "predictor, step control": "#9db9dd", "truncation, regime": "#9fcbb0",
          "stability": study.GREEN, "special points, jumps": "#b8423a", "all else": study.GREY}  # fmt: skip
-TOGETHER = 8
-"""Motions at once beside which one is measured."""
+TOGETHER = hb.Steps().ahead
+"""Rows of one problem that a trace seeks together."""
 
 SUPPORTS = (1, 2, 3, 4, 5)
 """Rows of the predictors compared."""
