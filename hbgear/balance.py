@@ -343,7 +343,8 @@ class HarmonicBalance:
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """R, dR/dX, dR/dname and the size of the forces that R is the sum of.
 
-        dR/dOmega is analytic; the derivative in a model parameter is a central difference of the residual.
+        dR/dOmega is analytic; the derivative in a model parameter is a central difference of the residual, with a step
+        of 1e-6 of its value (of 1e-6 at zero).
         """
         rest = {key: value for key, value in parameters.items() if key != "Omega"}
         now = self.linearise_all(X[None], np.array([parameters["Omega"]]), **rest)

@@ -63,17 +63,55 @@ def test_linear_response_is_the_transfer_function():
     assert np.abs([x[3:] for x in (gap, y1, y2)]).max() < 1e-12
 
 
-def test_jacobian_against_differences(rng, slope):
+def scatter(R, x, now, slope):
+    """How far the residual R(x) scatters by rounding: twice what 17 last bits of x show, at least a last bit of R."""
+    eps = np.finfo(float).eps
+    bits = eps * max(abs(x), 1.0) * np.arange(-8, 9)
+    seen = max(np.abs(R(x + bit) - now - bit * slope).max() for bit in bits)
+    return max(2 * seen, eps * np.abs(now[slope != 0]).max())
+
+
+def reference(slope, R, x, h, noise):
+    """A fourth-order difference of R at x, and its error: what is left out (shown by the step 2h), and rounding."""
+    fine, coarse = slope(R, x, h), slope(R, x, 2 * h)
+    return fine, np.abs(fine - coarse).max() / 15 + 1.5 * noise / h
+
+
+def agree(found, expected, tolerance):
+    """Equal to a tolerance; it must be one that a millionth of the numbers would exceed ten times over."""
+    assert 10 * tolerance < 1e-5 * np.abs(expected).max()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("name", ["Omega", "mu_1", "kappa_2", "b_1", "F_2"])
+def test_parameter_derivative_against_differences(name, rng, slope):
+    """It is a difference itself, with a step of 1e-6 of the value: rounding over that step is its error."""
     problem = hb.HarmonicBalance(UNEQUAL, 5)
     X = to_real(rng.normal(size=(3, 6)) + 1j * rng.normal(size=(3, 6))).ravel()
     here = {**UNEQUAL.parameters, "Omega": OMEGA}
-    for name in ("Omega", "mu_1", "kappa_2", "b_1", "F_2"):
-        now = problem.linearise(X, name, **here)
-        found = slope(lambda x, name=name: problem.residual(X, **{**here, name: x}), here[name])
-        np.testing.assert_allclose(now.dR_dp, found, rtol=0, atol=2e-7)
-    V = rng.normal(size=X.size)
-    found = slope(lambda h: problem.residual(X + h * V, **here), h=1e-4)
-    np.testing.assert_allclose(now.dR_dX @ V, found, rtol=0, atol=1e-6)
+    x, now = here[name], problem.linearise(X, name, **here)
+
+    def R(value):
+        return problem.residual(X, **{**here, name: value})
+
+    noise = scatter(R, x, now.R, now.dR_dp)
+    expected, error = reference(slope, R, x, 1e-3 * x, noise)
+    own = 0.0 if name == "Omega" else noise / (1e-6 * x)
+    agree(now.dR_dp, expected, error + own)
+
+
+def test_jacobian_against_differences(rng, slope):
+    problem = hb.HarmonicBalance(UNEQUAL, 5)
+    X = to_real(rng.normal(size=(3, 6)) + 1j * rng.normal(size=(3, 6))).ravel()
+    here, V = {**UNEQUAL.parameters, "Omega": OMEGA}, rng.normal(size=X.size)
+    now = problem.linearise(X, "", **here)
+
+    def R(s):
+        return problem.residual(X + s * V, **here)
+
+    found = now.dR_dX @ V
+    expected, error = reference(slope, R, 0.0, 1e-4, scatter(R, 0.0, now.R, found))
+    agree(found, expected, error)
 
 
 def test_heavy_gears_stand_still_and_leave_the_spur_pair():
