@@ -21,7 +21,7 @@ def pins():
 def test_pins_are_the_minimum_versions_of_the_package(pins):
     project = tomllib.loads(PYPROJECT.read_text())["project"]
     lists = [project["dependencies"], *project["optional-dependencies"].values()]
-    stated = {(r.name, s.operator, s.version) for r in map(Requirement, sum(lists, [])) for s in r.specifier}
+    stated = {(r.name, s.operator, s.version) for part in lists for r in map(Requirement, part) for s in r.specifier}
     pinned = [line.split("==") for line in pins(PYPROJECT.read_text())]
     assert sorted((name, ">=", lowest) for name, lowest in pinned) == sorted(stated)
     assert {"numpy", "scipy", "typer", "distributed", "pytest"} < {name for name, _ in pinned}
