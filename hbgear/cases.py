@@ -35,12 +35,14 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from hbgear.balance import HarmonicBalance
-from hbgear.branch import Branch, Status, load, replacing
+from hbgear.branch import Branch, Status
 from hbgear.fourier import Array
 from hbgear.maps import NoFold, critical
 from hbgear.model import Model, describe, did_you_mean
+from hbgear.npz import load
 from hbgear.peaks import peaks
 from hbgear.processes import executor_of
+from hbgear.replacing import replacing
 from hbgear.sampling import Grid, Sample
 from hbgear.store import Result, Store, key_of
 from hbgear.trace import trace
