@@ -9,14 +9,13 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import zipfile
-import zlib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from hbgear import forms
+from hbgear.archive import Archive, archive_of
 from hbgear.branch import Branch, Jump, Point, SpecialPoint
 from hbgear.measures import Layout
 from hbgear.replacing import checked_suffix, replacing
@@ -47,25 +46,33 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
     ValueError
         If it cannot be read, is no branch, or was written by a newer hbgear.
     """
-    path = Path(path)
-    if not path.exists():
+    if not Path(path).exists():
         raise FileNotFoundError(f"there is no file '{path}'; give the .npz of a branch saved before")
     try:
-        with open(path, "rb") as handle:
-            if not zipfile.is_zipfile(handle):
-                raise ValueError("it is no .npz at all, or cut off")
-            handle.seek(0)
-            archive = np.load(handle, allow_pickle=False)
-            header = json.loads(str(archive["header"]))
-            if header["format"] != _FORMAT:
-                raise ValueError(f"its format is {header['format']!r}")
-            if header["schema"] <= SCHEMA:
-                return dataclasses.replace(_decode(header["branch"], archive), problem=problem)
-    except (OSError, EOFError, KeyError, TypeError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        with archive_of(path) as archive:
+            return dataclasses.replace(_branch_in(archive), problem=problem)
+    except _Newer as newer:
+        raise ValueError(f"'{path}' {newer}") from None
+    except (OSError, ValueError, MemoryError) as error:
         raise ValueError(
             f"'{path}' cannot be read as a branch ({error}); need an .npz written by Branch.save or hbgear trace -o"
         ) from error
-    raise ValueError(f"'{path}' has schema {header['schema']}, this hbgear reads up to {SCHEMA}; upgrade hbgear")
+
+
+class _Newer(ValueError):
+    """The file is of a later schema than this one."""
+
+
+def _branch_in(archive: Archive) -> Branch:
+    header = archive.header()
+    if header.get("format") != _FORMAT:
+        raise ValueError(f"its format is {str(header.get('format'))[:40]!r}")
+    schema = header.get("schema")
+    if isinstance(schema, bool) or not isinstance(schema, int) or schema < 1:
+        raise ValueError(f"its schema is {str(schema)[:40]!r}, no number")
+    if schema > SCHEMA:
+        raise _Newer(f"has schema {schema}, this hbgear reads up to {SCHEMA}; upgrade hbgear")
+    return forms.read(archive, header.get("branch"))
 
 
 def encode(value: Any, key: str, arrays: dict[str, Any]) -> Any:
@@ -82,21 +89,6 @@ def encode(value: Any, key: str, arrays: dict[str, Any]) -> Any:
         items = [encode(x, f"{key}.{i}", arrays) for i, x in enumerate(value)]
         return {"__tuple__": items} if isinstance(value, tuple) else items
     return value.item() if isinstance(value, np.generic) else value
-
-
-def _decode(value: Any, arrays: Mapping[str, Any]) -> Any:
-    """Inverse of `encode`."""
-    if isinstance(value, list):
-        return [_decode(x, arrays) for x in value]
-    if not isinstance(value, dict):
-        return value
-    if "__array__" in value:
-        return arrays[value["__array__"]]
-    if "__tuple__" in value:
-        return tuple(_decode(x, arrays) for x in value["__tuple__"])
-    fields = {name: _decode(x, arrays) for name, x in value.items()}
-    kind = fields.pop("__class__", None)
-    return fields if kind is None else _CLASSES[kind](**fields)
 
 
 _CLASSES: dict[str, Any] = {kind.__name__: kind for kind in (Layout, Point, SpecialPoint, Jump, Branch)}
