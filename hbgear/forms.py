@@ -75,7 +75,7 @@ def _finite(archive: Archive, value: Any, place: str) -> float:
 def _whole(least: int, most: int = _MOST) -> Form:
     def form(archive: Archive, value: Any, place: str) -> int:
         if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-            raise _wrong(place, value, f"a whole number of at least {least}")
+            raise _wrong(place, value, f"a whole number from {least} to {most}")
         return value
 
     return form
@@ -170,7 +170,7 @@ _POINT: dict[str, Form] = {
     "layout": _optional(lambda *given: _object(Layout)(*given)), "label": _text,
 }  # fmt: skip
 _FORMS: dict[type, dict[str, Form]] = {
-    Layout: {"harmonics": _whole(0), "nu": _whole(1), "elements": _tuple(_text), "breakpoints": _tuple(_FLOATS),
+    Layout: {"harmonics": _whole(0), "nu": _whole(1, 10_000), "elements": _tuple(_text), "breakpoints": _tuple(_FLOATS),
              "labels": _table(_text)},
     Point: _POINT,
     SpecialPoint: {**_POINT, "kind": _text, "index": _whole(-1), "located": _flag, "interval": _tuple(_number, 2),
@@ -193,6 +193,7 @@ def _check(branch: Branch) -> None:
     if not len(branch):
         raise ValueError("it has no points")
     _check_motion(branch.layout, branch.X, branch.regime, "branch")
+    _check_balance(branch)
     for point in branch.special:
         place = f"special point '{point.label}'"
         if not 0 <= point.index < len(branch):
@@ -209,6 +210,16 @@ def _check(branch: Branch) -> None:
         for end in (jump.before, jump.after):
             if end is not None:
                 _check_motion(end.layout, end.X, end.regime, f"the jump at {jump.label}")
+
+
+def _check_balance(branch: Branch) -> None:
+    """The settings a problem would be built with again are those of the rows."""
+    balance, layout = branch.meta.get("balance"), branch.layout
+    if not isinstance(balance, dict) or layout is None:
+        return
+    for name, value in (("harmonics", layout.harmonics), ("nu", layout.nu)):
+        if balance.get(name, value) != value:
+            raise ValueError(f"its header says {name} = {str(balance[name])[:40]}, its rows have {value}")
 
 
 def _check_motion(layout: Layout | None, X: Array, regime: Array, place: str) -> None:

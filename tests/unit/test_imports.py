@@ -73,7 +73,7 @@ ONLY_IN = {
     "matplotlib": {"plot", "plot_cases", "plot_time", "cli_study", "cli_support"},
     "pyfftw": {"fourier"},
     "typer": {"cli", "cli_design", "cli_study", "cli_support", "cli_time"},
-    "pydantic": {"study_file"},
+    "pydantic": {"catalogue", "study_file"},
     "distributed": {"cli_study"},
     "rich": {"cli_study", "cli_support", "cli_time"},
 }
