@@ -55,6 +55,9 @@ class Archive:
             if declared > _SPARE + _TIMES * size:
                 raise Damaged(f"it declares {declared:,} bytes in a file of {size:,}")
 
+    def __contains__(self, name: str) -> bool:
+        return f"{name}.npy" in self._members
+
     def array(self, name: str) -> Array:
         """The array of that name."""
         with _refusing():

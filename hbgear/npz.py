@@ -7,6 +7,7 @@ X.npy, ...    the arrays
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import os
 from pathlib import Path
@@ -29,11 +30,22 @@ _FORMAT = "hbgear branch"
 def save(branch: Branch, path: str | os.PathLike[str]) -> None:
     """Write to an .npz with a JSON header, whole or not at all; `load` gives back the same numbers."""
     checked_suffix(path, (".npz",), "use export for .csv and .mat")
+    arrays = _arrays_of(branch)
+    with replacing(path) as handle:
+        np.savez(handle, **arrays)
+
+
+def packed(branch: Branch) -> bytes:
+    """What `save` writes."""
+    handle = io.BytesIO()
+    np.savez(handle, **_arrays_of(branch))
+    return handle.getvalue()
+
+
+def _arrays_of(branch: Branch) -> dict[str, Any]:
     arrays: dict[str, Any] = {}
     header = {"format": _FORMAT, "schema": SCHEMA, "branch": encode(branch, "", arrays)}
-    text = np.array(json.dumps(header))
-    with replacing(path) as handle:
-        np.savez(handle, header=text, **arrays)
+    return {"header": np.array(json.dumps(header)), **arrays}
 
 
 def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
@@ -57,6 +69,17 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
         raise ValueError(
             f"'{path}' cannot be read as a branch ({error}); need an .npz written by Branch.save or hbgear trace -o"
         ) from error
+
+
+def unpacked(data: bytes, problem: Any = None) -> Branch:
+    """The branch that `packed` was given.
+
+    Raises
+    ------
+    ValueError
+        If it is damaged.
+    """
+    return dataclasses.replace(_branch_in(Archive(io.BytesIO(data))), problem=problem)
 
 
 class _Newer(ValueError):

@@ -46,7 +46,7 @@ TABLE = {
     "isolated": "balance branch fourier newton stride trace",
     "maps": "augmented balance branch fourier model newton replacing stride trace",
     "sampling": "fourier model",
-    "store": "_version fourier replacing",
+    "store": "_version archive fourier replacing",
     "processes": "",
     "cases": "balance branch fourier maps model npz peaks processes replacing sampling store trace",
     "study_file": "cases catalogue model sampling",
