@@ -217,6 +217,8 @@ def cases(
         If the model has no such field, a setting is wrong, there are too many cases, or the store is of another study.
     OSError
         If there is something to compute and the store cannot be written.
+    RuntimeError
+        If a script calls it without the line named above.
 
     Notes
     -----

@@ -503,3 +503,30 @@ def test_a_branch_that_was_damaged_after_it_was_looked_at(run, tmp_path):
     path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(ValueError, match=r"the branch of case 0 cannot be read .*run the study again"):
         found.branch(0)
+
+
+# ---- scripts without the line that processes need
+
+CALL = "found = hb.cases(hb.Duffing(), hb.grid(zeta=[0.5]), ('peak',), harmonics=3, span=(0.5, 2.0), processes=1)"
+SCRIPT = f"import hbgear as hb\ndef work():\n    {CALL}\n    print(len(found), found.outcome)\n"
+
+
+@pytest.mark.parametrize(
+    ("end", "line"),
+    [("print(1)\nfor _ in range(1):\n    work()", 6), ("if __name__ == '__main__':\n    work()", 0)],
+)
+def test_a_script_without_guard_is_told_which_line_is_missing(tmp_path, end, line):
+    (tmp_path / "study.py").write_text(SCRIPT + end + "\n")
+    done = subprocess.run([sys.executable, "study.py"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    if not line:
+        assert done.returncode == 0 and done.stdout == "1 finished\n"
+        return
+    assert done.returncode == 1 and done.stderr.count("Traceback") == 1
+    last = done.stderr.splitlines()[-1]
+    assert f'put the line if __name__ == "__main__": before line {line}, and indent' in last and "study.py" in last
+
+
+def test_what_is_typed_in_needs_no_guard(tmp_path):
+    code = SCRIPT + "work()"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.stdout == "1 finished\n"
