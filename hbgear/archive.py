@@ -19,7 +19,7 @@ import numpy as np
 
 from hbgear.fourier import Array
 
-_SPARE, _TIMES = 2**24, 16  # bytes that may be declared: this, and so many times the size of the file (if compressed)
+_SPARE, _TIMES = 2**24, 4  # bytes that may be declared: this, and so many times the size of the file (if compressed)
 _KINDS = "biufcU"  # of NumPy's types: plain numbers and text
 _PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
