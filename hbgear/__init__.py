@@ -9,7 +9,7 @@ from types import ModuleType
 from hbgear._version import __version__
 from hbgear.augmented import Fold, Grazing, Peak, PeriodDoubling
 from hbgear.balance import HarmonicBalance
-from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status, load
+from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status
 from hbgear.cases import Cases, cases
 from hbgear.fourier import Series
 from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
@@ -18,6 +18,7 @@ from hbgear.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilate
 from hbgear.maps import Critical, JumpMap, NoFold, critical, jump_map
 from hbgear.model import Element, Load, Model, System
 from hbgear.newton import NoConvergence, Settings
+from hbgear.npz import load
 from hbgear.oscillators import Duffing
 from hbgear.peaks import peaks
 from hbgear.reduction import Reduction, reduce

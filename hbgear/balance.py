@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections import OrderedDict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +35,7 @@ from hbgear.fourier import (
 from hbgear.laws import Law, PiecewiseLinear
 from hbgear.model import Model, System, describe, did_you_mean
 from hbgear.newton import Evaluation, Evaluations, NoConvergence, norms, solve, solve_from_afar
+from hbgear.recent import Recent
 from hbgear.receptance import LinearPart, Receptance, Structure
 from hbgear.stability import multipliers, multipliers_of
 from hbgear.start import guesses
@@ -89,10 +89,10 @@ class _Compiled:
 
     def linear(self, Omega: Array) -> LinearPart:
         """Linear part at Omega (P,); the last one is kept, for Newton at fixed Omega asks for it again and again."""
-        key = Omega.tobytes()
-        if self._linear is None or self._linear[0] != key:
-            self._linear = (key, self.receptance.at_all(Omega))
-        return self._linear[1]
+        key, last = Omega.tobytes(), self._linear
+        if last is None or last[0] != key:
+            self._linear = last = (key, self.receptance.at_all(Omega))
+        return last[1]  # not of self._linear, which another thread may have set meanwhile
 
 
 class HarmonicBalance:
@@ -118,6 +118,8 @@ class HarmonicBalance:
     -----
     Its parameters are ``Omega`` and the float fields of the model; ``evaluate(X, Omega=..., zeta=...)`` takes those
     that differ from the model's.
+
+    What an evaluation gives depends on nothing that was asked before, and threads may share a problem.
     """
 
     def __init__(
@@ -137,18 +139,22 @@ class HarmonicBalance:
         self.H = _FEWEST * self.nu if self.auto else int(harmonics)
         system = model.system()
         self.m = len(system.elements)
-        if samples is None:
-            self.N = scipy.fft.next_fast_len(max(1024, 64 * self.H) if sampled else max(64, 8 * self.H), real=True)
-        else:
+        if samples is not None:
             _whole("samples", samples)
-            self.N = int(samples)
-        self._transform = Transform(self.H, self.N)
-        self._toeplitz = Toeplitz(self.H)
-        self._cache: OrderedDict[tuple[tuple[str, float], ...], _Compiled] = OrderedDict()
-        self._structures: OrderedDict[tuple[bytes, ...], Structure] = OrderedDict()
+        self._structures: Recent[Structure] = Recent(6)
         self._own = model.parameters
+        self._prepare(samples)
         self._warn_truncated(system)
         self.compiled({})
+
+    def _prepare(self, samples: int | None) -> None:
+        """What depends on H and N alone."""
+        H = self.H
+        usual = scipy.fft.next_fast_len(max(1024, 64 * H) if self.is_sampled else max(64, 8 * H), real=True)
+        self.N = int(samples or usual)
+        self._transform = Transform(H, self.N)
+        self._toeplitz = Toeplitz(H)
+        self._compiled: Recent[_Compiled] = Recent(8)
 
     def __repr__(self) -> str:
         kind = ", sampled" if self.is_sampled else ""
@@ -211,10 +217,12 @@ class HarmonicBalance:
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
         """The same model with another subharmonic order; by default harmonics reach the same frequency."""
         H = harmonics or self.H * nu // self.nu
-        with warnings.catch_warnings():  # what is left out was said when this problem was made
-            warnings.simplefilter("ignore")
-            out = HarmonicBalance(self.model, H, nu=nu, sampled=self.is_sampled, tolerance=self.tolerance)
-        out.auto, out._structures = self.auto, self._structures
+        _whole("nu", nu)
+        _whole("harmonics", H)
+        out = copy.copy(self)
+        out.nu, out.H = int(nu), int(H)
+        out._prepare(None)
+        out.compiled({})
         return out
 
     def converted(self, X: Array, layout: Layout) -> Array:
@@ -269,16 +277,11 @@ class HarmonicBalance:
         changed = {k: v for k, v in parameters.items() if k != "Omega" and v != self._own.get(k)}
         for name in changed:
             self.check_parameter(name)
-        key = tuple(sorted(changed.items()))
-        if key in self._cache:
-            self._cache.move_to_end(key)
-            return self._cache[key]
+        return self._compiled.get(tuple(sorted(changed.items())), lambda: self._compile(changed))
+
+    def _compile(self, changed: dict[str, float]) -> _Compiled:
         system = (self.model.replace(**changed) if changed else self.model).system()
-        out = _Compiled(system, self._structure(system), self.H, self.nu, self.is_sampled, self._transform)
-        self._cache[key] = out
-        if len(self._cache) > 8:
-            self._cache.popitem(last=False)
-        return out
+        return _Compiled(system, self._structure(system), self.H, self.nu, self.is_sampled, self._transform)
 
     def _structure(self, system: System) -> Structure:
         """Eigen-decompositions are shared between parameter sets that differ in laws and loads only."""
@@ -288,11 +291,7 @@ class HarmonicBalance:
         if len(dense) < 3:
             return Structure(system)
         key = (*(A.tobytes() for A in dense), system.W.tobytes(), *fresh, *loads)
-        if key not in self._structures:
-            self._structures[key] = Structure(system)
-            if len(self._structures) > 6:
-                self._structures.popitem(last=False)
-        return self._structures[key]
+        return self._structures.get(key, lambda: Structure(system))
 
     def forces(self, rows: Array, c: ComplexArray, Omega: Array, compiled: _Compiled) -> Forces:
         """Forces of all laws on P motions given by their rows (P, m, 2H + 1) and complex form c (P, m, H + 1)."""

@@ -8,19 +8,11 @@ A row is stable if no Floquet multiplier lies outside the unit circle. Saving, l
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import json
 import os
-import uuid
-import zipfile
-import zlib
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,11 +27,6 @@ REGIMES = ("no_impact", "single_sided", "double_sided")
 
 NEUTRAL = 1e-6
 """A multiplier within this distance outside the unit circle counts as on it (free rotations have mu = 1)."""
-
-SCHEMA = 1
-"""Number of the file format `Branch.save` writes; `load` reads this and all earlier ones."""
-
-_FORMAT = "hbgear branch"
 
 
 class Status(StrEnum):
@@ -83,12 +70,14 @@ def _known(layout: Layout | None) -> Layout:
     return layout
 
 
-def _regime_name(codes: NDArray[np.int8]) -> str:
+def name_of_regime(codes: NDArray[np.int8]) -> str:
+    """The most severe regime among codes, by its name in `REGIMES`, or "unknown"."""
     worst = int(np.max(codes, initial=-1))
     return REGIMES[min(worst, len(REGIMES) - 1)] if worst >= 0 else "unknown"
 
 
-def _stable(multipliers: ComplexArray) -> NDArray[np.bool_]:
+def is_stable(multipliers: ComplexArray) -> NDArray[np.bool_]:
+    """Whether no multiplier (..., r) lies outside the unit circle; shape (...)."""
     return np.asarray(np.abs(multipliers).max(axis=-1, initial=0.0) <= 1 + NEUTRAL)
 
 
@@ -127,12 +116,12 @@ class Point:
         """None if the multipliers are unknown."""
         if self.multipliers is None or np.isnan(self.multipliers).any():
             return None
-        return bool(_stable(self.multipliers))
+        return bool(is_stable(self.multipliers))
 
     @property
     def regime_name(self) -> str:
         """The most severe regime among the elements."""
-        return _regime_name(self.regime)
+        return name_of_regime(self.regime)
 
     def coefficients(self, element: int | str = 0) -> Array:
         """Row ``(2H + 1,)`` of an element."""
@@ -271,12 +260,12 @@ class Branch:
     @property
     def stable(self) -> NDArray[np.bool_] | None:
         """(P,) whether each row is known to be stable; None if no multipliers were computed."""
-        return None if self.multipliers is None else _stable(self.multipliers)
+        return None if self.multipliers is None else is_stable(self.multipliers)
 
     @property
     def regimes(self) -> list[str]:
         """Most severe regime among the elements, for each row."""
-        return [_regime_name(codes) for codes in self.regime]
+        return [name_of_regime(codes) for codes in self.regime]
 
     def parameters_at(self, i: int) -> dict[str, float]:
         """All parameters of a row."""
@@ -333,26 +322,15 @@ class Branch:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write to an .npz with a JSON header, whole or not at all; `load` gives back the same numbers."""
-        _suffix(path, (".npz",), "use export for .csv and .mat")
-        arrays: dict[str, Any] = {}
-        header = {"format": _FORMAT, "schema": SCHEMA, "branch": _encode(self, "", arrays)}
-        text = np.array(json.dumps(header))
-        with replacing(path) as handle:
-            np.savez(handle, header=text, **arrays)
+        from hbgear import npz
+
+        npz.save(self, path)
 
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all."""
-        if _suffix(path, (".csv", ".mat"), "use save for .npz") == ".csv":
-            table = _table(self)
-            with replacing(path, "x", encoding="utf-8", newline="") as handle:
-                writer = csv.writer(handle)
-                writer.writerow(table)
-                writer.writerows(zip(*table.values(), strict=True))
-        else:
-            from scipy.io import savemat
+        from hbgear import export
 
-            with replacing(path) as handle:
-                savemat(handle, _matlab(self), long_field_names=True, do_compression=True, oned_as="column")
+        export.export(self, path)
 
 
 def joined(back: Branch, forth: Branch) -> Branch:
@@ -381,133 +359,3 @@ def joined(back: Branch, forth: Branch) -> Branch:
         tracked={k: np.concatenate([back.tracked[k][::-1], x[1:]]) for k, x in forth.tracked.items()},
         multipliers=mu,
     )  # fmt: skip
-
-
-def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
-    """Read a branch written by `Branch.save`; give the problem too if degrees of freedom are wanted.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If it cannot be read, is no branch, or was written by a newer hbgear.
-    """
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"there is no file '{path}'; give the .npz of a branch saved before")
-    try:
-        with open(path, "rb") as handle:
-            if not zipfile.is_zipfile(handle):
-                raise ValueError("it is no .npz at all, or cut off")
-            handle.seek(0)
-            archive = np.load(handle, allow_pickle=False)
-            header = json.loads(str(archive["header"]))
-            if header["format"] != _FORMAT:
-                raise ValueError(f"its format is {header['format']!r}")
-            if header["schema"] <= SCHEMA:
-                return dataclasses.replace(_decode(header["branch"], archive), problem=problem)
-    except (OSError, EOFError, KeyError, TypeError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-        raise ValueError(
-            f"'{path}' cannot be read as a branch ({error}); need an .npz written by Branch.save or hbgear trace -o"
-        ) from error
-    raise ValueError(f"'{path}' has schema {header['schema']}, this hbgear reads up to {SCHEMA}; upgrade hbgear")
-
-
-@contextmanager
-def replacing(path: str | os.PathLike[str], mode: str = "xb", **options: Any) -> Iterator[IO[Any]]:
-    """A file to write that takes its name only once it is complete; a failure leaves what was there before."""
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"cannot write '{path}': there is no folder '{path.parent}'; create it first")
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    try:
-        with open(temporary, mode, **options) as handle:
-            yield handle
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _suffix(path: str | os.PathLike[str], allowed: tuple[str, ...], advice: str) -> str:
-    suffix = Path(path).suffix.lower()
-    if suffix not in allowed:
-        raise ValueError(f"'{path}' must end in {' or '.join(allowed)}; {advice}")
-    return suffix
-
-
-def _encode(value: Any, key: str, arrays: dict[str, Any]) -> Any:
-    """A value in the words of JSON; arrays go to ``arrays`` under their path in the tree."""
-    if type(value) in _CLASSES.values():
-        names = [f.name for f in dataclasses.fields(value) if f.name != "problem"]
-        value = {"__class__": type(value).__name__, **{name: getattr(value, name) for name in names}}
-    if isinstance(value, np.ndarray):
-        arrays[key] = value
-        return {"__array__": key}
-    if isinstance(value, dict):
-        return {name: _encode(x, f"{key}.{name}".lstrip("."), arrays) for name, x in value.items()}
-    if isinstance(value, list | tuple):
-        items = [_encode(x, f"{key}.{i}", arrays) for i, x in enumerate(value)]
-        return {"__tuple__": items} if isinstance(value, tuple) else items
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def _decode(value: Any, arrays: Mapping[str, Any]) -> Any:
-    """Inverse of `_encode`."""
-    if isinstance(value, list):
-        return [_decode(x, arrays) for x in value]
-    if not isinstance(value, dict):
-        return value
-    if "__array__" in value:
-        return arrays[value["__array__"]]
-    if "__tuple__" in value:
-        return tuple(_decode(x, arrays) for x in value["__tuple__"])
-    fields = {name: _decode(x, arrays) for name, x in value.items()}
-    kind = fields.pop("__class__", None)
-    return fields if kind is None else _CLASSES[kind](**fields)
-
-
-_CLASSES: dict[str, Any] = {kind.__name__: kind for kind in (Layout, Point, SpecialPoint, Jump, Branch)}
-
-
-def _table(branch: Branch) -> dict[str, Any]:
-    """Columns of the .csv: parameters, stability, per element its regime, measures and coefficients."""
-    columns: dict[str, Any] = {branch.parameter: branch.values, **branch.tracked}
-    labels = {point.index: point.label for point in branch.special}
-    columns["special"] = [labels.get(i, "") for i in range(len(branch))]
-    if branch.multipliers is not None:
-        columns["stable"] = _stable(branch.multipliers).astype(int)
-        columns["multiplier_max"] = np.abs(branch.multipliers).max(axis=-1, initial=0.0)
-    columns |= {name: getattr(branch, name) for name in ("residual", "iterations", "error")}
-    if branch.layout is None:
-        return columns | {f"X{i}": column for i, column in enumerate(branch.X.T)}
-    terms = ["a0", *(f"{letter}{k + 1}" for k in range(branch.layout.harmonics) for letter in "ab")]
-    for j, name in enumerate(branch.layout.elements):
-        columns[f"regime_{name}"] = [_regime_name(codes[j : j + 1]) for codes in branch.regime]
-        columns |= {f"{measure}_{name}": branch.amplitude(measure, j) for measure in measures.MEASURES}
-        columns |= {f"{term}_{name}": x for term, x in zip(terms, branch.layout.rows(branch.X, j).T, strict=True)}
-    return columns
-
-
-def _matlab(branch: Branch) -> dict[str, Any]:
-    """Variables of the .mat file: the fields of the branch, its measures, and rows counted from 1."""
-
-    def convert(value: Any) -> Any:
-        if dataclasses.is_dataclass(value):
-            pairs = {f.name: getattr(value, f.name) for f in dataclasses.fields(value) if f.name != "problem"}
-            if isinstance(value, SpecialPoint):
-                pairs["row"] = pairs.pop("index") + 1
-            return {name: convert(x) for name, x in pairs.items() if x is not None}
-        if isinstance(value, tuple) and not all(isinstance(x, float) for x in value):
-            cells = np.empty(len(value), dtype=object)
-            cells[:] = [convert(x) for x in value]
-            return cells
-        return str(value) if isinstance(value, Status) else value
-
-    out = convert(branch) | {"meta": json.dumps(_encode(branch.meta, "meta", {}))}
-    out["jumps"] = out.pop("jump_records")
-    if branch.layout:
-        each = range(len(branch.layout.elements))
-        rows = {name: [branch.amplitude(name, j) for j in each] for name in measures.MEASURES}
-        out["amplitude"] = {name: np.stack(columns, axis=-1) for name, columns in rows.items()}
-    return out if branch.stable is None else out | {"stable": branch.stable}

@@ -14,7 +14,8 @@ import errno
 import json
 import os
 import time
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -28,19 +29,20 @@ from enum import StrEnum
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from hbgear.balance import HarmonicBalance
-from hbgear.branch import Branch, Status, load, replacing
+from hbgear.branch import Branch, Status
 from hbgear.fourier import Array
 from hbgear.maps import NoFold, critical
 from hbgear.model import Model, describe, did_you_mean
+from hbgear.npz import packed, unpacked
 from hbgear.peaks import peaks
 from hbgear.processes import executor_of
+from hbgear.replacing import replacing
 from hbgear.sampling import Grid, Sample
 from hbgear.store import Result, Store, key_of
 from hbgear.trace import trace
@@ -147,16 +149,18 @@ class Cases:
         ------
         KeyError
             If the case was not computed or failed, or branches were not asked for.
+        ValueError
+            If its file was damaged since.
         """
         if case in self.failed:
             raise KeyError(f"case {case} failed: {self.failed[case]}")
         if "branch" not in self.work.compute:
             raise KeyError('no branches were kept; ask for them: compute=("branch",)')
         problem = HarmonicBalance(self.model_of(case), self.work.harmonics)
-        with TemporaryDirectory() as folder:
-            file = Path(folder) / "branch.npz"
-            file.write_bytes(self.packed(case))
-            return load(file, problem=problem)
+        try:
+            return unpacked(self.packed(case), problem)
+        except (OSError, ValueError) as error:
+            raise ValueError(f"the branch of case {case} cannot be read ({error}); run the study again") from error
 
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write the table (.csv), or the table, jumps and curves as arrays (.npz); whole or not at all."""
@@ -211,6 +215,14 @@ def cases(
     ------
     KeyError, ValueError
         If the model has no such field, a setting is wrong, there are too many cases, or the store is of another study.
+    OSError
+        If there is something to compute and the store cannot be written.
+    RuntimeError
+        If a script calls it without the line named above.
+
+    Notes
+    -----
+    Stored cases that cannot be read are computed anew, with a warning.
     """
     work = Work(tuple(compute), tuple(critical), harmonics, tuple(span or model.default_span), measure, element)  # type: ignore[arg-type]
     _check(model, vary, work, most)
@@ -219,11 +231,13 @@ def cases(
     rows = list(vary.rows())
     keys = [key_of(_inputs(study, row)) for row in rows]
     run = _Run(study, folder, len(set(keys)), progress)
-    for key in dict.fromkeys(keys):
-        found = folder.read(key) if folder else None
-        if found is not None and not (retry and found.reason):
-            run.add(key, found)
+    if folder:
+        for key, found in _stored(folder, dict.fromkeys(keys), work).items():
+            if not (retry and found.reason):
+                run.add(key, found)
     waiting = {key: row for key, row in zip(keys, rows, strict=True) if key not in run.done}
+    if folder and waiting:
+        folder.check_writable()
     outcome, message = Outcome.FINISHED, "every case was computed"
     if waiting:
         try:
@@ -231,8 +245,8 @@ def cases(
                 outcome, message = run.compute(pool, type(model), waiting, work)
         except KeyboardInterrupt:  # once more, while the last cases were waited for, or before the first
             outcome, message = Outcome.INTERRUPTED, f"interrupted; {run.kept}"
-    packed = partial(_packed_of, folder, run.done, keys)
-    return _collect(model, work, vary.names, rows, keys, run.done, outcome, message, packed)
+    branch_of = partial(_packed_of, folder, run.done, keys)
+    return _collect(model, work, vary.names, rows, keys, run.done, outcome, message, branch_of)
 
 
 def run_case(cls: type[Model], fields: Mapping[str, Any], work: Work) -> Result:
@@ -253,7 +267,7 @@ def run_case(cls: type[Model], fields: Mapping[str, Any], work: Work) -> Result:
 def _computed(model: Model, work: Work) -> Result:
     numbers: dict[str, float] = {}
     arrays: dict[str, Array] = {}
-    packed = b""
+    packed_branch = b""
     problem = HarmonicBalance(model, work.harmonics)
     if work.compute:
         stability = set(work.compute) != {"peak"}
@@ -266,14 +280,14 @@ def _computed(model: Model, work: Work) -> Result:
             if kind in work.compute:
                 take(branch, work, numbers, arrays)
         if "branch" in work.compute:
-            packed = _packed(branch)
+            packed_branch = packed(branch)
     for name in work.critical:
         try:
             found = critical(problem, name, frequencies=work.span)
             numbers |= {f"critical_{name}": found.value, f"critical_{name}_Omega": found.Omega}
         except NoFold:
             numbers |= {f"critical_{name}": np.nan, f"critical_{name}_Omega": np.nan}
-    return Result(numbers, arrays, packed)
+    return Result(numbers, arrays, packed_branch)
 
 
 def _peak(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
@@ -307,18 +321,45 @@ def _curve(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[s
 _OF_CURVE = {"peak": _peak, "jumps": _jumps, "curve": _curve}
 
 
-def _packed(branch: Branch) -> bytes:
-    """What `Branch.save` writes."""
-    with TemporaryDirectory() as folder:
-        file = Path(folder) / "branch.npz"
-        branch.save(file)
-        return file.read_bytes()
-
-
 def _packed_of(folder: Store | None, done: Mapping[str, Result], keys: list[str], case: int) -> bytes:
     """The packed branch of a case: from its file, or from memory if there is no store."""
     key = keys[case]
     return folder.branch(key) if folder else done[key].branch
+
+
+def _stored(folder: Store, keys: Iterable[str], work: Work) -> dict[str, Result]:
+    """The cases that are in the store; of those that cannot be read a warning is given, to be computed anew."""
+    found, lost = {}, []
+    for key in keys:
+        try:
+            result = folder.read(key)
+            if result is not None:
+                _check_result(result, work)
+                found[key] = result
+        except (OSError, ValueError) as error:
+            lost.append(f"'{folder.path(key)}': {error}")
+    if lost:
+        text = f"{len(lost)} stored case{'s' if len(lost) > 1 else ''} cannot be read and will be computed anew"
+        warnings.warn(f"{text} ({lost[0]}{', ...' if lost[1:] else ''})", stacklevel=3)
+    return found
+
+
+def _check_result(result: Result, work: Work) -> None:
+    """Refuse a result that is not one of this work."""
+    if result.reason:
+        return
+    made_of = {"jumps": (-1, 4), "curve": (3, -1)}
+    for kind, (rows, columns) in made_of.items():
+        if kind in work.compute:
+            array = result.arrays.get(kind, np.empty(0))
+            if array.ndim != 2 or rows not in (-1, array.shape[0]) or columns not in (-1, array.shape[1]):
+                raise ValueError(f"it has no {kind}")
+    if "branch" in work.compute and not result.has_branch:
+        raise ValueError("it has no branch")
+    needed = [kind for kind in ("peak", "jumps") if kind in work.compute]
+    for name in (*needed, *(f"critical_{name}" for name in work.critical)):
+        if name not in result.numbers:
+            raise ValueError(f"it has no number '{name}'")
 
 
 class _NotStored(Exception):

@@ -38,6 +38,13 @@ def study(
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask scheduler, such as tcp://127.0.0.1:8786.")
     ] = None,
+    tls_ca_file: Annotated[
+        Path | None, typer.Option(help="With --dask tls://...: certificates of who signed those of the scheduler.")
+    ] = None,
+    tls_cert: Annotated[Path | None, typer.Option(help="With --dask tls://...: certificate of this study.")] = None,
+    tls_key: Annotated[
+        Path | None, typer.Option(help="With --dask tls://...: its key.", show_default="in the certificate")
+    ] = None,
     retry: Annotated[bool, typer.Option("--retry", help="Compute cases that failed before once more.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask, however many cases there are.")] = False,
 ) -> None:
@@ -63,7 +70,7 @@ def study(
             raise ValueError(f"{file} asks for {count:,} cases; give --yes if that is meant")
         typer.confirm(f"{file} asks for {count:,} cases. Go on?", abort=True)
     folder = output or file.with_suffix("")
-    with dask_executor(dask) as executor, case_bar() as progress:
+    with dask_executor(dask, tls_ca_file, tls_cert, tls_key) as executor, case_bar() as progress:
         found = cases(
             asked.model, asked.vary, work.compute, critical=work.critical, harmonics=work.harmonics, span=work.span,
             measure=work.measure, element=work.element, store=folder, executor=executor, processes=processes,
@@ -103,25 +110,35 @@ def draw_figures(found: Cases, folder: Path) -> list[Path]:
 
 
 @contextmanager
-def dask_executor(address: str | None) -> Iterator[Executor | None]:
+def dask_executor(
+    address: str | None, ca_file: Path | None = None, cert: Path | None = None, key: Path | None = None
+) -> Iterator[Executor | None]:
     """The executor of a running scheduler; None without an address.
+
+    Parameters
+    ----------
+    address : such as tcp://127.0.0.1:8786, or tls://... with certificates.
+    ca_file, cert, key : .pem files; without them what Dask's own configuration says.
 
     Raises
     ------
     ValueError
-        If Dask is not installed, or no scheduler answers within a few seconds.
+        If Dask is not installed, no scheduler answers within a few seconds, or the certificates do not fit.
     """
     if address is None:
+        if ca_file or cert or key:
+            raise ValueError("certificates are for a Dask scheduler; give its address with --dask tls://HOST:PORT")
         yield None
         return
     try:
         from distributed import Client
     except ImportError:
         raise ValueError("--dask needs Dask: install hbgear with its extra [dask], or distributed>=2024.8") from None
+    security = _security(address, ca_file, cert, key)
     for name in ("distributed", "distributed.client", "tornado.application"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # a lost scheduler is told in one line instead
     try:
-        client: Any = Client(address, timeout=_PATIENCE)
+        client: Any = Client(address, timeout=_PATIENCE, security=security)
     except (OSError, ValueError) as error:
         raise ValueError(
             f"no Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' and give its address"
@@ -135,6 +152,30 @@ def dask_executor(address: str | None) -> Iterator[Executor | None]:
             yield client.get_executor(pure=False)
         finally:
             ended.set()
+
+
+def _security(address: str, ca_file: Path | None, cert: Path | None, key: Path | None) -> Any:
+    """What Dask needs to know of the certificates; with none given, what its configuration says.
+
+    Raises
+    ------
+    ValueError
+        If the address and the certificates do not go together, or one cannot be read.
+    """
+    from distributed.security import Security
+
+    given = {"tls_ca_file": ca_file, "tls_client_cert": cert, "tls_client_key": key}
+    files = {name: str(path) for name, path in given.items() if path}
+    if files and not (ca_file and cert and address.startswith("tls://")):
+        raise ValueError("certificates need --tls-ca-file and --tls-cert, and an address --dask tls://HOST:PORT")
+    try:
+        security = Security(**files, **({"require_encryption": True} if files else {}))
+        context = security.get_connection_args("client").get("ssl_context")
+    except OSError as error:
+        raise ValueError(f"the certificates cannot be used ({error}); need .pem files that fit each other") from None
+    if address.startswith("tls://") and context is None:
+        raise ValueError(f"{address} needs certificates: give --tls-ca-file, --tls-cert and --tls-key")
+    return security
 
 
 def _watch(client: Any, ended: threading.Event) -> None:

@@ -346,8 +346,8 @@ def regime_of(point: hb.Point) -> str:
 def model_of(branch: hb.Branch) -> hb.Model | None:
     """The model a curve was traced with, if the catalogue has it."""
     try:
-        return catalogue.rebuild(branch.meta.get("model", {}))
-    except (KeyError, TypeError, ValueError):
+        return catalogue.rebuild(branch.meta.get("model"))
+    except (KeyError, ValueError):
         return None
 
 
@@ -364,7 +364,8 @@ def speeds_of(branch: hb.Branch, point: hb.Point) -> dict[str, float]:
 def facts_of(branch: hb.Branch, measure: str) -> Iterator[tuple[str, str]]:
     """What there is to say of a branch, name and text."""
     stable, layout = branch.stable, branch.layout
-    settings = branch.meta.get("balance", {})
+    balance = branch.meta.get("balance")
+    settings = balance if isinstance(balance, dict) else {}
     yield "model", described(branch)
     yield "settings", ", ".join(f"{name} = {text_of(value)}" for name, value in settings.items() if value is not None)
     yield "held", ", ".join(f"{name} = {branch.fixed[name]:.6g}" for name in ("Omega",) if name in branch.fixed)
@@ -388,9 +389,11 @@ def facts_of(branch: hb.Branch, measure: str) -> Iterator[tuple[str, str]]:
 
 def described(branch: hb.Branch) -> str:
     """Model with the fields that differ from its defaults."""
-    model, about = model_of(branch), branch.meta.get("model", {})
+    model = model_of(branch)
+    about: Any = branch.meta.get("model")
     if model is None:
-        return f"{about.get('class', 'unknown')} (not one of hbgear models)"
+        name = about["class"] if catalogue.is_description(about) else "unknown"
+        return f"{name} (not one of hbgear models)"
     usual = type(model)()
     fields = [f.name for f in dataclasses.fields(model)]  # type: ignore[arg-type]
     changed = [f"{f}={text_of(getattr(model, f))}" for f in fields if getattr(model, f) != getattr(usual, f)]

@@ -9,6 +9,7 @@ are ``c_k / 2`` for ``k >= 1`` and their conjugates for ``k <= -1``.
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -214,7 +215,8 @@ def samples_of(c: ComplexArray, N: int) -> Array:
 class Transform:
     """Fast Fourier transforms between rows of H harmonics and N samples over one period.
 
-    Plans are made once for every power of two of rows, when so many are first transformed at once.
+    Plans are made once for every power of two of rows, when so many are first transformed at once. Each thread has its
+    own, for they hold the arrays they work on.
 
     Parameters
     ----------
@@ -230,16 +232,18 @@ class Transform:
         if N < 2 * H + 1:
             raise ValueError(f"N = {N} samples cannot resolve H = {H} harmonics; need N >= {2 * H + 1}")
         self.H, self.N = H, N
-        self._plans: dict[int, _Plans] = {}
+        self._own = threading.local()
 
     def __reduce__(self) -> tuple[type[Transform], tuple[int, int]]:
         return Transform, (self.H, self.N)
 
     def _planned(self, rows: int) -> _Plans:
         room = 1 << (rows - 1).bit_length()
-        if room not in self._plans:
-            self._plans[room] = _Plans(room, self.N)
-        return self._plans[room]
+        plans: dict[Any, _Plans] = self._own.__dict__  # of this thread
+        if room not in plans:
+            with _PLANNING:
+                plans[room] = _Plans(room, self.N)
+        return plans[room]
 
     def samples(self, c: ComplexArray) -> Array:
         """Samples ``(rows, N)`` of one-sided coefficients ``(rows, H + 1)``, at ``theta_n = 2 pi n / N``."""
@@ -263,6 +267,9 @@ class Transform:
         out = np.zeros((rows, 2 * self.H + 1), dtype=complex)
         np.multiply(plans.spectrum[:rows, :kept], 1.0 / self.N, out=out[:, :kept])
         return out
+
+
+_PLANNING = threading.Lock()  # FFTW makes one plan at a time, whoever asks
 
 
 class _Plans:

@@ -17,10 +17,11 @@ import numpy as np
 
 from hbgear.augmented import Fold
 from hbgear.balance import HarmonicBalance
-from hbgear.branch import Branch, Point, SpecialPoint, joined, replacing
+from hbgear.branch import Branch, Point, SpecialPoint, joined
 from hbgear.fourier import Array
 from hbgear.model import Model
 from hbgear.newton import NoConvergence, solve
+from hbgear.replacing import replacing
 from hbgear.stride import Steps
 from hbgear.trace import trace
 

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hbgear.branch import REGIMES, Branch, Jump, Layout, Point, SpecialPoint, replacing
+from hbgear.branch import REGIMES, Branch, Jump, Layout, Point, SpecialPoint
 from hbgear.fourier import Array
+from hbgear.replacing import replacing
 
 State = tuple[str, bool | None]
 

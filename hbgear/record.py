@@ -84,13 +84,14 @@ def branch_of(
 def _point(problem: Any, layout: Layout | None, name: str, fixed: dict[str, float], row: Row) -> dict[str, Any]:
     """Fields of the Point a row stands for."""
     X, own = _split(problem, row.solution.X)
+    mu, regime = row.observed.get("multipliers"), row.observed.get("regime", ())
     return {
         "X": X,
         "parameters": {**fixed, **own, name: row.value},
         "residual": row.solution.residual,
         "iterations": row.solution.iterations,
-        "multipliers": row.observed.get("multipliers"),
-        "regime": row.observed.get("regime", np.zeros(0, dtype=np.int8)),
+        "multipliers": None if mu is None else np.asarray(mu, dtype=complex),
+        "regime": np.asarray(regime, dtype=np.int8),
         "error": row.observed.get("error", math.nan),
         "layout": layout,
     }

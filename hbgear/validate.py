@@ -27,13 +27,14 @@ import scipy  # its parts are imported when they are first used
 
 from hbgear import measures
 from hbgear._version import __version__
-from hbgear.branch import NEUTRAL, Branch, replacing
-from hbgear.catalogue import problem_of
+from hbgear.branch import NEUTRAL, Branch
+from hbgear.catalogue import is_description, problem_of
 from hbgear.flow import Flow
 from hbgear.fourier import Array, ComplexArray, to_complex
 from hbgear.model import describe
 from hbgear.newton import NoConvergence
 from hbgear.receptance import Structure
+from hbgear.replacing import replacing
 from hbgear.shooting import Orbit, shoot
 from hbgear.stepper import modal_state, physical_state
 from hbgear.timedomain import state_of
@@ -234,6 +235,8 @@ def same_model(written: Any, model: Any) -> None:
     own = describe(model)
     if not written or written == own:
         return
+    if not is_description(written):
+        raise ValueError("the curve does not say which model it was traced with: trace it again")
     names = sorted(set(written["fields"]) | set(own["fields"]))
     other = [n for n in names if written["fields"].get(n) != own["fields"].get(n)]
     what = (

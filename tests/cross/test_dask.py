@@ -1,7 +1,8 @@
-"""Studies on a real Dask scheduler with two worker processes: one is killed, or the scheduler."""
+"""Studies on a real Dask scheduler with two worker processes: one is killed, or the scheduler; and one with TLS."""
 
 import csv
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -10,6 +11,9 @@ from pathlib import Path
 
 import pytest
 from distributed import Client
+from distributed.security import Security
+
+from hbgear import cli
 
 STUDY = """model = "duffing"
 [base]
@@ -44,15 +48,15 @@ WORKER = [*DASK, "worker", *LOCAL, "--nthreads", "1", "--no-nanny"]
 
 
 @contextmanager
-def cluster(folder: Path):
+def cluster(folder: Path, *tls: str, security=None):
     """Address of a scheduler, its process and those of its two workers."""
-    scheduler = [*DASK, "scheduler", *LOCAL, "--port", "0", "--scheduler-file", "s.json"]
+    scheduler = [*DASK, "scheduler", *LOCAL, "--port", "0", "--scheduler-file", "s.json", *tls]
     quiet = {"cwd": folder, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     processes = [subprocess.Popen(scheduler, **quiet)]
     try:
         address = address_of(folder / "s.json")
-        processes += [subprocess.Popen([*WORKER, address], **quiet) for _ in range(2)]
-        with Client(address) as client:
+        processes += [subprocess.Popen([*WORKER, address, *tls], **quiet) for _ in range(2)]
+        with Client(address, security=security) as client:
             client.wait_for_workers(2, timeout=60)
         yield address, *processes
     finally:
@@ -67,7 +71,7 @@ def address_of(file: Path) -> str:
         assert time.time() < end, "waited in vain"
         time.sleep(0.05)
     address = json.loads(file.read_text())["address"]
-    assert address.startswith("tcp://127.0.0.1:")
+    assert address.partition("://")[2].startswith("127.0.0.1:")
     return address
 
 
@@ -120,3 +124,57 @@ def test_a_study_without_workers_says_so_and_waits_for_new_ones(study, tmp_path)
         new.kill()
         new.wait()
     assert running.returncode == 0 and "12 of 12 cases, 0 of them failed" in out and stored(tmp_path) == 12
+
+
+# ---- certificates
+
+
+def certificate(folder: Path, name: str) -> tuple[str, str]:
+    """Files of a certificate that vouches for itself, and its key."""
+    cert, key = str(folder / f"{name}.pem"), str(folder / f"{name}.key")
+    command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost"]
+    made = subprocess.run([*command, "-out", cert, "-keyout", key], capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr
+    return cert, key
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="certificates for this test are made by openssl")
+def test_a_study_on_a_scheduler_with_certificates(tmp_path):
+    (cert, key), (other, other_key) = certificate(tmp_path, "own"), certificate(tmp_path, "other")
+    (tmp_path / "a.toml").write_text(STUDY)
+    options = ["--tls-ca-file", cert, "--tls-cert", cert, "--tls-key", key]
+    security = Security(tls_ca_file=cert, tls_client_cert=cert, tls_client_key=key, require_encryption=True)
+
+    def study(address, *options):
+        command = [sys.executable, "-m", "hbgear", "study", "a.toml", "--dask", address, *options]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+
+    with cluster(tmp_path, "--protocol", "tls", *options, security=security) as (address, *_):
+        assert address.startswith("tls://")
+        stranger = study(address, "--tls-ca-file", other, "--tls-cert", other, "--tls-key", other_key)
+        assert stranger.returncode == 2 and "no Dask scheduler answers" in stranger.stderr
+        plain = study(address.replace("tls", "tcp"))
+        assert plain.returncode == 2 and "no Dask scheduler answers" in plain.stderr
+        done = study(address, *options)
+        assert done.returncode == 0 and "12 of 12 cases, 0 of them failed" in done.stdout, done.stderr
+    assert stored(tmp_path) == 12 and all("Traceback" not in each.stderr for each in (stranger, plain, done))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--tls-cert", "a.pem"], "certificates are for a Dask scheduler; give its address"),
+        (["--dask", "tcp://127.0.0.1:1", "--tls-ca-file", "a.pem", "--tls-cert", "a.pem"], "an address --dask tls://"),
+        (["--dask", "tls://127.0.0.1:1", "--tls-cert", "a.pem"], "need --tls-ca-file and --tls-cert"),
+        (["--dask", "tls://127.0.0.1:1"], "tls://127.0.0.1:1 needs certificates"),
+        (["--dask", "tls://127.0.0.1:1", "--tls-ca-file", "a.toml", "--tls-cert", "a.toml"], "cannot be used"),
+        (["--dask", "tls://127.0.0.1:1", "--tls-ca-file", "none", "--tls-cert", "none"], "cannot be used"),
+    ],
+)
+def test_certificates_that_do_not_fit(tmp_path, monkeypatch, capsys, options, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.toml").write_text(STUDY)
+    with pytest.raises(SystemExit) as end:
+        cli.main(["study", "a.toml", *options])
+    error = capsys.readouterr().err
+    assert end.value.code == 2 and words in error and error.count("\n") == 1

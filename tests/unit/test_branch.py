@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from hbgear import branch as module
-from hbgear import measures
-from hbgear.branch import Branch, Jump, Layout, Point, SpecialPoint, Status, load
+from hbgear import measures, npz
+from hbgear.branch import Branch, Jump, Layout, Point, SpecialPoint, Status
 from hbgear.fourier import evaluate, extrema
+from hbgear.npz import load
 
 NAN = float("nan")
 
@@ -28,7 +28,7 @@ def make(nu=1, H=3, **changes):
     error[2] = NAN
 
     def fields(i, label=""):
-        parameters = {"zeta": 0.1 + 0.2, "Omega": 1 / 3 + i}
+        parameters = {"zeta": 0.1 + 0.2, "Omega": 1 / 3 + i, "F_m": 0.1 * i}
         row = None if mu is None else mu[i]
         return X[i].copy(), parameters, 1e-13 / 3, 4, row, np.array([1, 0], np.int8), NAN, layout, label
 
@@ -302,7 +302,7 @@ def test_file_has_a_json_header_and_no_pickle(tmp_path):
     with np.load(tmp_path / "b.npz", allow_pickle=False) as archive:
         header = json.loads(str(archive["header"]))
         arrays = {name: archive[name] for name in archive.files}
-    assert header["schema"] == module.SCHEMA and header["branch"]["parameter"] == "Omega"
+    assert header["schema"] == npz.SCHEMA and header["branch"]["parameter"] == "Omega"
     assert all(array.dtype != object for array in arrays.values()) and arrays["X"].shape == (8, 14)
 
 
@@ -355,7 +355,7 @@ def test_pickles_are_not_opened(tmp_path):
 
 
 def test_newer_schema_says_upgrade(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "SCHEMA", module.SCHEMA + 1)
+    monkeypatch.setattr(npz, "SCHEMA", npz.SCHEMA + 1)
     make().save(tmp_path / "b.npz")
     monkeypatch.undo()
     with pytest.raises(ValueError, match=r"has schema 2, this hbgear reads up to 1; upgrade"):

@@ -5,9 +5,11 @@ import errno
 import json
 import os
 import signal
+import struct
 import subprocess
 import sys
 import time
+import warnings
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from functools import partial
 
@@ -394,3 +396,137 @@ def test_no_dask(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit) as stop:
         cli.main(["study", str(tmp_path / "a.toml"), "--dask", "tcp://127.0.0.1:9"])
     assert stop.value.code == 2 and "--dask needs Dask" in capsys.readouterr().err
+
+
+# ---- stores that were damaged
+
+
+def edit_case(path, change):
+    """Change the header of a stored case."""
+    with np.load(path) as archive:
+        members = dict(archive)
+    header = change(json.loads(str(members["header"])))
+    np.savez(path, **members | {"header": np.array(json.dumps(header))})
+
+
+def flag_members(path, at, value):
+    """Set bits in the entries of the directory of a .zip."""
+    data = bytearray(path.read_bytes())
+    entry = data.index(b"PK\x01\x02")
+    while data[entry : entry + 4] == b"PK\x01\x02":
+        data[entry + at] |= value
+        entry += 46 + sum(struct.unpack("<3H", data[entry + 28 : entry + 34]))
+    path.write_bytes(data)
+
+
+DAMAGE = {
+    "encrypted": lambda path: flag_members(path, 8, 1),
+    "unknown compression": lambda path: flag_members(path, 10, 93),
+    "cut off": lambda path: path.write_bytes(path.read_bytes()[:-100]),
+    "empty": lambda path: path.write_bytes(b""),
+    "a folder": lambda path: (path.unlink(), path.mkdir()),
+    "a list": lambda path: edit_case(path, lambda head: [head]),
+    "numbers a text": lambda path: edit_case(path, lambda head: head | {"numbers": "peak"}),
+    "a number a text": lambda path: edit_case(path, lambda head: head | {"numbers": head["numbers"] | {"peak": "1"}}),
+    "no number": lambda path: edit_case(path, lambda head: head | {"numbers": {}}),
+    "no arrays": lambda path: edit_case(path, lambda head: head | {"arrays": []}),
+    "arrays a number": lambda path: edit_case(path, lambda head: head | {"arrays": 3}),
+    "a time that is none": lambda path: edit_case(path, lambda head: head | {"seconds": None}),
+    "a reason that is none": lambda path: edit_case(path, lambda head: head | {"reason": 1}),
+    "another case": lambda path: edit_case(path, lambda head: head | {"inputs": {**head["inputs"], "fields": {}}}),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE.values(), ids=list(DAMAGE))
+def test_a_damaged_case_is_computed_anew_and_said(run, tmp_path, damage):
+    vary, compute = grid(zeta=[0.5, 0.6]), ("peak", "jumps", "branch")
+    before = run(vary, compute=compute)
+    path = sorted((tmp_path / "s").glob("cases/*/*.npz"))[0]
+    damage(path)
+    with pytest.warns(UserWarning, match=f"1 stored case cannot be read and will be computed anew.*{path.name}"):
+        again = run(vary, compute=compute)
+    if path.is_dir():  # nothing can take the place of a folder
+        assert again.outcome == "cannot_store"
+        return
+    assert again.outcome == "finished" and not again.failed
+    for name in before.table.keys() - {"seconds"}:
+        np.testing.assert_array_equal(before.table[name], again.table[name])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run(vary, compute=compute)
+        assert np.array_equal(before.branch(0).X, again.branch(0).X)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", '{"schema": 1, "hbgear": "1", "study": []}', '{"schema": []}', "[" * 10**5]
+)
+def test_a_damaged_study_file_is_written_anew_and_said(run, tmp_path, text):
+    before = run(grid(zeta=[0.5, 0.6]))
+    file = tmp_path / "s" / "study.json"
+    whole = file.read_text()
+    edit_case(sorted((tmp_path / "s").glob("cases/*/*.npz"))[0], lambda head: head | {"hbgear": "0.0"})
+    file.write_text(text)
+    with pytest.warns(UserWarning) as told:
+        again = run(grid(zeta=[0.5, 0.6]))
+    assert [str(each.message).split(" ")[1:3] for each in told] == [["could", "not"], ["stored", "case"]]
+    assert file.read_text() == whole and len(again) == 2
+    assert np.array_equal(again.table["peak"], before.table["peak"])
+    assert (again.table["seconds"] == before.table["seconds"]).sum() == 1  # the other one was taken as it is
+    (tmp_path / "t").mkdir()
+    (tmp_path / "t" / "study.json").write_text(text)
+    with pytest.raises(ValueError, match="cannot be read as a study; give another folder"):
+        run(grid(zeta=[0.5]), store=tmp_path / "t")
+
+
+def test_a_study_killed_before_its_first_file_was_there_goes_on(run, tmp_path):
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / ".study.json.0123").write_text("{")
+    assert len(run(grid(zeta=[0.5]))) == 1
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(run, tmp_path, monkeypatch):
+    found = run(grid(zeta=[0.5]))
+
+    def full(**_):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("hbgear.store.TemporaryFile", full)
+    monkeypatch.setattr(sys.modules["hbgear.cases"], "run_case", None)
+    assert np.array_equal(run(grid(zeta=[0.5])).table["peak"], found.table["peak"])  # nothing to write
+    with pytest.raises(OSError, match="Read-only"):
+        run(grid(zeta=[0.5, 0.6]))
+
+
+def test_a_branch_that_was_damaged_after_it_was_looked_at(run, tmp_path):
+    found = run(grid(zeta=[0.5]), compute=("branch",))
+    (path,) = (tmp_path / "s").glob("cases/*/*.npz")
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(ValueError, match=r"the branch of case 0 cannot be read .*run the study again"):
+        found.branch(0)
+
+
+# ---- scripts without the line that processes need
+
+CALL = "found = hb.cases(hb.Duffing(), hb.grid(zeta=[0.5]), ('peak',), harmonics=3, span=(0.5, 2.0), processes=1)"
+SCRIPT = f"import hbgear as hb\ndef work():\n    {CALL}\n    print(len(found), found.outcome)\n"
+
+
+@pytest.mark.parametrize(
+    ("end", "line"),
+    [("print(1)\nfor _ in range(1):\n    work()", 6), ("if __name__ == '__main__':\n    work()", 0)],
+)
+def test_a_script_without_guard_is_told_which_line_is_missing(tmp_path, end, line):
+    (tmp_path / "study.py").write_text(SCRIPT + end + "\n")
+    done = subprocess.run([sys.executable, "study.py"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    if not line:
+        assert done.returncode == 0 and done.stdout == "1 finished\n"
+        return
+    assert done.returncode == 1 and done.stderr.count("Traceback") == 1
+    last = done.stderr.splitlines()[-1]
+    assert f'put the line if __name__ == "__main__": before line {line}, and indent' in last and "study.py" in last
+
+
+def test_what_is_typed_in_needs_no_guard(tmp_path):
+    code = SCRIPT + "work()"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.stdout == "1 finished\n"
