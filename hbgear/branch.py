@@ -12,20 +12,19 @@ import csv
 import dataclasses
 import json
 import os
-import uuid
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hbgear import measures
+from hbgear.files import replacing
 from hbgear.fourier import Array, ComplexArray, evaluate
 from hbgear.measures import Layout
 from hbgear.model import did_you_mean
@@ -412,21 +411,6 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
             f"'{path}' cannot be read as a branch ({error}); need an .npz written by Branch.save or hbgear trace -o"
         ) from error
     raise ValueError(f"'{path}' has schema {header['schema']}, this hbgear reads up to {SCHEMA}; upgrade hbgear")
-
-
-@contextmanager
-def replacing(path: str | os.PathLike[str], mode: str = "xb", **options: Any) -> Iterator[IO[Any]]:
-    """A file to write that takes its name only once it is complete; a failure leaves what was there before."""
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"cannot write '{path}': there is no folder '{path.parent}'; create it first")
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    try:
-        with open(temporary, mode, **options) as handle:
-            yield handle
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _suffix(path: str | os.PathLike[str], allowed: tuple[str, ...], advice: str) -> str:

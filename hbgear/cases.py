@@ -35,7 +35,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from hbgear.balance import HarmonicBalance
-from hbgear.branch import Branch, Status, load, replacing
+from hbgear.branch import Branch, Status, load
+from hbgear.files import replacing
 from hbgear.fourier import Array
 from hbgear.maps import NoFold, critical
 from hbgear.model import Model, describe, did_you_mean

@@ -7,6 +7,7 @@ saved all the same. What is slow to import (matplotlib, rich) is imported when i
 from __future__ import annotations
 
 import dataclasses
+import os
 import sys
 import time
 import warnings
@@ -19,18 +20,16 @@ import typer
 
 import hbgear as hb
 from hbgear import catalogue, cli_design, cli_study, cli_time
+from hbgear.cli_files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli_support import (
-    BRANCHES,
-    FIGURES,
+    BAD_INPUT,
     STOPPED_EARLY,
     Changes,
     Element,
     File,
     Harmonics,
     Measure,
-    check_writable,
     chosen_model,
-    draw,
     element_of,
     equation_of,
     exit_code,
@@ -40,7 +39,6 @@ from hbgear.cli_support import (
     point_of,
     print_table,
     problem_of,
-    save_branch,
     say,
     show_branch,
     show_jumps,
@@ -48,10 +46,8 @@ from hbgear.cli_support import (
     summary_of,
     text_of,
     traced,
-    wrote,
 )
 
-BAD_INPUT = 2
 _CTRL_C = 130  # what typer makes of a Ctrl-C that a command does not see to itself
 
 app = typer.Typer(
@@ -67,7 +63,18 @@ def main(args: Sequence[str] | None = None) -> None:
     """Run the command and exit."""
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_, **__: say("warning", message)
-        sys.exit(_run(list(sys.argv[1:] if args is None else args) or ["--help"]))
+        sys.exit(_printed(_run(list(sys.argv[1:] if args is None else args) or ["--help"])))
+
+
+def _printed(code: int) -> int:
+    """The exit code, 2 if what was printed did not get to where it goes."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        say("error", f"the result could not be printed ({error.strerror}); files that were asked for are written")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python tries again when it ends
+        return BAD_INPUT
+    return code
 
 
 def _run(args: list[str]) -> int:
@@ -169,12 +176,11 @@ def trace(
         say("error", "interrupted while starting or finishing; nothing was kept")
         raise typer.Exit(STOPPED_EARLY) from None
     seconds = time.perf_counter() - started
-    save_branch(branch, output)
-    if plot:
-        draw(plot, lambda drawing: drawing.response(branch, measure, which))
-    print(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
-    show_branch(branch, measure, which)
-    wrote(output, plot)
+    with outputs() as out:
+        out.branch(output, branch)
+        out.figure(plot, lambda drawing: drawing.response(branch, measure, which))
+        print(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
+        show_branch(branch, measure, which)
     raise typer.Exit(exit_code(branch))
 
 
@@ -211,9 +217,9 @@ def plot_command(
     chosen = None if point is None else point_of(branch, point)
     path = output or file.with_name(f"{file.stem}{'' if chosen is None else f'_{point}'}.png")
     check_writable(path, FIGURES)
-    if chosen is None:
-        draw(path, lambda drawing: drawing.response(branch, measure, which))
-    else:
-        print(f"point at {branch.parameter} = {chosen.parameters[branch.parameter]:.8g}")
-        draw(path, lambda drawing: drawing.portrait(chosen, which))
-    wrote(path)
+    with outputs() as out:
+        if chosen is None:
+            out.figure(path, lambda drawing: drawing.response(branch, measure, which))
+        else:
+            out.figure(path, lambda drawing: drawing.portrait(chosen, which))
+            print(f"point at {branch.parameter} = {chosen.parameters[branch.parameter]:.8g}")

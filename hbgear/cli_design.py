@@ -9,26 +9,21 @@ import typer
 
 import hbgear as hb
 from hbgear import catalogue
+from hbgear.cli_files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli_support import (
-    BRANCHES,
-    FIGURES,
     Changes,
     Element,
     File,
     Harmonics,
     Measure,
-    check_writable,
     chosen_model,
-    draw,
     element_of,
     exit_code,
     one_thread,
     print_table,
     problem_of,
     reporting,
-    save_branch,
     show_branch,
-    wrote,
 )
 
 Model = Annotated[str, typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.")]
@@ -70,19 +65,16 @@ def map_command(
          "increasing" if arm.direction > 0 else "decreasing"]
         for arm in found.arms
     ]  # fmt: skip
-    if not rows:
-        print(f"no jump for {parameter} between {first:g} and {last:g}")
-    else:
-        print_table([parameter, "Omega", "jump while Omega is"], rows, "jump curves")
-    for cusp in found.cusps:
-        print(
-            f"a jump vanishes at {parameter} = {cusp.parameters[parameter]:.8g}, Omega = {cusp.parameters['Omega']:.8g}"
-        )
-    if output:
-        found.export(output)
-    if plot:
-        draw(plot, lambda drawing: drawing.jump_map(found))
-    wrote(output, plot)
+    with outputs() as out:
+        out.write(output, found.export)
+        out.figure(plot, lambda drawing: drawing.jump_map(found))
+        if not rows:
+            print(f"no jump for {parameter} between {first:g} and {last:g}")
+        else:
+            print_table([parameter, "Omega", "jump while Omega is"], rows, "jump curves")
+        for cusp in found.cusps:
+            place = f"{parameter} = {cusp.parameters[parameter]:.8g}, Omega = {cusp.parameters['Omega']:.8g}"
+            print(f"a jump vanishes at {place}")
 
 
 def critical(
@@ -123,13 +115,12 @@ def switch(
     branch = hb.load(file, problem=catalogue.problem_of(branch.meta))
     with one_thread():
         new = hb.switch(branch, label)
-    save_branch(new, output)
-    if plot:
-        draw(plot, lambda drawing: drawing.response(
+    with outputs() as out:
+        out.branch(output, new)
+        out.figure(plot, lambda drawing: drawing.response(
             new, measure, which, ax=drawing.response(branch, measure, which, legend=False)))  # fmt: skip
-    print(f"from {label} of {file}: {len(new)} points; {new.message}")
-    show_branch(new, measure, which)
-    wrote(output, plot)
+        print(f"from {label} of {file}: {len(new)} points; {new.message}")
+        show_branch(new, measure, which)
     raise typer.Exit(exit_code(new))
 
 
@@ -152,20 +143,21 @@ def survey(
     """Every branch in a span, also those not connected with each other."""
     check_writable(plot, FIGURES)
     machine, which = chosen_model(model, changes), element_of(element)
-    if folder is not None and not folder.is_dir():
-        raise ValueError(f"there is no folder '{folder}'; create it first")
+    if folder is not None:
+        if not folder.is_dir():
+            raise ValueError(f"there is no folder '{folder}'; create it first")
+        check_writable(folder / "branch1.npz", BRANCHES)
     problem = problem_of(machine, harmonics, nu=nu)
     span = _frequencies(problem, low, high)
     with one_thread(), reporting() as report:
         found = hb.trace_all(problem, span, frequencies=places, guesses=guesses, report=report)
-    for number, branch in enumerate(found.branches, 1):
-        print(f"branch {number}: {len(branch)} points; {branch.message}")
-        show_branch(branch, measure, which)
-        if folder is not None:
-            branch.save(folder / f"branch{number}.npz")
-    if plot:
-        draw(plot, lambda drawing: drawing.responses(found.branches, measure, which))
-    wrote(*([folder / f"branch{i + 1}.npz" for i in range(len(found))] if folder else []), plot)
+    with outputs() as out:
+        for number, branch in enumerate(found.branches, 1):
+            out.branch(folder / f"branch{number}.npz" if folder else None, branch)
+        out.figure(plot, lambda drawing: drawing.responses(found.branches, measure, which))
+        for number, branch in enumerate(found.branches, 1):
+            print(f"branch {number}: {len(branch)} points; {branch.message}")
+            show_branch(branch, measure, which)
     raise typer.Exit(max((exit_code(branch) for branch in found.branches), default=0))
 
 

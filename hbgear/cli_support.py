@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import math
-import os
 import re
 import sys
 import typing
@@ -25,10 +24,8 @@ from hbgear.trace import Progress
 if TYPE_CHECKING:
     from rich.table import Table
 
+BAD_INPUT = 2
 STOPPED_EARLY = 3
-
-BRANCHES = (".npz", ".csv", ".mat")
-FIGURES = (".png", ".pdf", ".svg")
 
 MEANINGS = {
     "LP": "fold: the curve turns back",
@@ -142,21 +139,6 @@ def span_of(model: hb.Model, parameter: str, first: float | None, last: float | 
     return a, b
 
 
-def check_writable(path: Path | None, allowed: tuple[str, ...]) -> None:
-    """Refuse now what could not be written when the work is done."""
-    if path is None:
-        return
-    if path.suffix.lower() not in allowed:
-        *others, final = allowed
-        endings = f"{', '.join(others)} or {final}" if others else final
-        raise ValueError(f"cannot write '{path}': the name must end in {endings}")
-    if not path.parent.is_dir():
-        raise ValueError(f"cannot write '{path}': there is no folder '{path.parent}'; create it first")
-    if path.is_dir() or not os.access(path.parent, os.W_OK):
-        what = "it is a folder" if path.is_dir() else f"you may not write in '{path.parent}'"
-        raise ValueError(f"cannot write '{path}': {what}; give another name")
-
-
 def point_of(branch: hb.Branch, text: str) -> hb.Point:
     """Special point by label, or the row nearest to a value; where the curve passes several times, a stable one."""
     try:
@@ -215,12 +197,6 @@ def exit_code(branch: hb.Branch) -> int:
     return 0 if branch.status.complete else STOPPED_EARLY
 
 
-def save_branch(branch: hb.Branch, path: Path | None) -> None:
-    """Save or export by the suffix."""
-    if path is not None:
-        branch.save(path) if path.suffix.lower() == ".npz" else branch.export(path)
-
-
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
     """A curve, traced with a progress bar and one thread for linear algebra."""
     with one_thread(), progress_bar(parameter, *span) as progress:
@@ -248,23 +224,7 @@ def progress_bar(parameter: str, a: float, b: float) -> Iterator[Progress | None
         yield show
 
 
-def draw(path: Path, make: Callable[[Any], Any]) -> None:
-    """A figure to a file, without a window; make is given the module `hbgear.plot`."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from hbgear import plot as drawing
-
-    drawing.save(make(drawing), path)
-
-
 # ---- output
-
-
-def wrote(*paths: Path | None) -> None:
-    """Say which files were written."""
-    if any(paths):
-        print("wrote", ", ".join(str(path) for path in paths if path))
 
 
 def print_text_table(table: Table) -> None:

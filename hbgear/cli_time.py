@@ -13,22 +13,19 @@ import typer
 
 import hbgear as hb
 from hbgear import catalogue
+from hbgear.cli_files import FIGURES, check_writable, outputs
 from hbgear.cli_support import (
-    FIGURES,
     STOPPED_EARLY,
     Changes,
     Element,
     File,
     Measure,
-    check_writable,
     chosen_model,
-    draw,
     element_of,
     held_values,
     one_thread,
     print_table,
     span_of,
-    wrote,
 )
 
 DISAGREES = 1
@@ -65,14 +62,12 @@ def validate(
     with one_thread(), bar("points") as progress:
         report = hold(branch, points, tolerance, progress=progress)
     headers, rows = report.table()
-    print_table(headers, rows, "harmonic balance against time integration")
     good = sum(row.ok for row in report.rows)
-    print(f"{good} of {len(rows)} points agree within {tolerance:g}{'' if report.complete else '; interrupted'}")
-    if output:
-        report.export(output)
-    if plot and report.rows:
-        draw(plot, lambda _: _drawing().validation(report, branch, which))
-    wrote(output, plot if report.rows else None)
+    with outputs() as out:
+        out.write(output, report.export)
+        out.figure(plot if report.rows else None, lambda _: _drawing().validation(report, branch, which))
+        print_table(headers, rows, "harmonic balance against time integration")
+        print(f"{good} of {len(rows)} points agree within {tolerance:g}{'' if report.complete else '; interrupted'}")
     raise typer.Exit(STOPPED_EARLY if not report.complete else 0 if report.ok else DISAGREES)
 
 
@@ -128,15 +123,13 @@ def sweep(
         if not found[-1].status.complete:
             break
     found = [s for s in found if len(s)]
-    for s in found:
-        _show(s, measure, which)
-    if output and found:
-        export(found, output)
-    if plot and found:
-        draw(plot, lambda _: _drawing().sweeps(found, curve, measure, which))
-    if bifurcation and found:
-        draw(bifurcation, lambda _: _drawing().bifurcation(found, which))
-    wrote(*(path for path in (output, plot, bifurcation) if found))
+    with outputs() as out:
+        if found:
+            out.write(output, lambda path: export(found, path))
+            out.figure(plot, lambda _: _drawing().sweeps(found, curve, measure, which))
+            out.figure(bifurcation, lambda _: _drawing().bifurcation(found, which))
+        for s in found:
+            _show(s, measure, which)
     complete = bool(found) and all(s.status.complete for s in found)
     raise typer.Exit(0 if complete else STOPPED_EARLY)
 

@@ -17,7 +17,8 @@ import numpy as np
 
 from hbgear.augmented import Fold
 from hbgear.balance import HarmonicBalance
-from hbgear.branch import Branch, Point, SpecialPoint, joined, replacing
+from hbgear.branch import Branch, Point, SpecialPoint, joined
+from hbgear.files import replacing
 from hbgear.fourier import Array
 from hbgear.model import Model
 from hbgear.newton import NoConvergence, solve

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hbgear.branch import REGIMES, Branch, Jump, Layout, Point, SpecialPoint, replacing
+from hbgear.branch import REGIMES, Branch, Jump, Layout, Point, SpecialPoint
+from hbgear.files import replacing
 from hbgear.fourier import Array
 
 State = tuple[str, bool | None]

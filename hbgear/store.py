@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from hbgear._version import __version__
-from hbgear.branch import replacing
+from hbgear.files import replacing
 from hbgear.fourier import Array
 
 SCHEMA = 1

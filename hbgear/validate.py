@@ -27,8 +27,9 @@ import scipy  # its parts are imported when they are first used
 
 from hbgear import measures
 from hbgear._version import __version__
-from hbgear.branch import NEUTRAL, Branch, replacing
+from hbgear.branch import NEUTRAL, Branch
 from hbgear.catalogue import problem_of
+from hbgear.files import replacing
 from hbgear.flow import Flow
 from hbgear.fourier import Array, ComplexArray, to_complex
 from hbgear.model import describe
