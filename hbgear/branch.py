@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hbgear import measures
-from hbgear.files import replacing
 from hbgear.fourier import Array, ComplexArray, evaluate
 from hbgear.measures import Layout
 from hbgear.model import did_you_mean
+from hbgear.replacing import replacing
 
 REGIMES = ("no_impact", "single_sided", "double_sided")
 """Names of the regime codes 0, 1, 2 of an element: how many of its sides it meets and leaves. -1 is unknown."""

@@ -36,12 +36,12 @@ from threadpoolctl import threadpool_limits
 
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Status, load
-from hbgear.files import replacing
 from hbgear.fourier import Array
 from hbgear.maps import NoFold, critical
 from hbgear.model import Model, describe, did_you_mean
 from hbgear.peaks import peaks
 from hbgear.processes import executor_of
+from hbgear.replacing import replacing
 from hbgear.sampling import Grid, Sample
 from hbgear.store import Result, Store, key_of
 from hbgear.trace import trace

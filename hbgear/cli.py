@@ -24,30 +24,38 @@ from hbgear.cli_files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli_support import (
     BAD_INPUT,
     STOPPED_EARLY,
+    At,
     Changes,
     Element,
     File,
+    First,
     Harmonics,
+    Last,
     Measure,
+    Within,
     chosen_model,
     element_of,
     equation_of,
     exit_code,
     facts_of,
-    held_values,
     loaded,
+    path_of,
     point_of,
     print_table,
     problem_of,
     say,
     show_branch,
     show_jumps,
-    span_of,
     summary_of,
     text_of,
     traced,
 )
 
+RENAMED = {
+    "--parameter": "--parameter F --from A --to B is now --in F=A:B, as --from and --to are always in Omega",
+    "--omega-from": "--omega-from is now --from",
+    "--omega-to": "--omega-to is now --to",
+}
 _CTRL_C = 130  # what typer makes of a Ctrl-C that a command does not see to itself
 
 app = typer.Typer(
@@ -92,7 +100,8 @@ def _run(args: list[str]) -> int:
     except Exception as error:  # what typer says of unknown options and commands; anything else is a bug of ours
         if not hasattr(error, "format_message"):
             raise
-        say("error", f"{error.format_message().rstrip('.')}; see hbgear --help or hbgear COMMAND --help")
+        said = RENAMED.get(getattr(error, "option_name", ""), error.format_message().rstrip("."))
+        say("error", f"{said}; see hbgear --help or hbgear COMMAND --help")
         return BAD_INPUT
 
 
@@ -125,13 +134,10 @@ def models() -> None:
 def trace(
     model: Annotated[str, typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.")],
     changes: Changes = None,
-    parameter: Annotated[
-        str, typer.Option(help="What changes along the curve: Omega or a field of the model.")
-    ] = "Omega",
-    first: Annotated[
-        float | None, typer.Option("--from", help="Start of the span.", show_default="the model's")
-    ] = None,
-    last: Annotated[float | None, typer.Option("--to", help="End of the span.", show_default="the model's")] = None,
+    first: First = None,
+    last: Last = None,
+    within: Within = None,
+    at: At = None,
     harmonics: Harmonics = "16",
     tolerance: Annotated[
         float, typer.Option(help="Largest estimated error of the motion with --harmonics auto.")
@@ -142,9 +148,6 @@ def trace(
     sampled: Annotated[
         bool, typer.Option("--sampled", help="Sample contact forces instead of exact projection.")
     ] = False,
-    at: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter, such as Omega=0.9; repeatable.")
-    ] = None,
     measure: Measure = "pp2",
     element: Element = "0",
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")] = None,
@@ -163,9 +166,8 @@ def trace(
         check_writable(path, allowed)
     machine = chosen_model(model, changes)
     problem = problem_of(machine, harmonics, samples=samples, sampled=sampled, tolerance=tolerance)
+    parameter, span, held = path_of(machine, within, first, last, at)
     problem.check_parameter(parameter)
-    span = span_of(machine, parameter, first, last)
-    held = held_values(parameter, at or [])
     which = element_of(element)
     problem.layout.measure(measure, np.zeros(problem.size), which)  # a wrong name is refused before the work
 

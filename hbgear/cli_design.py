@@ -14,7 +14,9 @@ from hbgear.cli_support import (
     Changes,
     Element,
     File,
+    First,
     Harmonics,
+    Last,
     Measure,
     chosen_model,
     element_of,
@@ -22,13 +24,13 @@ from hbgear.cli_support import (
     one_thread,
     print_table,
     problem_of,
+    range_of,
     reporting,
     show_branch,
+    span_of,
 )
 
 Model = Annotated[str, typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.")]
-Low = Annotated[float | None, typer.Option("--omega-from", help="Lowest Omega.", show_default="the model's")]
-High = Annotated[float | None, typer.Option("--omega-to", help="Highest Omega.", show_default="the model's")]
 Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
 
 
@@ -42,24 +44,25 @@ def register(app: typer.Typer) -> None:
 
 def map_command(
     model: Model,
-    parameter: Annotated[str, typer.Option("--in", help="Design parameter: a field of the model.")],
-    first: Annotated[float, typer.Option("--from", help="Start of its range.")],
-    last: Annotated[float, typer.Option("--to", help="End of its range.")],
+    within: Annotated[
+        str, typer.Option("--in", metavar="NAME=FROM:TO", help="Design parameter, a field of the model, and its range.")
+    ],
     changes: Changes = None,
-    harmonics: Harmonics = "12",
+    harmonics: Harmonics = "16",
     seeds: Annotated[int, typer.Option(min=2, help="Response curves on which jumps are looked for.")] = 3,
-    low: Low = None,
-    high: High = None,
+    first: First = None,
+    last: Last = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the jump frequencies as .csv.")] = None,
     plot: Figure = None,
 ) -> None:
     """Jump map: jump frequencies against a design parameter, and where they vanish."""
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
+    parameter, span = range_of(within, first, last)
     problem = problem_of(chosen_model(model, changes), harmonics)
-    frequencies = _frequencies(problem, low, high)
+    frequencies = span_of(problem.model, first, last)
     with one_thread(), reporting() as report:
-        found = hb.jump_map(problem, parameter, (first, last), frequencies=frequencies, seeds=seeds, report=report)
+        found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, report=report)
     rows = [
         [f"{arm.values[0]:.6g} to {arm.values[-1]:.6g}", f"{arm.Omega[0]:.6g} to {arm.Omega[-1]:.6g}",
          "increasing" if arm.direction > 0 else "decreasing"]
@@ -69,7 +72,7 @@ def map_command(
         out.write(output, found.export)
         out.figure(plot, lambda drawing: drawing.jump_map(found))
         if not rows:
-            print(f"no jump for {parameter} between {first:g} and {last:g}")
+            print(f"no jump for {parameter} between {min(span):g} and {max(span):g}")
         else:
             print_table([parameter, "Omega", "jump while Omega is"], rows, "jump curves")
         for cusp in found.cusps:
@@ -82,14 +85,14 @@ def critical(
     parameter: Annotated[str, typer.Argument(metavar="PARAMETER", help="A field of the model, such as zeta.")],
     changes: Changes = None,
     harmonics: Harmonics = "16",
-    low: Low = None,
-    high: High = None,
+    first: First = None,
+    last: Last = None,
 ) -> None:
     """The value of a parameter at which a jump appears or vanishes, and the frequency at which it does so."""
     problem = problem_of(chosen_model(model, changes), harmonics)
     problem.check_parameter(parameter)
     with one_thread(), reporting() as report:
-        found = hb.critical(problem, parameter, frequencies=_frequencies(problem, low, high), report=report)
+        found = hb.critical(problem, parameter, frequencies=span_of(problem.model, first, last), report=report)
     own = problem.parameters.get(parameter, float("nan"))
     side = "below" if found.jump_below else "above"
     print(f"{parameter} = {found.value:.8g}: a jump exists {side} this value, none just on the other side")
@@ -127,8 +130,8 @@ def switch(
 def survey(
     model: Model,
     changes: Changes = None,
-    low: Low = None,
-    high: High = None,
+    first: First = None,
+    last: Last = None,
     harmonics: Harmonics = "16",
     nu: Annotated[int, typer.Option(min=1, help="Subharmonic order: motions of nu periods of the excitation.")] = 1,
     places: Annotated[int, typer.Option(min=1, help="Frequencies at which more motions are sought.")] = 5,
@@ -148,7 +151,7 @@ def survey(
             raise ValueError(f"there is no folder '{folder}'; create it first")
         check_writable(folder / "branch1.npz", BRANCHES)
     problem = problem_of(machine, harmonics, nu=nu)
-    span = _frequencies(problem, low, high)
+    span = span_of(problem.model, first, last)
     with one_thread(), reporting() as report:
         found = hb.trace_all(problem, span, frequencies=places, guesses=guesses, report=report)
     with outputs() as out:
@@ -159,11 +162,3 @@ def survey(
             print(f"branch {number}: {len(branch)} points; {branch.message}")
             show_branch(branch, measure, which)
     raise typer.Exit(max((exit_code(branch) for branch in found.branches), default=0))
-
-
-def _frequencies(problem: hb.HarmonicBalance, low: float | None, high: float | None) -> tuple[float, float]:
-    a, b = problem.model.default_span
-    rising = a < b
-    a, b = (a, b) if rising else (b, a)
-    a, b = (a if low is None else low), (b if high is None else high)
-    return (a, b) if rising else (b, a)

@@ -12,7 +12,7 @@ from typing import Any
 import typer
 
 import hbgear as hb
-from hbgear import files
+from hbgear import replacing
 from hbgear.cli_support import BAD_INPUT, say
 
 BRANCHES = (".npz", ".csv", ".mat")
@@ -27,7 +27,7 @@ def check_writable(path: Path | None, allowed: tuple[str, ...]) -> None:
         *others, final = allowed
         endings = f"{', '.join(others)} or {final}" if others else final
         raise ValueError(f"cannot write '{path}': the name must end in {endings}")
-    files.check_writable(path)
+    replacing.check_writable(path)
 
 
 class Outputs:

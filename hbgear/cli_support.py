@@ -43,6 +43,15 @@ Harmonics = Annotated[str, typer.Option(help="H, harmonics of the excitation fre
 Changes = Annotated[
     list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Change a field of the model; repeatable.")
 ]
+First = Annotated[float | None, typer.Option("--from", help="Omega to begin at.", show_default="the model's")]
+Last = Annotated[float | None, typer.Option("--to", help="Omega to end at.", show_default="the model's")]
+Within = Annotated[
+    str | None,
+    typer.Option("--in", metavar="NAME=FROM:TO", help="Change this field of the model instead of Omega; see --at."),
+]
+At = Annotated[
+    list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter, such as Omega=0.9; repeatable.")
+]
 
 
 def say(kind: str, text: object) -> None:
@@ -79,14 +88,38 @@ def fields_of(cls: type[hb.Model] | None, changes: list[str]) -> dict[str, Any]:
     return values
 
 
-def held_values(parameter: str, at: list[str]) -> dict[str, float]:
-    """Values of --at."""
-    held = {name: number_of(f"--at {name}", text) for name, text in assignments("--at", at)}
+def range_of(text: str, first: float | None = None, last: float | None = None) -> tuple[str, tuple[float, float]]:
+    """Name and range of --in."""
+    name, equals, ends = (part.strip() for part in text.partition("="))
+    low, colon, high = (part.strip() for part in ends.partition(":"))
+    if not (name and equals and low and colon and high):
+        meant = "0.02:0.08" if first is None or last is None else f"{first:g}:{last:g}"
+        raise ValueError(
+            f"--in {text}: need its range too, such as --in {name or 'zeta'}={meant} (--from and --to are in Omega)"
+        )
+    return name, (number_of(f"--in {name}", low), number_of(f"--in {name}", high))
+
+
+def path_of(
+    model: hb.Model, within: str | None, first: float | None, last: float | None, at: list[str] | None,
+    omega: float | None = None,
+) -> tuple[str, tuple[float, float], dict[str, float]]:  # fmt: skip
+    """What changes, from where to where, and what is held: Omega, or the parameter of --in at a known Omega."""
+    held = {name: number_of(f"--at {name}", text) for name, text in assignments("--at", at or [])}
+    if within is None:
+        parameter, span = "Omega", span_of(model, first, last)
+    else:
+        parameter, span = range_of(within, first, last)
+        if first is not None or last is not None:
+            raise ValueError(
+                f"--in {within}: it is {parameter} that changes, so leave out --from and --to, which are in Omega"
+            )
     if parameter in held:
-        raise ValueError(f"--at {parameter}: it is what changes along the curve; use --from and --to")
-    if parameter != "Omega" and "Omega" not in held:
-        raise ValueError(f"tracing in {parameter} needs a frequency that is held: --at Omega=0.9")
-    return held
+        instead = "--from and --to" if parameter == "Omega" else f"--set {parameter} or --in {parameter} alone"
+        raise ValueError(f"--at {parameter}: it is what changes along the curve; use {instead}")
+    if parameter != "Omega" and omega is None and "Omega" not in held:
+        raise ValueError(f"going along {parameter} needs a frequency that is held: --at Omega=0.9")
+    return parameter, span, held
 
 
 def value_of(what: str, text: str, kind: Any) -> Any:
@@ -130,13 +163,10 @@ def element_of(text: str) -> int | str:
     return int(text) if text.isdecimal() else text
 
 
-def span_of(model: hb.Model, parameter: str, first: float | None, last: float | None) -> tuple[float, float]:
-    """The span given, with the ends that are missing from the model's default."""
-    default: tuple[float | None, float | None] = model.default_span if parameter == "Omega" else (None, None)
-    a, b = (given if given is not None else usual for given, usual in zip((first, last), default, strict=True))
-    if a is None or b is None:
-        raise ValueError(f"tracing in {parameter} needs --from and --to; only Omega has a usual span")
-    return a, b
+def span_of(model: hb.Model, first: float | None, last: float | None) -> tuple[float, float]:
+    """The span of Omega given, with the ends that are missing from the model's default."""
+    a, b = model.default_span
+    return a if first is None else first, b if last is None else last
 
 
 def point_of(branch: hb.Branch, text: str) -> hb.Point:

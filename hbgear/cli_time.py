@@ -16,16 +16,19 @@ from hbgear import catalogue
 from hbgear.cli_files import FIGURES, check_writable, outputs
 from hbgear.cli_support import (
     STOPPED_EARLY,
+    At,
     Changes,
     Element,
     File,
+    First,
+    Last,
     Measure,
+    Within,
     chosen_model,
     element_of,
-    held_values,
     one_thread,
+    path_of,
     print_table,
-    span_of,
 )
 
 DISAGREES = 1
@@ -76,13 +79,11 @@ def sweep(
     changes: Changes = None,
     up: Annotated[bool, typer.Option("--up", help="With the parameter rising (also if neither is given).")] = False,
     down: Annotated[bool, typer.Option("--down", help="With the parameter falling.")] = False,
-    parameter: Annotated[str, typer.Option("--in", help="What is swept: Omega or a field of the model.")] = "Omega",
-    first: Annotated[float | None, typer.Option("--from", help="One end.", show_default="the model's")] = None,
-    last: Annotated[float | None, typer.Option("--to", help="The other end.", show_default="the model's")] = None,
+    first: First = None,
+    last: Last = None,
+    within: Within = None,
+    at: At = None,
     count: Annotated[int, typer.Option(min=2, help="Values between, the ends included.")] = 131,
-    at: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter, such as Omega=0.9; repeatable.")
-    ] = None,
     tolerance: Annotated[float, typer.Option(help="Distance a settled motion may still have to go.")] = 1e-7,
     longest: Annotated[int, typer.Option(min=1, help="Periods after which a motion is not waited for.")] = 3000,
     over: Annotated[Path | None, typer.Option(metavar="FILE", help="A saved curve to draw the dots on.")] = None,
@@ -107,8 +108,8 @@ def sweep(
     for path in (plot, bifurcation):
         check_writable(path, FIGURES)
     machine, which = chosen_model(model, changes), element_of(element)
-    held = held_values(parameter, at or [])
-    grid = np.linspace(*span_of(machine, parameter, first, last), count)
+    parameter, span, held = path_of(machine, within, first, last, at)
+    grid = np.linspace(*span, count)
     curve = hb.load(over) if over else None
     if curve is not None:
         same_model(curve.meta.get("model"), machine)

@@ -18,10 +18,10 @@ import numpy as np
 from hbgear.augmented import Fold
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Point, SpecialPoint, joined
-from hbgear.files import replacing
 from hbgear.fourier import Array
 from hbgear.model import Model
 from hbgear.newton import NoConvergence, solve
+from hbgear.replacing import replacing
 from hbgear.stride import Steps
 from hbgear.trace import trace
 
@@ -123,7 +123,7 @@ def jump_map(
     span: tuple[float, float],
     *,
     frequencies: tuple[float, float] | None = None,
-    harmonics: int = 12,
+    harmonics: int = 16,
     seeds: int = 3,
     steps: Steps = Steps(),  # noqa: B008
     report: Report | None = None,

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hbgear.branch import REGIMES, Branch, Jump, Layout, Point, SpecialPoint
-from hbgear.files import replacing
 from hbgear.fourier import Array
+from hbgear.replacing import replacing
 
 State = tuple[str, bool | None]
 

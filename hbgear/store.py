@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from hbgear._version import __version__
-from hbgear.files import replacing
 from hbgear.fourier import Array
+from hbgear.replacing import replacing
 
 SCHEMA = 1
 """Number of the form of the files."""

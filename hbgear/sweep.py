@@ -23,9 +23,9 @@ import numpy as np
 
 from hbgear import measures
 from hbgear.branch import Status
-from hbgear.files import replacing
 from hbgear.fourier import Array, ComplexArray, evaluate, to_real
 from hbgear.model import Model, did_you_mean
+from hbgear.replacing import replacing
 from hbgear.stepper import Flight, Stepper, modal_state
 
 Progress = Callable[[float, str], None]

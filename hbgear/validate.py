@@ -29,12 +29,12 @@ from hbgear import measures
 from hbgear._version import __version__
 from hbgear.branch import NEUTRAL, Branch
 from hbgear.catalogue import problem_of
-from hbgear.files import replacing
 from hbgear.flow import Flow
 from hbgear.fourier import Array, ComplexArray, to_complex
 from hbgear.model import describe
 from hbgear.newton import NoConvergence
 from hbgear.receptance import Structure
+from hbgear.replacing import replacing
 from hbgear.shooting import Orbit, shoot
 from hbgear.stepper import modal_state, physical_state
 from hbgear.timedomain import state_of

@@ -98,7 +98,7 @@ def test_values_take_the_type_of_the_field(run):
 
 
 def test_trace_in_another_parameter(run):
-    code, out, _ = run(*QUICK, "--parameter", "F", "--from", 0.05, "--to", 0.1, "--at", "Omega=1.3", "-o", "F.npz")
+    code, out, _ = run(*QUICK, "--in", "F=0.05:0.1", "--at", "Omega=1.3", "-o", "F.npz")
     curve = hb.load("F.npz")
     assert code == 0 and curve.parameter == "F" and (curve.values[0], curve.values[-1]) == (0.05, 0.1)
     assert curve.fixed["Omega"] == 1.3 and "no special points" in out
@@ -311,7 +311,7 @@ def refused(run, args, *words):
         ("trace duffign", ["no model 'duffign'", "did you mean 'duffing'"]),
         ("trace duffing --set zetta=0.1", ["no parameter 'zetta'", "did you mean 'zeta'"]),
         ("trace duffing --set name=1", ["no parameter 'name'", "it has: zeta, k3, F"]),
-        ("trace duffing --parameter zetta --at Omega=1 --from 0.1 --to 0.2", ["did you mean 'zeta'"]),
+        ("trace duffing --in zetta=0.1:0.2 --at Omega=1", ["did you mean 'zeta'"]),
         ("trace duffing --at zetta=1", ["no parameter 'zetta'", "did you mean 'zeta'"]),
         ("trace duffing --at Omega=1", ["--at Omega", "--from and --to"]),
         ("trace duffing --at zeta=much", ["--at zeta=much", "finite number"]),
@@ -334,8 +334,17 @@ def refused(run, args, *words):
         ("trace duffing --from 1 --to 1", ["is empty", "two different values of Omega"]),
         ("trace duffing --from 1.2 --to -0.5", ["Omega must stay positive"]),
         ("trace duffing --from nan", ["must be finite"]),
-        ("trace duffing --parameter F --at Omega=1 --to 1", ["tracing in F needs --from and --to"]),
-        ("trace duffing --parameter F --from 0.1 --to 1", ["tracing in F needs", "--at Omega="]),
+        ("trace duffing --parameter F --at Omega=1 --to 1", ["--parameter F --from A --to B is now --in F=A:B"]),
+        ("trace duffing --in F --at Omega=1", ["--in F", "such as --in F=0.02:0.08"]),
+        ("trace duffing --in F --from 1 --to 2 --at Omega=1", ["--in F=1:2", "--from and --to are in Omega"]),
+        ("trace duffing --in F=1: --at Omega=1", ["--in F=1:", "need its range too"]),
+        ("trace duffing --in F=1:2e9x --at Omega=1", ["--in F=2e9x", "finite number"]),
+        ("trace duffing --in F=1:2 --to 2 --at Omega=1", ["it is F that changes", "leave out --from and --to"]),
+        ("trace duffing --in F=1:2 --at Omega=1 --at F=1", ["--at F", "it is what changes"]),
+        ("trace duffing --in F=0.1:1", ["going along F needs", "--at Omega="]),
+        ("survey duffing --omega-from 1", ["--omega-from is now --from"]),
+        ("critical duffing F --omega-to 1", ["--omega-to is now --to"]),
+        ("map duffing --in F --from 1 --to 2", ["--in F=1:2", "--from and --to are in Omega"]),
         ("trace duffing --measure loud", ["no measure 'loud'", "pp2"]),
         ("trace duffing --harmonics 3 --measure H4", ["'H4'", "H = 3"]),
         ("trace duffing --element 1", ["no element 1", "'x'"]),

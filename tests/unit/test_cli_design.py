@@ -34,7 +34,7 @@ def saved(run):
 
 
 def test_map_gives_the_cusp_and_writes_both_files(run):
-    code, out, err = run("map spur-pair --in zeta --from 0.1 --to 0.13 --harmonics 6 -o map.csv --plot map.png")
+    code, out, err = run("map spur-pair --in zeta=0.1:0.13 --harmonics 6 -o map.csv --plot map.png")
     assert (code, err) == (0, "")
     zeta = float(re.search(r"vanishes at zeta = ([\d.]+)", out)[1])
     assert zeta == pytest.approx(0.118, abs=2e-4)
@@ -44,7 +44,7 @@ def test_map_gives_the_cusp_and_writes_both_files(run):
 
 
 def test_map_without_any_jump(run):
-    code, out, err = run("map spur-pair --in zeta --from 0.2 --to 0.3 --harmonics 3 --seeds 2")
+    code, out, err = run("map spur-pair --in zeta=0.2:0.3 --harmonics 3 --seeds 2")
     assert (code, err) == (0, "") and "no jump for zeta between 0.2 and 0.3" in out
 
 
@@ -66,7 +66,7 @@ def test_switch_traces_the_doubled_motion(run, saved):
 def test_survey_saves_every_branch(run):
     os.mkdir("found")
     code, out, err = run(
-        "survey duffing --set zeta=0.05 --omega-from 0.6 --omega-to 1.5 --harmonics 3 --places 1 --guesses 3 -o found"
+        "survey duffing --set zeta=0.05 --from 0.6 --to 1.5 --harmonics 3 --places 1 --guesses 3 -o found"
     )
     assert (code, err) == (0, "")
     assert sorted(os.listdir("found")) == ["branch1.npz"] and "branch 1:" in out
@@ -75,10 +75,10 @@ def test_survey_saves_every_branch(run):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("map spur-pair --in Omega --from 1 --to 2", ["must differ from Omega", "choose one of: zeta"]),
-        ("map spur-pair --in zetta --from 1 --to 2", ["no parameter 'zetta'", "did you mean 'zeta'"]),
-        ("map spur-pair --in zeta --from 0.1 --to 0.1", ["two different finite values of zeta"]),
-        ("map spur-pair --in zeta --from 0.1 --to 0.2 -o map.txt", ["must end in .csv"]),
+        ("map spur-pair --in Omega=1:2", ["must differ from Omega", "choose one of: zeta"]),
+        ("map spur-pair --in zetta=1:2", ["no parameter 'zetta'", "did you mean 'zeta'"]),
+        ("map spur-pair --in zeta=0.1:0.1", ["two different finite values of zeta"]),
+        ("map spur-pair --in zeta=0.1:0.2 -o map.txt", ["must end in .csv"]),
         ("critical spur-pair Omega", ["must differ from Omega"]),
         ("critical duffing F --set k3=0 --harmonics 3", ["no jump", "steepest slope of the rms amplitude"]),
         ("switch missing.npz PD1", ["no file 'missing.npz'"]),

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear import cli, files
+from hbgear import cli
+from hbgear.replacing import CannotWrite, replacing
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs the devices and limits of POSIX")
 LIMIT = 70_000  # bytes a file may have: more than is written to see whether one can be, less than a curve takes
@@ -73,7 +74,7 @@ def test_what_is_stored_is_on_the_disk_first(folder, monkeypatch):
     fsync, replace = os.fsync, os.replace
     monkeypatch.setattr(os, "fsync", lambda number: (did.append(os.fstat(number).st_ino), fsync(number)))
     monkeypatch.setattr(os, "replace", lambda a, b: (did.append("renamed"), replace(a, b)))
-    with files.replacing("a.txt", "x") as handle:
+    with replacing("a.txt", "x") as handle:
         handle.write("text")
     file, place = os.stat("a.txt").st_ino, os.stat(".").st_ino
     assert did == ([file, "renamed", place] if os.name == "posix" else [file, "renamed"])
@@ -82,16 +83,16 @@ def test_what_is_stored_is_on_the_disk_first(folder, monkeypatch):
 @posix
 def test_a_link_is_followed_and_a_device_never_replaced(folder):
     os.symlink("target.txt", "link.txt")
-    with files.replacing("link.txt", "x") as handle:
+    with replacing("link.txt", "x") as handle:
         handle.write("text")
     assert os.path.islink("link.txt") and Path("target.txt").read_text() == "text"
     os.symlink("/dev/full", "full.txt")
-    with pytest.raises(files.CannotWrite, match=r"'full.txt': it is a device"), files.replacing("full.txt"):
+    with pytest.raises(CannotWrite, match=r"'full.txt': it is a device"), replacing("full.txt"):
         pass
 
 
 def test_a_failure_is_that_of_the_disk_whatever_the_writer_makes_of_it(folder):
-    with pytest.raises(files.CannotWrite, match="no space") as error, files.replacing("a") as handle:
+    with pytest.raises(CannotWrite, match="no space") as error, replacing("a") as handle:
         try:
             handle.write(b"half")
             raise OSError(28, "No space left on device")
@@ -100,7 +101,7 @@ def test_a_failure_is_that_of_the_disk_whatever_the_writer_makes_of_it(folder):
     assert error.value.errno == 28 and not os.listdir()
     again = pickle.loads(pickle.dumps(error.value))
     assert (str(again), again.errno) == (str(error.value), 28)
-    with pytest.raises(ValueError, match="a bug"), files.replacing("a"):
+    with pytest.raises(ValueError, match="a bug"), replacing("a"):
         raise ValueError("a bug")
 
 
