@@ -39,13 +39,19 @@ from hbgear.cli_support import (
     exit_code,
     facts_of,
     loaded,
+    longer_span,
+    model_at,
+    one_thread,
     path_of,
     point_of,
     print_table,
     problem_of,
+    progress_bar,
+    retold,
     say,
     show_branch,
     show_jumps,
+    start_of,
     summary_of,
     text_of,
     traced,
@@ -112,6 +118,9 @@ cli_time.register(app)
 
 # ---- commands
 
+Output = Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")]
+Plot = Annotated[Path | None, typer.Option(help="Draw the curve to a .png, .pdf or .svg.")]
+
 
 @app.callback(invoke_without_command=True)
 def _version(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
@@ -138,6 +147,10 @@ def trace(
     last: Last = None,
     within: Within = None,
     at: At = None,
+    start: Annotated[
+        str | None,
+        typer.Option(metavar="FILE[:POINT]", help="Begin at a point (label or value) of a saved curve."),
+    ] = None,
     harmonics: Harmonics = "16",
     tolerance: Annotated[
         float, typer.Option(help="Largest estimated error of the motion with --harmonics auto.")
@@ -150,8 +163,8 @@ def trace(
     ] = False,
     measure: Measure = "pp2",
     element: Element = "0",
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw the curve to a .png, .pdf or .svg.")] = None,
+    output: Output = None,
+    plot: Plot = None,
     stability: Annotated[
         bool, typer.Option("--stability/--no-stability", help="Floquet multipliers and jumps.")
     ] = True,
@@ -165,15 +178,23 @@ def trace(
     for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
         check_writable(path, allowed)
     machine = chosen_model(model, changes)
-    problem = problem_of(machine, harmonics, samples=samples, sampled=sampled, tolerance=tolerance)
-    parameter, span, held = path_of(machine, within, first, last, at)
+    point, nu = None, 1
+    if start is not None:
+        curve, point = start_of(start)
+        machine, nu = model_at(curve, point, model, changes), curve.layout.nu if curve.layout else 1
+    problem = problem_of(machine, harmonics, nu=nu, samples=samples, sampled=sampled, tolerance=tolerance)
+    parameter, span, held = path_of(machine, within, first, last, at, known=point is not None)
+    if point is not None:  # its values of the parameters would count before those of --set
+        held = {name: value for name, value in problem.parameters.items() if name != parameter} | held
     problem.check_parameter(parameter)
     which = element_of(element)
     problem.layout.measure(measure, np.zeros(problem.size), which)  # a wrong name is refused before the work
 
     started = time.perf_counter()
     try:
-        branch = traced(problem, parameter, span, at=held, stability=stability, steps=hb.Steps(max_points=max_points))
+        branch = traced(
+            problem, parameter, span, start=point, at=held, stability=stability, steps=hb.Steps(max_points=max_points)
+        )
     except KeyboardInterrupt:  # not within the trace itself, which keeps what it has
         say("error", "interrupted while starting or finishing; nothing was kept")
         raise typer.Exit(STOPPED_EARLY) from None
@@ -184,6 +205,45 @@ def trace(
         print(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
         show_branch(branch, measure, which)
     raise typer.Exit(exit_code(branch))
+
+
+@app.command()
+def extend(
+    file: File,
+    first: First = None,
+    last: Last = None,
+    within: Within = None,
+    harmonics: Annotated[
+        str | None, typer.Option(help="H to go on with, or auto.", show_default="that of the curve")
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option(min=1, help="N per period to go on with.", show_default="that of the curve")
+    ] = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+    output: Output = None,
+    plot: Plot = None,
+    max_points: Annotated[int, typer.Option(min=2, help="Stop after so many more points.")] = hb.Steps().max_points,
+) -> None:
+    """Follow a saved curve on from its last point; the result is the whole curve.
+
+    By default as far as it was to go: --from and --to, or --in of a curve in another parameter, give a longer span.
+    Exit codes: as of hbgear trace.
+    """
+    for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
+        check_writable(path, allowed)
+    branch, which = loaded(file, measure, element)
+    problem = catalogue.problem_of(retold(branch.meta, harmonics, samples))
+    span = longer_span(branch, within, first, last)
+    with one_thread(), progress_bar(branch.parameter, float(branch.values[-1]), span[1]) as progress:
+        steps = hb.Steps(max_points=max_points)
+        whole = hb.extend(branch, span, problem=problem, steps=steps, progress=progress)
+    with outputs() as out:
+        out.branch(output, whole)
+        out.figure(plot, lambda drawing: drawing.response(whole, measure, which))
+        print(f"{file}: {len(branch)} points, {len(whole) - len(branch)} more; {whole.message}")
+        show_branch(whole, measure, which)
+    raise typer.Exit(exit_code(whole))
 
 
 @app.command()

@@ -102,9 +102,9 @@ def range_of(text: str, first: float | None = None, last: float | None = None) -
 
 def path_of(
     model: hb.Model, within: str | None, first: float | None, last: float | None, at: list[str] | None,
-    omega: float | None = None,
+    known: bool = False,
 ) -> tuple[str, tuple[float, float], dict[str, float]]:  # fmt: skip
-    """What changes, from where to where, and what is held: Omega, or the parameter of --in at a known Omega."""
+    """What changes, from where to where, and what is held: Omega, or what --in says at an Omega given or known."""
     held = {name: number_of(f"--at {name}", text) for name, text in assignments("--at", at or [])}
     if within is None:
         parameter, span = "Omega", span_of(model, first, last)
@@ -117,7 +117,7 @@ def path_of(
     if parameter in held:
         instead = "--from and --to" if parameter == "Omega" else f"--set {parameter} or --in {parameter} alone"
         raise ValueError(f"--at {parameter}: it is what changes along the curve; use {instead}")
-    if parameter != "Omega" and omega is None and "Omega" not in held:
+    if parameter != "Omega" and not known and "Omega" not in held:
         raise ValueError(f"going along {parameter} needs a frequency that is held: --at Omega=0.9")
     return parameter, span, held
 
@@ -169,7 +169,45 @@ def span_of(model: hb.Model, first: float | None, last: float | None) -> tuple[f
     return a if first is None else first, b if last is None else last
 
 
-def point_of(branch: hb.Branch, text: str) -> hb.Point:
+def longer_span(branch: hb.Branch, within: str | None, first: float | None, last: float | None) -> tuple[float, float]:
+    """The span of a curve's trace with the ends that are given, in its own parameter."""
+    a, b = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
+    if within is not None:
+        name, (first, last) = range_of(within)
+        if name != branch.parameter:
+            raise ValueError(f"--in {within}: this curve is in {branch.parameter}, and goes on in it")
+    elif branch.parameter != "Omega" and (first is not None or last is not None):
+        raise ValueError(f"this curve is in {branch.parameter}: give its range as --in {branch.parameter}=FROM:TO")
+    return float(a if first is None else first), float(b if last is None else last)
+
+
+def retold(meta: dict[str, Any], harmonics: str | None, samples: int | None) -> dict[str, Any]:
+    """What a file says of how it was traced, with other harmonics or samples."""
+    balance = dict(meta.get("balance", {}))
+    if harmonics is not None:
+        balance = {**balance, "harmonics": harmonics_of(harmonics), "samples": None, "auto": None}
+    if samples is not None:
+        balance = {**balance, "samples": samples}
+    return {**meta, "balance": balance} if balance else meta
+
+
+def start_of(text: str) -> tuple[hb.Branch, hb.Point]:
+    """A saved curve and the point of it that --start means: a label, a value of its parameter, or the last row."""
+    file, colon, place = (text, "", "") if Path(text).exists() else text.rpartition(":")
+    branch = hb.load(file if colon else text)
+    return branch, point_of(branch, place, "--start") if colon else branch[-1]
+
+
+def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] | None) -> hb.Model:
+    """The model of a saved curve at one of its points, with the values of --set; it must be the one that is named."""
+    model = catalogue.rebuild(branch.meta.get("model", {}))
+    if type(model) is not (cls := catalogue.MODELS[name]):
+        raise ValueError(f"the curve of --start is of {type(model).__name__}; '{name}' is {cls.__name__}")
+    here = {name: value for name, value in point.parameters.items() if name in model.parameters}
+    return model.replace(**{**here, **fields_of(cls, changes or [])})
+
+
+def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
     """Special point by label, or the row nearest to a value; where the curve passes several times, a stable one."""
     try:
         value = float(text)
@@ -179,7 +217,7 @@ def point_of(branch: hb.Branch, text: str) -> hb.Point:
     low, high = float(branch.values.min()), float(branch.values.max())
     if not low <= value <= high:
         raise ValueError(
-            f"--point {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there"
+            f"{option} {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there"
         )
     passes = np.flatnonzero(x[:-1] * x[1:] <= 0)
     near = [int(i if abs(x[i]) <= abs(x[i + 1]) else i + 1) for i in passes] or [int(np.argmin(abs(x)))]
@@ -193,9 +231,14 @@ def chosen_model(name: str, changes: list[str] | None) -> hb.Model:
 
 def problem_of(model: hb.Model, harmonics: str, **settings: Any) -> hb.HarmonicBalance:
     """Harmonic balance with the harmonics of --harmonics, a number or auto."""
-    if harmonics != "auto" and not (harmonics.isdecimal() and int(harmonics) >= 1):
-        raise ValueError(f"--harmonics {harmonics}: need a whole number of at least 1, or auto")
-    return hb.HarmonicBalance(model, harmonics if harmonics == "auto" else int(harmonics), **settings)
+    return hb.HarmonicBalance(model, harmonics_of(harmonics), **settings)
+
+
+def harmonics_of(text: str) -> int | str:
+    """The value of --harmonics."""
+    if text != "auto" and not (text.isdecimal() and int(text) >= 1):
+        raise ValueError(f"--harmonics {text}: need a whole number of at least 1, or auto")
+    return text if text == "auto" else int(text)
 
 
 # ---- work

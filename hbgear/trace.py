@@ -174,14 +174,14 @@ class _Tracer:
         return self.problem.converted(start.X, start.layout)
 
     def _depart(self, start: Departure) -> Row:
-        """First row of another branch: a short way along the direction that leaves the point."""
+        """First row of another branch, a short way along the direction that leaves the point; or the point itself."""
         u = np.append(start.X, start.parameters[self.name])
         self.top = self._motion_size(start.X)
         self.scale = self._scale(start.X)
         direction = start.direction / np.linalg.norm(start.direction / self.scale)
         normal = normal_of(direction, self.scale)
         normal = normal / np.linalg.norm(normal)
-        h = self.steps.first
+        h = self.steps.first if start.away else 0.0
         while True:
             try:
                 solution = correct(self.problem, u + h * direction, normal, self.name, self.fixed, self.settings)

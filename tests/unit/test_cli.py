@@ -453,3 +453,41 @@ def test_ci_runs_the_test_command_of_the_readme():
     pattern = re.search(r"grep -m 1 '(.*?)' README.md", script)
     assert pattern and re.search(pattern[1], readme, re.MULTILINE)
     assert os.access(REPOSITORY / ".ci/run", os.X_OK)
+
+
+# ---- going on
+
+
+def test_extend_goes_on_as_far_as_the_curve_was_to_go(run):
+    spur = ["trace", "spur-pair", "--harmonics", "8", "--from", 1.5, "--to", 0.6]
+    assert run(*spur, "-o", "whole.npz")[0] == 0
+    code, out, _ = run(*spur, "--max-points", 30, "-o", "part.npz")
+    assert code == 3 and "hbgear extend FILE" in " ".join(out.split())
+    code, out, err = run("extend", "part.npz", "-o", "part.npz", "--plot", "part.png")
+    whole, curve = hb.load("whole.npz"), hb.load("part.npz")
+    assert (code, err) == (0, "") and "part.npz: 31 points, " in out and "wrote part.npz, part.png" in out
+    assert [p.label for p in curve.special] == [p.label for p in whole.special]
+    places = [[p.parameters["Omega"] for p in branch.special] for branch in (curve, whole)]
+    np.testing.assert_allclose(*places, rtol=0, atol=1e-9)
+    code, out, err = run("extend", "part.npz")
+    assert code == 2 and "give a longer span" in err
+    code, out, err = run("extend", "part.npz", "--to", 0.5, "--harmonics", 12, "-o", "longer.npz")
+    assert (code, err) == (0, "") and hb.load("longer.npz").values[-1] == 0.5
+    assert hb.load("longer.npz").layout.harmonics == 12
+    code, _, err = run("extend", "part.npz", "--in", "zeta=0.1:0.2")
+    assert code == 2 and "this curve is in Omega" in err
+
+
+def test_trace_starts_at_a_point_of_a_saved_curve(run, saved):
+    fold = hb.load(saved)["LP1"]
+    start = ["--start", f"{saved}:LP1", "--harmonics", 5]
+    code, out, err = run("trace", "spur-pair", "--in", "zeta=0.02:0.1", *start, "-o", "zeta.npz")
+    curve = hb.load("zeta.npz")
+    assert (code, err) == (0, "") and curve.fixed["Omega"] == fold.parameters["Omega"] and curve.fixed["F_m"] == 0.11
+    nearest = np.argmin(np.linalg.norm(curve.X - fold.X, axis=1))
+    assert np.linalg.norm(curve.X[nearest] - fold.X) < 1e-6
+    code, out, err = run("trace", "spur-pair", "--set", "F_m=0.1", "--to", 0.9, "--start", f"{saved}:1.45", "-o", "F.npz")
+    assert (code, err) == (0, "") and hb.load("F.npz").fixed["F_m"] == 0.1
+    refused(run, ["trace", "duffing", *start], "the curve of --start is of SpurPair", "'duffing' is Duffing")
+    refused(run, ["trace", "spur-pair", "--start", f"{saved}:LP9"], "no special point 'LP9'")
+    refused(run, ["trace", "spur-pair", "--start", "missing.npz"], "no file 'missing.npz'")

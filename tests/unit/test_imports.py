@@ -38,6 +38,7 @@ TABLE = {
     "stride": "arc fourier newton",
     "trace": "arc branch fourier jumps newton record special stride",
     "peaks": "arc augmented branch fourier measures newton",
+    "extend": "arc branch jumps newton trace",
     "switch": "arc augmented branch newton trace",
     "isolated": "balance branch fourier newton stride trace",
     "maps": "augmented balance branch fourier model newton replacing stride trace",
