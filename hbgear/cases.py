@@ -37,6 +37,7 @@ from threadpoolctl import threadpool_limits
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Status, load
 from hbgear.fourier import Array
+from hbgear.given import given, need, two_numbers
 from hbgear.maps import NoFold, critical
 from hbgear.model import Model, describe, did_you_mean
 from hbgear.peaks import peaks
@@ -213,6 +214,11 @@ def cases(
     KeyError, ValueError
         If the model has no such field, a setting is wrong, there are too many cases, or the store is of another study.
     """
+    need("cases(model)", model, "Model")
+    if not isinstance(vary, Grid | Sample):
+        raise TypeError(f"vary: got {given(vary)}; need what varies, such as grid(zeta=[0.05, 0.06])")
+    if span is not None:
+        two_numbers("span", span)
     work = Work(tuple(compute), tuple(critical), harmonics, tuple(span or model.default_span), measure, element)  # type: ignore[arg-type]
     _check(model, vary, work, most)
     study = {"model": describe(model), **json.loads(json.dumps(asdict(work)))}

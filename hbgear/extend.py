@@ -9,6 +9,7 @@ import numpy as np
 
 from hbgear.arc import Departure
 from hbgear.branch import Branch, Status, continued
+from hbgear.given import need
 from hbgear.jumps import find_jumps
 from hbgear.newton import Settings
 from hbgear.trace import trace
@@ -39,8 +40,7 @@ def extend(
     NoConvergence
         If its last row is no solution of the problem.
     """
-    if not isinstance(branch, Branch):
-        raise TypeError(f"extend(branch): got {type(branch).__name__}; need a Branch, what trace or load gives")
+    need("extend(branch)", branch, "Branch")
     if (problem := branch.problem if problem is None else problem) is None:
         raise ValueError("extending needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     if len(branch) < 2:

@@ -110,9 +110,9 @@ def _target(path: str | os.PathLike[str]) -> Path:
 
 
 def _reason(error: BaseException | None) -> OSError | None:
-    """The failure of the disk behind an error: closing an archive that failed says something else."""
+    """What the system said, behind an error: closing an archive that failed says something else."""
     while error is not None:
-        if isinstance(error, OSError):
+        if isinstance(error, OSError) and error.errno is not None:
             return error
         error = error.__cause__ or error.__context__
     return None

@@ -218,7 +218,7 @@ def test_failure_while_drawing_leaves_no_half_figure(run, saved, monkeypatch):
 
     monkeypatch.setattr(Figure, "savefig", fail)
     code, _, err = run("plot", saved, "-o", "curve.png")
-    assert code == 2 and err.startswith("hbgear: error: cannot write 'curve.png': the disk is full; ")
+    assert code == 2 and err.startswith("hbgear: error: the disk is full; ")
     assert err.count("\n") == 1 and not os.listdir()
 
 
@@ -481,12 +481,13 @@ def test_extend_goes_on_as_far_as_the_curve_was_to_go(run):
 def test_trace_starts_at_a_point_of_a_saved_curve(run, saved):
     fold = hb.load(saved)["LP1"]
     start = ["--start", f"{saved}:LP1", "--harmonics", 5]
-    code, out, err = run("trace", "spur-pair", "--in", "zeta=0.02:0.1", *start, "-o", "zeta.npz")
+    code, _, err = run("trace", "spur-pair", "--in", "zeta=0.02:0.1", *start, "-o", "zeta.npz")
     curve = hb.load("zeta.npz")
     assert (code, err) == (0, "") and curve.fixed["Omega"] == fold.parameters["Omega"] and curve.fixed["F_m"] == 0.11
     nearest = np.argmin(np.linalg.norm(curve.X - fold.X, axis=1))
     assert np.linalg.norm(curve.X[nearest] - fold.X) < 1e-6
-    code, out, err = run("trace", "spur-pair", "--set", "F_m=0.1", "--to", 0.9, "--start", f"{saved}:1.45", "-o", "F.npz")
+    start[1] = f"{saved}:1.45"
+    code, _, err = run("trace", "spur-pair", "--set", "F_m=0.1", "--to", 0.9, *start, "-o", "F.npz")
     assert (code, err) == (0, "") and hb.load("F.npz").fixed["F_m"] == 0.1
     refused(run, ["trace", "duffing", *start], "the curve of --start is of SpurPair", "'duffing' is Duffing")
     refused(run, ["trace", "spur-pair", "--start", f"{saved}:LP9"], "no special point 'LP9'")

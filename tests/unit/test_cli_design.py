@@ -98,4 +98,4 @@ def test_switch_refuses_what_is_no_crossing(run, saved):
     assert code == 2 and "no special point 'PD9'" in err and "PD1" in err
     code, _, err = run("trace spur-pair --harmonics 5 --from 1.5 --to 0.6 -o fold.npz")
     code, _, err = run("switch fold.npz LP1")
-    assert code == 2 and "LP1 is a LP" in err and "choose a PD or BP" in err
+    assert code == 2 and "LP1 is an LP" in err and "choose a PD or BP" in err
