@@ -53,6 +53,7 @@ from hbgear.cli_support import (
     show_jumps,
     start_of,
     summary_of,
+    text_at,
     text_of,
     traced,
 )
@@ -284,4 +285,4 @@ def plot_command(
             out.figure(path, lambda drawing: drawing.response(branch, measure, which))
         else:
             out.figure(path, lambda drawing: drawing.portrait(chosen, which))
-            print(f"point at {branch.parameter} = {chosen.parameters[branch.parameter]:.8g}")
+            print(f"point at {branch.parameter} = {text_at(chosen, branch.parameter)}")

@@ -19,6 +19,7 @@ from hbgear.cli_support import (
     Last,
     Measure,
     chosen_model,
+    digits_of,
     element_of,
     exit_code,
     one_thread,
@@ -28,6 +29,7 @@ from hbgear.cli_support import (
     reporting,
     show_branch,
     span_of,
+    text_at,
 )
 
 Model = Annotated[str, typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.")]
@@ -63,8 +65,10 @@ def map_command(
     frequencies = span_of(problem.model, first, last)
     with one_thread(), reporting() as report:
         found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, report=report)
+    digits = min((digits_of(fold, 6) for fold in found.folds), default=6)
     rows = [
-        [f"{arm.values[0]:.6g} to {arm.values[-1]:.6g}", f"{arm.Omega[0]:.6g} to {arm.Omega[-1]:.6g}",
+        [f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
+         f"{arm.Omega[0]:.{digits}g} to {arm.Omega[-1]:.{digits}g}",
          "increasing" if arm.direction > 0 else "decreasing"]
         for arm in found.arms
     ]  # fmt: skip
@@ -76,8 +80,7 @@ def map_command(
         else:
             print_table([parameter, "Omega", "jump while Omega is"], rows, "jump curves")
         for cusp in found.cusps:
-            place = f"{parameter} = {cusp.parameters[parameter]:.8g}, Omega = {cusp.parameters['Omega']:.8g}"
-            print(f"a jump vanishes at {place}")
+            print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}, Omega = {text_at(cusp, 'Omega')}")
 
 
 def critical(
@@ -95,12 +98,15 @@ def critical(
         found = hb.critical(problem, parameter, frequencies=span_of(problem.model, first, last), report=report)
     own = problem.parameters.get(parameter, float("nan"))
     side = "below" if found.jump_below else "above"
-    print(f"{parameter} = {found.value:.8g}: a jump exists {side} this value, none just on the other side")
-    print(f"it appears at Omega = {found.Omega:.8g}")
+    digits = digits_of(found.point)
+    print(
+        f"{parameter} = {text_at(found.point, parameter)}: a jump exists {side} this value, none just on the other side"
+    )
+    print(f"it appears at Omega = {text_at(found.point, 'Omega')}")
     distance = f", {abs(found.value / own - 1):.2%} away" if own else ""
     print(f"the model has {parameter} = {own:.6g}{distance}")
-    for value, Omega in found.others:
-        print(f"another jump appears or vanishes at {parameter} = {value:.8g}, Omega = {Omega:.8g}")
+    for other, Omega in found.others:
+        print(f"another jump appears or vanishes at {parameter} = {other:.{digits}g}, Omega = {Omega:.{digits}g}")
 
 
 def switch(

@@ -300,6 +300,32 @@ def progress_bar(parameter: str, a: float, b: float) -> Iterator[Progress | None
 # ---- output
 
 
+def digits_of(motions: hb.Point | hb.Branch, most: int = 8) -> int:
+    """Significant digits that hold: the last is of the size of the error made by the harmonics left out, relative to
+    the motion. What is located, such as a fold, is located to about that error or better. The worst of many motions.
+    """
+    if motions.layout is None:
+        return min(_UNKNOWN, most)
+    sizes = np.array([motions.amplitude("rms", j) for j in range(len(motions.layout.elements))])
+    with np.errstate(all="ignore"):
+        error = float(np.max(np.asarray(motions.error) / np.max(sizes, axis=0)))
+    held = _UNKNOWN if math.isnan(error) else most if error == 0 else math.floor(-math.log10(error)) + 1
+    return min(max(held, 3), most)
+
+
+_UNKNOWN = 6  # digits where nothing is known of the error
+
+
+def text_at(point: hb.Point, name: str) -> str:
+    """The value of a parameter at a point, with the digits that hold."""
+    return f"{point.parameters[name]:.{digits_of(point)}g}"
+
+
+def size_text(point: hb.Point, measure: str, element: int | str) -> str:
+    """An amplitude with the digits that hold."""
+    return f"{point.amplitude(measure, element):.{digits_of(point, 5)}g}"
+
+
 def print_text_table(table: Table) -> None:
     """A table; wide enough for all of it where no terminal sets the width."""
     from rich.console import Console
@@ -333,10 +359,11 @@ def show_branch(branch: hb.Branch, measure: str, element: int | str) -> None:
         return
     rows = []
     for point in branch.special:
-        place = [f"{point.parameters[name]:.8g}" for name in (branch.parameter, *branch.tracked)]
-        place += [f"{value:.6g}" for value in speeds_of(branch, point).values()]
-        amplitude = f"{point.amplitude(measure, element):.5g}"
-        rows.append([point.label, *place, amplitude, regime_of(point), what_happens(branch, point)])
+        place = [text_at(point, name) for name in (branch.parameter, *branch.tracked)]
+        place += [f"{value:.{digits_of(point, 6)}g}" for value in speeds_of(branch, point).values()]
+        rows.append(
+            [point.label, *place, size_text(point, measure, element), regime_of(point), what_happens(branch, point)]
+        )
     headers = ["", branch.parameter, *branch.tracked, *speeds_of(branch, branch[0]), measure, "regime", "what happens"]
     print_table(headers, rows, "special points")
     show_jumps(branch, measure, element)
@@ -349,13 +376,14 @@ def show_jumps(branch: hb.Branch, measure: str, element: int | str) -> None:
         return
     rows = []
     for jump in branch.jumps():
-        speeds = [f"{value:.6g}" for value in speeds_of(branch, jump.before).values()]
+        digits = digits_of(jump.before, 6)
+        speeds = [f"{value:.{digits}g}" for value in speeds_of(branch, jump.before).values()]
         before, after = (
-            "no stable motion on this curve" if end is None else f"{end.amplitude(measure, element):.5g}"
+            "no stable motion on this curve" if end is None else size_text(end, measure, element)
             for end in (jump.before, jump.after)
         )
         direction = "increasing" if jump.direction > 0 else "decreasing"
-        rows.append([jump.label, f"{jump.value:.8g}", *speeds, direction, before, after])
+        rows.append([jump.label, text_at(jump.before, jump.parameter), *speeds, direction, before, after])
     headers = ["", branch.parameter, *speeds_of(branch, branch[0]), "while", f"{measure} before", f"{measure} after"]
     print_table(headers, rows, "jumps of a slow sweep")
 

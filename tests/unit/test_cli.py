@@ -69,9 +69,10 @@ def test_trace_saves_what_the_library_computes(run):
     assert here.X.shape == there.X.shape
     np.testing.assert_allclose(here.X, there.X, rtol=0, atol=1e-10)
     for jump in there.jumps():
-        line = next(x for x in out.split("jumps of a slow sweep")[1].splitlines() if f"{jump.value:.8g}" in x)
+        place = cli_support.text_at(jump.before, "Omega")
+        line = next(x for x in out.split("jumps of a slow sweep")[1].splitlines() if place in x)
         assert jump.label in line and ("increasing" if jump.direction > 0 else "decreasing") in line
-        assert f"{jump.before.amplitude('pp2'):.5g}" in line and f"{jump.after.amplitude('pp2'):.5g}" in line
+        assert all(cli_support.size_text(end, "pp2", 0) in line for end in (jump.before, jump.after))
     assert len(there.jumps()) >= 2 and "wrote d.npz" in out
 
 
@@ -134,16 +135,19 @@ def test_jumps_of_a_file(run, saved):
     curve = hb.load(saved)
     assert code == 0 and curve.jumps() and "special points" not in out
     for jump in curve.jumps():
-        assert f"{jump.value:.8g}" in out and f"{jump.before.amplitude('rms'):.5g}" in out
+        assert cli_support.text_at(jump.before, "Omega") in out
+        assert cli_support.size_text(jump.before, "rms", 0) in out
 
 
 def test_frequency_and_speed_of_models_that_have_them(run):
     run("trace", "double-helical", "--harmonics", 4, "--from", 1.1, "--to", 0.9, "-o", "g.npz")
     _, out, _ = run("info", "g.npz")
-    graze = hb.load("g.npz")["GR1"].parameters["Omega"]
+    point = hb.load("g.npz")["GR1"]
+    graze, digits = point.parameters["Omega"], cli_support.digits_of(point, 6)
     pair = hb.DoubleHelicalPair()
     line = next(line for line in out.splitlines() if "GR1" in line)
-    assert f"{pair.mesh_frequency(graze):.6g}" in line and f"{pair.pinion_speed(graze):.6g}" in line
+    speeds = pair.mesh_frequency(graze), pair.pinion_speed(graze)
+    assert all(f"{speed:.{digits}g}" in line for speed in speeds)
     assert "mesh Hz" in out and "pinion r/min" in out
     assert pair.mesh_frequency(1.0) == pytest.approx(32145.7 / (2 * np.pi), abs=0.01)
 
@@ -152,7 +156,7 @@ def test_plot_of_a_file_and_of_its_points(run, saved):
     assert run("plot", saved, "-o", "curve.svg")[0] == 0
     assert "<svg" in Path("curve.svg").read_text(encoding="utf-8")
     code, out, _ = run("plot", saved, "--point", "LP1", "-o", "point.png")
-    assert code == 0 and f"{hb.load(saved)['LP1'].parameters['Omega']:.8g}" in out
+    assert code == 0 and f"Omega = {cli_support.text_at(hb.load(saved)['LP1'], 'Omega')}\n" in out
     assert run("plot", saved)[0] == 0 and saved.with_suffix(".png").exists()
 
 
@@ -453,6 +457,34 @@ def test_ci_runs_the_test_command_of_the_readme():
     pattern = re.search(r"grep -m 1 '(.*?)' README.md", script)
     assert pattern and re.search(pattern[1], readme, re.MULTILINE)
     assert os.access(REPOSITORY / ".ci/run", os.X_OK)
+
+
+# ---- digits
+
+
+@pytest.mark.parametrize("harmonics", [5, 8, 16])
+def test_digits_are_printed_as_far_as_they_hold(harmonics):
+    """What is printed is within one unit of its last digit of what many harmonics give; one digit more would not be."""
+    coarse, fine = (
+        hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), H), "Omega", (2.6, 0.55)) for H in (harmonics, 48)
+    )
+    used = []
+    for label in ("PD1", "PD2", "LP1", "LP2"):
+        text, true = cli_support.text_at(coarse[label], "Omega"), fine[label].parameters["Omega"]
+        digits = cli_support.digits_of(coarse[label])
+        unit = 10.0 ** (np.floor(np.log10(true)) + 1 - digits)
+        assert abs(float(text) - true) <= unit
+        used.append(digits)
+    assert max(used) < 8 and min(used) >= (3 if harmonics == 5 else 4)
+
+
+def test_the_map_and_the_critical_value_agree_in_every_digit(run):
+    span = ["--from", 1.2, "--to", 0.6]
+    _, map_, _ = run("map", "spur-pair", "--in", "zeta=0.1:0.13", "--seeds", 2, *span)
+    _, critical, _ = run("critical", "spur-pair", "zeta", "--set", "zeta=0.1", *span)
+    found = re.search(r"vanishes at zeta = ([\d.]+), Omega = ([\d.]+)", map_)
+    assert found and f"zeta = {found[1]}: a jump exists below" in critical
+    assert f"Omega = {found[2]}\n" in critical and found[1] == "0.118007"
 
 
 # ---- going on
