@@ -19,7 +19,7 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear import catalogue, cli_design, cli_study, cli_time
+from hbgear import catalogue, cli_complete, cli_design, cli_study, cli_time
 from hbgear.cli_files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli_support import (
     BAD_INPUT,
@@ -32,6 +32,7 @@ from hbgear.cli_support import (
     Harmonics,
     Last,
     Measure,
+    Model,
     Within,
     chosen_model,
     element_of,
@@ -68,7 +69,6 @@ _CTRL_C = 130  # what typer makes of a Ctrl-C that a command does not see to its
 app = typer.Typer(
     name="hbgear",
     help="Nonlinear frequency response of gear drives with backlash.",
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -142,7 +142,7 @@ def models() -> None:
 
 @app.command()
 def trace(
-    model: Annotated[str, typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.")],
+    model: Model,
     changes: Changes = None,
     first: First = None,
     last: Last = None,
@@ -272,7 +272,11 @@ def plot_command(
     measure: Measure = "pp2",
     element: Element = "0",
     point: Annotated[
-        str | None, typer.Option(help="Portrait of one point: a label such as LP1, or a value of the parameter.")
+        str | None,
+        typer.Option(
+            help="Portrait of one point: a label such as LP1, or a value of the parameter.",
+            autocompletion=cli_complete.labels,
+        ),
     ] = None,
 ) -> None:
     """Draw a saved curve, or the time history, phase diagram and spectrum of one of its points."""

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import hbgear as hb
-from hbgear import catalogue
+from hbgear import catalogue, cli_complete
 from hbgear.cli_files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli_support import (
     Changes,
@@ -18,6 +18,7 @@ from hbgear.cli_support import (
     Harmonics,
     Last,
     Measure,
+    Model,
     chosen_model,
     digits_of,
     element_of,
@@ -27,12 +28,12 @@ from hbgear.cli_support import (
     problem_of,
     range_of,
     reporting,
+    rounded,
     show_branch,
     span_of,
     text_at,
 )
 
-Model = Annotated[str, typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.")]
 Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
 
 
@@ -47,7 +48,13 @@ def register(app: typer.Typer) -> None:
 def map_command(
     model: Model,
     within: Annotated[
-        str, typer.Option("--in", metavar="NAME=FROM:TO", help="Design parameter, a field of the model, and its range.")
+        str,
+        typer.Option(
+            "--in",
+            metavar="NAME=FROM:TO",
+            help="Design parameter, a field of the model, and its range.",
+            autocompletion=cli_complete.fields,
+        ),
     ],
     changes: Changes = None,
     harmonics: Harmonics = "16",
@@ -85,7 +92,12 @@ def map_command(
 
 def critical(
     model: Model,
-    parameter: Annotated[str, typer.Argument(metavar="PARAMETER", help="A field of the model, such as zeta.")],
+    parameter: Annotated[
+        str,
+        typer.Argument(
+            metavar="PARAMETER", help="A field of the model, such as zeta.", autocompletion=cli_complete.parameters
+        ),
+    ],
     changes: Changes = None,
     harmonics: Harmonics = "16",
     first: First = None,
@@ -106,12 +118,19 @@ def critical(
     distance = f", {abs(found.value / own - 1):.2%} away" if own else ""
     print(f"the model has {parameter} = {own:.6g}{distance}")
     for other, Omega in found.others:
-        print(f"another jump appears or vanishes at {parameter} = {other:.{digits}g}, Omega = {Omega:.{digits}g}")
+        print(
+            f"another jump appears or vanishes at {parameter} = {rounded(other, digits)}, Omega = {rounded(Omega, digits)}"
+        )
 
 
 def switch(
     file: File,
-    label: Annotated[str, typer.Argument(metavar="LABEL", help="A PD or BP of the curve, such as PD1.")],
+    label: Annotated[
+        str,
+        typer.Argument(
+            metavar="LABEL", help="A PD or BP of the curve, such as PD1.", autocompletion=cli_complete.crossings
+        ),
+    ],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")] = None,
     plot: Figure = None,
     measure: Measure = "pp2",

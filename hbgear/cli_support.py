@@ -17,7 +17,7 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear import catalogue
+from hbgear import catalogue, cli_complete
 from hbgear.model import did_you_mean
 from hbgear.trace import Progress
 
@@ -36,21 +36,46 @@ MEANINGS = {
     "GR": "grazing contact: the impact regime changes",
 }
 
+Model = Annotated[
+    str,
+    typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.", autocompletion=cli_complete.models),
+]
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A curve saved as .npz by hbgear trace -o or Branch.save.")]
-Measure = Annotated[str, typer.Option(help="Amplitude: pp2 (half peak-to-peak), rms, max, mean, H1, H2, ...")]
+Measure = Annotated[
+    str,
+    typer.Option(
+        help="Amplitude: pp2 (half peak-to-peak), rms, max, mean, H1, H2, ...", autocompletion=cli_complete.amplitudes
+    ),
+]
 Element = Annotated[str, typer.Option(help="Which element, by number from 0 or by name.")]
 Harmonics = Annotated[str, typer.Option(help="H, harmonics of the excitation frequency; or auto, see --tolerance.")]
 Changes = Annotated[
-    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Change a field of the model; repeatable.")
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Change a field of the model; repeatable.",
+        autocompletion=cli_complete.fields,
+    ),
 ]
 First = Annotated[float | None, typer.Option("--from", help="Omega to begin at.", show_default="the model's")]
 Last = Annotated[float | None, typer.Option("--to", help="Omega to end at.", show_default="the model's")]
 Within = Annotated[
     str | None,
-    typer.Option("--in", metavar="NAME=FROM:TO", help="Change this field of the model instead of Omega; see --at."),
+    typer.Option(
+        "--in",
+        metavar="NAME=FROM:TO",
+        help="Change this field of the model instead of Omega; see --at.",
+        autocompletion=cli_complete.assigned,
+    ),
 ]
 At = Annotated[
-    list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter, such as Omega=0.9; repeatable.")
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="Hold a parameter, such as Omega=0.9; repeatable.",
+        autocompletion=cli_complete.assigned,
+    ),
 ]
 
 
@@ -316,14 +341,19 @@ def digits_of(motions: hb.Point | hb.Branch, most: int = 8) -> int:
 _UNKNOWN = 6  # digits where nothing is known of the error
 
 
+def rounded(value: float, digits: int) -> str:
+    """A number with so many significant digits, zeros at its end too: they hold."""
+    return f"{value:#.{digits}g}".rstrip(".")
+
+
 def text_at(point: hb.Point, name: str) -> str:
     """The value of a parameter at a point, with the digits that hold."""
-    return f"{point.parameters[name]:.{digits_of(point)}g}"
+    return rounded(point.parameters[name], digits_of(point))
 
 
 def size_text(point: hb.Point, measure: str, element: int | str) -> str:
     """An amplitude with the digits that hold."""
-    return f"{point.amplitude(measure, element):.{digits_of(point, 5)}g}"
+    return rounded(point.amplitude(measure, element), digits_of(point, 5))
 
 
 def print_text_table(table: Table) -> None:
@@ -360,7 +390,7 @@ def show_branch(branch: hb.Branch, measure: str, element: int | str) -> None:
     rows = []
     for point in branch.special:
         place = [text_at(point, name) for name in (branch.parameter, *branch.tracked)]
-        place += [f"{value:.{digits_of(point, 6)}g}" for value in speeds_of(branch, point).values()]
+        place += [rounded(value, digits_of(point, 6)) for value in speeds_of(branch, point).values()]
         rows.append(
             [point.label, *place, size_text(point, measure, element), regime_of(point), what_happens(branch, point)]
         )
@@ -377,7 +407,7 @@ def show_jumps(branch: hb.Branch, measure: str, element: int | str) -> None:
     rows = []
     for jump in branch.jumps():
         digits = digits_of(jump.before, 6)
-        speeds = [f"{value:.{digits}g}" for value in speeds_of(branch, jump.before).values()]
+        speeds = [rounded(value, digits) for value in speeds_of(branch, jump.before).values()]
         before, after = (
             "no stable motion on this curve" if end is None else size_text(end, measure, element)
             for end in (jump.before, jump.after)

@@ -12,7 +12,6 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear import catalogue
 from hbgear.cli_files import FIGURES, check_writable, outputs
 from hbgear.cli_support import (
     STOPPED_EARLY,
@@ -23,6 +22,7 @@ from hbgear.cli_support import (
     First,
     Last,
     Measure,
+    Model,
     Within,
     chosen_model,
     element_of,
@@ -33,7 +33,6 @@ from hbgear.cli_support import (
 
 DISAGREES = 1
 
-Model = Annotated[str, typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.")]
 Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
 Table = Annotated[Path | None, typer.Option("-o", "--output", help="Save all numbers as .csv.")]
 

@@ -147,7 +147,7 @@ def test_frequency_and_speed_of_models_that_have_them(run):
     pair = hb.DoubleHelicalPair()
     line = next(line for line in out.splitlines() if "GR1" in line)
     speeds = pair.mesh_frequency(graze), pair.pinion_speed(graze)
-    assert all(f"{speed:.{digits}g}" in line for speed in speeds)
+    assert all(cli_support.rounded(speed, digits) in line for speed in speeds)
     assert "mesh Hz" in out and "pinion r/min" in out
     assert pair.mesh_frequency(1.0) == pytest.approx(32145.7 / (2 * np.pi), abs=0.01)
 
@@ -524,3 +524,30 @@ def test_trace_starts_at_a_point_of_a_saved_curve(run, saved):
     refused(run, ["trace", "duffing", *start], "the curve of --start is of SpurPair", "'duffing' is Duffing")
     refused(run, ["trace", "spur-pair", "--start", f"{saved}:LP9"], "no special point 'LP9'")
     refused(run, ["trace", "spur-pair", "--start", "missing.npz"], "no file 'missing.npz'")
+
+
+# ---- what the shell offers
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("ext", ["extend"]),
+        ("trace d", ["duffing", "double-helical"]),
+        ("trace duffing --set ", ["zeta=", "k3=", "F="]),
+        ("map spur-pair --in ze", ["zeta="]),
+        ("trace duffing --in ", ["Omega=", "zeta=", "k3=", "F="]),
+        ("critical duffing z", ["zeta"]),
+        ("plot FILE --point L", ["LP1", "LP2"]),
+        ("switch FILE ", []),
+        ("plot missing.npz --point ", []),
+        ("info FILE --measure r", ["rms"]),
+    ],
+)
+def test_shell_completion(run, saved, monkeypatch, typed, offered):
+    words = f"hbgear {typed}".replace("FILE", str(saved))
+    monkeypatch.setenv("_HBGEAR_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split(" ")) - 1))
+    code, out, err = run()
+    assert (code, err) == (0, "") and out.split() == offered
