@@ -118,9 +118,8 @@ def critical(
     distance = f", {abs(found.value / own - 1):.2%} away" if own else ""
     print(f"the model has {parameter} = {own:.6g}{distance}")
     for other, Omega in found.others:
-        print(
-            f"another jump appears or vanishes at {parameter} = {rounded(other, digits)}, Omega = {rounded(Omega, digits)}"
-        )
+        place = f"{parameter} = {rounded(other, digits)}, Omega = {rounded(Omega, digits)}"
+        print(f"another jump appears or vanishes at {place}")
 
 
 def switch(
