@@ -15,9 +15,7 @@ from hbgear.newton import Settings
 from hbgear.trace import trace
 
 
-def extend(
-    branch: Branch, span: tuple[float, float] | None = None, *, problem: Any = None, **options: Any
-) -> Branch:
+def extend(branch: Branch, span: tuple[float, float] | None = None, *, problem: Any = None, **options: Any) -> Branch:
     """Follow a curve on from its last row, the way it was going; the rows that were there and the new ones in one.
 
     Special points are numbered on and jumps sought on the whole. The new part does not know the old one: a closed

@@ -71,7 +71,7 @@ def test_a_fold_curve_goes_on_too(problem, whole):
 
 
 def test_what_cannot_be_extended(problem, whole):
-    with pytest.raises(TypeError, match=r"extend\(branch\): got HarmonicBalance; need a Branch"):
+    with pytest.raises(TypeError, match=r"extend\(branch\) needs a Branch"):
         extend(problem)
     with pytest.raises(ValueError, match="nothing to go on to"):
         extend(dataclasses.replace(whole, status="closed"))
