@@ -11,6 +11,7 @@ from hbgear.augmented import Fold, Grazing, Peak, PeriodDoubling
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status
 from hbgear.cases import Cases, cases
+from hbgear.extend import extend
 from hbgear.fourier import Series
 from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
 from hbgear.isolated import Survey, trace_all
@@ -70,6 +71,7 @@ __all__ = [
     "basins",
     "cases",
     "critical",
+    "extend",
     "grid",
     "integrate",
     "jump_map",

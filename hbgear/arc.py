@@ -41,11 +41,15 @@ class Row:
 
 @dataclass(frozen=True)
 class Departure:
-    """Where another branch begins: X, parameters, and the direction (n + 1,) in (X, lambda) in which it leaves."""
+    """Where a branch begins, and which way: X, parameters, and the direction (n + 1,) in (X, lambda).
+
+    Another branch begins a short way ``away``: the point itself is the old one's too.
+    """
 
     X: Array
     parameters: dict[str, float]
     direction: Array
+    away: bool = True
 
 
 def normal_of(direction: Array, scale: Array) -> Array:

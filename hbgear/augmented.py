@@ -30,6 +30,7 @@ import numpy as np
 import scipy  # its parts are imported when they are first used
 
 from hbgear.fourier import Array, waves
+from hbgear.given import need
 from hbgear.newton import Evaluation, bordered, jacobians, linearise, linearise_all, norm
 
 _STEP = 1e-5  # relative step of the directional differences
@@ -105,6 +106,7 @@ class Augmented(ABC):
     """Label of a turning point of a curve of such points."""
 
     def __init__(self, problem: Any, parameter: str = "Omega") -> None:
+        need(f"{type(self).__name__}(problem)", problem, "problem")
         if hasattr(problem, "check_parameter"):
             problem.check_parameter(parameter)
         self.problem, self.parameter = problem, parameter

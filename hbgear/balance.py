@@ -32,6 +32,7 @@ from hbgear.fourier import (
     to_complex,
     to_real,
 )
+from hbgear.given import need
 from hbgear.laws import Law, PiecewiseLinear
 from hbgear.model import Model, System, describe, did_you_mean
 from hbgear.newton import Evaluation, Evaluations, NoConvergence, norms, solve, solve_from_afar
@@ -126,8 +127,7 @@ class HarmonicBalance:
         self, model: Model, harmonics: int | str = 16, samples: int | None = None, nu: int = 1,
         sampled: bool = False, tolerance: float = 1e-6,
     ) -> None:  # fmt: skip
-        if not isinstance(model, Model):
-            raise TypeError(f"HarmonicBalance needs a model (hb.System, hb.SpurPair, ...), got {type(model).__name__}")
+        need("HarmonicBalance(model)", model, "Model")
         _whole("nu", nu)
         if harmonics != "auto":
             _whole("harmonics", harmonics)

@@ -54,13 +54,16 @@ class Status(StrEnum):
 
 _ADVICE = {
     Status.REACHED_END: "nothing to do: the end of the span was reached",
-    Status.LEFT_SPAN: "the curve turned back and left the span through its start; trace it from the other end as well",
+    Status.LEFT_SPAN: "the curve turned back and left the span through its start; trace it from the other end as well, "
+    "with the ends of the span exchanged",
     Status.MERGED: "nothing to do: the branch ended on the one it came from",
     Status.CLOSED: "nothing to do: the curve closed on itself",
-    Status.RETRACED: "the curve ran back over itself; allow shorter steps or a smaller turning angle",
-    Status.MAX_POINTS: "allow more points or longer steps, or go on from the last point",
-    Status.STEP_TOO_SMALL: "go on from the last point with more harmonics or samples, or allow shorter steps",
-    Status.INTERRUPTED: "what was traced is kept; go on from the last point",
+    Status.RETRACED: "allow shorter steps or a smaller turning angle: steps=hb.Steps(longest=..., turn=...)",
+    Status.MAX_POINTS: "allow more points or longer steps, or go on from the last point: hb.extend(curve), "
+    "hbgear extend FILE",
+    Status.STEP_TOO_SMALL: "go on from the last point with more harmonics or samples: hb.extend(curve, problem=...), "
+    "hbgear extend FILE --harmonics 32; or allow shorter steps: steps=hb.Steps(shortest=...)",
+    Status.INTERRUPTED: "what was traced is kept; go on from the last point: hb.extend(curve), hbgear extend FILE",
 }
 
 
@@ -333,29 +336,34 @@ class Branch:
         export.export(self, path)
 
 
+def continued(first: Branch, second: Branch) -> Branch:
+    """A branch and one that goes on from its last row, as one; special points are numbered on, jumps are not known."""
+    n = len(first)
+    names = ["values", "X", "iterations", "residual", "regime", "error", "step"]
+    if first.multipliers is not None and second.multipliers is not None:
+        names.append("multipliers")
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(second, name)[1:]]) for name in names}
+    count: dict[str, int] = {}
+    special = []
+    for p in (*first.special, *(dataclasses.replace(p, index=n - 1 + p.index) for p in second.special)):
+        count[p.kind] = count.get(p.kind, 0) + 1
+        special.append(dataclasses.replace(p, label=f"{p.kind}{count[p.kind]}"))
+    tracked = {k: np.concatenate([first.tracked[k], x[1:]]) for k, x in second.tracked.items()}
+    return dataclasses.replace(
+        second, **{"multipliers": None, **arrays}, special=tuple(special), jump_records=(), tracked=tracked
+    )
+
+
 def joined(back: Branch, forth: Branch) -> Branch:
     """Two traces that left one point in opposite directions, as one branch from the end of back to that of forth.
 
     Special points are numbered anew along it; the status is that of the worse end.
     """
-    n = len(back)
-    arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(back, name)[::-1], getattr(forth, name)[1:]])
-        for name in ("values", "X", "iterations", "residual", "regime", "error", "step")
-    }
-    mu = None
-    if back.multipliers is not None and forth.multipliers is not None:
-        mu = np.concatenate([back.multipliers[::-1], forth.multipliers[1:]])
-    points = [dataclasses.replace(p, index=n - 1 - p.index) for p in reversed(back.special)]
-    points += [dataclasses.replace(p, index=n - 1 + p.index) for p in forth.special]
-    count: dict[str, int] = {}
-    special = []
-    for p in points:
-        count[p.kind] = count.get(p.kind, 0) + 1
-        special.append(dataclasses.replace(p, label=f"{p.kind}{count[p.kind]}"))
+    names = ("values", "X", "multipliers", "iterations", "residual", "regime", "error", "step")
+    arrays: dict[str, Any] = {name: x[::-1] for name in names if (x := getattr(back, name)) is not None}
+    special = tuple(dataclasses.replace(p, index=len(back) - 1 - p.index) for p in reversed(back.special))
+    tracked = {k: x[::-1] for k, x in back.tracked.items()}
+    whole = continued(dataclasses.replace(back, **arrays, special=special, tracked=tracked), forth)
     worse = back if not back.status.complete else forth
-    return dataclasses.replace(
-        forth, **arrays, special=tuple(special), jump_records=(), status=worse.status, message=worse.message,
-        tracked={k: np.concatenate([back.tracked[k][::-1], x[1:]]) for k, x in forth.tracked.items()},
-        multipliers=mu,
-    )  # fmt: skip
+    return dataclasses.replace(whole, status=worse.status, message=worse.message)
+

@@ -37,6 +37,7 @@ from threadpoolctl import threadpool_limits
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Status
 from hbgear.fourier import Array
+from hbgear.given import given, need, two_numbers
 from hbgear.maps import NoFold, critical
 from hbgear.model import Model, describe, did_you_mean
 from hbgear.npz import packed, unpacked
@@ -224,6 +225,11 @@ def cases(
     -----
     Stored cases that cannot be read are computed anew, with a warning.
     """
+    need("cases(model)", model, "Model")
+    if not isinstance(vary, Grid | Sample):
+        raise TypeError(f"vary: got {given(vary)}; need what varies, such as grid(zeta=[0.05, 0.06])")
+    if span is not None:
+        two_numbers("span", span)
     work = Work(tuple(compute), tuple(critical), harmonics, tuple(span or model.default_span), measure, element)  # type: ignore[arg-type]
     _check(model, vary, work, most)
     study = {"model": describe(model), **json.loads(json.dumps(asdict(work)))}

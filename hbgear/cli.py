@@ -7,6 +7,7 @@ saved all the same. What is slow to import (matplotlib, rich) is imported when i
 from __future__ import annotations
 
 import dataclasses
+import os
 import sys
 import time
 import warnings
@@ -18,46 +19,56 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear import catalogue, cli_design, cli_study, cli_time
+from hbgear import catalogue, cli_complete, cli_design, cli_study, cli_time
+from hbgear.cli_files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli_support import (
-    BRANCHES,
-    FIGURES,
+    BAD_INPUT,
     STOPPED_EARLY,
+    At,
     Changes,
     Element,
     File,
+    First,
     Harmonics,
+    Last,
     Measure,
-    check_writable,
+    Model,
+    Within,
     chosen_model,
-    draw,
     element_of,
     equation_of,
     exit_code,
     facts_of,
-    held_values,
     loaded,
+    longer_span,
+    model_at,
+    one_thread,
+    path_of,
     point_of,
     print_table,
     problem_of,
-    save_branch,
+    progress_bar,
+    retold,
     say,
     show_branch,
     show_jumps,
-    span_of,
+    start_of,
     summary_of,
+    text_at,
     text_of,
     traced,
-    wrote,
 )
 
-BAD_INPUT = 2
+RENAMED = {
+    "--parameter": "--parameter F --from A --to B is now --in F=A:B, as --from and --to are always in Omega",
+    "--omega-from": "--omega-from is now --from",
+    "--omega-to": "--omega-to is now --to",
+}
 _CTRL_C = 130  # what typer makes of a Ctrl-C that a command does not see to itself
 
 app = typer.Typer(
     name="hbgear",
     help="Nonlinear frequency response of gear drives with backlash.",
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -67,7 +78,18 @@ def main(args: Sequence[str] | None = None) -> None:
     """Run the command and exit."""
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_, **__: say("warning", message)
-        sys.exit(_run(list(sys.argv[1:] if args is None else args) or ["--help"]))
+        sys.exit(_printed(_run(list(sys.argv[1:] if args is None else args) or ["--help"])))
+
+
+def _printed(code: int) -> int:
+    """The exit code, 2 if what was printed did not get to where it goes."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        say("error", f"the result could not be printed ({error.strerror}); files that were asked for are written")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python tries again when it ends
+        return BAD_INPUT
+    return code
 
 
 def _run(args: list[str]) -> int:
@@ -85,7 +107,8 @@ def _run(args: list[str]) -> int:
     except Exception as error:  # what typer says of unknown options and commands; anything else is a bug of ours
         if not hasattr(error, "format_message"):
             raise
-        say("error", f"{error.format_message().rstrip('.')}; see hbgear --help or hbgear COMMAND --help")
+        said = RENAMED.get(getattr(error, "option_name", ""), error.format_message().rstrip("."))
+        say("error", f"{said}; see hbgear --help or hbgear COMMAND --help")
         return BAD_INPUT
 
 
@@ -95,6 +118,9 @@ cli_time.register(app)
 
 
 # ---- commands
+
+Output = Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")]
+Plot = Annotated[Path | None, typer.Option(help="Draw the curve to a .png, .pdf or .svg.")]
 
 
 @app.callback(invoke_without_command=True)
@@ -116,15 +142,16 @@ def models() -> None:
 
 @app.command()
 def trace(
-    model: Annotated[str, typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.")],
+    model: Model,
     changes: Changes = None,
-    parameter: Annotated[
-        str, typer.Option(help="What changes along the curve: Omega or a field of the model.")
-    ] = "Omega",
-    first: Annotated[
-        float | None, typer.Option("--from", help="Start of the span.", show_default="the model's")
+    first: First = None,
+    last: Last = None,
+    within: Within = None,
+    at: At = None,
+    start: Annotated[
+        str | None,
+        typer.Option(metavar="FILE[:POINT]", help="Begin at a point (label or value) of a saved curve."),
     ] = None,
-    last: Annotated[float | None, typer.Option("--to", help="End of the span.", show_default="the model's")] = None,
     harmonics: Harmonics = "16",
     tolerance: Annotated[
         float, typer.Option(help="Largest estimated error of the motion with --harmonics auto.")
@@ -135,13 +162,10 @@ def trace(
     sampled: Annotated[
         bool, typer.Option("--sampled", help="Sample contact forces instead of exact projection.")
     ] = False,
-    at: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter, such as Omega=0.9; repeatable.")
-    ] = None,
     measure: Measure = "pp2",
     element: Element = "0",
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw the curve to a .png, .pdf or .svg.")] = None,
+    output: Output = None,
+    plot: Plot = None,
     stability: Annotated[
         bool, typer.Option("--stability/--no-stability", help="Floquet multipliers and jumps.")
     ] = True,
@@ -155,27 +179,72 @@ def trace(
     for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
         check_writable(path, allowed)
     machine = chosen_model(model, changes)
-    problem = problem_of(machine, harmonics, samples=samples, sampled=sampled, tolerance=tolerance)
+    point, nu = None, 1
+    if start is not None:
+        curve, point = start_of(start)
+        machine, nu = model_at(curve, point, model, changes), curve.layout.nu if curve.layout else 1
+    problem = problem_of(machine, harmonics, nu=nu, samples=samples, sampled=sampled, tolerance=tolerance)
+    parameter, span, held = path_of(machine, within, first, last, at, known=point is not None)
+    if point is not None:  # its values of the parameters would count before those of --set
+        held = {name: value for name, value in problem.parameters.items() if name != parameter} | held
     problem.check_parameter(parameter)
-    span = span_of(machine, parameter, first, last)
-    held = held_values(parameter, at or [])
     which = element_of(element)
     problem.layout.measure(measure, np.zeros(problem.size), which)  # a wrong name is refused before the work
 
     started = time.perf_counter()
     try:
-        branch = traced(problem, parameter, span, at=held, stability=stability, steps=hb.Steps(max_points=max_points))
+        branch = traced(
+            problem, parameter, span, start=point, at=held, stability=stability, steps=hb.Steps(max_points=max_points)
+        )
     except KeyboardInterrupt:  # not within the trace itself, which keeps what it has
         say("error", "interrupted while starting or finishing; nothing was kept")
         raise typer.Exit(STOPPED_EARLY) from None
     seconds = time.perf_counter() - started
-    save_branch(branch, output)
-    if plot:
-        draw(plot, lambda drawing: drawing.response(branch, measure, which))
-    print(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
-    show_branch(branch, measure, which)
-    wrote(output, plot)
+    with outputs() as out:
+        out.branch(output, branch)
+        out.figure(plot, lambda drawing: drawing.response(branch, measure, which))
+        print(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
+        show_branch(branch, measure, which)
     raise typer.Exit(exit_code(branch))
+
+
+@app.command()
+def extend(
+    file: File,
+    first: First = None,
+    last: Last = None,
+    within: Within = None,
+    harmonics: Annotated[
+        str | None, typer.Option(help="H to go on with, or auto.", show_default="that of the curve")
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option(min=1, help="N per period to go on with.", show_default="that of the curve")
+    ] = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+    output: Output = None,
+    plot: Plot = None,
+    max_points: Annotated[int, typer.Option(min=2, help="Stop after so many more points.")] = hb.Steps().max_points,
+) -> None:
+    """Follow a saved curve on from its last point; the result is the whole curve.
+
+    By default as far as it was to go: --from and --to, or --in of a curve in another parameter, give a longer span.
+    Exit codes: as of hbgear trace.
+    """
+    for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
+        check_writable(path, allowed)
+    branch, which = loaded(file, measure, element)
+    problem = catalogue.problem_of(retold(branch.meta, harmonics, samples))
+    span = longer_span(branch, within, first, last)
+    with one_thread(), progress_bar(branch.parameter, float(branch.values[-1]), span[1]) as progress:
+        steps = hb.Steps(max_points=max_points)
+        whole = hb.extend(branch, span, problem=problem, steps=steps, progress=progress)
+    with outputs() as out:
+        out.branch(output, whole)
+        out.figure(plot, lambda drawing: drawing.response(whole, measure, which))
+        print(f"{file}: {len(branch)} points, {len(whole) - len(branch)} more; {whole.message}")
+        show_branch(whole, measure, which)
+    raise typer.Exit(exit_code(whole))
 
 
 @app.command()
@@ -203,7 +272,11 @@ def plot_command(
     measure: Measure = "pp2",
     element: Element = "0",
     point: Annotated[
-        str | None, typer.Option(help="Portrait of one point: a label such as LP1, or a value of the parameter.")
+        str | None,
+        typer.Option(
+            help="Portrait of one point: a label such as LP1, or a value of the parameter.",
+            autocompletion=cli_complete.labels,
+        ),
     ] = None,
 ) -> None:
     """Draw a saved curve, or the time history, phase diagram and spectrum of one of its points."""
@@ -211,9 +284,9 @@ def plot_command(
     chosen = None if point is None else point_of(branch, point)
     path = output or file.with_name(f"{file.stem}{'' if chosen is None else f'_{point}'}.png")
     check_writable(path, FIGURES)
-    if chosen is None:
-        draw(path, lambda drawing: drawing.response(branch, measure, which))
-    else:
-        print(f"point at {branch.parameter} = {chosen.parameters[branch.parameter]:.8g}")
-        draw(path, lambda drawing: drawing.portrait(chosen, which))
-    wrote(path)
+    with outputs() as out:
+        if chosen is None:
+            out.figure(path, lambda drawing: drawing.response(branch, measure, which))
+        else:
+            out.figure(path, lambda drawing: drawing.portrait(chosen, which))
+            print(f"point at {branch.parameter} = {text_at(chosen, branch.parameter)}")

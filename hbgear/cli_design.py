@@ -8,32 +8,32 @@ from typing import Annotated
 import typer
 
 import hbgear as hb
-from hbgear import catalogue
+from hbgear import catalogue, cli_complete
+from hbgear.cli_files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli_support import (
-    BRANCHES,
-    FIGURES,
     Changes,
     Element,
     File,
+    First,
     Harmonics,
+    Last,
     Measure,
-    check_writable,
+    Model,
     chosen_model,
-    draw,
+    digits_of,
     element_of,
     exit_code,
     one_thread,
     print_table,
     problem_of,
+    range_of,
     reporting,
-    save_branch,
+    rounded,
     show_branch,
-    wrote,
+    span_of,
+    text_at,
 )
 
-Model = Annotated[str, typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.")]
-Low = Annotated[float | None, typer.Option("--omega-from", help="Lowest Omega.", show_default="the model's")]
-High = Annotated[float | None, typer.Option("--omega-to", help="Highest Omega.", show_default="the model's")]
 Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
 
 
@@ -47,70 +47,89 @@ def register(app: typer.Typer) -> None:
 
 def map_command(
     model: Model,
-    parameter: Annotated[str, typer.Option("--in", help="Design parameter: a field of the model.")],
-    first: Annotated[float, typer.Option("--from", help="Start of its range.")],
-    last: Annotated[float, typer.Option("--to", help="End of its range.")],
+    within: Annotated[
+        str,
+        typer.Option(
+            "--in",
+            metavar="NAME=FROM:TO",
+            help="Design parameter, a field of the model, and its range.",
+            autocompletion=cli_complete.fields,
+        ),
+    ],
     changes: Changes = None,
-    harmonics: Harmonics = "12",
+    harmonics: Harmonics = "16",
     seeds: Annotated[int, typer.Option(min=2, help="Response curves on which jumps are looked for.")] = 3,
-    low: Low = None,
-    high: High = None,
+    first: First = None,
+    last: Last = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the jump frequencies as .csv.")] = None,
     plot: Figure = None,
 ) -> None:
     """Jump map: jump frequencies against a design parameter, and where they vanish."""
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
+    parameter, span = range_of(within, first, last)
     problem = problem_of(chosen_model(model, changes), harmonics)
-    frequencies = _frequencies(problem, low, high)
+    frequencies = span_of(problem.model, first, last)
     with one_thread(), reporting() as report:
-        found = hb.jump_map(problem, parameter, (first, last), frequencies=frequencies, seeds=seeds, report=report)
+        found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, report=report)
+    digits = min((digits_of(fold, 6) for fold in found.folds), default=6)
     rows = [
-        [f"{arm.values[0]:.6g} to {arm.values[-1]:.6g}", f"{arm.Omega[0]:.6g} to {arm.Omega[-1]:.6g}",
+        [f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
+         f"{arm.Omega[0]:.{digits}g} to {arm.Omega[-1]:.{digits}g}",
          "increasing" if arm.direction > 0 else "decreasing"]
         for arm in found.arms
     ]  # fmt: skip
-    if not rows:
-        print(f"no jump for {parameter} between {first:g} and {last:g}")
-    else:
-        print_table([parameter, "Omega", "jump while Omega is"], rows, "jump curves")
-    for cusp in found.cusps:
-        print(
-            f"a jump vanishes at {parameter} = {cusp.parameters[parameter]:.8g}, Omega = {cusp.parameters['Omega']:.8g}"
-        )
-    if output:
-        found.export(output)
-    if plot:
-        draw(plot, lambda drawing: drawing.jump_map(found))
-    wrote(output, plot)
+    with outputs() as out:
+        out.write(output, found.export)
+        out.figure(plot, lambda drawing: drawing.jump_map(found))
+        if not rows:
+            print(f"no jump for {parameter} between {min(span):g} and {max(span):g}")
+        else:
+            print_table([parameter, "Omega", "jump while Omega is"], rows, "jump curves")
+        for cusp in found.cusps:
+            print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}, Omega = {text_at(cusp, 'Omega')}")
 
 
 def critical(
     model: Model,
-    parameter: Annotated[str, typer.Argument(metavar="PARAMETER", help="A field of the model, such as zeta.")],
+    parameter: Annotated[
+        str,
+        typer.Argument(
+            metavar="PARAMETER", help="A field of the model, such as zeta.", autocompletion=cli_complete.parameters
+        ),
+    ],
     changes: Changes = None,
     harmonics: Harmonics = "16",
-    low: Low = None,
-    high: High = None,
+    first: First = None,
+    last: Last = None,
 ) -> None:
     """The value of a parameter at which a jump appears or vanishes, and the frequency at which it does so."""
     problem = problem_of(chosen_model(model, changes), harmonics)
     problem.check_parameter(parameter)
     with one_thread(), reporting() as report:
-        found = hb.critical(problem, parameter, frequencies=_frequencies(problem, low, high), report=report)
+        found = hb.critical(problem, parameter, frequencies=span_of(problem.model, first, last), report=report)
     own = problem.parameters.get(parameter, float("nan"))
     side = "below" if found.jump_below else "above"
-    print(f"{parameter} = {found.value:.8g}: a jump exists {side} this value, none just on the other side")
-    print(f"it appears at Omega = {found.Omega:.8g}")
+    digits = digits_of(found.point)
+    print(
+        f"{parameter} = {text_at(found.point, parameter)}: a jump exists {side} this value, none just on the other side"
+    )
+    print(f"it appears at Omega = {text_at(found.point, 'Omega')}")
     distance = f", {abs(found.value / own - 1):.2%} away" if own else ""
     print(f"the model has {parameter} = {own:.6g}{distance}")
-    for value, Omega in found.others:
-        print(f"another jump appears or vanishes at {parameter} = {value:.8g}, Omega = {Omega:.8g}")
+    for other, Omega in found.others:
+        place = f"{parameter} = {rounded(other, digits)}, Omega = {rounded(Omega, digits)}"
+        print(f"another jump appears or vanishes at {place}")
 
 
 def switch(
     file: File,
-    label: Annotated[str, typer.Argument(metavar="LABEL", help="A PD or BP of the curve, such as PD1.")],
+    label: Annotated[
+        str,
+        typer.Argument(
+            metavar="LABEL", help="A PD or BP of the curve, such as PD1.", autocompletion=cli_complete.crossings
+        ),
+    ],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")] = None,
     plot: Figure = None,
     measure: Measure = "pp2",
@@ -123,21 +142,20 @@ def switch(
     branch = hb.load(file, problem=catalogue.problem_of(branch.meta))
     with one_thread():
         new = hb.switch(branch, label)
-    save_branch(new, output)
-    if plot:
-        draw(plot, lambda drawing: drawing.response(
+    with outputs() as out:
+        out.branch(output, new)
+        out.figure(plot, lambda drawing: drawing.response(
             new, measure, which, ax=drawing.response(branch, measure, which, legend=False)))  # fmt: skip
-    print(f"from {label} of {file}: {len(new)} points; {new.message}")
-    show_branch(new, measure, which)
-    wrote(output, plot)
+        print(f"from {label} of {file}: {len(new)} points; {new.message}")
+        show_branch(new, measure, which)
     raise typer.Exit(exit_code(new))
 
 
 def survey(
     model: Model,
     changes: Changes = None,
-    low: Low = None,
-    high: High = None,
+    first: First = None,
+    last: Last = None,
     harmonics: Harmonics = "16",
     nu: Annotated[int, typer.Option(min=1, help="Subharmonic order: motions of nu periods of the excitation.")] = 1,
     places: Annotated[int, typer.Option(min=1, help="Frequencies at which more motions are sought.")] = 5,
@@ -152,26 +170,19 @@ def survey(
     """Every branch in a span, also those not connected with each other."""
     check_writable(plot, FIGURES)
     machine, which = chosen_model(model, changes), element_of(element)
-    if folder is not None and not folder.is_dir():
-        raise ValueError(f"there is no folder '{folder}'; create it first")
+    if folder is not None:
+        if not folder.is_dir():
+            raise ValueError(f"there is no folder '{folder}'; create it first")
+        check_writable(folder / "branch1.npz", BRANCHES)
     problem = problem_of(machine, harmonics, nu=nu)
-    span = _frequencies(problem, low, high)
+    span = span_of(problem.model, first, last)
     with one_thread(), reporting() as report:
         found = hb.trace_all(problem, span, frequencies=places, guesses=guesses, report=report)
-    for number, branch in enumerate(found.branches, 1):
-        print(f"branch {number}: {len(branch)} points; {branch.message}")
-        show_branch(branch, measure, which)
-        if folder is not None:
-            branch.save(folder / f"branch{number}.npz")
-    if plot:
-        draw(plot, lambda drawing: drawing.responses(found.branches, measure, which))
-    wrote(*([folder / f"branch{i + 1}.npz" for i in range(len(found))] if folder else []), plot)
+    with outputs() as out:
+        for number, branch in enumerate(found.branches, 1):
+            out.branch(folder / f"branch{number}.npz" if folder else None, branch)
+        out.figure(plot, lambda drawing: drawing.responses(found.branches, measure, which))
+        for number, branch in enumerate(found.branches, 1):
+            print(f"branch {number}: {len(branch)} points; {branch.message}")
+            show_branch(branch, measure, which)
     raise typer.Exit(max((exit_code(branch) for branch in found.branches), default=0))
-
-
-def _frequencies(problem: hb.HarmonicBalance, low: float | None, high: float | None) -> tuple[float, float]:
-    a, b = problem.model.default_span
-    rising = a < b
-    a, b = (a, b) if rising else (b, a)
-    a, b = (a if low is None else low), (b if high is None else high)
-    return (a, b) if rising else (b, a)

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hbgear.cases import MANY, CaseProgress, Cases, Outcome, cases
-from hbgear.cli_support import STOPPED_EARLY, say, wrote
+from hbgear.cli_files import wrote
+from hbgear.cli_support import BAD_INPUT, STOPPED_EARLY, say
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-BAD_INPUT = 2
 _PATIENCE = 5  # seconds a scheduler has to answer
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import math
-import os
 import re
 import sys
 import typing
@@ -18,17 +17,15 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear import catalogue
+from hbgear import catalogue, cli_complete
 from hbgear.model import did_you_mean
 from hbgear.trace import Progress
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+BAD_INPUT = 2
 STOPPED_EARLY = 3
-
-BRANCHES = (".npz", ".csv", ".mat")
-FIGURES = (".png", ".pdf", ".svg")
 
 MEANINGS = {
     "LP": "fold: the curve turns back",
@@ -39,12 +36,46 @@ MEANINGS = {
     "GR": "grazing contact: the impact regime changes",
 }
 
+Model = Annotated[
+    str,
+    typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.", autocompletion=cli_complete.models),
+]
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A curve saved as .npz by hbgear trace -o or Branch.save.")]
-Measure = Annotated[str, typer.Option(help="Amplitude: pp2 (half peak-to-peak), rms, max, mean, H1, H2, ...")]
+Measure = Annotated[
+    str,
+    typer.Option(
+        help="Amplitude: pp2 (half peak-to-peak), rms, max, mean, H1, H2, ...", autocompletion=cli_complete.amplitudes
+    ),
+]
 Element = Annotated[str, typer.Option(help="Which element, by number from 0 or by name.")]
 Harmonics = Annotated[str, typer.Option(help="H, harmonics of the excitation frequency; or auto, see --tolerance.")]
 Changes = Annotated[
-    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Change a field of the model; repeatable.")
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Change a field of the model; repeatable.",
+        autocompletion=cli_complete.fields,
+    ),
+]
+First = Annotated[float | None, typer.Option("--from", help="Omega to begin at.", show_default="the model's")]
+Last = Annotated[float | None, typer.Option("--to", help="Omega to end at.", show_default="the model's")]
+Within = Annotated[
+    str | None,
+    typer.Option(
+        "--in",
+        metavar="NAME=FROM:TO",
+        help="Change this field of the model instead of Omega; see --at.",
+        autocompletion=cli_complete.assigned,
+    ),
+]
+At = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="Hold a parameter, such as Omega=0.9; repeatable.",
+        autocompletion=cli_complete.assigned,
+    ),
 ]
 
 
@@ -82,14 +113,38 @@ def fields_of(cls: type[hb.Model] | None, changes: list[str]) -> dict[str, Any]:
     return values
 
 
-def held_values(parameter: str, at: list[str]) -> dict[str, float]:
-    """Values of --at."""
-    held = {name: number_of(f"--at {name}", text) for name, text in assignments("--at", at)}
+def range_of(text: str, first: float | None = None, last: float | None = None) -> tuple[str, tuple[float, float]]:
+    """Name and range of --in."""
+    name, equals, ends = (part.strip() for part in text.partition("="))
+    low, colon, high = (part.strip() for part in ends.partition(":"))
+    if not (name and equals and low and colon and high):
+        meant = "0.02:0.08" if first is None or last is None else f"{first:g}:{last:g}"
+        raise ValueError(
+            f"--in {text}: need its range too, such as --in {name or 'zeta'}={meant} (--from and --to are in Omega)"
+        )
+    return name, (number_of(f"--in {name}", low), number_of(f"--in {name}", high))
+
+
+def path_of(
+    model: hb.Model, within: str | None, first: float | None, last: float | None, at: list[str] | None,
+    known: bool = False,
+) -> tuple[str, tuple[float, float], dict[str, float]]:  # fmt: skip
+    """What changes, from where to where, and what is held: Omega, or what --in says at an Omega given or known."""
+    held = {name: number_of(f"--at {name}", text) for name, text in assignments("--at", at or [])}
+    if within is None:
+        parameter, span = "Omega", span_of(model, first, last)
+    else:
+        parameter, span = range_of(within, first, last)
+        if first is not None or last is not None:
+            raise ValueError(
+                f"--in {within}: it is {parameter} that changes, so leave out --from and --to, which are in Omega"
+            )
     if parameter in held:
-        raise ValueError(f"--at {parameter}: it is what changes along the curve; use --from and --to")
-    if parameter != "Omega" and "Omega" not in held:
-        raise ValueError(f"tracing in {parameter} needs a frequency that is held: --at Omega=0.9")
-    return held
+        instead = "--from and --to" if parameter == "Omega" else f"--set {parameter} or --in {parameter} alone"
+        raise ValueError(f"--at {parameter}: it is what changes along the curve; use {instead}")
+    if parameter != "Omega" and not known and "Omega" not in held:
+        raise ValueError(f"going along {parameter} needs a frequency that is held: --at Omega=0.9")
+    return parameter, span, held
 
 
 def value_of(what: str, text: str, kind: Any) -> Any:
@@ -133,31 +188,51 @@ def element_of(text: str) -> int | str:
     return int(text) if text.isdecimal() else text
 
 
-def span_of(model: hb.Model, parameter: str, first: float | None, last: float | None) -> tuple[float, float]:
-    """The span given, with the ends that are missing from the model's default."""
-    default: tuple[float | None, float | None] = model.default_span if parameter == "Omega" else (None, None)
-    a, b = (given if given is not None else usual for given, usual in zip((first, last), default, strict=True))
-    if a is None or b is None:
-        raise ValueError(f"tracing in {parameter} needs --from and --to; only Omega has a usual span")
-    return a, b
+def span_of(model: hb.Model, first: float | None, last: float | None) -> tuple[float, float]:
+    """The span of Omega given, with the ends that are missing from the model's default."""
+    a, b = model.default_span
+    return a if first is None else first, b if last is None else last
 
 
-def check_writable(path: Path | None, allowed: tuple[str, ...]) -> None:
-    """Refuse now what could not be written when the work is done."""
-    if path is None:
-        return
-    if path.suffix.lower() not in allowed:
-        *others, final = allowed
-        endings = f"{', '.join(others)} or {final}" if others else final
-        raise ValueError(f"cannot write '{path}': the name must end in {endings}")
-    if not path.parent.is_dir():
-        raise ValueError(f"cannot write '{path}': there is no folder '{path.parent}'; create it first")
-    if path.is_dir() or not os.access(path.parent, os.W_OK):
-        what = "it is a folder" if path.is_dir() else f"you may not write in '{path.parent}'"
-        raise ValueError(f"cannot write '{path}': {what}; give another name")
+def longer_span(branch: hb.Branch, within: str | None, first: float | None, last: float | None) -> tuple[float, float]:
+    """The span of a curve's trace with the ends that are given, in its own parameter."""
+    a, b = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
+    if within is not None:
+        name, (first, last) = range_of(within)
+        if name != branch.parameter:
+            raise ValueError(f"--in {within}: this curve is in {branch.parameter}, and goes on in it")
+    elif branch.parameter != "Omega" and (first is not None or last is not None):
+        raise ValueError(f"this curve is in {branch.parameter}: give its range as --in {branch.parameter}=FROM:TO")
+    return float(a if first is None else first), float(b if last is None else last)
 
 
-def point_of(branch: hb.Branch, text: str) -> hb.Point:
+def retold(meta: dict[str, Any], harmonics: str | None, samples: int | None) -> dict[str, Any]:
+    """What a file says of how it was traced, with other harmonics or samples."""
+    balance = dict(meta.get("balance", {}))
+    if harmonics is not None:
+        balance = {**balance, "harmonics": harmonics_of(harmonics), "samples": None, "auto": None}
+    if samples is not None:
+        balance = {**balance, "samples": samples}
+    return {**meta, "balance": balance} if balance else meta
+
+
+def start_of(text: str) -> tuple[hb.Branch, hb.Point]:
+    """A saved curve and the point of it that --start means: a label, a value of its parameter, or the last row."""
+    file, colon, place = (text, "", "") if Path(text).exists() else text.rpartition(":")
+    branch = hb.load(file if colon else text)
+    return branch, point_of(branch, place, "--start") if colon else branch[-1]
+
+
+def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] | None) -> hb.Model:
+    """The model of a saved curve at one of its points, with the values of --set; it must be the one that is named."""
+    model = catalogue.rebuild(branch.meta.get("model", {}))
+    if type(model) is not (cls := catalogue.MODELS[name]):
+        raise ValueError(f"the curve of --start is of {type(model).__name__}; '{name}' is {cls.__name__}")
+    here = {name: value for name, value in point.parameters.items() if name in model.parameters}
+    return model.replace(**{**here, **fields_of(cls, changes or [])})
+
+
+def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
     """Special point by label, or the row nearest to a value; where the curve passes several times, a stable one."""
     try:
         value = float(text)
@@ -167,7 +242,7 @@ def point_of(branch: hb.Branch, text: str) -> hb.Point:
     low, high = float(branch.values.min()), float(branch.values.max())
     if not low <= value <= high:
         raise ValueError(
-            f"--point {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there"
+            f"{option} {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there"
         )
     passes = np.flatnonzero(x[:-1] * x[1:] <= 0)
     near = [int(i if abs(x[i]) <= abs(x[i + 1]) else i + 1) for i in passes] or [int(np.argmin(abs(x)))]
@@ -181,9 +256,14 @@ def chosen_model(name: str, changes: list[str] | None) -> hb.Model:
 
 def problem_of(model: hb.Model, harmonics: str, **settings: Any) -> hb.HarmonicBalance:
     """Harmonic balance with the harmonics of --harmonics, a number or auto."""
-    if harmonics != "auto" and not (harmonics.isdecimal() and int(harmonics) >= 1):
-        raise ValueError(f"--harmonics {harmonics}: need a whole number of at least 1, or auto")
-    return hb.HarmonicBalance(model, harmonics if harmonics == "auto" else int(harmonics), **settings)
+    return hb.HarmonicBalance(model, harmonics_of(harmonics), **settings)
+
+
+def harmonics_of(text: str) -> int | str:
+    """The value of --harmonics."""
+    if text != "auto" and not (text.isdecimal() and int(text) >= 1):
+        raise ValueError(f"--harmonics {text}: need a whole number of at least 1, or auto")
+    return text if text == "auto" else int(text)
 
 
 # ---- work
@@ -215,12 +295,6 @@ def exit_code(branch: hb.Branch) -> int:
     return 0 if branch.status.complete else STOPPED_EARLY
 
 
-def save_branch(branch: hb.Branch, path: Path | None) -> None:
-    """Save or export by the suffix."""
-    if path is not None:
-        branch.save(path) if path.suffix.lower() == ".npz" else branch.export(path)
-
-
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
     """A curve, traced with a progress bar and one thread for linear algebra."""
     with one_thread(), progress_bar(parameter, *span) as progress:
@@ -248,23 +322,38 @@ def progress_bar(parameter: str, a: float, b: float) -> Iterator[Progress | None
         yield show
 
 
-def draw(path: Path, make: Callable[[Any], Any]) -> None:
-    """A figure to a file, without a window; make is given the module `hbgear.plot`."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from hbgear import plot as drawing
-
-    drawing.save(make(drawing), path)
-
-
 # ---- output
 
 
-def wrote(*paths: Path | None) -> None:
-    """Say which files were written."""
-    if any(paths):
-        print("wrote", ", ".join(str(path) for path in paths if path))
+def digits_of(motions: hb.Point | hb.Branch, most: int = 8) -> int:
+    """Significant digits that hold: the last is of the size of the error made by the harmonics left out, relative to
+    the motion. What is located, such as a fold, is located to about that error or better. The worst of many motions.
+    """
+    if motions.layout is None:
+        return min(_UNKNOWN, most)
+    sizes = np.array([motions.amplitude("rms", j) for j in range(len(motions.layout.elements))])
+    with np.errstate(all="ignore"):
+        error = float(np.max(np.asarray(motions.error) / np.max(sizes, axis=0)))
+    held = _UNKNOWN if math.isnan(error) else most if error == 0 else math.floor(-math.log10(error)) + 1
+    return min(max(held, 3), most)
+
+
+_UNKNOWN = 6  # digits where nothing is known of the error
+
+
+def rounded(value: float, digits: int) -> str:
+    """A number with so many significant digits, zeros at its end too: they hold."""
+    return f"{value:#.{digits}g}".rstrip(".")
+
+
+def text_at(point: hb.Point, name: str) -> str:
+    """The value of a parameter at a point, with the digits that hold."""
+    return rounded(point.parameters[name], digits_of(point))
+
+
+def size_text(point: hb.Point, measure: str, element: int | str) -> str:
+    """An amplitude with the digits that hold."""
+    return rounded(point.amplitude(measure, element), digits_of(point, 5))
 
 
 def print_text_table(table: Table) -> None:
@@ -300,10 +389,11 @@ def show_branch(branch: hb.Branch, measure: str, element: int | str) -> None:
         return
     rows = []
     for point in branch.special:
-        place = [f"{point.parameters[name]:.8g}" for name in (branch.parameter, *branch.tracked)]
-        place += [f"{value:.6g}" for value in speeds_of(branch, point).values()]
-        amplitude = f"{point.amplitude(measure, element):.5g}"
-        rows.append([point.label, *place, amplitude, regime_of(point), what_happens(branch, point)])
+        place = [text_at(point, name) for name in (branch.parameter, *branch.tracked)]
+        place += [rounded(value, digits_of(point, 6)) for value in speeds_of(branch, point).values()]
+        rows.append(
+            [point.label, *place, size_text(point, measure, element), regime_of(point), what_happens(branch, point)]
+        )
     headers = ["", branch.parameter, *branch.tracked, *speeds_of(branch, branch[0]), measure, "regime", "what happens"]
     print_table(headers, rows, "special points")
     show_jumps(branch, measure, element)
@@ -316,13 +406,14 @@ def show_jumps(branch: hb.Branch, measure: str, element: int | str) -> None:
         return
     rows = []
     for jump in branch.jumps():
-        speeds = [f"{value:.6g}" for value in speeds_of(branch, jump.before).values()]
+        digits = digits_of(jump.before, 6)
+        speeds = [rounded(value, digits) for value in speeds_of(branch, jump.before).values()]
         before, after = (
-            "no stable motion on this curve" if end is None else f"{end.amplitude(measure, element):.5g}"
+            "no stable motion on this curve" if end is None else size_text(end, measure, element)
             for end in (jump.before, jump.after)
         )
         direction = "increasing" if jump.direction > 0 else "decreasing"
-        rows.append([jump.label, f"{jump.value:.8g}", *speeds, direction, before, after])
+        rows.append([jump.label, text_at(jump.before, jump.parameter), *speeds, direction, before, after])
     headers = ["", branch.parameter, *speeds_of(branch, branch[0]), "while", f"{measure} before", f"{measure} after"]
     print_table(headers, rows, "jumps of a slow sweep")
 

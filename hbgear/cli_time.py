@@ -12,28 +12,27 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear import catalogue
+from hbgear.cli_files import FIGURES, check_writable, outputs
 from hbgear.cli_support import (
-    FIGURES,
     STOPPED_EARLY,
+    At,
     Changes,
     Element,
     File,
+    First,
+    Last,
     Measure,
-    check_writable,
+    Model,
+    Within,
     chosen_model,
-    draw,
     element_of,
-    held_values,
     one_thread,
+    path_of,
     print_table,
-    span_of,
-    wrote,
 )
 
 DISAGREES = 1
 
-Model = Annotated[str, typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.")]
 Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
 Table = Annotated[Path | None, typer.Option("-o", "--output", help="Save all numbers as .csv.")]
 
@@ -65,14 +64,12 @@ def validate(
     with one_thread(), bar("points") as progress:
         report = hold(branch, points, tolerance, progress=progress)
     headers, rows = report.table()
-    print_table(headers, rows, "harmonic balance against time integration")
     good = sum(row.ok for row in report.rows)
-    print(f"{good} of {len(rows)} points agree within {tolerance:g}{'' if report.complete else '; interrupted'}")
-    if output:
-        report.export(output)
-    if plot and report.rows:
-        draw(plot, lambda _: _drawing().validation(report, branch, which))
-    wrote(output, plot if report.rows else None)
+    with outputs() as out:
+        out.write(output, report.export)
+        out.figure(plot if report.rows else None, lambda _: _drawing().validation(report, branch, which))
+        print_table(headers, rows, "harmonic balance against time integration")
+        print(f"{good} of {len(rows)} points agree within {tolerance:g}{'' if report.complete else '; interrupted'}")
     raise typer.Exit(STOPPED_EARLY if not report.complete else 0 if report.ok else DISAGREES)
 
 
@@ -81,13 +78,11 @@ def sweep(
     changes: Changes = None,
     up: Annotated[bool, typer.Option("--up", help="With the parameter rising (also if neither is given).")] = False,
     down: Annotated[bool, typer.Option("--down", help="With the parameter falling.")] = False,
-    parameter: Annotated[str, typer.Option("--in", help="What is swept: Omega or a field of the model.")] = "Omega",
-    first: Annotated[float | None, typer.Option("--from", help="One end.", show_default="the model's")] = None,
-    last: Annotated[float | None, typer.Option("--to", help="The other end.", show_default="the model's")] = None,
+    first: First = None,
+    last: Last = None,
+    within: Within = None,
+    at: At = None,
     count: Annotated[int, typer.Option(min=2, help="Values between, the ends included.")] = 131,
-    at: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter, such as Omega=0.9; repeatable.")
-    ] = None,
     tolerance: Annotated[float, typer.Option(help="Distance a settled motion may still have to go.")] = 1e-7,
     longest: Annotated[int, typer.Option(min=1, help="Periods after which a motion is not waited for.")] = 3000,
     over: Annotated[Path | None, typer.Option(metavar="FILE", help="A saved curve to draw the dots on.")] = None,
@@ -112,8 +107,8 @@ def sweep(
     for path in (plot, bifurcation):
         check_writable(path, FIGURES)
     machine, which = chosen_model(model, changes), element_of(element)
-    held = held_values(parameter, at or [])
-    grid = np.linspace(*span_of(machine, parameter, first, last), count)
+    parameter, span, held = path_of(machine, within, first, last, at)
+    grid = np.linspace(*span, count)
     curve = hb.load(over) if over else None
     if curve is not None:
         same_model(curve.meta.get("model"), machine)
@@ -128,15 +123,13 @@ def sweep(
         if not found[-1].status.complete:
             break
     found = [s for s in found if len(s)]
-    for s in found:
-        _show(s, measure, which)
-    if output and found:
-        export(found, output)
-    if plot and found:
-        draw(plot, lambda _: _drawing().sweeps(found, curve, measure, which))
-    if bifurcation and found:
-        draw(bifurcation, lambda _: _drawing().bifurcation(found, which))
-    wrote(*(path for path in (output, plot, bifurcation) if found))
+    with outputs() as out:
+        if found:
+            out.write(output, lambda path: export(found, path))
+            out.figure(plot, lambda _: _drawing().sweeps(found, curve, measure, which))
+            out.figure(bifurcation, lambda _: _drawing().bifurcation(found, which))
+        for s in found:
+            _show(s, measure, which)
     complete = bool(found) and all(s.status.complete for s in found)
     raise typer.Exit(0 if complete else STOPPED_EARLY)
 

@@ -23,6 +23,7 @@ import numpy as np
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Point, Status
 from hbgear.fourier import Array, to_complex, to_real
+from hbgear.given import given, need, two_numbers
 from hbgear.newton import NoConvergence, Settings, solve, solve_linear
 from hbgear.stride import Steps
 from hbgear.trace import trace
@@ -80,7 +81,10 @@ def trace_all(
     ValueError
         If no frequency lies within the span.
     """
-    low, high = sorted(map(float, span))
+    need("trace_all(problem)", problem, "HarmonicBalance")
+    low, high = sorted(two_numbers("span", span))
+    if second is not None and not (isinstance(second, tuple) and len(second) == 2):
+        raise TypeError(f"second: got {given(second)}; need a name and its range, such as ('zeta', (0.05, 0.2))")
     places = _places(frequencies, low, high)
     search = _Search(problem, (float(span[0]), float(span[1])), steps, stability, report)
     search.main()
@@ -93,6 +97,8 @@ def trace_all(
 
 
 def _places(frequencies: Sequence[float] | int, low: float, high: float) -> list[float]:
+    if isinstance(frequencies, str | float):
+        raise TypeError(f"frequencies: got {frequencies!r}; need a list of them, or how many places")
     if isinstance(frequencies, int):
         return [float(x) for x in low + (high - low) * (np.arange(frequencies) + 0.5) / max(frequencies, 1)]
     places = [float(x) for x in frequencies]

@@ -19,6 +19,7 @@ from hbgear.augmented import Fold
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Point, SpecialPoint, joined
 from hbgear.fourier import Array
+from hbgear.given import two_numbers
 from hbgear.model import Model
 from hbgear.newton import NoConvergence, solve
 from hbgear.replacing import replacing
@@ -123,7 +124,7 @@ def jump_map(
     span: tuple[float, float],
     *,
     frequencies: tuple[float, float] | None = None,
-    harmonics: int = 12,
+    harmonics: int = 16,
     seeds: int = 3,
     steps: Steps = Steps(),  # noqa: B008
     report: Report | None = None,
@@ -152,11 +153,12 @@ def jump_map(
     """
     problem = _problem(model, harmonics)
     _check(problem, parameter)
-    low, high = sorted(map(float, span))
+    low, high = sorted(two_numbers("span", span))
     if not (math.isfinite(low) and math.isfinite(high)) or low == high:
         raise ValueError(f"span = {span}: need two different finite values of {parameter}")
-    if seeds < 2:
-        raise ValueError(f"seeds = {seeds}: need at least 2 response curves")
+    _checked_range(frequencies)
+    if not isinstance(seeds, int) or seeds < 2:
+        raise ValueError(f"seeds = {seeds!r}: need at least 2 response curves")
     folds: list[Branch] = []
     for value in _spread(low, high, seeds):
         say(report, f"response curve at {parameter} = {value:.5g}")
@@ -218,6 +220,7 @@ def critical(
     """
     problem = _problem(model, harmonics)
     _check(problem, parameter)
+    _checked_range(frequencies)
     own = problem.parameters[parameter]
     tried: list[float] = []
     slope = ""
@@ -259,6 +262,11 @@ def _check(problem: HarmonicBalance, parameter: str) -> None:
             "the design parameter must differ from Omega, which is the frequency of the jumps; choose one of: "
             + ", ".join(problem.parameters)
         )
+
+
+def _checked_range(frequencies: tuple[float, float] | None) -> None:
+    if frequencies is not None:
+        two_numbers("frequencies", frequencies)
 
 
 def _spread(low: float, high: float, count: int) -> list[float]:

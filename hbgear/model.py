@@ -31,7 +31,7 @@ Matrix: TypeAlias = Any
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`` ; did you mean 'x'?`` for a close match, else the list of what is known."""
     known = list(known)
-    close = difflib.get_close_matches(word, known, n=1)
+    close = difflib.get_close_matches(str(word), known, n=1)
     if close:
         return f"; did you mean '{close[0]}'?"
     return f"; it has: {', '.join(known)}" if known else "; it has none"

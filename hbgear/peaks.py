@@ -11,6 +11,7 @@ from hbgear.arc import Arc, Row, normal_of, row_of
 from hbgear.augmented import Peak
 from hbgear.branch import Branch, SpecialPoint
 from hbgear.fourier import Array
+from hbgear.given import need
 from hbgear.measures import measure as measured
 from hbgear.newton import NoConvergence, Settings, Solution, linearise, solution_at, solve
 
@@ -36,6 +37,7 @@ def peaks(
     ValueError
         If the branch has lost its problem, or there is no such measure.
     """
+    need("peaks(branch)", branch, "Branch")
     if branch.problem is None or branch.layout is None:
         raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     A = branch.amplitude(measure, element)

@@ -25,6 +25,7 @@ import numpy as np
 import scipy  # its parts are imported when they are first used
 
 from hbgear.fourier import Array
+from hbgear.given import need
 from hbgear.model import Load, Model, System
 
 
@@ -121,6 +122,7 @@ def reduce(model: Model, modes: int = 40) -> Reduction:
     ValueError
         If ``modes`` is out of its range, or M is not positive definite.
     """
+    need("reduce(model)", model, "Model")
     full = model.system()
     if isinstance(modes, bool) or not isinstance(modes, int | np.integer) or not 1 <= modes < full.n:
         raise ValueError(f"modes = {modes!r} must be a whole number from 1 to n - 1 = {full.n - 1}")

@@ -16,6 +16,7 @@ import numpy as np
 
 from hbgear.flow import Flow
 from hbgear.fourier import Array, ComplexArray, to_real
+from hbgear.given import need
 from hbgear.model import Model
 from hbgear.newton import NoConvergence
 from hbgear.receptance import Structure
@@ -111,6 +112,7 @@ def shoot(
     NoConvergence
         If Newton does not close the period; it carries the last state and the closures.
     """
+    need("shoot(model)", model, "Model")
     if nu < 1:
         raise ValueError(f"nu = {nu} must be a whole number of at least 1")
     if not 1e-13 <= tolerance < 1:

@@ -24,6 +24,7 @@ import numpy as np
 from hbgear import measures
 from hbgear.branch import Status
 from hbgear.fourier import Array, ComplexArray, evaluate, to_real
+from hbgear.given import need
 from hbgear.model import Model, did_you_mean
 from hbgear.replacing import replacing
 from hbgear.stepper import Flight, Stepper, modal_state
@@ -379,6 +380,7 @@ def sweep(
         If the grid is empty or not finite, the direction or a parameter unknown, Omega missing or not positive, or the
         disturbance negative.
     """
+    need("sweep(model)", model, "Model")
     held = dict(at or {})
     return _Sweeper(model, grid, direction, parameter, held, start, settling, disturbance, steps, progress).run()
 
@@ -586,6 +588,7 @@ def basins(
     ValueError
         If the model has more coordinates, or a range or the shape is empty.
     """
+    need("basins(model)", model, "Model")
     system = model.system()
     if system.n != 1 or len(system.elements) != 1:
         raise ValueError(

@@ -10,6 +10,7 @@ import scipy  # its parts are imported when they are first used
 from hbgear.arc import Departure
 from hbgear.augmented import PeriodDoubling
 from hbgear.branch import Branch, SpecialPoint
+from hbgear.given import article, given, need
 from hbgear.newton import linearise
 from hbgear.trace import trace
 
@@ -34,11 +35,16 @@ def switch(
 
     Raises
     ------
+    TypeError
+        If it is no branch, or the label is no text.
     KeyError
         If there is no such label.
     ValueError
         If it is no PD or BP, or the branch has lost its problem.
     """
+    need("switch(branch)", branch, "Branch")
+    if not isinstance(label, str):
+        raise TypeError(f"label: got {given(label)}; need the label of a PD or BP of the branch, such as 'PD1'")
     point = branch[label]
     assert isinstance(point, SpecialPoint)
     if branch.problem is None:
@@ -53,7 +59,7 @@ def switch(
     if point.kind == "BP":
         start = Departure(point.X, dict(point.parameters), side * _across(branch, point))
         return trace(branch.problem, branch.parameter, span, start, **options)
-    raise ValueError(f"{label} is a {point.kind}; no other branch leaves there: choose a PD or BP")
+    raise ValueError(f"{label} is {article(point.kind)}; no other branch leaves there: choose a PD or BP")
 
 
 def _across(branch: Branch, point: SpecialPoint) -> np.ndarray:

@@ -17,6 +17,7 @@ import numpy as np
 
 from hbgear.flow import METHODS, Flow
 from hbgear.fourier import Array, derive, evaluate, to_complex, to_real
+from hbgear.given import need
 from hbgear.model import Model, did_you_mean
 from hbgear.pieces import FINE
 from hbgear.stepper import Stepper
@@ -95,6 +96,8 @@ def integrate(
     ValueError
         If there is no such method, a number is out of its range, or the states do not fit the model.
     """
+    for one in [model] if isinstance(model, Model) or not isinstance(model, Sequence) else model:
+        need("integrate(model)", one, "Model")
     if method != "exponential" and method not in METHODS:
         raise ValueError(f"no method '{method}'{did_you_mean(method, (*METHODS, 'exponential'))}")
     if periods < 1 or samples < 1:

@@ -19,6 +19,7 @@ import numpy as np
 from hbgear.arc import Arc, Departure, Row, cosine, normal_of, row_of, without_evaluation
 from hbgear.branch import Branch, Point, Status
 from hbgear.fourier import Array
+from hbgear.given import given, need, number, two_numbers
 from hbgear.jumps import find_jumps
 from hbgear.newton import NoConvergence, Settings, correct, norm, norms, observe_all, solve
 from hbgear.record import Mark, branch_of
@@ -65,6 +66,8 @@ def trace(
 
     Raises
     ------
+    TypeError
+        If an argument is of another kind, such as a model instead of its `HarmonicBalance`.
     KeyError
         If the problem has no such parameter.
     ValueError
@@ -86,6 +89,8 @@ class _Tracer:
         at: Mapping[str, float] | None, steps: Steps, settings: Settings,
         stability: bool, special: bool, progress: Progress | None,
     ) -> None:  # fmt: skip
+        need("trace(problem)", problem, "problem")
+        _check_kinds(start, at, steps, settings)
         self.problem, self.name = problem, parameter
         self.steps, self.settings, self.special, self.progress = steps, settings, special, progress
         self.stability = stability and hasattr(problem, "multipliers")
@@ -93,6 +98,8 @@ class _Tracer:
             problem.check_parameter(parameter)
             for name in at or {}:
                 problem.check_parameter(name)
+        if parameter in (at or {}):
+            raise ValueError(f"at={{'{parameter}': ...}}: it is what changes along the curve; give its span")
         self.a, self.b = _checked_span(parameter, span)
         self.fixed = self._fixed(start, at)
         self.sense = 1.0 if self.b > self.a else -1.0
@@ -116,7 +123,7 @@ class _Tracer:
         fixed = dict(getattr(self.problem, "parameters", {}))
         if isinstance(start, Point | Departure):
             fixed.update(start.parameters)
-        fixed.update({k: float(v) for k, v in (at or {}).items()})
+        fixed.update({k: number(f"at: {k}", v) for k, v in (at or {}).items()})
         own = self._own_parameters()
         for name in (self.name, *own):
             fixed.pop(name, None)
@@ -174,14 +181,14 @@ class _Tracer:
         return self.problem.converted(start.X, start.layout)
 
     def _depart(self, start: Departure) -> Row:
-        """First row of another branch: a short way along the direction that leaves the point."""
+        """First row of another branch, a short way along the direction that leaves the point; or the point itself."""
         u = np.append(start.X, start.parameters[self.name])
         self.top = self._motion_size(start.X)
         self.scale = self._scale(start.X)
         direction = start.direction / np.linalg.norm(start.direction / self.scale)
         normal = normal_of(direction, self.scale)
         normal = normal / np.linalg.norm(normal)
-        h = self.steps.first
+        h = self.steps.first if start.away else 0.0
         while True:
             try:
                 solution = correct(self.problem, u + h * direction, normal, self.name, self.fixed, self.settings)
@@ -488,6 +495,17 @@ _BACK = "the curve ran back over itself"
 _NEAR = 1.3  # squared distance from its end, in its length squared, that what lies beside a piece may have
 
 
+def _check_kinds(start: Any, at: Any, steps: Any, settings: Any) -> None:
+    if isinstance(start, str | Branch | Mapping):
+        raise TypeError(f"start: got {given(start)}; need a Point such as curve['LP1'] or curve[-1], or unknowns (n,)")
+    if at is not None and not isinstance(at, Mapping):
+        raise TypeError(f"at: got {given(at)}; need values by name, such as at={{'zeta': 0.05}}")
+    if not isinstance(steps, Steps):
+        raise TypeError(f"steps: got {given(steps)}; need Steps(...), such as Steps(max_points=100)")
+    if not isinstance(settings, Settings):
+        raise TypeError(f"settings: got {given(settings)}; need Settings(...), such as Settings(tolerance=1e-12)")
+
+
 def _check_start(problem: Any, X: Array) -> None:
     if not np.all(np.isfinite(X)):
         raise ValueError("the start has entries that are not finite")
@@ -500,10 +518,7 @@ def _check_start(problem: Any, X: Array) -> None:
 
 
 def _checked_span(parameter: str, span: tuple[float, float]) -> tuple[float, float]:
-    try:
-        a, b = (float(x) for x in span)
-    except (TypeError, ValueError):
-        raise ValueError(f"span = {span!r} must be two numbers (from, to)") from None
+    a, b = two_numbers("span", span)
     if not (math.isfinite(a) and math.isfinite(b)):
         raise ValueError(f"span = ({a}, {b}) must be finite")
     if a == b:

@@ -31,6 +31,7 @@ from hbgear.branch import NEUTRAL, Branch
 from hbgear.catalogue import is_description, problem_of
 from hbgear.flow import Flow
 from hbgear.fourier import Array, ComplexArray, to_complex
+from hbgear.given import need, number
 from hbgear.model import describe
 from hbgear.newton import NoConvergence
 from hbgear.receptance import Structure
@@ -166,11 +167,16 @@ def validate(
 
     Raises
     ------
+    TypeError
+        If it is no branch.
     ValueError, KeyError, IndexError
         If the branch is no curve of motions, its model is unknown or does not fit it, a point is not on it, or the
         tolerance is below `LEAST`.
     """
-    if not LEAST <= tolerance < 1:
+    need("validate(branch)", branch, "Branch")
+    if isinstance(points, str):
+        raise TypeError(f"points: got {points!r}; need a number, or rows and labels in a list, such as ['LP1', 10]")
+    if not LEAST <= number("tolerance", tolerance) < 1:
         raise ValueError(
             f"tolerance = {tolerance:g} cannot be met: time integration itself decides to about {LEAST:g}; give more"
         )

@@ -69,9 +69,10 @@ def test_trace_saves_what_the_library_computes(run):
     assert here.X.shape == there.X.shape
     np.testing.assert_allclose(here.X, there.X, rtol=0, atol=1e-10)
     for jump in there.jumps():
-        line = next(x for x in out.split("jumps of a slow sweep")[1].splitlines() if f"{jump.value:.8g}" in x)
+        place = cli_support.text_at(jump.before, "Omega")
+        line = next(x for x in out.split("jumps of a slow sweep")[1].splitlines() if place in x)
         assert jump.label in line and ("increasing" if jump.direction > 0 else "decreasing") in line
-        assert f"{jump.before.amplitude('pp2'):.5g}" in line and f"{jump.after.amplitude('pp2'):.5g}" in line
+        assert all(cli_support.size_text(end, "pp2", 0) in line for end in (jump.before, jump.after))
     assert len(there.jumps()) >= 2 and "wrote d.npz" in out
 
 
@@ -98,7 +99,7 @@ def test_values_take_the_type_of_the_field(run):
 
 
 def test_trace_in_another_parameter(run):
-    code, out, _ = run(*QUICK, "--parameter", "F", "--from", 0.05, "--to", 0.1, "--at", "Omega=1.3", "-o", "F.npz")
+    code, out, _ = run(*QUICK, "--in", "F=0.05:0.1", "--at", "Omega=1.3", "-o", "F.npz")
     curve = hb.load("F.npz")
     assert code == 0 and curve.parameter == "F" and (curve.values[0], curve.values[-1]) == (0.05, 0.1)
     assert curve.fixed["Omega"] == 1.3 and "no special points" in out
@@ -134,16 +135,19 @@ def test_jumps_of_a_file(run, saved):
     curve = hb.load(saved)
     assert code == 0 and curve.jumps() and "special points" not in out
     for jump in curve.jumps():
-        assert f"{jump.value:.8g}" in out and f"{jump.before.amplitude('rms'):.5g}" in out
+        assert cli_support.text_at(jump.before, "Omega") in out
+        assert cli_support.size_text(jump.before, "rms", 0) in out
 
 
 def test_frequency_and_speed_of_models_that_have_them(run):
     run("trace", "double-helical", "--harmonics", 4, "--from", 1.1, "--to", 0.9, "-o", "g.npz")
     _, out, _ = run("info", "g.npz")
-    graze = hb.load("g.npz")["GR1"].parameters["Omega"]
+    point = hb.load("g.npz")["GR1"]
+    graze, digits = point.parameters["Omega"], cli_support.digits_of(point, 6)
     pair = hb.DoubleHelicalPair()
     line = next(line for line in out.splitlines() if "GR1" in line)
-    assert f"{pair.mesh_frequency(graze):.6g}" in line and f"{pair.pinion_speed(graze):.6g}" in line
+    speeds = pair.mesh_frequency(graze), pair.pinion_speed(graze)
+    assert all(cli_support.rounded(speed, digits) in line for speed in speeds)
     assert "mesh Hz" in out and "pinion r/min" in out
     assert pair.mesh_frequency(1.0) == pytest.approx(32145.7 / (2 * np.pi), abs=0.01)
 
@@ -152,7 +156,7 @@ def test_plot_of_a_file_and_of_its_points(run, saved):
     assert run("plot", saved, "-o", "curve.svg")[0] == 0
     assert "<svg" in Path("curve.svg").read_text(encoding="utf-8")
     code, out, _ = run("plot", saved, "--point", "LP1", "-o", "point.png")
-    assert code == 0 and f"{hb.load(saved)['LP1'].parameters['Omega']:.8g}" in out
+    assert code == 0 and f"Omega = {cli_support.text_at(hb.load(saved)['LP1'], 'Omega')}\n" in out
     assert run("plot", saved)[0] == 0 and saved.with_suffix(".png").exists()
 
 
@@ -218,7 +222,8 @@ def test_failure_while_drawing_leaves_no_half_figure(run, saved, monkeypatch):
 
     monkeypatch.setattr(Figure, "savefig", fail)
     code, _, err = run("plot", saved, "-o", "curve.png")
-    assert code == 2 and err == "hbgear: error: the disk is full\n" and not os.listdir()
+    assert code == 2 and err.startswith("hbgear: error: the disk is full; ")
+    assert err.count("\n") == 1 and not os.listdir()
 
 
 def test_a_bug_is_not_hidden(monkeypatch):
@@ -310,7 +315,7 @@ def refused(run, args, *words):
         ("trace duffign", ["no model 'duffign'", "did you mean 'duffing'"]),
         ("trace duffing --set zetta=0.1", ["no parameter 'zetta'", "did you mean 'zeta'"]),
         ("trace duffing --set name=1", ["no parameter 'name'", "it has: zeta, k3, F"]),
-        ("trace duffing --parameter zetta --at Omega=1 --from 0.1 --to 0.2", ["did you mean 'zeta'"]),
+        ("trace duffing --in zetta=0.1:0.2 --at Omega=1", ["did you mean 'zeta'"]),
         ("trace duffing --at zetta=1", ["no parameter 'zetta'", "did you mean 'zeta'"]),
         ("trace duffing --at Omega=1", ["--at Omega", "--from and --to"]),
         ("trace duffing --at zeta=much", ["--at zeta=much", "finite number"]),
@@ -333,8 +338,17 @@ def refused(run, args, *words):
         ("trace duffing --from 1 --to 1", ["is empty", "two different values of Omega"]),
         ("trace duffing --from 1.2 --to -0.5", ["Omega must stay positive"]),
         ("trace duffing --from nan", ["must be finite"]),
-        ("trace duffing --parameter F --at Omega=1 --to 1", ["tracing in F needs --from and --to"]),
-        ("trace duffing --parameter F --from 0.1 --to 1", ["tracing in F needs", "--at Omega="]),
+        ("trace duffing --parameter F --at Omega=1 --to 1", ["--parameter F --from A --to B is now --in F=A:B"]),
+        ("trace duffing --in F --at Omega=1", ["--in F", "such as --in F=0.02:0.08"]),
+        ("trace duffing --in F --from 1 --to 2 --at Omega=1", ["--in F=1:2", "--from and --to are in Omega"]),
+        ("trace duffing --in F=1: --at Omega=1", ["--in F=1:", "need its range too"]),
+        ("trace duffing --in F=1:2e9x --at Omega=1", ["--in F=2e9x", "finite number"]),
+        ("trace duffing --in F=1:2 --to 2 --at Omega=1", ["it is F that changes", "leave out --from and --to"]),
+        ("trace duffing --in F=1:2 --at Omega=1 --at F=1", ["--at F", "it is what changes"]),
+        ("trace duffing --in F=0.1:1", ["going along F needs", "--at Omega="]),
+        ("survey duffing --omega-from 1", ["--omega-from is now --from"]),
+        ("critical duffing F --omega-to 1", ["--omega-to is now --to"]),
+        ("map duffing --in F --from 1 --to 2", ["--in F=1:2", "--from and --to are in Omega"]),
         ("trace duffing --measure loud", ["no measure 'loud'", "pp2"]),
         ("trace duffing --harmonics 3 --measure H4", ["'H4'", "H = 3"]),
         ("trace duffing --element 1", ["no element 1", "'x'"]),
@@ -443,3 +457,97 @@ def test_ci_runs_the_test_command_of_the_readme():
     pattern = re.search(r"grep -m 1 '(.*?)' README.md", script)
     assert pattern and re.search(pattern[1], readme, re.MULTILINE)
     assert os.access(REPOSITORY / ".ci/run", os.X_OK)
+
+
+# ---- digits
+
+
+@pytest.mark.parametrize("harmonics", [5, 8, 16])
+def test_digits_are_printed_as_far_as_they_hold(harmonics):
+    """What is printed is within one unit of its last digit of what many harmonics give; one digit more would not be."""
+    coarse, fine = (
+        hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), H), "Omega", (2.6, 0.55)) for H in (harmonics, 48)
+    )
+    used = []
+    for label in ("PD1", "PD2", "LP1", "LP2"):
+        text, true = cli_support.text_at(coarse[label], "Omega"), fine[label].parameters["Omega"]
+        digits = cli_support.digits_of(coarse[label])
+        unit = 10.0 ** (np.floor(np.log10(true)) + 1 - digits)
+        assert abs(float(text) - true) <= unit
+        used.append(digits)
+    assert max(used) < 8 and min(used) >= (3 if harmonics == 5 else 4)
+
+
+def test_the_map_and_the_critical_value_agree_in_every_digit(run):
+    span = ["--from", 1.2, "--to", 0.6]
+    _, map_, _ = run("map", "spur-pair", "--in", "zeta=0.1:0.13", "--seeds", 2, *span)
+    _, critical, _ = run("critical", "spur-pair", "zeta", "--set", "zeta=0.1", *span)
+    found = re.search(r"vanishes at zeta = ([\d.]+), Omega = ([\d.]+)", map_)
+    assert found and f"zeta = {found[1]}: a jump exists below" in critical
+    assert f"Omega = {found[2]}\n" in critical and found[1] == "0.118007"
+
+
+# ---- going on
+
+
+def test_extend_goes_on_as_far_as_the_curve_was_to_go(run):
+    spur = ["trace", "spur-pair", "--harmonics", "8", "--from", 1.5, "--to", 0.6]
+    assert run(*spur, "-o", "whole.npz")[0] == 0
+    code, out, _ = run(*spur, "--max-points", 30, "-o", "part.npz")
+    assert code == 3 and "hbgear extend FILE" in " ".join(out.split())
+    code, out, err = run("extend", "part.npz", "-o", "part.npz", "--plot", "part.png")
+    whole, curve = hb.load("whole.npz"), hb.load("part.npz")
+    assert (code, err) == (0, "") and "part.npz: 31 points, " in out and "wrote part.npz, part.png" in out
+    assert [p.label for p in curve.special] == [p.label for p in whole.special]
+    places = [[p.parameters["Omega"] for p in branch.special] for branch in (curve, whole)]
+    np.testing.assert_allclose(*places, rtol=0, atol=1e-9)
+    code, out, err = run("extend", "part.npz")
+    assert code == 2 and "give a longer span" in err
+    code, out, err = run("extend", "part.npz", "--to", 0.5, "--harmonics", 12, "-o", "longer.npz")
+    assert (code, err) == (0, "") and hb.load("longer.npz").values[-1] == 0.5
+    assert hb.load("longer.npz").layout.harmonics == 12
+    code, _, err = run("extend", "part.npz", "--in", "zeta=0.1:0.2")
+    assert code == 2 and "this curve is in Omega" in err
+
+
+def test_trace_starts_at_a_point_of_a_saved_curve(run, saved):
+    fold = hb.load(saved)["LP1"]
+    start = ["--start", f"{saved}:LP1", "--harmonics", 5]
+    code, _, err = run("trace", "spur-pair", "--in", "zeta=0.02:0.1", *start, "-o", "zeta.npz")
+    curve = hb.load("zeta.npz")
+    assert (code, err) == (0, "") and curve.fixed["Omega"] == fold.parameters["Omega"] and curve.fixed["F_m"] == 0.11
+    nearest = np.argmin(np.linalg.norm(curve.X - fold.X, axis=1))
+    assert np.linalg.norm(curve.X[nearest] - fold.X) < 1e-6
+    start[1] = f"{saved}:1.45"
+    code, _, err = run("trace", "spur-pair", "--set", "F_m=0.1", "--to", 0.9, *start, "-o", "F.npz")
+    assert (code, err) == (0, "") and hb.load("F.npz").fixed["F_m"] == 0.1
+    refused(run, ["trace", "duffing", *start], "the curve of --start is of SpurPair", "'duffing' is Duffing")
+    refused(run, ["trace", "spur-pair", "--start", f"{saved}:LP9"], "no special point 'LP9'")
+    refused(run, ["trace", "spur-pair", "--start", "missing.npz"], "no file 'missing.npz'")
+
+
+# ---- what the shell offers
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("ext", ["extend"]),
+        ("trace d", ["duffing", "double-helical"]),
+        ("trace duffing --set ", ["zeta=", "k3=", "F="]),
+        ("map spur-pair --in ze", ["zeta="]),
+        ("trace duffing --in ", ["Omega=", "zeta=", "k3=", "F="]),
+        ("critical duffing z", ["zeta"]),
+        ("plot FILE --point L", ["LP1", "LP2"]),
+        ("switch FILE ", []),
+        ("plot missing.npz --point ", []),
+        ("info FILE --measure r", ["rms"]),
+    ],
+)
+def test_shell_completion(run, saved, monkeypatch, typed, offered):
+    words = f"hbgear {typed}".replace("FILE", str(saved))
+    monkeypatch.setenv("_HBGEAR_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split(" ")) - 1))
+    code, out, err = run()
+    assert (code, err) == (0, "") and out.split() == offered

@@ -71,8 +71,8 @@ def test_sweep_brackets_the_folds_of_the_curve_it_is_drawn_on(run):
         ("validate duffing.npz --element nose", ["no element 'nose'"]),
         ("sweep duffign", ["no model 'duffign'", "did you mean 'duffing'"]),
         ("sweep spur-pair --over duffing.npz", ["Duffing"]),
-        ("sweep duffing --in zeta --from 0.1 --to 0.2", ["--at Omega"]),
-        ("sweep duffing --at Omega=1 --in Omga --from 1 --to 2", ["no parameter 'Omga'"]),
+        ("sweep duffing --in zeta=0.1:0.2", ["--at Omega"]),
+        ("sweep duffing --at Omega=1 --in Omga=1:2", ["no parameter 'Omga'"]),
     ],
 )
 def test_bad_input(run, saved, text, words):

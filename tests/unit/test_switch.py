@@ -128,8 +128,8 @@ def test_a_label_that_does_not_exist(curve):
 
 def test_nothing_leaves_at_a_fold():
     curve = trace(HarmonicBalance(SpurPair(), 6), "Omega", (1.5, 0.6), stability=False)
-    for label in ("LP1", "GR1"):
-        with pytest.raises(ValueError, match=f"{label} is a {label[:2]}; no other branch leaves there"):
+    for label, a in (("LP1", "an"), ("GR1", "a")):
+        with pytest.raises(ValueError, match=f"{label} is {a} {label[:2]}; no other branch leaves there"):
             switch(curve, label)
 
 
