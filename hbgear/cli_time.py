@@ -54,6 +54,8 @@ def validate(
 ) -> None:
     """Hold a saved curve against time integration, point by point.
 
+    The table says how far the curve as traced is off. A point that is off by more than the tolerance is solved again
+    with up to 8 times the harmonics; if it agrees then, it counts as agreeing, and both differences are shown.
     Exit codes: 0 every point agrees, 1 one does not, 2 bad input, 3 interrupted (what was checked is shown and saved).
     """
     from hbgear.validate import validate as hold
@@ -66,8 +68,7 @@ def validate(
         report = hold(branch, points, tolerance, progress=progress)
     headers, rows = report.table()
     print_table(headers, rows, "harmonic balance against time integration")
-    good = sum(row.ok for row in report.rows)
-    print(f"{good} of {len(rows)} points agree within {tolerance:g}{'' if report.complete else '; interrupted'}")
+    print(report.summary)
     if output:
         report.export(output)
     if plot and report.rows:
