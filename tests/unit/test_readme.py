@@ -12,6 +12,7 @@ import os
 import re
 import shlex
 import tokenize
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +27,12 @@ REPOSITORY = Path(__file__).parents[2]
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
 NUMBER = r"(?<![\w.])[-+]?\d+\.?\d*(?:e[-+]?\d+)?"
 
-SHORTER = {"sweep": ["--count", "3", "--tolerance", "1e-2"]}
-"""Options that are added to a command."""
+SHORTER = {
+    "sweep": ["--count", "3", "--tolerance", "1e-2"],
+    "map": ["--harmonics", "6"],
+    "survey": ["--harmonics", "4"],
+}
+"""Options that are added to a command, to the same work with less of it."""
 CASES = 3
 """Cases of a study instead of those in its file."""
 ADDRESS = "tcp://127.0.0.1:8786"
@@ -78,9 +83,15 @@ def agrees(text, got):
     pattern = re.escape(re.sub(NUMBER, "\0", text)).replace("\0", f"({NUMBER})").replace(r"\.\.\.", ".*?")
     match = re.fullmatch(re.sub(r"(\\[ \n])+", r"\\s+", pattern), got, re.DOTALL)
     return match is not None and all(
-        abs(float(place) - float(number)) <= 0.51 * 10.0 ** -len(re.sub(r"e.*|^[^.]*\.?", "", place))
+        abs(float(place) - float(number)) <= 0.51 * last_digit(place)
         for place, number in zip(places, match.groups(), strict=True)
     )
+
+
+def last_digit(number):
+    """What one in the last digit of a number as written is worth."""
+    digits, _, power = number.partition("e")
+    return 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
 
 
 @pytest.mark.parametrize(
@@ -93,6 +104,8 @@ def agrees(text, got):
         ("<LP1 at Omega = 0.7, ...>", "<LP1 at Omega = 0.708, stable>", True),
         ("<LP1 at Omega = 0.7, ...>", "<LP2 at Omega = 0.708, stable>", False),
         ("(1.0, 2.0)", "()", False),
+        ("1.2e-09", "1.24e-09", True),
+        ("1.2e-09", "1.3e-09", False),
     ],
 )
 def test_results_are_held_against_what_is_said(text, got, so):
@@ -232,3 +245,101 @@ def test_ci_runs_the_test_command():
     pattern = re.search(r"grep -m 1 '(.*?)' README.md", script)
     assert pattern and re.search(pattern[1], README, re.MULTILINE)
     assert os.access(REPOSITORY / ".ci/run", os.X_OK)
+
+
+def test_exit_codes(folder, capsys):
+    codes = re.search(r"Exit codes: (.*?)\.\s\s", README, re.DOTALL)
+    assert codes and re.findall(r"\d", codes[1]) == ["0", "1", "2", "3"]
+    assert run(shlex.split("trace duffing --harmonics 5 --max-points 20 -o a.npz"), capsys)[0] == 3
+    curve = hb.load("a.npz")
+    assert len(curve) == 20  # "what was computed by then is saved"
+    replace(curve, X=1.01 * curve.X).save("wrong.npz")
+    assert run(["validate", "wrong.npz", "--points", "1"], capsys)[0] == 1
+    assert run(["trace", "duffign"], capsys)[0] == 2
+
+
+# ---- numbers in the text
+
+
+def table_after(text, heading):
+    """Rows of cells of the first table after a text."""
+    lines = text[text.index(heading) :].splitlines()
+    rows = [line.strip().strip("|").split("|") for line in lines if line.strip().startswith("|")]
+    return [[cell.strip() for cell in row] for row in rows]
+
+
+def cell(study, table, row, column):
+    """Text in a table of the studies of speed: the first row that begins with these cells."""
+    text = (REPOSITORY / "studies/speed/figures" / f"{study}.md").read_text(encoding="utf-8")
+    rows = table_after(text, table)
+    (found, *_) = [cells for cells in rows if cells[: len(row)] == row]
+    return found[rows[0].index(column)]
+
+
+def stated(pattern):
+    """The numbers of a sentence, however its lines are broken."""
+    match = re.search(pattern, " ".join(README.split()))
+    assert match, f"the README has no sentence like {pattern}"
+    return [float(number) for number in match.groups()]
+
+
+ACCURACY = table_after(README, "| H | LP1 | LP2 |")[2:7]
+
+
+@pytest.mark.parametrize("row", ACCURACY, ids=[row[0] for row in ACCURACY])
+def test_table_of_folds(row):
+    H, *samples = (int(number) for number in re.findall(r"\d+", row[0].replace("(a cross-check)", "")))
+    settings = {"samples": samples[0], "sampled": True} if samples else {}
+    problem = hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), H, **settings)
+    curve = hb.trace(problem, "Omega", (0.89, 0.84), stability=False)
+    for label, text in zip(("LP1", "LP2"), row[1:], strict=True):
+        assert curve[label].parameters["Omega"] == pytest.approx(float(text), abs=0.6e-7)
+
+
+def test_defaults_and_tolerances():
+    (default,) = (row[0] for row in ACCURACY if "default" in row[0])
+    assert int(default.split()[0]) == hb.HarmonicBalance(hb.Duffing()).H
+    assert stated(r"size of the forces \(at most ([\d.e-]+) by default\)") == [hb.Settings().tolerance]
+    assert stated(r"outside the unit circle by more than ([\d.e-]+[\d])") == [hb.branch.NEUTRAL]
+
+
+def test_times_are_those_of_the_studies():
+    def seconds(problem, tool):
+        return round(float(cell("peers", "| problem | tool |", [problem, tool], "curve [s]")), 2)
+
+    text = r"Duffing curve of (\d+) points.*? to ([\de-]+), takes ([\d.]+) s, that of a spur pair ([\d.]+) s"
+    points, folds, duffing, spur = stated(text)
+    assert folds == float(cell("peers", "| problem |", ["Duffing", "hbgear, stability"], "error of folds"))
+    assert points == int(cell("peers", "| problem |", ["Duffing", "hbgear, stability"], "points"))
+    assert duffing == seconds("Duffing", "hbgear, stability") and spur == seconds("spur pair", "hbgear, stability")
+    (own,) = stated(r"of the double-helical pair ([\d.]+) s")
+    assert own == round(float(cell("points", "| case |", ["DoubleHelicalPair, H = 16"], "curve [s]")), 1)
+    others = stated(r"without stability: ([\d.]+) s and more, ([\d.]+) s and more")
+    for least, problem in zip(others, ("Duffing", "spur pair"), strict=True):
+        tools = ("pyHarm", "harmonicbalance", "mousai")
+        assert least == min(seconds(problem, tool) for tool in tools)
+    threads = float(cell("points", "| case |", ["DoubleHelicalPair, H = 16"], "two threads / one"))
+    assert "a tenth longer with two threads" in " ".join(README.split()) and threads == pytest.approx(1.1, abs=0.05)
+
+
+def test_cost_of_sweeps_and_of_size_is_that_of_the_studies():
+    count, ratio, slow = stated(r"sweep of (\d+) frequencies.*? costs (\d+) times .*? about (\d+) times")
+    row = "| sweeps, 131 frequencies up and down, settled to |"
+    assert count == 131 and "settled to 1e-5" in " ".join(README.split())
+    assert ratio == float(cell("sweep_ratio", row, ["1e-05"], "over continuation (H = 16)"))
+    assert slow == round(float(cell("sweep_ratio", row, ["1e-05"], "over continuation")), -2)
+    chain, ten = stated(r"a chain of (\d+) masses costs per point what one of (\d+) does")
+    ratio = float(cell("scale", "| n of the chain |", [f"{chain:.0f}"], "points alone over n = 10"))
+    assert ten == 10 and ratio == pytest.approx(1.0, abs=0.1)
+    (large,) = stated(r"structures of (\d+ \d+) coordinates".replace(r"(\d+ \d+)", r"(100) 000"))
+    assert large == 100 and cell("scale", "| n of the housing |", ["99896"], "[ms/point]")
+
+
+def test_numbers_of_the_double_helical_pair():
+    pair, text = hb.DoubleHelicalPair(), " ".join(README.split())
+    (omega,) = stated(r"omega_n = sqrt\(k_mean/m_c\), (\d+) rad/s")
+    assert omega == pytest.approx(2 * np.pi * pair.mesh_frequency(1.0), abs=0.5)
+    (dofs,) = stated(r"double-helical gear pair with (\d+) degrees of freedom")
+    assert dofs == pair.system().n == stated(r"scales the (\d+) coordinates back")[0]
+    assert f"as published (zeta = {pair.zeta:g}) has none, with zeta = 0.05 it has two" in text
+    assert all(f"`{name}`" in text for name in ("pp2", "rms", "max", "mean", *hb.branch.REGIMES[:3]))
