@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from scipy.io import loadmat
 
 import hbgear as hb
@@ -409,3 +410,11 @@ def test_singular_and_ill_formed_matrices():
         hb.System(np.eye(2), None, np.eye(3), [gap])
     with pytest.raises(ValueError, match=r"M has entries that are not finite"):
         hb.System(np.diag([1.0, np.nan]), None, np.eye(2), [gap])
+
+
+@pytest.mark.parametrize("name", sorted(typer.main.get_command(cli.app).commands))
+def test_help_names_only_options_of_its_own_command(name):
+    command = typer.main.get_command(cli.app).commands[name]
+    texts = [command.help, *(getattr(parameter, "help", "") for parameter in command.params)]
+    own = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
+    assert {option for text in texts for option in re.findall(r"--[a-z][a-z-]*", text or "")} <= own
