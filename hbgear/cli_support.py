@@ -42,7 +42,7 @@ MEANINGS = {
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A curve saved as .npz by hbgear trace -o or Branch.save.")]
 Measure = Annotated[str, typer.Option(help="Amplitude: pp2 (half peak-to-peak), rms, max, mean, H1, H2, ...")]
 Element = Annotated[str, typer.Option(help="Which element, by number from 0 or by name.")]
-Harmonics = Annotated[str, typer.Option(help="H, harmonics of the excitation frequency; or auto, as many as the motion needs.")]
+Harmonics = Annotated[str, typer.Option(help="H, harmonics of the excitation frequency; trace also takes auto.")]
 Changes = Annotated[
     list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Change a field of the model; repeatable.")
 ]

@@ -78,8 +78,9 @@ def trace_all(
     Raises
     ------
     ValueError
-        If no frequency lies within the span.
+        If no frequency lies within the span, or the number of harmonics varies.
     """
+    problem.check_fixed("a survey")
     low, high = sorted(map(float, span))
     places = _places(frequencies, low, high)
     search = _Search(problem, (float(span[0]), float(span[1])), steps, stability, report)
