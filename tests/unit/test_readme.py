@@ -30,6 +30,7 @@ NUMBER = r"(?<![\w.])[-+]?\d+\.?\d*(?:e[-+]?\d+)?"
 SHORTER = {
     "sweep": ["--count", "3", "--tolerance", "1e-2"],
     "map": ["--harmonics", "6"],
+    "validate": ["--points", "4"],
     "survey": ["--harmonics", "4"],
 }
 """Options that are added to a command, to the same work with less of it."""
@@ -205,8 +206,8 @@ def check_what_the_comments_say(out):
     assert Path("low_LP1.png").exists() and Path("low_sweep.png").exists()
     assert "PD1" in [p.label for p in hb.load("pair.npz").special]
     assert "merged" in out["switch", "pair.npz"] or "period" in out["switch", "pair.npz"]
-    assert "12 of 12 points agree" in out["validate", "low.npz"]
-    assert re.search(r"branch (\d)", out["survey", "duffing"])
+    assert "4 of 4 points agree" in out["validate", "low.npz"]
+    assert max(int(number) for number in re.findall(r"branch (\d)", out["survey", "duffing"])) > 2
     assert len(list(Path("tolerances").glob("*.png"))) >= 2 and Path("tolerances/table.csv").exists()
 
 
