@@ -156,7 +156,19 @@ class Augmented(ABC):
         return U[:-1], {self.parameter: float(U[-1])}
 
     def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
-        """Unknowns (X, parameter) of this problem."""
+        """Unknowns (X, parameter) of this problem.
+
+        Raises
+        ------
+        ValueError
+            If the motion has another number of harmonics.
+        """
+        size = getattr(self.problem, "size", len(X))
+        if len(X) != size:
+            raise ValueError(
+                f"the start has {len(X)} coefficients, this problem {size}: follow special points with the harmonics "
+                "of the curve they are on, such as Fold(curve.problem, 'Omega')"
+            )
         return np.append(X, parameters[self.parameter])
 
     def motion_size(self, U: Array) -> float:

@@ -257,6 +257,17 @@ class HarmonicBalance:
             return max(_FEWEST * self.nu, int(0.8 * self.H))
         return None
 
+    def check_fixed(self, what: str) -> None:
+        """Refuse a number of harmonics that varies.
+
+        Raises
+        ------
+        ValueError
+            With ``harmonics="auto"``.
+        """
+        if self.auto:
+            raise ValueError(f"{what} needs one number of harmonics throughout, not 'auto'; give harmonics=16, say")
+
     def fitted(self, X: Array) -> Array:
         """Unknowns of any number of harmonics, cut or padded to this problem's."""
         return resize(X.reshape(self.m, -1), self.H).ravel()

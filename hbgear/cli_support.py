@@ -48,7 +48,7 @@ Measure = Annotated[
     ),
 ]
 Element = Annotated[str, typer.Option(help="Which element, by number from 0 or by name.")]
-Harmonics = Annotated[str, typer.Option(help="H, harmonics of the excitation frequency; or auto, see --tolerance.")]
+Harmonics = Annotated[str, typer.Option(help="H, harmonics of the excitation frequency; trace also takes auto.")]
 Changes = Annotated[
     list[str] | None,
     typer.Option(

@@ -53,6 +53,8 @@ def validate(
 ) -> None:
     """Hold a saved curve against time integration, point by point.
 
+    The table says how far the curve as traced is off. A point that is off by more than the tolerance is solved again
+    with up to 8 times the harmonics; if it agrees then, it counts as agreeing, and both differences are shown.
     Exit codes: 0 every point agrees, 1 one does not, 2 bad input, 3 interrupted (what was checked is shown and saved).
     """
     from hbgear.validate import validate as hold
@@ -64,12 +66,11 @@ def validate(
     with one_thread(), bar("points") as progress:
         report = hold(branch, points, tolerance, progress=progress)
     headers, rows = report.table()
-    good = sum(row.ok for row in report.rows)
     with outputs() as out:
         out.write(output, report.export)
         out.figure(plot if report.rows else None, lambda _: _drawing().validation(report, branch, which))
         print_table(headers, rows, "harmonic balance against time integration")
-        print(f"{good} of {len(rows)} points agree within {tolerance:g}{'' if report.complete else '; interrupted'}")
+        print(report.summary)
     raise typer.Exit(STOPPED_EARLY if not report.complete else 0 if report.ok else DISAGREES)
 
 

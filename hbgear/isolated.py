@@ -79,9 +79,10 @@ def trace_all(
     Raises
     ------
     ValueError
-        If no frequency lies within the span.
+        If no frequency lies within the span, or the number of harmonics varies.
     """
     need("trace_all(problem)", problem, "HarmonicBalance")
+    problem.check_fixed("a survey")
     low, high = sorted(two_numbers("span", span))
     if second is not None and not (isinstance(second, tuple) and len(second) == 2):
         raise TypeError(f"second: got {given(second)}; need a name and its range, such as ('zeta', (0.05, 0.2))")

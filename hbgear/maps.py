@@ -256,6 +256,7 @@ def _problem(model: Model | HarmonicBalance, harmonics: int) -> HarmonicBalance:
 
 
 def _check(problem: HarmonicBalance, parameter: str) -> None:
+    problem.check_fixed("following folds")
     problem.check_parameter(parameter)
     if parameter == "Omega":
         raise ValueError(

@@ -16,7 +16,9 @@ class Duffing(Model):
 
         x'' + 2 zeta x' + x + k3 x^3 = F cos(tau),   tau = Omega t
 
-    The element is the cubic spring alone; its coordinate is x.
+    The element is the cubic spring alone; its coordinate is x. Time is in 1/omega_n and Omega over omega_n, the natural
+    frequency without the cubic spring; x is a displacement over any length L, k3 the cubic stiffness times L^2 and F
+    the force over L, both over the linear stiffness.
 
     Parameters
     ----------
@@ -35,11 +37,11 @@ class Duffing(Model):
     F: float = 0.18
 
     labels: ClassVar[Mapping[str, str]] = {
-        "Omega": r"$\Omega$",
-        "amplitude": r"$x$",
+        "Omega": r"$\Omega = \omega/\omega_n$ [-]",
+        "amplitude": r"$x$ [-]",
         "zeta": r"damping ratio $\zeta$",
-        "k3": r"cubic stiffness $k_3$",
-        "F": r"load $F$",
+        "k3": r"cubic stiffness $k_3$ [-]",
+        "F": r"load $F$ [-]",
     }
     default_span: ClassVar[tuple[float, float]] = (0.5, 1.6)
 

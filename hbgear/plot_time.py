@@ -24,6 +24,7 @@ BASINS = ("#dfe8f3", "#eeb67a", "#cfe6c6", "#c98fb1", "#f4f0c9", "#86bcc4", "#d6
 """Shades of basins: neighbours differ in lightness too, to be told apart in print without colour."""
 INKS = ("#1f4e8c", "#8a4100", "#22602a", "#7d1247", "#6b6b1f", "#075463", "#5a3391", "#222222")
 SYMBOLS = "os^DvP*h"
+REFINED = "agrees with more harmonics"
 _MANY = 1000  # dots in one drawing that are kept as pixels
 
 
@@ -145,7 +146,10 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
 
 
 def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure:
-    """The checked points on the curve, and their differences from time integration over the parameter."""
+    """The checked points on the curve, and their differences from time integration over the parameter.
+
+    Points that agree only with more harmonics than the curve has are told apart, and so is how well they do then.
+    """
     import matplotlib.pyplot as plt
 
     with _style():
@@ -153,11 +157,12 @@ def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure
         response(branch, "rms", element, top, jumps=False, legend=False)
         x = np.array([row.value for row in report.rows])
         rms = branch.amplitude("rms", element)[[row.index for row in report.rows]]
-        for ok, name, colour in (
-            (True, "agrees with integration", "#1b7f5a"),
-            (False, "differs from integration", "#c01818"),
+        for kind, name, colour in (
+            ((True, False), "agrees with integration", "#1b7f5a"),
+            ((True, True), REFINED, "#b36b00"),
+            ((False, False), "differs from integration", "#c01818"),
         ):
-            which = np.array([row.ok == ok for row in report.rows], dtype=bool)
+            which = np.array([(row.ok, row.refined) == kind for row in report.rows], dtype=bool)
             if which.any():
                 top.plot(x[which], rms[which], "o", markersize=7, markerfacecolor="none", markeredgecolor=colour,
                          markeredgewidth=1.3, label=name, zorder=6, gid=name)  # fmt: skip
@@ -181,12 +186,17 @@ def _differences(ax: Axes, report: Report, x: Any) -> None:
     for name, marker, colour, label in kinds:
         y = np.array([max(getattr(row, name), 1e-16) for row in report.rows])
         ax.plot(x, y, marker, color=colour, markersize=4, markerfacecolor="none", label=label, gid=name)
+    finer = [row.refined for row in report.rows]
+    if any(finer):
+        y = np.array([row.refined_error for row in report.rows])
+        ax.plot(x[finer], y[finer], "*", color="#b36b00", markersize=7, markerfacecolor="none",
+                label="rms, harmonics with more harmonics", gid="refined_error")  # fmt: skip
     for level, name in ((report.tolerance, "tolerance"), (report.multiplier_tolerance, "tolerance of multipliers")):
         ax.axhline(level, color=GREY, linewidth=0.7, zorder=0, gid=name)
         ax.annotate(name, (0, level), (3, 2), xycoords=("axes fraction", "data"), textcoords="offset points",
                     fontsize=8, color=GREY)  # fmt: skip
     ax.set_yscale("log")
-    ax.set_ylabel("difference from time integration")
+    ax.set_ylabel("relative difference from time integration (-)")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=3)
 
 

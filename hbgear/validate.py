@@ -9,6 +9,10 @@ For each chosen point, from its harmonic-balance state y0 at tau = 0 and its mul
                   1 where the curve says stable and above 1 where it says unstable; v, l right and left eigenvectors of
                   the largest multiplier
 
+A point that disagrees is solved again with 2, 4 and 8 times the harmonics: if one of these motions agrees, the curve is
+right but for the harmonics it leaves out, and how much that is, is said. Only a motion that solves its own equations,
+with multipliers that are its own, gets this benefit.
+
 Integration is by DOP853 with the corners of the laws met exactly, in the coordinates of the model; it shares with
 harmonic balance only the matrices and the laws.
 """
@@ -18,9 +22,9 @@ from __future__ import annotations
 import csv
 import os
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy  # its parts are imported when they are first used
@@ -33,7 +37,7 @@ from hbgear.flow import Flow
 from hbgear.fourier import Array, ComplexArray, to_complex
 from hbgear.given import need, number
 from hbgear.model import describe
-from hbgear.newton import NoConvergence
+from hbgear.newton import NoConvergence, linearise, norm, solve
 from hbgear.receptance import Structure
 from hbgear.replacing import replacing
 from hbgear.shooting import Orbit, shoot
@@ -45,16 +49,20 @@ Progress = Callable[[float, str], None]
 LEAST = 1e-9
 """Smallest tolerance that time integration can decide on."""
 
+AGREES = "agrees"
+
 _TOLERANCE = 1e-11  # of the integration
 _HARMONICS = 5  # of the excitation that are compared
 _PERIODS = 3  # at most, over which growth is measured
 _DISTURBANCE = 1e-6  # relative to the state
+_DOUBLINGS = 3  # of the harmonics of a motion that differs
+_SOLVED = 1e-7  # residual, and distance of multipliers, of a motion that does solve its equations
 _AWAY = 0.02  # |mu - 1| of the points beside a fold: nearer, the motion at a given frequency is ill-conditioned
 
 
 @dataclass(frozen=True)
 class Check:
-    """One point held against time integration; differences are relative, see the module.
+    """One point of the curve as traced held against time integration; differences are relative, see the module.
 
     Parameters
     ----------
@@ -67,7 +75,9 @@ class Check:
     mu, mu_true : the largest multiplier of the branch and of the integrated variational equation.
     growth : measured growth of a disturbance per period, to be held against |mu|.
     stable : what the branch says; None if it has no multipliers.
-    verdict : "agrees", or what does not.
+    verdict : "agrees", "agrees with H = 32" if that took more harmonics than the curve has, or what does not agree.
+    harmonics : H of the motion that agrees; that of the curve, if none does.
+    refined_error : largest difference of rms and harmonics of the motion with more harmonics; nan if there is none.
     """
 
     index: int
@@ -88,11 +98,18 @@ class Check:
     growth: float
     stable: bool | None
     verdict: str
+    harmonics: int
+    refined_error: float
 
     @property
     def ok(self) -> bool:
-        """Whether it agrees."""
-        return self.verdict == "agrees"
+        """Whether it agrees, with more harmonics if need be."""
+        return self.verdict.startswith(AGREES)
+
+    @property
+    def refined(self) -> bool:
+        """Whether it took more harmonics than the curve has to agree."""
+        return self.ok and self.verdict != AGREES
 
 
 @dataclass(frozen=True)
@@ -107,13 +124,24 @@ class Report:
 
     @property
     def ok(self) -> bool:
-        """Whether every point agrees and all were checked."""
+        """Whether every point agrees, with more harmonics if need be, and all were checked."""
         return self.complete and bool(self.rows) and all(row.ok for row in self.rows)
 
     def __repr__(self) -> str:
-        good = sum(row.ok for row in self.rows)
-        end = "" if self.complete else ", interrupted"
-        return f"<Report: {good} of {len(self.rows)} points agree with time integration{end}>"
+        return f"<Report: {self.summary}>"
+
+    @property
+    def summary(self) -> str:
+        """How many points agree, and how far the curve as traced is off where more harmonics were needed."""
+        good, finer = sum(row.ok for row in self.rows), [row for row in self.rows if row.refined]
+        text = f"{good} of {len(self.rows)} points agree within {self.tolerance:g} with time integration"
+        if finer:
+            off = max(max(row.rms_error, row.harmonic_error) for row in finer)
+            H, rest = max(row.harmonics for row in finer), max(row.refined_error for row in finer)
+            text += (
+                f", {len(finer)} of them with more harmonics: as traced off by {off:.1e}, with H = {H} by {rest:.1e}"
+            )
+        return text + ("" if self.complete else "; interrupted")
 
     def table(self) -> tuple[list[str], list[list[str]]]:
         """Headers and rows of text."""
@@ -135,7 +163,8 @@ class Report:
 def _texts(row: Check) -> list[str]:
     numbers = [f"{x:.1e}" for x in (row.rms_error, row.pp2_error, row.harmonic_error, row.closure)]
     return [f"{row.index} {row.reason}", f"{row.value:.6g}", f"{row.rms:.6g}", *numbers, f"{abs(row.mu):.5f}",
-            f"{row.multiplier_error:.1e}", f"{row.growth:.5f}", row.verdict]  # fmt: skip
+            f"{row.multiplier_error:.1e}", f"{row.growth:.5f}",
+            f"{row.verdict} to {row.refined_error:.1e}" if row.refined else row.verdict]  # fmt: skip
 
 
 def validate(
@@ -328,55 +357,112 @@ def _farthest(branch: Branch, free: list[int], picked: dict[int, str]) -> int:
 # ---- one point
 
 
+class _Held(NamedTuple):
+    """One motion of harmonic balance, with H harmonics, against the periodic motion found by shooting from it."""
+
+    H: int
+    rows: list[Array]  # of each element
+    mu: ComplexArray
+    closure: float
+    orbit: Orbit | None = None
+    growth: float = float("nan")
+
+    def errors(self, orbit: Orbit) -> Array:
+        """Differences (m, 3) of rms, pp2 and harmonics from a motion found by shooting."""
+        return np.array([_differences(*pair, orbit.nu) for pair in zip(self.rows, orbit.rows(self.H), strict=True)])
+
+
 def _check(branch: Branch, problem: Any, i: int, reason: str, tolerance: float, limit: float) -> Check:
     here = branch.parameters_at(i)
     X, layout = branch.X[i], branch.layout
     assert layout is not None
-    Omega = here["Omega"]
+    stored = branch.multipliers[i] if branch.multipliers is not None else None
+    stored = None if stored is None or np.isnan(stored).any() else stored
+    stable = None if branch.multipliers is None else branch[i].stable
+
+    def judged(held: _Held) -> str:
+        return _verdict(held, stable, tolerance, limit)
+
+    own = last = _held(problem, X, stored, here)
+    verdict = judged(own)
+    if verdict != AGREES:
+        for finer, Y in _finer(problem, X, stored, here):
+            last = _held(finer, Y, None, here)
+            if judged(last) == AGREES:
+                verdict = f"{AGREES} with H = {last.H}"
+                break
+        else:
+            verdict += f", with H = {last.H} too" if last is not own else ""
+    refined = verdict.startswith(AGREES) and last is not own
+    judge = last if refined else own
+    orbit, nan = judge.orbit, float("nan")
+    errors = np.full((1, 3), nan) if orbit is None else own.errors(orbit)
+    worst = int(np.argmax(errors[:, 0]))
+    true_mu = np.array([complex(nan)]) if orbit is None else orbit.multipliers
+    return Check(
+        index=i,
+        reason=reason,
+        value=float(branch.values[i]),
+        Omega=here["Omega"],
+        element=layout.elements[worst],
+        rms=float(measures.rms(own.rows[worst])),
+        rms_true=nan if orbit is None else float(measures.rms(orbit.rows(own.H)[worst])),
+        closure=own.closure,
+        rms_error=float(errors[:, 0].max()),
+        pp2_error=float(errors[:, 1].max()),
+        harmonic_error=float(errors[:, 2].max()),
+        multiplier_error=nan if orbit is None else _apart(own.mu, true_mu),
+        sensitivity=nan if orbit is None else 1 / max(float(np.abs(true_mu - 1).min()), 1e-12),
+        mu=complex(own.mu[np.argmax(np.abs(own.mu))]),
+        mu_true=complex(true_mu[0]),
+        growth=judge.growth,
+        stable=stable,
+        verdict=verdict,
+        harmonics=judge.H,
+        refined_error=float(judge.errors(orbit)[:, [0, 2]].max()) if refined and orbit else nan,
+    )
+
+
+def _held(problem: Any, X: Array, mu: ComplexArray | None, here: dict[str, float]) -> _Held:
+    """A motion and what integration makes of it; without an orbit if none is found from it."""
     changes = {k: v for k, v in here.items() if k != "Omega"}
     model = problem.model.replace(**changes) if changes else problem.model
     y = state_of(problem, X, **here)
-    stored = branch.multipliers[i] if branch.multipliers is not None else None
-    mu = problem.multipliers(X, **here) if stored is None or np.isnan(stored).any() else stored
-    stable = None if stored is None else branch[i].stable
-    head = (i, reason, float(branch.values[i]), Omega)
-    closure = _closure(model, y, Omega, layout.nu)
-    rms = [float(measures.rms(layout.rows(X, j))) for j in range(len(layout.elements))]
-    top = mu[np.argmax(np.abs(mu))]
+    layout = problem.layout
+    rows = [layout.rows(X, j) for j in range(len(layout.elements))]
+    mu = problem.multipliers(X, **here) if mu is None else mu
+    closure = _closure(model, y, here["Omega"], problem.nu)
     try:
-        orbit = shoot(model, Omega, y, layout.nu, tolerance=10 * _TOLERANCE)
+        orbit = shoot(model, here["Omega"], y, problem.nu, tolerance=10 * _TOLERANCE)
     except (NoConvergence, ArithmeticError, np.linalg.LinAlgError):
-        nan = float("nan")
-        mus = complex(top), complex(nan)
-        verdict = "no periodic motion found from here"
-        return Check(
-            *head, layout.elements[0], rms[0], nan, closure, nan, nan, nan, nan, nan, *mus, nan, stable, verdict
-        )
-    true = orbit.rows(layout.harmonics)
-    errors = np.array([_differences(layout.rows(X, j), true[j], layout.nu) for j in range(len(true))])
-    worst = int(np.argmax(errors[:, 0]))
-    sensitivity = 1 / max(float(np.abs(orbit.multipliers - 1).min()), 1e-12)
-    apart = _apart(mu, orbit.multipliers)
-    growth = _growth(model, orbit)
-    verdict = _verdict(errors.max(axis=0), apart, growth, orbit, stable, tolerance, limit)
-    largest = errors.max(axis=0)
-    return Check(
-        *head,
-        element=layout.elements[worst],
-        rms=rms[worst],
-        rms_true=float(measures.rms(true[worst])),
-        closure=closure,
-        rms_error=float(largest[0]),
-        pp2_error=float(largest[1]),
-        harmonic_error=float(largest[2]),
-        multiplier_error=apart,
-        sensitivity=sensitivity,
-        mu=complex(top),
-        mu_true=complex(orbit.multipliers[0]),
-        growth=growth,
-        stable=stable,
-        verdict=verdict,
-    )
+        return _Held(problem.H, rows, mu, closure)
+    return _Held(problem.H, rows, mu, closure, orbit, _growth(model, orbit))
+
+
+def _finer(problem: Any, X: Array, mu: ComplexArray | None, here: dict[str, float]) -> Iterator[tuple[Any, Array]]:
+    """The same motion with 2, 4, ... times the harmonics, solved from the one before.
+
+    Nothing, if it is not the number of harmonics that is to blame: X does not solve the equations with those it has, or
+    mu are not its multipliers.
+    """
+    layout = problem.layout
+    rows = np.array([layout.rows(X, j) for j in range(len(layout.elements))])
+    used = (int(np.flatnonzero(rows.any(axis=0)).max(initial=1)) + 1) // 2  # fewer in places, if H varies on the curve
+    own = problem if used == problem.H else problem.with_order(problem.nu, used)
+    X = own.converted(X, layout)
+    now = linearise(own, X, "", here)
+    if not norm(now.R) <= _SOLVED * now.size:
+        return
+    if mu is not None and not _apart(mu, own.multipliers(X, **here)) <= _SOLVED * max(1.0, float(np.abs(mu).max())):
+        return
+    for _ in range(_DOUBLINGS):
+        finer = own.with_order(own.nu, 2 * own.H)
+        try:
+            X = solve(finer, finer.converted(X, own.layout), here).X
+        except NoConvergence:
+            return
+        own = finer
+        yield own, X
 
 
 def _closure(model: Any, y: Array, Omega: float, nu: int) -> float:
@@ -421,21 +507,22 @@ def _growth(model: Any, orbit: Orbit) -> float:
     return float(abs(last / first) ** (1 / periods))
 
 
-def _verdict(
-    errors: Array, apart: float, growth: float, orbit: Orbit, stable: bool | None, tolerance: float, limit: float
-) -> str:
-    """What does not agree, or "agrees"."""
+def _verdict(held: _Held, stable: bool | None, tolerance: float, limit: float) -> str:
+    """What does not agree, or `AGREES`."""
+    if held.orbit is None:
+        return "no periodic motion found from here"
+    errors = held.errors(held.orbit).max(axis=0)
     wrong = [
         name
         for name, error, allowed in zip(("rms", "pp2", "harmonics"), errors, (1, 10, 1), strict=True)
         if not error <= allowed * tolerance
     ]
-    if not apart <= limit:
+    if not _apart(held.mu, held.orbit.multipliers) <= limit:
         wrong.append("multipliers")
     wrong = [f"{', '.join(wrong)} differ{'s' if wrong in (['rms'], ['pp2']) else ''}"] if wrong else []
-    largest = abs(orbit.multipliers[0])
+    largest, growth = abs(held.orbit.multipliers[0]), held.growth
     if not abs(growth - largest) <= 1e-3 * max(1.0, largest) + limit:
         wrong.append("growth is not that of the multiplier")
     if stable is not None and (growth <= 1 + NEUTRAL) != stable and abs(growth - 1) > min(limit, 1e-5):
         wrong.append("it leaves" if stable else "it stays")
-    return ", ".join(wrong) or "agrees"
+    return ", ".join(wrong) or AGREES

@@ -156,8 +156,8 @@ class DoubleHelicalPair(Model):
     mesh_helix: Literal["pitch", "base"] = "pitch"
 
     labels: ClassVar[Mapping[str, str]] = {
-        "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$",
-        "amplitude": r"$d / b_c$",
+        "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
+        "amplitude": r"$d / b_c$ [-]",
         "I_p": r"$I_p$ [kg m$^2$]",
         "I_g": r"$I_g$ [kg m$^2$]",
         "m_p": r"$m_p$ [kg]",
@@ -194,7 +194,7 @@ class DoubleHelicalPair(Model):
         "poisson": r"Poisson's ratio $\nu$",
         "torque": r"torque per pinion half $T$ [N m]",
         "b_c": r"average half backlash $b_c$ [m]",
-        "W": r"change of backlash $W$",
+        "W": r"change of backlash $W$ [-]",
         "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
         "e_scale": r"factor of the error amplitudes $e_l$",
         "e_phase": r"lag of the error [rad]",

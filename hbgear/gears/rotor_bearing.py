@@ -28,7 +28,8 @@ class GearRotorBearing(Model):
     rotation r_1 theta_1 - r_2 theta_2. With the coordinates q = (y_1, y_2, x), the first equation over mu_1 and the
     second over mu_2, M = diag(1/mu_1, 1/mu_2, 1) and the mesh has the direction (1, -1, 1): all is symmetric.
 
-    Units are as for `SpurPair`: a length b_c, the mass m_c of the pair, time 1/omega_n = sqrt(m_c/k_mean). In the
+    Units are as for `SpurPair`: all lengths (y_1, y_2, p, e_l, b, b_1, b_2) over the half backlash b_c, Omega the mesh
+    frequency over omega_n = sqrt(k_mean/m_c), m_c the mass of the pair, time in 1/omega_n, F_m over k_mean b_c. In the
     symbols usual for this model: zeta_1 = zeta_11, zeta = zeta_33, kappa_1 = kappa_11, mu_1 = kappa_13, and
     zeta_13 = mu_1 zeta, which is no number of its own, since the same mesh damper acts on the pinion and on the
     rotation; likewise for the gear. F_1 and F_2 are F_b1 and F_b2, with signs such that both add to the mesh load.
@@ -51,7 +52,7 @@ class GearRotorBearing(Model):
     zeta_1, zeta_2 : bearing dampers c_i/(2 m_i omega_n), >= 0.
     kappa_1, kappa_2 : bearing stiffness k_i/(m_i omega_n^2) with the shaft in it, > 0.
     mu_1, mu_2 : mass ratios m_c/m_i, > 0; as they go to zero the gears stand still and the pair is a `SpurPair`.
-    F_m : mean load of the mesh.
+    F_m : mean load of the mesh, over k_mean b_c.
     F_1, F_2 : preloads of the bearings F_i/(m_i b_c omega_n^2), positive as the loaded mesh pushes the gears.
     eps : (L,) amplitudes of the mesh stiffness, of any length; () for a constant one.
     e : (L,) amplitudes of the transmission error, of any length.
@@ -90,21 +91,21 @@ class GearRotorBearing(Model):
     e_scale: float = 1.0
 
     labels: ClassVar[Mapping[str, str]] = {
-        "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$",
-        "amplitude": r"$d / b_c$",
+        "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
+        "amplitude": r"$d / b_c$ [-]",
         "zeta": r"damping ratio $\zeta$",
-        "zeta_1": r"bearing damper $\zeta_1$",
-        "zeta_2": r"bearing damper $\zeta_2$",
-        "kappa_1": r"bearing stiffness $\kappa_1$",
-        "kappa_2": r"bearing stiffness $\kappa_2$",
+        "zeta_1": r"bearing damper $\zeta_1$ [-]",
+        "zeta_2": r"bearing damper $\zeta_2$ [-]",
+        "kappa_1": r"bearing stiffness $\kappa_1$ [-]",
+        "kappa_2": r"bearing stiffness $\kappa_2$ [-]",
         "mu_1": r"mass ratio $\mu_1 = m_c/m_1$",
         "mu_2": r"mass ratio $\mu_2 = m_c/m_2$",
-        "F_m": r"mean load $F_m$",
-        "F_1": r"bearing preload $F_1$",
-        "F_2": r"bearing preload $F_2$",
-        "b": r"half backlash $b$",
-        "b_1": r"half bearing clearance $b_1$",
-        "b_2": r"half bearing clearance $b_2$",
+        "F_m": r"mean load $F_m$ [-]",
+        "F_1": r"bearing preload $F_1$ [-]",
+        "F_2": r"bearing preload $F_2$ [-]",
+        "b": r"half backlash $b$ [-]",
+        "b_1": r"half bearing clearance $b_1$ [-]",
+        "b_2": r"half bearing clearance $b_2$ [-]",
         "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
         "e_scale": r"factor of the error amplitudes $e_l$",
     }

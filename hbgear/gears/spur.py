@@ -76,16 +76,27 @@ class SpurPair(Model):
     error: q'' = F_m - 2 zeta x' - k f(x) and q'' = x'' + e'' with -e'' = sum_l (l Omega)^2 e_l cos(l tau). The element
     coordinate is d = q - e = x.
 
+    Units, for a pair of mass m_c, mean mesh stiffness k_mean and half backlash b_c:
+
+        x, e_l, b          lengths over b_c: b = 1, and the teeth part at x = 1 and meet on their backs at x = -1
+        Omega              mesh frequency over omega_n = sqrt(k_mean/m_c); time is in 1/omega_n
+        F_m                force over k_mean b_c: the static deflection of the mesh in half backlashes
+        zeta               mesh damper over 2 m_c omega_n
+        eps_l              stiffness over k_mean
+
+    With J the moment of inertia and r the base radius of each gear, m_c = 1/(r_1^2/J_1 + r_2^2/J_2). Another b keeps
+    b_c as the unit of length, to change the backlash alone.
+
     The defaults are one of the cases of Kahraman & Singh: e_1 Omega^2 is their F_ah omega_eh^2 with F_ah = 0.05.
 
     Parameters
     ----------
     zeta : damping ratio of the mesh, >= 0.
-    F_m : mean load.
+    F_m : mean load, over k_mean b_c.
     eps : (L,) amplitudes of the mesh stiffness, of any length; () for a constant one.
-    e : (L,) amplitudes of the transmission error, of any length.
+    e : (L,) amplitudes of the transmission error over b_c, of any length.
     phase : "cos" or "sin", of the transmission error.
-    b : half backlash, >= 0.
+    b : half backlash over b_c, >= 0.
     eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
 
     Raises
@@ -108,11 +119,11 @@ class SpurPair(Model):
     e_scale: float = 1.0
 
     labels: ClassVar[Mapping[str, str]] = {
-        "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$",
-        "amplitude": r"$x$",
+        "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
+        "amplitude": r"$x$ [-]",
         "zeta": r"damping ratio $\zeta$",
-        "F_m": r"mean load $F_m$",
-        "b": r"half backlash $b$",
+        "F_m": r"mean load $F_m$ [-]",
+        "b": r"half backlash $b$ [-]",
         "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
         "e_scale": r"factor of the error amplitudes $e_l$",
     }

@@ -99,10 +99,35 @@ def test_a_wrong_verdict_on_stability_is_found(pair):
         assert words != row.verdict and ("it leaves" if i == middle else "it stays") in row.verdict
 
 
-def test_few_harmonics_fail_a_sharp_tolerance():
+def test_few_harmonics_are_confirmed_with_more_and_their_error_is_said():
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 5), "Omega", (1.0, 0.9))
-    assert not validate(curve, 3, 1e-6).ok
-    assert validate(curve, 3, 1e-2).ok
+    found = validate(curve, 3, 1e-6)
+    assert found.ok and all(row.refined and row.harmonics > 5 for row in found.rows)
+    for row in found.rows:
+        assert row.refined_error < 1e-6 < max(row.rms_error, row.harmonic_error)
+        assert row.rms == curve.amplitude("rms")[row.index]  # what is shown is the curve as traced
+        assert row.rms_error == pytest.approx(abs(row.rms / row.rms_true - 1), rel=1e-6)
+    assert "3 of them with more harmonics" in repr(found)
+    top, low = plot_time.validation(found, curve).axes
+    marks = {line.get_gid(): line for line in (*top.lines, *low.lines)}
+    assert len(marks[plot_time.REFINED].get_xdata()) == 3 and "agrees with integration" not in marks
+    np.testing.assert_array_equal(marks["refined_error"].get_ydata(), [row.refined_error for row in found.rows])
+    plt.close("all")
+    assert all(row.verdict == "agrees" for row in validate(curve, 3, 1e-2).rows)
+
+
+def test_a_curve_whose_harmonics_vary_is_refined_too():
+    problem = hb.HarmonicBalance(hb.SpurPair(), "auto", tolerance=1e-3)
+    (row,) = validate(hb.trace(problem, "Omega", (1.0, 0.9)), [5], 1e-5).rows
+    assert row.refined and row.refined_error < 1e-5
+
+
+def test_the_default_harmonics_beside_the_fold_of_the_double_helical_pair():
+    """A motion 6e-7 beside LP1 is nearly singular: 16 harmonics are off by more than 1e-4 there, 32 are not."""
+    curve = hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05)), "Omega", (0.87, 0.8453693))
+    (row,) = validate(curve, [-1]).rows
+    assert row.verdict == "agrees with H = 32" and row.refined and row.Omega == 0.8453693
+    assert row.refined_error < 1e-4 < row.harmonic_error
 
 
 # ---- which points

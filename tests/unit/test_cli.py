@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from scipy.io import loadmat
 
 import hbgear as hb
 from hbgear import cli, cli_support
-from hbgear.study_file import read_study
 
 REPOSITORY = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])}  # whether installed or not
@@ -426,39 +426,6 @@ def test_singular_and_ill_formed_matrices():
         hb.System(np.diag([1.0, np.nan]), None, np.eye(2), [gap])
 
 
-# ---- what the README promises
-
-
-def readme_blocks(language="python"):
-    text = (REPOSITORY / "README.md").read_text(encoding="utf-8")
-    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
-
-
-@pytest.mark.parametrize(
-    ("block", "jumps"), [(0, []), (1, []), (2, [1.04625, 1.04272]), (3, [1.04164, 1.03893]), (4, []), (5, [])]
-)
-def test_readme_python_runs(block, jumps, tmp_path, monkeypatch, capsys):
-    assert len(readme_blocks()) == 6
-    monkeypatch.chdir(tmp_path)
-    exec(compile(readme_blocks()[block], "README.md", "exec"), {"__name__": "__main__"})
-    printed = [float(x) for x in re.findall(r"Omega = ([\d.]+)", capsys.readouterr().out)]
-    assert printed == pytest.approx(jumps, abs=2e-5)
-
-
-def test_readme_study_file_is_one(tmp_path):
-    (file,) = readme_blocks("toml")
-    (tmp_path / "a.toml").write_text(file, encoding="utf-8")
-    study = read_study(tmp_path / "a.toml")
-    assert study.vary.size == 200 and study.model == hb.DoubleHelicalPair(zeta=0.055)
-
-
-def test_ci_runs_the_test_command_of_the_readme():
-    readme, script = ((REPOSITORY / name).read_text(encoding="utf-8") for name in ("README.md", ".ci/run"))
-    pattern = re.search(r"grep -m 1 '(.*?)' README.md", script)
-    assert pattern and re.search(pattern[1], readme, re.MULTILINE)
-    assert os.access(REPOSITORY / ".ci/run", os.X_OK)
-
-
 # ---- digits
 
 
@@ -551,3 +518,14 @@ def test_shell_completion(run, saved, monkeypatch, typed, offered):
     monkeypatch.setenv("COMP_CWORD", str(len(words.split(" ")) - 1))
     code, out, err = run()
     assert (code, err) == (0, "") and out.split() == offered
+
+
+# ---- help
+
+
+@pytest.mark.parametrize("name", sorted(typer.main.get_command(cli.app).commands))
+def test_help_names_only_options_of_its_own_command(name):
+    command = typer.main.get_command(cli.app).commands[name]
+    texts = [command.help, *(getattr(parameter, "help", "") for parameter in command.params)]
+    own = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
+    assert {option for text in texts for option in re.findall(r"--[a-z][a-z-]*", text or "")} <= own

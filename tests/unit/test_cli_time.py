@@ -1,6 +1,7 @@
 """The commands validate and sweep."""
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,10 +41,21 @@ def test_validate_agrees_and_writes_both_files(run, saved):
     assert os.path.getsize("report.png") > 10_000
 
 
-def test_validate_ends_with_1_where_a_point_disagrees(run):
+def test_validate_confirms_with_more_harmonics_and_says_how_far_off_the_curve_is(run):
     assert run("trace duffing --harmonics 1 --from 1.0 --to 1.2 -o coarse.npz")[0] == 0
-    code, out, err = run("validate coarse.npz --points 3")
-    assert (code, err) == (1, "") and "agree within 0.0001" in out and "3 of 3" not in out
+    code, out, err = run("validate coarse.npz --points 3 -o report.csv --plot report.png")
+    assert (code, err) == (0, "") and "3 of 3 points agree within 0.0001" in out
+    assert "3 of them with more harmonics: as traced off by" in out and "agrees with H = 4 to" in out
+    table = np.genfromtxt("report.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    assert (table["harmonic_error"] > 1e-4).all() and (table["refined_error"] < 1e-4).all()
+    assert (table["harmonics"] > 1).all()
+
+
+def test_validate_ends_with_1_where_a_point_disagrees(run, saved):
+    curve = hb.load(saved)
+    replace(curve, X=curve.X * (1 + 1e-3)).save("wrong.npz")
+    code, out, err = run("validate wrong.npz --points 3")
+    assert (code, err) == (1, "") and "0 of 3 points agree within 0.0001" in out and "more harmonics" not in out
 
 
 def test_sweep_brackets_the_folds_of_the_curve_it_is_drawn_on(run):

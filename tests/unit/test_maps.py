@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import hbgear as hb
 from hbgear import Duffing, Fold, HarmonicBalance, SpurPair, trace
 from hbgear.maps import Arm, NoFold, critical, jump_map
 
@@ -177,3 +178,18 @@ def test_folds_of_the_critical_value_can_be_followed_on(problem, in_zeta):
     back = trace(Fold(problem), "zeta", SPAN, in_zeta.folds[len(in_zeta.folds) - 1])
     assert [p.kind for p in back.special] == ["CP"]
     assert back["CP1"].parameters["zeta"] == pytest.approx(in_zeta.value, abs=1e-8)
+
+
+def test_a_number_of_harmonics_that_varies_is_refused():
+    """Before the work: a fold of one number of harmonics is no start for another."""
+    auto = hb.HarmonicBalance(hb.Duffing(), "auto")
+    for call in (
+        lambda: hb.jump_map(auto, "zeta", (0.04, 0.05)),
+        lambda: hb.critical(auto, "zeta"),
+        lambda: hb.trace_all(auto, (0.5, 1.6)),
+    ):
+        with pytest.raises(ValueError, match=r"one number of harmonics throughout, not 'auto'; give harmonics="):
+            call()
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.9, 1.3), stability=False)
+    with pytest.raises(ValueError, match=r"the start has 11 coefficients, this problem 15: .* Fold\(curve.problem"):
+        hb.trace(hb.Fold(hb.HarmonicBalance(hb.Duffing(), 7), "Omega"), "zeta", (0.04, 0.05), curve["LP1"])

@@ -76,7 +76,8 @@ def test_jumps_are_counted(hard):
 def test_numbers_against_parameters(hard):
     figure = plot_cases.against_parameters(hard)
     peak, jumps = figure.axes
-    assert jumps.get_xlabel() == hb.Duffing.labels["zeta"] and peak.get_ylabel() == "largest half peak-to-peak\nof $x$"
+    assert jumps.get_xlabel() == hb.Duffing.labels["zeta"]
+    assert peak.get_ylabel() == "largest half peak-to-peak\nof $x$ [-]"
     np.testing.assert_allclose(peak.lines[0].get_xydata(), np.array([HARD, hard.table["peak"]]).T)
     assert {line.get_gid(): len(line.get_xdata()) for line in jumps.lines} == {"jump_rising": 2, "jump_falling": 2}
 
