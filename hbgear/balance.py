@@ -35,7 +35,8 @@ from hbgear.fourier import (
 )
 from hbgear.laws import Law, PiecewiseLinear
 from hbgear.model import Model, System, describe, did_you_mean
-from hbgear.newton import Evaluation, Evaluations, NoConvergence, norms, solve, solve_from_afar
+from hbgear.newton import Evaluation, Evaluations, NoConvergence, norms, solve, solve_from_afar, unit_of
+from hbgear.ranges import ANY, POSITIVE, Range
 from hbgear.receptance import LinearPart, Receptance, Structure
 from hbgear.stability import multipliers, multipliers_of
 from hbgear.start import guesses
@@ -207,6 +208,10 @@ class HarmonicBalance:
         known = ("Omega", *self._own)
         if name not in known:
             raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
+
+    def range_of(self, name: str) -> Range:
+        """Values a parameter may have; Omega is positive."""
+        return POSITIVE if name == "Omega" else self.model.ranges.get(name, ANY)
 
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
         """The same model with another subharmonic order; by default harmonics reach the same frequency."""
@@ -384,7 +389,7 @@ class HarmonicBalance:
     def _difference(self, X: Array, name: str, parameters: dict[str, float]) -> Array:
         """dR/dname by central difference; one-sided where the model's range ends."""
         value = parameters.get(name, self.parameters.get(name, 0.0))
-        h = 1e-6 * (abs(value) or 1.0)
+        h = 1e-6 * unit_of(self, name, value)
         sides: list[tuple[float, Array]] = []
         for v in (value + h, value - h):
             try:

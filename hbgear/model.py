@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from hbgear.fourier import Array, Series
 from hbgear.laws import Law
+from hbgear.ranges import ANY, Range, checked
 
 Matrix: TypeAlias = Any
 
@@ -41,18 +42,20 @@ class Model(ABC):
     """A frozen dataclass that describes a machine and builds its `System`.
 
     Its float fields are its parameters: each can be continued in, set on the command line, and is checked for being
-    finite. A subclass checks its own ranges in ``__post_init__`` after calling this one's.
+    a finite number within its range in `ranges`. What depends on several fields a subclass checks in ``__post_init__``
+    after calling this one's.
     """
 
     labels: ClassVar[Mapping[str, str]] = {}
     """Axis labels ``{"Omega": ..., "amplitude": ...}`` and, by name, of any parameter: symbol and unit."""
     default_span: ClassVar[tuple[float, float]] = (0.5, 1.5)
     """Range of Omega a response curve is traced over when the user gives none."""
+    ranges: ClassVar[Mapping[str, Range]] = {}
+    """Values a parameter may have, by name: ``{"zeta": Range(low=0)}``. Searches and curves end there."""
 
     def __post_init__(self) -> None:
         for name, value in self.parameters.items():
-            if isinstance(value, bool) or not np.isfinite(value):
-                raise ValueError(f"{type(self).__name__}: {name} = {value!r} must be a finite number")
+            checked(type(self).__name__, name, value, self.ranges.get(name, ANY))
 
     @abstractmethod
     def system(self) -> System:

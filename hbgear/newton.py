@@ -100,6 +100,12 @@ def norms(x: Array) -> Array:
     return np.sqrt(np.einsum("ij,ij->i", flat, flat))
 
 
+def unit_of(problem: Any, name: str, value: float) -> float:
+    """Size against which a change of a parameter is small: its value, but near zero no less than 1e-3 of the problem's."""
+    own = getattr(problem, "parameters", {}).get(name, 0.0)
+    return max(abs(value), 1e-3 * abs(own)) or 1.0
+
+
 def linearise(problem: Any, X: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:
     """R, dR/dX, dR/dname (zeros without a name) and the size of R's terms, from whatever the problem offers."""
     if hasattr(problem, "linearise"):
