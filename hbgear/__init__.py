@@ -11,6 +11,7 @@ from hbgear.augmented import Fold, Grazing, Peak, PeriodDoubling
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status, load
 from hbgear.cases import Cases, cases
+from hbgear.doubts import Unlikely
 from hbgear.fourier import Series
 from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
 from hbgear.isolated import Survey, trace_all
@@ -20,6 +21,7 @@ from hbgear.model import Element, Load, Model, System
 from hbgear.newton import NoConvergence, Settings
 from hbgear.oscillators import Duffing
 from hbgear.peaks import peaks
+from hbgear.ranges import Range
 from hbgear.reduction import Reduction, reduce
 from hbgear.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.shooting import shoot
@@ -55,6 +57,7 @@ __all__ = [
     "PeriodDoubling",
     "PiecewiseLinear",
     "Point",
+    "Range",
     "Reduction",
     "Series",
     "Settings",
@@ -65,6 +68,7 @@ __all__ = [
     "Survey",
     "System",
     "Unilateral",
+    "Unlikely",
     "__version__",
     "basins",
     "cases",

@@ -106,7 +106,11 @@ def value_of(what: str, text: str, kind: Any) -> Any:
     if kind is float:
         return number_of(what, text)
     if typing.get_origin(kind) is tuple:
-        return tuple(number_of(what, part) for part in re.split(r"[,\s]+", text.strip("()[] ")) if part)
+        inner = text.strip("()[] ").removesuffix(",").strip()
+        parts = re.split(r"\s*,\s*|\s+", inner) if inner else []
+        if "" in parts:
+            raise ValueError(f"{what}={text}: a number is missing between two commas")
+        return tuple(number_of(what, part) for part in parts)
     return text
 
 

@@ -24,6 +24,7 @@ from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Point, Status
 from hbgear.fourier import Array, to_complex, to_real
 from hbgear.newton import NoConvergence, Settings, solve, solve_linear
+from hbgear.ranges import counted
 from hbgear.stride import Steps
 from hbgear.trace import trace
 
@@ -81,6 +82,7 @@ def trace_all(
         If no frequency lies within the span.
     """
     low, high = sorted(map(float, span))
+    counted("guesses", guesses, 100_000, least=0)
     places = _places(frequencies, low, high)
     search = _Search(problem, (float(span[0]), float(span[1])), steps, stability, report)
     search.main()
@@ -93,7 +95,8 @@ def trace_all(
 
 
 def _places(frequencies: Sequence[float] | int, low: float, high: float) -> list[float]:
-    if isinstance(frequencies, int):
+    if isinstance(frequencies, int | np.integer):
+        counted("frequencies", frequencies, 10_000, least=0)
         return [float(x) for x in low + (high - low) * (np.arange(frequencies) + 0.5) / max(frequencies, 1)]
     places = [float(x) for x in frequencies]
     if not places or not all(low <= x <= high for x in places):

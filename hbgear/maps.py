@@ -21,6 +21,7 @@ from hbgear.branch import Branch, Point, SpecialPoint, joined, replacing
 from hbgear.fourier import Array
 from hbgear.model import Model
 from hbgear.newton import NoConvergence, solve
+from hbgear.ranges import counted
 from hbgear.stride import Steps
 from hbgear.trace import trace
 
@@ -145,7 +146,7 @@ def jump_map(
     Raises
     ------
     ValueError
-        If the parameter is Omega, the span empty or outside the range of the parameter, or seeds < 2.
+        If the parameter is Omega, the span empty or outside the range of the parameter, or seeds not from 2 to 1000.
     KeyError
         If the model has no such parameter.
     """
@@ -156,8 +157,7 @@ def jump_map(
         raise ValueError(f"span = {span}: need two different finite values of {parameter}")
     if low not in (allowed := problem.range_of(parameter)) or high not in allowed:
         raise ValueError(f"span = {span}: {parameter} must {allowed}")
-    if seeds < 2:
-        raise ValueError(f"seeds = {seeds}: need at least 2 response curves")
+    counted("seeds", seeds, 1000, least=2)
     folds: list[Branch] = []
     for value in _spread(low, high, seeds):
         say(report, f"response curve at {parameter} = {value:.5g}")

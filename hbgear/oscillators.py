@@ -44,6 +44,7 @@ class Duffing(Model):
     }
     default_span: ClassVar[tuple[float, float]] = (0.5, 1.6)
     ranges: ClassVar[Mapping[str, Range]] = {"zeta": NOT_NEGATIVE}
+    usual: ClassVar[Mapping[str, Range]] = {"zeta": Range(0, 1)}
 
     def system(self) -> System:
         """One coordinate x; the linear spring in K, the cubic one as the element."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any
 
 _INSIDE = 1e-3  # how far from an end that does not belong to the range searches stop, as a share of the way to it
@@ -53,6 +53,20 @@ class Range:
         if value >= self.below:
             return self.below - _INSIDE * (self.below - inside)
         return value
+
+
+def counted(name: str, number: Any, most: int | None = None, least: int = 1) -> int:
+    """A whole number from ``least`` to ``most``.
+
+    Raises
+    ------
+    ValueError
+    """
+    if isinstance(number, bool) or not isinstance(number, Integral) or number < least:
+        raise ValueError(f"{name} = {number!r} must be a whole number of at least {least}")
+    if most is not None and number > most:
+        raise ValueError(f"{name} = {number:,} is more than {most:,}, which is the most there can be")
+    return int(number)
 
 
 ANY = Range()

@@ -135,11 +135,11 @@ class Structure:
         self.kr = np.array([e.law.reference for e in system.elements])
         self.c = np.array([e.damping for e in system.elements])
         self._check_directions()
-        self.large = scipy.sparse.issparse(system.K) and self.n > MODAL_LIMIT
+        self.large = self.n > MODAL_LIMIT
         if self.large:
-            Ws = scipy.sparse.csr_array(self.W)
-            self.M, self.K = system.M, system.K + Ws @ scipy.sparse.diags_array(self.kr) @ Ws.T
-            self.C = system.C + Ws @ scipy.sparse.diags_array(self.c) @ Ws.T
+            Ws, M, C, K = (scipy.sparse.csr_array(A) for A in (self.W, system.M, system.C, system.K))
+            self.M, self.K = M, K + Ws @ scipy.sparse.diags_array(self.kr) @ Ws.T
+            self.C = C + Ws @ scipy.sparse.diags_array(self.c) @ Ws.T
             self.modes: Modes | None = None
             return
         self.M = _dense(system.M)

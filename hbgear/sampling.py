@@ -18,6 +18,7 @@ import numpy as np
 
 from hbgear.fourier import Array
 from hbgear.model import did_you_mean
+from hbgear.ranges import counted
 
 METHODS = ("latin-hypercube", "monte-carlo")
 
@@ -115,8 +116,10 @@ def monte_carlo(count: int, seed: int = 0, /, **distributions: Sequence[Any]) ->
 
 
 def _sample(method: str, count: int, seed: int, distributions: Mapping[str, Sequence[Any]]) -> Sample:
-    if count < 1 or not distributions:
-        raise ValueError(f"a sample of {count} cases in {len(distributions)} parameters: need at least one of both")
+    counted("count", count, 10_000_000)
+    counted("seed", seed, least=0)
+    if not distributions:
+        raise ValueError(f"a sample of {count} cases in no parameter: name at least one, as in zeta=('uniform', 0.04, 0.06)")
     for each in distributions.values():
         distribution(each)
     return Sample(method, count, seed, {name: tuple(each) for name, each in distributions.items()})

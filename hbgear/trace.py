@@ -18,6 +18,7 @@ import numpy as np
 
 from hbgear.arc import Arc, Departure, Row, cosine, normal_of, row_of, without_evaluation
 from hbgear.branch import Branch, Point, Status
+from hbgear.doubts import of_gaps
 from hbgear.fourier import Array
 from hbgear.jumps import find_jumps
 from hbgear.newton import NoConvergence, Settings, correct, norm, norms, observe_all, solve
@@ -98,6 +99,8 @@ class _Tracer:
         self.a, self.b = _checked_span(parameter, span, self.range)
         self.landed: float | None = None  # end of the parameter's range that the last row was put on
         self.fixed = self._fixed(start, at)
+        if hasattr(problem, "check_frequency"):
+            problem.check_frequency(max(self.a, self.b) if parameter == "Omega" else self.fixed["Omega"])
         self.sense = 1.0 if self.b > self.a else -1.0
         self.rows: list[Row] = []
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
@@ -238,6 +241,9 @@ class _Tracer:
         self._settle()
         rows, marks = self._record()
         branch = branch_of(self.problem, self.name, self.fixed, rows, marks, status, message, meta)
+        if self.name == "Omega" and hasattr(self.problem, "clearance_names"):
+            clearances = [row.observed["clearance"] for row in rows if "clearance" in row.observed]
+            of_gaps(self.problem.clearance_names, np.array(clearances), branch.amplitude("pp2"))
         if not (self.stability and self.special):
             return branch
         try:

@@ -210,6 +210,24 @@ class DoubleHelicalPair(Model):
         "poisson": Range(above=-1, high=0.5),
         "W": Range(low=-1),  # where the half backlash b_c (1 + W) is zero
     }
+    usual: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(("I_p", "I_g"), Range(1e-8, 1e6)),
+        **dict.fromkeys(("m_p", "m_g"), Range(1e-4, 1e6)),
+        **dict.fromkeys(("outer_p", "outer_g", "shaft_length", "face_width"), Range(1e-3, 10)),
+        "module": Range(1e-4, 0.1),
+        "alpha_n_deg": Range(5, 45),
+        "phi_deg": Range(-360, 360),
+        "k_mean": Range(1e5, 1e12),
+        "zeta": Range(0, 1),
+        "E": Range(1e8, 1e12),
+        "torque": Range(-1e8, 1e8),
+        "b_c": Range(1e-7, 5e-3),
+        "W": Range(-1, 100),
+        "eps": Range(-1, 1),
+        "e": Range(-20, 20),
+        "e_phase": Range(-2 * pi, 2 * pi),
+        "stagger": Range(-2 * pi, 2 * pi),
+    }
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -114,6 +114,14 @@ class GearRotorBearing(Model):
         _NOT_NEGATIVE, NOT_NEGATIVE
     )
 
+    usual: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(("zeta", "zeta_1", "zeta_2"), Range(0, 1)),
+        **dict.fromkeys(("F_m", "F_1", "F_2"), Range(-20, 20)),
+        **dict.fromkeys(("b", "b_1", "b_2"), Range(0, 100)),
+        "eps": Range(-1, 1),
+        "e": Range(-20, 20),
+    }
+
     def __post_init__(self) -> None:
         super().__post_init__()
         checked_phase("GearRotorBearing", self.phase)

@@ -119,6 +119,9 @@ class SpurPair(Model):
     }
     default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = {"zeta": NOT_NEGATIVE, "b": NOT_NEGATIVE}
+    usual: ClassVar[Mapping[str, Range]] = {
+        "zeta": Range(0, 1), "F_m": Range(-20, 20), "b": Range(0, 100), "eps": Range(-1, 1), "e": Range(-20, 20),
+    }  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -3,7 +3,7 @@
 import pytest
 
 import hbgear as hb
-from hbgear.study_file import StudyFileError, line_of, read_study
+from hbgear.study_file import StudyFileError, line_of, lines_of, read_study
 
 GOOD = """model = "double-helical"
 [base]
@@ -87,7 +87,7 @@ def test_files_that_are_no_text(tmp_path):
 
 def test_lines_of_values_of_several_lines():
     text = 'a = """\nb = 1\n"""\n\n[t]\nb = [1,\n 2]\nc = 3\n'
-    assert [line_of(text, place) for place in (("a",), ("t",), ("t", "b", 1), ("t", "c"), ("t", "no"))] == [
+    assert [line_of(lines_of(text), place) for place in (("a",), ("t",), ("t", "b", 1), ("t", "c"), ("t", "no"))] == [
         1,
         5,
         6,
