@@ -116,7 +116,8 @@ class HarmonicBalance:
     Raises
     ------
     ValueError
-        If H < nu, N < 2H + 1, nu < 1, there are more unknowns than memory, or the model cannot move periodically (singular M, unbalanced load).
+        If H < nu, N < 2H + 1, nu < 1, there are too many unknowns or samples, or the model cannot move periodically
+        (singular M, unbalanced load).
 
     Notes
     -----

@@ -40,6 +40,7 @@ from hbgear.cli_support import (
     point_of,
     print_table,
     problem_of,
+    ranges_of,
     save_branch,
     say,
     show_branch,
@@ -110,7 +111,7 @@ def models() -> None:
     rows = []
     for name, cls in catalogue.MODELS.items():
         values = ", ".join(f"{f.name}={text_of(f.default)}" for f in dataclasses.fields(cls))  # type: ignore[arg-type]
-        rows.append([f"{name}\n{cls.__name__}", f"{summary_of(cls)}\n{equation_of(cls)}\n{values}\n"])
+        rows.append([f"{name}\n{cls.__name__}", f"{summary_of(cls)}\n{equation_of(cls)}\n{values}\n{ranges_of(cls)}\n"])
     print_table(["model", "equation, parameters with defaults (change them with --set)"], rows)
 
 

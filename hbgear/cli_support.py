@@ -413,6 +413,14 @@ def summary_of(cls: type) -> str:
     return (inspect.getdoc(cls) or "").splitlines()[0].partition(";")[0].rstrip(".")
 
 
+def ranges_of(cls: type[hb.Model]) -> str:
+    """What the values of its parameters must be, the parameters of one range together."""
+    names: dict[str, list[str]] = {}
+    for name, allowed in cls.ranges.items():
+        names.setdefault(str(allowed), []).append(name)
+    return "; ".join(f"{', '.join(each)} must {need}" for need, each in names.items())
+
+
 def equation_of(cls: type) -> str:
     """First indented line of the docstring of the class, or of its module."""
     for text in (inspect.getdoc(cls), inspect.getdoc(inspect.getmodule(cls))):

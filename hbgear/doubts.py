@@ -19,7 +19,7 @@ from hbgear.model import Model, System
 from hbgear.ranges import Range
 
 _FAR_ABOVE = 30.0  # Omega over the highest natural frequency that is hardly meant
-_COARSE = 2  # harmonics of the excitation with which a contact cannot be told from a smooth spring
+_COARSE = 1  # harmonics of the excitation with which a contact cannot be told from a smooth spring
 _LOOKED_AT = 400  # coordinates up to which the definiteness of matrices is looked at
 _LARGE = 500  # coordinates from which the decomposition of a structure is waited for
 _ROUNDING = 1e-9
@@ -66,7 +66,7 @@ def of_model(model: Model, system: System) -> None:
     for element in system.elements:
         for law in _parts(element.law):
             if isinstance(law, PiecewiseLinear) and extrema(law.stiffness.row())[0] < 0:
-                tell(f"the stiffness of {element.name} is negative over part of the period: its amplitudes exceed its mean")
+                tell(f"the stiffness of {element.name} is negative over part of the period: see its amplitudes")
     if not _excited(system):
         tell(
             f"nothing excites this {type(model).__name__}: no load, prescribed displacement or stiffness varies with "
@@ -88,7 +88,8 @@ def _of_matrices(system: System) -> None:
     """Warn of masses and dampers that are not positive, and of couplings given on one side of the diagonal only."""
     for name, matrix in (("M", system.M), ("C", system.C), ("K", system.K)):
         A = scipy.sparse.csr_array(matrix)
-        one_sided = (A != 0).astype(int) - (A.T != 0).astype(int)
+        there = abs(A) > _ROUNDING * abs(A).max()
+        one_sided = there.astype(int) - there.T.astype(int)
         if one_sided.count_nonzero():
             i, j = (int(x[0]) for x in one_sided.nonzero())
             tell(
@@ -133,8 +134,8 @@ def of_frequency(structure: Any, Omega: float) -> None:
     highest = float(np.abs(structure.modes.poles).max())
     if Omega > _FAR_ABOVE * highest:
         tell(
-            f"Omega = {Omega:g} is {Omega / highest:.0f} times the highest natural frequency ({highest:.4g}) of the model; "
-            "Omega is an angular frequency in the model's unit of time: convert r/min or Hz to it"
+            f"Omega = {Omega:g} is {Omega / highest:.0f} times the highest natural frequency ({highest:.4g}) of the "
+            "model; Omega is an angular frequency in the model's unit of time: convert r/min or Hz to it"
         )
 
 

@@ -112,7 +112,7 @@ def norms(x: Array) -> Array:
 
 
 def unit_of(problem: Any, name: str, value: float) -> float:
-    """Size against which a change of a parameter is small: its value, but near zero no less than 1e-3 of the problem's."""
+    """Size against which a change of a parameter is small: its value, near zero a thousandth of the problem's own."""
     own = getattr(problem, "parameters", {}).get(name, 0.0)
     return max(abs(value), 1e-3 * abs(own)) or 1.0
 

@@ -62,10 +62,10 @@ def counted(name: str, number: Any, most: int | None = None, least: int = 1) -> 
     ------
     ValueError
     """
-    if isinstance(number, bool) or not isinstance(number, Integral) or number < least:
+    if isinstance(number, bool) or not isinstance(number, Integral) or int(number) < least:
         raise ValueError(f"{name} = {number!r} must be a whole number of at least {least}")
-    if most is not None and number > most:
-        raise ValueError(f"{name} = {number:,} is more than {most:,}, which is the most there can be")
+    if most is not None and int(number) > most:
+        raise ValueError(f"{name} = {int(number):,} is more than {most:,}, which is the most there can be")
     return int(number)
 
 
@@ -83,7 +83,7 @@ def checked(owner: str, name: str, value: Any, allowed: Range = ANY) -> None:
     """
     if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
         raise ValueError(f"{owner}: {name} = {value!r} must be a finite number")
-    if value not in allowed:
+    if float(value) not in allowed:
         raise ValueError(f"{owner}: {name} = {value} must {allowed}")
 
 

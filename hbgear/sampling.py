@@ -119,7 +119,7 @@ def _sample(method: str, count: int, seed: int, distributions: Mapping[str, Sequ
     counted("count", count, 10_000_000)
     counted("seed", seed, least=0)
     if not distributions:
-        raise ValueError(f"a sample of {count} cases in no parameter: name at least one, as in zeta=('uniform', 0.04, 0.06)")
+        raise ValueError(f"a sample of {count} cases in no parameter: name one, as in zeta=('uniform', 0.04, 0.06)")
     for each in distributions.values():
         distribution(each)
     return Sample(method, count, seed, {name: tuple(each) for name, each in distributions.items()})

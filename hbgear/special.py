@@ -79,8 +79,9 @@ def _tests(rows: Sequence[Row], stability: bool) -> tuple[np.ndarray, Array]:
     if stability and all(x is not None for x in mu):
         unstable, doubling = _verdicts(np.array(mu))
         columns.append(doubling[:, None])
-    if all(x is not None for x in clearance) and len({len(x) for x in clearance}) == 1:  # a closed gap has no corners
-        columns.append(np.array(clearance))
+    known = [x for x in clearance if x is not None]
+    if len(known) == len(rows) and len({len(x) for x in known}) == 1:  # a closed gap has no corners
+        columns.append(np.array(known))
     return unstable, np.concatenate(columns, axis=1)
 
 

@@ -241,7 +241,7 @@ class _Tracer:
         self._settle()
         rows, marks = self._record()
         branch = branch_of(self.problem, self.name, self.fixed, rows, marks, status, message, meta)
-        if self.name == "Omega" and hasattr(self.problem, "clearance_names"):
+        if self.name == "Omega" and status.complete and hasattr(self.problem, "clearance_names"):
             clearances = [row.observed["clearance"] for row in rows if "clearance" in row.observed]
             of_gaps(self.problem.clearance_names, np.array(clearances), branch.amplitude("pp2"))
         if not (self.stability and self.special):

@@ -101,7 +101,7 @@ def test_an_empty_or_infinite_span(problem, span):
 
 
 def test_too_few_seeds(problem):
-    with pytest.raises(ValueError, match="seeds = 1: need at least 2 response curves"):
+    with pytest.raises(ValueError, match="seeds = 1 must be a whole number of at least 2"):
         jump_map(problem, "zeta", SPAN, seeds=1)
 
 
@@ -177,3 +177,17 @@ def test_folds_of_the_critical_value_can_be_followed_on(problem, in_zeta):
     back = trace(Fold(problem), "zeta", SPAN, in_zeta.folds[len(in_zeta.folds) - 1])
     assert [p.kind for p in back.special] == ["CP"]
     assert back["CP1"].parameters["zeta"] == pytest.approx(in_zeta.value, abs=1e-8)
+
+
+def test_a_search_keeps_within_the_range_and_follows_each_fold_curve_once():
+    """Every half backlash has the folds of the pair, none has a cusp: the search says so and ends."""
+    said = []
+    with pytest.raises(NoFold, match="no jump that appears or vanishes with b"):
+        critical(SpurPair(zeta=0.09), "b", frequencies=(0.95, 0.7), harmonics=3, report=said.append)
+    ends = [float(line.rpartition(" ")[2]) for line in said if "followed" in line]
+    assert ends and min(ends) == 0.0 and len(ends) <= 8
+
+
+def test_a_map_outside_the_range_is_refused():
+    with pytest.raises(ValueError, match=r"span = \(-1.0, 1.0\): b must not be negative"):
+        jump_map(SpurPair(), "b", (-1.0, 1.0))
