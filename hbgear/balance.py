@@ -37,7 +37,7 @@ from hbgear.fourier import (
 from hbgear.laws import Law, PiecewiseLinear
 from hbgear.model import Model, System, describe, did_you_mean
 from hbgear.newton import Evaluation, Evaluations, NoConvergence, norms, solve, solve_from_afar, unit_of
-from hbgear.ranges import ANY, POSITIVE, Range, counted
+from hbgear.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.receptance import LinearPart, Receptance, Structure
 from hbgear.stability import multipliers, multipliers_of
 from hbgear.start import guesses
@@ -134,8 +134,7 @@ class HarmonicBalance:
         counted("nu", nu)
         if harmonics != "auto":
             counted("harmonics", harmonics)
-        if not (np.isfinite(tolerance) and tolerance > 0):
-            raise ValueError(f"tolerance = {tolerance} must be positive and finite")
+        checked("HarmonicBalance", "tolerance", tolerance, POSITIVE)
         self.auto = harmonics == "auto"
         self.tolerance = float(tolerance)
         self.model, self.nu, self.is_sampled = model, int(nu), bool(sampled)

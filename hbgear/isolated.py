@@ -15,7 +15,7 @@ Farrell, Birkisson & Funke (2015), SIAM J. Sci. Comput. 37(4), A2026, for deflat
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,6 +98,8 @@ def _places(frequencies: Sequence[float] | int, low: float, high: float) -> list
     if isinstance(frequencies, int | np.integer):
         counted("frequencies", frequencies, 10_000, least=0)
         return [float(x) for x in low + (high - low) * (np.arange(frequencies) + 0.5) / max(frequencies, 1)]
+    if not isinstance(frequencies, Iterable):
+        raise ValueError(f"frequencies = {frequencies!r} must be how many, or a list of values of Omega")
     places = [float(x) for x in frequencies]
     if not places or not all(low <= x <= high for x in places):
         raise ValueError(f"frequencies = {places} must lie within the span ({low:g}, {high:g})")

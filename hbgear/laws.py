@@ -15,7 +15,7 @@ Contract for a new law
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -232,6 +232,8 @@ class Parallel(Law):
     laws: tuple[Law, ...]
 
     def __post_init__(self) -> None:
+        if not isinstance(self.laws, Iterable):
+            raise ValueError(f"Parallel: laws = {self.laws!r} must be several laws, such as (Backlash(), Cubic(1.0))")
         object.__setattr__(self, "laws", tuple(self.laws))
         if not all(isinstance(law, Law) for law in self.laws):
             raise ValueError(f"Parallel: laws = {self.laws!r} must all be laws, such as Backlash() and Cubic(1.0)")

@@ -236,15 +236,17 @@ class System(Model):
         n = self.M.shape[0]
         set_(self, "C", _matrix("C", np.zeros((n, n)) if self.C is None else self.C))
         set_(self, "K", _matrix("K", self.K))
-        if isinstance(self.elements, Element):
+        if not isinstance(self.elements, Iterable):
             raise ValueError("a System takes its elements in a list: elements=[...]")
         elements = tuple(self.elements)
         for i, element in enumerate(elements):
             if not isinstance(element, Element):
                 raise ValueError(f"element {i} is a {type(element).__name__}; need an Element(direction, law)")
-        if not isinstance(self.load, Load) and not all(isinstance(load, Load) for load in self.load):
+        if not isinstance(self.load, Load | Iterable) or not all(isinstance(load, Load) for load in self.loads):
             raise ValueError(f"load = {self.load!r}: need a Load, or a list of them")
         loads = self.loads
+        if not isinstance(self.dof_names, Iterable) or not all(isinstance(name, str) for name in self.dof_names):
+            raise ValueError(f"dof_names = {self.dof_names!r} must be a list of names, one for each coordinate")
         names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(n))
         for name in ("C", "K"):
             if getattr(self, name).shape != (n, n):

@@ -92,7 +92,7 @@ def grid(**values: Sequence[Any]) -> Grid:
     if not values:
         raise ValueError("a grid needs at least one parameter: grid(zeta=[0.04, 0.05])")
     for name, each in values.items():
-        if isinstance(each, str) or not len(each):
+        if isinstance(each, str) or not hasattr(each, "__len__") or not len(each):
             raise ValueError(f"grid: {name} = {each!r}: need a list of at least one value")
         if len({repr(x) for x in each}) < len(each):
             raise ValueError(f"grid: {name} has a value twice; give each once")
@@ -135,6 +135,8 @@ def distribution(given: Sequence[Any]) -> Any:
     """
     from scipy import stats
 
+    if not isinstance(given, list | tuple):
+        raise ValueError(f"a distribution is given as ('uniform', low, high) or the like, not as {given!r}")
     if not given or given[0] not in DISTRIBUTIONS:
         name = str(given[0]) if given else ""
         raise KeyError(f"there is no distribution '{name}'{did_you_mean(name, DISTRIBUTIONS)}")

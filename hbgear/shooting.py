@@ -18,7 +18,7 @@ from hbgear.flow import Flow
 from hbgear.fourier import Array, ComplexArray, to_real
 from hbgear.model import Model
 from hbgear.newton import NoConvergence
-from hbgear.ranges import counted
+from hbgear.ranges import POSITIVE, checked, counted
 from hbgear.receptance import Structure
 from hbgear.stepper import modal_state, physical_state
 from hbgear.timedomain import Motion, integrate
@@ -114,6 +114,8 @@ def shoot(
     """
     counted("nu", nu, 1000)
     counted("max_iterations", max_iterations)
+    checked("shoot", "Omega", Omega, POSITIVE)
+    checked("shoot", "tolerance", tolerance)
     if not 1e-13 <= tolerance < 1:
         raise ValueError(
             f"tolerance = {tolerance} cannot be met: time integration reaches about 1e-13; give 1e-13 or more"

@@ -26,7 +26,7 @@ from hbgear.branch import Status, replacing
 from hbgear.doubts import of_model
 from hbgear.fourier import Array, ComplexArray, evaluate, to_real
 from hbgear.model import Model, did_you_mean
-from hbgear.ranges import ANY, checked, counted
+from hbgear.ranges import ANY, NOT_NEGATIVE, POSITIVE, checked, counted
 from hbgear.stepper import Flight, Stepper, modal_state
 
 Progress = Callable[[float, str], None]
@@ -62,6 +62,7 @@ class Settling:
     periods: int = 16
 
     def __post_init__(self) -> None:
+        checked("Settling", "tolerance", self.tolerance)
         if not 1e-12 <= self.tolerance < 1:
             raise ValueError(f"tolerance = {self.tolerance} cannot be met in double precision; need 1e-12 to 1")
         counted("periods", self.periods, 1000)
@@ -411,8 +412,7 @@ class _Sweeper:
         if values.size == 0 or not np.all(np.isfinite(values)):
             raise ValueError(f"a sweep needs at least one value, all finite; got {self.grid!r}")
         self.values = values if self.direction == "up" else values[::-1]
-        if not (np.isfinite(self.disturbance) and self.disturbance >= 0):
-            raise ValueError(f"disturbance = {self.disturbance} must be finite and not negative")
+        checked("sweep", "disturbance", self.disturbance, NOT_NEGATIVE)
         self.random = np.random.default_rng(1)
         known = ("Omega", *self.model.parameters)
         for name in (self.parameter, *self.at):
@@ -604,7 +604,10 @@ def basins(
             f"basins are drawn over one coordinate and its rate; {type(model).__name__} has {system.n} coordinates and "
             f"{len(system.elements)} elements"
         )
-    if not (np.all(np.isfinite([*d, *v])) and d[0] < d[1] and v[0] < v[1]):
+    checked("basins", "Omega", Omega, POSITIVE)
+    for end in (*d, *v):
+        checked("basins", "an end of d or v", end)
+    if not (d[0] < d[1] and v[0] < v[1]):
         raise ValueError(f"need ascending finite ranges of two numbers; got d = {d}, v = {v}")
     starts = counted("shape[0]", shape[0]) * counted("shape[1]", shape[1])
     counted("shape[0] * shape[1]", starts, _MOST_STARTS)

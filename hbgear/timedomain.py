@@ -19,7 +19,7 @@ from hbgear.flow import METHODS, Flow
 from hbgear.fourier import Array, derive, evaluate, to_complex, to_real
 from hbgear.model import Model, did_you_mean
 from hbgear.pieces import FINE
-from hbgear.ranges import Range, checked, counted
+from hbgear.ranges import POSITIVE, Range, checked, counted
 from hbgear.stepper import Stepper
 
 
@@ -113,6 +113,7 @@ def integrate(
         return _exponential(model, state, periods, Omega, samples, steps, phase)
     if not isinstance(model, Model) or np.ndim(Omega):
         raise ValueError(f"{method} takes one model and one Omega; use method='exponential' for many at once")
+    checked("integrate", "Omega", Omega, POSITIVE)
     system = model.system()
     flow = Flow(system, float(Omega))
     runs = [_runge_kutta(flow, y, phase, periods, method, tolerance, samples) for y in np.atleast_2d(state)]

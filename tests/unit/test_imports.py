@@ -36,7 +36,7 @@ TABLE = {
     "special": "arc augmented branch fourier newton",
     "jumps": "branch newton",
     "record": "_version arc branch fourier",
-    "stride": "arc fourier newton",
+    "stride": "arc fourier newton ranges",
     "trace": "arc branch doubts fourier jumps newton ranges record special stride",
     "peaks": "arc augmented branch fourier measures newton",
     "switch": "arc augmented branch newton trace",

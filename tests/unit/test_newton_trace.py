@@ -523,9 +523,9 @@ def test_a_start_on_a_fold_either_works_or_says_so():
         ({"first": 0.1}, "0 < shortest <= first <= longest"),
         ({"shortest": 0.0}, "0 < shortest"),
         ({"turn": 0.0}, "turn = 0.0 degrees must be above 0"),
-        ({"max_points": 1}, "max_points = 1 must be at least 2"),
+        ({"max_points": 1}, "max_points = 1 must be a whole number of at least 2"),
         ({"miss": 0.0}, "miss = 0.0 must be above 0"),
-        ({"support": 0}, "support = 0 and ahead = 8 at least 1"),
+        ({"support": 0}, "support = 0 must be a whole number of at least 1"),
         ({"ahead": 0}, "ahead = 0 at least 1"),
     ],
 )
