@@ -526,7 +526,7 @@ def test_a_start_on_a_fold_either_works_or_says_so():
         ({"max_points": 1}, "max_points = 1 must be a whole number of at least 2"),
         ({"miss": 0.0}, "miss = 0.0 must be above 0"),
         ({"support": 0}, "support = 0 must be a whole number of at least 1"),
-        ({"ahead": 0}, "ahead = 0 at least 1"),
+        ({"ahead": 0}, "ahead = 0 must be a whole number of at least 1"),
     ],
 )
 def test_bad_steps(settings, message):
