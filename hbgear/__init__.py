@@ -11,6 +11,7 @@ from hbgear.augmented import Fold, Grazing, Peak, PeriodDoubling
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status
 from hbgear.cases import Cases, cases
+from hbgear.doubts import Unlikely
 from hbgear.extend import extend
 from hbgear.fourier import Series
 from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
@@ -22,6 +23,7 @@ from hbgear.newton import NoConvergence, Settings
 from hbgear.npz import load
 from hbgear.oscillators import Duffing
 from hbgear.peaks import peaks
+from hbgear.ranges import Range
 from hbgear.reduction import Reduction, reduce
 from hbgear.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.shooting import shoot
@@ -57,6 +59,7 @@ __all__ = [
     "PeriodDoubling",
     "PiecewiseLinear",
     "Point",
+    "Range",
     "Reduction",
     "Series",
     "Settings",
@@ -67,6 +70,7 @@ __all__ = [
     "Survey",
     "System",
     "Unilateral",
+    "Unlikely",
     "__version__",
     "basins",
     "cases",

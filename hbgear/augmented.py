@@ -31,7 +31,8 @@ import scipy  # its parts are imported when they are first used
 
 from hbgear.fourier import Array, waves
 from hbgear.given import need
-from hbgear.newton import Evaluation, bordered, jacobians, linearise, linearise_all, norm
+from hbgear.newton import Evaluation, bordered, jacobians, linearise, linearise_all, norm, unit_of
+from hbgear.ranges import Range, range_of
 
 _STEP = 1e-5  # relative step of the directional differences
 
@@ -67,7 +68,7 @@ class Sides(NamedTuple):
 
 def sides(problem: Any, X: Array, here: Mapping[str, float], name: str) -> Sides:
     """R and dR/dX on both sides of a parameter; one-sided where its range ends."""
-    h = _STEP * (abs(here[name]) or 1.0)
+    h = _STEP * unit_of(problem, name, here[name])
     values, R, J = [], [], []
     for value in (here[name] + h, here[name] - h):
         try:
@@ -150,6 +151,10 @@ class Augmented(ABC):
             )
         if hasattr(self.problem, "check_parameter"):
             self.problem.check_parameter(name)
+
+    def range_of(self, name: str) -> Range:
+        """Values a parameter may have."""
+        return range_of(self.problem, name)
 
     def split(self, U: Array) -> tuple[Array, dict[str, float]]:
         """X of the problem and the parameter that belongs to it."""
@@ -387,7 +392,7 @@ class Grazing(Augmented):
         """Derivative of the clearance in a parameter that moves the corner."""
         if name == "Omega":
             return 0.0
-        h = _STEP * (abs(here[name]) or 1.0)
+        h = _STEP * unit_of(self.problem, name, here[name])
         ends: list[tuple[float, float]] = []
         for value in (here[name] + h, here[name] - h):
             try:
@@ -465,7 +470,7 @@ class Peak(Augmented):
 
     def _along(self, X: Array, here: dict[str, float], name: str, z: Array, t: Array) -> tuple[Array, float]:
         """dR/dname, and z^T d[J R_p]/dname t by central difference."""
-        h = _STEP * (abs(here[name]) or 1.0)
+        h = _STEP * unit_of(self.problem, name, here[name])
         values = []
         for value in (here[name] + h, here[name] - h):
             side = linearise(self.problem, X, self.parameter, {**here, name: value})

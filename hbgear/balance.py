@@ -10,7 +10,6 @@ coordinates of the structure does not appear. Z and g come from `receptance`, th
 from __future__ import annotations
 
 import copy
-import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ import scipy  # its parts are imported when they are first used
 from hbgear.basis import Toeplitz, after_derivative, derivative, one_sided, real_blocks
 from hbgear.branch import Layout
 from hbgear.contact import ContactProjector, Crossings, crossings
+from hbgear.doubts import of_frequency, of_problem, of_size, tell
 from hbgear.fourier import (
     Array,
     ComplexArray,
@@ -35,12 +35,15 @@ from hbgear.fourier import (
 from hbgear.given import need
 from hbgear.laws import Law, PiecewiseLinear
 from hbgear.model import Model, System, describe, did_you_mean
-from hbgear.newton import Evaluation, Evaluations, NoConvergence, norms, solve, solve_from_afar
+from hbgear.newton import Evaluation, Evaluations, NoConvergence, norms, solve, solve_from_afar, unit_of
+from hbgear.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.recent import Recent
 from hbgear.receptance import LinearPart, Receptance, Structure
 from hbgear.stability import multipliers, multipliers_of
 from hbgear.start import guesses
 
+_UNKNOWNS = 4_000  # of the dense Jacobians, several of which are held at once
+_SAMPLES = 1_000_000  # of all elements together
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
 
 
@@ -113,7 +116,8 @@ class HarmonicBalance:
     Raises
     ------
     ValueError
-        If H < 1, N < 2H + 1, nu < 1, or the model cannot move periodically (singular M, unbalanced load).
+        If H < nu, N < 2H + 1, nu < 1, there are too many unknowns or samples, or the model cannot move periodically
+        (singular M, unbalanced load).
 
     Notes
     -----
@@ -128,11 +132,10 @@ class HarmonicBalance:
         sampled: bool = False, tolerance: float = 1e-6,
     ) -> None:  # fmt: skip
         need("HarmonicBalance(model)", model, "Model")
-        _whole("nu", nu)
+        counted("nu", nu)
         if harmonics != "auto":
-            _whole("harmonics", harmonics)
-        if not (np.isfinite(tolerance) and tolerance > 0):
-            raise ValueError(f"tolerance = {tolerance} must be positive and finite")
+            counted("harmonics", harmonics)
+        checked("HarmonicBalance", "tolerance", tolerance, POSITIVE)
         self.auto = harmonics == "auto"
         self.tolerance = float(tolerance)
         self.model, self.nu, self.is_sampled = model, int(nu), bool(sampled)
@@ -140,18 +143,21 @@ class HarmonicBalance:
         system = model.system()
         self.m = len(system.elements)
         if samples is not None:
-            _whole("samples", samples)
+            counted("samples", samples)
         self._structures: Recent[Structure] = Recent(6)
         self._own = model.parameters
         self._prepare(samples)
         self._warn_truncated(system)
+        of_size(system)
         self.compiled({})
+        of_problem(model, system, _MOST if self.auto else self.H // self.nu)
 
     def _prepare(self, samples: int | None) -> None:
         """What depends on H and N alone."""
         H = self.H
         usual = scipy.fft.next_fast_len(max(1024, 64 * H) if self.is_sampled else max(64, 8 * H), real=True)
         self.N = int(samples or usual)
+        self._check_size()
         self._transform = Transform(H, self.N)
         self._toeplitz = Toeplitz(H)
         self._compiled: Recent[_Compiled] = Recent(8)
@@ -214,11 +220,19 @@ class HarmonicBalance:
         if name not in known:
             raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
 
+    def range_of(self, name: str) -> Range:
+        """Values a parameter may have; Omega is positive."""
+        return POSITIVE if name == "Omega" else self.model.ranges.get(name, ANY)
+
+    def check_frequency(self, Omega: float) -> None:
+        """Warn of an Omega far above every natural frequency of the model."""
+        of_frequency(self.compiled({}).structure, Omega)
+
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
         """The same model with another subharmonic order; by default harmonics reach the same frequency."""
         H = harmonics or self.H * nu // self.nu
-        _whole("nu", nu)
-        _whole("harmonics", H)
+        counted("nu", nu)
+        counted("harmonics", H)
         out = copy.copy(self)
         out.nu, out.H = int(nu), int(H)
         out._prepare(None)
@@ -272,13 +286,26 @@ class HarmonicBalance:
         """Unknowns of any number of harmonics, cut or padded to this problem's."""
         return resize(X.reshape(self.m, -1), self.H).ravel()
 
+    def _check_size(self) -> None:
+        """Refuse what would fill the memory before any work."""
+        if self.nu > self.H:
+            raise ValueError(
+                f"harmonics = {self.H} of Omega / {self.nu} do not reach Omega itself; need at least {self.nu}"
+            )
+        if self.size > _UNKNOWNS:
+            raise ValueError(
+                f"harmonics = {self.H} for {self.m} elements make {self.size:,} unknowns; at most {_UNKNOWNS:,} can be "
+                f"solved for: H <= {(_UNKNOWNS // self.m - 1) // 2}"
+            )
+        if self.N * self.m > _SAMPLES:
+            raise ValueError(f"samples = {self.N:,} for {self.m} elements; at most {_SAMPLES // self.m:,} are possible")
+
     def _warn_truncated(self, system: System) -> None:
         highest = max([e.displacement.order for e in system.elements] + [load.order for load in system.loads])
         if highest * self.nu > self.H:
-            warnings.warn(
+            tell(
                 f"the excitation has {highest} harmonics but H = {self.H} with nu = {self.nu} keeps only "
-                f"{self.H // self.nu}; what is above is left out",
-                stacklevel=3,
+                f"{self.H // self.nu}; what is above is left out"
             )
 
     # ---- evaluation
@@ -395,7 +422,7 @@ class HarmonicBalance:
     def _difference(self, X: Array, name: str, parameters: dict[str, float]) -> Array:
         """dR/dname by central difference; one-sided where the model's range ends."""
         value = parameters.get(name, self.parameters.get(name, 0.0))
-        h = 1e-6 * (abs(value) or 1.0)
+        h = 1e-6 * unit_of(self, name, value)
         sides: list[tuple[float, Array]] = []
         for v in (value + h, value - h):
             try:
@@ -571,8 +598,3 @@ class HarmonicBalance:
                 tail = np.fft.rfft(p)[:, H + 1 : min(2 * H, self.N // 2 - 1) + 1]
                 f[:, j, : tail.shape[1]] = 2 * tail / self.N
         return f
-
-
-def _whole(name: str, number: object) -> None:
-    if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
-        raise ValueError(f"{name} = {number!r} must be a whole number of at least 1")

@@ -21,6 +21,7 @@ from hbgear import measures
 from hbgear.fourier import Array, ComplexArray, evaluate
 from hbgear.measures import Layout
 from hbgear.model import did_you_mean
+from hbgear.ranges import counted
 
 REGIMES = ("no_impact", "single_sided", "double_sided")
 """Names of the regime codes 0, 1, 2 of an element: how many of its sides it meets and leaves. -1 is unknown."""
@@ -136,7 +137,8 @@ class Point:
 
     def samples(self, element: int | str = 0, count: int = 1024, order: int = 0) -> tuple[Array, Array]:
         """``(theta, values)`` of an element over one period, 0 <= theta < 2 pi; order is that of d/dtheta."""
-        theta = 2 * np.pi * np.arange(count) / count
+        counted("order", order, least=0)
+        theta = 2 * np.pi * np.arange(counted("count", count, 10_000_000)) / count
         return theta, evaluate(self.coefficients(element), theta, order)
 
 

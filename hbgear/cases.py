@@ -36,6 +36,7 @@ from threadpoolctl import threadpool_limits
 
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Status
+from hbgear.doubts import Unlikely
 from hbgear.fourier import Array
 from hbgear.given import given, need, two_numbers
 from hbgear.maps import NoFold, critical
@@ -259,7 +260,8 @@ def run_case(cls: type[Model], fields: Mapping[str, Any], work: Work) -> Result:
     """One case, in whatever process: its numbers, or the reason why there are none."""
     started = time.perf_counter()
     try:
-        with threadpool_limits(1):
+        with threadpool_limits(1), warnings.catch_warnings():
+            warnings.simplefilter("ignore", Unlikely)  # what is to be said of the model was said before the first case
             model = cls().replace(**_as_fields(fields))
             result = _computed(model, work)
         return replace(result, seconds=time.perf_counter() - started)
@@ -501,6 +503,7 @@ def _check(model: Model, vary: Grid | Sample, work: Work, most: int) -> None:
         if name not in known:
             raise KeyError(f"{type(model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
     problem = HarmonicBalance(model, work.harmonics)
+    problem.check_frequency(max(work.span))
     problem.layout.measure(work.measure, np.zeros(problem.size), work.element)
     for name in work.critical:
         problem.check_parameter(name)

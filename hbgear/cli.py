@@ -48,6 +48,7 @@ from hbgear.cli_support import (
     print_table,
     problem_of,
     progress_bar,
+    ranges_of,
     retold,
     say,
     show_branch,
@@ -136,7 +137,7 @@ def models() -> None:
     rows = []
     for name, cls in catalogue.MODELS.items():
         values = ", ".join(f"{f.name}={text_of(f.default)}" for f in dataclasses.fields(cls))  # type: ignore[arg-type]
-        rows.append([f"{name}\n{cls.__name__}", f"{summary_of(cls)}\n{equation_of(cls)}\n{values}\n"])
+        rows.append([f"{name}\n{cls.__name__}", f"{summary_of(cls)}\n{equation_of(cls)}\n{values}\n{ranges_of(cls)}\n"])
     print_table(["model", "equation, parameters with defaults (change them with --set)"], rows)
 
 

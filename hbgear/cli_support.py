@@ -161,7 +161,11 @@ def value_of(what: str, text: str, kind: Any) -> Any:
     if kind is float:
         return number_of(what, text)
     if typing.get_origin(kind) is tuple:
-        return tuple(number_of(what, part) for part in re.split(r"[,\s]+", text.strip("()[] ")) if part)
+        inner = text.strip("()[] ").removesuffix(",").strip()
+        parts = re.split(r"\s*,\s*|\s+", inner) if inner else []
+        if "" in parts:
+            raise ValueError(f"{what}={text}: a number is missing between two commas")
+        return tuple(number_of(what, part) for part in parts)
     return text
 
 
@@ -501,6 +505,14 @@ def text_of(value: Any) -> str:
 def summary_of(cls: type) -> str:
     """First line of the docstring of a class, up to a semicolon."""
     return (inspect.getdoc(cls) or "").splitlines()[0].partition(";")[0].rstrip(".")
+
+
+def ranges_of(cls: type[hb.Model]) -> str:
+    """What the values of its parameters must be, the parameters of one range together."""
+    names: dict[str, list[str]] = {}
+    for name, allowed in cls.ranges.items():
+        names.setdefault(str(allowed), []).append(name)
+    return "; ".join(f"{', '.join(each)} must {need}" for need, each in names.items())
 
 
 def equation_of(cls: type) -> str:

@@ -151,6 +151,23 @@ def _highest(c: ComplexArray, samples: Array, miss: Array) -> tuple[Array, Array
     return value[best], at[best]
 
 
+def real_numbers(what: str, value: Any, need: str) -> Array:
+    """A copy of a value as an array of floats; texts, complex numbers and ragged lists are refused.
+
+    Raises
+    ------
+    ValueError
+        "``what`` = ... must be ``need``".
+    """
+    try:
+        given = np.asarray(value)
+    except ValueError:  # lists of different lengths
+        given = np.asarray(None)
+    if given.dtype.kind not in "iufb":
+        raise ValueError(f"{what} = {value!r} must be {need}")
+    return np.array(given, dtype=float)
+
+
 @dataclass(frozen=True)
 class Series:
     """A prescribed periodic function of the phase tau, given by its Fourier coefficients.
@@ -165,7 +182,7 @@ class Series:
     Raises
     ------
     ValueError
-        If a coefficient is not finite.
+        If a coefficient is no finite number.
     """
 
     mean: float = 0.0
@@ -173,8 +190,14 @@ class Series:
     sine: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "cosine", tuple(float(x) for x in self.cosine))
-        object.__setattr__(self, "sine", tuple(float(x) for x in self.sine))
+        if real_numbers("Series: mean", self.mean, "a number").ndim:
+            raise ValueError(f"Series: mean = {self.mean!r} must be a number")
+        for name in ("cosine", "sine"):
+            given = getattr(self, name)
+            row = real_numbers(f"Series: {name}", given, "a sequence of numbers such as (0.1, 0.05)")
+            if row.ndim != 1:
+                raise ValueError(f"Series: {name} = {given!r} must be a sequence of numbers such as (0.1, 0.05)")
+            object.__setattr__(self, name, tuple(row.tolist()))
         if not np.all(np.isfinite([self.mean, *self.cosine, *self.sine])):
             raise ValueError(f"Series needs finite coefficients, got {self}")
 

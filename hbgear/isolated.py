@@ -15,7 +15,7 @@ Farrell, Birkisson & Funke (2015), SIAM J. Sci. Comput. 37(4), A2026, for deflat
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,7 @@ from hbgear.branch import Branch, Point, Status
 from hbgear.fourier import Array, to_complex, to_real
 from hbgear.given import given, need, two_numbers
 from hbgear.newton import NoConvergence, Settings, solve, solve_linear
+from hbgear.ranges import counted
 from hbgear.stride import Steps
 from hbgear.trace import trace
 
@@ -86,6 +87,7 @@ def trace_all(
     low, high = sorted(two_numbers("span", span))
     if second is not None and not (isinstance(second, tuple) and len(second) == 2):
         raise TypeError(f"second: got {given(second)}; need a name and its range, such as ('zeta', (0.05, 0.2))")
+    counted("guesses", guesses, 100_000, least=0)
     places = _places(frequencies, low, high)
     search = _Search(problem, (float(span[0]), float(span[1])), steps, stability, report)
     search.main()
@@ -100,8 +102,11 @@ def trace_all(
 def _places(frequencies: Sequence[float] | int, low: float, high: float) -> list[float]:
     if isinstance(frequencies, str | float):
         raise TypeError(f"frequencies: got {frequencies!r}; need a list of them, or how many places")
-    if isinstance(frequencies, int):
+    if isinstance(frequencies, int | np.integer):
+        counted("frequencies", frequencies, 10_000, least=0)
         return [float(x) for x in low + (high - low) * (np.arange(frequencies) + 0.5) / max(frequencies, 1)]
+    if not isinstance(frequencies, Iterable):
+        raise ValueError(f"frequencies = {frequencies!r} must be how many, or a list of values of Omega")
     places = [float(x) for x in frequencies]
     if not places or not all(low <= x <= high for x in places):
         raise ValueError(f"frequencies = {places} must lie within the span ({low:g}, {high:g})")

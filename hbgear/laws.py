@@ -15,22 +15,22 @@ Contract for a new law
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from hbgear.fourier import Array, Series
+from hbgear.fourier import Array, Series, real_numbers
+from hbgear.ranges import NOT_NEGATIVE, POSITIVE, checked
 
 Forces = tuple[Array, Array, Array]
 
 _ONE = Series(mean=1.0)
 
 
-def _positive(owner: str, **values: float) -> None:
-    for name, value in values.items():
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{owner}: {name} = {value} must be positive and finite")
+def _series(owner: str, stiffness: Series) -> None:
+    if not isinstance(stiffness, Series):
+        raise ValueError(f"{owner}: stiffness = {stiffness!r} must be a Series such as Series(mean=1.0, cosine=(0.1,))")
 
 
 class Law(ABC):
@@ -76,8 +76,8 @@ class Cubic(Law):
     k1: float = 0.0
 
     def __post_init__(self) -> None:
-        if not np.all(np.isfinite([self.k3, self.k1])):
-            raise ValueError(f"Cubic needs finite coefficients, got k3 = {self.k3}, k1 = {self.k1}")
+        for name in ("k3", "k1"):
+            checked("Cubic", name, getattr(self, name))
 
     @property
     def reference(self) -> float:
@@ -120,14 +120,19 @@ class PiecewiseLinear(Law):
     stiffness: Series = _ONE
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "corners", tuple(float(x) for x in self.corners))
-        object.__setattr__(self, "slopes", tuple(float(x) for x in self.slopes))
+        for name in ("corners", "slopes"):
+            row = real_numbers(f"PiecewiseLinear: {name}", getattr(self, name), "a sequence of numbers")
+            if row.ndim != 1:
+                raise ValueError(f"PiecewiseLinear: {name} = {getattr(self, name)!r} must be a sequence of numbers")
+            object.__setattr__(self, name, tuple(row.tolist()))
+        checked("PiecewiseLinear", "force_at_zero", self.force_at_zero)
+        _series("PiecewiseLinear", self.stiffness)
         if len(self.slopes) != len(self.corners) + 1:
             raise ValueError(
                 f"{len(self.corners)} corners separate {len(self.corners) + 1} slopes, got {len(self.slopes)} slopes"
             )
-        if not np.all(np.isfinite([*self.corners, *self.slopes, self.force_at_zero])):
-            raise ValueError(f"PiecewiseLinear needs finite corners, slopes and force_at_zero, got {self}")
+        if not np.all(np.isfinite([*self.corners, *self.slopes])):
+            raise ValueError(f"PiecewiseLinear needs finite corners and slopes, got {self}")
         if any(b < a for a, b in zip(self.corners, self.corners[1:], strict=False)):
             raise ValueError(f"corners must ascend, got {self.corners}")
 
@@ -192,9 +197,9 @@ def Backlash(b: float = 1.0, k: float = 1.0, stiffness: Series = _ONE) -> Piecew
     ----------
     Kahraman & Singh (1990), J. Sound Vib. 142(1), eq. (4).
     """
-    _positive("Backlash", k=k)
-    if not (np.isfinite(b) and b >= 0):
-        raise ValueError(f"Backlash: half backlash b = {b} must be finite and not negative")
+    checked("Backlash", "k", k, POSITIVE)
+    checked("Backlash", "half backlash b", b, NOT_NEGATIVE)
+    _series("Backlash", stiffness)
     if b == 0:
         return PiecewiseLinear((), (k,), stiffness=stiffness)
     return PiecewiseLinear((-b, b), (k, 0.0, k), stiffness=stiffness)
@@ -215,7 +220,8 @@ def Unilateral(k: float = 1.0, gap: float = 0.0, stiffness: Series = _ONE) -> Pi
     ValueError
         If k is not positive or gap not finite.
     """
-    _positive("Unilateral", k=k)
+    checked("Unilateral", "k", k, POSITIVE)
+    checked("Unilateral", "gap", gap)
     return PiecewiseLinear((gap,), (0.0, k), force_at_zero=k * max(-gap, 0.0), stiffness=stiffness)
 
 
@@ -226,7 +232,11 @@ class Parallel(Law):
     laws: tuple[Law, ...]
 
     def __post_init__(self) -> None:
+        if not isinstance(self.laws, Iterable):
+            raise ValueError(f"Parallel: laws = {self.laws!r} must be several laws, such as (Backlash(), Cubic(1.0))")
         object.__setattr__(self, "laws", tuple(self.laws))
+        if not all(isinstance(law, Law) for law in self.laws):
+            raise ValueError(f"Parallel: laws = {self.laws!r} must all be laws, such as Backlash() and Cubic(1.0)")
         if not self.laws:
             raise ValueError("Parallel needs at least one law")
 

@@ -22,6 +22,7 @@ from hbgear.fourier import Array
 from hbgear.given import two_numbers
 from hbgear.model import Model
 from hbgear.newton import NoConvergence, solve
+from hbgear.ranges import counted
 from hbgear.replacing import replacing
 from hbgear.stride import Steps
 from hbgear.trace import trace
@@ -147,7 +148,7 @@ def jump_map(
     Raises
     ------
     ValueError
-        If the parameter is Omega, the span empty, or seeds < 2.
+        If the parameter is Omega, the span empty or outside the range of the parameter, or seeds not from 2 to 1000.
     KeyError
         If the model has no such parameter.
     """
@@ -157,8 +158,9 @@ def jump_map(
     if not (math.isfinite(low) and math.isfinite(high)) or low == high:
         raise ValueError(f"span = {span}: need two different finite values of {parameter}")
     _checked_range(frequencies)
-    if not isinstance(seeds, int) or seeds < 2:
-        raise ValueError(f"seeds = {seeds!r}: need at least 2 response curves")
+    if low not in (allowed := problem.range_of(parameter)) or high not in allowed:
+        raise ValueError(f"span = {span}: {parameter} must {allowed}")
+    counted("seeds", seeds, 1000, least=2)
     folds: list[Branch] = []
     for value in _spread(low, high, seeds):
         say(report, f"response curve at {parameter} = {value:.5g}")
@@ -201,7 +203,8 @@ def critical(
     """The value of a parameter at which a jump appears or vanishes, nearest to the model's own value.
 
     The response curve of the model is searched for folds; if it has none, those of ever more distant values of the
-    parameter on either side. Each fold is followed in the parameter to its cusp.
+    parameter on either side, within its range. Each fold curve is followed once in the parameter, to its cusp or over
+    five times the model's own value.
 
     Parameters
     ----------
@@ -221,18 +224,23 @@ def critical(
     problem = _problem(model, harmonics)
     _check(problem, parameter)
     _checked_range(frequencies)
-    own = problem.parameters[parameter]
+    own, allowed = problem.parameters[parameter], problem.range_of(parameter)
+    followed: list[Branch] = []
     tried: list[float] = []
     slope = ""
     for value in _search(own):
+        if len(followed) >= _BARREN:
+            break
+        if value not in allowed:
+            continue
         try:
             curve = _curve(problem, parameter, value, frequencies)
-        except (ValueError, NoConvergence):
+        except NoConvergence:
             continue
         say(report, f"response curve at {parameter} = {value:.5g}: {_count_folds(curve)}")
         tried.append(value)
         slope = slope or _steepest(curve)
-        found = _cusps_from(problem, parameter, own, curve, report)
+        found = _cusps_from(problem, parameter, curve, followed, report)
         if found:
             point, fold, below = min(found, key=lambda f: abs(f[0].parameters[parameter] - own))
             others = [(p.parameters[parameter], p.parameters["Omega"]) for p, *_ in found if p is not point]
@@ -243,6 +251,11 @@ def critical(
         f"no jump that appears or vanishes with {parameter} was found from {parameter} = {min(tried, default=own):.5g} "
         f"to {max(tried, default=own):.5g}; {slope}. Try another parameter, or a model nearer to a jump"
     )
+
+
+_REACH = 5.0  # how far a fold is followed, in the model's own value of the parameter
+_CAREFUL = Steps(first=0.002, longest=0.02, max_points=300)
+_BARREN = 6  # fold curves without a cusp after which the search is given up
 
 
 def say(report: Report | None, text: str) -> None:
@@ -357,21 +370,27 @@ def _arms(problem: HarmonicBalance, fold: Branch) -> list[Arm]:
 
 
 def _cusps_from(
-    problem: HarmonicBalance, parameter: str, own: float, curve: Branch, report: Report | None
+    problem: HarmonicBalance, parameter: str, curve: Branch, followed: list[Branch], report: Report | None
 ) -> list[tuple[SpecialPoint, Branch, bool]]:
-    """Cusps reached from the folds of a curve, with the fold curve and whether the jump lies below each."""
+    """Cusps reached from the folds of a curve, with the fold curve and whether the jump lies below each.
+
+    ``followed`` are the fold curves already followed; those of this curve are added.
+    """
+    own, allowed = problem.parameters[parameter], problem.range_of(parameter)
+    reach = _REACH * (abs(own) or 1.0)
     found: list[tuple[SpecialPoint, Branch, bool]] = []
     for point in (p for p in curve.special if p.kind == "LP" and p.located):
-        if any(_known(problem, fold, point, parameter) for _, fold, _ in found):
+        if any(_known(problem, fold, point, parameter) for fold in followed):
             continue
         value = point.parameters[parameter]
-        reach = abs(own) or 1.0
-        for end in (own, value + 5 * reach, value - 5 * reach):
+        first = -1 if own < value else 1  # towards the model's own value
+        for side in (first, -first):
+            end = allowed.clipped(value + side * reach, value)
             if end == value:
                 continue
             say(report, f"fold at Omega = {point.parameters['Omega']:.5g} followed in {parameter} towards {end:.4g}")
-            far = value + 5 * reach if end > value else value - 5 * reach
-            fold = trace(Fold(problem), parameter, (value, far), point, steps=Steps(first=0.002, longest=0.02))
+            fold = trace(Fold(problem), parameter, (value, end), point, steps=_CAREFUL)
+            followed.append(fold)
             cusp = next((p for p in fold.special if p.kind == "CP" and p.located), None)
             if cusp is not None:
                 found.append((cusp, fold, bool(fold.values[0] < cusp.parameters[parameter])))

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbgear.fourier import Array, extrema, harmonics_of, to_complex, to_real
+from hbgear.ranges import counted
 
 
 def rms(X: Array) -> Array:
@@ -80,6 +81,7 @@ def measure(name: str, X: Array, nu: int = 1) -> Array:
 
 def derivative(X: Array, rate: ArrayLike, order: int) -> Array:
     """Rows of the derivative in time, c_k (i k rate)^order, with rate = dtheta/dt = Omega / nu."""
+    counted("derivative", order, least=0)
     c = to_complex(np.asarray(X, dtype=float))
     return to_real(c * (1j * np.arange(c.shape[-1]) * np.asarray(rate, dtype=float)[..., None]) ** order)
 

@@ -22,8 +22,9 @@ import numpy as np
 import scipy  # its parts are imported when they are first used
 from numpy.typing import ArrayLike
 
-from hbgear.fourier import Array, Series
+from hbgear.fourier import Array, Series, real_numbers
 from hbgear.laws import Law
+from hbgear.ranges import ANY, NOT_NEGATIVE, Range, checked
 
 Matrix: TypeAlias = Any
 
@@ -41,18 +42,23 @@ class Model(ABC):
     """A frozen dataclass that describes a machine and builds its `System`.
 
     Its float fields are its parameters: each can be continued in, set on the command line, and is checked for being
-    finite. A subclass checks its own ranges in ``__post_init__`` after calling this one's.
+    a finite number within its range in `ranges`. What depends on several fields a subclass checks in ``__post_init__``
+    after calling this one's.
     """
 
     labels: ClassVar[Mapping[str, str]] = {}
     """Axis labels ``{"Omega": ..., "amplitude": ...}`` and, by name, of any parameter: symbol and unit."""
     default_span: ClassVar[tuple[float, float]] = (0.5, 1.5)
     """Range of Omega a response curve is traced over when the user gives none."""
+    ranges: ClassVar[Mapping[str, Range]] = {}
+    """Values a parameter may have, by name: ``{"zeta": Range(low=0)}``. Searches and curves end there."""
+
+    usual: ClassVar[Mapping[str, Range]] = {}
+    """Values a field usually has (every entry of a tuple), by name: beyond them a problem warns of the unit."""
 
     def __post_init__(self) -> None:
         for name, value in self.parameters.items():
-            if isinstance(value, bool) or not np.isfinite(value):
-                raise ValueError(f"{type(self).__name__}: {name} = {value!r} must be a finite number")
+            checked(type(self).__name__, name, value, self.ranges.get(name, ANY))
 
     @abstractmethod
     def system(self) -> System:
@@ -98,6 +104,8 @@ class Element:
     ------
     ValueError
         If the direction is zero or not finite, or damping negative.
+    TypeError
+        If the law is no `Law`.
     """
 
     direction: ArrayLike
@@ -107,13 +115,15 @@ class Element:
     name: str = ""
 
     def __post_init__(self) -> None:
-        w = np.array(self.direction, dtype=float)
+        owner = f"element '{self.name}'"
+        w = real_numbers(f"{owner}: direction", self.direction, "a vector of numbers")
         if w.ndim != 1 or not np.all(np.isfinite(w)) or not np.any(w):
             raise ValueError(f"element '{self.name}': direction must be a finite non-zero vector, got {w}")
         if not isinstance(self.law, Law):
             raise TypeError(f"element '{self.name}': law must be a hbgear Law, got {type(self.law).__name__}")
-        if not (np.isfinite(self.damping) and self.damping >= 0):
-            raise ValueError(f"element '{self.name}': damping = {self.damping} must be finite and not negative")
+        if not isinstance(self.displacement, Series):
+            raise ValueError(f"{owner}: displacement = {self.displacement!r} must be a Series")
+        checked(owner, "damping", self.damping, NOT_NEGATIVE)
         w.flags.writeable = False
         object.__setattr__(self, "direction", w)
 
@@ -142,14 +152,17 @@ class Load:
     power: int = 0
 
     def __post_init__(self) -> None:
+        checked("Load", "power", self.power, Range(-20, 20))
         if self.constant is not None:
-            object.__setattr__(self, "constant", np.array(self.constant, dtype=float))
+            object.__setattr__(self, "constant", real_numbers("Load: constant", self.constant, "a vector of numbers"))
         for name in ("cosine", "sine"):
             table = {}
+            if not isinstance(getattr(self, name), Mapping):
+                raise ValueError(f"Load.{name} = {getattr(self, name)!r} must be a dictionary {{harmonic: vector}}")
             for order, vector in getattr(self, name).items():
                 if not isinstance(order, int | np.integer) or order < 1:
                     raise ValueError(f"Load.{name}: harmonic number {order!r} must be a positive integer")
-                table[int(order)] = np.array(vector, dtype=float)
+                table[int(order)] = real_numbers(f"Load.{name}[{order}]", vector, "a vector of numbers")
             object.__setattr__(self, name, table)
         for vector in self.vectors():
             if vector.ndim != 1 or not np.all(np.isfinite(vector)):
@@ -178,13 +191,15 @@ class Load:
 
 def _matrix(name: str, value: Any) -> Matrix:
     if scipy.sparse.issparse(value):
+        if value.dtype.kind not in "iufb":
+            raise ValueError(f"{name} of {value.dtype} must be a square matrix of numbers")
         out: Matrix = scipy.sparse.csr_array(value, dtype=float)
         finite = np.all(np.isfinite(out.data))
     else:
-        out = np.array(value, dtype=float)
+        out = real_numbers(name, value, "a square matrix of numbers")
         finite = np.all(np.isfinite(out))
         out.flags.writeable = False
-    if out.ndim != 2 or out.shape[0] != out.shape[1]:
+    if out.ndim != 2 or out.shape[0] != out.shape[1] or not out.shape[0]:
         raise ValueError(f"{name} has shape {out.shape}; need a square matrix")
     if not finite:
         raise ValueError(f"{name} has entries that are not finite")
@@ -221,8 +236,17 @@ class System(Model):
         n = self.M.shape[0]
         set_(self, "C", _matrix("C", np.zeros((n, n)) if self.C is None else self.C))
         set_(self, "K", _matrix("K", self.K))
+        if not isinstance(self.elements, Iterable):
+            raise ValueError("a System takes its elements in a list: elements=[...]")
         elements = tuple(self.elements)
+        for i, element in enumerate(elements):
+            if not isinstance(element, Element):
+                raise ValueError(f"element {i} is a {type(element).__name__}; need an Element(direction, law)")
+        if not isinstance(self.load, Load | Iterable) or not all(isinstance(load, Load) for load in self.loads):
+            raise ValueError(f"load = {self.load!r}: need a Load, or a list of them")
         loads = self.loads
+        if not isinstance(self.dof_names, Iterable) or not all(isinstance(name, str) for name in self.dof_names):
+            raise ValueError(f"dof_names = {self.dof_names!r} must be a list of names, one for each coordinate")
         names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(n))
         for name in ("C", "K"):
             if getattr(self, name).shape != (n, n):

@@ -24,6 +24,7 @@ import numpy as np
 import scipy  # its parts are imported when they are first used
 
 from hbgear.fourier import Array
+from hbgear.ranges import POSITIVE, checked, counted
 
 
 class Problem(Protocol):
@@ -68,11 +69,21 @@ class Settings:
         Newton step more, for predictions are often good enough to be accepted with few digits.
     step_tolerance : largest last Newton step relative to |u| of a converged point.
     max_iterations : Newton steps before giving up.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive, or max_iterations no whole number.
     """
 
     tolerance: float = 1e-10
     step_tolerance: float = 1e-6
     max_iterations: int = 12
+
+    def __post_init__(self) -> None:
+        for name in ("tolerance", "step_tolerance"):
+            checked("Settings", name, getattr(self, name), POSITIVE)
+        counted("Settings: max_iterations", self.max_iterations)
 
 
 @dataclass(frozen=True)
@@ -98,6 +109,12 @@ def norms(x: Array) -> Array:
     if flat.dtype == complex:
         flat = flat.view(float)
     return np.sqrt(np.einsum("ij,ij->i", flat, flat))
+
+
+def unit_of(problem: Any, name: str, value: float) -> float:
+    """Size against which a change of a parameter is small: its value, near zero a thousandth of the problem's own."""
+    own = getattr(problem, "parameters", {}).get(name, 0.0)
+    return max(abs(value), 1e-3 * abs(own)) or 1.0
 
 
 def linearise(problem: Any, X: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:

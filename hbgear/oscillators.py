@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from hbgear.laws import Cubic
 from hbgear.model import Element, Load, Model, System
+from hbgear.ranges import NOT_NEGATIVE, Range
 
 
 @dataclass(frozen=True)
@@ -44,11 +45,8 @@ class Duffing(Model):
         "F": r"load $F$ [-]",
     }
     default_span: ClassVar[tuple[float, float]] = (0.5, 1.6)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.zeta < 0:
-            raise ValueError(f"Duffing: zeta = {self.zeta} must not be negative")
+    ranges: ClassVar[Mapping[str, Range]] = {"zeta": NOT_NEGATIVE}
+    usual: ClassVar[Mapping[str, Range]] = {"zeta": Range(0, 1)}
 
     def system(self) -> System:
         """One coordinate x; the linear spring in K, the cubic one as the element."""

@@ -34,6 +34,7 @@ MODAL_LIMIT = 1500
 _FREE = 1e-12  # squared frequency, relative to the highest, below which a motion counts as free
 _BALANCED = 1e-8  # relative work of the constant load on a free motion that is still rounding
 _ROUNDING = 1e-13  # the same, relative to the work the load could do at most
+_DIGITS = 32 * float(np.finfo(float).eps)  # backward error of a decomposition, relative to the size of its matrix
 _ILL = 1e8  # condition of the eigenvectors above which receptances are solved for directly
 
 
@@ -134,11 +135,11 @@ class Structure:
         self.kr = np.array([e.law.reference for e in system.elements])
         self.c = np.array([e.damping for e in system.elements])
         self._check_directions()
-        self.large = scipy.sparse.issparse(system.K) and self.n > MODAL_LIMIT
+        self.large = self.n > MODAL_LIMIT
         if self.large:
-            Ws = scipy.sparse.csr_array(self.W)
-            self.M, self.K = system.M, system.K + Ws @ scipy.sparse.diags_array(self.kr) @ Ws.T
-            self.C = system.C + Ws @ scipy.sparse.diags_array(self.c) @ Ws.T
+            Ws, M, C, K = (scipy.sparse.csr_array(A) for A in (self.W, system.M, system.C, system.K))
+            self.M, self.K = M, K + Ws @ scipy.sparse.diags_array(self.kr) @ Ws.T
+            self.C = C + Ws @ scipy.sparse.diags_array(self.c) @ Ws.T
             self.modes: Modes | None = None
             return
         self.M = _dense(system.M)
@@ -205,8 +206,19 @@ class Structure:
             for r in self.free_left.T:
                 work = r * np.asarray(load.constant)
                 largest = np.linalg.norm(r / self._scale) * np.linalg.norm(self._scale * np.asarray(load.constant))
-                if abs(work.sum()) > max(_BALANCED * np.abs(work).sum(), _ROUNDING * largest):
+                rounding = max(_BALANCED * np.abs(work).sum(), _ROUNDING * largest)
+                if abs(work.sum()) > rounding and abs(work.sum()) > self._rounding(r, np.asarray(load.constant)):
                     raise UnbalancedLoad(self._describe_unbalance(r, float(work.sum())))
+
+    def _rounding(self, r: Array, F: Array) -> float:
+        """Work on a computed free motion r that a balanced load F may do: K r = 0 holds to eps |K| |r|.
+
+        An error E of K moves r by -K^+ E r, and so the work by (K^+ F)^T E r.
+        """
+        s = self._scale
+        A = self.K * np.outer(s, s)
+        static = scipy.linalg.pinv(A.T, rtol=_FREE) @ (s * F)
+        return _DIGITS * float(np.linalg.norm(A) * np.linalg.norm(static) * np.linalg.norm(r / s))
 
     def _describe_unbalance(self, r: Array, work: float) -> str:
         r = r / r[np.argmax(np.abs(r))]

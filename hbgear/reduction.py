@@ -18,6 +18,7 @@ MacNeal (1971), Computers & Structures 1, 581-601 (residual flexibility); Rubin 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -143,8 +144,32 @@ def reduce(model: Model, modes: int = 40) -> Reduction:
     kept = basis[:, :modes]
     beyond = full.W - M @ (kept @ (kept.T @ full.W))  # what of the directions moves no mode that is kept
     flexibility = beyond.T @ solve(beyond)
-    frequencies = np.sqrt(np.maximum(np.sort(squares), 0.0))
-    return Reduction(_galerkin(full, basis, modes), full, basis, frequencies, 0.5 * (flexibility + flexibility.T))
+    squares = np.sort(squares)
+    size = _highest(K, M)
+    free = basis[:, :modes][:, squares <= _DIGITS * size]
+
+    def balanced(vector: Array) -> Array:
+        """B^T v, made exactly zero on the free modes where a vector that does no work on them gives no less."""
+        static = solve(np.asarray(vector, dtype=float))
+        static = static - free @ (free.T @ (M @ static))
+        rounding = _DIGITS * size * np.sqrt(static @ (M @ static))
+        out = basis.T @ vector
+        out[: free.shape[1]][np.abs(out[: free.shape[1]]) <= rounding] = 0.0
+        return out
+
+    system = _galerkin(full, basis, modes, balanced, free.shape[1], _DIGITS * size)
+    frequencies = np.sqrt(np.maximum(squares, 0.0))
+    frequencies[: free.shape[1]] = 0.0
+    return Reduction(system, full, basis, frequencies, 0.5 * (flexibility + flexibility.T))
+
+
+_DIGITS = 64 * float(np.finfo(float).eps)  # error of a computed mode or its square, relative to the highest one's
+
+
+def _highest(K: Any, M: Any) -> float:
+    """Bound of the largest squared frequency."""
+    s = scipy.sparse.diags_array(1 / np.sqrt(M.diagonal()))
+    return float(scipy.sparse.linalg.norm(s @ K @ s, np.inf))
 
 
 def _factored(A: Any, pivoting: float) -> Any:
@@ -174,22 +199,24 @@ def _orthonormal(shapes: Array, extra: Array, M: Any) -> Array:
     return basis
 
 
-def _galerkin(full: System, basis: Array, modes: int) -> System:
-    """The system in the coordinates of the basis."""
+def _galerkin(
+    full: System, basis: Array, modes: int, onto: Callable[[Array], Array], free: int, rounding: float
+) -> System:
+    """The system in the coordinates of the basis; ``onto`` are directions and constant loads in them.
+
+    The first ``free`` modes are free motions, on which entries of K up to ``rounding`` are made zero.
+    """
     M, C, K = (basis.T @ (A @ basis) for A in (full.M, full.C, full.K))
-    elements = [dataclasses.replace(e, direction=basis.T @ np.asarray(e.direction)) for e in full.elements]
+    for A in (K[:free], K[:, :free]):
+        A[np.abs(A) <= rounding] = 0.0
+    elements = [dataclasses.replace(e, direction=onto(np.asarray(e.direction))) for e in full.elements]
     names = [f"mode {i + 1}" for i in range(modes)]
     names += [f"residual {i + 1}" for i in range(basis.shape[1] - modes)]
-    return System(M, C, K, elements, [_projected(load, basis) for load in full.loads], names)
+    return System(M, C, K, elements, [_projected(load, basis, onto) for load in full.loads], names)
 
 
-def _projected(load: Load, basis: Array) -> Load:
-    """The load on the coordinates of the basis; rounding, which a free motion could not balance, is made zero."""
-
-    def onto(vector: Any) -> Array:
-        force = basis.T @ np.asarray(vector)
-        return np.where(np.abs(force) > 1e-11 * (np.abs(basis).T @ np.abs(vector)), force, 0.0)
-
-    constant = None if load.constant is None else onto(load.constant)
-    cosine, sine = ({order: onto(v) for order, v in table.items()} for table in (load.cosine, load.sine))
+def _projected(load: Load, basis: Array, onto: Callable[[Array], Array]) -> Load:
+    """The load on the coordinates of the basis; what a constant one does on free motions by rounding is made zero."""
+    constant = None if load.constant is None else onto(np.asarray(load.constant))
+    cosine, sine = ({k: basis.T @ np.asarray(v) for k, v in table.items()} for table in (load.cosine, load.sine))
     return Load(constant, cosine, sine, load.power)

@@ -18,6 +18,7 @@ import numpy as np
 
 from hbgear.fourier import Array
 from hbgear.model import did_you_mean
+from hbgear.ranges import counted
 
 METHODS = ("latin-hypercube", "monte-carlo")
 
@@ -91,7 +92,7 @@ def grid(**values: Sequence[Any]) -> Grid:
     if not values:
         raise ValueError("a grid needs at least one parameter: grid(zeta=[0.04, 0.05])")
     for name, each in values.items():
-        if isinstance(each, str) or not len(each):
+        if isinstance(each, str) or not hasattr(each, "__len__") or not len(each):
             raise ValueError(f"grid: {name} = {each!r}: need a list of at least one value")
         if len({repr(x) for x in each}) < len(each):
             raise ValueError(f"grid: {name} has a value twice; give each once")
@@ -115,8 +116,10 @@ def monte_carlo(count: int, seed: int = 0, /, **distributions: Sequence[Any]) ->
 
 
 def _sample(method: str, count: int, seed: int, distributions: Mapping[str, Sequence[Any]]) -> Sample:
-    if count < 1 or not distributions:
-        raise ValueError(f"a sample of {count} cases in {len(distributions)} parameters: need at least one of both")
+    counted("count", count, 10_000_000)
+    counted("seed", seed, least=0)
+    if not distributions:
+        raise ValueError(f"a sample of {count} cases in no parameter: name one, as in zeta=('uniform', 0.04, 0.06)")
     for each in distributions.values():
         distribution(each)
     return Sample(method, count, seed, {name: tuple(each) for name, each in distributions.items()})
@@ -132,6 +135,8 @@ def distribution(given: Sequence[Any]) -> Any:
     """
     from scipy import stats
 
+    if not isinstance(given, list | tuple):
+        raise ValueError(f"a distribution is given as ('uniform', low, high) or the like, not as {given!r}")
     if not given or given[0] not in DISTRIBUTIONS:
         name = str(given[0]) if given else ""
         raise KeyError(f"there is no distribution '{name}'{did_you_mean(name, DISTRIBUTIONS)}")

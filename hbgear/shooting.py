@@ -19,6 +19,7 @@ from hbgear.fourier import Array, ComplexArray, to_real
 from hbgear.given import need
 from hbgear.model import Model
 from hbgear.newton import NoConvergence
+from hbgear.ranges import POSITIVE, checked, counted
 from hbgear.receptance import Structure
 from hbgear.stepper import modal_state, physical_state
 from hbgear.timedomain import Motion, integrate
@@ -113,8 +114,10 @@ def shoot(
         If Newton does not close the period; it carries the last state and the closures.
     """
     need("shoot(model)", model, "Model")
-    if nu < 1:
-        raise ValueError(f"nu = {nu} must be a whole number of at least 1")
+    counted("nu", nu, 1000)
+    counted("max_iterations", max_iterations)
+    checked("shoot", "Omega", Omega, POSITIVE)
+    checked("shoot", "tolerance", tolerance)
     if not 1e-13 <= tolerance < 1:
         raise ValueError(
             f"tolerance = {tolerance} cannot be met: time integration reaches about 1e-13; give 1e-13 or more"
@@ -124,6 +127,8 @@ def shoot(
     y = np.array(guess, dtype=float)
     if y.shape != (2 * system.n,):
         raise ValueError(f"a guess of shape {y.shape} does not fit {system.n} coordinates; need ({2 * system.n},)")
+    if not np.all(np.isfinite(y)):
+        raise ValueError(f"the guess {y} has entries that are not finite")
     history: list[float] = []
     for iteration in range(max_iterations + 1):
         end, Phi, reduced = variation(flow, structure, y, nu, max(0.1 * tolerance, 1e-13))

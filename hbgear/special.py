@@ -79,8 +79,9 @@ def _tests(rows: Sequence[Row], stability: bool) -> tuple[np.ndarray, Array]:
     if stability and all(x is not None for x in mu):
         unstable, doubling = _verdicts(np.array(mu))
         columns.append(doubling[:, None])
-    if all(x is not None for x in clearance):
-        columns.append(np.array(clearance))
+    known = [x for x in clearance if x is not None]
+    if len(known) == len(rows) and len({len(x) for x in known}) == 1:  # a closed gap has no corners
+        columns.append(np.array(known))
     return unstable, np.concatenate(columns, axis=1)
 
 
@@ -372,7 +373,7 @@ def _graze(arc: Arc, which: int) -> Found:
 def _grazing(arc: Arc) -> list[Found]:
     """Extrema that pass a corner of a law; elements that graze together are one point."""
     ca, cb = arc.a.observed.get("clearance"), arc.b.observed.get("clearance")
-    if ca is None or cb is None:
+    if ca is None or cb is None or len(ca) != len(cb):
         return []
     out: list[Found] = []
     for i in np.flatnonzero(ca * cb < 0):

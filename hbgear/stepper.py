@@ -24,6 +24,7 @@ from hbgear.fourier import Array, ComplexArray, to_complex, waves
 from hbgear.laws import PiecewiseLinear
 from hbgear.model import Model, System
 from hbgear.pieces import FINE, Bools, Integers, Pieces, first_exit, stiffness_row
+from hbgear.ranges import counted
 from hbgear.receptance import Modes, Structure
 
 _NEAR = 1e-9  # distance from a corner, in its size, at which a step may end: what is missed goes with its square
@@ -50,6 +51,9 @@ def _modes(structure: Structure) -> Modes:
             "method='Radau', or reduce the model"
         )
     return structure.modes
+
+
+_MOST_STEPS = 100_000  # per period of the excitation, each with its own matrices in the tables
 
 
 @dataclass(frozen=True)
@@ -176,8 +180,7 @@ class Stepper:
         self.Omega = np.broadcast_to(Omega, self.rows).copy()
         self.m, self.s = self.structures[0].m, points
         self.N = steps or self._enough(systems)
-        if self.N < 3:
-            raise ValueError(f"steps = {self.N} per period must be at least 3")
+        counted(f"steps per period at Omega = {self.Omega.min():g}", self.N, _MOST_STEPS, least=3)
         self._laws(systems)
         self._steady(systems)
         self._tables()

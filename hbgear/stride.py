@@ -21,6 +21,7 @@ import numpy as np
 from hbgear.arc import Row, normal_of, orientations, row_along
 from hbgear.fourier import Array
 from hbgear.newton import Corrected, Settings, correct_all, norm, norms
+from hbgear.ranges import checked, counted
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,10 @@ class Steps:
     max_points: int = 5000
 
     def __post_init__(self) -> None:
+        for name in ("first", "longest", "shortest", "turn", "miss"):
+            checked("Steps", name, getattr(self, name))
+        for name, least in (("newton", 1), ("support", 1), ("ahead", 1), ("max_points", 2)):
+            counted(f"Steps: {name}", getattr(self, name), least=least)
         if not 0 < self.shortest <= self.first <= self.longest < math.inf:
             raise ValueError(
                 f"step lengths must obey 0 < shortest <= first <= longest, got {self.shortest}, {self.first}, "
@@ -63,11 +68,6 @@ class Steps:
             raise ValueError(f"turn = {self.turn} degrees must be above 0 and at most 60")
         if not 0 < self.miss <= 1:
             raise ValueError(f"miss = {self.miss} must be above 0 and at most 1")
-        if self.max_points < 2 or min(self.newton, self.support, self.ahead) < 1:
-            raise ValueError(
-                f"max_points = {self.max_points} must be at least 2, newton = {self.newton}, "
-                f"support = {self.support} and ahead = {self.ahead} at least 1"
-            )
 
 
 class Pace(NamedTuple):

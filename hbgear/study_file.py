@@ -6,7 +6,7 @@ import dataclasses
 import os
 import tomllib
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,7 +52,8 @@ def read_study(path: str | os.PathLike[str]) -> Study:
             return _study(checked)
         except _Wrong as wrong:
             problems = [(wrong.place, str(wrong))]
-    lines = sorted((line_of(text, place), message) for place, message in problems)
+    where = lines_of(text)
+    lines = sorted((line_of(where, place), message) for place, message in problems)
     raise StudyFileError([f"{path}, line {line}: {message}" for line, message in lines])
 
 
@@ -86,34 +87,57 @@ def _within(table: str) -> Iterator[None]:
         raise _Wrong(table, error) from None
 
 
-def line_of(text: str, place: Place) -> int:
-    """Line at which the statement begins that brings a key into a TOML text; 1 if it is nowhere.
+def lines_of(text: str) -> dict[Place, int]:
+    """Line at which the statement begins that brings each key into a TOML text.
 
-    The first lines of the text are parsed, one line more each time: the statement that adds the key begins after the
-    last lines that could be parsed without it.
+    Statements are parsed one by one: a table header, or a key with its value, which may go over several lines.
     """
-    lines = text.splitlines()
-    start = 1
-    for n in range(1, len(lines) + 1):
+    found: dict[Place, int] = {}
+    header: Place = ()
+    start, statement = 1, ""
+    for n, line in enumerate(text.splitlines(), 1):
+        start, statement = (start, f"{statement}\n{line}") if statement else (n, line)
+        if start != n and not any(end in line for end in ("]", "}", '"""', "'''")):
+            continue  # within a value of several lines, which ends with one of these
         try:
-            data = tomllib.loads("\n".join(lines[:n]))
+            data = tomllib.loads(statement)
         except tomllib.TOMLDecodeError:
-            continue  # within a value of several lines
-        if _holds(data, place):
-            return start
-        start = n + 1
-    return line_of(text, place[:-1]) if len(place) > 1 else 1
+            continue
+        places = list(_places(data))
+        if statement.lstrip().startswith("["):
+            header = _numbered(places[-1], found)
+            places = [header[:k] for k in range(1, len(header) + 1)]
+        else:
+            places = [(*header, *place) for place in places]
+        for place in places:
+            found.setdefault(place, start)
+        statement = ""
+    return found
 
 
-def _holds(data: Any, place: Place) -> bool:
-    for key in place:
-        if isinstance(data, dict):
-            if key not in data:
-                return False
-        elif not (isinstance(data, list) and isinstance(key, int) and key < len(data)):
-            return False
-        data = data[key]
-    return True
+def _places(data: Any) -> Iterator[Place]:
+    """Where keys and entries of lists are, from the outside in."""
+    pairs = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in pairs:
+        yield (key,)
+        yield from ((key, *place) for place in _places(value))
+
+
+def _numbered(header: Place, found: dict[Place, int]) -> Place:
+    """The header; of an array of tables, ``[[x]]``, with the number of this one."""
+    if not isinstance(header[-1], int):
+        return header
+    number = 0
+    while (*header[:-1], number) in found:
+        number += 1
+    return (*header[:-1], number)
+
+
+def line_of(lines: Mapping[Place, int], place: Place) -> int:
+    """Line of a key, or of the table it is missing in; 1 if it is nowhere."""
+    while place and place not in lines:
+        place = place[:-1]
+    return lines.get(place, 1)
 
 
 def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
@@ -156,7 +180,7 @@ def _schema(cls: type[Model] | None) -> Any:
     """The form of the file, as a model of pydantic: its tables have the fields of the model of the machine."""
     from pydantic import AfterValidator, ConfigDict, Field, create_model
 
-    strict = ConfigDict(extra="forbid", strict=True)
+    strict = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
     def table(title: str, fields: dict[str, Any]) -> Any:
         return create_model(title, __config__=strict, **fields)
@@ -181,7 +205,7 @@ def _schema(cls: type[Model] | None) -> Any:
     compute = table("compute", {
         "what": (list[Literal[KINDS]], ["peak", "jumps"]), "critical": (list[str], []),  # type: ignore[valid-type]
         "harmonics": (Annotated[int, Field(ge=1)], 16),
-        "span": (Annotated[list[float], Field(min_length=2, max_length=2)], None),
+        "span": (Annotated[list[Annotated[float, Field(gt=0)]], Field(min_length=2, max_length=2)], None),
         "measure": (str, "pp2"), "element": (int | str, 0),
     })  # fmt: skip
     return table("study", {"model": (str, ...), "base": (base, base()), "grid": (several, None),
@@ -213,5 +237,7 @@ def _study(checked: Any) -> Study:
     asked = checked.compute
     span = tuple(asked.span or model.default_span)
     with _within("compute"):
+        if span[0] == span[1]:
+            raise ValueError(f"span = {list(span)} is empty; give two different frequencies")
         work = Work(tuple(asked.what), tuple(asked.critical), asked.harmonics, span, asked.measure, asked.element)  # type: ignore[arg-type]
     return Study(model, vary, work)

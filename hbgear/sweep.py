@@ -23,9 +23,11 @@ import numpy as np
 
 from hbgear import measures
 from hbgear.branch import Status
+from hbgear.doubts import of_model
 from hbgear.fourier import Array, ComplexArray, evaluate, to_real
 from hbgear.given import need
 from hbgear.model import Model, did_you_mean
+from hbgear.ranges import ANY, NOT_NEGATIVE, POSITIVE, checked, counted
 from hbgear.replacing import replacing
 from hbgear.stepper import Flight, Stepper, modal_state
 
@@ -35,6 +37,7 @@ HARMONICS = 16
 """Harmonics of the excitation that are kept of each settled motion."""
 
 _WINDOW = 8  # periods over which the rate of approach is judged, twice
+_MOST_STARTS = 250_000  # integrated at once
 _LONG = 128  # periods a motion that is not periodic is observed for
 _PATIENCE = 400  # periods after which a motion that has not settled is tested for chaos
 _CHAOTIC = 0.02  # growth of a disturbance per period, as a logarithm, above which a motion is called chaotic
@@ -61,9 +64,12 @@ class Settling:
     periods: int = 16
 
     def __post_init__(self) -> None:
+        checked("Settling", "tolerance", self.tolerance)
         if not 1e-12 <= self.tolerance < 1:
             raise ValueError(f"tolerance = {self.tolerance} cannot be met in double precision; need 1e-12 to 1")
-        if not 1 <= self.periods <= self.longest:
+        counted("periods", self.periods, 1000)
+        counted("longest", self.longest, 1_000_000)
+        if self.periods > self.longest:
             raise ValueError(f"need 1 <= periods <= longest, got periods = {self.periods}, longest = {self.longest}")
 
 
@@ -409,8 +415,7 @@ class _Sweeper:
         if values.size == 0 or not np.all(np.isfinite(values)):
             raise ValueError(f"a sweep needs at least one value, all finite; got {self.grid!r}")
         self.values = values if self.direction == "up" else values[::-1]
-        if not (np.isfinite(self.disturbance) and self.disturbance >= 0):
-            raise ValueError(f"disturbance = {self.disturbance} must be finite and not negative")
+        checked("sweep", "disturbance", self.disturbance, NOT_NEGATIVE)
         self.random = np.random.default_rng(1)
         known = ("Omega", *self.model.parameters)
         for name in (self.parameter, *self.at):
@@ -418,14 +423,22 @@ class _Sweeper:
                 raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
         if self.parameter != "Omega" and "Omega" not in self.at:
             raise ValueError(f"a sweep in {self.parameter} needs a fixed Omega: give at={{'Omega': ...}}")
+        for name, value in self.at.items():
+            checked("sweep: at", name, value)
         lowest = values.min() if self.parameter == "Omega" else self.at["Omega"]
         if lowest <= 0:
             raise ValueError(f"Omega = {lowest:.6g} must be positive; leave it out of the grid")
+        allowed = self.model.ranges.get(self.parameter, ANY)
+        if values[0] not in allowed or values[-1] not in allowed:
+            raise ValueError(f"grid from {values[0]:g} to {values[-1]:g}: {self.parameter} must {allowed}")
 
     def run(self) -> Sweep:
         """Pass all values unless interrupted."""
         system = self.model.system()
+        of_model(self.model, system)
         state = np.zeros(2 * system.n) if self.start is None else np.asarray(self.start, dtype=float)
+        if state.shape != (2 * system.n,) or not np.all(np.isfinite(state)):
+            raise ValueError(f"start = {self.start}: need a state (q, q') of {2 * system.n} finite numbers")
         status, message = Status.REACHED_END, f"{self.parameter} = {self.values[-1]:.6g} reached"
         try:
             for i, value in enumerate(self.values):
@@ -586,7 +599,7 @@ def basins(
     Raises
     ------
     ValueError
-        If the model has more coordinates, or a range or the shape is empty.
+        If the model has more coordinates, a range is empty or not finite, or there are no starts or too many.
     """
     need("basins(model)", model, "Model")
     system = model.system()
@@ -595,10 +608,14 @@ def basins(
             f"basins are drawn over one coordinate and its rate; {type(model).__name__} has {system.n} coordinates and "
             f"{len(system.elements)} elements"
         )
-    if not (d[0] < d[1] and v[0] < v[1] and min(shape) >= 1):
-        raise ValueError(
-            f"need ascending ranges and a start along each at least; got d = {d}, v = {v}, shape = {shape}"
-        )
+    checked("basins", "Omega", Omega, POSITIVE)
+    for end in (*d, *v):
+        checked("basins", "an end of d or v", end)
+    if not (d[0] < d[1] and v[0] < v[1]):
+        raise ValueError(f"need ascending finite ranges of two numbers; got d = {d}, v = {v}")
+    starts = counted("shape[0]", shape[0]) * counted("shape[1]", shape[1])
+    counted("shape[0] * shape[1]", starts, _MOST_STARTS)
+    of_model(model, system)
     x, y = np.linspace(*d, shape[0]), np.linspace(*v, shape[1])
     stepper = Stepper(model, Omega)
     flight = stepper.start(_starts(system, Omega, *np.meshgrid(x, y)))

@@ -20,6 +20,7 @@ from hbgear.fourier import Array, derive, evaluate, to_complex, to_real
 from hbgear.given import need
 from hbgear.model import Model, did_you_mean
 from hbgear.pieces import FINE
+from hbgear.ranges import POSITIVE, Range, checked, counted
 from hbgear.stepper import Stepper
 
 
@@ -65,6 +66,9 @@ def state_of(problem: Any, X: Array, theta: float = 0.0, **parameters: float) ->
     return np.concatenate([evaluate(q, theta)[:, 0], evaluate(velocity, theta)[:, 0]])
 
 
+_MOST_SAMPLES = 10_000_000
+
+
 def integrate(
     model: Model | Sequence[Model],
     state: Array,
@@ -100,13 +104,19 @@ def integrate(
         need("integrate(model)", one, "Model")
     if method != "exponential" and method not in METHODS:
         raise ValueError(f"no method '{method}'{did_you_mean(method, (*METHODS, 'exponential'))}")
-    if periods < 1 or samples < 1:
-        raise ValueError(f"periods = {periods} and samples = {samples} must be at least 1")
+    counted("periods", periods)
+    counted("samples", samples)
+    counted("periods * samples", periods * samples, _MOST_SAMPLES)
+    checked("integrate", "phase", phase)
+    checked("integrate", "tolerance", tolerance, Range(low=1e-14, below=1))
     state = np.asarray(state, dtype=float)
+    if state.ndim not in (1, 2) or not np.all(np.isfinite(state)):
+        raise ValueError(f"state = {state} must be one state (2n,) or several (B, 2n), all entries finite")
     if method == "exponential":
         return _exponential(model, state, periods, Omega, samples, steps, phase)
     if not isinstance(model, Model) or np.ndim(Omega):
         raise ValueError(f"{method} takes one model and one Omega; use method='exponential' for many at once")
+    checked("integrate", "Omega", Omega, POSITIVE)
     system = model.system()
     flow = Flow(system, float(Omega))
     runs = [_runge_kutta(flow, y, phase, periods, method, tolerance, samples) for y in np.atleast_2d(state)]

@@ -18,10 +18,12 @@ import numpy as np
 
 from hbgear.arc import Arc, Departure, Row, cosine, normal_of, row_of, without_evaluation
 from hbgear.branch import Branch, Point, Status
+from hbgear.doubts import of_gaps
 from hbgear.fourier import Array
 from hbgear.given import given, need, number, two_numbers
 from hbgear.jumps import find_jumps
 from hbgear.newton import NoConvergence, Settings, correct, norm, norms, observe_all, solve
+from hbgear.ranges import Range, range_of
 from hbgear.record import Mark, branch_of
 from hbgear.special import Found, find, find_hidden, merge, suspects, touching
 from hbgear.stride import Pace, Steps, Strider
@@ -71,7 +73,7 @@ def trace(
     KeyError
         If the problem has no such parameter.
     ValueError
-        If the span is empty or not finite, or a fixed parameter is missing.
+        If the span is empty, not finite or outside the range of the parameter, or a fixed parameter is missing.
     NoConvergence
         If no motion is found at the start.
     """
@@ -100,8 +102,12 @@ class _Tracer:
                 problem.check_parameter(name)
         if parameter in (at or {}):
             raise ValueError(f"at={{'{parameter}': ...}}: it is what changes along the curve; give its span")
-        self.a, self.b = _checked_span(parameter, span)
+        self.range = range_of(problem, parameter)
+        self.a, self.b = _checked_span(parameter, span, self.range)
+        self.landed: float | None = None  # end of the parameter's range that the last row was put on
         self.fixed = self._fixed(start, at)
+        if hasattr(problem, "check_frequency"):
+            problem.check_frequency(max(self.a, self.b) if parameter == "Omega" else self.fixed["Omega"])
         self.sense = 1.0 if self.b > self.a else -1.0
         self.rows: list[Row] = []
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
@@ -242,6 +248,9 @@ class _Tracer:
         self._settle()
         rows, marks = self._record()
         branch = branch_of(self.problem, self.name, self.fixed, rows, marks, status, message, meta)
+        if self.name == "Omega" and status.complete and hasattr(self.problem, "clearance_names"):
+            clearances = [row.observed["clearance"] for row in rows if "clearance" in row.observed]
+            of_gaps(self.problem.clearance_names, np.array(clearances), branch.amplitude("pp2"))
         if not (self.stability and self.special):
             return branch
         try:
@@ -271,7 +280,9 @@ class _Tracer:
         last = self.rows[-1]
         row = self._turn_outside(last, row)
         end = self._outside(row.value)
-        if end is not None:
+        if self.landed is not None:
+            end = self.landed
+        elif end is not None:
             row = self._final(last, row, end)
         closed = end is None and self._closes(last, row)
         if closed:
@@ -302,8 +313,32 @@ class _Tracer:
             kept = self._before_running_back(rows)
             if kept < len(rows):
                 rows, reason, self.pace = rows[:kept], _BACK, strider.shorter(step)
+            if not rows and (row := self._at_the_range_end(step)):
+                return [row], ""
             if rows or (step <= self.steps.shortest and count == 1):
                 return rows, reason
+
+    def _at_the_range_end(self, step: float) -> Row | None:
+        """The row at the end of the parameter's range that a step would cross: nothing can be evaluated beyond it."""
+        last = self.rows[-1]
+        unit = last.tangent / norm(last.tangent / self.scale)
+        beyond = last.value + step * unit[-1]
+        end = next((x for x in (self.a, self.b) if (x - last.value) * (x - beyond) < 0), None)
+        if end is None or math.nextafter(end, beyond) in self.range:
+            return None
+        guess = last.u + (end - last.value) / unit[-1] * unit
+        try:
+            solution = solve(self.problem, guess[:-1], {**self.fixed, self.name: end}, self.name, self.settings)
+            row = row_of(solution, normal_of(unit, self.scale), self.scale, step, last)
+        except (ValueError, NoConvergence, np.linalg.LinAlgError):
+            return None
+        apart = norm((row.u - last.u) / self.scale)
+        if apart > 2 * step or cosine(row, last, self.scale) < _TURNED * norm(row.tangent / self.scale) * norm(
+            last.tangent / self.scale
+        ):
+            return None
+        self.landed = end
+        return row
 
     def _append(self, last: Row, row: Row) -> None:
         """Store a row; what lies between it and the last is looked at when enough rows have come together."""
@@ -492,6 +527,7 @@ class _Tracer:
 
 
 _BACK = "the curve ran back over itself"
+_TURNED = 0.9  # least cosine of the turn on the last step to the end of a parameter's range
 _NEAR = 1.3  # squared distance from its end, in its length squared, that what lies beside a piece may have
 
 
@@ -517,12 +553,13 @@ def _check_start(problem: Any, X: Array) -> None:
         )
 
 
-def _checked_span(parameter: str, span: tuple[float, float]) -> tuple[float, float]:
+def _checked_span(parameter: str, span: tuple[float, float], allowed: Range) -> tuple[float, float]:
     a, b = two_numbers("span", span)
     if not (math.isfinite(a) and math.isfinite(b)):
         raise ValueError(f"span = ({a}, {b}) must be finite")
     if a == b:
         raise ValueError(f"span = ({a}, {b}) is empty; give two different values of {parameter}")
-    if parameter == "Omega" and min(a, b) <= 0:
-        raise ValueError(f"span = ({a}, {b}): Omega must stay positive")
+    if a not in allowed or b not in allowed:
+        what = "Omega must stay positive" if parameter == "Omega" else f"{parameter} must {allowed}"
+        raise ValueError(f"span = ({a}, {b}): {what}")
     return a, b

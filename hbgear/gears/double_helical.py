@@ -48,6 +48,7 @@ from hbgear.gears.geometry import (
 from hbgear.gears.spur import amplitudes, mesh_stiffness
 from hbgear.laws import Backlash
 from hbgear.model import Element, Load, Model, System
+from hbgear.ranges import NOT_NEGATIVE, POSITIVE, Range
 
 NODES = ("pL", "gL", "pR", "gR")
 AXES = ("x", "y", "z", "theta_x", "theta_y", "theta")
@@ -55,7 +56,7 @@ ROTATIONS = slice(3, 6)
 
 Numbers = TypeVar("Numbers", float, Array)
 
-_SIZES = ("outer_p", "outer_g", "module", "alpha_n_deg", "shaft_length", "face_width")
+_SIZES = ("outer_p", "outer_g", "module", "shaft_length", "face_width")
 _POSITIVE = ("I_p", "I_g", "m_p", "m_g", "k_mean", "E", "b_c", *_SIZES)
 _SUPPORTS = ("k_px", "k_py", "k_pz", "k_gx", "k_gy", "k_gz", "c_px", "c_py", "c_pz", "c_gx", "c_gy", "c_gz")
 _NOT_NEGATIVE = ("zeta", "inner_p", "inner_g", "k_pthx", "k_pthy", "k_gthx", "k_gthy", *_SUPPORTS)
@@ -201,6 +202,32 @@ class DoubleHelicalPair(Model):
         "stagger": r"stagger of the halves [rad]",
     }
     default_span: ClassVar[tuple[float, float]] = (1.6, 0.2)
+    ranges: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(_POSITIVE, POSITIVE),
+        **dict.fromkeys(_NOT_NEGATIVE, NOT_NEGATIVE),
+        "alpha_n_deg": Range(above=0, below=90),
+        "beta_deg": Range(above=-90, below=90),
+        "poisson": Range(above=-1, high=0.5),
+        "W": Range(low=-1),  # where the half backlash b_c (1 + W) is zero
+    }
+    usual: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(("I_p", "I_g"), Range(1e-8, 1e6)),
+        **dict.fromkeys(("m_p", "m_g"), Range(1e-4, 1e6)),
+        **dict.fromkeys(("outer_p", "outer_g", "shaft_length", "face_width"), Range(1e-3, 10)),
+        "module": Range(1e-4, 0.1),
+        "alpha_n_deg": Range(5, 45),
+        "phi_deg": Range(-360, 360),
+        "k_mean": Range(1e5, 1e12),
+        "zeta": Range(0, 1),
+        "E": Range(1e8, 1e12),
+        "torque": Range(-1e8, 1e8),
+        "b_c": Range(1e-7, 5e-3),
+        "W": Range(-1, 100),
+        "eps": Range(-1, 1),
+        "e": Range(-20, 20),
+        "e_phase": Range(-2 * pi, 2 * pi),
+        "stagger": Range(-2 * pi, 2 * pi),
+    }
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -210,19 +237,12 @@ class DoubleHelicalPair(Model):
         self._check_choices()
 
     def _check_numbers(self) -> None:
-        rules = [(name, getattr(self, name) > 0, "must be positive") for name in _POSITIVE]
-        rules += [(name, getattr(self, name) >= 0, "must not be negative") for name in _NOT_NEGATIVE]
-        rules += [
-            ("inner_p", self.inner_p < self.outer_p, f"must be smaller than outer_p = {self.outer_p}"),
-            ("inner_g", self.inner_g < self.outer_g, f"must be smaller than outer_g = {self.outer_g}"),
-            ("alpha_n_deg", self.alpha_n_deg < 90, "must be below 90 degrees"),
-            ("beta_deg", abs(self.beta_deg) < 90, "must lie between -90 and 90 degrees"),
-            ("poisson", -1 < self.poisson <= 0.5, "must lie in (-1, 0.5]"),
-            ("W", self.W >= -1, "must be at least -1, where the half backlash b_c (1 + W) is zero"),
-        ]
-        for name, fulfilled, need in rules:
-            if not fulfilled:
-                raise ValueError(f"DoubleHelicalPair: {name} = {getattr(self, name)} {need}")
+        for gear in "pg":
+            inner, outer = getattr(self, f"inner_{gear}"), getattr(self, f"outer_{gear}")
+            if not inner < outer:
+                raise ValueError(
+                    f"DoubleHelicalPair: inner_{gear} = {inner} must be smaller than outer_{gear} = {outer}"
+                )
 
     def _check_choices(self) -> None:
         for name in ("teeth_p", "teeth_g"):

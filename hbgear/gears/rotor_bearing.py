@@ -10,6 +10,7 @@ from hbgear.fourier import Series
 from hbgear.gears.spur import amplitudes, checked_phase, mesh_stiffness, transmission_error
 from hbgear.laws import Backlash
 from hbgear.model import Element, Load, Model, System
+from hbgear.ranges import NOT_NEGATIVE, POSITIVE, Range
 
 _POSITIVE = ("mu_1", "mu_2", "kappa_1", "kappa_2")
 _NOT_NEGATIVE = ("zeta", "zeta_1", "zeta_2", "b", "b_1", "b_2")
@@ -110,14 +111,20 @@ class GearRotorBearing(Model):
         "e_scale": r"factor of the error amplitudes $e_l$",
     }
     default_span: ClassVar[tuple[float, float]] = (2.0, 0.3)
+    ranges: ClassVar[Mapping[str, Range]] = dict.fromkeys(_POSITIVE, POSITIVE) | dict.fromkeys(
+        _NOT_NEGATIVE, NOT_NEGATIVE
+    )
+
+    usual: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(("zeta", "zeta_1", "zeta_2"), Range(0, 1)),
+        **dict.fromkeys(("F_m", "F_1", "F_2"), Range(-20, 20)),
+        **dict.fromkeys(("b", "b_1", "b_2"), Range(0, 100)),
+        "eps": Range(-1, 1),
+        "e": Range(-20, 20),
+    }
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        rules = [(name, getattr(self, name) > 0, "must be positive") for name in _POSITIVE]
-        rules += [(name, getattr(self, name) >= 0, "must not be negative") for name in _NOT_NEGATIVE]
-        for name, fulfilled, need in rules:
-            if not fulfilled:
-                raise ValueError(f"GearRotorBearing: {name} = {getattr(self, name)} {need}")
         checked_phase("GearRotorBearing", self.phase)
         for name in ("eps", "e"):
             object.__setattr__(self, name, amplitudes("GearRotorBearing", name, getattr(self, name)))

@@ -11,6 +11,7 @@ import numpy as np
 from hbgear.fourier import Series
 from hbgear.laws import Backlash
 from hbgear.model import Element, Load, Model, System
+from hbgear.ranges import NOT_NEGATIVE, Range
 
 
 def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
@@ -128,12 +129,13 @@ class SpurPair(Model):
         "e_scale": r"factor of the error amplitudes $e_l$",
     }
     default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
+    ranges: ClassVar[Mapping[str, Range]] = {"zeta": NOT_NEGATIVE, "b": NOT_NEGATIVE}
+    usual: ClassVar[Mapping[str, Range]] = {
+        "zeta": Range(0, 1), "F_m": Range(-20, 20), "b": Range(0, 100), "eps": Range(-1, 1), "e": Range(-20, 20),
+    }  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("zeta", "b"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"SpurPair: {name} = {getattr(self, name)} must not be negative")
         checked_phase("SpurPair", self.phase)
         for name in ("eps", "e"):
             object.__setattr__(self, name, amplitudes("SpurPair", name, getattr(self, name)))

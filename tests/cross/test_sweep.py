@@ -231,7 +231,7 @@ def test_progress_is_reported():
         (lambda: sweep(hb.SpurPair(), [0.5], "sideways"), ValueError, "'up' or 'down'"),
         (lambda: sweep(hb.SpurPair(), [0.5], parameter="zetta"), KeyError, "did you mean 'zeta'"),
         (lambda: sweep(hb.SpurPair(), [0.05], parameter="zeta"), ValueError, "needs a fixed Omega"),
-        (lambda: sweep(hb.SpurPair(), [0.5], disturbance=-1.0), ValueError, "not negative"),
+        (lambda: sweep(hb.SpurPair(), [0.5], disturbance=-1.0), ValueError, "not be negative"),
         (lambda: Settling(tolerance=1e-15), ValueError, "cannot be met"),
         (lambda: Settling(longest=3), ValueError, "periods <= longest"),
         (lambda: basins(hb.DoubleHelicalPair(), 0.9), ValueError, "24 coordinates"),

@@ -326,6 +326,14 @@ def refused(run, args, *words):
         ("trace duffing --set zeta", ["--set zeta", "need NAME=VALUE"]),
         ("trace duffing --set zeta=0.1 --set zeta=0.2", ["already given as 0.1"]),
         ("trace spur-pair --set eps=0.1,x", ["eps=x", "finite number"]),
+        ("trace spur-pair --set e=0.1,,0.2", ["e=0.1,,0.2", "a number is missing between two commas"]),
+        ("trace spur-pair --parameter b --at Omega=0.6 --from 1 --to -1", ["b must not be negative"]),
+        ("trace duffing --harmonics 1000000000", ["unknowns", "at most"]),
+        ("trace duffing --samples 1000000000000", ["samples", "at most"]),
+        ("map spur-pair --in b --from -1 --to 1", ["b must not be negative"]),
+        ("map spur-pair --in b --from 0.5 --to 1 --seeds 1000000000", ["seeds", "more than 1,000"]),
+        ("survey duffing --places 1000000000000", ["frequencies", "more than"]),
+        ("survey duffing --guesses 1000000000000", ["guesses", "more than"]),
         ("trace spur-pair --set phase=tan", ["'tan'", "'cos' or 'sin'"]),
         ("trace double-helical --set teeth_p=2.5", ["teeth_p=2.5", "whole number"]),
         ("trace double-helical --set teeth_p=0", ["teeth_p = 0"]),
@@ -529,3 +537,24 @@ def test_help_names_only_options_of_its_own_command(name):
     texts = [command.help, *(getattr(parameter, "help", "") for parameter in command.params)]
     own = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
     assert {option for text in texts for option in re.findall(r"--[a-z][a-z-]*", text or "")} <= own
+
+
+# ---- what is unlikely
+
+
+@pytest.mark.parametrize(
+    "args, words",
+    [
+        ("spur-pair --from 12000 --to 9000", ["Omega = 12000", "r/min"]),
+        ("double-helical --set b_c=80 --from 1.6 --to 1.5", ["b_c = 80.0", "unit (m)"]),
+        ("spur-pair --harmonics 1 --from 1.5 --to 1.4", ["1 harmonics", "contact"]),
+    ],
+)
+def test_unlikely_input_is_computed_with_a_warning(run, args, words):
+    code, _, err = run("trace", *args.split(), "--no-stability")
+    assert code == 0 and err.startswith("hbgear: warning: ")
+    assert all(word in err for word in words)
+
+
+def test_the_models_tell_their_ranges(run):
+    assert "zeta, b must not be negative" in run("models")[1]

@@ -101,12 +101,12 @@ def test_breakpoints_of_parallel_laws():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Backlash(-1.0), "half backlash b = -1.0 must be finite and not negative"),
+        (lambda: Backlash(-1.0), "half backlash b = -1.0 must not be negative"),
         (lambda: Backlash(np.nan), "b = nan"),
         (lambda: Backlash(1.0, k=0.0), "k = 0.0 must be positive"),
-        (lambda: Unilateral(np.inf), "k = inf must be positive and finite"),
+        (lambda: Unilateral(np.inf), "k = inf must be a finite number"),
         (lambda: Unilateral(1.0, np.nan), "finite"),
-        (lambda: Cubic(np.nan), "Cubic needs finite"),
+        (lambda: Cubic(np.nan), "Cubic: k3 = nan must be a finite number"),
         (lambda: PiecewiseLinear((1.0, 0.0), (1.0, 2.0, 3.0)), r"corners must ascend, got \(1.0, 0.0\)"),
         (lambda: PiecewiseLinear((1.0,), (1.0,)), "1 corners separate 2 slopes, got 1 slopes"),
         (lambda: PiecewiseLinear((1.0,), (1.0, np.nan)), "finite"),

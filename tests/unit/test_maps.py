@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear import Duffing, Fold, HarmonicBalance, SpurPair, trace
+from hbgear import Duffing, Fold, HarmonicBalance, SpurPair, Steps, trace
 from hbgear.maps import Arm, NoFold, critical, jump_map
 
 SPAN = (0.112, 0.120)
@@ -102,7 +102,7 @@ def test_an_empty_or_infinite_span(problem, span):
 
 
 def test_too_few_seeds(problem):
-    with pytest.raises(ValueError, match="seeds = 1: need at least 2 response curves"):
+    with pytest.raises(ValueError, match="seeds = 1 must be a whole number of at least 2"):
         jump_map(problem, "zeta", SPAN, seeds=1)
 
 
@@ -193,3 +193,18 @@ def test_a_number_of_harmonics_that_varies_is_refused():
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.9, 1.3), stability=False)
     with pytest.raises(ValueError, match=r"the start has 11 coefficients, this problem 15: .* Fold\(curve.problem"):
         hb.trace(hb.Fold(hb.HarmonicBalance(hb.Duffing(), 7), "Omega"), "zeta", (0.04, 0.05), curve["LP1"])
+
+
+def test_a_search_keeps_within_the_range_and_is_given_up(monkeypatch):
+    """Every half backlash has the folds of the pair, none has a cusp: the search says so and ends."""
+    monkeypatch.setattr("hbgear.maps._CAREFUL", Steps(first=0.002, longest=0.02, max_points=10))
+    said = []
+    with pytest.raises(NoFold, match="no jump that appears or vanishes with b"):
+        critical(SpurPair(zeta=0.09), "b", frequencies=(0.95, 0.7), harmonics=3, report=said.append)
+    ends = [float(line.rpartition(" ")[2]) for line in said if "followed" in line]
+    assert ends and min(ends) == 0.0 and len(ends) <= 8
+
+
+def test_a_map_outside_the_range_is_refused():
+    with pytest.raises(ValueError, match=r"span = \(-1.0, 1.0\): b must not be negative"):
+        jump_map(SpurPair(), "b", (-1.0, 1.0))

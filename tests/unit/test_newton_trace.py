@@ -2,6 +2,7 @@
 
 import gc
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -331,11 +332,41 @@ def test_a_trace_goes_on_from_any_row():
 
 
 def test_the_end_of_what_the_problem_allows_is_a_status():
-    """zeta must not be negative: the trace stops there, with the reason, not with a traceback."""
-    problem = HarmonicBalance(Duffing(), 3)
-    curve = trace(problem, "zeta", (0.2, -0.1), at={"Omega": 0.7})
+    """A model that refuses values it declares no range for: the trace stops there, with the reason."""
+
+    class Damped(Duffing):
+        ranges: ClassVar = {}
+
+        def __post_init__(self):
+            super().__post_init__()
+            if self.zeta < 0:
+                raise ValueError(f"zeta = {self.zeta} must not be negative")
+
+    curve = trace(HarmonicBalance(Damped(), 3), "zeta", (0.2, -0.1), at={"Omega": 0.7})
     assert curve.status is Status.STEP_TOO_SMALL and "must not be negative" in curve.message
     assert 0 <= curve.values[-1] < 1e-5
+
+
+@pytest.mark.parametrize("stability", [True, False])
+@pytest.mark.parametrize(
+    ("model", "name", "span"),
+    [
+        (Duffing(), "zeta", (0.2, 0.0)),
+        (Duffing(), "zeta", (0.0, 0.2)),
+        (SpurPair(e=(0.01,)), "b", (0.02, 0.0)),
+        (SpurPair(e=(0.01,)), "b", (0.0, 0.02)),
+    ],
+)
+def test_the_end_of_a_range_is_reached_and_left(model, name, span, stability):
+    """Nothing can be evaluated beyond it, nor a gap be met that is closed there."""
+    curve = trace(HarmonicBalance(model, 3), name, span, at={"Omega": 0.7}, stability=stability)
+    assert curve.status is Status.REACHED_END and (curve.values[0], curve.values[-1]) == span
+    assert len(curve) < 120 and np.all(curve.residual < 1e-10)
+
+
+def test_a_span_outside_the_range_is_refused():
+    with pytest.raises(ValueError, match=r"span = \(0.2, -0.1\): zeta must not be negative"):
+        trace(HarmonicBalance(Duffing(), 3), "zeta", (0.2, -0.1), at={"Omega": 0.7})
 
 
 def test_a_resonance_without_damping_ends_with_a_status():
@@ -495,10 +526,10 @@ def test_a_start_on_a_fold_either_works_or_says_so():
         ({"first": 0.1}, "0 < shortest <= first <= longest"),
         ({"shortest": 0.0}, "0 < shortest"),
         ({"turn": 0.0}, "turn = 0.0 degrees must be above 0"),
-        ({"max_points": 1}, "max_points = 1 must be at least 2"),
+        ({"max_points": 1}, "max_points = 1 must be a whole number of at least 2"),
         ({"miss": 0.0}, "miss = 0.0 must be above 0"),
-        ({"support": 0}, "support = 0 and ahead = 8 at least 1"),
-        ({"ahead": 0}, "ahead = 0 at least 1"),
+        ({"support": 0}, "support = 0 must be a whole number of at least 1"),
+        ({"ahead": 0}, "ahead = 0 must be a whole number of at least 1"),
     ],
 )
 def test_bad_steps(settings, message):

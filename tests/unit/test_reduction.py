@@ -171,3 +171,38 @@ def test_mass_is_checked():
     M[3, 3] = 0.0
     with pytest.raises(ValueError, match="'q4' has no positive mass"):
         reduce(hb.System(M, full.C, full.K, full.elements, full.load), 4)
+
+
+def driveline(seed, count, unbalance=0.0):
+    """Two free shafts with scattered stiffness and inertia, one mesh, torques at the far ends that hold each other."""
+    rng = np.random.default_rng(seed)
+    springs, inertias = 10 ** rng.uniform(6, 8, (2, count - 1)), 10 ** rng.uniform(-4, 0, (2, count))
+    shafts = [sparse.diags_array([-k, np.r_[k, 0] + np.r_[0, k], -k], offsets=[-1, 0, 1]) for k in springs]
+    r_1, r_2, torque = 0.0313, 0.0777, 137.3
+    mesh, load = np.zeros(2 * count), np.zeros(2 * count)
+    mesh[count - 1], mesh[count] = r_1, -r_2
+    load[0], load[-1] = torque, -torque * r_2 / r_1 * (1 + unbalance)
+    K, M = sparse.block_diag(shafts, format="csr"), sparse.diags_array(inertias.ravel())
+    gap = hb.Element(mesh, hb.Backlash(b=1e-5, k=1e8), hb.Series(cosine=(1e-6,)), damping=1e2, name="mesh")
+    return hb.System(M, 1e-6 * K, K, [gap], hb.Load(constant=load))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_free_driveline_stays_balanced(seed):
+    """Its torques do no work on the free rotation but what rounding makes; reduced it moves as it does whole."""
+    full = driveline(seed, 150)
+    small = hb.reduce(full, modes=20)
+    Omega = 0.5 * small.frequencies[1]
+    one, other = hb.HarmonicBalance(full, 4), hb.HarmonicBalance(small.system, 4)
+    X = one.start(Omega)
+    error = np.abs(small.error(Omega * np.arange(1, 5))).max()
+    np.testing.assert_allclose(other.start(Omega), X, rtol=0, atol=(1e-8 + 10 * error) * np.abs(X).max())
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("share", [1e-3, 1.0])
+def test_a_driveline_out_of_balance_is_refused_also_when_reduced(seed, share):
+    full = driveline(seed, 40, share)
+    for model in (full, hb.reduce(full, modes=20).system):
+        with pytest.raises(ValueError, match="on a motion that nothing holds"):
+            hb.HarmonicBalance(model, 4)

@@ -3,7 +3,7 @@
 import pytest
 
 import hbgear as hb
-from hbgear.study_file import StudyFileError, line_of, read_study
+from hbgear.study_file import StudyFileError, line_of, lines_of, read_study
 
 GOOD = """model = "double-helical"
 [base]
@@ -87,10 +87,35 @@ def test_files_that_are_no_text(tmp_path):
 
 def test_lines_of_values_of_several_lines():
     text = 'a = """\nb = 1\n"""\n\n[t]\nb = [1,\n 2]\nc = 3\n'
-    assert [line_of(text, place) for place in (("a",), ("t",), ("t", "b", 1), ("t", "c"), ("t", "no"))] == [
+    assert [line_of(lines_of(text), place) for place in (("a",), ("t",), ("t", "b", 1), ("t", "c"), ("t", "no"))] == [
         1,
         5,
         6,
         8,
         5,
     ]
+
+
+@pytest.mark.parametrize("span", ["[nan, 1]", "[inf, 1]", "[0.5, -1]", "[0, 1]", "[1, 1]"])
+def test_a_span_that_cannot_be_meant(tmp_path, span):
+    (tmp_path / "a.toml").write_text(GOOD + f"span = {span}\n")
+    with pytest.raises(StudyFileError, match=r"line (8|10): .*span"):
+        read_study(tmp_path / "a.toml")
+
+
+def test_every_statement_is_parsed_once(monkeypatch):
+    """A text of 1800 lines: the work grows with the text, not with its square."""
+    import tomllib
+
+    parsed, loads = [], tomllib.loads
+    monkeypatch.setattr("hbgear.study_file.tomllib.loads", lambda text: parsed.append(text) or loads(text))
+    text = "".join(f"[t{i}]\nvalue = {i}\nmany = [\n  {i},\n  2,\n]\n" for i in range(300))
+    lines = lines_of(text)
+    assert [line_of(lines, (f"t{i}", "many", 1)) for i in range(300)] == [6 * i + 3 for i in range(300)]
+    assert sum(map(len, parsed)) < 3 * len(text)
+
+
+def test_lines_of_arrays_of_tables():
+    lines = lines_of("[[a]]\nx = 1\n[[a]]\nx = 2\n[b]\ny = [\n'1',\n]\n")
+    places = [("a", 0), ("a", 0, "x"), ("a", 1), ("a", 1, "x"), ("b", "y", 0)]
+    assert [line_of(lines, place) for place in places] == [1, 2, 3, 4, 6]

@@ -1,0 +1,143 @@
+"""What is hardly meant is warned of, what cannot be meant is refused, and what is usual is neither."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.catalogue import MODELS
+
+PUSHED = hb.Load(cosine={1: [1.0]})
+STOP = hb.Element([1.0], hb.Backlash(b=1e3), name="stop")
+
+
+def oscillator(M=1.0, C=0.1, K=1.0, element=STOP, load=PUSHED):
+    return hb.System([[M]], [[C]], [[K]], [element], load)
+
+
+def two(M, C, K):
+    return hb.System(M, C, K, [hb.Element([1, 0], hb.Cubic(1.0))], hb.Load(cosine={1: [1.0, 0.0]}))
+
+
+def balance(model, H=8):
+    return hb.HarmonicBalance(model, H)
+
+
+def response(model, span=(0.5, 1.5), H=8):
+    return hb.trace(balance(model, H), "Omega", span, stability=False)
+
+
+EYE = np.eye(2)
+
+
+@pytest.mark.parametrize(
+    ("act", "message"),
+    [
+        (lambda: balance(hb.DoubleHelicalPair(b_c=80.0)), r"b_c = 80.0 .* usual values .*unit \(m\)"),
+        (lambda: balance(hb.DoubleHelicalPair(module=6.0)), "module = 6.0 .* usual"),
+        (lambda: balance(hb.DoubleHelicalPair(stagger=90.0)), r"stagger = 90.0 .*unit \(rad\)"),
+        (lambda: balance(hb.SpurPair(0.05, 200)), "F_m = 200 .* usual"),
+        (lambda: balance(hb.SpurPair(zeta=5.0)), "zeta = 5.0 .* usual"),
+        (lambda: balance(hb.SpurPair(eps=(0.9, 0.8))), "stiffness of gap is negative"),
+        (lambda: balance(hb.SpurPair(), 1), "1 harmonics .* cannot describe a contact"),
+        (lambda: response(hb.SpurPair(), (12000, 9000)), "Omega = 12000 .* highest natural frequency .* r/min"),
+        (lambda: hb.trace(balance(hb.SpurPair()), "zeta", (0.05, 0.06), at={"Omega": 3000.0}), "Omega = 3000 "),
+        (lambda: response(oscillator()), "nothing ever comes near a corner"),
+        (lambda: balance(oscillator(load=())), "nothing excites this System"),
+        (lambda: balance(oscillator(C=-0.1)), "C has a negative eigenvalue"),
+        (lambda: balance(oscillator(M=-1.0)), "M has a negative eigenvalue"),
+        (lambda: balance(two(EYE, [[0.1, 0.3], [0.3, 0.1]], EYE)), "C has a negative eigenvalue"),
+        (lambda: balance(two(EYE, None, [[2.0, -1.0], [0.0, 2.0]])), r"K couples .* K\[0, 1\] = -1, K\[1, 0\] = 0"),
+    ],
+)
+def test_unlikely_input_is_warned_of_and_computed(act, message):
+    with pytest.warns(hb.Unlikely, match=message):
+        assert act() is not None
+
+
+def test_the_warning_names_the_line_of_the_caller():
+    with pytest.warns(hb.Unlikely) as seen:
+        response(hb.SpurPair(), (12000, 9000))
+    assert all(each.filename == __file__ for each in seen)
+
+
+@pytest.mark.parametrize("cls", MODELS.values())
+def test_defaults_are_beyond_doubt(cls):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        response(cls(), cls.default_span, 16)
+
+
+def test_oil_film_and_gyroscopes_are_beyond_doubt():
+    """Unsymmetric where machines are: cross coupling of bearings, skew C of gyroscopic moments."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        balance(two(EYE, [[0.1, 0.3], [-0.3, 0.1]], [[2.0, 0.4], [-0.7, 2.0]]))
+
+
+@pytest.mark.parametrize(
+    ("act", "message"),
+    [
+        (lambda: hb.SpurPair(zeta="0.05"), "zeta = '0.05' must be a finite number"),
+        (lambda: hb.SpurPair(b=None), "b = None must be a finite number"),
+        (lambda: hb.SpurPair(b=np.array([1.0, 2.0])), r"b = array\(\[1., 2.\]\) must be a finite number"),
+        (lambda: hb.System(EYE, None, EYE, hb.Element([1, 0], hb.Cubic(1.0))), r"in a list: elements=\[...\]"),
+        (lambda: hb.System(EYE, None, EYE, [hb.Cubic(1.0)]), "element 0 is a Cubic"),
+        (lambda: hb.System(EYE, None, EYE, [hb.Element([1, 0], hb.Cubic(1.0))], {1: [1.0, 0]}), "need a Load"),
+        (lambda: hb.System("M", None, EYE), "M = 'M' must be a square matrix of numbers"),
+        (lambda: hb.System(np.zeros((0, 0)), None, None), "M = .* shape|need a square"),
+        (lambda: hb.Load(power=np.nan), "power = nan"),
+        (lambda: hb.Backlash(b="1"), "half backlash b = '1'"),
+        (lambda: hb.Backlash(stiffness=1.0), "stiffness = 1.0 must be a Series"),
+        (lambda: hb.Cubic(None), "k3 = None must be a finite number"),
+        (lambda: hb.Series(cosine=0.1), "cosine = 0.1 must be a sequence of numbers"),
+        (lambda: hb.Element([[1.0]], hb.Cubic(1.0)), "direction"),
+        (lambda: hb.Element(None, hb.Cubic(1.0)), "direction"),
+        (lambda: hb.Element([1.0], hb.Cubic(1.0), displacement=0.1), "displacement = 0.1 must be a Series"),
+        (lambda: hb.Element([1.0], hb.Cubic(1.0), damping="x"), "damping = 'x' must"),
+        (lambda: hb.Settings(tolerance=np.nan), "tolerance = nan must be a finite number"),
+        (lambda: hb.Settings(max_iterations=0), "max_iterations = 0 must be a whole number"),
+        (lambda: balance(hb.Duffing(), 10**9), "2,000,000,001 unknowns; at most"),
+        (lambda: hb.HarmonicBalance(hb.Duffing(), 8, samples=10**12), "samples = 1,000,000,000,000 .* at most"),
+        (lambda: hb.HarmonicBalance(hb.Duffing(), 8, nu=10**9), "do not reach Omega itself"),
+        (lambda: hb.monte_carlo(10**12, zeta=("uniform", 0.1, 0.2)), "count = 1,000,000,000,000 is more than"),
+        (lambda: hb.latin_hypercube(2.5, zeta=("uniform", 0.1, 0.2)), "count = 2.5 must be a whole number"),
+        (lambda: hb.jump_map(hb.SpurPair(), "b", (-1.0, 1.0)), "b must not be negative"),
+        (lambda: hb.jump_map(hb.SpurPair(), "b", (0.5, 1.0), seeds=10**9), "seeds = 1,000,000,000 is more than"),
+        (lambda: hb.trace_all(balance(hb.Duffing()), (0.5, 1.5), frequencies=10**12), "frequencies = .* is more than"),
+        (lambda: hb.trace_all(balance(hb.Duffing()), (0.5, 1.5), guesses=10**12), "guesses = .* is more than"),
+        (lambda: hb.basins(hb.Duffing(), 1.0, d=(-np.inf, 2.0)), "an end of d or v = -inf must be a finite number"),
+        (lambda: hb.basins(hb.Duffing(), 1.0, shape=(10**6, 10**6)), "is more than"),
+        (lambda: hb.basins(hb.Duffing(), np.inf), "Omega = inf must be a finite number"),
+        (lambda: hb.basins(hb.Duffing(), 1e-12), "steps per period at Omega = 1e-12 .* is more than"),
+        (lambda: hb.sweep(hb.Duffing(), [1.0], start=[np.inf, 0.0]), r"need a state \(q, q'\) of 2 finite numbers"),
+        (lambda: hb.sweep(hb.Duffing(), [-0.1, 0.1], parameter="zeta", at={"Omega": 1.0}), "zeta must not be negative"),
+        (lambda: hb.sweep(hb.Duffing(), [0.1], parameter="zeta", at={"Omega": np.nan}), "Omega = nan must be a finite"),
+        (lambda: hb.integrate(hb.Duffing(), [np.nan, 0.0], 1, 1.0), "all entries finite"),
+        (lambda: hb.integrate(hb.Duffing(), [0.0, 0.0], 10**12, 1.0), "is more than"),
+        (lambda: hb.shoot(hb.Duffing(), 1.0, [np.inf, 0.0]), "not finite"),
+        (lambda: hb.reduce(two(EYE, None, EYE), 10**9), "modes = 1000000000 must be"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_before_the_work(act, message):
+    with pytest.raises(ValueError, match=message):
+        act()
+
+
+def test_a_derivative_of_negative_order_is_refused():
+    curve = hb.trace(balance(hb.Duffing(), 3), "Omega", (0.5, 0.6), stability=False)
+    with pytest.raises(ValueError, match="derivative = -1 must be a whole number"):
+        curve.amplitude(derivative=-1)
+    with pytest.raises(ValueError, match="is more than"):
+        curve[0].samples(count=10**12)
+
+
+def test_a_large_structure_is_told_to_be_reduced():
+    from hbgear.doubts import of_size
+
+    n = 500
+    first = np.eye(n)[0]
+    large = hb.System(np.eye(n), None, np.eye(n), [hb.Element(first, hb.Cubic(1.0))], hb.Load(cosine={1: first}))
+    with pytest.warns(hb.Unlikely, match="hb.reduce"):
+        of_size(large)
