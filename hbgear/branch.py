@@ -53,6 +53,7 @@ class Status(StrEnum):
     MAX_POINTS = "max_points"
     STEP_TOO_SMALL = "step_too_small"
     INTERRUPTED = "interrupted"
+    FAILED = "failed"
 
     @property
     def complete(self) -> bool:
@@ -73,7 +74,8 @@ _ADVICE = {
     Status.RETRACED: "the curve ran back over itself; allow shorter steps or a smaller turning angle",
     Status.MAX_POINTS: "allow more points or longer steps, or go on from the last point",
     Status.STEP_TOO_SMALL: "go on from the last point with more harmonics or samples, or allow shorter steps",
-    Status.INTERRUPTED: "what was traced is kept; go on from the last point",
+    Status.INTERRUPTED: "what was done is kept; go on from there",
+    Status.FAILED: "what was done is kept; go on from there, if need be with other settings",
 }
 
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from hbgear import measures
 from hbgear.branch import Status, replacing
+from hbgear.ending import Ending
 from hbgear.fourier import Array, ComplexArray, evaluate, to_real
 from hbgear.model import Model, did_you_mean
 from hbgear.stepper import Flight, Stepper, modal_state
@@ -89,8 +90,21 @@ def settle(
 
     ``progress(periods, settled)`` is called now and then.
     """
+    out = _unsettled(len(flight.d), settling)
+    _settle_into(out, stepper, flight, settling, progress)
+    return out
+
+
+def _unsettled(count: int, settling: Settling) -> Settled:
+    none = np.zeros(count, dtype=int)
+    return Settled(none, np.full(count, settling.longest), np.full(count, np.nan), none.copy())
+
+
+def _settle_into(
+    out: Settled, stepper: Stepper, flight: Flight, settling: Settling, progress: Callable[[int, int], None] | None
+) -> None:
+    """`settle`, noting each motion in out once it is settled: if this is interrupted, those and their places hold."""
     B = len(flight.d)
-    out = Settled(np.zeros(B, dtype=int), np.full(B, settling.longest), np.full(B, np.nan), np.zeros(B, dtype=int))
     weights = _weights(stepper)
     going, part, here = np.arange(B), stepper, flight
     past: list[ComplexArray] = []  # strobed states, the latest first
@@ -107,11 +121,12 @@ def settle(
             out.left[going], out.guess[going] = left, guess
             done = period > 0
             if done.any():
-                out.period[going[done]], out.taken[going[done]] = period[done], p
                 flight.put(going[done], here.select(np.flatnonzero(done)))
+                out.taken[going[done]] = p
+                out.period[going[done]] = period[done]
                 keep = np.flatnonzero(~done)
                 if keep.size == 0:
-                    return out
+                    return
                 going, part, here = going[keep], part.select(keep), here.select(keep)
                 weights = weights if len(weights) == 1 else weights[keep]
                 past, gaps, size = [x[keep] for x in past], [g[:, keep] for g in gaps], size[keep]
@@ -120,7 +135,6 @@ def settle(
         if p < settling.longest:
             part.advance(here)
     flight.put(going, here)
-    return out
 
 
 def _weights(stepper: Stepper) -> Array:
@@ -423,7 +437,7 @@ class _Sweeper:
         """Pass all values unless interrupted."""
         system = self.model.system()
         state = np.zeros(2 * system.n) if self.start is None else np.asarray(self.start, dtype=float)
-        status, message = Status.REACHED_END, f"{self.parameter} = {self.values[-1]:.6g} reached"
+        ending = Ending(message=f"{self.parameter} = {self.values[-1]:.6g} reached")
         try:
             for i, value in enumerate(self.values):
                 before = state
@@ -431,10 +445,11 @@ class _Sweeper:
                 self._look_for_jump(i, before, state)
                 if self.progress:
                     self.progress((i + 1) / len(self.values), self._text())
-        except KeyboardInterrupt:
-            done = f"{len(self.found)} of {len(self.values)} values"
-            status, message = Status.INTERRUPTED, f"interrupted after {done}. {Status.INTERRUPTED.advice}"
-        return self._result(system, status, message)
+        except (Exception, KeyboardInterrupt) as error:
+            if isinstance(error, Exception) and not self.found:
+                raise
+            ending.note(error, f"after {len(self.found)} of {len(self.values)} values")
+        return self._result(system, ending.status, ending.told)
 
     def _stepper(self, value: float) -> Stepper:
         here = {**self.at, self.parameter: float(value)}
@@ -548,7 +563,8 @@ class Basins:
     """Which attractor each start leads to.
 
     d, v : (X,), (Y,) displacements and rates of the element coordinate at tau = 0.
-    label : (Y, X) number of the attractor in `attractors`.
+    label : (Y, X) number of the attractor in `attractors`; -1 where that was not yet known when Ctrl-C ended the work.
+    status, message : whether all starts were followed.
     """
 
     Omega: float
@@ -557,6 +573,8 @@ class Basins:
     label: np.ndarray
     attractors: tuple[Attractor, ...]
     labels: dict[str, str]
+    status: Status = Status.REACHED_END
+    message: str = ""
 
 
 def basins(
@@ -580,10 +598,17 @@ def basins(
     settling : when a motion counts as settled; those that never are form one attractor of period 0.
     progress : called as ``progress(share done, text)``.
 
+    Returns
+    -------
+    Basins
+        Ctrl-C or an error ends it with the starts whose motions have settled until then.
+
     Raises
     ------
     ValueError
         If the model has more coordinates, or a range or the shape is empty.
+    KeyboardInterrupt
+        If Ctrl-C comes before any motion has settled.
     """
     system = model.system()
     if system.n != 1 or len(system.elements) != 1:
@@ -604,9 +629,19 @@ def basins(
         if progress:
             progress(settled / count, f"{settled} of {count} motions settled after {periods} periods")
 
-    how = settle(stepper, flight, settling, report)
-    number, attractors = _sort(stepper, flight, how.period)
-    return Basins(float(Omega), x, y, number.reshape(len(y), len(x)), attractors, dict(model.labels))
+    how, ending, done = _unsettled(count, settling), Ending(message="all starts were followed"), np.arange(count)
+    try:
+        _settle_into(how, stepper, flight, settling, report)
+    except (Exception, KeyboardInterrupt) as error:
+        done = np.flatnonzero(how.period)
+        if not done.size:
+            raise
+        ending.note(error, f"after {done.size} of {count} motions had settled")
+    label = np.full(count, -1)
+    label[done], attractors = _sort(stepper.select(done), flight.select(done), how.period[done])
+    return Basins(
+        float(Omega), x, y, label.reshape(len(y), len(x)), attractors, dict(model.labels), ending.status, ending.told
+    )
 
 
 def _starts(system: Any, Omega: float, d: Array, v: Array) -> Array:
