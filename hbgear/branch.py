@@ -29,6 +29,7 @@ from hbgear import measures
 from hbgear.fourier import Array, ComplexArray, evaluate
 from hbgear.measures import Layout
 from hbgear.model import did_you_mean
+from hbgear.signals import held
 
 REGIMES = ("no_impact", "single_sided", "double_sided")
 """Names of the regime codes 0, 1, 2 of an element: how many of its sides it meets and leaves. -1 is unknown."""
@@ -418,17 +419,21 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
 
 @contextmanager
 def replacing(path: str | os.PathLike[str], mode: str = "xb", **options: Any) -> Iterator[IO[Any]]:
-    """A file to write that takes its name only once it is complete; a failure leaves what was there before."""
+    """A file to write that takes its name only once it is complete; a failure leaves what was there before.
+
+    Ctrl-C waits until it is written.
+    """
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"cannot write '{path}': there is no folder '{path.parent}'; create it first")
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    try:
-        with open(temporary, mode, **options) as handle:
-            yield handle
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with held():
+        try:
+            with open(temporary, mode, **options) as handle:
+                yield handle
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
 
 
 def _suffix(path: str | os.PathLike[str], allowed: tuple[str, ...], advice: str) -> str:

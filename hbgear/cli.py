@@ -1,7 +1,8 @@
 """The command ``hbgear``: trace, look at and draw response curves. Everything it does, the library does.
 
 Exit codes: 0 the end was reached; 2 bad input, with one line that says what to do; 3 stopped early, what was traced is
-saved all the same. What is slow to import (matplotlib, rich) is imported when it is needed.
+saved all the same. Ctrl-C and SIGTERM stop any command early. What is slow to import (matplotlib, rich) is imported
+when it is needed.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ from hbgear.cli_support import (
     traced,
     wrote,
 )
+from hbgear.signals import sigterm_like_ctrl_c
 
 BAD_INPUT = 2
 _CTRL_C = 130  # what typer makes of a Ctrl-C that a command does not see to itself
@@ -65,7 +67,7 @@ app = typer.Typer(
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command and exit."""
-    with warnings.catch_warnings():
+    with sigterm_like_ctrl_c(), warnings.catch_warnings():
         warnings.showwarning = lambda message, *_, **__: say("warning", message)
         sys.exit(_run(list(sys.argv[1:] if args is None else args) or ["--help"]))
 

@@ -21,6 +21,7 @@ from hbgear.cli_support import (
     chosen_model,
     draw,
     element_of,
+    end_of,
     exit_code,
     one_thread,
     print_table,
@@ -58,7 +59,10 @@ def map_command(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the jump frequencies as .csv.")] = None,
     plot: Figure = None,
 ) -> None:
-    """Jump map: jump frequencies against a design parameter, and where they vanish."""
+    """Jump map: jump frequencies against a design parameter, and where they vanish.
+
+    Exit codes: 0 all was traced, 2 bad input, 3 stopped early (what is whole is shown and saved).
+    """
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
     problem = problem_of(chosen_model(model, changes), harmonics)
@@ -83,6 +87,7 @@ def map_command(
     if plot:
         draw(plot, lambda drawing: drawing.jump_map(found))
     wrote(output, plot)
+    end_of(found)
 
 
 def critical(
@@ -93,7 +98,10 @@ def critical(
     low: Low = None,
     high: High = None,
 ) -> None:
-    """The value of a parameter at which a jump appears or vanishes, and the frequency at which it does so."""
+    """The value of a parameter at which a jump appears or vanishes, and the frequency at which it does so.
+
+    Exit codes: 0 found, 2 bad input or none, 3 stopped early (what was found is shown).
+    """
     problem = problem_of(chosen_model(model, changes), harmonics)
     problem.check_parameter(parameter)
     with one_thread(), reporting() as report:
@@ -106,6 +114,7 @@ def critical(
     print(f"the model has {parameter} = {own:.6g}{distance}")
     for value, Omega in found.others:
         print(f"another jump appears or vanishes at {parameter} = {value:.8g}, Omega = {Omega:.8g}")
+    end_of(found)
 
 
 def switch(
@@ -149,7 +158,10 @@ def survey(
     measure: Measure = "pp2",
     element: Element = "0",
 ) -> None:
-    """Every branch in a span, also those not connected with each other."""
+    """Every branch in a span, also those not connected with each other.
+
+    Exit codes: 0 all was searched, 2 bad input, 3 stopped early (what was found is shown and saved).
+    """
     check_writable(plot, FIGURES)
     machine, which = chosen_model(model, changes), element_of(element)
     if folder is not None and not folder.is_dir():
@@ -166,7 +178,7 @@ def survey(
     if plot:
         draw(plot, lambda drawing: drawing.responses(found.branches, measure, which))
     wrote(*([folder / f"branch{i + 1}.npz" for i in range(len(found))] if folder else []), plot)
-    raise typer.Exit(max((exit_code(branch) for branch in found.branches), default=0))
+    end_of(found, *found.branches)
 
 
 def _frequencies(problem: hb.HarmonicBalance, low: float | None, high: float | None) -> tuple[float, float]:

@@ -290,8 +290,8 @@ class _Tracer:
         self.ending.reached(*self._loop())
 
     def _complete(self) -> None:
-        """Observe the special points that are not yet, and a last row that stands alone."""
-        self.rows[-1:] = self._observed(self.rows[-1:])
+        """Observe what is not yet: special points, and rows whose turn did not come."""
+        self.rows = self._observed(self.rows)
         located = self._observed([point.row for _, point in self.found])
         self.found = [(i, replace(point, row=row)) for (i, point), row in zip(self.found, located, strict=True)]
 
