@@ -8,6 +8,7 @@ import sys
 import time
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from hbgear import Status
 from hbgear.branch import replacing
 from hbgear.signals import held, sigterm_like_ctrl_c
 from hbgear.sweep import Settling
+from studies import study
 
 ROOT = str(Path(hb.__file__).parent)
 DUFFING = hb.Duffing()
@@ -332,3 +334,19 @@ def test_commands_stop_at_any_moment(tmp_path, name, stop):
         if (folder / "out.npz").exists():
             curve = hb.load(folder / "out.npz")
             assert (curve.status is Status.INTERRUPTED) == (command.returncode == 3)
+
+
+def test_ctrl_c_ends_a_study_and_leaves_no_figure_of_half_a_curve(tmp_path, monkeypatch):
+    def run(quick):
+        def stop(*_):
+            signal.raise_signal(signal.SIGINT)
+
+        hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6), progress=stop)
+
+    module = SimpleNamespace(run=run, report=lambda results: "wrong", __file__=str(tmp_path / "one.py"))
+    monkeypatch.setitem(sys.modules, "studies.some.one", module)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(SystemExit) as raised:
+        study.make("studies.some.one", tmp_path / "out")
+    assert raised.value.code == 3 and not os.listdir(tmp_path / "out")
+    assert signal.getsignal(signal.SIGINT) is before
