@@ -326,6 +326,9 @@ def test_commands_stop_at_any_moment(tmp_path, name, stop):
         time.sleep(delay)
         command.send_signal(stop)
         out, err = command.communicate(timeout=60)
+        if command.returncode == -stop:  # all was done and told, and Python itself was ending
+            assert "wrote" in out or "the model has" in out
+            continue
         assert command.returncode in (0, 3) and "Traceback" not in err, (delay, err)
         assert set(os.listdir(folder)) <= {"out.npz", "out.csv"}
         if command.returncode == 3:
