@@ -134,6 +134,12 @@ class Augmented(ABC):
         return dict(getattr(self.problem, "parameters", {}))
 
     @property
+    def size(self) -> int | None:
+        """Number of unknowns; None if the problem does not say its own."""
+        size = getattr(self.problem, "size", None)
+        return None if size is None else size + 1
+
+    @property
     def layout(self) -> Any:
         """How X, the motion's part of the unknowns, is to be read."""
         return getattr(self.problem, "layout", None)

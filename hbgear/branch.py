@@ -41,6 +41,7 @@ class Status(StrEnum):
     MAX_POINTS = "max_points"
     STEP_TOO_SMALL = "step_too_small"
     INTERRUPTED = "interrupted"
+    FAILED = "failed"
 
     @property
     def complete(self) -> bool:
@@ -64,7 +65,9 @@ _ADVICE = {
     "hbgear extend FILE",
     Status.STEP_TOO_SMALL: "go on from the last point with more harmonics or samples: hb.extend(curve, problem=...), "
     "hbgear extend FILE --harmonics 32; or allow shorter steps: steps=hb.Steps(shortest=...)",
-    Status.INTERRUPTED: "what was traced is kept; go on from the last point: hb.extend(curve), hbgear extend FILE",
+    Status.INTERRUPTED: "what was done is kept; go on from there (a curve: hb.extend(curve), hbgear extend FILE)",
+    Status.FAILED: "what was done is kept; go on from there, if need be with other settings (a curve: hb.extend(curve, "
+    "problem=...))",
 }
 
 

@@ -37,6 +37,7 @@ from threadpoolctl import threadpool_limits
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Status
 from hbgear.doubts import Unlikely
+from hbgear.ending import whole
 from hbgear.fourier import Array
 from hbgear.given import given, need, two_numbers
 from hbgear.maps import NoFold, critical
@@ -279,9 +280,7 @@ def _computed(model: Model, work: Work) -> Result:
     problem = HarmonicBalance(model, work.harmonics)
     if work.compute:
         stability = set(work.compute) != {"peak"}
-        branch = trace(problem, "Omega", work.span, stability=stability, special=stability)
-        if branch.status == Status.INTERRUPTED:
-            raise KeyboardInterrupt
+        branch = whole(trace(problem, "Omega", work.span, stability=stability, special=stability))
         if branch.status != Status.REACHED_END:
             raise ValueError(f"the curve ended early: {branch.message}")
         for kind, take in _OF_CURVE.items():
@@ -292,6 +291,8 @@ def _computed(model: Model, work: Work) -> Result:
     for name in work.critical:
         try:
             found = critical(problem, name, frequencies=work.span)
+            if found.status is Status.INTERRUPTED:
+                raise KeyboardInterrupt
             numbers |= {f"critical_{name}": found.value, f"critical_{name}_Omega": found.Omega}
         except NoFold:
             numbers |= {f"critical_{name}": np.nan, f"critical_{name}_Omega": np.nan}

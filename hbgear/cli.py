@@ -1,7 +1,8 @@
 """The command ``hbgear``: trace, look at and draw response curves. Everything it does, the library does.
 
 Exit codes: 0 the end was reached; 2 bad input, with one line that says what to do; 3 stopped early, what was traced is
-saved all the same. What is slow to import (matplotlib, rich) is imported when it is needed.
+saved all the same. Ctrl-C and SIGTERM stop any command early. What is slow to import (matplotlib, rich) is imported
+when it is needed.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ from hbgear.cli_support import (
     text_of,
     traced,
 )
+from hbgear.signals import sigterm_like_ctrl_c
 
 RENAMED = {
     "--parameter": "--parameter F --from A --to B is now --in F=A:B, as --from and --to are always in Omega",
@@ -77,7 +79,7 @@ app = typer.Typer(
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command and exit."""
-    with warnings.catch_warnings():
+    with sigterm_like_ctrl_c(), warnings.catch_warnings():
         warnings.showwarning = lambda message, *_, **__: say("warning", message)
         sys.exit(_printed(_run(list(sys.argv[1:] if args is None else args) or ["--help"])))
 

@@ -22,6 +22,7 @@ from hbgear.cli_support import (
     chosen_model,
     digits_of,
     element_of,
+    end_of,
     exit_code,
     one_thread,
     print_table,
@@ -64,7 +65,10 @@ def map_command(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the jump frequencies as .csv.")] = None,
     plot: Figure = None,
 ) -> None:
-    """Jump map: jump frequencies against a design parameter, and where they vanish."""
+    """Jump map: jump frequencies against a design parameter, and where they vanish.
+
+    Exit codes: 0 all was traced, 2 bad input, 3 stopped early (what is whole is shown and saved).
+    """
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
     parameter, span = range_of(within, first, last)
@@ -88,6 +92,7 @@ def map_command(
             print_table([parameter, "Omega", "jump while Omega is"], rows, "jump curves")
         for cusp in found.cusps:
             print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}, Omega = {text_at(cusp, 'Omega')}")
+    end_of(found)
 
 
 def critical(
@@ -103,7 +108,10 @@ def critical(
     first: First = None,
     last: Last = None,
 ) -> None:
-    """The value of a parameter at which a jump appears or vanishes, and the frequency at which it does so."""
+    """The value of a parameter at which a jump appears or vanishes, and the frequency at which it does so.
+
+    Exit codes: 0 found, 2 bad input or none, 3 stopped early (what was found is shown).
+    """
     problem = problem_of(chosen_model(model, changes), harmonics)
     problem.check_parameter(parameter)
     with one_thread(), reporting() as report:
@@ -120,6 +128,7 @@ def critical(
     for other, Omega in found.others:
         place = f"{parameter} = {rounded(other, digits)}, Omega = {rounded(Omega, digits)}"
         print(f"another jump appears or vanishes at {place}")
+    end_of(found)
 
 
 def switch(
@@ -167,7 +176,10 @@ def survey(
     measure: Measure = "pp2",
     element: Element = "0",
 ) -> None:
-    """Every branch in a span, also those not connected with each other."""
+    """Every branch in a span, also those not connected with each other.
+
+    Exit codes: 0 all was searched, 2 bad input, 3 stopped early (what was found is shown and saved).
+    """
     check_writable(plot, FIGURES)
     machine, which = chosen_model(model, changes), element_of(element)
     if folder is not None:
@@ -185,4 +197,4 @@ def survey(
         for number, branch in enumerate(found.branches, 1):
             print(f"branch {number}: {len(branch)} points; {branch.message}")
             show_branch(branch, measure, which)
-    raise typer.Exit(max((exit_code(branch) for branch in found.branches), default=0))
+    end_of(found, *found.branches)

@@ -299,6 +299,19 @@ def exit_code(branch: hb.Branch) -> int:
     return 0 if branch.status.complete else STOPPED_EARLY
 
 
+def end_of(result: Any, *parts: Any) -> None:
+    """Say it if a result is not complete, and end the command with the exit code that follows from it and its parts.
+
+    Raises
+    ------
+    typer.Exit
+        With 3 if any has a status that is not complete, else 0.
+    """
+    if not result.status.complete:
+        say("stopped early", result.message)
+    raise typer.Exit(0 if all(one.status.complete for one in (result, *parts)) else STOPPED_EARLY)
+
+
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
     """A curve, traced with a progress bar and one thread for linear algebra."""
     with one_thread(), progress_bar(parameter, *span) as progress:

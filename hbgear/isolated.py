@@ -22,6 +22,7 @@ import numpy as np
 
 from hbgear.balance import HarmonicBalance
 from hbgear.branch import Branch, Point, Status
+from hbgear.ending import Ending, Interrupted, whole
 from hbgear.fourier import Array, to_complex, to_real
 from hbgear.given import given, need, two_numbers
 from hbgear.newton import NoConvergence, Settings, solve, solve_linear
@@ -34,10 +35,12 @@ Report = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Survey:
-    """What `trace_all` found: branches, and how it looked, line by line."""
+    """What `trace_all` found: branches, how it looked, line by line, and whether it looked everywhere."""
 
     branches: tuple[Branch, ...]
     log: tuple[str, ...]
+    status: Status = Status.REACHED_END
+    message: str = ""
 
     def __len__(self) -> int:
         return len(self.branches)
@@ -77,10 +80,18 @@ def trace_all(
     steps, stability : as for `trace`.
     report : called with a line of text as work goes on.
 
+    Returns
+    -------
+    Survey
+        Ctrl-C or an error ends it with the branches found until then, the one at work as far as it was traced;
+        ``status`` and ``message`` say so.
+
     Raises
     ------
     ValueError
         If no frequency lies within the span, or the number of harmonics varies.
+    KeyboardInterrupt
+        If Ctrl-C comes before anything is traced.
     """
     need("trace_all(problem)", problem, "HarmonicBalance")
     problem.check_fixed("a survey")
@@ -90,13 +101,22 @@ def trace_all(
     counted("guesses", guesses, 100_000, least=0)
     places = _places(frequencies, low, high)
     search = _Search(problem, (float(span[0]), float(span[1])), steps, stability, report)
-    search.main()
-    rng = np.random.default_rng(seed)
-    for Omega in places:
-        search.deflated(Omega, guesses, rng)
-        if second is not None:
-            search.through(Omega, *second)
-    return Survey(tuple(search.branches), tuple(search.log))
+    ending, place = Ending(), "on the branches from the linear response"
+    try:
+        search.main()
+        rng = np.random.default_rng(seed)
+        for Omega in places:
+            place = f"at Omega = {Omega:.5g}"
+            search.deflated(Omega, guesses, rng)
+            if second is not None:
+                search.through(Omega, *second)
+    except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, Interrupted) and error.branch.parameter == "Omega":
+            search.branches += [error.branch]
+        if not search.branches:
+            raise
+        ending.note(error, place)
+    return Survey(tuple(search.branches), tuple(search.log), ending.status, ending.told)
 
 
 def _places(frequencies: Sequence[float] | int, low: float, high: float) -> list[float]:
@@ -139,7 +159,7 @@ class _Search:
                 continue
             if self._on_a_branch(X, span[0]):
                 continue
-            branch = trace(self.problem, "Omega", span, X, steps=self.steps, stability=self.stability)
+            branch = whole(trace(self.problem, "Omega", span, X, steps=self.steps, stability=self.stability))
             self.branches.append(branch)
             self.say(f"branch {len(self.branches)}, from the linear response at Omega = {span[0]:g}: {branch.message}")
 
@@ -191,10 +211,10 @@ class _Search:
             for end in span:
                 if end == own:
                     continue
-                curve = trace(
+                curve = whole(trace(
                     self.problem, name, (own, end), X, at={"Omega": Omega}, steps=self.steps,
                     stability=False, special=False,
-                )  # fmt: skip
+                ))  # fmt: skip
                 back = curve.X[-1]
                 # it came back to the model's own value as another motion
                 if curve.status == Status.LEFT_SPAN and not any(_same(back, Y) for Y in pending):
@@ -206,7 +226,11 @@ class _Search:
         """Trace the branch of a motion unless it lies on one already."""
         if self._on_a_branch(X, Omega):
             return
-        branch = whole_branch(self.problem, X, Omega, self.span, self.steps, self.stability)
+        try:
+            branch = whole_branch(self.problem, X, Omega, self.span, self.steps, self.stability)
+        except NoConvergence as error:
+            self.say(f"a motion found at Omega = {Omega:.5g} by {how} could not be traced: {error}")
+            return
         self.branches.append(branch)
         self.say(f"branch {len(self.branches)}, at Omega = {Omega:.5g} by {how}: {branch.message}")
 
@@ -223,15 +247,15 @@ def whole_branch(
 ) -> Branch:
     """The whole branch through a motion inside the span: a closed curve, or from one of its ends to the other."""
     start = problem_point(problem, X, Omega)
-    first = trace(problem, "Omega", span, start, steps=steps, stability=False, special=False)
+    first = whole(trace(problem, "Omega", span, start, steps=steps, stability=False, special=False))
     if first.status in (Status.CLOSED, Status.RETRACED) or not first.status.complete:
-        return trace(problem, "Omega", span, start, steps=steps, stability=stability)
+        return whole(trace(problem, "Omega", span, start, steps=steps, stability=stability))
     if first.status is Status.MERGED:
         start, span = _beside_end(problem, first, span)
-        return trace(problem, "Omega", span, start, steps=steps, stability=stability)
+        return whole(trace(problem, "Omega", span, start, steps=steps, stability=stability))
     end = float(first.values[-1])
     other = span[0] if end == span[1] else span[1]
-    return trace(problem, "Omega", (end, other), first.X[-1], steps=steps, stability=stability)
+    return whole(trace(problem, "Omega", (end, other), first.X[-1], steps=steps, stability=stability))
 
 
 def _beside_end(

@@ -17,7 +17,8 @@ import numpy as np
 
 from hbgear.augmented import Fold
 from hbgear.balance import HarmonicBalance
-from hbgear.branch import Branch, Point, SpecialPoint, joined
+from hbgear.branch import Branch, Point, SpecialPoint, Status, joined
+from hbgear.ending import Ending, whole
 from hbgear.fourier import Array
 from hbgear.given import two_numbers
 from hbgear.model import Model
@@ -61,6 +62,7 @@ class JumpMap:
     folds : the fold curves, each a `Branch` in the parameter with Omega in ``tracked``.
     arms : their monotonic pieces.
     labels : axis labels of the model.
+    status, message : whether everything was traced as far as it goes, and what was not.
     """
 
     parameter: str
@@ -68,6 +70,8 @@ class JumpMap:
     folds: tuple[Branch, ...]
     arms: tuple[Arm, ...]
     labels: dict[str, str]
+    status: Status = Status.REACHED_END
+    message: str = ""
 
     @property
     def cusps(self) -> tuple[SpecialPoint, ...]:
@@ -145,12 +149,19 @@ def jump_map(
     seeds : number of response curves, at least 2.
     report : called with a line of text as work goes on.
 
+    Returns
+    -------
+    JumpMap
+        Ctrl-C or an error ends it with the fold curves that are whole; ``status`` and ``message`` say so.
+
     Raises
     ------
     ValueError
         If the parameter is Omega, the span empty or outside the range of the parameter, or seeds not from 2 to 1000.
     KeyError
         If the model has no such parameter.
+    KeyboardInterrupt, NoConvergence
+        If it ends before the first fold curve is whole.
     """
     problem = _problem(model, harmonics)
     _check(problem, parameter)
@@ -161,15 +172,27 @@ def jump_map(
     if low not in (allowed := problem.range_of(parameter)) or high not in allowed:
         raise ValueError(f"span = {span}: {parameter} must {allowed}")
     counted("seeds", seeds, 1000, least=2)
-    folds: list[Branch] = []
-    for value in _spread(low, high, seeds):
-        say(report, f"response curve at {parameter} = {value:.5g}")
-        for point in _folds_at(problem, parameter, value, frequencies):
-            if not any(_known(problem, fold, point, parameter) for fold in folds):
-                say(report, f"fold at Omega = {point.parameters['Omega']:.5g}, followed in {parameter}")
-                folds.append(_fold_curve(problem, parameter, (low, high), point, steps))
-    arms = tuple(arm for fold in folds for arm in _arms(problem, fold))
-    return JumpMap(parameter, (low, high), tuple(folds), arms, dict(problem.model.labels))
+    folds: list[tuple[Branch, list[Arm]]] = []
+    ending, value = Ending(), low
+    try:
+        for value in _spread(low, high, seeds):
+            say(report, f"response curve at {parameter} = {value:.5g}")
+            curve = _curve(problem, parameter, value, frequencies)
+            ending.also(curve, f"the response curve at {parameter} = {value:.5g}")
+            for point in (p for p in curve.special if p.kind == "LP" and p.located):
+                if not any(_known(problem, fold, point, parameter) for fold, _ in folds):
+                    say(report, f"fold at Omega = {point.parameters['Omega']:.5g}, followed in {parameter}")
+                    fold = _fold_curve(problem, parameter, (low, high), point, steps)
+                    folds += [(fold, _arms(problem, fold))]
+                    ending.also(fold, f"the curve of the fold at Omega = {point.parameters['Omega']:.5g}")
+    except (Exception, KeyboardInterrupt) as error:
+        if not folds:
+            raise
+        ending.note(error, f"at the response curve at {parameter} = {value:.5g} or its folds")
+    return JumpMap(
+        parameter, (low, high), tuple(fold for fold, _ in folds), tuple(arm for _, arms in folds for arm in arms),
+        dict(problem.model.labels), ending.status, ending.told,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -181,6 +204,7 @@ class Critical:
     folds : the fold curve it was found on.
     jump_below : whether the jump exists below the value (else above).
     others : further cusps met, as (value, Omega).
+    status, message : whether all folds of the response curve were followed; if not, another cusp may be nearer.
     """
 
     parameter: str
@@ -190,6 +214,8 @@ class Critical:
     folds: Branch
     jump_below: bool
     others: tuple[tuple[float, float], ...] = ()
+    status: Status = Status.REACHED_END
+    message: str = ""
 
 
 def critical(
@@ -214,12 +240,19 @@ def critical(
     harmonics : used if a model is given.
     report : called with a line of text as work goes on.
 
+    Returns
+    -------
+    Critical
+        Ctrl-C ends it with the nearest cusp found until then, if there is one; ``status`` and ``message`` say so.
+
     Raises
     ------
     NoFold
         If no value tried has a fold, or no fold curve a cusp; the message gives the steepest slope of the amplitude.
     KeyError, ValueError
         If the model has no such parameter, or it is Omega.
+    KeyboardInterrupt
+        If Ctrl-C comes before a cusp is found.
     """
     problem = _problem(model, harmonics)
     _check(problem, parameter)
@@ -240,13 +273,21 @@ def critical(
         say(report, f"response curve at {parameter} = {value:.5g}: {_count_folds(curve)}")
         tried.append(value)
         slope = slope or _steepest(curve)
-        found = _cusps_from(problem, parameter, curve, followed, report)
+        found: list[tuple[SpecialPoint, Branch, bool]] = []
+        ending = Ending()
+        try:
+            _cusps_from(problem, parameter, curve, followed, found, report)
+        except KeyboardInterrupt as error:
+            if not found:
+                raise
+            ending.note(error, f"after {len(found)} of the points where a jump appears or vanishes")
         if found:
             point, fold, below = min(found, key=lambda f: abs(f[0].parameters[parameter] - own))
             others = [(p.parameters[parameter], p.parameters["Omega"]) for p, *_ in found if p is not point]
             return Critical(
-                parameter, point.parameters[parameter], point.parameters["Omega"], point, fold, below, tuple(others)
-            )
+                parameter, point.parameters[parameter], point.parameters["Omega"], point, fold, below, tuple(others),
+                ending.status, ending.told,
+            )  # fmt: skip
     raise NoFold(
         f"no jump that appears or vanishes with {parameter} was found from {parameter} = {min(tried, default=own):.5g} "
         f"to {max(tried, default=own):.5g}; {slope}. Try another parameter, or a model nearer to a jump"
@@ -300,14 +341,7 @@ def _search(own: float) -> Iterator[float]:
 
 def _curve(problem: HarmonicBalance, parameter: str, value: float, frequencies: tuple[float, float] | None) -> Branch:
     span = frequencies or problem.model.default_span
-    return trace(problem, "Omega", span, at={parameter: value}, stability=False)
-
-
-def _folds_at(
-    problem: HarmonicBalance, parameter: str, value: float, frequencies: tuple[float, float] | None
-) -> list[SpecialPoint]:
-    curve = _curve(problem, parameter, value, frequencies)
-    return [p for p in curve.special if p.kind == "LP" and p.located]
+    return whole(trace(problem, "Omega", span, at={parameter: value}, stability=False))
 
 
 def _count_folds(curve: Branch) -> str:
@@ -340,10 +374,10 @@ def _fold_curve(
     """A fold followed both ways, from where it leaves the span to where it leaves it again."""
     low, high = span
     value = point.parameters[parameter]
-    forth = trace(Fold(problem), parameter, (low, high), point, steps=steps)
+    forth = whole(trace(Fold(problem), parameter, (low, high), point, steps=steps))
     if value == low or forth.status == "closed":
         return forth
-    back = trace(Fold(problem), parameter, (high, low), point, steps=steps)
+    back = whole(trace(Fold(problem), parameter, (high, low), point, steps=steps))
     return joined(back, forth) if value != high else back
 
 
@@ -370,15 +404,15 @@ def _arms(problem: HarmonicBalance, fold: Branch) -> list[Arm]:
 
 
 def _cusps_from(
-    problem: HarmonicBalance, parameter: str, curve: Branch, followed: list[Branch], report: Report | None
-) -> list[tuple[SpecialPoint, Branch, bool]]:
-    """Cusps reached from the folds of a curve, with the fold curve and whether the jump lies below each.
+    problem: HarmonicBalance, parameter: str, curve: Branch, followed: list[Branch],
+    found: list[tuple[SpecialPoint, Branch, bool]], report: Report | None,
+) -> None:  # fmt: skip
+    """Add to found the cusps reached from the folds of a curve, with the fold curve and whether the jump lies below.
 
     ``followed`` are the fold curves already followed; those of this curve are added.
     """
     own, allowed = problem.parameters[parameter], problem.range_of(parameter)
     reach = _REACH * (abs(own) or 1.0)
-    found: list[tuple[SpecialPoint, Branch, bool]] = []
     for point in (p for p in curve.special if p.kind == "LP" and p.located):
         if any(_known(problem, fold, point, parameter) for fold in followed):
             continue
@@ -389,13 +423,12 @@ def _cusps_from(
             if end == value:
                 continue
             say(report, f"fold at Omega = {point.parameters['Omega']:.5g} followed in {parameter} towards {end:.4g}")
-            fold = trace(Fold(problem), parameter, (value, end), point, steps=_CAREFUL)
+            fold = whole(trace(Fold(problem), parameter, (value, end), point, steps=_CAREFUL))
             followed.append(fold)
             cusp = next((p for p in fold.special if p.kind == "CP" and p.located), None)
             if cusp is not None:
                 found.append((cusp, fold, bool(fold.values[0] < cusp.parameters[parameter])))
                 break
-    return found
 
 
 def _steepest(curve: Branch) -> str:

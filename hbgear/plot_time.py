@@ -126,7 +126,8 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
         half_d, half_v = (0.5 * (np.ptp(x) / max(len(x) - 1, 1) or 1.0) for x in (found.d, found.v))
         extent = (found.d[0] - half_d, found.d[-1] + half_d, found.v[0] - half_v, found.v[-1] + half_v)
         shades = ListedColormap([BASINS[i % len(BASINS)] for i in range(count)])
-        ax.imshow(found.label, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=-0.5, vmax=count - 0.5,
+        known = np.ma.masked_less(found.label, 0)  # the others were not followed to their end
+        ax.imshow(known, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=-0.5, vmax=count - 0.5,
                   interpolation="nearest")  # fmt: skip
         for i, a in enumerate(found.attractors):
             name = f"period {a.period}, rms {a.rms:.4g}" if a.period else "not periodic"

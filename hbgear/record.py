@@ -32,6 +32,7 @@ def branch_of(
     """The branch of these rows, without jumps.
 
     Rows of different numbers of harmonics are padded to the largest; unknowns that are parameters go to ``tracked``.
+    Where only some rows were observed, the multipliers of the others are nan and their regimes unknown.
     """
     widest = max(len(r.solution.X) for r in rows)
     if hasattr(problem, "fitted") and widest > problem.size:
@@ -39,7 +40,8 @@ def branch_of(
     layout = getattr(problem, "layout", None)
     points = [_point(problem, layout, name, fixed, row) for row in rows]
     own = getattr(problem, "unknown_parameters", ())
-    known = all(p["multipliers"] is not None for p in points)
+    _fill(points)
+    known = points[0]["multipliers"] is not None
     count: dict[str, int] = {}
     special: list[SpecialPoint] = []
     for mark in marks:
@@ -70,7 +72,7 @@ def branch_of(
         special=tuple(special),
         jump_records=(),
         status=status,
-        message=message if status.complete else f"{message}. {status.advice}",
+        message=message,
         layout=layout,
         meta={
             "hbgear": __version__,
@@ -79,6 +81,15 @@ def branch_of(
         },
         problem=problem,
     )
+
+
+def _fill(points: list[dict[str, Any]]) -> None:
+    """Give the points that were not observed multipliers and regimes of the length of the others."""
+    for name, nothing in (("multipliers", math.nan + 0j), ("regime", np.int8(-1))):
+        length = max((len(p[name]) for p in points if p[name] is not None), default=0)
+        for point in points:
+            if length and (point[name] is None or len(point[name]) < length):
+                point[name] = np.full(length, nothing)
 
 
 def _point(problem: Any, layout: Layout | None, name: str, fixed: dict[str, float], row: Row) -> dict[str, Any]:

@@ -13,6 +13,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
+from hbgear.signals import held
+
 _PROBE = bytes(1 << 16)  # what is written to see whether a file can be
 
 
@@ -32,6 +34,8 @@ def _cannot(path: str | os.PathLike[str], reason: OSError | str, advice: str) ->
 def replacing(path: str | os.PathLike[str], mode: str = "xb", **options: Any) -> Iterator[IO[Any]]:
     """A file to write that takes its name only once it is complete and on the disk; before, nothing is changed.
 
+    Ctrl-C waits until it is written.
+
     Parameters
     ----------
     path : of the file; a link is followed.
@@ -47,22 +51,23 @@ def replacing(path: str | os.PathLike[str], mode: str = "xb", **options: Any) ->
     target = _target(path)
     # a name of fixed length: that of the file may already be as long as names can be
     temporary = target.with_name(f".hbgear-{uuid.uuid4().hex[:16]}")
-    try:
-        with open(temporary, mode, **options) as handle:
-            yield handle
-            handle.flush()
-            os.fsync(handle.fileno())
-        os.replace(temporary, target)
-        _sync_folder(target.parent)
-    except Exception as error:
-        reason = _reason(error)
-        if reason is None or isinstance(reason, CannotWrite):
-            raise
-        before = "the file that was there is unchanged" if target.exists() else "nothing was left there"
-        raise _cannot(path, reason, before) from error
-    finally:
-        with suppress(OSError):  # where the folder itself is gone or sealed nothing is left to be done
-            temporary.unlink(missing_ok=True)
+    with held():
+        try:
+            with open(temporary, mode, **options) as handle:
+                yield handle
+                handle.flush()
+                os.fsync(handle.fileno())
+            os.replace(temporary, target)
+            _sync_folder(target.parent)
+        except Exception as error:
+            reason = _reason(error)
+            if reason is None or isinstance(reason, CannotWrite):
+                raise
+            before = "the file that was there is unchanged" if target.exists() else "nothing was left there"
+            raise _cannot(path, reason, before) from error
+        finally:
+            with suppress(OSError):  # where the folder itself is gone or sealed nothing is left to be done
+                temporary.unlink(missing_ok=True)
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:

@@ -6,6 +6,8 @@ PD  a multiplier passes -1 (period doubling).
     Newton on {R = 0, g = 0} of the half-integer block, or a bracketed root of det(Phi + 1).
 NS  a complex pair of multipliers passes the unit circle (Neimark-Sacker). Bracketed root of its modulus.
 BP  two curves cross: det [J R_lambda; t^T] changes sign. Bracketed root of the determinant.
+    Where a symmetric system has its multipliers in pairs, two pass +1 (BP) or -1 (PD) at once and no determinant
+    changes sign: bracketed root of their modulus.
 GR  an extremum of an element grazes a corner of its law: the impact regime changes.
     Newton on {R = 0, extremum = corner}, or a bracketed root.
 
@@ -19,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy  # its parts are imported when they are first used
@@ -75,14 +78,21 @@ def _tests(rows: Sequence[Row], stability: bool) -> tuple[np.ndarray, Array]:
     The functions are det(Phi + 1) and the clearances.
     """
     unstable, columns = np.zeros(len(rows), dtype=int), [np.zeros((len(rows), 0))]
-    mu, clearance = ([row.observed.get(name) for row in rows] for name in ("multipliers", "clearance"))
-    if stability and all(x is not None for x in mu):
-        unstable, doubling = _verdicts(np.array(mu))
+    mu, clearance = (_known([row.observed.get(name) for row in rows]) for name in ("multipliers", "clearance"))
+    if stability and mu is not None:
+        unstable, doubling = _verdicts(mu)
         columns.append(doubling[:, None])
-    known = [x for x in clearance if x is not None]
-    if len(known) == len(rows) and len({len(x) for x in known}) == 1:  # a closed gap has no corners
-        columns.append(np.array(known))
+    if clearance is not None:
+        columns.append(clearance)
     return unstable, np.concatenate(columns, axis=1)
+
+
+def _known(values: list[Any]) -> Any:
+    """The values of all rows, nan of rows that could not be observed; None without any, or where numbers differ."""
+    some = next((x for x in values if x is not None), None)
+    if some is None or len({len(x) for x in values if x is not None}) > 1:  # a closed gap has no corners
+        return None
+    return np.array([np.full_like(some, np.nan) if x is None else x for x in values])
 
 
 _SHALLOW = 0.25  # share of its least value among the rows below which a test function may cross zero between them
@@ -318,9 +328,33 @@ def _stability_changes(arc: Arc, explained: bool) -> list[Found]:
     if doubling:
         out.append(_doubling(arc, lambda row: _verdict(at(row))[1]))
     if abs(ua - ub) - int(doubling) - int(explained) >= 2:
-        outside = min(_verdict(_pairs(mu))[0] for mu in (ma, mb))  # complex ones that are unstable at both ends
-        out.append(_root(arc, "NS", lambda row: _modulus(at(row), outside) - 1.0))
+        out += _two_at_once(arc, at, (ma, mb))
     return out
+
+
+def _two_at_once(arc: Arc, at: Callable[[Row], ComplexArray], ends: tuple[ComplexArray, ComplexArray]) -> list[Found]:
+    """Where two multipliers pass the unit circle together: a complex pair, or a double real one of a symmetric system.
+
+    NS, or with real multipliers BP at +1 and PD at -1: their determinants do not change sign there. Nothing where two
+    different real ones pass +1 one after the other: they belong to folds or branch points from which they differ by
+    the truncation error.
+    """
+    outside = min(_verdict(_pairs(mu))[0] for mu in ends)  # complex ones that are unstable at both ends
+    found = _root(arc, "NS", lambda row: _modulus(_pairs(at(row)), outside) - 1.0)
+    if found.located:
+        return [found]
+    few = min(_verdict(mu)[0] for mu in ends)
+    sizes = sorted(_modulus(mu, few) for mu in ends)
+    level = 1.0 if sizes[0] < 1.0 < sizes[1] else 1.0 + NEUTRAL
+    real = _root(arc, "BP", lambda row: _modulus(at(row), few) - level, "two multipliers at once")
+    mu = at(real.row)
+    first, second = mu[np.argsort(np.abs(np.abs(mu) - level))[:2]]
+    if not real.located or (abs(first.imag) > _DOUBLE and abs(first - second.conj()) < _DOUBLE):
+        return [replace(real, kind="NS", note="")]
+    return [replace(real, kind="BP" if first.real > 0 else "PD")] if abs(first - second) < _DOUBLE else []
+
+
+_DOUBLE = 1e-6  # distance at which two multipliers on the unit circle are one
 
 
 def _pairs(mu: ComplexArray) -> ComplexArray:
@@ -329,17 +363,9 @@ def _pairs(mu: ComplexArray) -> ComplexArray:
 
 
 def _modulus(mu: ComplexArray, k: int) -> float:
-    """The modulus number k, from the largest, of the multipliers that are not real.
-
-    Raises
-    ------
-    ValueError
-        If there are not so many.
-    """
-    pairs = np.sort(np.abs(_pairs(mu)))[::-1]
-    if k >= len(pairs):
-        raise ValueError(f"{len(pairs)} multipliers are not real, fewer than {k + 1}")
-    return float(pairs[k])
+    """The modulus number k, from the largest; nan if there are not so many."""
+    sizes = np.sort(np.abs(mu))[::-1]
+    return float(sizes[k]) if k < len(sizes) else math.nan
 
 
 def _doubling(arc: Arc, test: Callable[[Row], float]) -> Found:

@@ -24,6 +24,7 @@ import numpy as np
 from hbgear import measures
 from hbgear.branch import Status
 from hbgear.doubts import of_model
+from hbgear.ending import Ending
 from hbgear.fourier import Array, ComplexArray, evaluate, to_real
 from hbgear.given import need
 from hbgear.model import Model, did_you_mean
@@ -97,8 +98,21 @@ def settle(
 
     ``progress(periods, settled)`` is called now and then.
     """
+    out = _unsettled(len(flight.d), settling)
+    _settle_into(out, stepper, flight, settling, progress)
+    return out
+
+
+def _unsettled(count: int, settling: Settling) -> Settled:
+    none = np.zeros(count, dtype=int)
+    return Settled(none, np.full(count, settling.longest), np.full(count, np.nan), none.copy())
+
+
+def _settle_into(
+    out: Settled, stepper: Stepper, flight: Flight, settling: Settling, progress: Callable[[int, int], None] | None
+) -> None:
+    """`settle`, noting each motion in out once it is settled: if this is interrupted, those and their places hold."""
     B = len(flight.d)
-    out = Settled(np.zeros(B, dtype=int), np.full(B, settling.longest), np.full(B, np.nan), np.zeros(B, dtype=int))
     weights = _weights(stepper)
     going, part, here = np.arange(B), stepper, flight
     past: list[ComplexArray] = []  # strobed states, the latest first
@@ -115,11 +129,12 @@ def settle(
             out.left[going], out.guess[going] = left, guess
             done = period > 0
             if done.any():
-                out.period[going[done]], out.taken[going[done]] = period[done], p
                 flight.put(going[done], here.select(np.flatnonzero(done)))
+                out.taken[going[done]] = p
+                out.period[going[done]] = period[done]
                 keep = np.flatnonzero(~done)
                 if keep.size == 0:
-                    return out
+                    return
                 going, part, here = going[keep], part.select(keep), here.select(keep)
                 weights = weights if len(weights) == 1 else weights[keep]
                 past, gaps, size = [x[keep] for x in past], [g[:, keep] for g in gaps], size[keep]
@@ -128,7 +143,6 @@ def settle(
         if p < settling.longest:
             part.advance(here)
     flight.put(going, here)
-    return out
 
 
 def _weights(stepper: Stepper) -> Array:
@@ -439,7 +453,7 @@ class _Sweeper:
         state = np.zeros(2 * system.n) if self.start is None else np.asarray(self.start, dtype=float)
         if state.shape != (2 * system.n,) or not np.all(np.isfinite(state)):
             raise ValueError(f"start = {self.start}: need a state (q, q') of {2 * system.n} finite numbers")
-        status, message = Status.REACHED_END, f"{self.parameter} = {self.values[-1]:.6g} reached"
+        ending = Ending(message=f"{self.parameter} = {self.values[-1]:.6g} reached")
         try:
             for i, value in enumerate(self.values):
                 before = state
@@ -447,10 +461,11 @@ class _Sweeper:
                 self._look_for_jump(i, before, state)
                 if self.progress:
                     self.progress((i + 1) / len(self.values), self._text())
-        except KeyboardInterrupt:
-            done = f"{len(self.found)} of {len(self.values)} values"
-            status, message = Status.INTERRUPTED, f"interrupted after {done}. {Status.INTERRUPTED.advice}"
-        return self._result(system, status, message)
+        except (Exception, KeyboardInterrupt) as error:
+            if isinstance(error, Exception) and not self.found:
+                raise
+            ending.note(error, f"after {len(self.found)} of {len(self.values)} values")
+        return self._result(system, ending.status, ending.told)
 
     def _stepper(self, value: float) -> Stepper:
         here = {**self.at, self.parameter: float(value)}
@@ -564,7 +579,8 @@ class Basins:
     """Which attractor each start leads to.
 
     d, v : (X,), (Y,) displacements and rates of the element coordinate at tau = 0.
-    label : (Y, X) number of the attractor in `attractors`.
+    label : (Y, X) number of the attractor in `attractors`; -1 where that was not yet known when Ctrl-C ended the work.
+    status, message : whether all starts were followed.
     """
 
     Omega: float
@@ -573,6 +589,8 @@ class Basins:
     label: np.ndarray
     attractors: tuple[Attractor, ...]
     labels: dict[str, str]
+    status: Status = Status.REACHED_END
+    message: str = ""
 
 
 def basins(
@@ -596,10 +614,17 @@ def basins(
     settling : when a motion counts as settled; those that never are form one attractor of period 0.
     progress : called as ``progress(share done, text)``.
 
+    Returns
+    -------
+    Basins
+        Ctrl-C or an error ends it with the starts whose motions have settled until then.
+
     Raises
     ------
     ValueError
         If the model has more coordinates, a range is empty or not finite, or there are no starts or too many.
+    KeyboardInterrupt
+        If Ctrl-C comes before any motion has settled.
     """
     need("basins(model)", model, "Model")
     system = model.system()
@@ -625,9 +650,19 @@ def basins(
         if progress:
             progress(settled / count, f"{settled} of {count} motions settled after {periods} periods")
 
-    how = settle(stepper, flight, settling, report)
-    number, attractors = _sort(stepper, flight, how.period)
-    return Basins(float(Omega), x, y, number.reshape(len(y), len(x)), attractors, dict(model.labels))
+    how, ending, done = _unsettled(count, settling), Ending(message="all starts were followed"), np.arange(count)
+    try:
+        _settle_into(how, stepper, flight, settling, report)
+    except (Exception, KeyboardInterrupt) as error:
+        done = np.flatnonzero(how.period)
+        if not done.size:
+            raise
+        ending.note(error, f"after {done.size} of {count} motions had settled")
+    label = np.full(count, -1)
+    label[done], attractors = _sort(stepper.select(done), flight.select(done), how.period[done])
+    return Basins(
+        float(Omega), x, y, label.reshape(len(y), len(x)), attractors, dict(model.labels), ending.status, ending.told
+    )
 
 
 def _starts(system: Any, Omega: float, d: Array, v: Array) -> Array:

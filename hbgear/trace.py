@@ -10,15 +10,16 @@ the rows, the curve's ends at every row.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from hbgear.arc import Arc, Departure, Row, cosine, normal_of, row_of, without_evaluation
-from hbgear.branch import Branch, Point, Status
+from hbgear.branch import Branch, Jump, Point, Status
 from hbgear.doubts import of_gaps
+from hbgear.ending import Ending
 from hbgear.fourier import Array
 from hbgear.given import given, need, number, two_numbers
 from hbgear.jumps import find_jumps
@@ -58,13 +59,16 @@ def trace(
     steps, settings : step control and corrector.
     stability : compute Floquet multipliers at every point.
     special : locate folds, stability changes and grazing contacts and insert them as rows.
-    progress : called as ``progress(value, rows, step)`` after every row.
+    progress : called as ``progress(value, rows, step)`` after every row. An exception it raises ends the trace and
+        comes out of it as it is, with the branch traced so far as its attribute ``branch``.
 
     Returns
     -------
     Branch
         with a status and advice whatever happens after the first point. Ctrl-C ends the trace with the status
-        ``interrupted`` and everything traced so far.
+        ``interrupted`` and everything traced so far. An error gives the status ``failed``, with the error in the
+        message: the curve is then followed as far as possible, without what the error concerns (rows whose motion
+        could not be observed have multipliers nan and the regime unknown).
 
     Raises
     ------
@@ -76,6 +80,8 @@ def trace(
         If the span is empty, not finite or outside the range of the parameter, or a fixed parameter is missing.
     NoConvergence
         If no motion is found at the start.
+    KeyboardInterrupt
+        If Ctrl-C comes before the first point is found.
     """
     return _Tracer(problem, parameter, span, start, at, steps, settings, stability, special, progress).run()
 
@@ -120,7 +126,12 @@ class _Tracer:
         self.subharmonic = getattr(problem, "nu", 1) > 1
         self.turned = False  # whether the curve has changed its heading
         self.path, self.kept = np.empty((0, 0)), 0  # u of the first rows, and how many of them; see _earlier
+        self.ending = Ending()
+        self.first_unseen: Exception | None = None  # why what the problem says of the first motion could not be had
+        self.made: Branch | None = None
+        self.jumps: tuple[Jump, ...] = ()
         self.first = self._first_row(start)
+        self.rows = [self.first]
 
     # ---- start
 
@@ -156,7 +167,8 @@ class _Tracer:
                     f"the start has {self.name} = {value:.6g}, outside the span ({self.a:.6g}, {self.b:.6g}); "
                     "widen the span or choose another start"
                 )
-            X = problem.join(start.X, start.parameters) if hasattr(problem, "join") else self._fitted(start)
+            X = self._fitted(start)
+            X = problem.join(X, start.parameters) if hasattr(problem, "join") else X
         elif start is not None:
             X = np.array(start, dtype=float)
         elif hasattr(problem, "start"):
@@ -182,9 +194,10 @@ class _Tracer:
 
     def _fitted(self, start: Point) -> Array:
         """The start in this problem's number of harmonics and multiple of the period."""
-        if start.layout is None or not hasattr(self.problem, "converted"):
+        motions = getattr(self.problem, "problem", self.problem)  # of an `Augmented` one: the problem of its motions
+        if start.layout is None or not hasattr(motions, "converted"):
             return start.X
-        return self.problem.converted(start.X, start.layout)
+        return motions.converted(start.X, start.layout)
 
     def _depart(self, start: Departure) -> Row:
         """First row of another branch, a short way along the direction that leaves the point; or the point itself."""
@@ -219,45 +232,107 @@ class _Tracer:
         return scale
 
     def _observed(self, rows: list[Row]) -> list[Row]:
-        """The rows with what the problem says of their motions."""
+        """The rows with what the problem says of their motions; without it where that fails, which is noted.
+
+        If it fails for the first row of the curve, so does the trace.
+        """
         fresh = [row for row in rows if not row.observed]
         if not fresh or not hasattr(self.problem, "observe"):
             return rows
-        u = np.array([row.u for row in fresh])
-        told = iter(observe_all(self.problem, u, self.name, self.fixed, self.stability))
+        told: Iterator[dict[str, Any]]
+        try:
+            u = np.array([row.u for row in fresh])
+            told = iter(observe_all(self.problem, u, self.name, self.fixed, self.stability))
+        except Exception:
+            told = iter([self._observed_alone(row) for row in fresh])
         return [row if row.observed else replace(row, observed=next(told)) for row in rows]
+
+    def _observed_alone(self, row: Row) -> dict[str, Any]:
+        try:
+            return observe_all(self.problem, row.u[None], self.name, self.fixed, self.stability)[0]
+        except Exception as error:
+            if row is self.first:
+                self.first_unseen = error
+                raise
+            self.ending.note(error, f"in observing the motion at {self.name} = {row.value:.6g}")
+            return {}
 
     # ---- main loop
 
     def run(self) -> Branch:
+        """Trace until something ends it; what was traced survives whatever that is."""
+        try:
+            self._work()
+        except (Exception, KeyboardInterrupt) as error:
+            self.ending.note(error, self._place())
+        if self.first_unseen is not None:
+            raise self.first_unseen
+        while True:
+            try:
+                branch = self._result()
+                break
+            except KeyboardInterrupt as error:  # all would be lost, and it takes no time
+                self.ending.note(error, "while the result was put together")
+        if isinstance(self.ending.error, _InProgress):
+            raise self.ending.error.with_branch(branch)
+        return branch
+
+    def _work(self) -> None:
+        """All that takes time: Ctrl-C or an error ends one stage, and the next goes on with what there is."""
+        for stage, place in (
+            (self._follow, self._place),
+            (self._settle, lambda: "while the last motions were being looked at"),
+            (self._complete, lambda: "while the special points were being looked at"),
+            (self._jump, lambda: "while the jumps were being located"),
+            (self._doubt, lambda: "while the curve was looked at as a whole"),
+        ):
+            try:
+                stage()
+            except (Exception, KeyboardInterrupt) as error:
+                self.ending.note(error, place())
+
+    def _place(self) -> str:
+        return f"at {self.name} = {self.rows[-1].value:.6g}"
+
+    def _follow(self) -> None:
         """Trace until something ends it."""
-        self.rows = [self.first]
         if self.together == 1:
             self._settle()
         self._adapt()
         self.first = self.rows[0]
         self.pace = Pace(self.steps.first)
-        try:
-            status, message = self._loop()
-        except KeyboardInterrupt:
-            status, message = Status.INTERRUPTED, f"interrupted at {self.name} = {self.rows[-1].value:.6g}"
+        self.ending.reached(*self._loop())
+
+    def _complete(self) -> None:
+        """Observe what is not yet: special points, and rows whose turn did not come."""
+        self.rows = self._observed(self.rows)
+        located = self._observed([point.row for _, point in self.found])
+        self.found = [(i, replace(point, row=row)) for (i, point), row in zip(self.found, located, strict=True)]
+
+    def _jump(self) -> None:
+        """Locate the jumps of the branch that is done but for them."""
+        if self.stability and self.special:
+            self.made = self._branch()
+            self.jumps = find_jumps(self.made, self.settings)
+
+    def _doubt(self) -> None:
+        """Warn of a whole curve on which nothing comes near a corner."""
+        if self.name == "Omega" and self.ending.status.complete and hasattr(self.problem, "clearance_names"):
+            clearances = [row.observed["clearance"] for row in self.rows if "clearance" in row.observed]
+            made = self.made or self._branch()
+            of_gaps(self.problem.clearance_names, np.array(clearances), made.amplitude("pp2"))
+
+    def _branch(self) -> Branch:
         meta = {
             "span": [self.a, self.b], "steps": vars(self.steps), "newton": vars(self.settings),
             "stability": self.stability,
         }  # fmt: skip
-        self._settle()
-        rows, marks = self._record()
-        branch = branch_of(self.problem, self.name, self.fixed, rows, marks, status, message, meta)
-        if self.name == "Omega" and status.complete and hasattr(self.problem, "clearance_names"):
-            clearances = [row.observed["clearance"] for row in rows if "clearance" in row.observed]
-            of_gaps(self.problem.clearance_names, np.array(clearances), branch.amplitude("pp2"))
-        if not (self.stability and self.special):
-            return branch
-        try:
-            return replace(branch, jump_records=find_jumps(branch, self.settings))
-        except KeyboardInterrupt:
-            message = f"interrupted while the jumps were being located. {Status.INTERRUPTED.advice}"
-            return replace(branch, status=Status.INTERRUPTED, message=message)
+        status, message = self.ending.status, self.ending.told
+        return branch_of(self.problem, self.name, self.fixed, *self._record(), status, message, meta)
+
+    def _result(self) -> Branch:
+        made = self.made or self._branch()
+        return replace(made, jump_records=self.jumps, status=self.ending.status, message=self.ending.told)
 
     def _loop(self) -> tuple[Status, str]:
         while True:
@@ -290,16 +365,25 @@ class _Tracer:
         merged = merge(self._arc(last, row)) if self.subharmonic else None
         if merged is not None:
             self._settle()
-            self.rows += self._observed([merged.row])
+            self.rows += [merged.row]
             return Status.MERGED, f"the branch joined the one it came from at {self.name} = {merged.row.value:.6g}"
         self._append(last, row)
         if self.progress:
-            self.progress(row.value, len(self.rows), row.step)
+            self._tell(row, self.progress)
         if end is not None:
             if end == self.b:
                 return Status.REACHED_END, f"{self.name} = {end:.6g} reached"
             return Status.LEFT_SPAN, f"the curve turned back to {self.name} = {end:.6g}"
         return (Status.CLOSED, f"the curve closed after {len(self.rows)} points") if closed else None
+
+    def _tell(self, row: Row, progress: Progress) -> None:
+        """Call the user's progress; an exception of theirs is told from all others."""
+        try:
+            progress(row.value, len(self.rows), row.step)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            raise _InProgress(error) from error
 
     def _advance(self) -> tuple[list[Row], str]:
         """The next rows, or none and the reason why even the shortest step failed."""
@@ -342,9 +426,10 @@ class _Tracer:
 
     def _append(self, last: Row, row: Row) -> None:
         """Store a row; what lies between it and the last is looked at when enough rows have come together."""
-        self.waiting.append(self._arc(last, row))
-        self.rows.append(row)
+        arc = self._arc(last, row)
         self.turned = self.turned or row.heading != last.heading
+        self.waiting += [arc]  # no call, and so no Ctrl-C, comes between this and the next
+        self.rows += [row]
         if len(self.waiting) >= self.together:
             self._settle()
         if hasattr(self.problem, "rebased"):
@@ -359,13 +444,22 @@ class _Tracer:
             sure = suspects(path, self.stability)
             for i in sure:
                 arc = replace(self.waiting[i], a=path[i], b=path[i + 1])
-                found += [(start + 1 + i, point) for point in find(arc, self.stability)]
+                found += [(start + 1 + i, point) for point in self._located(arc)]
             found += self._hidden(path, start, sure)
         if self.together == 1:  # the problem may be another one at the next row
             located = self._observed([point.row for _, point in found])
             found = [(i, replace(point, row=row)) for (i, point), row in zip(found, located, strict=True)]
-        self.rows[start:], self.waiting = [*(without_evaluation(row) for row in path[:-1]), path[-1]], []
-        self.found += found
+        path = [*(without_evaluation(row) for row in path[:-1]), path[-1]]
+        self.rows[start:], self.waiting, self.found = path, [], self.found + found
+
+    def _located(self, arc: Arc) -> list[Found]:
+        """The special points on a piece; none if an error ends the search, which is noted."""
+        try:
+            return find(arc, self.stability)
+        except Exception as error:
+            ends = f"{self.name} = {arc.a.value:.6g} and {arc.b.value:.6g}"
+            self.ending.note(error, f"in locating a special point between {ends}")
+            return []
 
     def _hidden(self, path: list[Row], start: int, sure: list[int]) -> list[tuple[int, Found]]:
         """Pairs of special points between two rows of a path, whose first is number start, on pieces not sure."""
@@ -379,18 +473,19 @@ class _Tracer:
         for piece, s in touching(rows, length, self.stability).items():
             if piece - len(early) not in sure and 0 < s < 1:
                 arc, number = self._arc(rows[piece], rows[piece + 1]), start - len(early) + piece + 1
-                hidden = find_hidden(arc, s, self.stability, lambda row: self._observed([row])[0])
+                hidden = find_hidden(arc, s, self.stability, self._observed_between)
                 if not any(other == number for other, _ in [*self.found, *found]):
                     found += [(number, point) for point in hidden]
         return found
+
+    def _observed_between(self, row: Row) -> Row:
+        return self._observed([row])[0]
 
     def _record(self) -> tuple[list[Row], list[Mark]]:
         """All rows, the located special points among them, and the marks of these."""
         rows: list[Row] = []
         marks: list[Mark] = []
-        located = iter(self._observed([point.row for _, point in self.found]))
-        found = [(i, replace(point, row=next(located))) for i, point in self.found]
-        found.sort(key=lambda one: (one[0], one[1].s))
+        found = sorted(self.found, key=lambda one: (one[0], one[1].s))
         for i, row in enumerate(self.rows):
             while found and found[0][0] == i:
                 point = found.pop(0)[1]
@@ -412,7 +507,7 @@ class _Tracer:
             if H is None or not self._to_harmonics(H):
                 return
             if before[0].H > H:  # fewer: keep them only if they suffice
-                if self.problem.wanted_harmonics(self.rows[-1].observed["error"]) is not None:
+                if self.problem.wanted_harmonics(self.rows[-1].observed.get("error", 0.0)) is not None:
                     self.problem, self.scale, self.rows[-1] = before
                 return
             wanted_harmonics = self.problem.wanted_harmonics
@@ -524,6 +619,20 @@ class _Tracer:
             self.path[i] = self._as_now(self.rows[i]).u
         self.kept = count
         return self.path[: count - 3]
+
+
+class _InProgress(Exception):
+    """An exception of the user's own progress."""
+
+    def __init__(self, given: BaseException) -> None:
+        super().__init__(f"in progress, {type(given).__name__}: {given}")
+        self.given = given
+
+    def with_branch(self, branch: Branch) -> BaseException:
+        """The exception as it was raised, with what was traced as its attribute ``branch``."""
+        self.given.branch = branch  # type: ignore[attr-defined]
+        self.given.add_note(f"what was traced until then ({len(branch)} points) is this exception's attribute branch")
+        return self.given
 
 
 _BACK = "the curve ran back over itself"

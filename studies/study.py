@@ -12,11 +12,13 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
+from types import FrameType, ModuleType
 from typing import Any
 
 from threadpoolctl import threadpool_limits
@@ -61,7 +63,7 @@ def make(name: str, out: Path | None = None, quick: bool = False) -> list[Path]:
     module: Any = importlib.import_module(name)
     stem, out = name.rsplit(".", 1)[-1], out or folder(module)
     out.mkdir(parents=True, exist_ok=True)
-    with threadpool_limits(1):
+    with threadpool_limits(1), ended_by_ctrl_c():
         results = module.run(quick=quick)
     written = [] if not hasattr(module, "plot") else draw(module.plot, results, out / stem)
     if hasattr(module, "report"):
@@ -69,6 +71,23 @@ def make(name: str, out: Path | None = None, quick: bool = False) -> list[Path]:
         path.write_text(module.report(results), encoding="utf-8")
         written.append(path)
     return written
+
+
+@contextmanager
+def ended_by_ctrl_c() -> Iterator[None]:
+    """Ctrl-C ends the whole study with exit code 3, and writes nothing: a trace alone would keep half a curve."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, _end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(3)
 
 
 def draw(plot: Any, results: Any, stem: Path) -> list[Path]:

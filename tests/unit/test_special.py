@@ -15,6 +15,7 @@ from hbgear import (
     Load,
     PeriodDoubling,
     SpurPair,
+    Status,
     Steps,
     System,
     Unilateral,
@@ -338,3 +339,46 @@ def test_contact_that_is_met_between_two_rows_only(less):
     expected = np.sqrt(np.roots([1, 4 * zeta**2 - 2, 1 - (F / gap) ** 2]))
     assert [p.kind for p in curve.special] == ["GR", "GR"]
     np.testing.assert_allclose([p.parameters["Omega"] for p in curve.special], np.sort(expected), rtol=1e-7)
+
+
+def oscillators_with_gaps(count):
+    """Rotor in equal gaps in x and in y, driven by an unbalance; with count = 1 its motion in x alone."""
+    one = np.eye(count)
+    gaps = [Element(w, Backlash(b=0.5, k=2.0), name=name) for w, name in zip(one, "xy", strict=False)]
+    load = Load(cosine={1: one[0]}, sine={1: one[1]} if count > 1 else {}, power=2)
+    return System(one, 0.02 * one, one, gaps, load)
+
+
+def test_an_isotropic_rotor_has_its_branch_points_in_pairs():
+    """x and y do not feel each other: both multipliers pass +1 where those of x alone do, without a change of sign.
+
+    By determinant of x alone and by multipliers of both: they differ by the truncation error.
+    """
+    both = trace(HarmonicBalance(oscillators_with_gaps(2), 20), "Omega", (0.5, 2.5))
+    alone = trace(HarmonicBalance(oscillators_with_gaps(1), 20), "Omega", (0.5, 2.5))
+    assert both.status.complete and [p.label for p in both.special] == [p.label for p in alone.special]
+    assert [p.label for p in both.special] == ["GR1", "BP1", "BP2"]
+    for label in ("BP1", "BP2"):
+        double, single = both[label], alone[label]
+        assert double.located and "two multipliers" in double.note
+        assert np.sort(np.abs(double.multipliers - 1))[:2].max() < 1e-6
+        assert frequency(double) == pytest.approx(frequency(single), abs=1e-5)
+    assert both.stable[[0, -1]].all() and not both.stable[(both.values > 0.59) & (both.values < 0.62)].any()
+
+
+def hard_stops():
+    """Two masses, a stop and a hard gap: real multipliers pass +1 beside the folds they belong to."""
+    C, K = np.array([[0.1714, -0.0922], [-0.0922, 0.1114]]), np.array([[1.4258, -0.8069], [-0.8069, 0.8069]])
+    elements = [Element([0.0, 1.0], Unilateral(k=2.2025, gap=0.7689), name="q2"),
+                Element([1.0, 0.0], Backlash(b=0.27504, k=54.957), name="q1")]  # fmt: skip
+    return System(np.diag([0.8534, 1.922]), C, K, elements, Load(cosine={1: [0.13765, 0.0]}))
+
+
+@pytest.mark.parametrize("H", [9, 12, 16])
+def test_real_multipliers_that_pass_one_after_the_other_are_no_pair(H):
+    curve = trace(HarmonicBalance(hard_stops(), H), "Omega", (2.5, 0.47))
+    assert curve.status is not Status.FAILED and len(curve) > 300
+    assert not any("two multipliers" in p.note for p in curve.special)
+    for p in (p for p in curve.special if p.kind == "NS" and p.located):
+        nearest = p.multipliers[np.argmin(np.abs(np.abs(p.multipliers) - 1))]
+        assert abs(nearest.imag) > 1e-3

@@ -1,0 +1,355 @@
+"""Ctrl-C, SIGTERM and errors at any moment: what is whole is kept, and it is said."""
+
+import inspect
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear import Status
+from hbgear.branch import replacing
+from hbgear.signals import held, sigterm_like_ctrl_c
+from hbgear.sweep import Settling
+from studies import study
+
+ROOT = str(Path(hb.__file__).parent)
+DUFFING = hb.Duffing()
+
+
+class Bug(Exception):
+    """An error that nothing in hbgear expects."""
+
+
+def at_call(n, work, error=KeyboardInterrupt):
+    """What work() gives if the n-th call of a function of hbgear raises; n = 0 is none. With the number of calls."""
+    count = 0
+
+    def profile(frame, event, arg):
+        nonlocal count
+        code = frame.f_code  # Python ignores what is raised in a generator that is being closed
+        if event == "call" and code.co_filename.startswith(ROOT) and not code.co_flags & inspect.CO_GENERATOR:
+            count += 1
+            if count == n:
+                raise error
+
+    sys.setprofile(profile)
+    try:
+        return work(), count
+    finally:
+        sys.setprofile(None)
+
+
+def moments(count, many):
+    """Calls spread over all, the first and the last three among them."""
+    return sorted({int(n) for n in np.linspace(1, count, many)} | {count - i for i in range(3)})
+
+
+def within(part, whole):
+    """Whether each row of a branch is a row of another."""
+    rows = {(float(value), X.tobytes()) for value, X in zip(whole.values, whole.X, strict=True)}
+    return all((float(value), X.tobytes()) in rows for value, X in zip(part.values, part.X, strict=True))
+
+
+def curve():
+    return hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.Steps(longest=0.1))
+
+
+def adaptive():
+    return hb.trace(hb.HarmonicBalance(DUFFING, "auto", tolerance=1e-4), "Omega", (1.3, 0.9))
+
+
+def folds():
+    point = known_fold()
+    return hb.trace(hb.Fold(hb.HarmonicBalance(DUFFING, 3)), "zeta", (point.parameters["zeta"], 0.06), point)
+
+
+@cache
+def known_fold():
+    return hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6), stability=False)["LP1"]
+
+
+@pytest.mark.parametrize("work", [curve, adaptive, folds])
+@pytest.mark.parametrize("error", [KeyboardInterrupt, Bug])
+def test_a_trace_survives_whatever_comes_at_whatever_call(work, error, tmp_path):
+    work()  # what is kept for later calls is not computed again
+    whole, count = at_call(0, work)
+    kept = []
+    for n in moments(count, 10):
+        try:
+            part, reached = at_call(n, work, error)
+        except error:  # before the first point, or while the result is put together out of what there is
+            assert not kept or (error is Bug and n > count - 20)
+            continue
+        assert within(part, whole), n
+        part.save(tmp_path / "b.npz")
+        assert len(hb.load(tmp_path / "b.npz")) == len(part)
+        if reached < n or (error is Bug and part.status.complete):  # together it failed, one by one it did not
+            assert len(part) == len(whole) and np.array_equal(part.multipliers, whole.multipliers)
+            continue
+        assert part.status is (Status.INTERRUPTED if error is KeyboardInterrupt else Status.FAILED), n
+        assert part.status.advice in part.message, n
+        if work is not folds and error is KeyboardInterrupt:
+            assert np.isfinite(part.multipliers).all(), n
+        kept.append(len(part))
+    assert max(kept) > 0.9 * len(whole) and len(set(kept)) > 4
+
+
+def test_a_jump_map_keeps_fold_curves_that_are_whole():
+    def work():
+        return hb.jump_map(DUFFING, "zeta", (0.03, 0.05), frequencies=(0.6, 1.6), harmonics=3, seeds=2)
+
+    work()
+    whole, count = at_call(0, work)
+    assert whole.status.complete and len(whole.arms) == 2
+    seen = set()
+    for n in moments(count, 7):
+        try:
+            part, reached = at_call(n, work)
+        except KeyboardInterrupt:
+            seen.add(0)
+            continue
+        if reached < n:
+            continue
+        assert part.status is Status.INTERRUPTED and "interrupted" in part.message
+        assert len(part.folds) == len(part.arms) and all(fold.status.complete for fold in part.folds)
+        for arm, other in zip(part.arms, whole.arms, strict=False):
+            np.testing.assert_array_equal(arm.values, other.values)
+            np.testing.assert_array_equal(arm.Omega, other.Omega)
+            assert arm.direction == other.direction
+        seen.add(len(part.arms))
+    assert seen == {0, 1, 2}
+
+
+def test_a_jump_map_tells_of_traces_that_ended_early():
+    few = hb.Steps(max_points=4)
+    found = hb.jump_map(DUFFING, "zeta", (0.03, 0.05), frequencies=(0.6, 1.6), harmonics=3, seeds=2, steps=few)
+    assert found.status is Status.MAX_POINTS and "ended early" in found.message and "fold" in found.message
+
+
+def test_critical_does_not_take_half_a_curve_for_a_whole_one():
+    def work():
+        return hb.critical(DUFFING, "zeta", frequencies=(0.6, 1.6), harmonics=3)
+
+    work()
+    whole, count = at_call(0, work)
+    assert whole.status.complete
+    known = [whole.value, *(value for value, _ in whole.others)]
+    for n in moments(count, 7):
+        try:
+            part, reached = at_call(n, work)
+        except KeyboardInterrupt:
+            continue
+        if reached < n:
+            continue
+        assert part.status is Status.INTERRUPTED and part.value in known
+
+
+def test_a_survey_keeps_its_branches():
+    def work():
+        problem = hb.HarmonicBalance(DUFFING, 2)
+        return hb.trace_all(problem, (0.9, 1.3), frequencies=1, guesses=2, second=("F", (0.1, 0.3)))
+
+    work()
+    whole, count = at_call(0, work)
+    assert whole.status.complete
+    seen = set()
+    for n in moments(count, 7):
+        try:
+            part, reached = at_call(n, work)
+        except KeyboardInterrupt:
+            seen.add(0)
+            continue
+        if reached < n:
+            continue
+        assert part.status is Status.INTERRUPTED and "interrupted" in part.message
+        early = [branch.status is Status.INTERRUPTED for branch in part.branches]
+        assert not any(early[:-1])
+        for branch, other in zip(part.branches, whole.branches, strict=False):
+            assert within(branch, other)
+        seen.add(len(part))
+    assert seen == {0, 1}
+
+
+def test_an_error_ends_a_survey_with_its_branches(monkeypatch):
+    def broken(*_):
+        raise Bug("in the search")
+
+    monkeypatch.setattr("hbgear.isolated.deflated_newton", broken)
+    found = hb.trace_all(hb.HarmonicBalance(DUFFING, 2), (0.9, 1.3), frequencies=1)
+    assert len(found) == 1 and found.branches[0].status.complete
+    assert found.status is Status.FAILED and "Bug: in the search" in found.message and "Omega = 1.1" in found.message
+
+
+def test_basins_keep_the_starts_that_have_settled():
+    def work():
+        return hb.basins(hb.SpurPair(e=(0.1,)), 0.65, (0, 2), (-1, 1), (4, 3), settling=Settling(1e-4, 400))
+
+    work()
+    whole, count = at_call(0, work)
+    assert whole.status.complete and whole.label.min() == 0
+    seen = set()
+    for n in moments(count, 7)[:-3]:
+        try:
+            part, reached = at_call(n, work)
+        except KeyboardInterrupt:
+            seen.add(0)
+            continue
+        if reached < n:
+            continue
+        done = part.label >= 0
+        assert part.status is Status.INTERRUPTED and f"{done.sum()} of 12" in part.message
+        for row, column in np.argwhere(done):
+            mine, true = part.attractors[part.label[row, column]], whole.attractors[whole.label[row, column]]
+            assert mine.period == true.period and mine.rms == pytest.approx(true.rms, rel=1e-6)
+        seen.add(int(done.sum()))
+    assert 0 in seen and any(0 < k < 12 for k in seen)
+
+
+# ---- errors that are not ours
+
+
+class Odd(hb.HarmonicBalance):
+    """Cannot say anything of motions in a range of frequencies."""
+
+    def observe_all(self, X, Omega, **how):
+        if ((Omega > 1.0) & (Omega < 1.05)).any():
+            raise Bug("no multipliers here")
+        return super().observe_all(X, Omega, **how)
+
+
+def test_rows_that_cannot_be_observed_are_kept():
+    whole = hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6))
+    part = hb.trace(Odd(DUFFING, 3), "Omega", (0.6, 1.6))
+    assert part.status is Status.FAILED and "Bug: no multipliers here (test_interrupt.py, line" in part.message
+    assert part.values[-1] == 1.6 and part["LP1"].located
+    lost = np.isnan(part.multipliers).all(axis=1)
+    inside = (part.values > 1.0) & (part.values < 1.05)
+    assert lost.any() and (lost == inside).all() and (part.regime[lost] == -1).all()
+    assert part[int(np.flatnonzero(lost)[0])].stable is None
+    for label in ("LP1", "LP2"):
+        assert part[label].parameters["Omega"] == whole[label].parameters["Omega"]
+
+
+def test_a_first_row_that_cannot_be_observed_is_refused():
+    with pytest.raises(Bug, match="no multipliers"):
+        hb.trace(Odd(DUFFING, 3), "Omega", (1.02, 1.6))
+
+
+@pytest.mark.parametrize("name", ["find", "find_jumps", "suspects"])
+def test_errors_in_what_is_located_leave_the_curve(monkeypatch, name):
+    def broken(*_):
+        raise Bug("while looking")
+
+    monkeypatch.setattr(sys.modules["hbgear.trace"], name, broken)  # hbgear.trace itself is the function
+    part = hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6))
+    assert part.status is Status.FAILED and "Bug: while looking" in part.message and len(part) > 30
+
+
+def test_what_progress_raises_comes_out_with_the_branch():
+    def show(value, rows, step):
+        if rows == 12:
+            raise Bug("enough")
+
+    with pytest.raises(Bug, match="enough") as raised:
+        hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6), progress=show)
+    part = raised.value.branch
+    assert len(part) >= 12 and part.status is Status.FAILED and "in progress" in part.message
+    assert np.isfinite(part.multipliers).all() and "attribute branch" in raised.value.__notes__[0]
+
+
+def test_a_fold_curve_starts_from_a_point_of_other_harmonics():
+    narrow = hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6), stability=False)
+    problem = hb.HarmonicBalance(DUFFING, 5)
+    wide = hb.trace(problem, "Omega", (0.6, 1.6), stability=False)
+    found = hb.trace(hb.Fold(problem), "zeta", (narrow["LP1"].parameters["zeta"], 0.04), narrow["LP1"])
+    assert found.tracked["Omega"][0] == pytest.approx(wide["LP1"].parameters["Omega"], rel=1e-9)
+    with pytest.raises(ValueError, match="has 9 unknowns; the problem has 12"):
+        hb.trace(hb.Fold(problem), "zeta", (0.05, 0.04), np.zeros(9))
+
+
+# ---- signals
+
+
+def test_a_file_is_written_before_ctrl_c_is_heard(tmp_path):
+    path = tmp_path / "a.txt"
+    with pytest.raises(KeyboardInterrupt), replacing(path, "x") as handle:
+        handle.write("half")
+        signal.raise_signal(signal.SIGINT)
+        handle.write(" and half")
+    assert path.read_text() == "half and half" and os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_the_second_ctrl_c_is_heard_at_once_and_leaves_nothing_behind(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("before")
+    with pytest.raises(KeyboardInterrupt), replacing(path, "x") as handle:
+        handle.write("half")
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        handle.write(" and half")
+    assert path.read_text() == "before" and os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_sigterm_is_heard_like_ctrl_c():
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt), sigterm_like_ctrl_c(), held():
+        signal.raise_signal(signal.SIGTERM)
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+COMMANDS = {
+    "trace": ["trace", "spur-pair", "-o", "out.npz", "--harmonics", "32"],
+    "map": ["map", "spur-pair", "--in", "zeta", "--from", "0.03", "--to", "0.1", "-o", "out.csv"],
+    "critical": ["critical", "spur-pair", "zeta"],
+}
+SCRIPT = "import sys; from hbgear.cli import main; print('ready', flush=True); main(sys.argv[1:])"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_commands_stop_at_any_moment(tmp_path, name, stop):
+    for delay in np.random.default_rng(len(name)).uniform(0.1, 1.5, 3):
+        folder = tmp_path / f"{delay:.6f}"
+        folder.mkdir()
+        command = subprocess.Popen([sys.executable, "-c", SCRIPT, *COMMANDS[name]], cwd=folder, text=True,
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE)  # fmt: skip
+        assert command.stdout.readline() == "ready\n"
+        time.sleep(delay)
+        command.send_signal(stop)
+        out, err = command.communicate(timeout=60)
+        if command.returncode == -stop:  # all was done and told, and Python itself was ending
+            assert "wrote" in out or "the model has" in out
+            continue
+        assert command.returncode in (0, 3) and "Traceback" not in err, (delay, err)
+        assert set(os.listdir(folder)) <= {"out.npz", "out.csv"}
+        if command.returncode == 3:
+            assert "stopped" in err or "interrupted" in out + err
+            assert "a jump exists" not in out
+        if (folder / "out.npz").exists():
+            curve = hb.load(folder / "out.npz")
+            assert curve.status.complete or (curve.status is Status.INTERRUPTED and command.returncode == 3)
+
+
+def test_ctrl_c_ends_a_study_and_leaves_no_figure_of_half_a_curve(tmp_path, monkeypatch):
+    def run(quick):
+        def stop(*_):
+            signal.raise_signal(signal.SIGINT)
+
+        hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6), progress=stop)
+
+    module = SimpleNamespace(run=run, report=lambda results: "wrong", __file__=str(tmp_path / "one.py"))
+    monkeypatch.setitem(sys.modules, "studies.some.one", module)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(SystemExit) as raised:
+        study.make("studies.some.one", tmp_path / "out")
+    assert raised.value.code == 3 and not os.listdir(tmp_path / "out")
+    assert signal.getsignal(signal.SIGINT) is before
