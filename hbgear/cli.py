@@ -50,6 +50,7 @@ from hbgear.cli_support import (
     traced,
     wrote,
 )
+from hbgear.speeds import model_of
 
 BAD_INPUT = 2
 _CTRL_C = 130  # what typer makes of a Ctrl-C that a command does not see to itself
@@ -215,5 +216,5 @@ def plot_command(
         draw(path, lambda drawing: drawing.response(branch, measure, which))
     else:
         print(f"point at {branch.parameter} = {chosen.parameters[branch.parameter]:.8g}")
-        draw(path, lambda drawing: drawing.portrait(chosen, which))
+        draw(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch)))
     wrote(path)

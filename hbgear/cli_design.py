@@ -124,11 +124,11 @@ def switch(
     with one_thread():
         new = hb.switch(branch, label)
     save_branch(new, output)
+    names = [str(file), f"from {label}"]
     if plot:
-        draw(plot, lambda drawing: drawing.response(
-            new, measure, which, ax=drawing.response(branch, measure, which, legend=False)))  # fmt: skip
+        draw(plot, lambda drawing: drawing.responses((branch, new), measure, which, names=names))
     print(f"from {label} of {file}: {len(new)} points; {new.message}")
-    show_branch(new, measure, which)
+    show_branch(new, measure, which, beside=(branch,), names=names[:1])
     wrote(output, plot)
     raise typer.Exit(exit_code(new))
 
@@ -160,7 +160,8 @@ def survey(
         found = hb.trace_all(problem, span, frequencies=places, guesses=guesses, report=report)
     for number, branch in enumerate(found.branches, 1):
         print(f"branch {number}: {len(branch)} points; {branch.message}")
-        show_branch(branch, measure, which)
+        others = [i for i in range(len(found)) if i != number - 1]
+        show_branch(branch, measure, which, [found.branches[i] for i in others], [f"branch {i + 1}" for i in others])
         if folder is not None:
             branch.save(folder / f"branch{number}.npz")
     if plot:

@@ -48,7 +48,10 @@ TABLE = {
     "gears": "fourier laws model",
     "oscillators": "laws model",
     "catalogue": "balance gears model oscillators",
-    "plot": "branch fourier measures",
+    "speeds": "branch catalogue model",
+    "landings": "branch jumps",
+    "plot_labels": "fourier",
+    "plot": "branch fourier landings measures speeds",
     "pieces": "fourier laws",
     "flow": "fourier model pieces",
     "stepper": "collocation fourier laws model pieces receptance",
@@ -64,7 +67,7 @@ FREE = {"__init__", "__main__", "cli", "cli_design", "cli_study", "cli_support",
 
 # Libraries that only some modules may import, anywhere in them.
 ONLY_IN = {
-    "matplotlib": {"plot", "plot_cases", "plot_time", "cli_study", "cli_support"},
+    "matplotlib": {"plot", "plot_cases", "plot_labels", "plot_time", "cli_study", "cli_support"},
     "pyfftw": {"fourier"},
     "typer": {"cli", "cli_design", "cli_study", "cli_support", "cli_time"},
     "pydantic": {"study_file"},
