@@ -133,9 +133,9 @@ def sweep(
     if output and found:
         export(found, output)
     if plot and found:
-        draw(plot, lambda _: _drawing().sweeps(found, curve, measure, which))
+        draw(plot, lambda _: _drawing().sweeps(found, curve, measure, which, model=machine))
     if bifurcation and found:
-        draw(bifurcation, lambda _: _drawing().bifurcation(found, which))
+        draw(bifurcation, lambda _: _drawing().bifurcation(found, which, model=machine))
     wrote(*(path for path in (output, plot, bifurcation) if found))
     complete = bool(found) and all(s.status.complete for s in found)
     raise typer.Exit(0 if complete else STOPPED_EARLY)

@@ -75,13 +75,7 @@ def _crossed(branch: Branch, left: SpecialPoint, fold: SpecialPoint, settings: S
     return motions_at(branch, float(branch.values[left.index]), settings, skip=range(low - 1, high + 1))
 
 
-def motions_at(
-    branch: Branch,
-    value: float,
-    settings: Settings = Settings(),
-    *,
-    skip: range = range(0),  # noqa: B008
-) -> list[Solution]:
+def motions_at(branch: Branch, value: float, settings: Settings, *, skip: range = range(0)) -> list[Solution]:
     """The motions of a branch at a value of its parameter, solved for between the rows where the curve passes it.
 
     ``skip`` holds rows after which it is not looked for.

@@ -15,6 +15,7 @@ import numpy as np
 
 from hbgear.branch import Branch, Jump, Point
 from hbgear.jumps import motions_at, seen_points
+from hbgear.newton import Settings
 
 _SAMPLES = 128  # of one period of the excitation, where motions are compared
 
@@ -64,7 +65,7 @@ def _comparable(one: Branch, other: Branch) -> bool:
 def _stable_points(branch: Branch, value: float) -> list[Point]:
     """Stable motions at the value: solved for if the branch knows its problem, else between two stable rows."""
     if branch.problem is not None:
-        return [point for point in seen_points(branch, [motions_at(branch, value)])[0] if point.stable]
+        return [point for point in seen_points(branch, [motions_at(branch, value, Settings())])[0] if point.stable]
     if branch.stable is None:
         return []
     x, found = branch.values - value, []

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hbgear.branch import REGIMES, Branch, Jump, Layout, Point, replacing
 from hbgear.fourier import Array
 from hbgear.landings import landings
-from hbgear.speeds import MESH, PINION, common_scales, speeds_at
+from hbgear.speeds import MESH, PINION, common_scales, model_of, same_scales, scales, speeds_at
 
 State = tuple[str, bool | None]
 
@@ -168,19 +168,25 @@ def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
     return _scaled_axes(ax, common_scales(branches))
 
 
-def _scaled_axes(ax: Axes, scales: dict[str, float]) -> list[Any]:
-    """Axes above these of Omega times each scale."""
+def _scaled_axes(ax: Axes, known: dict[str, float], side: str = "top") -> list[Any]:
+    """Axes at the top or on the right of Omega times each scale."""
     titles = {PINION: "speed of the pinion [r/min]", MESH: "mesh frequency [Hz]"}
     added: list[Any] = []
-    for name in [name for name in titles if name in scales]:
-        extra: Any = ax.secondary_xaxis("top", functions=_times(scales[name]))
-        extra.spines["top"].set_position(("outward", 30.0 * len(added)))
-        extra.set_xlabel(titles[name], fontsize=9, labelpad=3)
+    for name in [name for name in titles if name in known]:
+        make = ax.secondary_xaxis if side == "top" else ax.secondary_yaxis
+        extra: Any = make(side, functions=_times(known[name]))  # type: ignore[arg-type]
+        extra.spines[side].set_position(("outward", (30.0 if side == "top" else 46.0) * len(added)))
+        (extra.set_xlabel if side == "top" else extra.set_ylabel)(titles[name], fontsize=9, labelpad=3)
         extra.tick_params(direction="in", width=0.6, length=3.5, labelsize=8, labelfontfamily=FONT[0], pad=2)
         added.append(extra)
     if added:
-        ax.tick_params(which="both", top=False)
+        ax.tick_params(which="both", top=side != "top", right=side != "right")
     return added
+
+
+def _times(scale: float) -> tuple[Any, Any]:
+    """Multiplication by a number, and its inverse."""
+    return (lambda x: x * scale), (lambda y: y / scale)
 
 
 def _heighten(ax: Axes) -> None:
@@ -189,17 +195,13 @@ def _heighten(ax: Axes) -> None:
     figure.set_figheight(figure.get_figheight() + 0.6)
 
 
-def _times(scale: float) -> tuple[Any, Any]:
-    """Multiplication by a number, and its inverse."""
-    return (lambda x: x * scale), (lambda y: y / scale)
-
-
 def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> Axes:
     """Jump frequencies against a design parameter, several motions shaded, cusps marked with their value.
 
     Solid: the jump a sweep meets while Omega rises; dash-dotted: while it falls.
     """
     names = {1: (r"jump while $\Omega$ rises", "-"), -1: (r"jump while $\Omega$ falls", "-.")}
+    own = ax is None
     with _style():
         ax = _axes(ax, (5.0, 3.4))
         _shade(ax, jumps)
@@ -218,6 +220,9 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
         ax.set_xlabel(jumps.labels.get(jumps.parameter, jumps.parameter))
         ax.set_ylabel(jumps.labels.get("Omega", r"$\Omega$"))
         _dress(ax)
+        rows = [scales(model_of(fold), fold.parameters_at(i)) for fold in jumps.folds for i in (0, -1)]
+        if own and _scaled_axes(ax, same_scales(rows), "right"):
+            ax.figure.set_figwidth(6.2)  # type: ignore[union-attr]
         if not jumps.arms:
             ax.text(0.5, 0.5, "no jump found in this range", transform=ax.transAxes, ha="center")
         elif legend:

@@ -55,6 +55,11 @@ def common_scales(branches: Sequence[Branch]) -> dict[str, float]:
         model = model_of(branch)
         rows = range(len(branch)) if branch.tracked else (0,)
         found += [scales(model, branch.parameters_at(i)) for i in rows]
+    return same_scales(found)
+
+
+def same_scales(found: Sequence[dict[str, float]]) -> dict[str, float]:
+    """The first of these `scales` if all are equal, else nothing."""
     first = found[0] if found else {}
     same = all(one.keys() == first.keys() and np.allclose([*one.values()], [*first.values()]) for one in found)
     return first if same else {}

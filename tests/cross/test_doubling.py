@@ -1,6 +1,6 @@
 """The strongly excited spur pair of Kahraman & Singh, whose motion doubles its period between resonance and twice it.
 
-    x'' + 0.1 x' + f(x) = 0.1 + 0.1 Omega^2 cos(Omega t), half-gap 1
+x'' + 0.1 x' + f(x) = 0.1 + 0.1 Omega^2 cos(Omega t), half-gap 1
 """
 
 from dataclasses import replace

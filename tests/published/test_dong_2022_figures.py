@@ -1,6 +1,5 @@
 """Figures 3 to 9 of Dong et al. (2022): quick forms, against time integration and symmetry."""
 
-
 import matplotlib
 import numpy as np
 import pytest

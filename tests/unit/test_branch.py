@@ -264,7 +264,10 @@ def test_labels_must_be_unique():
 def test_every_status_has_advice():
     assert all(status.advice for status in Status)
     assert {s for s in Status if s.complete} == set(Status) - {
-        Status.RETRACED, Status.MAX_POINTS, Status.STEP_TOO_SMALL, Status.INTERRUPTED
+        Status.RETRACED,
+        Status.MAX_POINTS,
+        Status.STEP_TOO_SMALL,
+        Status.INTERRUPTED,
     }
 
 

@@ -49,7 +49,8 @@ TABLE = {
     "oscillators": "laws model",
     "catalogue": "balance gears model oscillators",
     "speeds": "branch catalogue model",
-    "landings": "branch jumps",
+    "landings": "branch jumps newton",
+    "swept": "cases fourier",
     "plot_labels": "fourier",
     "plot": "branch fourier landings measures speeds",
     "pieces": "fourier laws",
@@ -59,8 +60,8 @@ TABLE = {
     "shooting": "flow fourier model newton receptance stepper timedomain",
     "sweep": "branch fourier measures model stepper",
     "validate": "_version branch catalogue flow fourier measures model newton receptance shooting stepper timedomain",
-    "plot_time": "branch plot sweep validate",
-    "plot_cases": "cases fourier plot",
+    "plot_time": "branch model plot speeds sweep validate",
+    "plot_cases": "cases fourier plot speeds swept",
 }
 # may import anything, and none of the above may import them
 FREE = {"__init__", "__main__", "cli", "cli_design", "cli_study", "cli_support", "cli_time"}
