@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 HEAP = 3
 """So many points of a kind closer together than `NEAR` share a label, "NS1\N{EN DASH}NS14", and lose those between."""
 NEAR = 11.0  # points
-_REACH = (5.0, 9.0, 14.0, 20.0)  # points from a mark to its label, the nearest first
+_REACH = (5.0, 9.0, 14.0, 20.0, 27.0, 35.0, 45.0)  # points from a mark to its label, the nearest first
 _LEADER = 7.0  # points: a label farther away is joined to its symbol by a line
 _SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 _ALIGN: Any = {1: ("left", "bottom"), 0: ("center", "center"), -1: ("right", "top")}
