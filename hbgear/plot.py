@@ -168,9 +168,9 @@ def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
     return _scaled_axes(ax, common_scales(branches))
 
 
-def _scaled_axes(ax: Axes, known: dict[str, float], side: str = "top") -> list[Any]:
-    """Axes at the top or on the right of Omega times each scale."""
-    titles = {PINION: "speed of the pinion [r/min]", MESH: "mesh frequency [Hz]"}
+def _scaled_axes(ax: Axes, known: dict[str, float], side: str = "top", title: str = "mesh frequency [Hz]") -> list[Any]:
+    """Axes at the top or on the right of Omega, or of an order of it, times each scale."""
+    titles = {PINION: "speed of the pinion [r/min]", MESH: title}
     added: list[Any] = []
     for name in [name for name in titles if name in known]:
         make = ax.secondary_xaxis if side == "top" else ax.secondary_yaxis
@@ -282,7 +282,13 @@ def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) 
 
 
 def spectrum(
-    point: Point, element: int | str = 0, ax: Axes | None = None, *, log: bool = True, floor: float = FLOOR
+    point: Point,
+    element: int | str = 0,
+    ax: Axes | None = None,
+    *,
+    log: bool = True,
+    floor: float = FLOOR,
+    model: Model | None = None,
 ) -> Axes:
     """Amplitude of each harmonic, the mean left out, over multiples of the excitation frequency.
 
@@ -291,6 +297,7 @@ def spectrum(
     point, element, ax : as of `time_history`.
     log : amplitudes on a logarithmic axis, with decibels of the largest line on the right; else linear.
     floor : share of the largest line below which none is drawn on the logarithmic axis; the figure says so.
+    model : if it knows its mesh frequency, axes above give the frequencies in Hz.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -315,6 +322,9 @@ def spectrum(
         ax.set_xlabel("frequency / excitation frequency")
         ax.set_ylabel(f"amplitude of {_gap(layout, element)}")
         _dress(ax)
+        mesh = speeds_at(model, point.parameters).get(MESH)
+        if mesh:
+            _scaled_axes(ax, {MESH: mesh}, title="frequency [Hz]")
         ax.tick_params(which="both", right=not log)
     return ax
 
@@ -345,8 +355,9 @@ def portrait(point: Point, element: int | str = 0, model: Model | None = None) -
 
     with _style():
         figure, axes = plt.subplots(1, 3, figsize=(9.6, 2.9), layout="constrained")
-        for draw, ax in zip((time_history, phase_diagram, spectrum), axes, strict=True):
-            draw(point, element, ax)
+        time_history(point, element, axes[0])
+        phase_diagram(point, element, axes[1])
+        spectrum(point, element, axes[2], model=model)
         known = speeds_at(model, point.parameters)
         units = [f"{known[name]:.5g} {unit}" for name, unit in ((MESH, "Hz"), (PINION, "r/min")) if known]
         figure.suptitle(", ".join([_title(point, element), *units]), fontsize=10)

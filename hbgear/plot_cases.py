@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hbgear.cases import Cases
 from hbgear.fourier import Array
-from hbgear.plot import COLOURS, MEASURES, _axes, _dress, _scaled_axes, _style
+from hbgear.plot import COLOURS, MEASURES, _axes, _dress, _heighten, _scaled_axes, _style
 from hbgear.speeds import same_scales, scales
 from hbgear.swept import Swept, swept_cases
 
@@ -47,6 +47,7 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
     Omega = np.linspace(min(found.work.span), max(found.work.span), points)
     swept = {direction: swept_cases(found, Omega, direction) for direction in (1, -1)}
     up, down = swept[1].amplitude, swept[-1].amplitude
+    own = ax is None
     same = np.asarray(np.isclose(up, down, rtol=1e-6, atol=0.0, equal_nan=True).all(axis=0))
     with _style():
         ax = _axes(ax, (5.4, 4.2))
@@ -69,7 +70,8 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
         ax.set_ylabel(f"{_measure(found)},\nslow sweeps")
         _dress(ax)
         top = _shares(ax, Omega, swept) if any(here.jumped.any() for here in swept.values()) else ax
-        _scaled_axes(top, _common(found))
+        if own and _scaled_axes(top, _common(found)):
+            _heighten(ax)
         if legend:
             ax.legend(loc="best")
     return ax
@@ -154,6 +156,7 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
         raise ValueError("there are no jump frequencies; compute them: compute=('jumps',)")
     columns = {name: _finite(found.table[name]) for name in JUMPS}
     every = np.concatenate(list(columns.values()))
+    own = ax is None
     with _style():
         ax = _axes(ax, (5.0, 3.4))
         if len(every):
@@ -173,6 +176,8 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
         ax.set_xlabel(f"jump frequency, {_label(found, 'Omega')}")
         ax.set_ylabel("cases")
         _dress(ax)
+        if own and _scaled_axes(ax, _common(found)):
+            _heighten(ax)
     return ax
 
 

@@ -150,7 +150,7 @@ class _Obstacles:
         self.symbols = [Bbox([p - half, p + half]) for p in at]
         legend = ax.get_legend()
         self.others = [] if legend is None else [legend.get_window_extent(renderer)]
-        self.others += [child.get_window_extent(renderer) for child in ax.child_axes if child.get_label() == "inset"]
+        self.others += [patch.get_window_extent(renderer) for patch in ax.patches if patch.get_gid() == "frame"]
         lines = [_dense(line.get_transform().transform(line.get_xydata())) for line in ax.lines if _is_curve(line)]
         arrows = [text for text in ax.texts if getattr(text, "arrow_patch", None) is not None]
         lines += [_dense(ax.transData.transform([text.xy, text.xyann])) for text in arrows]  # type: ignore[attr-defined]

@@ -17,6 +17,7 @@ import hbgear as hb
 from hbgear import plot
 from hbgear.branch import Branch, Jump, Layout, Point, SpecialPoint, Status
 from hbgear.landings import landings
+from hbgear.maps import Arm, JumpMap
 from hbgear.model import describe
 
 LABELS = {"Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$", "amplitude": r"$d / b_c$"}
@@ -492,3 +493,32 @@ def test_a_figure_made_again_is_the_same_file(tmp_path, kind, monkeypatch):
         files.append((tmp_path / f"{name}.{kind}").read_bytes())
     assert files[0] == files[1]
     assert not any(word in files[0] for word in (b"Matplotlib v", b"CreationDate", b"matplotlib.org"))
+
+
+def test_spectrum_and_portrait_in_hertz_with_the_model():
+    model, point = hb.DoubleHelicalPair(), rich_point()
+    ax = plot.spectrum(point, model=model)
+    (hertz,) = (child for child in ax.child_axes if child.get_xlabel() == "frequency [Hz]")
+    drawn(ax)
+    np.testing.assert_allclose(hertz.get_xlim()[1], ax.get_xlim()[1] * model.mesh_frequency(0.85), rtol=1e-12)
+    with_units = model.replace(zeta=0.05)  # the parameters of the point count
+    assert f"{with_units.pinion_speed(0.85):.5g} r/min" in plot.portrait(point, 0, model).get_suptitle()
+
+
+def test_jump_map_has_axes_of_speed_only_if_omega_means_the_same_everywhere():
+    def drawn_map(parameter):
+        meta = {"model": describe(hb.DoubleHelicalPair())}
+        value = hb.DoubleHelicalPair().parameters[parameter]
+        grid = np.linspace(0.9, 1.1, 5) * value
+        b = resonance()
+        fold = rebuilt(
+            b, parameter=parameter, values=grid, fixed={}, tracked={"Omega": np.linspace(0.8, 0.9, 5)}, X=b.X[:5],
+            multipliers=b.multipliers[:5], iterations=b.iterations[:5], residual=b.residual[:5], regime=b.regime[:5],
+            error=b.error[:5], step=b.step[:5], special=(), jump_records=(), meta=meta,
+        )  # fmt: skip
+        arm = Arm(grid, fold.tracked["Omega"], 1)
+        return plot.jump_map(JumpMap(parameter, (grid[0], grid[-1]), (fold,), (arm,), {}))
+
+    speed, mesh = drawn_map("torque").child_axes
+    assert (speed.get_ylabel(), mesh.get_ylabel()) == ("speed of the pinion [r/min]", "mesh frequency [Hz]")
+    assert not drawn_map("k_mean").child_axes
