@@ -34,10 +34,10 @@ _MANY = 2000  # dots in one panel that are kept as pixels
 def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend: bool = True) -> Axes:
     """Response of slow sweeps over Omega in all cases: least to largest, 5 to 95 percent, median.
 
-    Each of these is the motion of one of the cases.
-    Where the sweeps with Omega rising and falling agree in every case they are drawn once, in grey. Elsewhere each has
-    its own colour, and the cases that have jumped by then and those that have not their own bands: there is no motion
-    between them. The median is that of the larger part. Narrow axes above tell the share of cases that have jumped.
+    Each of these is the motion of one of the cases. Where the sweeps with Omega rising and falling agree in every case
+    they are drawn once, in grey. Elsewhere each has its own colour, and the cases that have jumped by then, those that
+    have not yet and those that never do have their own bands: there need be no motion between them. The median is that
+    of the largest of these parts. Narrow axes above tell the share of cases that have jumped.
 
     Raises
     ------
@@ -56,13 +56,13 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
             names = {1: r"while $\Omega$ rises: 5 to 95 %", -1: r"while $\Omega$ falls: 5 to 95 %"}
             for direction, (_, line, colour, _) in zip((1, -1), JUMPS.values(), strict=True):
                 here, wide = swept[direction], _widened(~same)
-                parts = [np.where(wide & (here.jumped == k), here.amplitude, np.nan) for k in np.unique(here.jumped)]
+                parts = [np.where(wide & part, here.amplitude, np.nan) for part in _parts(here.jumped)]
                 _bands(ax, Omega, parts, colour, line, ("_", names[direction], "_median of most cases"))
         none = np.isnan(up).all(axis=0) & np.isnan(down).all(axis=0)
         if none.any():  # the curve is unstable there in every case, as where its period has doubled
             ax.fill_between(
-                Omega, 0, 1, where=none.tolist(), transform=ax.get_xaxis_transform(), color="0.9", linewidth=0,
-                label="none stable",
+                Omega, 0, 1, where=none.tolist(), transform=ax.get_xaxis_transform(), facecolor="none", edgecolor="0.6",
+                hatch="////", linewidth=0, label="none stable",
             )  # fmt: skip
         ax.set_xlim(Omega[0], Omega[-1])
         ax.set_ylim(bottom=0.0)
@@ -116,6 +116,14 @@ def _broken(Omega: Array, line: Array, part: Array) -> tuple[Array, Array]:
     return np.insert(Omega, leaps, Omega[leaps - 1]), np.insert(line, leaps, np.nan)
 
 
+def _parts(jumped: Array) -> list[NDArray[np.bool_]]:
+    """Cases, by frequency, that have made equally many of equally many jumps: those that never jump are a part too."""
+    total = jumped.max(axis=1)
+    every = np.broadcast_to(total[:, None], jumped.shape)
+    pairs = sorted({(float(n), float(k)) for n, k in zip(every.flat, jumped.flat, strict=True)})
+    return [(every == n) & (jumped == k) for n, k in pairs]
+
+
 def _widened(which: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """With one more on either side, so that neighbouring shades meet."""
     out = which.copy()
@@ -135,7 +143,6 @@ def _shares(ax: Axes, Omega: Array, swept: dict[int, Swept]) -> Axes:
     top.tick_params(labelbottom=False)
     _dress(top)
     top.tick_params(axis="y", labelsize=7)
-    top.legend(loc="center left", fontsize=7)
     return top
 
 
