@@ -61,6 +61,7 @@ from hbgear.cli_support import (
     traced,
 )
 from hbgear.signals import sigterm_like_ctrl_c
+from hbgear.speeds import model_of
 
 RENAMED = {
     "--parameter": "--parameter F --from A --to B is now --in F=A:B, as --from and --to are always in Omega",
@@ -291,5 +292,5 @@ def plot_command(
         if chosen is None:
             out.figure(path, lambda drawing: drawing.response(branch, measure, which))
         else:
-            out.figure(path, lambda drawing: drawing.portrait(chosen, which))
+            out.figure(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch)))
             print(f"point at {branch.parameter} = {text_at(chosen, branch.parameter)}")

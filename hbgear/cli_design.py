@@ -151,12 +151,12 @@ def switch(
     branch = hb.load(file, problem=catalogue.problem_of(branch.meta))
     with one_thread():
         new = hb.switch(branch, label)
+    names = [str(file), f"from {label}"]
     with outputs() as out:
         out.branch(output, new)
-        out.figure(plot, lambda drawing: drawing.response(
-            new, measure, which, ax=drawing.response(branch, measure, which, legend=False)))  # fmt: skip
+        out.figure(plot, lambda drawing: drawing.responses((branch, new), measure, which, names=names))
         print(f"from {label} of {file}: {len(new)} points; {new.message}")
-        show_branch(new, measure, which)
+        show_branch(new, measure, which, beside=(branch,), names=names[:1])
     raise typer.Exit(exit_code(new))
 
 
@@ -196,5 +196,7 @@ def survey(
         out.figure(plot, lambda drawing: drawing.responses(found.branches, measure, which))
         for number, branch in enumerate(found.branches, 1):
             print(f"branch {number}: {len(branch)} points; {branch.message}")
-            show_branch(branch, measure, which)
+            others = [i for i in range(len(found)) if i != number - 1]
+            beside, names = [found.branches[i] for i in others], [f"branch {i + 1}" for i in others]
+            show_branch(branch, measure, which, beside, names)
     end_of(found, *found.branches)

@@ -8,7 +8,7 @@ import math
 import re
 import sys
 import typing
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,7 +18,9 @@ import typer
 
 import hbgear as hb
 from hbgear import catalogue, cli_complete
+from hbgear.landings import landings
 from hbgear.model import did_you_mean
+from hbgear.speeds import model_of, speeds_at
 from hbgear.trace import Progress
 
 if TYPE_CHECKING:
@@ -399,8 +401,14 @@ def table_of(headers: list[str], rows: list[list[str]], title: str = "") -> Tabl
     return table
 
 
-def show_branch(branch: hb.Branch, measure: str, element: int | str) -> None:
-    """Tables of special points and jumps."""
+def show_branch(
+    branch: hb.Branch,
+    measure: str,
+    element: int | str,
+    beside: Sequence[hb.Branch] = (),
+    names: Sequence[str] = (),
+) -> None:
+    """Tables of special points and jumps; see `show_jumps`."""
     if not branch.special:
         print("no special points")
         return
@@ -413,22 +421,35 @@ def show_branch(branch: hb.Branch, measure: str, element: int | str) -> None:
         )
     headers = ["", branch.parameter, *branch.tracked, *speeds_of(branch, branch[0]), measure, "regime", "what happens"]
     print_table(headers, rows, "special points")
-    show_jumps(branch, measure, element)
+    show_jumps(branch, measure, element, beside, names)
 
 
-def show_jumps(branch: hb.Branch, measure: str, element: int | str) -> None:
-    """Print the jumps of a branch as a table, or that there are none."""
+def show_jumps(
+    branch: hb.Branch,
+    measure: str,
+    element: int | str,
+    beside: Sequence[hb.Branch] = (),
+    names: Sequence[str] = (),
+) -> None:
+    """Print the jumps of a branch as a table, or that there are none.
+
+    ``beside`` are other traced branches, with their names, on which a jump may land if its own curve has no stable
+    motion there; the table then names the branch.
+    """
     if not branch.jumps():
         print("no jumps" if branch.multipliers is not None else "no jumps known: traced without stability")
         return
     rows = []
-    for jump in branch.jumps():
+    for landing in landings((branch, *beside))[0]:
+        jump, where = landing.jump, landing.branch
         digits = digits_of(jump.before, 6)
         speeds = [rounded(value, digits) for value in speeds_of(branch, jump.before).values()]
-        before, after = (
-            "no stable motion on this curve" if end is None else size_text(end, measure, element)
-            for end in (jump.before, jump.after)
-        )
+        before = size_text(jump.before, measure, element)
+        if where is None or jump.after is None:
+            after = f"no stable motion on {'these curves' if beside else 'this curve'}"
+        else:
+            after = size_text(jump.after, measure, element)
+            after = f"{names[where - 1]}, {after}" if where else after
         direction = "increasing" if jump.direction > 0 else "decreasing"
         rows.append([jump.label, text_at(jump.before, jump.parameter), *speeds, direction, before, after])
     headers = ["", branch.parameter, *speeds_of(branch, branch[0]), "while", f"{measure} before", f"{measure} after"]
@@ -451,22 +472,9 @@ def regime_of(point: hb.Point) -> str:
     return point.regime_name.replace("_sided", "-sided").replace("_", " ") if corners else "-"
 
 
-def model_of(branch: hb.Branch) -> hb.Model | None:
-    """The model a curve was traced with, if the catalogue has it."""
-    try:
-        return catalogue.rebuild(branch.meta.get("model"))
-    except (KeyError, ValueError):
-        return None
-
-
 def speeds_of(branch: hb.Branch, point: hb.Point) -> dict[str, float]:
     """Mesh frequency and speed of models that know their units."""
-    model: Any = model_of(branch)
-    if not (hasattr(model, "mesh_frequency") and hasattr(model, "pinion_speed") and "Omega" in point.parameters):
-        return {}
-    model = model.replace(**{name: value for name, value in point.parameters.items() if name in model.parameters})
-    Omega = point.parameters["Omega"]
-    return {"mesh Hz": float(model.mesh_frequency(Omega)), "pinion r/min": float(model.pinion_speed(Omega))}
+    return speeds_at(model_of(branch), point.parameters)
 
 
 def facts_of(branch: hb.Branch, measure: str) -> Iterator[tuple[str, str]]:

@@ -127,8 +127,8 @@ def sweep(
     with outputs() as out:
         if found:
             out.write(output, lambda path: export(found, path))
-            out.figure(plot, lambda _: _drawing().sweeps(found, curve, measure, which))
-            out.figure(bifurcation, lambda _: _drawing().bifurcation(found, which))
+            out.figure(plot, lambda _: _drawing().sweeps(found, curve, measure, which, model=machine))
+            out.figure(bifurcation, lambda _: _drawing().bifurcation(found, which, model=machine))
         for s in found:
             _show(s, measure, which)
     complete = bool(found) and all(s.status.complete for s in found)

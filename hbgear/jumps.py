@@ -34,7 +34,7 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
         left.append((point, direction, _crossed(branch, point, fold, settings)))
     return tuple(
         Jump(point.label, branch.parameter, float(branch.values[point.index]), direction, point, _nearest(point, found))
-        for (point, direction, _), found in zip(left, _points(branch, [found for *_, found in left]), strict=True)
+        for (point, direction, _), found in zip(left, seen_points(branch, [found for *_, found in left]), strict=True)
     )
 
 
@@ -71,12 +71,19 @@ def _stable_run(branch: Branch, start: int, side: int) -> int:
 
 def _crossed(branch: Branch, left: SpecialPoint, fold: SpecialPoint, settings: Settings) -> list[Solution]:
     """The motions on other parts of the curve at the parameter of the point left."""
-    value = float(branch.values[left.index])
-    x = branch.values - value
     low, high = sorted((left.index, fold.index))
+    return motions_at(branch, float(branch.values[left.index]), settings, skip=range(low - 1, high + 1))
+
+
+def motions_at(branch: Branch, value: float, settings: Settings, *, skip: range = range(0)) -> list[Solution]:
+    """The motions of a branch at a value of its parameter, solved for between the rows where the curve passes it.
+
+    ``skip`` holds rows after which it is not looked for.
+    """
+    x = branch.values - value
     found = []
     for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
-        if low - 1 <= i <= high:
+        if i in skip:
             continue
         s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
         here = {**branch.parameters_at(int(i)), branch.parameter: value}
@@ -88,7 +95,7 @@ def _crossed(branch: Branch, left: SpecialPoint, fold: SpecialPoint, settings: S
     return found
 
 
-def _points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point]]:
+def seen_points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point]]:
     """Motions, group by group, with what the problem says of them."""
     every = [solution for group in groups for solution in group]
     if not every:

@@ -1,7 +1,8 @@
 """Figures of branches and points: functions that take one, draw on matplotlib axes and return them.
 
-Stable motions are drawn solid, unstable ones dashed, those of unknown stability solid and thin; the colour is the
-impact regime. Nothing here changes matplotlib's settings, and matplotlib is imported only when something is drawn.
+Stable motions are drawn solid, unstable ones dashed, those of unknown stability solid and thin. On one curve the colour
+is the impact regime; of several curves each has its own colour, and the width of the line is the regime. Nothing here
+changes matplotlib's settings, and matplotlib is imported only when something is drawn.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hbgear.branch import REGIMES, Branch, Jump, Layout, Point, SpecialPoint
+from hbgear.branch import REGIMES, Branch, Jump, Layout, Point
 from hbgear.fourier import Array
+from hbgear.landings import landings
 from hbgear.replacing import replacing
+from hbgear.speeds import MESH, PINION, common_scales, model_of, same_scales, scales, speeds_at
 
 State = tuple[str, bool | None]
 
@@ -25,14 +28,28 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hbgear.maps import JumpMap
+    from hbgear.model import Model
 
 COLOURS = {"no_impact": "#1f4e8c", "single_sided": "#d9730d", "double_sided": "#9c1f5c", "unknown": "#333333"}
 LINES: dict[bool | None, tuple[Any, float]] = {True: ("-", 1.4), False: ("--", 1.2), None: ("-", 0.7)}
 MARKERS = {"LP": ("o", "fold (LP)"), "PD": ("D", "period doubling (PD)"), "NS": ("s", "Neimark-Sacker (NS)"),
            "BP": ("P", "branch point (BP)"), "GR": ("x", "grazing (GR)"), "CP": ("*", "cusp (CP)")}  # fmt: skip
 MEASURES = {"rms": "alternating rms", "pp2": "half peak-to-peak", "max": "largest magnitude", "mean": "mean"}
+BRANCHES = ("#0072b2", "#d55e00", "#009e73", "#b3478c", "#000000", "#e69f00", "#56b4e9", "#7a5c00")
+"""Colours of several branches in this order (after Okabe and Ito), told apart by colour-blind readers too."""
+WIDTHS = {"no_impact": 1.1, "single_sided": 2.0, "double_sided": 3.0, "unknown": 1.3}
+"""Line widths of the regimes where the colour is the branch."""
+LABELLED = ("LP", "PD", "NS", "BP", "CP")
+FLOOR = 1e-6
+"""Lines of a spectrum below this share of the largest are not drawn (-120 dB)."""
 GREY = "#8a8a8a"
 FONT = ["STIXGeneral", "DejaVu Serif"]
+_METADATA: dict[str, Any] = {
+    "png": {"Software": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    "svg": {"Date": None, "Creator": None},
+}
+"""Neither times nor versions, so that a figure made again is the same file."""
 STYLE: Any = {
     "font.family": FONT, "font.size": 9, "mathtext.fontset": "stix", "axes.linewidth": 0.6, "axes.labelsize": 10,
     "axes.titlesize": 9, "legend.fontsize": 8, "legend.frameon": False, "lines.linewidth": 1.2, "axes.grid": False,
@@ -51,17 +68,20 @@ def response(
     special: bool = True,
     jumps: bool = True,
     legend: bool = True,
+    speeds: bool | None = None,
 ) -> Axes:
     """Response curve: a measure of an element against the branch's parameter.
 
     Parameters
     ----------
     branch, measure, element : see `Branch.amplitude`.
-    ax : axes to draw on; new ones by default.
+    ax : axes to draw on; new ones by default. On these an unstable piece too short to be seen is also drawn enlarged.
     color : one colour for the whole curve instead of one for each impact regime.
     label : name of the curve in the legend, to tell several apart; it is then drawn in one colour, by default black.
     special, jumps : whether special points are marked and jumps drawn as arrows.
     legend : whether to add one.
+    speeds : whether to add axes of the mesh frequency [Hz] and the speed of the pinion [r/min] if the model knows
+        them; by default on new axes only.
 
     Raises
     ------
@@ -69,7 +89,7 @@ def response(
         If there is no such measure or element.
     """
     amplitude = branch.amplitude(measure, element)
-    names = branch.layout.labels if branch.layout else {}
+    own = ax is None
     with _style():
         ax = _axes(ax, (5.0, 3.4))
         _curve(ax, branch, amplitude, element, "black" if label and not color else color, label)
@@ -77,23 +97,103 @@ def response(
             for jump in branch.jumps():
                 _arrow(ax, branch, jump, measure, element)
         if special:
-            for point in branch.special:
-                _mark(ax, branch, point, point.amplitude(measure, element))
-        ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))
-        ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {_gap(branch.layout, element)}")
-        _dress(ax)
+            _marks(ax, branch, measure, element)
+        _name_axes(ax, branch, measure, element)
+        if (own if speeds is None else speeds) and speed_axes(ax, [branch]) and own:
+            _heighten(ax)
+        if own:
+            _enlarge(ax, branch, amplitude, element, color)
         if legend:
             _legend(ax)
     return ax
 
 
-def responses(branches: Sequence[Branch], measure: str = "pp2", element: int | str = 0, ax: Axes | None = None) -> Axes:
-    """Several branches on the same axes, drawn as `response` draws one."""
-    for branch in branches:
-        ax = response(branch, measure, element, ax)
-    if ax is None:
+def responses(
+    branches: Sequence[Branch],
+    measure: str = "pp2",
+    element: int | str = 0,
+    ax: Axes | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    legend: bool = True,
+    speeds: bool | None = None,
+) -> Axes:
+    """Several branches on the same axes: the colour is the branch, the width of the line the impact regime.
+
+    Labels of special points carry the number of their branch, "LP1 (2)", which stands before its name in the legend.
+    Jumps are drawn to wherever they land on any of the branches. One branch alone is drawn as by `response`.
+
+    Parameters
+    ----------
+    branches, measure, element : see `Branch.amplitude`.
+    ax : axes to draw on; new ones by default.
+    names : of the branches in the legend; "branch 1", ... by default.
+    legend, speeds : as of `response`.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If there is no branch, not a name for each, or no such measure or element.
+    """
+    if not branches:
         raise ValueError("no branch to draw")
+    if names is not None and len(names) != len(branches):
+        raise ValueError(f"{len(names)} names for {len(branches)} branches; give one for each")
+    if len(branches) == 1:
+        return response(branches[0], measure, element, ax, legend=legend, speeds=speeds)
+    own = ax is None
+    with _style():
+        ax = _axes(ax, (6.4, 3.8))
+        for i, branch in enumerate(branches):
+            name = f"({i + 1}) {names[i]}" if names else f"branch {i + 1}"
+            colour = BRANCHES[i % len(BRANCHES)]
+            _curve(ax, branch, branch.amplitude(measure, element), element, colour, name, WIDTHS)
+        for branch, found in zip(branches, landings(branches), strict=True):
+            for landing in found:
+                _arrow(ax, branch, landing.jump, measure, element)
+        for branch in branches:
+            _marks(ax, branch, measure, element, numbered=True)
+        _name_axes(ax, branches[0], measure, element)
+        if (own if speeds is None else speeds) and speed_axes(ax, branches) and own:
+            _heighten(ax)
+        if legend:
+            _legend(ax, outside=own)
     return ax
+
+
+def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
+    """Axes above these of the speed of the pinion [r/min] and the mesh frequency [Hz].
+
+    None are added if the model does not know its units, or the branches differ in what Omega = 1 is.
+    """
+    return _scaled_axes(ax, common_scales(branches))
+
+
+def _scaled_axes(ax: Axes, known: dict[str, float], side: str = "top", title: str = "mesh frequency [Hz]") -> list[Any]:
+    """Axes at the top or on the right of Omega, or of an order of it, times each scale."""
+    titles = {PINION: "speed of the pinion [r/min]", MESH: title}
+    added: list[Any] = []
+    for name in [name for name in titles if name in known]:
+        make = ax.secondary_xaxis if side == "top" else ax.secondary_yaxis
+        extra: Any = make(side, functions=_times(known[name]))  # type: ignore[arg-type]
+        extra.spines[side].set_position(("outward", (30.0 if side == "top" else 46.0) * len(added)))
+        (extra.set_xlabel if side == "top" else extra.set_ylabel)(titles[name], fontsize=9, labelpad=3)
+        extra.tick_params(direction="in", width=0.6, length=3.5, labelsize=8, labelfontfamily=FONT[0], pad=2)
+        added.append(extra)
+    if added:
+        ax.tick_params(which="both", top=side != "top", right=side != "right")
+    return added
+
+
+def _times(scale: float) -> tuple[Any, Any]:
+    """Multiplication by a number, and its inverse."""
+    return (lambda x: x * scale), (lambda y: y / scale)
+
+
+def _heighten(ax: Axes) -> None:
+    """Room for the axes above."""
+    figure: Any = ax.figure
+    figure.set_figheight(figure.get_figheight() + 0.6)
 
 
 def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> Axes:
@@ -102,6 +202,7 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
     Solid: the jump a sweep meets while Omega rises; dash-dotted: while it falls.
     """
     names = {1: (r"jump while $\Omega$ rises", "-"), -1: (r"jump while $\Omega$ falls", "-.")}
+    own = ax is None
     with _style():
         ax = _axes(ax, (5.0, 3.4))
         _shade(ax, jumps)
@@ -120,6 +221,9 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
         ax.set_xlabel(jumps.labels.get(jumps.parameter, jumps.parameter))
         ax.set_ylabel(jumps.labels.get("Omega", r"$\Omega$"))
         _dress(ax)
+        rows = [scales(model_of(fold), fold.parameters_at(i)) for fold in jumps.folds for i in (0, -1)]
+        if own and _scaled_axes(ax, same_scales(rows), "right"):
+            ax.figure.set_figwidth(6.2)  # type: ignore[union-attr]
         if not jumps.arms:
             ax.text(0.5, 0.5, "no jump found in this range", transform=ax.transAxes, ha="center")
         elif legend:
@@ -178,45 +282,91 @@ def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) 
     return ax
 
 
-def spectrum(point: Point, element: int | str = 0, ax: Axes | None = None, *, log: bool = False) -> Axes:
-    """Amplitude of each harmonic, the mean left out, over multiples of the excitation frequency."""
+def spectrum(
+    point: Point,
+    element: int | str = 0,
+    ax: Axes | None = None,
+    *,
+    log: bool = True,
+    floor: float = FLOOR,
+    model: Model | None = None,
+) -> Axes:
+    """Amplitude of each harmonic, the mean left out, over multiples of the excitation frequency.
+
+    Parameters
+    ----------
+    point, element, ax : as of `time_history`.
+    log : amplitudes on a logarithmic axis, with decibels of the largest line on the right; else linear.
+    floor : share of the largest line below which none is drawn on the logarithmic axis; the figure says so.
+    model : if it knows its mesh frequency, axes above give the frequencies in Hz.
+    """
     from matplotlib.ticker import MaxNLocator
 
     row = point.coefficients(element)
     layout = _cycle(point, element)[0]
     order = np.arange(1, layout.harmonics + 1) / layout.nu
     height = np.hypot(row[1::2], row[2::2])
-    floor = max(height.min() / 2, height.max() * 1e-8) if log else 0.0
-    order, height = order[height >= floor], height[height >= floor]
+    top = float(height.max()) or 1.0
+    low = top * floor if log else 0.0
+    order, height = order[height >= low], height[height >= low]
     with _style():
         ax = _axes(ax, (4.2, 2.8))
-        ax.vlines(order, floor, height, color=_colour(point, element), linewidth=1.2)
+        ax.vlines(order, low, height, color=_colour(point, element), linewidth=1.2)
         ax.plot(order, height, "o", color=_colour(point, element), markersize=3, clip_on=False)
         if log:
             ax.set_yscale("log")
-        ax.set_ylim(bottom=floor)
+            ax.set_ylim(low, 3 * top)
+            _decibels(ax, top, floor)
+        ax.set_ylim(bottom=low)
         ax.set_xlim(0, (layout.harmonics + 1) / layout.nu)
         ax.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
         ax.set_xlabel("frequency / excitation frequency")
         ax.set_ylabel(f"amplitude of {_gap(layout, element)}")
         _dress(ax)
+        mesh = speeds_at(model, point.parameters).get(MESH)
+        if mesh:
+            _scaled_axes(ax, {MESH: mesh}, title="frequency [Hz]")
+        ax.tick_params(which="both", right=not log)
     return ax
 
 
-def portrait(point: Point, element: int | str = 0) -> Figure:
-    """Time history, phase diagram and spectrum of a point side by side."""
+def _decibels(ax: Axes, top: float, floor: float) -> None:
+    """An axis on the right in decibels of the largest line; it names the floor."""
+    right: Any = ax.secondary_yaxis(
+        "right",
+        functions=(
+            lambda y: 20 * np.log10(np.maximum(y, 1e-300) / top),
+            lambda level: top * 10 ** (np.asarray(level) / 20),
+        ),
+    )
+    right.set_yscale("linear")
+    lowest = 20 * np.log10(floor)
+    right.set_yticks(np.linspace(0.0, lowest, 7 if round(lowest) % 6 == 0 else 5))
+    right.minorticks_off()
+    right.set_ylabel(f"dB of the largest line, floor \N{MINUS SIGN}{-lowest:.0f} dB", fontsize=8)
+    right.tick_params(direction="in", width=0.6, labelsize=8, labelfontfamily=FONT[0])
+
+
+def portrait(point: Point, element: int | str = 0, model: Model | None = None) -> Figure:
+    """Time history, phase diagram and spectrum of a point side by side.
+
+    With the model the title tells the mesh frequency and the speed of the pinion too, if the model knows them.
+    """
     import matplotlib.pyplot as plt
 
     with _style():
-        figure, axes = plt.subplots(1, 3, figsize=(9.0, 2.9), layout="constrained")
-        for draw, ax in zip((time_history, phase_diagram, spectrum), axes, strict=True):
-            draw(point, element, ax)
-        figure.suptitle(_title(point, element), fontsize=10)
+        figure, axes = plt.subplots(1, 3, figsize=(9.6, 2.9), layout="constrained")
+        time_history(point, element, axes[0])
+        phase_diagram(point, element, axes[1])
+        spectrum(point, element, axes[2], model=model)
+        known = speeds_at(model, point.parameters)
+        units = [f"{known[name]:.5g} {unit}" for name, unit in ((MESH, "Hz"), (PINION, "r/min")) if known]
+        figure.suptitle(", ".join([_title(point, element), *units]), fontsize=10)
     return figure
 
 
 def save(drawing: Axes | Figure, path: str | os.PathLike[str], dpi: int = 200) -> None:
-    """Write the figure of these axes as .png, .pdf or .svg, whole or not at all.
+    """Write the figure of these axes as .png, .pdf or .svg, whole or not at all; the same figure as the same bytes.
 
     Raises
     ------
@@ -229,8 +379,9 @@ def save(drawing: Axes | Figure, path: str | os.PathLike[str], dpi: int = 200) -
     if kind not in ("png", "pdf", "svg"):
         raise ValueError(f"'{path}' must end in .png, .pdf or .svg")
     figure: Any = drawing if hasattr(drawing, "savefig") else drawing.figure
-    with matplotlib.rc_context({"pdf.fonttype": 42, "svg.fonttype": "path"}), replacing(path) as handle:
-        figure.savefig(handle, format=kind, dpi=dpi)
+    settings: Any = {"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "hbgear"}
+    with matplotlib.rc_context(settings), replacing(path) as handle:
+        figure.savefig(handle, format=kind, dpi=dpi, metadata=_METADATA[kind])
 
 
 def _style() -> Any:
@@ -315,16 +466,31 @@ def _runs(branch: Branch, element: int | str) -> list[tuple[State, int, int]]:
 
 
 def _curve(
-    ax: Axes, branch: Branch, amplitude: Array, element: int | str, color: str | None, label: str | None
+    ax: Axes,
+    branch: Branch,
+    amplitude: Array,
+    element: int | str,
+    color: str | None,
+    label: str | None,
+    widths: dict[str, float] | None = None,
 ) -> None:
     for (regime, stable), first, last in _runs(branch, element):
         name = "_curve" if color or regime == "unknown" else _words(regime)
         style, width = LINES[stable]
+        if widths:
+            width = widths[regime] * width / LINES[True][1]
         rows = slice(first, last + 1)
         ax.plot(
             branch.values[rows], amplitude[rows], linestyle=style, linewidth=width, color=color or COLOURS[regime],
             marker="." if first == last else None, label=label or name, gid=f"branch {regime} {stable}",
         )  # fmt: skip
+
+
+def _name_axes(ax: Axes, branch: Branch, measure: str, element: int | str) -> None:
+    names = branch.layout.labels if branch.layout else {}
+    ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))
+    ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {_gap(branch.layout, element)}")
+    _dress(ax)
 
 
 def _arrow(ax: Axes, branch: Branch, jump: Jump, measure: str, element: int | str) -> None:
@@ -336,23 +502,27 @@ def _arrow(ax: Axes, branch: Branch, jump: Jump, measure: str, element: int | st
     ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3)
 
 
-def _mark(ax: Axes, branch: Branch, point: SpecialPoint, height: float) -> None:
-    """Symbol of a special point; folds also carry their label, on the side the curve leaves free."""
-    marker, name = MARKERS.get(point.kind, ("+", point.kind))
-    x = point.parameters[branch.parameter]
-    ax.plot(
-        x, height, marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black", markeredgewidth=0.9,
-        label=name, zorder=4, gid=point.label,
-    )  # fmt: skip
-    if point.kind == "LP":
+def _marks(ax: Axes, branch: Branch, measure: str, element: int | str, numbered: bool = False) -> None:
+    """Symbols of the special points; all but grazings carry their label, folds on the side the curve leaves free."""
+    from hbgear.plot_labels import labels_of
+
+    labels = labels_of(ax)
+    labels.curves += 1
+    for point in branch.special:
+        marker, name = MARKERS.get(point.kind, ("+", point.kind))
+        x, height = point.parameters[branch.parameter], point.amplitude(measure, element)
+        (line,) = ax.plot(
+            x, height, marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black", markeredgewidth=0.9,
+            label=name, zorder=4, gid=point.label,
+        )  # fmt: skip
         around = branch.values[max(point.index - 1, 0) : point.index + 2]
-        side = 1 if x >= around.mean() else -1
-        where: Any = {"textcoords": "offset points", "va": "center", "ha": "left" if side > 0 else "right"}
-        ax.annotate(point.label, (x, height), (5 * side, 0), fontsize=8, **where)
+        side = (1 if point.kind != "LP" or x >= around.mean() else -1, 0)
+        text = f"{point.label} ({labels.curves})" if numbered else point.label
+        labels.add(line, labels.curves, point.kind, text, point.kind in LABELLED, side)
 
 
-def _legend(ax: Axes) -> None:
-    """One entry for each colour, style and symbol that occurs on the axes."""
+def _legend(ax: Axes, outside: bool = False) -> None:
+    """One entry for each colour, width, style and symbol that occurs on the axes; if so asked, beside them."""
     from matplotlib.lines import Line2D
 
     ranks = [*map(_words, REGIMES), "unstable", *(name for _, name in MARKERS.values())]
@@ -362,14 +532,97 @@ def _legend(ax: Axes) -> None:
         if curve and line.get_linestyle() == "--" and "unstable" not in entries:
             style, width = LINES[False]
             entries["unstable"] = Line2D([], [], color="#555555", linestyle=style, linewidth=width)
+        if curve and outside:  # the width of the line is the regime
+            regime = str(line.get_gid()).split()[1]
+            if regime != "unknown":
+                entries[_words(regime)] = Line2D([], [], color="#555555", linewidth=WIDTHS[regime])
         if not label.startswith("_") and label not in entries:
             entries[label] = Line2D([], [])
             entries[label].update_from(line)
             if curve:
                 entries[label].set(linestyle="-", linewidth=LINES[True][1], marker="None")
+            entries[label].set_visible(True)
     labels = sorted(entries, key=lambda label: ranks.index(label) if label in ranks else -1)
-    if labels:
-        ax.legend([entries[label] for label in labels], labels, loc="best", handlelength=2.2, borderaxespad=0.8)
+    if not labels:
+        return
+    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if outside else {"loc": "best"}
+    ax.legend([entries[label] for label in labels], labels, handlelength=2.2, borderaxespad=0.8, **place)
+
+
+_HIDDEN = 18.0  # points: an unstable piece shorter than that is lost between the symbols at its ends
+
+
+def _enlarge(ax: Axes, branch: Branch, amplitude: Array, element: int | str, color: str | None) -> None:
+    """The longest unstable piece that is too short to be seen, drawn once more on axes within these, enlarged."""
+    figure: Any = ax.figure
+    size = 72 * 0.85 * np.array(figure.get_size_inches())
+    box = np.array([ax.get_xlim(), ax.get_ylim()])
+    inside = (np.stack([branch.values, amplitude], axis=1) - box[:, 0]) / (box[:, 1] - box[:, 0])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(inside, axis=0) * size).T))])
+    pieces = [(along[last] - along[first], first, last) for first, last in _unstable(branch, element)]
+    hidden = [piece for piece in pieces if 0 < piece[0] < _HIDDEN]
+    if not hidden:
+        return
+    _, first, last = max(hidden)
+    middle = 0.5 * (inside[first] + inside[last])
+    spot = _empty(inside, middle)
+    ax.add_patch(_frame(ax, spot))  # legends keep clear of patches
+    zoomed = ax.inset_axes((*spot, *_INSET), label="inset")
+    _curve(zoomed, branch, amplitude, element, color, None)
+    for point in branch.special:
+        at = (point.parameters[branch.parameter], float(amplitude[point.index]))
+        zoomed.plot(*at, MARKERS.get(point.kind, ("+", ""))[0], markersize=4.0, markerfacecolor="white",
+                    markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
+    rows = slice(first, last + 1)
+    for values, limits in ((branch.values[rows], zoomed.set_xlim), (amplitude[rows], zoomed.set_ylim)):
+        low, high = float(values.min()), float(values.max())
+        room = 0.6 * (high - low) or 0.01 * abs(high) or 1.0
+        limits(low - room, high + room)
+    zoomed.locator_params(nbins=4)
+    zoomed.tick_params(direction="in", top=True, right=True, width=0.6, labelsize=7, labelfontfamily=FONT[0], pad=2)
+    ax.indicate_inset_zoom(zoomed, edgecolor=GREY, linewidth=0.6)
+
+
+_INSET = (0.27, 0.29)  # width and height of enlarged axes, as shares of the whole
+_ROOM = (0.085, 0.08)  # what their tick labels take on the left and below
+
+
+def _unstable(branch: Branch, element: int | str) -> list[tuple[int, int]]:
+    """First and last row of every unstable stretch."""
+    out: list[tuple[int, int]] = []
+    for (_, stable), first, last in _runs(branch, element):
+        if stable is False and out and out[-1][1] == first:
+            out[-1] = (out[-1][0], last)
+        elif stable is False:
+            out.append((first, last))
+    return out
+
+
+def _empty(inside: Array, near: Array) -> tuple[float, float]:
+    """Lower left corner of the place for enlarged axes that a curve leaves free, the nearest to a point of it."""
+    steps = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(inside, axis=0).T))])
+    at = np.linspace(0.0, steps[-1], 2000)
+    x, y = (np.interp(at, steps, column) for column in inside.T)
+
+    def cost(corner: tuple[float, float]) -> float:
+        left, low = corner[0] - _ROOM[0], corner[1] - _ROOM[1]
+        right, high = corner[0] + _INSET[0] + 0.02, corner[1] + _INSET[1] + 0.02
+        covered = np.mean((x > left) & (x < right) & (y > low) & (y < high))
+        centre = np.add(corner, np.divide(_INSET, 2))
+        return 1e3 * float(covered) + float(np.hypot(*(centre - near)))
+
+    across = np.linspace(_ROOM[0] + 0.01, 0.98 - _INSET[0], 30)
+    up = np.linspace(_ROOM[1] + 0.01, 0.97 - _INSET[1], 30)
+    return min(((float(a), float(b)) for a in across for b in up), key=cost)
+
+
+def _frame(ax: Axes, corner: tuple[float, float]) -> Any:
+    """An invisible rectangle under enlarged axes and their tick labels."""
+    from matplotlib.patches import Rectangle
+
+    low = (corner[0] - _ROOM[0], corner[1] - _ROOM[1])
+    size = (_INSET[0] + _ROOM[0] + 0.02, _INSET[1] + _ROOM[1] + 0.02)
+    return Rectangle(low, *size, transform=ax.transAxes, facecolor="none", edgecolor="none", gid="frame")
 
 
 def _cycle(point: Point, element: int | str, order: int = 0) -> tuple[Layout, Array, Array]:

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hbgear.cases import Cases
 from hbgear.fourier import Array
-from hbgear.plot import COLOURS, MEASURES, _axes, _dress, _style
+from hbgear.plot import COLOURS, MEASURES, _axes, _dress, _heighten, _scaled_axes, _style
+from hbgear.speeds import same_scales, scales
+from hbgear.swept import Swept, swept_cases
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,50 +31,13 @@ PERCENTILES = (0, 5, 50, 95, 100)
 _MANY = 2000  # dots in one panel that are kept as pixels
 
 
-def stable_amplitudes(found: Cases, Omega: Array) -> Array:
-    """Amplitudes of the stable motions of every case at these frequencies, by linear interpolation of the curves.
-
-    Returns
-    -------
-    (rows, Omega), one row for each stable stretch of a curve that Omega passes in one direction; nan where it is not.
-
-    Raises
-    ------
-    ValueError
-        If no curve was kept.
-    """
-    rows = [row for curve in found.curves.values() for row in _stretches(curve, Omega)]
-    if not rows:
-        raise ValueError("there are no curves with stable motions; compute them: compute=('curve',)")
-    return np.array(rows)
-
-
-def _stretches(curve: Array, Omega: Array) -> Iterator[Array]:
-    values, amplitude, stable = curve
-    way = np.sign(np.diff(values)) * stable[:-1] * stable[1:]  # of each piece: direction, 0 if it is not stable
-    ends = [0, *(np.flatnonzero(np.diff(way)) + 1), len(way)]
-    for first, last in pairwise(ends):
-        if first < last and way[first]:
-            rows = slice(first, last + 1)
-            x, y = (values[rows], amplitude[rows]) if way[first] > 0 else (values[rows][::-1], amplitude[rows][::-1])
-            yield np.interp(Omega, x, y, left=np.nan, right=np.nan)
-
-
-def percentiles(found: Cases, Omega: Array) -> Array:
-    """`PERCENTILES` of the stable amplitude, (5, Omega): where a curve has several stable motions, each counts.
-
-    Raises
-    ------
-    ValueError
-        If no curve was kept.
-    """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a frequency without a stable motion gives nan
-        return np.asarray(np.nanpercentile(stable_amplitudes(found, Omega), PERCENTILES, axis=0))
-
-
 def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend: bool = True) -> Axes:
-    """Stable amplitude over Omega in all cases: least to largest, 5 to 95 percent of the motions, median.
+    """Response of slow sweeps over Omega in all cases: least to largest, 5 to 95 percent, median.
+
+    Each of these is the motion of one of the cases. Where the sweeps with Omega rising and falling agree in every case
+    they are drawn once, in grey. Elsewhere each has its own colour, and the cases that have jumped by then, those that
+    have not yet and those that never do have their own bands: there need be no motion between them. The median is that
+    of the largest of these parts. Narrow axes above tell the share of cases that have jumped.
 
     Raises
     ------
@@ -81,27 +45,110 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
         If no curve was kept.
     """
     Omega = np.linspace(min(found.work.span), max(found.work.span), points)
-    least, low, middle, high, largest = percentiles(found, Omega)
-    colour = COLOURS["no_impact"]
+    swept = {direction: swept_cases(found, Omega, direction) for direction in (1, -1)}
+    up, down = swept[1].amplitude, swept[-1].amplitude
+    own = ax is None
+    same = np.asarray(np.isclose(up, down, rtol=1e-6, atol=0.0, equal_nan=True).all(axis=0))
     with _style():
-        ax = _axes(ax, (5.0, 3.4))
-        ax.fill_between(Omega, least, largest, color=colour, alpha=0.15, linewidth=0, label="all cases")
-        ax.fill_between(Omega, low, high, color=colour, alpha=0.35, linewidth=0, label="5 to 95 %")
-        ax.plot(Omega, middle, color="black", linewidth=1.0, label="median")
-        none = np.isnan(middle)
+        ax = _axes(ax, (5.4, 4.2))
+        _bands(ax, Omega, [np.where(same, up, np.nan)], "#444444", "-", ("all cases", "5 to 95 %", "median"))
+        if not same.all():
+            names = {1: r"while $\Omega$ rises: 5 to 95 %", -1: r"while $\Omega$ falls: 5 to 95 %"}
+            for direction, (_, line, colour, _) in zip((1, -1), JUMPS.values(), strict=True):
+                here, wide = swept[direction], _widened(~same)
+                parts = [np.where(wide & part, here.amplitude, np.nan) for part in _parts(here.jumped)]
+                _bands(ax, Omega, parts, colour, line, ("_", names[direction], "_median of most cases"))
+        none = np.isnan(up).all(axis=0) & np.isnan(down).all(axis=0)
         if none.any():  # the curve is unstable there in every case, as where its period has doubled
             ax.fill_between(
-                Omega, 0, 1, where=none.tolist(), transform=ax.get_xaxis_transform(), color="0.9", linewidth=0,
-                label="none stable",
+                Omega, 0, 1, where=none.tolist(), transform=ax.get_xaxis_transform(), facecolor="none", edgecolor="0.6",
+                hatch="////", linewidth=0, label="none stable",
             )  # fmt: skip
         ax.set_xlim(Omega[0], Omega[-1])
         ax.set_ylim(bottom=0.0)
         ax.set_xlabel(_label(found, "Omega"))
-        ax.set_ylabel(f"{_measure(found)}, stable")
+        ax.set_ylabel(f"{_measure(found)},\nslow sweeps")
         _dress(ax)
+        top = _shares(ax, Omega, swept) if any(here.jumped.any() for here in swept.values()) else ax
+        if own and _scaled_axes(top, _common(found)):
+            _heighten(ax)
         if legend:
             ax.legend(loc="best")
     return ax
+
+
+def percentiles(found: Cases, Omega: Array, direction: int = 1) -> Array:
+    """`PERCENTILES` of the response of slow sweeps over the cases, (5, Omega), each that of one of the cases.
+
+    Raises
+    ------
+    ValueError
+        If no curve was kept.
+    """
+    return _percentiles(swept_cases(found, Omega, direction).amplitude)
+
+
+def _percentiles(amplitude: Array) -> Array:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a frequency without a stable motion gives nan
+        return np.asarray(np.nanpercentile(amplitude, PERCENTILES, axis=0, method="inverted_cdf"))
+
+
+def _bands(ax: Axes, Omega: Array, parts: list[Array], colour: str, line: str, names: tuple[str, str, str]) -> None:
+    """Shades of each part of the cases, and the median of the part that is the largest at a frequency."""
+    counts = np.array([np.isfinite(part).sum(axis=0) for part in parts])
+    for i, part in enumerate(parts):
+        if not counts[i].any():
+            continue
+        least, low, middle, high, largest = _percentiles(part)
+        first = names if i == int(np.argmax(counts.any(axis=1))) else ("_", "_", "_")
+        ax.fill_between(Omega, least, largest, color=colour, alpha=0.13, linewidth=0, label=first[0])
+        ax.fill_between(Omega, low, high, color=colour, alpha=0.3, linewidth=0, label=first[1])
+        most = np.where(counts.argmax(axis=0) == i, middle, np.nan)
+        ax.plot(*_broken(Omega, most, part), line, color=colour if names[0] == "_" else "black", linewidth=1.1,
+                label=first[2], gid="median")  # fmt: skip
+
+
+def _broken(Omega: Array, line: Array, part: Array) -> tuple[Array, Array]:
+    """A line with a gap where it passes to another case far away: where it moves farther than the motion of any."""
+    moves = np.where(np.isfinite(np.diff(part, axis=1)), np.abs(np.diff(part, axis=1)), 0.0).max(axis=0)
+    leaps = np.flatnonzero(np.abs(np.diff(line)) > moves + 0.02 * np.nanmax(part)) + 1
+    return np.insert(Omega, leaps, Omega[leaps - 1]), np.insert(line, leaps, np.nan)
+
+
+def _parts(jumped: Array) -> list[NDArray[np.bool_]]:
+    """Cases, by frequency, that have made equally many of equally many jumps: those that never jump are a part too."""
+    total = jumped.max(axis=1)
+    every = np.broadcast_to(total[:, None], jumped.shape)
+    pairs = sorted({(float(n), float(k)) for n, k in zip(every.flat, jumped.flat, strict=True)})
+    return [(every == n) & (jumped == k) for n, k in pairs]
+
+
+def _widened(which: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """With one more on either side, so that neighbouring shades meet."""
+    out = which.copy()
+    out[1:] |= which[:-1]
+    out[:-1] |= which[1:]
+    return out
+
+
+def _shares(ax: Axes, Omega: Array, swept: dict[int, Swept]) -> Axes:
+    """Narrow axes above: the share of cases that have jumped by then, for each direction."""
+    top = ax.inset_axes((0.0, 1.03, 1.0, 0.17), sharex=ax, label="share")
+    for here, (_, line, colour, label) in zip((swept[1], swept[-1]), JUMPS.values(), strict=True):
+        top.plot(Omega, 100 * (here.jumped > 0).mean(axis=0), line, color=colour, linewidth=1.0, label=label)
+    top.set_ylim(-8, 108)
+    top.set_yticks([0, 50, 100])
+    top.set_ylabel("jumped [%]", fontsize=8)
+    top.tick_params(labelbottom=False)
+    _dress(top)
+    top.tick_params(axis="y", labelsize=7)
+    return top
+
+
+def _common(found: Cases) -> dict[str, float]:
+    """Hz and r/min at Omega = 1 if they are the same in all cases."""
+    return same_scales([scales(found.model_of(int(case)), {}) for case in found.table["case"]])
 
 
 def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -> Axes:
@@ -116,6 +163,7 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
         raise ValueError("there are no jump frequencies; compute them: compute=('jumps',)")
     columns = {name: _finite(found.table[name]) for name in JUMPS}
     every = np.concatenate(list(columns.values()))
+    own = ax is None
     with _style():
         ax = _axes(ax, (5.0, 3.4))
         if len(every):
@@ -135,6 +183,8 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
         ax.set_xlabel(f"jump frequency, {_label(found, 'Omega')}")
         ax.set_ylabel("cases")
         _dress(ax)
+        if own and _scaled_axes(ax, _common(found)):
+            _heighten(ax)
     return ax
 
 

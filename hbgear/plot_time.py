@@ -11,7 +11,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbgear.branch import Branch
-from hbgear.plot import COLOURS, GREY, _axes, _dress, _legend, _style, response
+from hbgear.model import Model
+from hbgear.plot import (
+    COLOURS,
+    GREY,
+    MEASURES,
+    _axes,
+    _dress,
+    _heighten,
+    _legend,
+    _scaled_axes,
+    _style,
+    response,
+    speed_axes,
+)
+from hbgear.speeds import model_of, scales
 from hbgear.sweep import Basins, Sweep
 from hbgear.validate import Report
 
@@ -30,12 +44,13 @@ _MANY = 1000  # dots in one drawing that are kept as pixels
 
 def sweeps(
     found: Sequence[Sweep], branch: Branch | None = None, measure: str = "pp2", element: int | str = 0,
-    ax: Axes | None = None, *, legend: bool = True,
+    ax: Axes | None = None, *, legend: bool = True, model: Model | None = None,
 ) -> Axes:  # fmt: skip
     """Sweep dots, over the curve of a branch if one is given.
 
     Triangles point the way the parameter moved; they are filled where the motion has the period of the excitation, open
     where it has a multiple of it; crosses are motions that are not periodic. Bands are the steps in which one jumped.
+    With the model, or a branch that tells it, new axes show the mesh frequency and the speed of the pinion too.
 
     Raises
     ------
@@ -47,6 +62,7 @@ def sweeps(
     parameters = {s.parameter for s in found} | ({branch.parameter} if branch else set())
     if len(parameters) > 1:
         raise ValueError(f"the sweeps and the curve are in different parameters: {', '.join(sorted(parameters))}")
+    own = ax is None
     with _style():
         ax = _axes(ax, (7.0, 3.7))
         if branch is not None:
@@ -57,14 +73,22 @@ def sweeps(
                 ax.axvspan(*sorted(jump.interval), color=DIRECTIONS[s.direction][1], alpha=0.12, linewidth=0, zorder=0)
         if branch is None:
             ax.set_xlabel(found[0].labels.get(found[0].parameter, found[0].parameter))
-            ax.set_ylabel(f"{measure} of {_name(found[0], element)}")
+            ax.set_ylabel(f"{MEASURES.get(measure, measure)} of {_name(found[0], element)}")
         _dress(ax)
+        if own:
+            _in_speeds(ax, found[0].parameter, model or (model_of(branch) if branch else None))
         if legend:
             _legend(ax)
             old: Any = ax.get_legend()
             names = [text.get_text() for text in old.get_texts()]
             ax.legend(old.legend_handles, names, loc="upper left", bbox_to_anchor=(1.01, 1.0), handlelength=2.2)
     return ax
+
+
+def _in_speeds(ax: Axes, parameter: str, model: Model | None) -> None:
+    """Axes above of the speed of the pinion and the mesh frequency, if Omega was swept and the model knows them."""
+    if parameter == "Omega" and _scaled_axes(ax, scales(model, {})):
+        _heighten(ax)
 
 
 def _dots(ax: Axes, s: Sweep, height: Any) -> None:
@@ -80,10 +104,14 @@ def _dots(ax: Axes, s: Sweep, height: Any) -> None:
                     markeredgewidth=0.7, label=label, zorder=5, gid=label, **look)  # fmt: skip
 
 
-def bifurcation(found: Sequence[Sweep], element: int | str = 0, rate: bool = False, ax: Axes | None = None) -> Axes:
+def bifurcation(
+    found: Sequence[Sweep], element: int | str = 0, rate: bool = False, ax: Axes | None = None, *,
+    model: Model | None = None,
+) -> Axes:  # fmt: skip
     """Poincare points at tau = 0 against the parameter: displacement of an element, or its rate.
 
-    Those of motions that are not periodic are smaller; clouds of them are kept as pixels in a .pdf or .svg.
+    Those of motions that are not periodic are smaller; clouds of them are kept as pixels in a .pdf or .svg. With the
+    model new axes show the mesh frequency and the speed of the pinion too.
 
     Raises
     ------
@@ -92,6 +120,7 @@ def bifurcation(found: Sequence[Sweep], element: int | str = 0, rate: bool = Fal
     """
     if not found:
         raise ValueError("no sweep to draw")
+    own = ax is None
     with _style():
         ax = _axes(ax, (5.6, 3.7))
         for s in found:
@@ -111,6 +140,8 @@ def bifurcation(found: Sequence[Sweep], element: int | str = 0, rate: bool = Fal
         what = _name(s, element)
         ax.set_ylabel(f"{'rate of ' if rate else ''}{what} at " + r"$\tau = 0$")
         _dress(ax)
+        if own:
+            _in_speeds(ax, s.parameter, model)
         if len(found) > 1:
             ax.legend(loc="best", markerscale=3)
     return ax
@@ -147,36 +178,43 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
 
 
 def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure:
-    """The checked points on the curve, and their differences from time integration over the parameter.
+    """The checked points on the curve, numbered along it, and below the differences of each from time integration.
 
     Points that agree only with more harmonics than the curve has are told apart, and so is how well they do then.
     """
     import matplotlib.pyplot as plt
 
+    from hbgear.plot_labels import labels_of
+
     with _style():
-        figure, (top, low) = plt.subplots(2, 1, figsize=(5.6, 6.0), sharex=True, layout="constrained")
-        response(branch, "rms", element, top, jumps=False, legend=False)
+        figure, (top, low) = plt.subplots(2, 1, figsize=(6.4, 7.2), layout="constrained")
+        response(branch, "rms", element, top, special=False, jumps=False, legend=False)
         x = np.array([row.value for row in report.rows])
         rms = branch.amplitude("rms", element)[[row.index for row in report.rows]]
-        for kind, name, colour in (
-            ((True, False), "agrees with integration", "#1b7f5a"),
-            ((True, True), REFINED, "#b36b00"),
-            ((False, False), "differs from integration", "#c01818"),
+        for kind, name, colour, marker in (
+            ((True, False), "agrees with integration", "#1b7f5a", "o"),
+            ((True, True), REFINED, "#b36b00", "D"),
+            ((False, False), "differs from integration", "#c01818", "X"),
         ):
             which = np.array([(row.ok, row.refined) == kind for row in report.rows], dtype=bool)
             if which.any():
-                top.plot(x[which], rms[which], "o", markersize=7, markerfacecolor="none", markeredgecolor=colour,
-                         markeredgewidth=1.3, label=name, zorder=6, gid=name)  # fmt: skip
+                top.plot(x[which], rms[which], marker, linestyle="none", markersize=4.5, color=colour,
+                         markeredgecolor="white", markeredgewidth=0.5, label=name, zorder=6, gid=name)  # fmt: skip
+        labels = labels_of(top)
+        for number, (value, height) in enumerate(zip(x, rms, strict=True), 1):
+            (line,) = top.plot(value, height, linestyle="none", label="_number", gid=f"point {number}")
+            labels.add(line, 1, "checked", f"{number}", True, (1, 0))
         _legend(top)
-        _differences(low, report, x)
-        low.set_xlabel(top.get_xlabel())
-        top.set_xlabel("")
+        _differences(low, report)
         for ax in (top, low):
             _dress(ax)
+        speed_axes(top, [branch])
+        low.tick_params(axis="x", which="both", top=False, length=0)
     return figure
 
 
-def _differences(ax: Axes, report: Report, x: Any) -> None:
+def _differences(ax: Axes, report: Report) -> None:
+    """One column for each checked point, in the order of the curve, with the reason why it was checked."""
     kinds = (
         ("rms_error", "o", COLOURS["no_impact"], "rms"),
         ("pp2_error", "s", COLOURS["single_sided"], "half peak-to-peak"),
@@ -184,21 +222,29 @@ def _differences(ax: Axes, report: Report, x: Any) -> None:
         ("multiplier_error", "x", "#444444", "multipliers"),
         ("closure", "_", GREY, "closure of the period"),
     )
-    for name, marker, colour, label in kinds:
+    number = np.arange(1, len(report.rows) + 1)
+    for i, (name, marker, colour, label) in enumerate(kinds):
         y = np.array([max(getattr(row, name), 1e-16) for row in report.rows])
-        ax.plot(x, y, marker, color=colour, markersize=4, markerfacecolor="none", label=label, gid=name)
-    finer = [row.refined for row in report.rows]
-    if any(finer):
+        ax.plot(number + 0.13 * (i - 2), y, marker, color=colour, markersize=4, markerfacecolor="none", label=label,
+                gid=name)  # fmt: skip
+    finer = np.array([row.refined for row in report.rows], dtype=bool)
+    if finer.any():
         y = np.array([row.refined_error for row in report.rows])
-        ax.plot(x[finer], y[finer], "*", color="#b36b00", markersize=7, markerfacecolor="none",
-                label="rms, harmonics with more harmonics", gid="refined_error")  # fmt: skip
-    for level, name in ((report.tolerance, "tolerance"), (report.multiplier_tolerance, "tolerance of multipliers")):
+        ax.plot(number[finer], y[finer], "*", color="#b36b00", markersize=7, markerfacecolor="none",
+                label="rms, with more harmonics", gid="refined_error")  # fmt: skip
+    for level, name in ((report.tolerance, "tolerance"), (report.multiplier_tolerance, "tolerance,\nmultipliers")):
         ax.axhline(level, color=GREY, linewidth=0.7, zorder=0, gid=name)
-        ax.annotate(name, (0, level), (3, 2), xycoords=("axes fraction", "data"), textcoords="offset points",
-                    fontsize=8, color=GREY)  # fmt: skip
+        ax.annotate(name, (1, level), (3, 0), xycoords=("axes fraction", "data"), textcoords="offset points",
+                    fontsize=8, va="center", color="#555555")  # fmt: skip
     ax.set_yscale("log")
+    ax.set_xlim(0.4, len(number) + 0.6)
+    ax.set_xticks(number, [f"{n}  {row.reason}" for n, row in zip(number, report.rows, strict=True)], rotation=60,
+                  ha="right", rotation_mode="anchor")  # fmt: skip
+    for row, tick in zip(report.rows, ax.get_xticklabels(), strict=True):
+        tick.set_color("black" if row.ok else "#c01818")
+    ax.set_xlabel("checked point, in the order of the curve")
     ax.set_ylabel("relative difference from time integration (-)")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=3)
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, columnspacing=1.0, handletextpad=0.2)
 
 
 def _name(s: Sweep, element: int | str) -> str:

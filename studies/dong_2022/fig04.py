@@ -102,7 +102,7 @@ def _remarks(rise: Axes, third: Axes, curve: hb.Branch) -> None:
 
 def _legend(figure: Figure, ax: Axes, doubled: hb.Branch) -> None:
     """What occurs on these axes, above the figure."""
-    draw.response(doubled, ax=ax, jumps=False, legend=True)
+    draw.response(doubled, ax=ax, special=False, jumps=False, legend=True)
     ax.set(xlabel=OMEGA, ylabel=AMPLITUDE)
     old: Any = ax.get_legend()
     entries = dict(zip((text.get_text() for text in old.get_texts()), old.legend_handles, strict=True))

@@ -57,10 +57,7 @@ def plot(results: Results) -> Figure:
         rms = curve.amplitude("rms", element)[rows]
         ax.plot(results.linear.values, results.linear.amplitude("rms", element), color=draw.GREY, lw=0.9)
         draw.response(curve, "rms", element, ax, legend=False)
-        for note in ax.texts:
-            if note.get_text():  # labels of the folds; arrows have none
-                note.set(position=(-9, 0), ha="right")
-        ax.plot(curve.values[rows][good], rms[good], "o", ms=7.5, mfc="none", mec=study.GREEN, mew=1.2, zorder=6)
+        ax.plot(curve.values[rows][good], rms[good], "o", ms=3.6, color=study.GREEN, mec="white", mew=0.4, zorder=6)
         ax.set(xlabel="", ylabel=f"alternating rms of {name} [-]", xlim=(curve.values.min(), curve.values.max()))
         ax.set_ylim(bottom=0)
     axes[-1].set_xlabel(r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]")
@@ -78,9 +75,7 @@ def _handles(curve: hb.Branch) -> list[Line2D]:
         if kind in kinds:
             out.append(Line2D([], [], ls="none", marker=marker, ms=4.5, mfc="white", mec="black", label=name))
     out.append(Line2D([], [], color=draw.GREY, lw=0.9, label="bearings without clearance"))
-    out.append(
-        Line2D([], [], ls="none", marker="o", ms=7, mfc="none", mec=study.GREEN, label="agrees with integration")
-    )
+    out.append(Line2D([], [], ls="none", marker="o", ms=3.6, color=study.GREEN, label="agrees with integration"))
     return out
 
 

@@ -64,6 +64,17 @@ def test_switch_traces_the_doubled_motion(run, saved):
     assert np.any(doubled.amplitude("H1/2") > 0.1)
 
 
+def test_switch_tells_a_jump_that_lands_on_the_curve_it_came_from(run, saved):
+    _, out, _ = run(f"switch {saved} PD1 -o doubled.npz")
+    doubled, pair = hb.load("doubled.npz"), hb.load(saved)
+    (jump,) = (jump for jump in doubled.jumps() if jump.label == "LP1")
+    assert jump.after is None  # no stable motion on the doubled curve itself
+    below = float(np.interp(jump.value, pair.values[::-1], pair.amplitude("pp2")[::-1]))
+    (line,) = (line for line in out.splitlines() if "decreasing" in line)
+    assert float(re.search(r"pair\.npz, ([\d.]+)", line)[1]) == pytest.approx(below, rel=2e-3)
+    assert "no stable motion on these curves" in out  # LP2 lies where every traced motion is unstable
+
+
 def test_survey_saves_every_branch(run):
     os.mkdir("found")
     code, out, err = run(

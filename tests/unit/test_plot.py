@@ -13,8 +13,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
+import hbgear as hb
 from hbgear import plot
 from hbgear.branch import Branch, Jump, Layout, Point, SpecialPoint, Status
+from hbgear.landings import landings
+from hbgear.maps import Arm, JumpMap
+from hbgear.model import describe
 
 LABELS = {"Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$", "amplitude": r"$d / b_c$"}
 FIXED = {"zeta": 0.04, "F": 0.12}
@@ -323,3 +327,198 @@ def test_no_omega_no_phase_diagram():
 def test_importing_plot_does_not_import_matplotlib():
     code = "import sys, hbgear.plot, hbgear.branch; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+# ---- several branches, labels, units
+
+
+def drawn(ax):
+    """The figure with every label in its place, and the renderer."""
+    ax.figure.canvas.draw()
+    return ax.figure.canvas.get_renderer()
+
+
+def label_boxes(ax):
+    renderer = drawn(ax)
+    texts = [text for text in ax.texts if text.get_text() and text.get_visible() and text.arrow_patch is None]
+    return {text.get_text(): text.get_window_extent(renderer) for text in texts}
+
+
+def test_several_branches_have_their_own_colours_names_and_labels():
+    one, two = resonance(), resonance(k3=-0.11)
+    ax = plot.responses((one, two))
+    colours = {line.get_label(): {other.get_color() for other in curves(ax) if other.get_label() == line.get_label()}
+               for line in curves(ax)}  # fmt: skip
+    assert colours == {"branch 1": {plot.BRANCHES[0]}, "branch 2": {plot.BRANCHES[1]}}
+    assert {line.get_linewidth() for line in curves(ax) if line.get_linestyle() == "-"} == {
+        plot.WIDTHS["no_impact"], plot.WIDTHS["single_sided"]
+    }  # fmt: skip
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert names[:2] == ["branch 1", "branch 2"] and {"no impact", "single-sided", "unstable"} <= set(names)
+    assert list(label_boxes(ax)) == ["LP1 (1)", "LP2 (1)", "LP1 (2)", "LP2 (2)"]
+    named = plot.responses((one, two), names=("before", "after")).get_legend().get_texts()
+    assert [text.get_text() for text in named[:2]] == ["(1) before", "(2) after"]
+    with pytest.raises(ValueError, match="1 names for 2 branches"):
+        plot.responses((one, two), names=("before",))
+    with pytest.raises(ValueError, match="no branch"):
+        plot.responses(())
+
+
+def test_a_label_that_is_taken_gets_the_number_of_its_curve():
+    ax = plot.response(resonance())
+    plot.response(resonance(k3=-0.11), ax=ax)
+    assert list(label_boxes(ax)) == ["LP1", "LP2", "LP1 (2)", "LP2 (2)"]
+
+
+def test_a_jump_is_drawn_to_the_other_branch_that_has_a_stable_motion():
+    b = resonance()
+    first = b["LP1"]
+    lost = rebuilt(b, jump_records=(Jump("LP1", "Omega", b.jumps()[0].value, -1, first, None),))
+    other = resonance(k3=-1e-9, corners=((-1.0, 1.0),))
+    assert not [text for text in plot.responses((lost,)).texts if text.arrow_patch is not None]
+    (arrow,) = (text for text in plot.responses((lost, other)).texts if text.arrow_patch is not None)
+    x, y = arrow.xy
+    sides = np.flatnonzero((other.values[:-1] - x) * (other.values[1:] - x) <= 0)
+    heights = [np.interp(x, *np.sort([other.values[i : i + 2], other.amplitude("pp2")[i : i + 2]], axis=1))
+               for i in sides]  # fmt: skip
+    assert x == lost.jump_records[0].value and min(abs(y - height) for height in heights) < 1e-2
+
+
+def test_landings_look_at_all_branches_of_the_same_machine():
+    b = resonance()
+    jump = Jump("LP1", "Omega", b.jumps()[0].value, -1, b["LP1"], None)
+    lost, other = rebuilt(b, jump_records=(jump,)), resonance(k3=-1e-9)
+    (found,), _ = landings((lost, other))
+    assert found.branch == 1 and found.jump.after.stable and found.jump.after.parameters["Omega"] == jump.value
+    (alone,) = landings((lost,))[0]
+    assert alone.branch is None and alone.jump.after is None
+    elsewhere = rebuilt(other, fixed={**FIXED, "F": 0.2})
+    assert landings((lost, elsewhere))[0][0].branch is None
+    assert [found.branch for found in landings((other, b))[1]] == [1, 1]  # each on its own curve
+
+
+def test_labels_do_not_overlap_each_other_or_leave_the_axes():
+    many = resonance()
+    crowd = [as_special(many, many["LP1"].index + 3 * i, kind, f"{kind}{i + 1}") for i, kind in
+             enumerate(("NS", "PD", "BP", "NS", "PD", "BP"))]  # fmt: skip
+    b = rebuilt(many, special=tuple(sorted((*many.special, *crowd), key=lambda point: point.index)))
+    for ax in (plot.response(b), plot.responses((b, resonance(k3=-0.11)))):
+        boxes = list(label_boxes(ax).values())
+        assert len(boxes) >= 8
+        for i, box in enumerate(boxes):
+            assert not any(box.overlaps(other) for other in boxes[i + 1 :])
+            assert ax.bbox.x0 <= box.x0 and box.x1 <= ax.bbox.x1 and ax.bbox.y0 <= box.y0 and box.y1 <= ax.bbox.y1
+            legend = ax.get_legend().get_window_extent(ax.figure.canvas.get_renderer())
+            assert not box.overlaps(legend)
+
+
+def test_a_heap_of_points_has_one_label_and_two_symbols():
+    b = resonance()
+    start = b["LP1"].index + 5
+    heap = [as_special(b, start + i, "NS", f"NS{i + 1}") for i in range(14)]
+    b = rebuilt(b, special=tuple(sorted((*b.special, *heap), key=lambda point: point.index)))
+    ax = plot.response(b)
+    assert set(label_boxes(ax)) == {"LP1", "LP2", "NS1\N{EN DASH}NS14"}
+    shown = [line.get_gid() for line in ax.lines if str(line.get_gid()).startswith("NS") and line.get_visible()]
+    assert shown == ["NS1", "NS14"]
+    assert "Neimark-Sacker (NS)" in [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_an_unstable_piece_between_two_symbols_is_drawn_enlarged():
+    b = resonance(k3=-1e-9)
+    mu = np.full((len(b), 1), 0.5 + 0j)
+    at = len(b) // 4
+    mu[at : at + 4] = 1.5
+    ends = [as_special(b, i, "PD", f"PD{k}") for k, i in enumerate((at, at + 3), 1)]
+    hidden = rebuilt(b, multipliers=mu, special=tuple(ends))
+    ax = plot.response(hidden)
+    (inset,) = (child for child in ax.child_axes if child.get_label() == "inset")
+    (dashed,) = (line for line in curves(inset) if line.get_linestyle() == "--")
+    size = inset.bbox.width
+    drawn(ax)
+    x = inset.transData.transform(np.transpose(dashed.get_data()))[:, 0]
+    assert np.ptp(x) > 0.3 * size  # it fills a good part of the enlarged axes
+    box = inset.get_tightbbox(drawn(ax))
+    assert not ax.get_legend().get_window_extent().overlaps(box)
+    on_curve = ax.transData.transform(np.stack([hidden.values, hidden.amplitude("pp2")], axis=1))
+    assert not any(inset.bbox.contains(*place) for place in on_curve)
+    assert not [child for child in plot.response(resonance()).child_axes if child.get_label() == "inset"]
+    given = plt.subplots()[1]
+    assert not plot.response(hidden, ax=given).child_axes
+
+
+def with_model(branch, **fields):
+    return rebuilt(branch, meta={"model": describe(hb.DoubleHelicalPair(**fields))})
+
+
+def test_axes_of_speed_and_frequency_after_loading():
+    model = hb.DoubleHelicalPair()
+    ax = plot.response(with_model(resonance()))
+    speed, mesh = ax.child_axes
+    assert (speed.get_xlabel(), mesh.get_xlabel()) == ("speed of the pinion [r/min]", "mesh frequency [Hz]")
+    drawn(ax)
+    low, high = ax.get_xlim()
+    np.testing.assert_allclose(speed.get_xlim(), model.pinion_speed(np.array([low, high])), rtol=1e-12)
+    np.testing.assert_allclose(mesh.get_xlim(), model.mesh_frequency(np.array([low, high])), rtol=1e-12)
+    assert not plot.response(resonance()).child_axes  # a model without units
+    given = plt.subplots()[1]
+    assert not plot.response(with_model(resonance()), ax=given).child_axes
+    assert plot.response(with_model(resonance()), ax=given, speeds=True).child_axes
+    mixed = plot.responses((with_model(resonance()), with_model(resonance(), k_mean=1e9)))
+    assert not mixed.child_axes  # Omega = 1 is not the same speed on both
+
+
+def test_spectrum_says_its_floor_and_draws_nothing_below():
+    point = rich_point()
+    faint = Point(point.X.copy(), point.parameters, 0, 1, None, point.regime, 0.0, point.layout)
+    faint.X[15] = 1e-9  # harmonic 8
+    ax = plot.spectrum(faint)
+    order, height = ax.lines[0].get_data()
+    assert ax.get_yscale() == "log" and 8 not in order and height.min() >= plot.FLOOR * height.max()
+    (right,) = ax.child_axes
+    assert right.get_ylabel() == "dB of the largest line, floor \N{MINUS SIGN}120 dB"
+    assert ax.get_ylim()[0] == pytest.approx(plot.FLOOR * np.hypot(0.9, 0.4))
+    drawn(ax)
+    low, high = right.get_ylim()
+    assert (low, high) == pytest.approx((-120.0, 20 * np.log10(3.0)))
+    assert 8 in plot.spectrum(faint, floor=1e-12).lines[0].get_xdata()
+
+
+@pytest.mark.parametrize("kind", ["png", "pdf", "svg"])
+def test_a_figure_made_again_is_the_same_file(tmp_path, kind, monkeypatch):
+    files = []
+    for name, now in (("a", "100000"), ("b", "900000000")):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", now)
+        plot.save(plot.response(resonance()), tmp_path / f"{name}.{kind}")
+        files.append((tmp_path / f"{name}.{kind}").read_bytes())
+    assert files[0] == files[1]
+    assert not any(word in files[0] for word in (b"Matplotlib v", b"CreationDate", b"matplotlib.org"))
+
+
+def test_spectrum_and_portrait_in_hertz_with_the_model():
+    model, point = hb.DoubleHelicalPair(), rich_point()
+    ax = plot.spectrum(point, model=model)
+    (hertz,) = (child for child in ax.child_axes if child.get_xlabel() == "frequency [Hz]")
+    drawn(ax)
+    np.testing.assert_allclose(hertz.get_xlim()[1], ax.get_xlim()[1] * model.mesh_frequency(0.85), rtol=1e-12)
+    with_units = model.replace(zeta=0.05)  # the parameters of the point count
+    assert f"{with_units.pinion_speed(0.85):.5g} r/min" in plot.portrait(point, 0, model).get_suptitle()
+
+
+def test_jump_map_has_axes_of_speed_only_if_omega_means_the_same_everywhere():
+    def drawn_map(parameter):
+        meta = {"model": describe(hb.DoubleHelicalPair())}
+        value = hb.DoubleHelicalPair().parameters[parameter]
+        grid = np.linspace(0.9, 1.1, 5) * value
+        b = resonance()
+        fold = rebuilt(
+            b, parameter=parameter, values=grid, fixed={}, tracked={"Omega": np.linspace(0.8, 0.9, 5)}, X=b.X[:5],
+            multipliers=b.multipliers[:5], iterations=b.iterations[:5], residual=b.residual[:5], regime=b.regime[:5],
+            error=b.error[:5], step=b.step[:5], special=(), jump_records=(), meta=meta,
+        )  # fmt: skip
+        arm = Arm(grid, fold.tracked["Omega"], 1)
+        return plot.jump_map(JumpMap(parameter, (grid[0], grid[-1]), (fold,), (arm,), {}))
+
+    speed, mesh = drawn_map("torque").child_axes
+    assert (speed.get_ylabel(), mesh.get_ylabel()) == ("speed of the pinion [r/min]", "mesh frequency [Hz]")
+    assert not drawn_map("k_mean").child_axes
