@@ -15,7 +15,7 @@ import pytest
 
 import hbgear as hb
 from hbgear import Status
-from hbgear.branch import replacing
+from hbgear.replacing import replacing
 from hbgear.signals import held, sigterm_like_ctrl_c
 from hbgear.sweep import Settling
 from studies import study
