@@ -7,32 +7,35 @@ import importlib
 from types import ModuleType
 
 from hbgear._version import __version__
-from hbgear.augmented import Fold, Grazing, Peak, PeriodDoubling
-from hbgear.balance import HarmonicBalance
-from hbgear.branch import Branch, Jump, Point, SpecialPoint, Status
-from hbgear.cases import Cases, cases
-from hbgear.doubts import Unlikely
-from hbgear.extend import extend
-from hbgear.fourier import Series
+from hbgear.common.ranges import Range
+from hbgear.continuation.bordered import Fold
+from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
+from hbgear.continuation.extending import extend
+from hbgear.continuation.newton import NoConvergence, Settings
+from hbgear.continuation.stepsize import Steps
+from hbgear.continuation.switching import switch
+from hbgear.continuation.tracer import trace
+from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
+from hbgear.design.study import Cases, cases
 from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
-from hbgear.isolated import Survey, trace_all
-from hbgear.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
-from hbgear.maps import Critical, JumpMap, NoFold, critical, jump_map
-from hbgear.model import Element, Load, Model, System
-from hbgear.newton import NoConvergence, Settings
-from hbgear.npz import load
-from hbgear.oscillators import Duffing
-from hbgear.peaks import peaks
-from hbgear.ranges import Range
-from hbgear.reduction import Reduction, reduce
-from hbgear.sampling import grid, latin_hypercube, monte_carlo
-from hbgear.shooting import shoot
-from hbgear.stride import Steps
-from hbgear.sweep import basins, sweep
-from hbgear.switch import switch
-from hbgear.timedomain import integrate
-from hbgear.trace import trace
-from hbgear.validate import validate
+from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.critical import Critical, NoFold, critical
+from hbgear.harmonic.jump_map import JumpMap, jump_map
+from hbgear.harmonic.peaks import peaks
+from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
+from hbgear.harmonic.survey import Survey, trace_all
+from hbgear.io.npz import load
+from hbgear.mechanics.doubts import Unlikely
+from hbgear.mechanics.fourier import Series
+from hbgear.mechanics.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
+from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.oscillators import Duffing
+from hbgear.mechanics.reduction import Reduction, reduce
+from hbgear.timedomain.basins import basins
+from hbgear.timedomain.integrate import integrate
+from hbgear.timedomain.shooting import shoot
+from hbgear.timedomain.sweep import sweep
+from hbgear.timedomain.validate import validate
 
 __all__ = [
     "Backlash",

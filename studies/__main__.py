@@ -25,7 +25,7 @@ from typing import Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 import hbgear
-from hbgear.replacing import replacing
+from hbgear.common.replacing import replacing
 from studies import study
 from studies.gallery import gallery
 

@@ -37,7 +37,8 @@ from typing import ClassVar, Literal, TypeVar
 
 import numpy as np
 
-from hbgear.fourier import Array, Series
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.gears.geometry import (
     ShaftStiffness,
     base_helix_angle,
@@ -46,19 +47,31 @@ from hbgear.gears.geometry import (
     transverse_pressure_angle,
 )
 from hbgear.gears.spur import amplitudes, mesh_stiffness
-from hbgear.laws import Backlash
-from hbgear.model import Element, Load, Model, System
-from hbgear.ranges import NOT_NEGATIVE, POSITIVE, Range
+from hbgear.mechanics.fourier import Series
+from hbgear.mechanics.laws import Backlash
+from hbgear.mechanics.model import Element, Load, Model, System
 
 NODES = ("pL", "gL", "pR", "gR")
+
+
 AXES = ("x", "y", "z", "theta_x", "theta_y", "theta")
+
+
 ROTATIONS = slice(3, 6)
+
 
 Numbers = TypeVar("Numbers", float, Array)
 
+
 _SIZES = ("outer_p", "outer_g", "module", "shaft_length", "face_width")
+
+
 _POSITIVE = ("I_p", "I_g", "m_p", "m_g", "k_mean", "E", "b_c", *_SIZES)
+
+
 _SUPPORTS = ("k_px", "k_py", "k_pz", "k_gx", "k_gy", "k_gz", "c_px", "c_py", "c_pz", "c_gx", "c_gy", "c_gz")
+
+
 _NOT_NEGATIVE = ("zeta", "inner_p", "inner_g", "k_pthx", "k_pthy", "k_gthx", "k_gthy", *_SUPPORTS)
 
 

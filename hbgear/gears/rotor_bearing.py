@@ -6,13 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from hbgear.fourier import Series
+from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.gears.spur import amplitudes, checked_phase, mesh_stiffness, transmission_error
-from hbgear.laws import Backlash
-from hbgear.model import Element, Load, Model, System
-from hbgear.ranges import NOT_NEGATIVE, POSITIVE, Range
+from hbgear.mechanics.fourier import Series
+from hbgear.mechanics.laws import Backlash
+from hbgear.mechanics.model import Element, Load, Model, System
 
 _POSITIVE = ("mu_1", "mu_2", "kappa_1", "kappa_2")
+
+
 _NOT_NEGATIVE = ("zeta", "zeta_1", "zeta_2", "b", "b_1", "b_2")
 
 

@@ -8,10 +8,10 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from hbgear.fourier import Series
-from hbgear.laws import Backlash
-from hbgear.model import Element, Load, Model, System
-from hbgear.ranges import NOT_NEGATIVE, Range
+from hbgear.common.ranges import NOT_NEGATIVE, Range
+from hbgear.mechanics.fourier import Series
+from hbgear.mechanics.laws import Backlash
+from hbgear.mechanics.model import Element, Load, Model, System
 
 
 def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:

@@ -19,8 +19,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import hbgear as hb
-from hbgear.fourier import Array, resize
-from hbgear.newton import solve
+from hbgear.common.arrays import Array
+from hbgear.continuation.newton import solve
+from hbgear.mechanics.fourier import resize
 from studies import study
 
 H_SAMPLED = 10

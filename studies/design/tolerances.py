@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from scipy.stats import spearmanr
 
 import hbgear as hb
-from hbgear import plot_cases
+from hbgear.plot import study as plot_cases
 from studies import study
 
 ALONE = True
@@ -33,7 +33,7 @@ SCATTER = {
     "e_scale": ("triangular", 0.8, 1.0, 1.3),
     "k_mean": ("normal", 1.8456e9, 4.0e7),
 }
-"""Distribution of each parameter that varies; see `hbgear.sampling.DISTRIBUTIONS`."""
+"""Distribution of each parameter that varies; see `hbgear.design.sampling.DISTRIBUTIONS`."""
 SEED = 1
 
 

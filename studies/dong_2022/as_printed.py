@@ -40,7 +40,7 @@ import numpy as np
 from scipy.linalg import eigvals
 
 import hbgear as hb
-from hbgear.fourier import Array
+from hbgear.common.arrays import Array
 
 ERRORS = ("z_sign", "same_hand", "no_tilts", "theta_unscaled", "leading_one", "leading_minus_one", "eps_in_error")
 """Errors that symmetric motions feel."""

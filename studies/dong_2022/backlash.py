@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import hbgear as hb
-from hbgear.fourier import Array
+from hbgear.common.arrays import Array
 from studies import study
 from studies.dong_2022 import base
 

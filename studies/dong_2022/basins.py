@@ -23,9 +23,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 import hbgear as hb
-from hbgear.fourier import Array, evaluate
-from hbgear.plot_time import BASINS
-from hbgear.timedomain import state_of
+from hbgear.common.arrays import Array
+from hbgear.mechanics.fourier import evaluate
+from hbgear.plot.simulation import BASINS
+from hbgear.timedomain.integrate import state_of
 from studies import study
 from studies.dong_2022 import base
 

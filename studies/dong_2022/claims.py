@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import hbgear as hb
-from hbgear import measures
+from hbgear.harmonic import observables as measures
 from studies import study
 from studies.dong_2022 import base
 

@@ -25,8 +25,9 @@ from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
 import hbgear as hb
-from hbgear.branch import joined
-from hbgear.fourier import Array, extrema
+from hbgear.common.arrays import Array
+from hbgear.continuation.branch import joined
+from hbgear.mechanics.fourier import extrema
 from studies import study
 
 MOTIONS = {"mesh period": (1.1, 0.65), "twice the period": (0.40, 0.28)}

@@ -28,9 +28,9 @@ from scipy import linalg
 from scipy.optimize import brentq
 
 import hbgear as hb
-from hbgear.fourier import Array
-from hbgear.plot import response
-from hbgear.sweep import Settling
+from hbgear.common.arrays import Array
+from hbgear.plot.curves import response
+from hbgear.timedomain.settle import Settling
 from studies import study
 from studies.dong_2022 import base
 

@@ -21,9 +21,10 @@ from matplotlib.patches import Patch
 
 import hbgear as hb
 from hbgear import plot as draw
-from hbgear import plot_time
-from hbgear.sweep import Settling, Sweep
-from hbgear.timedomain import state_of
+from hbgear.plot import simulation as plot_time
+from hbgear.timedomain.integrate import state_of
+from hbgear.timedomain.settle import Settling
+from hbgear.timedomain.sweep import Sweep
 from studies import study
 from studies.dong_2022 import base
 from studies.dong_2022.claims import case

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from hbgear.fourier import Array
+from hbgear.common.arrays import Array
 from studies import study
 from studies.dong_2022 import backlash, base
 

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 import hbgear as hb
 from hbgear import plot as draw
-from hbgear.fourier import Array
+from hbgear.common.arrays import Array
 from studies import study
 from studies.dong_2022 import base
 from studies.dong_2022.claims import Case, case, motion, near

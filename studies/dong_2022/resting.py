@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import hbgear as hb
-from hbgear.branch import REGIMES
-from hbgear.fourier import Array
+from hbgear.common.arrays import Array
+from hbgear.continuation.branch import REGIMES
 
 
 @dataclass(frozen=True)

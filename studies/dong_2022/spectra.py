@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import hbgear as hb
-from hbgear.fourier import Array
+from hbgear.common.arrays import Array
 from studies import study
 from studies.dong_2022 import base
 

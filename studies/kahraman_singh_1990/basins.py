@@ -16,10 +16,11 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 import hbgear as hb
-from hbgear import plot_time
-from hbgear.fourier import Array, evaluate
-from hbgear.newton import solve
-from hbgear.sweep import Basins
+from hbgear.common.arrays import Array
+from hbgear.continuation.newton import solve
+from hbgear.mechanics.fourier import evaluate
+from hbgear.plot import simulation as plot_time
+from hbgear.timedomain.basins import Basins
 from studies import study
 
 PAIR = hb.SpurPair(e=(0.1,))

@@ -18,9 +18,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import hbgear as hb
-from hbgear import plot_time
-from hbgear.fourier import Array, evaluate
-from hbgear.sweep import Settling, Sweep
+from hbgear.common.arrays import Array
+from hbgear.mechanics.fourier import evaluate
+from hbgear.plot import simulation as plot_time
+from hbgear.timedomain.settle import Settling
+from hbgear.timedomain.sweep import Sweep
 from studies import study
 
 PAIR = hb.SpurPair(e=(0.1,))

@@ -12,13 +12,14 @@ from collections.abc import Iterable
 import numpy as np
 
 import hbgear as hb
-from hbgear import measures
-from hbgear.branch import Status
-from hbgear.fourier import Array, evaluate, to_complex, to_real
-from hbgear.isolated import whole_branch
-from hbgear.newton import solve
-from hbgear.shooting import Orbit
-from hbgear.sweep import Sweep
+from hbgear.common.arrays import Array
+from hbgear.continuation.branch import Status
+from hbgear.continuation.newton import solve
+from hbgear.harmonic import observables as measures
+from hbgear.harmonic.survey import whole_branch
+from hbgear.mechanics.fourier import evaluate, to_complex, to_real
+from hbgear.timedomain.shooting import Orbit
+from hbgear.timedomain.sweep import Sweep
 
 HARMONICS = 16
 """Of the excitation, in branches that start from a sweep."""

@@ -27,11 +27,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import hbgear as hb
-from hbgear import measures, plot_time
 from hbgear import plot as draw
-from hbgear.branch import Status
-from hbgear.fourier import Array
-from hbgear.sweep import Settling, Sweep
+from hbgear.common.arrays import Array
+from hbgear.continuation.branch import Status
+from hbgear.harmonic import observables as measures
+from hbgear.plot import simulation as plot_time
+from hbgear.timedomain.settle import Settling
+from hbgear.timedomain.sweep import Sweep
 from studies import study
 from studies.dong_2022.family import stretches
 from studies.kahraman_singh_1990 import longer

@@ -14,12 +14,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hbgear.balance import HarmonicBalance
-from hbgear.basis import Toeplitz, one_sided, real_blocks
-from hbgear.contact import ContactProjector
-from hbgear.fourier import Array, ComplexArray, Transform, to_complex, to_real
-from hbgear.laws import Cubic, PiecewiseLinear
-from hbgear.newton import Evaluations, norms
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.algebra import norms
+from hbgear.continuation.problem import Evaluations
+from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.projection import ContactProjector
+from hbgear.harmonic.realbasis import Toeplitz, one_sided, real_blocks
+from hbgear.mechanics.fourier import Transform, to_complex, to_real
+from hbgear.mechanics.laws import Cubic, PiecewiseLinear
 
 
 class Batch:

@@ -29,7 +29,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import hbgear as hb
-from hbgear import newton
+from hbgear.continuation import newton
 from studies import study
 from studies.speed.batched import Batch
 from studies.speed.profile import TOGETHER, Counted

@@ -21,8 +21,8 @@ from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
-from hbgear import stride
-from hbgear.newton import all_bordered, solve_linear
+from hbgear.continuation import stride
+from hbgear.continuation.algebra import all_bordered, solve_linear
 from studies import study
 from studies.speed.peers import model
 from studies.speed.peers_curve import problem as peer

@@ -18,9 +18,10 @@ from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
-from hbgear import plot_time
-from hbgear.sweep import Settling, Sweep, sweep
-from hbgear.timedomain import integrate, state_of
+from hbgear.plot import simulation as plot_time
+from hbgear.timedomain.integrate import integrate, state_of
+from hbgear.timedomain.settle import Settling
+from hbgear.timedomain.sweep import Sweep, sweep
 from studies import study
 
 ALONE = True

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from hbgear import PiecewiseLinear
-from hbgear.fourier import derive, evaluate, to_complex, to_real
+from hbgear.mechanics.fourier import derive, evaluate, to_complex, to_real
 
 
 @dataclass(frozen=True)

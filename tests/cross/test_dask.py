@@ -13,7 +13,7 @@ import pytest
 from distributed import Client
 from distributed.security import Security
 
-from hbgear import cli
+from hbgear.cli import app as cli
 
 STUDY = """model = "duffing"
 [base]

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import linear_sum_assignment, root
 
 from hbgear import DoubleHelicalPair, Duffing, Element, HarmonicBalance, Load, PiecewiseLinear, SpurPair, System, trace
-from hbgear.newton import solve
+from hbgear.continuation.newton import solve
 
 FINE = {"points": 5, "width": 0.3}
 

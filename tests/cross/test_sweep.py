@@ -10,11 +10,13 @@ from matplotlib.colors import to_rgb
 from scipy.integrate import solve_ivp
 
 import hbgear as hb
-from hbgear import plot_time
-from hbgear.branch import Status
-from hbgear.newton import solve
-from hbgear.stepper import Stepper
-from hbgear.sweep import Settling, basins, export, lyapunov, observe, settle, sweep
+from hbgear.continuation.branch import Status
+from hbgear.continuation.newton import solve
+from hbgear.plot import simulation as plot_time
+from hbgear.timedomain.basins import basins
+from hbgear.timedomain.exponential import Stepper
+from hbgear.timedomain.settle import Settling, lyapunov, settle
+from hbgear.timedomain.sweep import export, observe, sweep
 
 FOLDS = (0.7080316187, 0.8284639844)
 ATTRACTORS = (0.05141, 0.34055)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hbgear import Duffing, HarmonicBalance, SpurPair, integrate, shoot, sweep, trace
-from hbgear.sweep import Settling
-from hbgear.timedomain import state_of
+from hbgear.timedomain.integrate import state_of
+from hbgear.timedomain.settle import Settling
 
 DRIVEN = SpurPair(eps=(0.2,), e=(0.08,))
 

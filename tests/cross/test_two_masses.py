@@ -14,8 +14,8 @@ from cross.shooting import integrate, state
 from cross.shooting_branch import Shooter
 
 from hbgear import Element, Fold, HarmonicBalance, Load, PeriodDoubling, Steps, System, Unilateral, trace
-from hbgear.fourier import resize
-from hbgear.newton import solve
+from hbgear.continuation.newton import solve
+from hbgear.mechanics.fourier import resize
 
 SPAN = (0.8, 0.5)
 # in the order of the curve; by shooting, and within 5e-7 of it by harmonic balance

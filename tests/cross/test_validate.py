@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear import plot_time
-from hbgear.validate import LEAST, choose, problem_for, validate
+from hbgear.plot import simulation as plot_time
+from hbgear.timedomain.validate import LEAST, choose, problem_for, validate
 
 
 @pytest.fixture(scope="module")

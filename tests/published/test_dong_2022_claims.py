@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import eigvals
 
 import hbgear as hb
-from hbgear.sweep import Settling
+from hbgear.timedomain.settle import Settling
 
 matplotlib.use("Agg")
 pytestmark = pytest.mark.usefixtures("on_path")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.timedomain import integrate, state_of
+from hbgear.timedomain.integrate import integrate, state_of
 
 matplotlib.use("Agg")
 pytestmark = pytest.mark.usefixtures("on_path")

@@ -12,9 +12,9 @@ import pytest
 from scipy.linalg import expm
 
 import hbgear as hb
-from hbgear.fourier import extrema
-from hbgear.sweep import Settling
-from hbgear.timedomain import state_of
+from hbgear.mechanics.fourier import extrema
+from hbgear.timedomain.integrate import state_of
+from hbgear.timedomain.settle import Settling
 
 ROOT = Path(__file__).parents[2]
 matplotlib.use("Agg")

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.sweep import Settling
-from hbgear.timedomain import state_of
+from hbgear.timedomain.integrate import state_of
+from hbgear.timedomain.settle import Settling
 
 matplotlib.use("Agg")
 

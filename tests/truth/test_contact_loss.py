@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from hbgear import HarmonicBalance, SpurPair, trace
-from hbgear.fourier import extrema
-from hbgear.newton import solve
+from hbgear.continuation.newton import solve
+from hbgear.mechanics.fourier import extrema
 
 
 def contact_loss(m):

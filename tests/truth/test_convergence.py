@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Law, Load, SpurPair, System, trace
-from hbgear.newton import solve
+from hbgear.continuation.newton import solve
 
 
 def folds(model, H, span, **settings):

@@ -22,11 +22,11 @@ from hbgear import (
     Series,
     SpurPair,
     System,
-    stability,
     trace,
 )
-from hbgear.fourier import evaluate
-from hbgear.stability import monodromies, multipliers, multipliers_of
+from hbgear.harmonic import floquet as stability
+from hbgear.harmonic.floquet import monodromies, multipliers, multipliers_of
+from hbgear.mechanics.fourier import evaluate
 
 
 @dataclass(frozen=True)

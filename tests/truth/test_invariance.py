@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hbgear import Cubic, DoubleHelicalPair, Duffing, Element, HarmonicBalance, SpurPair, System, trace
-from hbgear.newton import solve
+from hbgear.continuation.newton import solve
 
 OMEGAS = (1.3, 0.95, 0.9, 0.88)
 

@@ -5,7 +5,7 @@ import pytest
 from scipy import sparse
 
 from hbgear import Cubic, DoubleHelicalPair, Duffing, Element, HarmonicBalance, Load, Series, SpurPair, System
-from hbgear.fourier import to_complex
+from hbgear.mechanics.fourier import to_complex
 
 EPS = np.finfo(float).eps
 SUMS = 32

@@ -18,9 +18,11 @@ from cross.shooting_branch import Shooter
 from scipy.optimize import brentq, minimize_scalar
 
 from hbgear import DoubleHelicalPair, Fold, HarmonicBalance, PeriodDoubling, SpurPair, Steps, trace
-from hbgear.fourier import resize
-from hbgear.maps import critical
-from hbgear.newton import linearise, solve, solve_linear
+from hbgear.continuation.algebra import solve_linear
+from hbgear.continuation.newton import solve
+from hbgear.continuation.problem import linearise
+from hbgear.harmonic.critical import critical
+from hbgear.mechanics.fourier import resize
 
 CUSP = {"Omega": 0.85722108, "zeta": 0.11800747}
 

@@ -19,7 +19,7 @@ from hbgear import (
     System,
     trace,
 )
-from hbgear.newton import solve
+from hbgear.continuation.newton import solve
 
 KINDS = {
     "fold": Fold,

@@ -23,7 +23,7 @@ from hbgear import (
     Unilateral,
     trace,
 )
-from hbgear.fourier import derive, evaluate, stretch, to_complex, to_real
+from hbgear.mechanics.fourier import derive, evaluate, stretch, to_complex, to_real
 
 OMEGA = 0.83
 TAU = 2 * np.pi * np.arange(256) / 256
@@ -267,7 +267,7 @@ def test_truncation_estimate_predicts_the_error():
 
 def _traced(problem):
     """The upper motion at Omega = 0.78, reached from above in small steps."""
-    from hbgear.newton import solve
+    from hbgear.continuation.newton import solve
 
     X = problem.start(1.5)
     for Omega in np.linspace(1.5, 0.78, 30):

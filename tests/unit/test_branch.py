@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from hbgear import measures, npz
-from hbgear.branch import Branch, Jump, Layout, Point, SpecialPoint, Status
-from hbgear.fourier import evaluate, extrema
-from hbgear.npz import load
+from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
+from hbgear.harmonic import observables as measures
+from hbgear.harmonic.observables import Layout
+from hbgear.io import npz
+from hbgear.io.npz import load
+from hbgear.mechanics.fourier import evaluate, extrema
 
 NAN = float("nan")
 

@@ -19,11 +19,11 @@ import typer
 from scipy import stats
 
 import hbgear as hb
-from hbgear import cli
-from hbgear.cases import cases
-from hbgear.sampling import distribution, grid, latin_hypercube, monte_carlo
-from hbgear.store import Store
-from hbgear.study_file import read_study
+from hbgear.cli import app as cli
+from hbgear.design.sampling import distribution, grid, latin_hypercube, monte_carlo
+from hbgear.design.store import Store
+from hbgear.design.study import cases
+from hbgear.design.study_file import read_study
 
 DUFFING = hb.Duffing(zeta=0.05, k3=1.0, F=0.15)
 SPAN = (0.5, 2.0)
@@ -112,7 +112,7 @@ def test_a_failing_case_is_a_row_and_is_retried_only_if_asked(run, monkeypatch):
 
 
 def found_result():
-    from hbgear.store import Result
+    from hbgear.design.store import Result
 
     return Result({"peak": 1.0})
 
@@ -360,7 +360,7 @@ def million(tmp_path, monkeypatch):
         raise ValueError("enough")
 
     monkeypatch.setattr("typer.confirm", refuse)
-    monkeypatch.setattr("hbgear.cli_study.cases", nothing)
+    monkeypatch.setattr("hbgear.cli.study.cases", nothing)
 
     def call(*options, terminal):
         monkeypatch.setattr(sys.stdin, "isatty", lambda: terminal)
@@ -384,7 +384,7 @@ def test_a_million_cases_without_a_terminal(million, capsys):
 def test_no_scheduler(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.toml").write_text(STUDY.format(count=2))
-    monkeypatch.setattr("hbgear.cli_study._PATIENCE", 0.5)
+    monkeypatch.setattr("hbgear.cli.study._PATIENCE", 0.5)
     with pytest.raises(SystemExit) as stop:
         cli.main(["study", "a.toml", "--dask", "tcp://127.0.0.1:9"])
     assert stop.value.code == 2 and "no Dask scheduler answers" in capsys.readouterr().err
@@ -490,7 +490,7 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(run, tmp_pat
     def full(**_):
         raise OSError(errno.EROFS, "Read-only file system")
 
-    monkeypatch.setattr("hbgear.store.TemporaryFile", full)
+    monkeypatch.setattr("hbgear.design.store.TemporaryFile", full)
     monkeypatch.setattr(sys.modules["hbgear.cases"], "run_case", None)
     assert np.array_equal(run(grid(zeta=[0.5])).table["peak"], found.table["peak"])  # nothing to write
     with pytest.raises(OSError, match="Read-only"):

@@ -16,7 +16,8 @@ import typer
 from scipy.io import loadmat
 
 import hbgear as hb
-from hbgear import cli, cli_support
+from hbgear.cli import app as cli
+from hbgear.cli import support as cli_support
 
 REPOSITORY = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])}  # whether installed or not

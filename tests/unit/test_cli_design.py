@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear import cli, cli_support
+from hbgear.cli import app as cli
+from hbgear.cli import support as cli_support
 
 
 @pytest.fixture

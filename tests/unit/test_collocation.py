@@ -6,7 +6,7 @@ from math import factorial
 import numpy as np
 import pytest
 
-from hbgear.collocation import gauss, moments, phi
+from hbgear.harmonic.collocation import gauss, moments, phi
 
 
 def series(x, y, p, terms=200):

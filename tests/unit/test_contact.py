@@ -5,9 +5,10 @@ import pytest
 from scipy.optimize import brentq
 
 from hbgear import Backlash, Element, HarmonicBalance, PiecewiseLinear, Series, System, Unilateral
-from hbgear.basis import Toeplitz, one_sided
-from hbgear.contact import ContactProjector, crossings
-from hbgear.fourier import evaluate, to_complex, to_real
+from hbgear.harmonic.crossings import crossings
+from hbgear.harmonic.projection import ContactProjector
+from hbgear.harmonic.realbasis import Toeplitz, one_sided
+from hbgear.mechanics.fourier import evaluate, to_complex, to_real
 
 WAVY = Series(mean=1.0, cosine=(-0.2, 0.07), sine=(0.1, 0.0, 0.05))
 LAWS = {

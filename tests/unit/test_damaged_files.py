@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear import cli
+from hbgear.cli import app as cli
 
 MB = 2**20
 JUNK = [

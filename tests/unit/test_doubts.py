@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.catalogue import MODELS
+from hbgear.harmonic.catalogue import MODELS
 
 PUSHED = hb.Load(cosine={1: [1.0]})
 STOP = hb.Element([1.0], hb.Backlash(b=1e3), name="stop")
@@ -134,7 +134,7 @@ def test_a_derivative_of_negative_order_is_refused():
 
 
 def test_a_large_structure_is_told_to_be_reduced():
-    from hbgear.doubts import of_size
+    from hbgear.mechanics.doubts import of_size
 
     n = 500
     first = np.eye(n)[0]

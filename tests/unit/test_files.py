@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear import cli
-from hbgear.replacing import CannotWrite, replacing
+from hbgear.cli import app as cli
+from hbgear.common.replacing import CannotWrite, replacing
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs the devices and limits of POSIX")
 LIMIT = 70_000  # bytes a file may have: more than is written to see whether one can be, less than a curve takes

@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from hbgear.fourier import (
+from hbgear.mechanics.fourier import (
     Series,
     Transform,
     derive,

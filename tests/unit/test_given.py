@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.given import article
+from hbgear.common.given import article
 
 MODEL = hb.SpurPair()
 PROBLEM = hb.HarmonicBalance(MODEL, 5)

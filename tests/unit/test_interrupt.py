@@ -15,9 +15,9 @@ import pytest
 
 import hbgear as hb
 from hbgear import Status
-from hbgear.replacing import replacing
-from hbgear.signals import held, sigterm_like_ctrl_c
-from hbgear.sweep import Settling
+from hbgear.common.replacing import replacing
+from hbgear.common.signals import held, sigterm_like_ctrl_c
+from hbgear.timedomain.settle import Settling
 from studies import study
 
 ROOT = str(Path(hb.__file__).parent)
@@ -182,7 +182,7 @@ def test_an_error_ends_a_survey_with_its_branches(monkeypatch):
     def broken(*_):
         raise Bug("in the search")
 
-    monkeypatch.setattr("hbgear.isolated.deflated_newton", broken)
+    monkeypatch.setattr("hbgear.continuation.deflation.deflated_newton", broken)
     found = hb.trace_all(hb.HarmonicBalance(DUFFING, 2), (0.9, 1.3), frequencies=1)
     assert len(found) == 1 and found.branches[0].status.complete
     assert found.status is Status.FAILED and "Bug: in the search" in found.message and "Omega = 1.1" in found.message

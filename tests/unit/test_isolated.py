@@ -5,8 +5,9 @@ import pytest
 from cross.shooting import shoot, state
 
 from hbgear import Duffing, HarmonicBalance, SpurPair, Steps, switch, trace
-from hbgear.fourier import evaluate
-from hbgear.isolated import deflated_newton, random_motions, shifts, trace_all, whole_branch
+from hbgear.continuation.deflation import deflated_newton
+from hbgear.harmonic.survey import random_motions, shifts, trace_all, whole_branch
+from hbgear.mechanics.fourier import evaluate
 
 STRONG = SpurPair(e=(0.10,))
 ISOLA = Duffing(zeta=0.1, k3=1.0, F=10.0)

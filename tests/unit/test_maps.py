@@ -8,7 +8,8 @@ import pytest
 
 import hbgear as hb
 from hbgear import Duffing, Fold, HarmonicBalance, SpurPair, Steps, trace
-from hbgear.maps import Arm, NoFold, critical, jump_map
+from hbgear.harmonic.critical import NoFold, critical
+from hbgear.harmonic.jump_map import Arm, jump_map
 
 SPAN = (0.112, 0.120)
 NEAR = {"frequencies": (0.95, 0.8)}
@@ -197,7 +198,7 @@ def test_a_number_of_harmonics_that_varies_is_refused():
 
 def test_a_search_keeps_within_the_range_and_is_given_up(monkeypatch):
     """Every half backlash has the folds of the pair, none has a cusp: the search says so and ends."""
-    monkeypatch.setattr("hbgear.maps._CAREFUL", Steps(first=0.002, longest=0.02, max_points=10))
+    monkeypatch.setattr("hbgear.harmonic.jump_map._CAREFUL", Steps(first=0.002, longest=0.02, max_points=10))
     said = []
     with pytest.raises(NoFold, match="no jump that appears or vanishes with b"):
         critical(SpurPair(zeta=0.09), "b", frequencies=(0.95, 0.7), harmonics=3, report=said.append)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hbgear.catalogue import MODELS, build, rebuild
-from hbgear.fourier import evaluate
 from hbgear.gears import DoubleHelicalPair, SpurPair
 from hbgear.gears.geometry import base_helix_angle, base_radius, shaft_stiffness, transverse_pressure_angle
-from hbgear.model import System, describe
-from hbgear.oscillators import Duffing
+from hbgear.harmonic.catalogue import MODELS, build, rebuild
+from hbgear.mechanics.fourier import evaluate
+from hbgear.mechanics.model import System, describe
+from hbgear.mechanics.oscillators import Duffing
 
 TAU = np.linspace(0.1, 6.4, 40)
 OMEGA = 0.83

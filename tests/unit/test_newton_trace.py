@@ -24,9 +24,11 @@ from hbgear import (
     System,
     trace,
 )
-from hbgear.arc import Row
-from hbgear.newton import Evaluation, Evaluations, correct, correct_all, linearise, solve
-from hbgear.stride import predict
+from hbgear.continuation.corrector import correct, correct_all
+from hbgear.continuation.newton import solve
+from hbgear.continuation.predictor import predict
+from hbgear.continuation.problem import Evaluation, Evaluations, linearise
+from hbgear.continuation.segment import Row
 
 
 class Curve:

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import brentq
 
 from hbgear import DoubleHelicalPair, Duffing, HarmonicBalance, Peak, SpurPair, trace
-from hbgear.newton import solve
-from hbgear.peaks import peaks
-from hbgear.switch import switch
+from hbgear.continuation.newton import solve
+from hbgear.continuation.switching import switch
+from hbgear.harmonic.peaks import peaks
 
 
 def closed_form(zeta, k3=0.1, F=0.18):

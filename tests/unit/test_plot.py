@@ -15,10 +15,11 @@ from scipy.optimize import brentq, minimize_scalar
 
 import hbgear as hb
 from hbgear import plot
-from hbgear.branch import Branch, Jump, Layout, Point, SpecialPoint, Status
-from hbgear.landings import landings
-from hbgear.maps import Arm, JumpMap
-from hbgear.model import describe
+from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
+from hbgear.harmonic.jump_map import Arm, JumpMap
+from hbgear.harmonic.landings import landings
+from hbgear.harmonic.observables import Layout
+from hbgear.mechanics.model import describe
 
 LABELS = {"Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$", "amplitude": r"$d / b_c$"}
 FIXED = {"zeta": 0.04, "F": 0.12}
@@ -325,7 +326,7 @@ def test_no_omega_no_phase_diagram():
 
 
 def test_importing_plot_does_not_import_matplotlib():
-    code = "import sys, hbgear.plot, hbgear.branch; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, hbgear.plot, hbgear.continuation.branch; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear import plot_cases
-from hbgear.swept import stable_parts, swept, swept_cases
+from hbgear.design.swept import stable_parts, swept, swept_cases
+from hbgear.plot import study as plot_cases
 
 matplotlib.use("Agg")
 ZETA = [0.1, 0.15, 0.2, 0.25, 0.3]

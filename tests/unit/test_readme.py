@@ -20,8 +20,8 @@ import pytest
 from cross.test_dask import cluster
 
 import hbgear as hb
-from hbgear import cli
-from hbgear.study_file import read_study
+from hbgear.cli import app as cli
+from hbgear.design.study_file import read_study
 
 REPOSITORY = Path(__file__).parents[2]
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")

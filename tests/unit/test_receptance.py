@@ -6,7 +6,7 @@ from scipy import sparse
 from scipy.linalg import block_diag
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, Series, System
-from hbgear.receptance import Receptance, Structure, UnbalancedLoad
+from hbgear.harmonic.receptance import Receptance, Structure, UnbalancedLoad
 
 H = 4
 

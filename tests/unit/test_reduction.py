@@ -6,7 +6,7 @@ from scipy import sparse
 from scipy.linalg import expm
 
 import hbgear as hb
-from hbgear.reduction import reduce
+from hbgear.mechanics.reduction import reduce
 
 
 def chain(n, law=None, dense=False, damping=0.02):

@@ -5,8 +5,8 @@ import pytest
 from unit.test_models import OMEGA, TAU, backlash, imbalance, random_motion
 
 import hbgear as hb
-from hbgear.fourier import to_complex, to_real
-from hbgear.newton import solve
+from hbgear.continuation.newton import solve
+from hbgear.mechanics.fourier import to_complex, to_real
 
 UNEQUAL = hb.GearRotorBearing(
     zeta=0.04, zeta_1=0.02, zeta_2=0.03, kappa_1=1.1, kappa_2=0.7, mu_1=0.3, mu_2=0.15, F_m=0.12, F_1=0.05, F_2=0.08,
@@ -183,8 +183,8 @@ def test_ranges(fields, message):
 
 
 def test_it_is_known_by_name():
-    from hbgear.catalogue import build, rebuild
-    from hbgear.model import describe
+    from hbgear.harmonic.catalogue import build, rebuild
+    from hbgear.mechanics.model import describe
 
     model = build("gear-rotor-bearing", mu_1=0.5, e=(0.1,))
     assert model == hb.GearRotorBearing(mu_1=0.5, e=(0.1,)) == rebuild(describe(model))

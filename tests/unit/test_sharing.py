@@ -12,7 +12,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
-from hbgear.recent import Recent
+from hbgear.common.recent import Recent
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from hbgear import (
     Unilateral,
     trace,
 )
-from hbgear.fourier import resize
-from hbgear.newton import solve
+from hbgear.continuation.newton import solve
+from hbgear.mechanics.fourier import resize
 
 KINDS = ("LP", "PD", "NS", "BP", "GR", "CP")
 STRONG = SpurPair(e=(0.10,))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hbgear import Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, Steps, System, trace
-from hbgear.switch import switch
+from hbgear.continuation.switching import switch
 
 PARAMETRIC = SpurPair(F_m=0.1, eps=(0.3,), e=())
 

@@ -19,11 +19,11 @@ from hbgear import (
     System,
     Unilateral,
 )
-from hbgear.flow import METHODS, Flow
-from hbgear.receptance import Structure
-from hbgear.shooting import shoot
-from hbgear.stepper import Stepper, modal_state, physical_state
-from hbgear.timedomain import integrate, state_of
+from hbgear.harmonic.receptance import Structure
+from hbgear.timedomain.exponential import Stepper, modal_state, physical_state
+from hbgear.timedomain.integrate import integrate, state_of
+from hbgear.timedomain.runge_kutta import METHODS, Flow
+from hbgear.timedomain.shooting import shoot
 
 VARYING = SpurPair(eps=(0.2, 0.1))
 STARTS = {"Duffing": (Duffing(), 1.09, np.array([0.5, -0.8])), "SpurPair": (VARYING, 0.8, np.array([1.2, 0.1]))}

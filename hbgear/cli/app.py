@@ -1,0 +1,309 @@
+"""The command ``hbgear``: trace, look at and draw response curves. Everything it does, the library does.
+
+Exit codes: 0 the end was reached; 2 bad input, with one line that says what to do; 3 stopped early, what was traced is
+saved all the same. Ctrl-C and SIGTERM stop any command early. What is slow to import (matplotlib, rich) is imported
+when it is needed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import hbgear as hb
+from hbgear.cli import complete as cli_complete
+from hbgear.cli import design as cli_design
+from hbgear.cli import study as cli_study
+from hbgear.cli import time as cli_time
+from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
+from hbgear.cli.support import (
+    BAD_INPUT,
+    STOPPED_EARLY,
+    At,
+    Changes,
+    Element,
+    File,
+    First,
+    Harmonics,
+    Last,
+    Measure,
+    Model,
+    Within,
+    chosen_model,
+    element_of,
+    equation_of,
+    exit_code,
+    facts_of,
+    loaded,
+    longer_span,
+    model_at,
+    one_thread,
+    path_of,
+    point_of,
+    print_table,
+    problem_of,
+    progress_bar,
+    ranges_of,
+    retold,
+    say,
+    show_branch,
+    show_jumps,
+    start_of,
+    summary_of,
+    text_at,
+    text_of,
+    traced,
+)
+from hbgear.common.signals import sigterm_like_ctrl_c
+from hbgear.harmonic import catalogue
+from hbgear.harmonic.speeds import model_of
+
+RENAMED = {
+    "--parameter": "--parameter F --from A --to B is now --in F=A:B, as --from and --to are always in Omega",
+    "--omega-from": "--omega-from is now --from",
+    "--omega-to": "--omega-to is now --to",
+}
+
+
+_CTRL_C = 130  # what typer makes of a Ctrl-C that a command does not see to itself
+
+
+app = typer.Typer(
+    name="hbgear",
+    help="Nonlinear frequency response of gear drives with backlash.",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run the command and exit."""
+    with sigterm_like_ctrl_c(), warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: say("warning", message)
+        sys.exit(_printed(_run(list(sys.argv[1:] if args is None else args) or ["--help"])))
+
+
+def _printed(code: int) -> int:
+    """The exit code, 2 if what was printed did not get to where it goes."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        say("error", f"the result could not be printed ({error.strerror}); files that were asked for are written")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python tries again when it ends
+        return BAD_INPUT
+    return code
+
+
+def _run(args: list[str]) -> int:
+    try:
+        code = int(app(args, prog_name="hbgear", standalone_mode=False) or 0)
+        if code == _CTRL_C:
+            raise KeyboardInterrupt
+        return code
+    except (ValueError, KeyError, OSError, hb.NoConvergence) as error:
+        say("error", error.args[0] if isinstance(error, KeyError) else error)
+        return BAD_INPUT
+    except (KeyboardInterrupt, typer.Abort):  # where there was nothing to keep, or No was the answer
+        say("error", "stopped before it was done")
+        return STOPPED_EARLY
+    except Exception as error:  # what typer says of unknown options and commands; anything else is a bug of ours
+        if not hasattr(error, "format_message"):
+            raise
+        said = RENAMED.get(getattr(error, "option_name", ""), error.format_message().rstrip("."))
+        say("error", f"{said}; see hbgear --help or hbgear COMMAND --help")
+        return BAD_INPUT
+
+
+cli_design.register(app)
+
+
+cli_study.register(app)
+
+
+cli_time.register(app)
+
+
+# ---- commands
+
+Output = Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")]
+
+
+Plot = Annotated[Path | None, typer.Option(help="Draw the curve to a .png, .pdf or .svg.")]
+
+
+@app.callback(invoke_without_command=True)
+def _version(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
+    if version:
+        print(hb.__version__)
+        raise typer.Exit
+
+
+@app.command()
+def models() -> None:
+    """List the models, their equations and their parameters with defaults."""
+    rows = []
+    for name, cls in catalogue.MODELS.items():
+        values = ", ".join(f"{f.name}={text_of(f.default)}" for f in dataclasses.fields(cls))  # type: ignore[arg-type]
+        rows.append([f"{name}\n{cls.__name__}", f"{summary_of(cls)}\n{equation_of(cls)}\n{values}\n{ranges_of(cls)}\n"])
+    print_table(["model", "equation, parameters with defaults (change them with --set)"], rows)
+
+
+@app.command()
+def trace(
+    model: Model,
+    changes: Changes = None,
+    first: First = None,
+    last: Last = None,
+    within: Within = None,
+    at: At = None,
+    start: Annotated[
+        str | None,
+        typer.Option(metavar="FILE[:POINT]", help="Begin at a point (label or value) of a saved curve."),
+    ] = None,
+    harmonics: Harmonics = "16",
+    tolerance: Annotated[
+        float, typer.Option(help="Largest estimated error of the motion with --harmonics auto.")
+    ] = 1e-6,
+    samples: Annotated[
+        int | None, typer.Option(min=1, help="N per period, at least 2H+1.", show_default="chosen from H")
+    ] = None,
+    sampled: Annotated[
+        bool, typer.Option("--sampled", help="Sample contact forces instead of exact projection.")
+    ] = False,
+    measure: Measure = "pp2",
+    element: Element = "0",
+    output: Output = None,
+    plot: Plot = None,
+    stability: Annotated[
+        bool, typer.Option("--stability/--no-stability", help="Floquet multipliers and jumps.")
+    ] = True,
+    max_points: Annotated[int, typer.Option(min=2, help="Stop after so many points.")] = hb.Steps().max_points,
+) -> None:
+    """Trace a response curve through its folds; print its special points and jumps.
+
+    Linear algebra is limited to one thread: the matrices are too small to gain from more. Ctrl-C stops the trace and
+    keeps what it has. Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (what was traced is saved).
+    """
+    for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
+        check_writable(path, allowed)
+    machine = chosen_model(model, changes)
+    point, nu = None, 1
+    if start is not None:
+        curve, point = start_of(start)
+        machine, nu = model_at(curve, point, model, changes), curve.layout.nu if curve.layout else 1
+    problem = problem_of(machine, harmonics, nu=nu, samples=samples, sampled=sampled, tolerance=tolerance)
+    parameter, span, held = path_of(machine, within, first, last, at, known=point is not None)
+    if point is not None:  # its values of the parameters would count before those of --set
+        held = {name: value for name, value in problem.parameters.items() if name != parameter} | held
+    problem.check_parameter(parameter)
+    which = element_of(element)
+    problem.layout.measure(measure, np.zeros(problem.size), which)  # a wrong name is refused before the work
+
+    started = time.perf_counter()
+    try:
+        branch = traced(
+            problem, parameter, span, start=point, at=held, stability=stability, steps=hb.Steps(max_points=max_points)
+        )
+    except KeyboardInterrupt:  # not within the trace itself, which keeps what it has
+        say("error", "interrupted while starting or finishing; nothing was kept")
+        raise typer.Exit(STOPPED_EARLY) from None
+    seconds = time.perf_counter() - started
+    with outputs() as out:
+        out.branch(output, branch)
+        out.figure(plot, lambda drawing: drawing.response(branch, measure, which))
+        print(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
+        show_branch(branch, measure, which)
+    raise typer.Exit(exit_code(branch))
+
+
+@app.command()
+def extend(
+    file: File,
+    first: First = None,
+    last: Last = None,
+    within: Within = None,
+    harmonics: Annotated[
+        str | None, typer.Option(help="H to go on with, or auto.", show_default="that of the curve")
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option(min=1, help="N per period to go on with.", show_default="that of the curve")
+    ] = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+    output: Output = None,
+    plot: Plot = None,
+    max_points: Annotated[int, typer.Option(min=2, help="Stop after so many more points.")] = hb.Steps().max_points,
+) -> None:
+    """Follow a saved curve on from its last point; the result is the whole curve.
+
+    By default as far as it was to go: --from and --to, or --in of a curve in another parameter, give a longer span.
+    Exit codes: as of hbgear trace.
+    """
+    for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
+        check_writable(path, allowed)
+    branch, which = loaded(file, measure, element)
+    problem = catalogue.problem_of(retold(branch.meta, harmonics, samples))
+    span = longer_span(branch, within, first, last)
+    with one_thread(), progress_bar(branch.parameter, float(branch.values[-1]), span[1]) as progress:
+        steps = hb.Steps(max_points=max_points)
+        whole = hb.extend(branch, span, problem=problem, steps=steps, progress=progress)
+    with outputs() as out:
+        out.branch(output, whole)
+        out.figure(plot, lambda drawing: drawing.response(whole, measure, which))
+        print(f"{file}: {len(branch)} points, {len(whole) - len(branch)} more; {whole.message}")
+        show_branch(whole, measure, which)
+    raise typer.Exit(exit_code(whole))
+
+
+@app.command()
+def info(file: File, measure: Measure = "pp2", element: Element = "0") -> None:
+    """Say what a saved curve is, how it ended, what is on it and how accurate it is."""
+    branch, which = loaded(file, measure, element)
+    rows = [[name, text] for name, text in facts_of(branch, measure) if text]
+    print_table(["", str(file)], rows)
+    show_branch(branch, measure, which)
+
+
+@app.command()
+def jumps(file: File, measure: Measure = "pp2", element: Element = "0") -> None:
+    """Where a slow sweep jumps, and from which amplitude to which."""
+    branch, which = loaded(file, measure, element)
+    show_jumps(branch, measure, which)
+
+
+@app.command(name="plot")
+def plot_command(
+    file: File,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help=".png, .pdf or .svg.", show_default="FILE.png")
+    ] = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+    point: Annotated[
+        str | None,
+        typer.Option(
+            help="Portrait of one point: a label such as LP1, or a value of the parameter.",
+            autocompletion=cli_complete.labels,
+        ),
+    ] = None,
+) -> None:
+    """Draw a saved curve, or the time history, phase diagram and spectrum of one of its points."""
+    branch, which = loaded(file, measure, element)
+    chosen = None if point is None else point_of(branch, point)
+    path = output or file.with_name(f"{file.stem}{'' if chosen is None else f'_{point}'}.png")
+    check_writable(path, FIGURES)
+    with outputs() as out:
+        if chosen is None:
+            out.figure(path, lambda drawing: drawing.response(branch, measure, which))
+        else:
+            out.figure(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch)))
+            print(f"point at {branch.parameter} = {text_at(chosen, branch.parameter)}")

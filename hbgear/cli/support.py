@@ -1,0 +1,569 @@
+"""What the commands share: reading options, progress, tables, files."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import math
+import re
+import sys
+import typing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+import hbgear as hb
+from hbgear.cli import complete as cli_complete
+from hbgear.common.messages import did_you_mean
+from hbgear.continuation.tracer import Progress
+from hbgear.harmonic import catalogue
+from hbgear.harmonic.landings import landings
+from hbgear.harmonic.speeds import model_of, speeds_at
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+BAD_INPUT = 2
+
+
+STOPPED_EARLY = 3
+
+
+MEANINGS = {
+    "LP": "fold: the curve turns back",
+    "CP": "cusp: two folds meet",
+    "PD": "period doubling",
+    "NS": "Neimark-Sacker: a second frequency sets in",
+    "BP": "branch point: two curves cross",
+    "GR": "grazing contact: the impact regime changes",
+}
+
+
+Model = Annotated[
+    str,
+    typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.", autocompletion=cli_complete.models),
+]
+
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="A curve saved as .npz by hbgear trace -o or Branch.save.")]
+
+
+Measure = Annotated[
+    str,
+    typer.Option(
+        help="Amplitude: pp2 (half peak-to-peak), rms, max, mean, H1, H2, ...", autocompletion=cli_complete.amplitudes
+    ),
+]
+
+
+Element = Annotated[str, typer.Option(help="Which element, by number from 0 or by name.")]
+
+
+Harmonics = Annotated[str, typer.Option(help="H, harmonics of the excitation frequency; trace also takes auto.")]
+
+
+Changes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Change a field of the model; repeatable.",
+        autocompletion=cli_complete.fields,
+    ),
+]
+
+
+First = Annotated[float | None, typer.Option("--from", help="Omega to begin at.", show_default="the model's")]
+
+
+Last = Annotated[float | None, typer.Option("--to", help="Omega to end at.", show_default="the model's")]
+
+
+Within = Annotated[
+    str | None,
+    typer.Option(
+        "--in",
+        metavar="NAME=FROM:TO",
+        help="Change this field of the model instead of Omega; see --at.",
+        autocompletion=cli_complete.assigned,
+    ),
+]
+
+
+At = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="Hold a parameter, such as Omega=0.9; repeatable.",
+        autocompletion=cli_complete.assigned,
+    ),
+]
+
+
+def say(kind: str, text: object) -> None:
+    """One line on standard error."""
+    print(f"hbgear: {kind}: {' '.join(str(text).split())}", file=sys.stderr)
+
+
+# ---- input
+
+
+def assignments(option: str, texts: list[str]) -> list[tuple[str, str]]:
+    """``name=value`` pairs, each name once."""
+    pairs: list[tuple[str, str]] = []
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise ValueError(f"{option} {text}: need NAME=VALUE, such as {option} {name or 'zeta'}=0.05")
+        if name in dict(pairs):
+            raise ValueError(f"{option} {text}: {name} is already given as {dict(pairs)[name]}; give it once")
+        pairs.append((name, value))
+    return pairs
+
+
+def fields_of(cls: type[hb.Model] | None, changes: list[str]) -> dict[str, Any]:
+    """Values of --set, by the types of the fields of the model; an unknown model has none and is refused later."""
+    if cls is None:
+        return {}
+    types, known = typing.get_type_hints(cls), [f.name for f in dataclasses.fields(cls)]  # type: ignore[arg-type]
+    values = {}
+    for name, text in assignments("--set", changes):
+        if name not in known:
+            raise KeyError(f"{cls.__name__} has no parameter '{name}'{did_you_mean(name, known)}")
+        values[name] = value_of(f"--set {name}", text, types[name])
+    return values
+
+
+def range_of(text: str, first: float | None = None, last: float | None = None) -> tuple[str, tuple[float, float]]:
+    """Name and range of --in."""
+    name, equals, ends = (part.strip() for part in text.partition("="))
+    low, colon, high = (part.strip() for part in ends.partition(":"))
+    if not (name and equals and low and colon and high):
+        meant = "0.02:0.08" if first is None or last is None else f"{first:g}:{last:g}"
+        raise ValueError(
+            f"--in {text}: need its range too, such as --in {name or 'zeta'}={meant} (--from and --to are in Omega)"
+        )
+    return name, (number_of(f"--in {name}", low), number_of(f"--in {name}", high))
+
+
+def path_of(
+    model: hb.Model, within: str | None, first: float | None, last: float | None, at: list[str] | None,
+    known: bool = False,
+) -> tuple[str, tuple[float, float], dict[str, float]]:  # fmt: skip
+    """What changes, from where to where, and what is held: Omega, or what --in says at an Omega given or known."""
+    held = {name: number_of(f"--at {name}", text) for name, text in assignments("--at", at or [])}
+    if within is None:
+        parameter, span = "Omega", span_of(model, first, last)
+    else:
+        parameter, span = range_of(within, first, last)
+        if first is not None or last is not None:
+            raise ValueError(
+                f"--in {within}: it is {parameter} that changes, so leave out --from and --to, which are in Omega"
+            )
+    if parameter in held:
+        instead = "--from and --to" if parameter == "Omega" else f"--set {parameter} or --in {parameter} alone"
+        raise ValueError(f"--at {parameter}: it is what changes along the curve; use {instead}")
+    if parameter != "Omega" and not known and "Omega" not in held:
+        raise ValueError(f"going along {parameter} needs a frequency that is held: --at Omega=0.9")
+    return parameter, span, held
+
+
+def value_of(what: str, text: str, kind: Any) -> Any:
+    """Text as a value of a field's type."""
+    if kind is bool:
+        if text.lower() not in ("true", "false"):
+            raise ValueError(f"{what}={text}: need true or false")
+        return text.lower() == "true"
+    if kind is int:
+        try:
+            return int(text)
+        except ValueError:
+            raise ValueError(f"{what}={text}: need a whole number") from None
+    if kind is float:
+        return number_of(what, text)
+    if typing.get_origin(kind) is tuple:
+        inner = text.strip("()[] ").removesuffix(",").strip()
+        parts = re.split(r"\s*,\s*|\s+", inner) if inner else []
+        if "" in parts:
+            raise ValueError(f"{what}={text}: a number is missing between two commas")
+        return tuple(number_of(what, part) for part in parts)
+    return text
+
+
+def number_of(what: str, text: str) -> float:
+    """The finite number a text stands for; ``what`` names it in the error."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{what}={text}: need a finite number")
+    return value
+
+
+def loaded(file: Path, measure: str, element: str) -> tuple[hb.Branch, int | str]:
+    """A saved branch and the element meant; a wrong measure or element is refused before anything is printed."""
+    branch, which = hb.load(file), element_of(element)
+    branch[0].amplitude(measure, which)
+    return branch, which
+
+
+def element_of(text: str) -> int | str:
+    """The number or the name of an element, as given on the command line."""
+    return int(text) if text.isdecimal() else text
+
+
+def span_of(model: hb.Model, first: float | None, last: float | None) -> tuple[float, float]:
+    """The span of Omega given, with the ends that are missing from the model's default."""
+    a, b = model.default_span
+    return a if first is None else first, b if last is None else last
+
+
+def longer_span(branch: hb.Branch, within: str | None, first: float | None, last: float | None) -> tuple[float, float]:
+    """The span of a curve's trace with the ends that are given, in its own parameter."""
+    a, b = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
+    if within is not None:
+        name, (first, last) = range_of(within)
+        if name != branch.parameter:
+            raise ValueError(f"--in {within}: this curve is in {branch.parameter}, and goes on in it")
+    elif branch.parameter != "Omega" and (first is not None or last is not None):
+        raise ValueError(f"this curve is in {branch.parameter}: give its range as --in {branch.parameter}=FROM:TO")
+    return float(a if first is None else first), float(b if last is None else last)
+
+
+def retold(meta: dict[str, Any], harmonics: str | None, samples: int | None) -> dict[str, Any]:
+    """What a file says of how it was traced, with other harmonics or samples."""
+    balance = dict(meta.get("balance", {}))
+    if harmonics is not None:
+        balance = {**balance, "harmonics": harmonics_of(harmonics), "samples": None, "auto": None}
+    if samples is not None:
+        balance = {**balance, "samples": samples}
+    return {**meta, "balance": balance} if balance else meta
+
+
+def start_of(text: str) -> tuple[hb.Branch, hb.Point]:
+    """A saved curve and the point of it that --start means: a label, a value of its parameter, or the last row."""
+    file, colon, place = (text, "", "") if Path(text).exists() else text.rpartition(":")
+    branch = hb.load(file if colon else text)
+    return branch, point_of(branch, place, "--start") if colon else branch[-1]
+
+
+def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] | None) -> hb.Model:
+    """The model of a saved curve at one of its points, with the values of --set; it must be the one that is named."""
+    model = catalogue.rebuild(branch.meta.get("model", {}))
+    if type(model) is not (cls := catalogue.MODELS[name]):
+        raise ValueError(f"the curve of --start is of {type(model).__name__}; '{name}' is {cls.__name__}")
+    here = {name: value for name, value in point.parameters.items() if name in model.parameters}
+    return model.replace(**{**here, **fields_of(cls, changes or [])})
+
+
+def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
+    """Special point by label, or the row nearest to a value; where the curve passes several times, a stable one."""
+    try:
+        value = float(text)
+    except ValueError:
+        return branch[text]
+    x = branch.values - value
+    low, high = float(branch.values.min()), float(branch.values.max())
+    if not low <= value <= high:
+        raise ValueError(
+            f"{option} {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there"
+        )
+    passes = np.flatnonzero(x[:-1] * x[1:] <= 0)
+    near = [int(i if abs(x[i]) <= abs(x[i + 1]) else i + 1) for i in passes] or [int(np.argmin(abs(x)))]
+    return branch[min(near, key=lambda i: branch[i].stable is not True)]
+
+
+def chosen_model(name: str, changes: list[str] | None) -> hb.Model:
+    """The model of MODEL with the values of --set."""
+    return catalogue.build(name, **fields_of(catalogue.MODELS.get(name), changes or []))
+
+
+def problem_of(model: hb.Model, harmonics: str, **settings: Any) -> hb.HarmonicBalance:
+    """Harmonic balance with the harmonics of --harmonics, a number or auto."""
+    return hb.HarmonicBalance(model, harmonics_of(harmonics), **settings)
+
+
+def harmonics_of(text: str) -> int | str:
+    """The value of --harmonics."""
+    if text != "auto" and not (text.isdecimal() and int(text) >= 1):
+        raise ValueError(f"--harmonics {text}: need a whole number of at least 1, or auto")
+    return text if text == "auto" else int(text)
+
+
+# ---- work
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Linear algebra on one thread: the matrices are too small to gain from more."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1):
+        yield
+
+
+@contextmanager
+def reporting() -> Iterator[Callable[[str], None] | None]:
+    """Shows lines of progress on a terminal, the last one beside a spinner; nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("starting") as status:
+        yield lambda line: status.update(line)
+
+
+def exit_code(branch: hb.Branch) -> int:
+    """0 if the end was reached, else 3."""
+    return 0 if branch.status.complete else STOPPED_EARLY
+
+
+def end_of(result: Any, *parts: Any) -> None:
+    """Say it if a result is not complete, and end the command with the exit code that follows from it and its parts.
+
+    Raises
+    ------
+    typer.Exit
+        With 3 if any has a status that is not complete, else 0.
+    """
+    if not result.status.complete:
+        say("stopped early", result.message)
+    raise typer.Exit(0 if all(one.status.complete for one in (result, *parts)) else STOPPED_EARLY)
+
+
+def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
+    """A curve, traced with a progress bar and one thread for linear algebra."""
+    with one_thread(), progress_bar(parameter, *span) as progress:
+        return hb.trace(problem, parameter, span, progress=progress, **options)
+
+
+@contextmanager
+def progress_bar(parameter: str, a: float, b: float) -> Iterator[Progress | None]:
+    """A bar on a terminal: position in the parameter, points, step; nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[points]}")
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(f"{parameter} = {a:.5g}", total=1.0, points="")
+
+        def show(value: float, rows: int, step: float) -> None:
+            done = min(max((value - a) / (b - a), 0.0), 1.0)
+            points = f"{rows} points, step {step:.1e}"
+            bar.update(task, completed=done, description=f"{parameter} = {value:.5f}", points=points)
+
+        yield show
+
+
+# ---- output
+
+
+def digits_of(motions: hb.Point | hb.Branch, most: int = 8) -> int:
+    """Significant digits that hold: the last is of the size of the error made by the harmonics left out, relative to
+    the motion. What is located, such as a fold, is located to about that error or better. The worst of many motions.
+    """
+    if motions.layout is None:
+        return min(_UNKNOWN, most)
+    sizes = np.array([motions.amplitude("rms", j) for j in range(len(motions.layout.elements))])
+    with np.errstate(all="ignore"):
+        error = float(np.max(np.asarray(motions.error) / np.max(sizes, axis=0)))
+    held = _UNKNOWN if math.isnan(error) else most if error == 0 else math.floor(-math.log10(error)) + 1
+    return min(max(held, 3), most)
+
+
+_UNKNOWN = 6  # digits where nothing is known of the error
+
+
+def rounded(value: float, digits: int) -> str:
+    """A number with so many significant digits, zeros at its end too: they hold."""
+    return f"{value:#.{digits}g}".rstrip(".")
+
+
+def text_at(point: hb.Point, name: str) -> str:
+    """The value of a parameter at a point, with the digits that hold."""
+    return rounded(point.parameters[name], digits_of(point))
+
+
+def size_text(point: hb.Point, measure: str, element: int | str) -> str:
+    """An amplitude with the digits that hold."""
+    return rounded(point.amplitude(measure, element), digits_of(point, 5))
+
+
+def print_text_table(table: Table) -> None:
+    """A table; wide enough for all of it where no terminal sets the width."""
+    from rich.console import Console
+
+    Console(width=None if sys.stdout.isatty() else 140, highlight=False).print(table)
+
+
+def print_table(headers: list[str], rows: list[list[str]], title: str = "") -> None:
+    """A table of texts."""
+    print_text_table(table_of(headers, rows, title))
+
+
+def table_of(headers: list[str], rows: list[list[str]], title: str = "") -> Table:
+    """A table for the terminal."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, title=title or None, title_justify="left", title_style="bold")
+    for i, header in enumerate(headers):
+        table.add_column(header, overflow="fold", no_wrap=i < len(headers) - 1)
+    for row in rows:
+        table.add_row(*map(Text, row))
+    return table
+
+
+def show_branch(
+    branch: hb.Branch,
+    measure: str,
+    element: int | str,
+    beside: Sequence[hb.Branch] = (),
+    names: Sequence[str] = (),
+) -> None:
+    """Tables of special points and jumps; see `show_jumps`."""
+    if not branch.special:
+        print("no special points")
+        return
+    rows = []
+    for point in branch.special:
+        place = [text_at(point, name) for name in (branch.parameter, *branch.tracked)]
+        place += [rounded(value, digits_of(point, 6)) for value in speeds_of(branch, point).values()]
+        rows.append(
+            [point.label, *place, size_text(point, measure, element), regime_of(point), what_happens(branch, point)]
+        )
+    headers = ["", branch.parameter, *branch.tracked, *speeds_of(branch, branch[0]), measure, "regime", "what happens"]
+    print_table(headers, rows, "special points")
+    show_jumps(branch, measure, element, beside, names)
+
+
+def show_jumps(
+    branch: hb.Branch,
+    measure: str,
+    element: int | str,
+    beside: Sequence[hb.Branch] = (),
+    names: Sequence[str] = (),
+) -> None:
+    """Print the jumps of a branch as a table, or that there are none.
+
+    ``beside`` are other traced branches, with their names, on which a jump may land if its own curve has no stable
+    motion there; the table then names the branch.
+    """
+    if not branch.jumps():
+        print("no jumps" if branch.multipliers is not None else "no jumps known: traced without stability")
+        return
+    rows = []
+    for landing in landings((branch, *beside))[0]:
+        jump, where = landing.jump, landing.branch
+        digits = digits_of(jump.before, 6)
+        speeds = [rounded(value, digits) for value in speeds_of(branch, jump.before).values()]
+        before = size_text(jump.before, measure, element)
+        if where is None or jump.after is None:
+            after = f"no stable motion on {'these curves' if beside else 'this curve'}"
+        else:
+            after = size_text(jump.after, measure, element)
+            after = f"{names[where - 1]}, {after}" if where else after
+        direction = "increasing" if jump.direction > 0 else "decreasing"
+        rows.append([jump.label, text_at(jump.before, jump.parameter), *speeds, direction, before, after])
+    headers = ["", branch.parameter, *speeds_of(branch, branch[0]), "while", f"{measure} before", f"{measure} after"]
+    print_table(headers, rows, "jumps of a slow sweep")
+
+
+def what_happens(branch: hb.Branch, point: hb.SpecialPoint) -> str:
+    """A special point in words, with what it does to stability."""
+    text = MEANINGS.get(point.kind, point.kind)
+    if point.kind in ("PD", "NS") and branch.stable is not None and 0 < point.index < len(branch) - 1:
+        before, after = branch.stable[point.index - 1], branch.stable[point.index + 1]
+        text += "" if before == after else "; stability is lost" if before else "; stability is regained"
+    where = "" if point.located else f" (only known to lie within {point.interval[0]:.8g} and {point.interval[1]:.8g})"
+    return f"{text}{f' ({point.note})' if point.note else ''}{where}"
+
+
+def regime_of(point: hb.Point) -> str:
+    """Regime in words; laws without corners have none."""
+    corners = point.layout is None or any(point.layout.breakpoints)
+    return point.regime_name.replace("_sided", "-sided").replace("_", " ") if corners else "-"
+
+
+def speeds_of(branch: hb.Branch, point: hb.Point) -> dict[str, float]:
+    """Mesh frequency and speed of models that know their units."""
+    return speeds_at(model_of(branch), point.parameters)
+
+
+def facts_of(branch: hb.Branch, measure: str) -> Iterator[tuple[str, str]]:
+    """What there is to say of a branch, name and text."""
+    stable, layout = branch.stable, branch.layout
+    balance = branch.meta.get("balance")
+    settings = balance if isinstance(balance, dict) else {}
+    yield "model", described(branch)
+    yield "settings", ", ".join(f"{name} = {text_of(value)}" for name, value in settings.items() if value is not None)
+    yield "held", ", ".join(f"{name} = {branch.fixed[name]:.6g}" for name in ("Omega",) if name in branch.fixed)
+    yield "curve", f"{branch.parameter} from {branch.values[0]:.6g} to {branch.values[-1]:.6g}, {len(branch)} points"
+    yield "status", f"{branch.status}: {branch.message}"
+    if stable is None:
+        yield "stability", "not computed"
+    else:
+        yield "stability", f"{int(stable.sum())} points stable, {int((~stable).sum())} unstable"
+    yield "regimes", ", ".join(dict.fromkeys(regime_of(branch[i]) for i in range(len(branch))))
+    for j, name in enumerate(layout.elements if layout else ()):
+        size = branch.amplitude(measure, j)
+        top = branch.values[int(np.nanargmax(size))]
+        yield f"{measure} of {name}", f"{size.min():.5g} to {size.max():.5g} (at {branch.parameter} = {top:.6g})"
+    yield "worst residual", f"{np.nanmax(branch.residual):.1e} of the forces"
+    if not np.isnan(branch.error).all():
+        yield "worst error", f"{np.nanmax(branch.error):.1e} rms of the motion, estimated from the harmonics left out"
+    yield "Newton steps", f"{branch.iterations.mean():.2f} per point"
+    yield "hbgear", str(branch.meta.get("hbgear", "unknown"))
+
+
+def described(branch: hb.Branch) -> str:
+    """Model with the fields that differ from its defaults."""
+    model = model_of(branch)
+    about: Any = branch.meta.get("model")
+    if model is None:
+        name = about["class"] if catalogue.is_description(about) else "unknown"
+        return f"{name} (not one of hbgear models)"
+    usual = type(model)()
+    fields = [f.name for f in dataclasses.fields(model)]  # type: ignore[arg-type]
+    changed = [f"{f}={text_of(getattr(model, f))}" for f in fields if getattr(model, f) != getattr(usual, f)]
+    return f"{type(model).__name__}({', '.join(changed)}){'' if changed else ', all defaults'}"
+
+
+def text_of(value: Any) -> str:
+    """A value as --set would take it."""
+    if isinstance(value, list | tuple):
+        return f"({','.join(map(text_of, value))})"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def summary_of(cls: type) -> str:
+    """First line of the docstring of a class, up to a semicolon."""
+    return (inspect.getdoc(cls) or "").splitlines()[0].partition(";")[0].rstrip(".")
+
+
+def ranges_of(cls: type[hb.Model]) -> str:
+    """What the values of its parameters must be, the parameters of one range together."""
+    names: dict[str, list[str]] = {}
+    for name, allowed in cls.ranges.items():
+        names.setdefault(str(allowed), []).append(name)
+    return "; ".join(f"{', '.join(each)} must {need}" for need, each in names.items())
+
+
+def equation_of(cls: type) -> str:
+    """First indented line of the docstring of the class, or of its module."""
+    for text in (inspect.getdoc(cls), inspect.getdoc(inspect.getmodule(cls))):
+        for line in (text or "").partition("\nParameters\n")[0].splitlines():
+            if line.startswith("    "):
+                return re.sub(r"\s+", " ", line.strip())
+    return ""

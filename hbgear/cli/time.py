@@ -1,0 +1,185 @@
+"""Commands that integrate in time: ``hbgear validate`` and ``hbgear sweep``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+import hbgear as hb
+from hbgear.cli.files import FIGURES, check_writable, outputs
+from hbgear.cli.support import (
+    STOPPED_EARLY,
+    At,
+    Changes,
+    Element,
+    File,
+    First,
+    Last,
+    Measure,
+    Model,
+    Within,
+    chosen_model,
+    element_of,
+    one_thread,
+    path_of,
+    print_table,
+)
+
+DISAGREES = 1
+
+
+Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
+
+
+Table = Annotated[Path | None, typer.Option("-o", "--output", help="Save all numbers as .csv.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command()(validate)
+    app.command()(sweep)
+
+
+def validate(
+    file: File,
+    points: Annotated[int, typer.Option(min=1, help="How many points, the most interesting first.")] = 12,
+    tolerance: Annotated[float, typer.Option(help="Largest relative difference that agrees.")] = 1e-4,
+    output: Table = None,
+    plot: Figure = None,
+    element: Element = "0",
+) -> None:
+    """Hold a saved curve against time integration, point by point.
+
+    The table says how far the curve as traced is off. A point that is off by more than the tolerance is solved again
+    with up to 8 times the harmonics; if it agrees then, it counts as agreeing, and both differences are shown.
+    Exit codes: 0 every point agrees, 1 one does not, 2 bad input, 3 interrupted (what was checked is shown and saved).
+    """
+    from hbgear.timedomain.validate import validate as hold
+
+    check_writable(output, (".csv",))
+    check_writable(plot, FIGURES)
+    branch, which = hb.load(file), element_of(element)
+    branch[0].amplitude("rms", which)
+    with one_thread(), bar("points") as progress:
+        report = hold(branch, points, tolerance, progress=progress)
+    headers, rows = report.table()
+    with outputs() as out:
+        out.write(output, report.export)
+        out.figure(plot if report.rows else None, lambda _: _drawing().validation(report, branch, which))
+        print_table(headers, rows, "harmonic balance against time integration")
+        print(report.summary)
+    raise typer.Exit(STOPPED_EARLY if not report.complete else 0 if report.ok else DISAGREES)
+
+
+def sweep(
+    model: Model,
+    changes: Changes = None,
+    up: Annotated[bool, typer.Option("--up", help="With the parameter rising (also if neither is given).")] = False,
+    down: Annotated[bool, typer.Option("--down", help="With the parameter falling.")] = False,
+    first: First = None,
+    last: Last = None,
+    within: Within = None,
+    at: At = None,
+    count: Annotated[int, typer.Option(min=2, help="Values between, the ends included.")] = 131,
+    tolerance: Annotated[float, typer.Option(help="Distance a settled motion may still have to go.")] = 1e-7,
+    longest: Annotated[int, typer.Option(min=1, help="Periods after which a motion is not waited for.")] = 3000,
+    over: Annotated[Path | None, typer.Option(metavar="FILE", help="A saved curve to draw the dots on.")] = None,
+    output: Table = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.", show_default="FILE_sweep.png with --over")
+    ] = None,
+    bifurcation: Annotated[Path | None, typer.Option(help="Draw the Poincare points against the parameter.")] = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """Slow sweep by time integration; where it jumps, and which motions are not those of one period.
+
+    Exit codes: 0 the end was reached, 2 bad input, 3 interrupted (what was found is shown and saved).
+    """
+    from hbgear.timedomain.settle import Settling
+    from hbgear.timedomain.sweep import export
+    from hbgear.timedomain.sweep import sweep as run
+    from hbgear.timedomain.validate import same_model
+
+    plot = plot or (over.with_name(f"{over.stem}_sweep.png") if over else None)
+    check_writable(output, (".csv",))
+    for path in (plot, bifurcation):
+        check_writable(path, FIGURES)
+    machine, which = chosen_model(model, changes), element_of(element)
+    parameter, span, held = path_of(machine, within, first, last, at)
+    grid = np.linspace(*span, count)
+    curve = hb.load(over) if over else None
+    if curve is not None:
+        same_model(curve.meta.get("model"), machine)
+        curve[0].amplitude(measure, which)
+    settling = Settling(tolerance, longest, min(Settling().periods, longest))
+    found: list[Any] = []
+    for direction in [name for name, wanted in (("up", up or not down), ("down", down)) if wanted]:
+        with one_thread(), bar(f"sweep {direction}") as progress:
+            found.append(
+                run(machine, grid, direction, parameter=parameter, at=held, settling=settling, progress=progress)
+            )
+        if not found[-1].status.complete:
+            break
+    found = [s for s in found if len(s)]
+    with outputs() as out:
+        if found:
+            out.write(output, lambda path: export(found, path))
+            out.figure(plot, lambda _: _drawing().sweeps(found, curve, measure, which, model=machine))
+            out.figure(bifurcation, lambda _: _drawing().bifurcation(found, which, model=machine))
+        for s in found:
+            _show(s, measure, which)
+    complete = bool(found) and all(s.status.complete for s in found)
+    raise typer.Exit(0 if complete else STOPPED_EARLY)
+
+
+def _show(s: Any, measure: str, element: int | str) -> None:
+    """What a sweep found: how it ended, its jumps, and the motions that are not of one period."""
+    print(f"sweep {'up' if s.direction > 0 else 'down'}: {len(s)} values; {s.message}")
+    size = s.amplitude(measure, element)
+    jumps = []
+    for jump in s.jumps:
+        ends = [float(size[np.argmin(np.abs(s.values - x))]) for x in jump.interval]
+        jumps.append([*(f"{x:.6g}" for x in jump.interval), *(f"{x:.5g}" for x in ends)])
+    if jumps:
+        print_table(["jump after", "before", f"{measure} before", f"{measure} after"], jumps, "jumps")
+    odd = []
+    for i in np.flatnonzero(s.period != 1):
+        slow = f", {s.left[i]:.0e} to go" if s.lyapunov[i] < 0 else ""
+        lost = f"not periodic after {s.taken[i]} periods{slow}, Lyapunov exponent {s.lyapunov[i]:.3g}"
+        odd.append([f"{s.values[i]:.6g}", f"period {s.period[i]}" if s.period[i] else lost, f"{size[i]:.5g}"])
+    if odd:
+        print_table([s.parameter, "motion", measure], odd, "motions that do not have the period of the excitation")
+
+
+def _drawing() -> Any:
+    from hbgear.plot import simulation as plot_time
+
+    return plot_time
+
+
+@contextmanager
+def bar(what: str) -> Iterator[Any]:
+    """A progress bar with the time left on a terminal, as ``progress(share, text)``; nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, TextColumn("{task.fields[text]}"), console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task(what, total=1.0, text="")
+        yield lambda share, text: shown.update(task, completed=share, text=text)

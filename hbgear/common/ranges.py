@@ -1,0 +1,98 @@
+"""Which values a parameter may have.
+
+    low <= value <= high,   above < value < below
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any
+
+_INSIDE = 1e-3  # how far from an end that does not belong to the range searches stop, as a share of the way to it
+
+
+@dataclass(frozen=True)
+class Range:
+    """An interval of numbers: ``Range(low=0)`` not negative, ``Range(above=0)`` positive, ``Range()`` any number.
+
+    Parameters
+    ----------
+    low, high : ends that belong to it.
+    above, below : ends that do not.
+    """
+
+    low: float = -math.inf
+    high: float = math.inf
+    above: float = -math.inf
+    below: float = math.inf
+
+    def __contains__(self, value: float) -> bool:
+        return self.low <= value <= self.high and self.above < value < self.below
+
+    def __str__(self) -> str:
+        """What a value must be or do, to follow "must"."""
+        if self == Range(low=0):
+            return "not be negative"
+        if self == Range(above=0):
+            return "be positive"
+        if math.isfinite(self.above) and math.isfinite(self.below):
+            return f"lie between {self.above:g} and {self.below:g}"
+        ends = {"at least": self.low, "above": self.above, "at most": self.high, "below": self.below}
+        return "be " + " and ".join(f"{word} {end:g}" for word, end in ends.items() if math.isfinite(end))
+
+    def clipped(self, value: float, inside: float) -> float:
+        """The value, or where it lies outside the last one of the range on the way to it from a value inside.
+
+        An end that does not belong to the range is approached to a thousandth of the way.
+        """
+        value = min(max(value, self.low), self.high)
+        if value <= self.above:
+            return self.above + _INSIDE * (inside - self.above)
+        if value >= self.below:
+            return self.below - _INSIDE * (self.below - inside)
+        return value
+
+
+def counted(name: str, number: Any, most: int | None = None, least: int = 1) -> int:
+    """A whole number from ``least`` to ``most``.
+
+    Raises
+    ------
+    ValueError
+    """
+    if isinstance(number, bool) or not isinstance(number, Integral) or int(number) < least:
+        raise ValueError(f"{name} = {number!r} must be a whole number of at least {least}")
+    if most is not None and int(number) > most:
+        raise ValueError(f"{name} = {int(number):,} is more than {most:,}, which is the most there can be")
+    return int(number)
+
+
+ANY = Range()
+
+
+NOT_NEGATIVE = Range(low=0)
+
+
+POSITIVE = Range(above=0)
+
+
+def checked(owner: str, name: str, value: Any, allowed: Range = ANY) -> None:
+    """Refuse what is no finite number, or a number outside a range.
+
+    Raises
+    ------
+    ValueError
+    """
+    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+        raise ValueError(f"{owner}: {name} = {value!r} must be a finite number")
+    if float(value) not in allowed:
+        raise ValueError(f"{owner}: {name} = {value} must {allowed}")
+
+
+def range_of(problem: Any, name: str) -> Range:
+    """Values a parameter of any problem may have; Omega is positive everywhere."""
+    if hasattr(problem, "range_of"):
+        return problem.range_of(name)
+    return POSITIVE if name == "Omega" else ANY

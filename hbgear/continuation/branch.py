@@ -1,0 +1,375 @@
+"""Branch: a traced curve of periodic motions, row by row, with the points that were singled out on it.
+
+    row i:  parameter = values[i],  motion of element j   d_j(theta) = a0 + sum_k a_k cos(k theta) + b_k sin(k theta),
+            (a0, a1, b1, ..., aH, bH) = X[i].reshape(m, 2H + 1)[j],   theta = Omega t / nu
+
+A row is stable if no Floquet multiplier lies outside the unit circle. Saving, loading and plotting need no model.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.messages import did_you_mean
+from hbgear.common.ranges import counted
+from hbgear.harmonic import observables as measures
+from hbgear.harmonic.observables import Layout
+from hbgear.mechanics.fourier import evaluate
+
+REGIMES = ("no_impact", "single_sided", "double_sided")
+"""Names of the regime codes 0, 1, 2 of an element: how many of its sides it meets and leaves. -1 is unknown."""
+
+
+NEUTRAL = 1e-6
+"""A multiplier within this distance outside the unit circle counts as on it (free rotations have mu = 1)."""
+
+
+class Status(StrEnum):
+    """Why a trace ended."""
+
+    REACHED_END = "reached_end"
+    LEFT_SPAN = "left_span"
+    CLOSED = "closed"
+    MERGED = "merged"
+    RETRACED = "retraced"
+    MAX_POINTS = "max_points"
+    STEP_TOO_SMALL = "step_too_small"
+    INTERRUPTED = "interrupted"
+    FAILED = "failed"
+
+    @property
+    def complete(self) -> bool:
+        """Whether the curve was followed as far as it goes within the span."""
+        return self in (Status.REACHED_END, Status.LEFT_SPAN, Status.CLOSED, Status.MERGED)
+
+    @property
+    def advice(self) -> str:
+        """What the user should do about it."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Status.REACHED_END: "nothing to do: the end of the span was reached",
+    Status.LEFT_SPAN: "the curve turned back and left the span through its start; trace it from the other end as well, "
+    "with the ends of the span exchanged",
+    Status.MERGED: "nothing to do: the branch ended on the one it came from",
+    Status.CLOSED: "nothing to do: the curve closed on itself",
+    Status.RETRACED: "allow shorter steps or a smaller turning angle: steps=hb.Steps(longest=..., turn=...)",
+    Status.MAX_POINTS: "allow more points or longer steps, or go on from the last point: hb.extend(curve), "
+    "hbgear extend FILE",
+    Status.STEP_TOO_SMALL: "go on from the last point with more harmonics or samples: hb.extend(curve, problem=...), "
+    "hbgear extend FILE --harmonics 32; or allow shorter steps: steps=hb.Steps(shortest=...)",
+    Status.INTERRUPTED: "what was done is kept; go on from there (a curve: hb.extend(curve), hbgear extend FILE)",
+    Status.FAILED: "what was done is kept; go on from there, if need be with other settings (a curve: hb.extend(curve, "
+    "problem=...))",
+}
+
+
+def _known(layout: Layout | None) -> Layout:
+    if layout is None:
+        raise ValueError("these rows are not known to be harmonics (layout is None); read X and values directly")
+    return layout
+
+
+def name_of_regime(codes: NDArray[np.int8]) -> str:
+    """The most severe regime among codes, by its name in `REGIMES`, or "unknown"."""
+    worst = int(np.max(codes, initial=-1))
+    return REGIMES[min(worst, len(REGIMES) - 1)] if worst >= 0 else "unknown"
+
+
+def is_stable(multipliers: ComplexArray) -> NDArray[np.bool_]:
+    """Whether no multiplier (..., r) lies outside the unit circle; shape (...)."""
+    return np.asarray(np.abs(multipliers).max(axis=-1, initial=0.0) <= 1 + NEUTRAL)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Point:
+    """One periodic motion.
+
+    Parameters
+    ----------
+    X, layout : (m (2H + 1),) unknowns and how they are to be read; None if they are not harmonics.
+    parameters : all parameters by name, Omega included.
+    residual, iterations : of the corrector.
+    multipliers : (r,) Floquet multipliers, None if they were not computed.
+    regime : (m,) regime code of each element, see `REGIMES`.
+    error : estimated truncation error, nan if unknown.
+    """
+
+    X: Array
+    parameters: dict[str, float]
+    residual: float
+    iterations: int
+    multipliers: ComplexArray | None
+    regime: NDArray[np.int8]
+    error: float
+    layout: Layout | None
+    label: str = ""
+
+    def __repr__(self) -> str:
+        names = [name for name in ("Omega",) if name in self.parameters] or list(self.parameters)[:1]
+        place = "".join(f" at {name} = {self.parameters[name]:.6g}" for name in names)
+        stability = {True: "stable", False: "unstable", None: "stability unknown"}[self.stable]
+        return f"<{self.label or 'Point'}{place}, {stability}, {self.regime_name}>"
+
+    @property
+    def stable(self) -> bool | None:
+        """None if the multipliers are unknown."""
+        if self.multipliers is None or np.isnan(self.multipliers).any():
+            return None
+        return bool(is_stable(self.multipliers))
+
+    @property
+    def regime_name(self) -> str:
+        """The most severe regime among the elements."""
+        return name_of_regime(self.regime)
+
+    def coefficients(self, element: int | str = 0) -> Array:
+        """Row ``(2H + 1,)`` of an element."""
+        return _known(self.layout).rows(self.X, element).copy()
+
+    def amplitude(self, measure: str = "rms", element: int | str = 0) -> float:
+        """A measure of the motion of an element; see `hbgear.harmonic.observables`."""
+        return float(measures.measure(measure, self.coefficients(element), _known(self.layout).nu))
+
+    def samples(self, element: int | str = 0, count: int = 1024, order: int = 0) -> tuple[Array, Array]:
+        """``(theta, values)`` of an element over one period, 0 <= theta < 2 pi; order is that of d/dtheta."""
+        counted("order", order, least=0)
+        theta = 2 * np.pi * np.arange(counted("count", count, 10_000_000)) / count
+        return theta, evaluate(self.coefficients(element), theta, order)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SpecialPoint(Point):
+    """A point at which something happens to the branch: kind "LP", "PD", "NS", "BP", "GR", "CP", ..., label "LP1".
+
+    ``index`` is the row of the branch that holds it, ``interval`` the parameter values of the rows that bracketed it.
+    If it was not ``located``, that is solved for, it is only known to lie in the interval.
+    """
+
+    kind: str = ""
+    index: int = -1
+    located: bool = True
+    interval: tuple[float, float] = (float("nan"), float("nan"))
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Jump:
+    """Where a slow sweep leaves the branch at the special point ``label``, and where it lands.
+
+    The direction is +1 while the parameter increases and -1 while it decreases; ``after`` is None if the curve has no
+    stable motion at that value.
+    """
+
+    label: str
+    parameter: str
+    value: float
+    direction: int
+    before: Point
+    after: Point | None
+
+
+_ARRAYS: dict[str, tuple[Any, int]] = {
+    "values": (float, 1), "X": (float, 2), "multipliers": (complex, 2), "iterations": (int, 1), "residual": (float, 1),
+    "regime": (np.int8, 2), "error": (float, 1), "step": (float, 1),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Branch:
+    """A curve of P periodic motions in one parameter.
+
+    Parameters
+    ----------
+    parameter, values : name and (P,) values of what was varied.
+    X : (P, m (2H + 1)) unknowns, read as `layout` says.
+    fixed, tracked : the other parameters, constant or (P,).
+    multipliers : (P, r) Floquet multipliers, None if they were not computed; nan where they failed.
+    iterations, residual, error, step : (P,) Newton count, residual, truncation error, arclength step to the row.
+    regime : (P, m) regime code of each element, see `REGIMES`.
+    special, jump_records, status, message : what was found on the way and why it ended.
+    meta : versions, model and settings, fit for JSON.
+    problem : what was traced; not saved.
+
+    Raises
+    ------
+    ValueError
+        If an array does not have P rows, or two special points have the same label.
+    """
+
+    parameter: str
+    values: Array
+    X: Array
+    fixed: dict[str, float]
+    tracked: dict[str, Array]
+    multipliers: ComplexArray | None
+    iterations: NDArray[np.int_]
+    residual: Array
+    regime: NDArray[np.int8]
+    error: Array
+    step: Array
+    special: tuple[SpecialPoint, ...]
+    jump_records: tuple[Jump, ...]
+    status: Status
+    message: str
+    layout: Layout | None
+    meta: dict[str, Any]
+    problem: Any = None
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        for name, (kind, _) in _ARRAYS.items():
+            if (value := getattr(self, name)) is not None:
+                set_(self, name, np.asarray(value, dtype=kind))
+        set_(self, "tracked", {name: np.asarray(x, dtype=float) for name, x in self.tracked.items()})
+        set_(self, "status", Status(self.status))
+        arrays = {name: (getattr(self, name), ndim) for name, (_, ndim) in _ARRAYS.items()}
+        for name, (array, ndim) in (arrays | {name: (x, 1) for name, x in self.tracked.items()}).items():
+            if array is not None and (array.ndim != ndim or len(array) != len(self)):
+                raise ValueError(f"Branch: {name} has shape {array.shape}; need {len(self)} rows, one for each value")
+        if self.layout and self.X.shape[1] != len(self.layout.elements) * (2 * self.layout.harmonics + 1):
+            raise ValueError(f"Branch: rows of {self.X.shape[1]} unknowns do not fit {self.layout}")
+        labels = [point.label for point in self.special]
+        if len(set(labels)) < len(labels):
+            raise ValueError(f"Branch: labels of special points must be unique, got {', '.join(labels)}")
+
+    def __repr__(self) -> str:
+        span = f"{self.values[0]:.6g} to {self.values[-1]:.6g}, " if len(self) else ""
+        labels = " ".join(point.label for point in self.special) or "no special points"
+        return f"<Branch in {self.parameter}: {span}{len(self)} points, {labels}, {self.status}>"
+
+    def __len__(self) -> int:
+        return self.values.size
+
+    def __getitem__(self, key: int | str) -> Point:
+        """Row by number, or special point by label."""
+        if isinstance(key, str):
+            found = {point.label: point for point in self.special}
+            if key not in found:
+                raise KeyError(f"no special point '{key}' on this branch; it has: {', '.join(found) or 'none'}")
+            return found[key]
+        if not isinstance(key, int | np.integer):
+            raise TypeError(f"Branch[{key!r}]: need the number of a row or the label of a special point")
+        if not -len(self) <= key < len(self):
+            raise IndexError(f"no row {key}; the branch has {len(self)} points")
+        mu = None if self.multipliers is None else self.multipliers[key]
+        return Point(
+            self.X[key], self.parameters_at(key), float(self.residual[key]), int(self.iterations[key]),
+            mu, self.regime[key], float(self.error[key]), self.layout,
+        )  # fmt: skip
+
+    @property
+    def stable(self) -> NDArray[np.bool_] | None:
+        """(P,) whether each row is known to be stable; None if no multipliers were computed."""
+        return None if self.multipliers is None else is_stable(self.multipliers)
+
+    @property
+    def regimes(self) -> list[str]:
+        """Most severe regime among the elements, for each row."""
+        return [name_of_regime(codes) for codes in self.regime]
+
+    def parameters_at(self, i: int) -> dict[str, float]:
+        """All parameters of a row."""
+        tracked = {name: float(x[i]) for name, x in self.tracked.items()}
+        return {**self.fixed, **tracked, self.parameter: float(self.values[i])}
+
+    def jumps(self) -> tuple[Jump, ...]:
+        """Where slow sweeps leave the branch, and where they land."""
+        return self.jump_records
+
+    def amplitude(
+        self, measure: str = "rms", element: int | str = 0, dof: int | str | None = None, derivative: int = 0
+    ) -> Array:
+        """A measure of every row, (P,); see `hbgear.harmonic.observables`.
+
+        Parameters
+        ----------
+        measure : "rms", "pp2", "max", "mean", "H1", "H2", ...
+        element : which element, by number or name.
+        dof : a degree of freedom of the model instead, by number or name; needs the branch's problem.
+        derivative : 0 for displacement, 1 for velocity, 2 for acceleration (in time).
+
+        Raises
+        ------
+        ValueError, KeyError
+            If there is no such measure, element or degree of freedom, or no problem where one is needed.
+        """
+        layout = _known(self.layout)
+        rows = layout.rows(self.X, element) if dof is None else self._motion(dof)
+        if derivative:
+            Omega = np.array([self.parameters_at(i).get("Omega", np.nan) for i in range(len(self))])
+            if np.isnan(Omega).any():
+                raise ValueError(f"derivative={derivative} needs Omega; this branch has no parameter of that name")
+            rows = measures.derivative(rows, Omega / layout.nu, derivative)
+        return measures.measure(measure, rows, layout.nu)
+
+    def _motion(self, dof: int | str) -> Array:
+        """Rows ``(P, 2H + 1)`` of a degree of freedom, from the problem."""
+        if self.problem is None:
+            raise ValueError(f"dof={dof!r} needs the model; load the branch with hbgear.load(path, problem=...)")
+        q = np.array([self.problem.motion(X, **self.parameters_at(i)) for i, X in enumerate(self.X)])
+        if isinstance(dof, str):
+            names = list(getattr(self.problem, "dof_names", ()))
+            if dof not in names:
+                raise KeyError(f"the model has no degree of freedom '{dof}'{did_you_mean(dof, names)}")
+            dof = names.index(dof)
+        elif not 0 <= dof < q.shape[1]:
+            raise KeyError(f"the model has no degree of freedom {dof}; there are {q.shape[1]}, from 0")
+        return q[:, dof]
+
+    def peak(self, measure: str = "rms", element: int | str = 0) -> Point:
+        """The row with the largest measure."""
+        return self[int(np.nanargmax(self.amplitude(measure, element)))]
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write to an .npz with a JSON header, whole or not at all; `load` gives back the same numbers."""
+        from hbgear.io import npz
+
+        npz.save(self, path)
+
+    def export(self, path: str | os.PathLike[str]) -> None:
+        """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all."""
+        from hbgear.io import tables as export
+
+        export.export(self, path)
+
+
+def continued(first: Branch, second: Branch) -> Branch:
+    """A branch and one that goes on from its last row, as one; special points are numbered on, jumps are not known."""
+    n = len(first)
+    names = ["values", "X", "iterations", "residual", "regime", "error", "step"]
+    if first.multipliers is not None and second.multipliers is not None:
+        names.append("multipliers")
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(second, name)[1:]]) for name in names}
+    count: dict[str, int] = {}
+    special = []
+    for p in (*first.special, *(dataclasses.replace(p, index=n - 1 + p.index) for p in second.special)):
+        count[p.kind] = count.get(p.kind, 0) + 1
+        special.append(dataclasses.replace(p, label=f"{p.kind}{count[p.kind]}"))
+    tracked = {k: np.concatenate([first.tracked[k], x[1:]]) for k, x in second.tracked.items()}
+    return dataclasses.replace(
+        second, **{"multipliers": None, **arrays}, special=tuple(special), jump_records=(), tracked=tracked
+    )
+
+
+def joined(back: Branch, forth: Branch) -> Branch:
+    """Two traces that left one point in opposite directions, as one branch from the end of back to that of forth.
+
+    Special points are numbered anew along it; the status is that of the worse end.
+    """
+    names = ("values", "X", "multipliers", "iterations", "residual", "regime", "error", "step")
+    arrays: dict[str, Any] = {name: x[::-1] for name in names if (x := getattr(back, name)) is not None}
+    special = tuple(dataclasses.replace(p, index=len(back) - 1 - p.index) for p in reversed(back.special))
+    tracked = {k: x[::-1] for k, x in back.tracked.items()}
+    whole = continued(dataclasses.replace(back, **arrays, special=special, tracked=tracked), forth)
+    worse = back if not back.status.complete else forth
+    return dataclasses.replace(whole, status=worse.status, message=worse.message)

@@ -1,0 +1,94 @@
+"""Going on from where a trace ended."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.given import need
+from hbgear.continuation.branch import Branch, Status, continued
+from hbgear.continuation.jumps import find_jumps
+from hbgear.continuation.newton import Settings
+from hbgear.continuation.segment import Departure
+from hbgear.continuation.tracer import trace
+
+
+def extend(branch: Branch, span: tuple[float, float] | None = None, *, problem: Any = None, **options: Any) -> Branch:
+    """Follow a curve on from its last row, the way it was going; the rows that were there and the new ones in one.
+
+    Special points are numbered on and jumps sought on the whole. The new part does not know the old one: a closed
+    curve that stopped before it closed goes round once more, to the row it was extended from.
+
+    Parameters
+    ----------
+    branch : a branch that ended early, or at the end of a span that was too short.
+    span : of the parameter; by default that of the trace.
+    problem : what to go on with, if not the branch's own, such as a `HarmonicBalance` of more harmonics; the rows that
+        were there stay what they are, with zeros for the harmonics they do not have.
+    options : passed to `trace`, such as ``steps=Steps(max_points=5000)``, which counts the new points only.
+
+    Raises
+    ------
+    TypeError
+        If it is no branch.
+    ValueError
+        If the branch has lost its problem, has fewer than two rows, closed, or leaves the span where it ends.
+    NoConvergence
+        If its last row is no solution of the problem.
+    """
+    need("extend(branch)", branch, "Branch")
+    if (problem := branch.problem if problem is None else problem) is None:
+        raise ValueError("extending needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
+    if len(branch) < 2:
+        raise ValueError(f"the branch has {len(branch)} rows; need two, which tell which way it goes: trace it anew")
+    first, last = span or branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
+    _check_end(branch, float(first), float(last))
+    before, here = (_unknowns(problem, branch, i) for i in (-2, -1))
+    direction = np.append(here - before, branch.values[-1] - branch.values[-2])
+    start = Departure(here, branch.parameters_at(-1), direction, away=False)
+    options = {"stability": branch.multipliers is not None, **options}
+    new = trace(problem, branch.parameter, (float(first), float(last)), start, **options)
+    whole = continued(*_alike(branch, new))
+    whole = dataclasses.replace(whole, problem=_widest(branch, new))
+    return dataclasses.replace(whole, jump_records=find_jumps(whole, options.get("settings", Settings())))
+
+
+def _check_end(branch: Branch, first: float, last: float) -> None:
+    if branch.status in (Status.CLOSED, Status.MERGED):
+        raise ValueError(f"the branch ends where it should ({branch.message}); there is nothing to go on to")
+    before, end = branch.values[-2:]
+    low, high = sorted((first, last))
+    if not low <= end <= high or (end in (low, high) and not low <= 2 * end - before <= high):
+        raise ValueError(
+            f"the branch ends at {branch.parameter} = {end:.6g}, going out of the span ({first:g}, {last:g}); "
+            "give a longer span"
+        )
+
+
+def _unknowns(problem: Any, branch: Branch, i: int) -> Any:
+    """Unknowns of a row as the problem has them."""
+    if hasattr(problem, "join"):
+        return problem.join(branch.X[i], branch.parameters_at(i))
+    if branch.layout is not None and hasattr(problem, "converted"):
+        return problem.converted(branch.X[i], branch.layout)
+    return branch.X[i]
+
+
+def _widest(*branches: Branch) -> Any:
+    """The problem with the most harmonics."""
+    return max((b for b in reversed(branches) if b.problem is not None), key=lambda b: b.X.shape[1]).problem
+
+
+def _alike(*branches: Branch) -> list[Branch]:
+    """The branches with the harmonics of the widest."""
+    widest = max(branches, key=lambda b: b.X.shape[1])
+    return [b if b.layout == widest.layout else _padded(b, widest) for b in branches]
+
+
+def _padded(branch: Branch, like: Branch) -> Branch:
+    layout = like.layout
+    fit = like.problem.fitted
+    special = tuple(dataclasses.replace(p, X=fit(p.X), layout=layout) for p in branch.special)
+    return dataclasses.replace(branch, X=np.array([fit(X) for X in branch.X]), special=special, layout=layout)

@@ -1,0 +1,118 @@
+"""Jumps: where a slow sweep of the parameter leaves a branch, and where on the same curve it lands."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
+from hbgear.continuation.newton import NoConvergence, Settings, Solution, solve
+from hbgear.continuation.problem import observe_all
+
+# A fold of the truncated equations and the multiplier +1 of the true motion differ by the truncation error: that many
+# rows beside a fold may carry the other verdict.
+_ROWS_IN_DOUBT = 3
+
+
+def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, ...]:  # noqa: B008
+    """A `Jump` for each fold that a slow sweep along a stable part of the branch runs into.
+
+    Where the part loses its stability just before the fold (PD, NS), the sweep leaves there, and the jump carries that
+    point's label. A sweep that finds no stable motion of this kind any more lands on the stable part of the same
+    curve at the same parameter; if there are several, on the one whose motion is nearest.
+    """
+    if branch.stable is None or branch.problem is None:
+        return ()
+    left = []
+    for fold in branch.special:
+        if fold.kind != "LP" or not fold.located or not 0 < fold.index < len(branch) - 1:
+            continue
+        sides = [(side, point) for side in (-1, 1) if (point := _leaves_at(branch, fold, side)) is not None]
+        if not sides:
+            continue
+        # a fold ends one stable part; where rows in doubt make it look like two, the longer run is the true one
+        side, point = max(sides, key=lambda found: _stable_run(branch, fold.index, found[0]))
+        direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
+        left.append((point, direction, _crossed(branch, point, fold, settings)))
+    return tuple(
+        Jump(point.label, branch.parameter, float(branch.values[point.index]), direction, point, _nearest(point, found))
+        for (point, direction, _), found in zip(left, seen_points(branch, [found for *_, found in left]), strict=True)
+    )
+
+
+def _leaves_at(branch: Branch, fold: SpecialPoint, side: int) -> SpecialPoint | None:
+    """Where a sweep towards the fold from one side loses its stable motion; None if that side is unstable."""
+    stable = branch.stable
+    assert stable is not None
+    marks = {p.index: p for p in branch.special if p.kind in ("LP", "PD", "NS", "BP")}
+    lost: SpecialPoint | None = None
+    i = fold.index + side
+    while 0 <= i < len(branch):
+        mark = marks.get(i)
+        if mark is not None and mark.kind == "LP":
+            return None
+        if mark is not None:
+            lost = mark
+        elif stable[i]:
+            return lost or (fold if abs(i - fold.index) <= _ROWS_IN_DOUBT else None)
+        i += side
+    return None
+
+
+def _stable_run(branch: Branch, start: int, side: int) -> int:
+    """Number of stable rows on one side of a fold, up to the next fold."""
+    folds = {p.index for p in branch.special if p.kind == "LP"}
+    stable = branch.stable
+    assert stable is not None
+    count, i = 0, start + side
+    while 0 <= i < len(branch) and i not in folds:
+        count += int(stable[i])
+        i += side
+    return count
+
+
+def _crossed(branch: Branch, left: SpecialPoint, fold: SpecialPoint, settings: Settings) -> list[Solution]:
+    """The motions on other parts of the curve at the parameter of the point left."""
+    low, high = sorted((left.index, fold.index))
+    return motions_at(branch, float(branch.values[left.index]), settings, skip=range(low - 1, high + 1))
+
+
+def motions_at(branch: Branch, value: float, settings: Settings, *, skip: range = range(0)) -> list[Solution]:
+    """The motions of a branch at a value of its parameter, solved for between the rows where the curve passes it.
+
+    ``skip`` holds rows after which it is not looked for.
+    """
+    x = branch.values - value
+    found = []
+    for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
+        if i in skip:
+            continue
+        s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
+        here = {**branch.parameters_at(int(i)), branch.parameter: value}
+        start = (1 - s) * branch.X[i] + s * branch.X[i + 1]
+        try:
+            found.append(solve(branch.problem, start, here, branch.parameter, settings))
+        except NoConvergence:
+            continue
+    return found
+
+
+def seen_points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point]]:
+    """Motions, group by group, with what the problem says of them."""
+    every = [solution for group in groups for solution in group]
+    if not every:
+        return [[] for _ in groups]
+    fixed = {k: v for k, v in branch.parameters_at(0).items() if k != branch.parameter}
+    here = [{**fixed, branch.parameter: solution.value} for solution in every]
+    u = np.array([np.append(solution.X, solution.value) for solution in every])
+    seen = observe_all(branch.problem, u, branch.parameter, fixed, True)
+    points = iter([
+        Point(solution.X, p, solution.residual, solution.iterations, one["multipliers"], one["regime"], one["error"],
+              branch.layout) for solution, p, one in zip(every, here, seen, strict=True)
+    ])  # fmt: skip
+    return [[next(points) for _ in group] for group in groups]
+
+
+def _nearest(left: SpecialPoint, found: list[Point]) -> Point | None:
+    """The stable one whose motion is nearest to that of the point left, if there is any."""
+    stable = [point for point in found if point.stable]
+    return min(stable, key=lambda p: float(np.linalg.norm(p.X - left.X))) if stable else None

@@ -1,0 +1,143 @@
+"""Newton's method with step halving at fixed parameters.
+
+    X <- X - t J^-1 R,   t = 1, 1/2, 1/4, ...   the first that lowers |R|
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import POSITIVE, checked, counted
+from hbgear.continuation.algebra import is_singular, norm, solve_linear
+from hbgear.continuation.problem import Evaluation, linearise
+
+
+class NoConvergence(RuntimeError):
+    """Newton's method failed; carries the last iterate ``X``, ``parameters`` and relative ``residuals``."""
+
+    def __init__(self, message: str, X: Array, parameters: Mapping[str, float], residuals: list[float]) -> None:
+        super().__init__(message)
+        self.X, self.parameters, self.residuals = X, dict(parameters), residuals
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Corrector settings.
+
+    tolerance : largest |R| / size of a converged point. A trace gives a row that is not a hundred times better one
+        Newton step more, for predictions are often good enough to be accepted with few digits.
+    step_tolerance : largest last Newton step relative to |u| of a converged point.
+    max_iterations : Newton steps before giving up.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive, or max_iterations no whole number.
+    """
+
+    tolerance: float = 1e-10
+    step_tolerance: float = 1e-6
+    max_iterations: int = 12
+
+    def __post_init__(self) -> None:
+        for name in ("tolerance", "step_tolerance"):
+            checked("Settings", name, getattr(self, name), POSITIVE)
+        counted("Settings: max_iterations", self.max_iterations)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A converged point: X, the parameter's value, its evaluation, Newton steps and relative residual."""
+
+    X: Array
+    value: float
+    evaluation: Evaluation
+    iterations: int
+    residual: float
+
+
+def solution_at(problem: Any, u: Array, name: str, parameters: Mapping[str, float], iterations: int = 0) -> Solution:
+    """The solution known to lie at u (n + 1,), with its evaluation."""
+    now = linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])})
+    return Solution(u[:-1], float(u[-1]), now, iterations, norm(now.R) / now.size)
+
+
+def solve(
+    problem: Any,
+    X: Array,
+    parameters: Mapping[str, float],
+    name: str = "",
+    settings: Settings = Settings(),
+) -> Solution:
+    """Newton with step halving at fixed parameters.
+
+    Parameters
+    ----------
+    X : (n,) start.
+    parameters : all parameters of the problem.
+    name : the parameter whose value and derivative the solution holds; if empty they are nan and 0.
+
+    Raises
+    ------
+    NoConvergence
+        If the residual does not fall below the tolerance.
+    """
+    X = np.array(X, dtype=float)
+    now = linearise(problem, X, name, parameters)
+    residuals = [norm(now.R) / now.size]
+    for iteration in range(settings.max_iterations * 4 + 1):
+        if residuals[-1] <= settings.tolerance:
+            return Solution(X, parameters[name] if name else math.nan, now, iteration, residuals[-1])
+        try:
+            dX = -solve_linear(now.dR_dX, now.R)
+        except np.linalg.LinAlgError:
+            break
+        factor = 1.0
+        for _ in range(12):
+            trial = linearise(problem, X + factor * dX, name, parameters)
+            if norm(trial.R) < norm(now.R) * (1 - 0.1 * factor):
+                break
+            factor *= 0.5
+        else:
+            break
+        X, now = X + factor * dX, trial
+        residuals.append(norm(now.R) / now.size)
+    if is_singular(now.dR_dX):
+        raise NoConvergence(
+            "the Jacobian is singular: some motion is not determined by the equations at this point (a gap that stays "
+            "open without load, or a fold exactly at the start); move the start or load the system",
+            X, parameters, residuals,
+        )  # fmt: skip
+    raise NoConvergence(
+        f"Newton stopped at a relative residual of {residuals[-1]:.2e} (needed {settings.tolerance:.0e}) "
+        f"after {len(residuals) - 1} steps at {describe(parameters)}",
+        X, parameters, residuals,
+    )  # fmt: skip
+
+
+def refine(problem: Any, solution: Solution, parameters: Mapping[str, float]) -> Solution:
+    """The solution after one more Newton step; as it was if that does not lower its residual.
+
+    For equations so flat that a residual at the tolerance leaves digits of the unknowns open, as at special points.
+    """
+    try:
+        X = solution.X - solve_linear(solution.evaluation.dR_dX, solution.evaluation.R)
+    except np.linalg.LinAlgError:
+        return solution
+    now = linearise(problem, X, "", parameters)
+    residual = norm(now.R) / now.size
+    if not residual < solution.residual:
+        return solution
+    return replace(solution, X=X, evaluation=now, iterations=solution.iterations + 1, residual=residual)
+
+
+def describe(parameters: Mapping[str, float]) -> str:
+    """The parameters as ``Omega = 0.9, zeta = 0.05`` (at most four)."""
+    shown = [f"{k} = {v:.6g}" for k, v in list(parameters.items())[:4]]
+    return ", ".join(shown)

@@ -1,0 +1,116 @@
+"""From the rows of a trace to the `Branch` the user gets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hbgear._version import __version__
+from hbgear.common.arrays import Array
+from hbgear.continuation.branch import Branch, SpecialPoint, Status
+from hbgear.continuation.segment import Row
+from hbgear.harmonic.observables import Layout
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A special point found on the way: the row that holds it, kind, whether located, bracket, remark."""
+
+    index: int
+    kind: str
+    located: bool
+    interval: tuple[float, float]
+    note: str
+
+
+def branch_of(
+    problem: Any, name: str, fixed: dict[str, float], rows: list[Row], marks: list[Mark],
+    status: Status, message: str, settings: dict[str, Any],
+) -> Branch:  # fmt: skip
+    """The branch of these rows, without jumps.
+
+    Rows of different numbers of harmonics are padded to the largest; unknowns that are parameters go to ``tracked``.
+    Where only some rows were observed, the multipliers of the others are nan and their regimes unknown.
+    """
+    widest = max(len(r.solution.X) for r in rows)
+    if hasattr(problem, "fitted") and widest > problem.size:
+        problem = problem.with_order(problem.nu, (widest // problem.m - 1) // 2)
+    layout = getattr(problem, "layout", None)
+    points = [_point(problem, layout, name, fixed, row) for row in rows]
+    own = getattr(problem, "unknown_parameters", ())
+    _fill(points)
+    known = points[0]["multipliers"] is not None
+    count: dict[str, int] = {}
+    special: list[SpecialPoint] = []
+    for mark in marks:
+        count[mark.kind] = count.get(mark.kind, 0) + 1
+        special.append(
+            SpecialPoint(
+                **points[mark.index],
+                label=f"{mark.kind}{count[mark.kind]}",
+                kind=mark.kind,
+                index=mark.index,
+                located=mark.located,
+                interval=mark.interval,
+                note=mark.note,
+            )
+        )
+    return Branch(
+        parameter=name,
+        values=np.array([r.value for r in rows]),
+        X=np.array([p["X"] for p in points]),
+        fixed=dict(fixed),
+        tracked={k: np.array([p["parameters"][k] for p in points]) for k in own},
+        multipliers=np.array([p["multipliers"] for p in points]) if known else None,
+        iterations=np.array([p["iterations"] for p in points]),
+        residual=np.array([p["residual"] for p in points]),
+        regime=np.array([p["regime"] for p in points]).reshape(len(rows), -1),
+        error=np.array([p["error"] for p in points]),
+        step=np.array([r.step for r in rows]),
+        special=tuple(special),
+        jump_records=(),
+        status=status,
+        message=message,
+        layout=layout,
+        meta={
+            "hbgear": __version__,
+            **(problem.describe() if hasattr(problem, "describe") else {}),
+            "trace": settings,
+        },
+        problem=problem,
+    )
+
+
+def _fill(points: list[dict[str, Any]]) -> None:
+    """Give the points that were not observed multipliers and regimes of the length of the others."""
+    for name, nothing in (("multipliers", math.nan + 0j), ("regime", np.int8(-1))):
+        length = max((len(p[name]) for p in points if p[name] is not None), default=0)
+        for point in points:
+            if length and (point[name] is None or len(point[name]) < length):
+                point[name] = np.full(length, nothing)
+
+
+def _point(problem: Any, layout: Layout | None, name: str, fixed: dict[str, float], row: Row) -> dict[str, Any]:
+    """Fields of the Point a row stands for."""
+    X, own = _split(problem, row.solution.X)
+    mu, regime = row.observed.get("multipliers"), row.observed.get("regime", ())
+    return {
+        "X": X,
+        "parameters": {**fixed, **own, name: row.value},
+        "residual": row.solution.residual,
+        "iterations": row.solution.iterations,
+        "multipliers": None if mu is None else np.asarray(mu, dtype=complex),
+        "regime": np.asarray(regime, dtype=np.int8),
+        "error": row.observed.get("error", math.nan),
+        "layout": layout,
+    }
+
+
+def _split(problem: Any, X: Array) -> tuple[Array, dict[str, float]]:
+    """The motion among the unknowns, in the problem's number of harmonics, and the parameters among them."""
+    if hasattr(problem, "fitted"):
+        return problem.fitted(X), {}
+    return problem.split(X) if hasattr(problem, "split") else (X, {})

@@ -1,0 +1,165 @@
+"""One piece of a solution curve: scaled unknowns, tangents, and points between two rows.
+
+A row is u = (X, lambda). Lengths and angles are measured in scaled unknowns u / scale, so that a step, a turning angle
+and a distance mean the same whatever the units of X and lambda.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.algebra import norm
+from hbgear.continuation.corrector import correct, corrected
+from hbgear.continuation.newton import NoConvergence, Settings, Solution
+from hbgear.continuation.problem import Evaluation
+
+
+@dataclass(frozen=True)
+class Row:
+    """A converged point of a curve with what the curve does there.
+
+    u (n + 1,) unknowns and parameter; tangent (n + 1,), unit in the scaled unknowns but given unscaled; orientation:
+    sign of the determinant of [J R_lambda; tangent], which changes at branch points and not at folds. heading: whether
+    lambda rises (+1) or falls (-1) along the curve, or last did before a stretch on which it stands still.
+    """
+
+    solution: Solution
+    u: Array
+    tangent: Array
+    orientation: int
+    step: float = 0.0
+    heading: int = 0
+    observed: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def value(self) -> float:
+        """Value of the traced parameter."""
+        return float(self.u[-1])
+
+
+@dataclass(frozen=True)
+class Departure:
+    """Where a branch begins, and which way: X, parameters, and the direction (n + 1,) in (X, lambda).
+
+    Another branch begins a short way ``away``: the point itself is the old one's too.
+    """
+
+    X: Array
+    parameters: dict[str, float]
+    direction: Array
+    away: bool = True
+
+
+def normal_of(direction: Array, scale: Array) -> Array:
+    """Normal, in unscaled unknowns, of the plane across a direction in scaled ones."""
+    return direction / scale**2
+
+
+@dataclass(frozen=True)
+class Arc:
+    """The curve between two neighbouring rows a and b: cubic Hermite guess, corrected across the chord.
+
+    ``at(s)`` returns the row at the fraction s of the chord, 0 at a and 1 at b.
+    """
+
+    problem: Any
+    name: str
+    parameters: Mapping[str, float]
+    a: Row
+    b: Row
+    scale: Array
+    settings: Settings
+
+    @property
+    def length(self) -> float:
+        """Length of the chord, scaled."""
+        return norm((self.b.u - self.a.u) / self.scale)
+
+    def guess(self, s: float) -> Array:
+        """Hermite interpolation of u."""
+        a, b, length = self.a, self.b, self.length
+        square, rest = s * s, 1.0 - s
+        value = square * (3.0 - 2.0 * s)
+        slope = length * s * rest
+        return (1.0 - value) * a.u + value * b.u + slope * (rest * a.tangent - s * b.tangent)
+
+    def at(self, s: float) -> Row:
+        """Corrected row at the fraction s of the chord.
+
+        Raises
+        ------
+        NoConvergence
+            If the corrector fails there.
+        """
+        normal = normal_of(self.b.u - self.a.u, self.scale)
+        u = self.guess(s)
+        # put the guess on the plane at exactly the fraction s of the chord
+        along = (1 - s) * self.a.u + s * self.b.u
+        chord = self.b.u - self.a.u
+        u = u + chord * (normal @ (along - u)) / (normal @ chord)
+        normal = normal / np.linalg.norm(normal)
+        solution = correct(self.problem, u, normal, self.name, self.parameters, self.settings)
+        return row_of(solution, normal, self.scale)
+
+    def passes(self, known: Row) -> bool:
+        """Whether the curve from a to b contains a row already known: the points nearest to it are compared."""
+        chord = (self.b.u - self.a.u) / self.scale
+        offset = (known.u - self.a.u) / self.scale
+        length = norm(chord)
+        s = float(offset @ chord) / length**2
+        if not 0 <= s <= 1 or np.linalg.norm(offset - s * chord) > 0.1 * length:
+            return False
+        try:
+            there = self.at(s)
+        except (NoConvergence, np.linalg.LinAlgError):
+            return False
+        gap, along = (there.u - known.u) / self.scale, known.tangent / self.scale
+        across = gap - along * (gap @ along) / (along @ along)
+        return float(np.linalg.norm(across)) < 1e-3 * length
+
+
+def cosine(a: Row, b: Row, scale: Array) -> float:
+    """Cosine of the angle between the tangents of two rows, up to their lengths."""
+    return float((a.tangent / scale) @ (b.tangent / scale))
+
+
+_STILL = 1e-7  # component of the scaled tangent in lambda that is rounding
+
+
+def row_of(solution: Solution, normal: Array, scale: Array, step: float = 0.0, before: Row | None = None) -> Row:
+    """Row of a solution, its tangent pointing along normal; before is the row the curve comes from.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the curve has no direction there.
+    """
+    point = corrected(solution, normal)
+    unit = point.direction / norm(point.direction / scale)
+    u = np.append(solution.X, solution.value)
+    return row_along(solution, u, unit, orientations(point.A[None])[0], scale, step, before)
+
+
+def orientations(A: Array) -> list[int]:
+    """Signs of the determinants of bordered matrices (k, n + 1, n + 1); +1 for none."""
+    return [-1 if sign < 0 else 1 for sign in np.linalg.slogdet(A)[0].tolist()]
+
+
+def without_evaluation(row: Row) -> Row:
+    """The row without the matrices it was corrected with, which take far more room than all else."""
+    nothing = Evaluation(np.empty(0), np.empty((0, 0)), np.empty(0), row.solution.evaluation.size)
+    return replace(row, solution=replace(row.solution, evaluation=nothing))
+
+
+def row_along(
+    solution: Solution, u: Array, unit: Array, orientation: int, scale: Array, step: float, before: Row | None
+) -> Row:
+    """Row of a solution whose tangent is known."""
+    moves = float(unit[-1] / scale[-1])
+    heading = (1 if moves > 0 else -1) if abs(moves) > _STILL else before.heading if before else 0
+    return Row(solution, u, unit, orientation, step, heading)

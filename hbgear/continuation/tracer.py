@@ -1,0 +1,682 @@
+"""Pseudo-arclength continuation: follow the solutions of a problem as one parameter changes.
+
+Rows are found in strides (`stride`), in unknowns scaled so that the span of the parameter and the size of the motion
+are one. The step follows the number of Newton steps, the angle the tangent turned through and how far the prediction
+missed the curve; a step that turns too far, lands too far from where it was sent or runs back over the curve is taken
+again at half its length. The tangent passes folds without a change of parameter. Special points are looked for between
+the rows, the curve's ends at every row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.given import given, need, number, two_numbers
+from hbgear.common.ranges import Range, range_of
+from hbgear.continuation.algebra import norm, norms
+from hbgear.continuation.branch import Branch, Jump, Point, Status
+from hbgear.continuation.corrector import correct
+from hbgear.continuation.ending import Ending
+from hbgear.continuation.events import Found, find, find_hidden, merge, suspects, touching
+from hbgear.continuation.jumps import find_jumps
+from hbgear.continuation.newton import NoConvergence, Settings, solve
+from hbgear.continuation.problem import observe_all
+from hbgear.continuation.record import Mark, branch_of
+from hbgear.continuation.segment import Arc, Departure, Row, cosine, normal_of, row_of, without_evaluation
+from hbgear.continuation.stepsize import Pace, Steps
+from hbgear.continuation.stride import Strider
+from hbgear.mechanics.doubts import of_gaps
+
+Progress = Callable[[float, int, float], None]
+
+
+def trace(
+    problem: Any,
+    parameter: str,
+    span: tuple[float, float],
+    start: Point | Departure | Array | None = None,
+    *,
+    at: Mapping[str, float] | None = None,
+    steps: Steps = Steps(),  # noqa: B008
+    settings: Settings = Settings(),  # noqa: B008
+    stability: bool = True,
+    special: bool = True,
+    progress: Progress | None = None,
+) -> Branch:
+    """Follow the solutions of a problem from one end of a span of a parameter to the other.
+
+    Parameters
+    ----------
+    problem : a `HarmonicBalance`, a `Fold`, or any object with ``evaluate(X, **parameters) -> (R, dR_dX)``.
+    parameter : the parameter that changes: ``"Omega"`` or any float field of the model.
+    span : (from, to). The curve is followed through every fold until it leaves the span at either end, closes on
+        itself, or cannot be followed.
+    start : where to begin: a `Point` (``curve["LP1"]``, ``curve[10]``) or unknowns (n,); by default a motion is
+        found at ``span[0]``. A Point that knows ``parameter`` is begun from at its own value.
+    at : values of parameters that stay fixed, if not the model's (``{"Omega": 0.9}``).
+    steps, settings : step control and corrector.
+    stability : compute Floquet multipliers at every point.
+    special : locate folds, stability changes and grazing contacts and insert them as rows.
+    progress : called as ``progress(value, rows, step)`` after every row. An exception it raises ends the trace and
+        comes out of it as it is, with the branch traced so far as its attribute ``branch``.
+
+    Returns
+    -------
+    Branch
+        with a status and advice whatever happens after the first point. Ctrl-C ends the trace with the status
+        ``interrupted`` and everything traced so far. An error gives the status ``failed``, with the error in the
+        message: the curve is then followed as far as possible, without what the error concerns (rows whose motion
+        could not be observed have multipliers nan and the regime unknown).
+
+    Raises
+    ------
+    TypeError
+        If an argument is of another kind, such as a model instead of its `HarmonicBalance`.
+    KeyError
+        If the problem has no such parameter.
+    ValueError
+        If the span is empty, not finite or outside the range of the parameter, or a fixed parameter is missing.
+    NoConvergence
+        If no motion is found at the start.
+    KeyboardInterrupt
+        If Ctrl-C comes before the first point is found.
+    """
+    return _Tracer(problem, parameter, span, start, at, steps, settings, stability, special, progress).run()
+
+
+_TOGETHER = 32  # rows observed at once
+
+
+class _Tracer:
+    """State of one trace."""
+
+    def __init__(
+        self, problem: Any, parameter: str, span: tuple[float, float], start: Point | Departure | Array | None,
+        at: Mapping[str, float] | None, steps: Steps, settings: Settings,
+        stability: bool, special: bool, progress: Progress | None,
+    ) -> None:  # fmt: skip
+        need("trace(problem)", problem, "problem")
+        _check_kinds(start, at, steps, settings)
+        self.problem, self.name = problem, parameter
+        self.steps, self.settings, self.special, self.progress = steps, settings, special, progress
+        self.stability = stability and hasattr(problem, "multipliers")
+        if hasattr(problem, "check_parameter"):
+            problem.check_parameter(parameter)
+            for name in at or {}:
+                problem.check_parameter(name)
+        if parameter in (at or {}):
+            raise ValueError(f"at={{'{parameter}': ...}}: it is what changes along the curve; give its span")
+        self.range = range_of(problem, parameter)
+        self.a, self.b = _checked_span(parameter, span, self.range)
+        self.landed: float | None = None  # end of the parameter's range that the last row was put on
+        self.fixed = self._fixed(start, at)
+        if hasattr(problem, "check_frequency"):
+            problem.check_frequency(max(self.a, self.b) if parameter == "Omega" else self.fixed["Omega"])
+        self.sense = 1.0 if self.b > self.a else -1.0
+        self.rows: list[Row] = []
+        self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
+        self.waiting: list[Arc] = []  # the last pieces of the curve, not yet looked at
+        many = parameter == "Omega" and hasattr(problem, "linearise_all") and not problem.auto
+        self.together = _TOGETHER if many else 1
+        # where corners of a law are sampled the curve itself has corners: not worth small steps, nor to be told ahead
+        smooth = getattr(problem, "smooth", True)
+        self.ahead, self.miss = steps.ahead if many and smooth else 1, steps.miss if smooth else math.inf
+        self.subharmonic = getattr(problem, "nu", 1) > 1
+        self.turned = False  # whether the curve has changed its heading
+        self.path, self.kept = np.empty((0, 0)), 0  # u of the first rows, and how many of them; see _earlier
+        self.ending = Ending()
+        self.first_unseen: Exception | None = None  # why what the problem says of the first motion could not be had
+        self.made: Branch | None = None
+        self.jumps: tuple[Jump, ...] = ()
+        self.first = self._first_row(start)
+        self.rows = [self.first]
+
+    # ---- start
+
+    def _fixed(self, start: Point | Departure | Array | None, at: Mapping[str, float] | None) -> dict[str, float]:
+        """All parameters but the traced one: the problem's, then the start's, then those given."""
+        fixed = dict(getattr(self.problem, "parameters", {}))
+        if isinstance(start, Point | Departure):
+            fixed.update(start.parameters)
+        fixed.update({k: number(f"at: {k}", v) for k, v in (at or {}).items()})
+        own = self._own_parameters()
+        for name in (self.name, *own):
+            fixed.pop(name, None)
+        known = (self.name, *fixed, *own)
+        if getattr(self.problem, "layout", None) is not None and "Omega" not in known:
+            raise ValueError(
+                f"tracing in {self.name} needs a fixed Omega: give at={{'Omega': ...}} or start from a point of a curve"
+            )
+        return fixed
+
+    def _own_parameters(self) -> tuple[str, ...]:
+        """Parameters that are unknowns of the problem itself (Omega on a fold curve)."""
+        return tuple(getattr(self.problem, "unknown_parameters", ()))
+
+    def _first_row(self, start: Point | Departure | Array | None) -> Row:
+        value = self.a
+        problem = self.problem
+        if isinstance(start, Departure):
+            return self._depart(start)
+        if isinstance(start, Point):
+            value = start.parameters.get(self.name, self.a)
+            if not min(self.a, self.b) <= value <= max(self.a, self.b):
+                raise ValueError(
+                    f"the start has {self.name} = {value:.6g}, outside the span ({self.a:.6g}, {self.b:.6g}); "
+                    "widen the span or choose another start"
+                )
+            X = self._fitted(start)
+            X = problem.join(X, start.parameters) if hasattr(problem, "join") else X
+        elif start is not None:
+            X = np.array(start, dtype=float)
+        elif hasattr(problem, "start"):
+            X = problem.start(**{**self.fixed, self.name: value})
+        else:
+            raise ValueError("this problem finds no start of its own; give start=")
+        _check_start(problem, X)
+        solution = solve(problem, X, {**self.fixed, self.name: value}, self.name, self.settings)
+        self.top = self._motion_size(solution.X)
+        self.scale = self._scale(solution.X)
+        normal = np.zeros(len(solution.X) + 1)
+        normal[-1] = self.sense
+        try:
+            row = row_of(solution, normal, self.scale)
+        except np.linalg.LinAlgError:
+            message = (
+                f"the curve has no direction at {self.name} = {value:.6g}: a fold or branch point lies exactly there, "
+                "or a motion that nothing determines (a gap that stays open without load); start elsewhere or load "
+                "the system"
+            )
+            raise NoConvergence(message, solution.X, {**self.fixed, self.name: value}, [solution.residual]) from None
+        return row
+
+    def _fitted(self, start: Point) -> Array:
+        """The start in this problem's number of harmonics and multiple of the period."""
+        motions = getattr(self.problem, "problem", self.problem)  # of an `Augmented` one: the problem of its motions
+        if start.layout is None or not hasattr(motions, "converted"):
+            return start.X
+        return motions.converted(start.X, start.layout)
+
+    def _depart(self, start: Departure) -> Row:
+        """First row of another branch, a short way along the direction that leaves the point; or the point itself."""
+        u = np.append(start.X, start.parameters[self.name])
+        self.top = self._motion_size(start.X)
+        self.scale = self._scale(start.X)
+        direction = start.direction / np.linalg.norm(start.direction / self.scale)
+        normal = normal_of(direction, self.scale)
+        normal = normal / np.linalg.norm(normal)
+        h = self.steps.first if start.away else 0.0
+        while True:
+            try:
+                solution = correct(self.problem, u + h * direction, normal, self.name, self.fixed, self.settings)
+                return row_of(solution, normal, self.scale)
+            except (NoConvergence, np.linalg.LinAlgError):
+                h *= 0.5
+                if h < 1e-3 * self.steps.first:
+                    raise
+
+    def _motion_size(self, X: Array) -> float:
+        size = getattr(self.problem, "motion_size", None)
+        return float(size(X)) if size else float(np.linalg.norm(X))
+
+    def _scale(self, X: Array) -> Array:
+        """Scales of (X, lambda): the largest motion so far, and the span."""
+        floor = 1e-2 * norm(X) or 1.0
+        scale = np.full(len(X) + 1, max(self.top, floor))
+        scale[-1] = abs(self.b - self.a)
+        for i in range(len(self._own_parameters())):  # parameters among the unknowns: the largest value so far
+            past = [abs(row.solution.X[-1 - i]) for row in self.rows]
+            scale[-2 - i] = max([*past, abs(X[-1 - i])]) or 1.0
+        return scale
+
+    def _observed(self, rows: list[Row]) -> list[Row]:
+        """The rows with what the problem says of their motions; without it where that fails, which is noted.
+
+        If it fails for the first row of the curve, so does the trace.
+        """
+        fresh = [row for row in rows if not row.observed]
+        if not fresh or not hasattr(self.problem, "observe"):
+            return rows
+        told: Iterator[dict[str, Any]]
+        try:
+            u = np.array([row.u for row in fresh])
+            told = iter(observe_all(self.problem, u, self.name, self.fixed, self.stability))
+        except Exception:
+            told = iter([self._observed_alone(row) for row in fresh])
+        return [row if row.observed else replace(row, observed=next(told)) for row in rows]
+
+    def _observed_alone(self, row: Row) -> dict[str, Any]:
+        try:
+            return observe_all(self.problem, row.u[None], self.name, self.fixed, self.stability)[0]
+        except Exception as error:
+            if row is self.first:
+                self.first_unseen = error
+                raise
+            self.ending.note(error, f"in observing the motion at {self.name} = {row.value:.6g}")
+            return {}
+
+    # ---- main loop
+
+    def run(self) -> Branch:
+        """Trace until something ends it; what was traced survives whatever that is."""
+        try:
+            self._work()
+        except (Exception, KeyboardInterrupt) as error:
+            self.ending.note(error, self._place())
+        if self.first_unseen is not None:
+            raise self.first_unseen
+        while True:
+            try:
+                branch = self._result()
+                break
+            except KeyboardInterrupt as error:  # all would be lost, and it takes no time
+                self.ending.note(error, "while the result was put together")
+        if isinstance(self.ending.error, _InProgress):
+            raise self.ending.error.with_branch(branch)
+        return branch
+
+    def _work(self) -> None:
+        """All that takes time: Ctrl-C or an error ends one stage, and the next goes on with what there is."""
+        for stage, place in (
+            (self._follow, self._place),
+            (self._settle, lambda: "while the last motions were being looked at"),
+            (self._complete, lambda: "while the special points were being looked at"),
+            (self._jump, lambda: "while the jumps were being located"),
+            (self._doubt, lambda: "while the curve was looked at as a whole"),
+        ):
+            try:
+                stage()
+            except (Exception, KeyboardInterrupt) as error:
+                self.ending.note(error, place())
+
+    def _place(self) -> str:
+        return f"at {self.name} = {self.rows[-1].value:.6g}"
+
+    def _follow(self) -> None:
+        """Trace until something ends it."""
+        if self.together == 1:
+            self._settle()
+        self._adapt()
+        self.first = self.rows[0]
+        self.pace = Pace(self.steps.first)
+        self.ending.reached(*self._loop())
+
+    def _complete(self) -> None:
+        """Observe what is not yet: special points, and rows whose turn did not come."""
+        self.rows = self._observed(self.rows)
+        located = self._observed([point.row for _, point in self.found])
+        self.found = [(i, replace(point, row=row)) for (i, point), row in zip(self.found, located, strict=True)]
+
+    def _jump(self) -> None:
+        """Locate the jumps of the branch that is done but for them."""
+        if self.stability and self.special:
+            self.made = self._branch()
+            self.jumps = find_jumps(self.made, self.settings)
+
+    def _doubt(self) -> None:
+        """Warn of a whole curve on which nothing comes near a corner."""
+        if self.name == "Omega" and self.ending.status.complete and hasattr(self.problem, "clearance_names"):
+            clearances = [row.observed["clearance"] for row in self.rows if "clearance" in row.observed]
+            made = self.made or self._branch()
+            of_gaps(self.problem.clearance_names, np.array(clearances), made.amplitude("pp2"))
+
+    def _branch(self) -> Branch:
+        meta = {
+            "span": [self.a, self.b], "steps": vars(self.steps), "newton": vars(self.settings),
+            "stability": self.stability,
+        }  # fmt: skip
+        status, message = self.ending.status, self.ending.told
+        return branch_of(self.problem, self.name, self.fixed, *self._record(), status, message, meta)
+
+    def _result(self) -> Branch:
+        made = self.made or self._branch()
+        return replace(made, jump_records=self.jumps, status=self.ending.status, message=self.ending.told)
+
+    def _loop(self) -> tuple[Status, str]:
+        while True:
+            if len(self.rows) >= self.steps.max_points:
+                return Status.MAX_POINTS, f"{len(self.rows)} points, at {self.name} = {self.rows[-1].value:.6g}"
+            rows, reason = self._advance()
+            if not rows:
+                status = Status.RETRACED if reason == _BACK else Status.STEP_TOO_SMALL
+                return status, f"{reason} at {self.name} = {self.rows[-1].value:.6g}; the shortest step was tried"
+            for row in rows:
+                ended = self._take(row)
+                if ended is not None:
+                    return ended
+            self.top = max(self.top, *(self._motion_size(row.solution.X) for row in rows))
+            self.scale = self._scale(self.rows[-1].solution.X)
+            self._adapt()
+
+    def _take(self, row: Row) -> tuple[Status, str] | None:
+        """Go on to a row; status and message if the curve ends there."""
+        last = self.rows[-1]
+        row = self._turn_outside(last, row)
+        end = self._outside(row.value)
+        if self.landed is not None:
+            end = self.landed
+        elif end is not None:
+            row = self._final(last, row, end)
+        closed = end is None and self._closes(last, row)
+        if closed:
+            row = self._as_now(self.first)
+        merged = merge(self._arc(last, row)) if self.subharmonic else None
+        if merged is not None:
+            self._settle()
+            self.rows += [merged.row]
+            return Status.MERGED, f"the branch joined the one it came from at {self.name} = {merged.row.value:.6g}"
+        self._append(last, row)
+        if self.progress:
+            self._tell(row, self.progress)
+        if end is not None:
+            if end == self.b:
+                return Status.REACHED_END, f"{self.name} = {end:.6g} reached"
+            return Status.LEFT_SPAN, f"the curve turned back to {self.name} = {end:.6g}"
+        return (Status.CLOSED, f"the curve closed after {len(self.rows)} points") if closed else None
+
+    def _tell(self, row: Row, progress: Progress) -> None:
+        """Call the user's progress; an exception of theirs is told from all others."""
+        try:
+            progress(row.value, len(self.rows), row.step)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            raise _InProgress(error) from error
+
+    def _advance(self) -> tuple[list[Row], str]:
+        """The next rows, or none and the reason why even the shortest step failed."""
+        low, high = sorted((self.a, self.b))
+        strider = Strider(self.problem, self.name, self.fixed, (low, high), self.steps, self.miss, self.settings)
+        last = [self.rows[-1], *(self._as_now(row) for row in self.rows[-2 : -1 - self.steps.support : -1])]
+        while True:
+            step, count = self.pace
+            count = min(count, self.ahead, self.steps.max_points - len(self.rows))
+            rows, self.pace, reason = strider.stride(last, self.scale, Pace(step, count))
+            kept = self._before_running_back(rows)
+            if kept < len(rows):
+                rows, reason, self.pace = rows[:kept], _BACK, strider.shorter(step)
+            if not rows and (row := self._at_the_range_end(step)):
+                return [row], ""
+            if rows or (step <= self.steps.shortest and count == 1):
+                return rows, reason
+
+    def _at_the_range_end(self, step: float) -> Row | None:
+        """The row at the end of the parameter's range that a step would cross: nothing can be evaluated beyond it."""
+        last = self.rows[-1]
+        unit = last.tangent / norm(last.tangent / self.scale)
+        beyond = last.value + step * unit[-1]
+        end = next((x for x in (self.a, self.b) if (x - last.value) * (x - beyond) < 0), None)
+        if end is None or math.nextafter(end, beyond) in self.range:
+            return None
+        guess = last.u + (end - last.value) / unit[-1] * unit
+        try:
+            solution = solve(self.problem, guess[:-1], {**self.fixed, self.name: end}, self.name, self.settings)
+            row = row_of(solution, normal_of(unit, self.scale), self.scale, step, last)
+        except (ValueError, NoConvergence, np.linalg.LinAlgError):
+            return None
+        apart = norm((row.u - last.u) / self.scale)
+        if apart > 2 * step or cosine(row, last, self.scale) < _TURNED * norm(row.tangent / self.scale) * norm(
+            last.tangent / self.scale
+        ):
+            return None
+        self.landed = end
+        return row
+
+    def _append(self, last: Row, row: Row) -> None:
+        """Store a row; what lies between it and the last is looked at when enough rows have come together."""
+        arc = self._arc(last, row)
+        self.turned = self.turned or row.heading != last.heading
+        self.waiting += [arc]  # no call, and so no Ctrl-C, comes between this and the next
+        self.rows += [row]
+        if len(self.waiting) >= self.together:
+            self._settle()
+        if hasattr(self.problem, "rebased"):
+            self.problem = self.problem.rebased(row.solution.X, {**self.fixed, self.name: row.value})
+
+    def _settle(self) -> None:
+        """Observe the rows that wait and find the special points between them."""
+        start = len(self.rows) - len(self.waiting) - 1
+        path = self._observed(self.rows[start:])
+        found: list[tuple[int, Found]] = []
+        if self.special:
+            sure = suspects(path, self.stability)
+            for i in sure:
+                arc = replace(self.waiting[i], a=path[i], b=path[i + 1])
+                found += [(start + 1 + i, point) for point in self._located(arc)]
+            found += self._hidden(path, start, sure)
+        if self.together == 1:  # the problem may be another one at the next row
+            located = self._observed([point.row for _, point in found])
+            found = [(i, replace(point, row=row)) for (i, point), row in zip(found, located, strict=True)]
+        path = [*(without_evaluation(row) for row in path[:-1]), path[-1]]
+        self.rows[start:], self.waiting, self.found = path, [], self.found + found
+
+    def _located(self, arc: Arc) -> list[Found]:
+        """The special points on a piece; none if an error ends the search, which is noted."""
+        try:
+            return find(arc, self.stability)
+        except Exception as error:
+            ends = f"{self.name} = {arc.a.value:.6g} and {arc.b.value:.6g}"
+            self.ending.note(error, f"in locating a special point between {ends}")
+            return []
+
+    def _hidden(self, path: list[Row], start: int, sure: list[int]) -> list[tuple[int, Found]]:
+        """Pairs of special points between two rows of a path, whose first is number start, on pieces not sure."""
+        early = self.rows[start - 1 : start] if start else []
+        rows = [*early, *path]
+        if len(rows) < 3 or len({len(row.u) for row in rows}) > 1:
+            return []
+        u = np.array([row.u for row in rows]) / self.scale
+        length = norms(u[1:] - u[:-1])
+        found: list[tuple[int, Found]] = []
+        for piece, s in touching(rows, length, self.stability).items():
+            if piece - len(early) not in sure and 0 < s < 1:
+                arc, number = self._arc(rows[piece], rows[piece + 1]), start - len(early) + piece + 1
+                hidden = find_hidden(arc, s, self.stability, self._observed_between)
+                if not any(other == number for other, _ in [*self.found, *found]):
+                    found += [(number, point) for point in hidden]
+        return found
+
+    def _observed_between(self, row: Row) -> Row:
+        return self._observed([row])[0]
+
+    def _record(self) -> tuple[list[Row], list[Mark]]:
+        """All rows, the located special points among them, and the marks of these."""
+        rows: list[Row] = []
+        marks: list[Mark] = []
+        found = sorted(self.found, key=lambda one: (one[0], one[1].s))
+        for i, row in enumerate(self.rows):
+            while found and found[0][0] == i:
+                point = found.pop(0)[1]
+                if point.located:
+                    rows.append(point.row)
+                interval = (self.rows[i - 1].value, row.value)
+                marks.append(Mark(len(rows) - 1, point.kind, point.located, interval, point.note))
+            rows.append(row)
+        return rows, marks
+
+    def _adapt(self) -> None:
+        """Give the last row as many harmonics as its truncation error asks for (``harmonics="auto"``)."""
+        wanted_harmonics = getattr(self.problem, "wanted_harmonics", None)
+        if wanted_harmonics is None:
+            return
+        while True:
+            before = self.problem, self.scale, self.rows[-1]
+            H = wanted_harmonics(self.rows[-1].observed.get("error", 0.0))
+            if H is None or not self._to_harmonics(H):
+                return
+            if before[0].H > H:  # fewer: keep them only if they suffice
+                if self.problem.wanted_harmonics(self.rows[-1].observed.get("error", 0.0)) is not None:
+                    self.problem, self.scale, self.rows[-1] = before
+                return
+            wanted_harmonics = self.problem.wanted_harmonics
+
+    def _to_harmonics(self, H: int) -> bool:
+        """Solve the last row again with H harmonics and go on with that problem; False if that fails."""
+        last = self.rows[-1]
+        problem = self.problem.with_order(self.problem.nu, H)
+        X, direction = problem.fitted(last.solution.X), np.append(problem.fitted(last.tangent[:-1]), last.tangent[-1])
+        scale = np.append(np.full(len(X), self.scale[0]), self.scale[-1])
+        normal = normal_of(direction, scale)
+        normal = normal / np.linalg.norm(normal)
+        try:
+            solution = correct(problem, np.append(X, last.value), normal, self.name, self.fixed, self.settings)
+            row = row_of(solution, normal, scale, last.step, last)
+        except (NoConvergence, np.linalg.LinAlgError):
+            return False
+        self.problem, self.scale = problem, scale
+        self.rows[-1] = self._observed([row])[0]
+        return True
+
+    def _as_now(self, row: Row) -> Row:
+        """An earlier row in the present number of harmonics."""
+        if len(row.u) == len(self.scale):
+            return row
+        fit = self.problem.fitted
+        u, t = np.append(fit(row.u[:-1]), row.u[-1]), np.append(fit(row.tangent[:-1]), row.tangent[-1])
+        return replace(row, u=u, tangent=t)
+
+    def _arc(self, last: Row, row: Row) -> Arc:
+        return Arc(self.problem, self.name, self.fixed, last, row, self.scale, self.settings)
+
+    # ---- ends
+
+    def _outside(self, value: float) -> float | None:
+        """The end of the span that a value lies on or beyond, if any."""
+        if self.sense * (value - self.b) >= 0:
+            return self.b
+        if self.sense * (value - self.a) < 0:
+            return self.a
+        return None
+
+    def _turn_outside(self, last: Row, row: Row) -> Row:
+        """The row; or the fold before it, where that lies outside the span and the step came back into it."""
+        if last.heading * row.heading >= 0:
+            return row
+        arc = self._arc(last, row)
+        near = [float(arc.guess(k / 8)[-1]) for k in range(1, 8)]
+        reach = max(near) - min(near)
+        if all(self._outside(x + d) is None for x in near for d in (-reach, reach)):
+            return row
+        for found in find(arc, stability=False):
+            if found.located and self._outside(found.row.value) is not None:
+                return found.row
+        return row
+
+    def _final(self, last: Row, row: Row, end: float) -> Row:
+        """Row exactly at the end of the span, solved at fixed parameter from between the last two rows."""
+        s = (end - last.value) / (row.value - last.value)
+        guess = self._arc(last, row).guess(s)
+        here = {**self.fixed, self.name: end}
+        try:
+            solution = solve(self.problem, guess[:-1], here, self.name, self.settings)
+            final = row_of(solution, normal_of(row.u - last.u, self.scale), self.scale, s * row.step, last)
+        except (NoConvergence, np.linalg.LinAlgError):
+            return row
+        return final
+
+    def _closes(self, last: Row, row: Row) -> bool:
+        """Whether the piece from last to row passes through the first row, in its direction."""
+        if len(self.rows) < 4 or not self.turned:
+            return False
+        first = self._as_now(self.first)
+        return cosine(row, first, self.scale) > 0 and self._arc(last, row).passes(first)
+
+    def _before_running_back(self, rows: list[Row]) -> int:
+        """How many of the new rows come before the curve runs back over an earlier row."""
+        path = [self.rows[-1], *rows]
+        turned = self.turned or any(row.heading != path[0].heading for row in rows)
+        if len(self.rows) < 4 or not turned:
+            return len(rows)
+        earlier = self._earlier() / self.scale
+        u = np.array([row.u for row in path]) / self.scale
+        apart = np.square(earlier).sum(axis=1)[:, None] - 2 * earlier @ u.T + np.square(u).sum(axis=1)
+        reach = np.square(u[1:] - u[:-1]).sum(axis=1)
+        for k in np.flatnonzero((apart[:, 1:] < _NEAR * reach).any(axis=0)):
+            if self._runs_back(path[k], path[k + 1], earlier):
+                return int(k)
+        return len(rows)
+
+    def _runs_back(self, last: Row, row: Row, earlier: Array) -> bool:
+        """Whether the piece passes through an earlier row (``earlier``: all, scaled) in the other direction."""
+        chord = (row.u - last.u) / self.scale
+        offsets = earlier - last.u / self.scale
+        s = np.clip(offsets @ chord / (chord @ chord), 0, 1)
+        away = offsets - s[:, None] * chord
+        near = np.flatnonzero(np.einsum("ij,ij->i", away, away) < 0.01 * (chord @ chord))
+        others, arc = [self._as_now(self.rows[i]) for i in near], self._arc(last, row)
+        return any(cosine(row, other, self.scale) < 0 and arc.passes(other) for other in others)
+
+    def _earlier(self) -> Array:
+        """Unknowns (P, n + 1) of all rows but the last three, in the present number of harmonics."""
+        count, width = len(self.rows), len(self.scale)
+        if self.path.shape[1] != width:
+            self.path, self.kept = np.empty((0, width)), 0
+        if count > len(self.path):
+            self.path = np.concatenate([self.path, np.empty((count, width))])
+        for i in range(self.kept, count):
+            self.path[i] = self._as_now(self.rows[i]).u
+        self.kept = count
+        return self.path[: count - 3]
+
+
+class _InProgress(Exception):
+    """An exception of the user's own progress."""
+
+    def __init__(self, given: BaseException) -> None:
+        super().__init__(f"in progress, {type(given).__name__}: {given}")
+        self.given = given
+
+    def with_branch(self, branch: Branch) -> BaseException:
+        """The exception as it was raised, with what was traced as its attribute ``branch``."""
+        self.given.branch = branch  # type: ignore[attr-defined]
+        self.given.add_note(f"what was traced until then ({len(branch)} points) is this exception's attribute branch")
+        return self.given
+
+
+_BACK = "the curve ran back over itself"
+
+
+_TURNED = 0.9  # least cosine of the turn on the last step to the end of a parameter's range
+
+
+_NEAR = 1.3  # squared distance from its end, in its length squared, that what lies beside a piece may have
+
+
+def _check_kinds(start: Any, at: Any, steps: Any, settings: Any) -> None:
+    if isinstance(start, str | Branch | Mapping):
+        raise TypeError(f"start: got {given(start)}; need a Point such as curve['LP1'] or curve[-1], or unknowns (n,)")
+    if at is not None and not isinstance(at, Mapping):
+        raise TypeError(f"at: got {given(at)}; need values by name, such as at={{'zeta': 0.05}}")
+    if not isinstance(steps, Steps):
+        raise TypeError(f"steps: got {given(steps)}; need Steps(...), such as Steps(max_points=100)")
+    if not isinstance(settings, Settings):
+        raise TypeError(f"settings: got {given(settings)}; need Settings(...), such as Settings(tolerance=1e-12)")
+
+
+def _check_start(problem: Any, X: Array) -> None:
+    if not np.all(np.isfinite(X)):
+        raise ValueError("the start has entries that are not finite")
+    size = getattr(problem, "size", None)
+    if size is not None and X.shape != (size,):
+        raise ValueError(
+            f"the start has {X.size} unknowns; the problem has {size}. Start from a Point, which is converted to "
+            "this number of harmonics, or from unknowns of the right length"
+        )
+
+
+def _checked_span(parameter: str, span: tuple[float, float], allowed: Range) -> tuple[float, float]:
+    a, b = two_numbers("span", span)
+    if not (math.isfinite(a) and math.isfinite(b)):
+        raise ValueError(f"span = ({a}, {b}) must be finite")
+    if a == b:
+        raise ValueError(f"span = ({a}, {b}) is empty; give two different values of {parameter}")
+    if a not in allowed or b not in allowed:
+        what = "Omega must stay positive" if parameter == "Omega" else f"{parameter} must {allowed}"
+        raise ValueError(f"span = ({a}, {b}): {what}")
+    return a, b

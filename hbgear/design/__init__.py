@@ -1,0 +1,1 @@
+"""Many designs: samples, studies on all cores, their store."""

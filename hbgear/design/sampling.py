@@ -1,0 +1,153 @@
+"""Which cases a design study has: every combination of given values, or a random sample of distributions.
+
+    Latin hypercube   u_ij = (pi_j(i) + r) / n: one case in each n-th of every parameter   value = F_j^-1(u_ij)
+    Monte Carlo       u_ij independent and uniform in (0, 1)
+
+F_j is the cumulative distribution of parameter j. A longer Monte Carlo sample starts with the cases of a shorter one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.messages import did_you_mean
+from hbgear.common.ranges import counted
+
+METHODS = ("latin-hypercube", "monte-carlo")
+
+
+DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
+    "uniform": (("low", "high"), lambda s, a, b: s.uniform(a, b - a)),
+    "normal": (("mean", "deviation"), lambda s, mean, d: s.norm(mean, d)),
+    "truncated_normal": (("mean", "deviation", "low", "high"),
+                         lambda s, mean, d, a, b: s.truncnorm((a - mean) / d, (b - mean) / d, mean, d)),
+    "lognormal": (("median", "sigma"), lambda s, median, sigma: s.lognorm(sigma, scale=median)),
+    "triangular": (("low", "mode", "high"), lambda s, a, c, b: s.triang((c - a) / (b - a), a, b - a)),
+}  # fmt: skip
+"""Names, what their numbers mean, and how scipy.stats calls them; sigma is the deviation of the logarithm."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Every combination of values, ``values[name]`` for each parameter; the last one changes fastest."""
+
+    values: Mapping[str, Sequence[Any]]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.values)
+
+    @property
+    def size(self) -> int:
+        """Number of cases, known without listing them."""
+        return math.prod(len(values) for values in self.values.values())
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """The values of each case by name."""
+        return (dict(zip(self.values, row, strict=True)) for row in product(*self.values.values()))
+
+
+@dataclass(frozen=True)
+class Sample:
+    """``size`` random cases; method: one of `METHODS`; distributions: ``(name of DISTRIBUTIONS, number, ...)``."""
+
+    method: str
+    size: int
+    seed: int
+    distributions: Mapping[str, Sequence[Any]]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.distributions)
+
+    def uniform(self) -> Array:
+        """(size, parameters) in (0, 1)."""
+        if self.method == "monte-carlo":
+            return np.random.default_rng(self.seed).random((self.size, len(self.names)))
+        from scipy.stats import qmc
+
+        return np.asarray(qmc.LatinHypercube(len(self.names), seed=self.seed).random(self.size))
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """The values of each case by name."""
+        u = self.uniform()
+        columns = [distribution(x).ppf(u[:, j]) for j, x in enumerate(self.distributions.values())]
+        return (dict(zip(self.names, map(float, row), strict=True)) for row in zip(*columns, strict=True))
+
+
+def grid(**values: Sequence[Any]) -> Grid:
+    """Every combination of these values of the fields of a model.
+
+    Raises
+    ------
+    ValueError
+        If there is no parameter, or one has no value or the same value twice.
+    """
+    if not values:
+        raise ValueError("a grid needs at least one parameter: grid(zeta=[0.04, 0.05])")
+    for name, each in values.items():
+        if isinstance(each, str) or not hasattr(each, "__len__") or not len(each):
+            raise ValueError(f"grid: {name} = {each!r}: need a list of at least one value")
+        if len({repr(x) for x in each}) < len(each):
+            raise ValueError(f"grid: {name} has a value twice; give each once")
+    return Grid({name: tuple(x.item() if isinstance(x, np.generic) else x for x in v) for name, v in values.items()})
+
+
+def latin_hypercube(count: int, seed: int = 0, /, **distributions: Sequence[Any]) -> Sample:
+    """Cases spread evenly over each parameter: ``latin_hypercube(100, 1, zeta=("uniform", 0.04, 0.08))``.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If the count is below 1, there is no such distribution, or its numbers do not fit.
+    """
+    return _sample("latin-hypercube", count, seed, distributions)
+
+
+def monte_carlo(count: int, seed: int = 0, /, **distributions: Sequence[Any]) -> Sample:
+    """Independent random cases, such as manufacturing tolerances; arguments and errors as of `latin_hypercube`."""
+    return _sample("monte-carlo", count, seed, distributions)
+
+
+def _sample(method: str, count: int, seed: int, distributions: Mapping[str, Sequence[Any]]) -> Sample:
+    counted("count", count, 10_000_000)
+    counted("seed", seed, least=0)
+    if not distributions:
+        raise ValueError(f"a sample of {count} cases in no parameter: name one, as in zeta=('uniform', 0.04, 0.06)")
+    for each in distributions.values():
+        distribution(each)
+    return Sample(method, count, seed, {name: tuple(each) for name, each in distributions.items()})
+
+
+def distribution(given: Sequence[Any]) -> Any:
+    """The frozen distribution of scipy.stats for ``("uniform", 0.04, 0.08)`` and the like.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If there is none of that name, or its numbers are too few, too many, not finite or not in order.
+    """
+    from scipy import stats
+
+    if not isinstance(given, list | tuple):
+        raise ValueError(f"a distribution is given as ('uniform', low, high) or the like, not as {given!r}")
+    if not given or given[0] not in DISTRIBUTIONS:
+        name = str(given[0]) if given else ""
+        raise KeyError(f"there is no distribution '{name}'{did_you_mean(name, DISTRIBUTIONS)}")
+    name, *numbers = given
+    meaning, make = DISTRIBUTIONS[name]
+    need = f"need {', '.join(meaning)}"
+    if len(numbers) != len(meaning) or not all(isinstance(x, int | float) and math.isfinite(x) for x in numbers):
+        raise ValueError(f"{name} of {numbers}: {need}, {len(meaning)} finite numbers")
+    bounds = [x for x, what in zip(numbers, meaning, strict=True) if what in ("low", "mode", "high")]
+    positive = [x for x, what in zip(numbers, meaning, strict=True) if what in ("deviation", "sigma", "median")]
+    if bounds != sorted(bounds) or (bounds and bounds[0] == bounds[-1]) or any(x <= 0 for x in positive):
+        raise ValueError(f"{name} of {numbers}: {need}, in ascending order and not all equal, deviations positive")
+    return make(stats, *map(float, numbers))

@@ -1,0 +1,1 @@
+"""Periodic motions by harmonic balance: residual, exact contact, stability, special points, jumps."""

@@ -1,0 +1,105 @@
+"""The models the command line knows by name, and models from the headers of saved files."""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Mapping
+from typing import Any
+
+from hbgear.common.messages import did_you_mean
+from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
+from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.mechanics.model import Model
+from hbgear.mechanics.oscillators import Duffing
+
+MODELS: dict[str, type[Model]] = {
+    "duffing": Duffing,
+    "spur-pair": SpurPair,
+    "gear-rotor-bearing": GearRotorBearing,
+    "double-helical": DoubleHelicalPair,
+}
+
+
+def build(name: str, /, **fields: Any) -> Model:
+    """The model of that name, with its defaults except for the given fields.
+
+    Raises
+    ------
+    KeyError
+        If there is no such model, or it has no such field.
+    ValueError
+        If a value is out of its range.
+    """
+    if name not in MODELS:
+        raise KeyError(f"there is no model '{name}'{did_you_mean(name, MODELS)}")
+    return MODELS[name]().replace(**fields)
+
+
+def rebuild(meta: Any) -> Model:
+    """The model that `hbgear.mechanics.model.describe` was given; lists become tuples.
+
+    Raises
+    ------
+    KeyError
+        If the class is not in the catalogue or has no such field.
+    ValueError
+        If ``meta`` is not of the form `describe` returns, or a value is of another type or out of its range.
+    """
+    if not is_description(meta):
+        raise ValueError(f"a model is described by {{'class': name, 'fields': {{...}}}}, got {str(meta)[:80]}")
+    classes = {cls.__name__: cls for cls in MODELS.values()}
+    if meta["class"] not in classes:
+        raise KeyError(f"the catalogue has no class '{meta['class']}'{did_you_mean(meta['class'], classes)}")
+    fields = {name: tuple(v) if isinstance(v, list) else v for name, v in meta["fields"].items()}
+    _check_types(classes[meta["class"]], fields)
+    return classes[meta["class"]]().replace(**fields)
+
+
+def is_description(meta: Any) -> bool:
+    """Whether this is of the form that `hbgear.mechanics.model.describe` returns."""
+    whole = isinstance(meta, Mapping) and isinstance(meta.get("class"), str) and isinstance(meta.get("fields"), Mapping)
+    return whole and all(isinstance(name, str) for name in meta["fields"])
+
+
+def _check_types(cls: type[Model], fields: Mapping[str, Any]) -> None:
+    """Refuse values that are not of the types of their fields; the model itself refuses unknown fields."""
+    import pydantic
+
+    hints = typing.get_type_hints(cls)
+    for name in fields.keys() & hints.keys():
+        try:
+            pydantic.TypeAdapter(hints[name]).validate_python(fields[name], strict=True)
+        except pydantic.ValidationError as error:
+            reason = error.errors()[0]["msg"]
+            raise ValueError(f"{cls.__name__}: {name} = {str(fields[name])[:40]}: {reason}") from None
+
+
+def problem_of(meta: Mapping[str, Any]) -> HarmonicBalance:
+    """The harmonic balance a branch was traced with, from the header of its file (``Branch.meta``).
+
+    Raises
+    ------
+    KeyError, ValueError
+        If the model is not in the catalogue (a `System` of your own: load with ``problem=`` instead) or the header is
+        of another kind.
+    """
+    if "model" not in meta or "balance" not in meta:
+        raise ValueError("the file does not say which model and balance it was traced with; load it with problem=...")
+    settings = _settings(meta["balance"])
+    auto = settings.pop("auto")
+    out = HarmonicBalance(rebuild(meta["model"]), **settings)
+    return out if auto is None else out.with_tolerance(auto)
+
+
+_MOST_SAMPLES = 2**22  # no trace that anybody waited for had more
+
+
+def _settings(balance: Any) -> dict[str, Any]:
+    """Settings of `HarmonicBalance` as `HarmonicBalance.describe` gives them, "auto" among them."""
+    kinds = {"harmonics": int, "samples": int, "nu": int, "sampled": bool}
+    if not isinstance(balance, Mapping) or any(type(balance.get(name)) is not kind for name, kind in kinds.items()):
+        raise ValueError(f"the balance is described by {', '.join(kinds)} and auto, got {str(balance)[:80]}")
+    auto, samples = balance.get("auto"), balance["samples"]
+    if samples > _MOST_SAMPLES or not (auto is None or (type(auto) is float and auto > 0)):
+        raise ValueError(f"no balance has {samples} samples and the tolerance {str(auto)[:40]}")
+    return {**{name: balance[name] for name in kinds}, "auto": auto}

@@ -1,0 +1,290 @@
+"""Jump maps and critical values: where jumps are, and for which design they vanish.
+
+A jump is a fold of the response curve. Its frequency as a function of a design parameter is a fold curve; where the two
+folds of a jump meet, at a cusp of that curve, the jump appears or vanishes.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.given import two_numbers
+from hbgear.common.ranges import counted
+from hbgear.common.replacing import replacing
+from hbgear.continuation.bordered import Fold
+from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status, joined
+from hbgear.continuation.ending import Ending, whole
+from hbgear.continuation.newton import NoConvergence, solve
+from hbgear.continuation.stepsize import Steps
+from hbgear.continuation.tracer import trace
+from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.mechanics.model import Model
+
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A piece of a fold curve on which the parameter is monotonic.
+
+    values, Omega (P,): the parameter, ascending, and the jump frequency; direction: +1 if a sweep jumps there while
+    Omega rises, -1 while it falls.
+    """
+
+    values: Array
+    Omega: Array
+    direction: int
+
+    def at(self, value: float) -> float:
+        """Jump frequency at a value of the parameter; nan outside the arm."""
+        return float(np.interp(value, self.values, self.Omega, left=math.nan, right=math.nan))
+
+
+@dataclass(frozen=True)
+class JumpMap:
+    """Jump frequencies against a design parameter.
+
+    Parameters
+    ----------
+    parameter, span : the design parameter and its range.
+    folds : the fold curves, each a `Branch` in the parameter with Omega in ``tracked``.
+    arms : their monotonic pieces.
+    labels : axis labels of the model.
+    status, message : whether everything was traced as far as it goes, and what was not.
+    """
+
+    parameter: str
+    span: tuple[float, float]
+    folds: tuple[Branch, ...]
+    arms: tuple[Arm, ...]
+    labels: dict[str, str]
+    status: Status = Status.REACHED_END
+    message: str = ""
+
+    @property
+    def cusps(self) -> tuple[SpecialPoint, ...]:
+        """Where jumps appear or vanish."""
+        return tuple(p for fold in self.folds for p in fold.special if p.kind == "CP")
+
+    def jumps_at(self, value: float) -> list[tuple[float, int]]:
+        """(Omega, direction) of every jump at a value of the parameter, ascending in Omega."""
+        return [(Omega, self.arms[i].direction) for Omega, i in self._met(value)]
+
+    def _met(self, value: float) -> list[tuple[float, int]]:
+        """(Omega, number of the arm) at a value of the parameter, ascending in Omega."""
+        found = [(arm.at(value), i) for i, arm in enumerate(self.arms)]
+        return sorted((Omega, i) for Omega, i in found if not math.isnan(Omega))
+
+    def several_motions(self, value: float) -> list[tuple[float, float]]:
+        """Intervals of Omega in which the traced curve holds several motions at a value of the parameter."""
+        return [(low[0], high[0]) for low, high in self._intervals(value)]
+
+    def _intervals(self, value: float) -> list[tuple[tuple[float, int], tuple[float, int]]]:
+        """The same with the arms that bound them."""
+        out, count, start = [], 0, (0.0, -1)
+        for Omega, i in self._met(value):
+            before, count = count, count - self.arms[i].direction
+            if before <= 0 < count:
+                start = (Omega, i)
+            elif count <= 0 < before:
+                out.append((start, (Omega, i)))
+        return out
+
+    def export(self, path: str | os.PathLike[str]) -> None:
+        """Write a .csv with one row per point of every arm: arm, parameter, Omega, direction; whole or not at all."""
+        with replacing(path, "x", encoding="utf-8", newline="") as handle:
+            writer = csv.writer(handle)
+            writer.writerow(["arm", self.parameter, "Omega", "direction"])
+            for i, arm in enumerate(self.arms, 1):
+                writer.writerows(
+                    [i, float(x), float(y), arm.direction] for x, y in zip(arm.values, arm.Omega, strict=True)
+                )
+
+    def bands(self, values: Array) -> list[tuple[Array, Array]]:
+        """Lower and upper Omega, (len(values),) each, of every region of several motions; nan where it is not."""
+        found: dict[tuple[int, int], tuple[Array, Array]] = {}
+        for n, value in enumerate(values):
+            for (low, i), (high, j) in self._intervals(float(value)):
+                empty = np.full(len(values), math.nan), np.full(len(values), math.nan)
+                band = found.setdefault((i, j), empty)
+                band[0][n], band[1][n] = low, high
+        return list(found.values())
+
+
+def jump_map(
+    model: Model | HarmonicBalance,
+    parameter: str,
+    span: tuple[float, float],
+    *,
+    frequencies: tuple[float, float] | None = None,
+    harmonics: int = 16,
+    seeds: int = 3,
+    steps: Steps = Steps(),  # noqa: B008
+    report: Report | None = None,
+) -> JumpMap:
+    """Jump-up and jump-down frequencies against a design parameter.
+
+    Response curves at ``seeds`` values across the span give the folds; each is followed in the parameter as far as it
+    goes. A fold curve that no seed meets is missed: use more seeds where jumps come and go.
+
+    Parameters
+    ----------
+    model : a model, or a `HarmonicBalance` whose settings are to be used.
+    parameter : float field of the model.
+    span : its range.
+    frequencies : range of Omega of the response curves; the model's by default.
+    harmonics : used if a model is given.
+    seeds : number of response curves, at least 2.
+    report : called with a line of text as work goes on.
+
+    Returns
+    -------
+    JumpMap
+        Ctrl-C or an error ends it with the fold curves that are whole; ``status`` and ``message`` say so.
+
+    Raises
+    ------
+    ValueError
+        If the parameter is Omega, the span empty or outside the range of the parameter, or seeds not from 2 to 1000.
+    KeyError
+        If the model has no such parameter.
+    KeyboardInterrupt, NoConvergence
+        If it ends before the first fold curve is whole.
+    """
+    problem = _problem(model, harmonics)
+    _check(problem, parameter)
+    low, high = sorted(two_numbers("span", span))
+    if not (math.isfinite(low) and math.isfinite(high)) or low == high:
+        raise ValueError(f"span = {span}: need two different finite values of {parameter}")
+    _checked_range(frequencies)
+    if low not in (allowed := problem.range_of(parameter)) or high not in allowed:
+        raise ValueError(f"span = {span}: {parameter} must {allowed}")
+    counted("seeds", seeds, 1000, least=2)
+    folds: list[tuple[Branch, list[Arm]]] = []
+    ending, value = Ending(), low
+    try:
+        for value in _spread(low, high, seeds):
+            say(report, f"response curve at {parameter} = {value:.5g}")
+            curve = _curve(problem, parameter, value, frequencies)
+            ending.also(curve, f"the response curve at {parameter} = {value:.5g}")
+            for point in (p for p in curve.special if p.kind == "LP" and p.located):
+                if not any(_known(problem, fold, point, parameter) for fold, _ in folds):
+                    say(report, f"fold at Omega = {point.parameters['Omega']:.5g}, followed in {parameter}")
+                    fold = _fold_curve(problem, parameter, (low, high), point, steps)
+                    folds += [(fold, _arms(problem, fold))]
+                    ending.also(fold, f"the curve of the fold at Omega = {point.parameters['Omega']:.5g}")
+    except (Exception, KeyboardInterrupt) as error:
+        if not folds:
+            raise
+        ending.note(error, f"at the response curve at {parameter} = {value:.5g} or its folds")
+    return JumpMap(
+        parameter, (low, high), tuple(fold for fold, _ in folds), tuple(arm for _, arms in folds for arm in arms),
+        dict(problem.model.labels), ending.status, ending.told,
+    )  # fmt: skip
+
+
+_REACH = 5.0  # how far a fold is followed, in the model's own value of the parameter
+
+
+_CAREFUL = Steps(first=0.002, longest=0.02, max_points=300)
+
+
+_BARREN = 6  # fold curves without a cusp after which the search is given up
+
+
+def say(report: Report | None, text: str) -> None:
+    """Pass a line of progress on."""
+    if report:
+        report(text)
+
+
+def _problem(model: Model | HarmonicBalance, harmonics: int) -> HarmonicBalance:
+    return model if isinstance(model, HarmonicBalance) else HarmonicBalance(model, harmonics)
+
+
+def _check(problem: HarmonicBalance, parameter: str) -> None:
+    problem.check_fixed("following folds")
+    problem.check_parameter(parameter)
+    if parameter == "Omega":
+        raise ValueError(
+            "the design parameter must differ from Omega, which is the frequency of the jumps; choose one of: "
+            + ", ".join(problem.parameters)
+        )
+
+
+def _checked_range(frequencies: tuple[float, float] | None) -> None:
+    if frequencies is not None:
+        two_numbers("frequencies", frequencies)
+
+
+def _spread(low: float, high: float, count: int) -> list[float]:
+    """Both ends first, then the values between."""
+    inner = list(np.linspace(low, high, count)[1:-1])
+    return [low, high, *map(float, inner)]
+
+
+def _curve(problem: HarmonicBalance, parameter: str, value: float, frequencies: tuple[float, float] | None) -> Branch:
+    span = frequencies or problem.model.default_span
+    return whole(trace(problem, "Omega", span, at={parameter: value}, stability=False))
+
+
+def _known(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:
+    """Whether a fold lies on a fold curve already traced: solve for the curve's fold at the same value and compare."""
+    value = point.parameters[parameter]
+    x = fold.values - value
+    for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
+        s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
+        Omega = (1 - s) * fold.tracked["Omega"][i] + s * fold.tracked["Omega"][i + 1]
+        if abs(Omega - point.parameters["Omega"]) > 0.05 * Omega:
+            continue
+        U = np.append((1 - s) * fold.X[i] + s * fold.X[i + 1], Omega)
+        try:
+            there = solve(Fold(problem), U, {**fold.parameters_at(int(i)), parameter: value}).X
+        except NoConvergence:
+            continue
+        if abs(there[-1] - point.parameters["Omega"]) < 1e-6 * Omega:
+            return True
+    return False
+
+
+def _fold_curve(
+    problem: HarmonicBalance, parameter: str, span: tuple[float, float], point: Point, steps: Steps
+) -> Branch:
+    """A fold followed both ways, from where it leaves the span to where it leaves it again."""
+    low, high = span
+    value = point.parameters[parameter]
+    forth = whole(trace(Fold(problem), parameter, (low, high), point, steps=steps))
+    if value == low or forth.status == "closed":
+        return forth
+    back = whole(trace(Fold(problem), parameter, (high, low), point, steps=steps))
+    return joined(back, forth) if value != high else back
+
+
+def _arms(problem: HarmonicBalance, fold: Branch) -> list[Arm]:
+    """Monotonic pieces of a fold curve, cut at its cusps."""
+    cuts = [0, *(p.index for p in fold.special if p.kind == "CP"), len(fold) - 1]
+    extended = Fold(problem)
+    out = []
+    for a, b in pairwise(cuts):
+        if b - a < 1:
+            continue
+        middle = (a + b) // 2 if b - a > 1 else a
+        U = np.append(fold.X[middle], fold.tracked["Omega"][middle])
+        here = {k: v for k, v in fold.parameters_at(middle).items() if k != "Omega"}
+        order = np.argsort(fold.values[a : b + 1])
+        out.append(
+            Arm(
+                fold.values[a : b + 1][order],
+                fold.tracked["Omega"][a : b + 1][order],
+                extended.direction(U, **here),
+            )
+        )
+    return out

@@ -1,0 +1,129 @@
+"""How rows of unknowns are read, and amplitude measures of the periodic functions they stand for.
+
+    x(theta) = a0 + sum_{k=1..H} a_k cos(k theta) + b_k sin(k theta),   theta = tau / nu
+
+    rms   sqrt(sum_k (a_k^2 + b_k^2) / 2), the mean left out     pp2   (max x - min x) / 2
+    max   max |x|                                                mean  a0
+    Hk    sqrt(a^2 + b^2) of harmonic k of the excitation, which is basis harmonic nu k; H1/2 for one between them
+
+Functions take rows (..., 2H + 1) and give one number for each.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import counted
+from hbgear.mechanics.fourier import extrema, harmonics_of, to_complex, to_real
+
+
+def rms(X: Array) -> Array:
+    """Root mean square of the alternating part."""
+    return np.sqrt(0.5 * np.sum(X[..., 1:] ** 2, axis=-1))
+
+
+def half_peak_to_peak(X: Array) -> Array:
+    """Half the distance between the largest and the smallest value."""
+    low, _, high, _ = extrema(X)
+    return (high - low) / 2
+
+
+def largest(X: Array) -> Array:
+    """Largest absolute value."""
+    low, _, high, _ = extrema(X)
+    return np.maximum(np.abs(low), np.abs(high))
+
+
+def mean(X: Array) -> Array:
+    """Mean over a period."""
+    return X[..., 0].copy()
+
+
+def harmonic(X: Array, k: int) -> Array:
+    """Amplitude of basis harmonic k >= 1."""
+    return np.hypot(X[..., 2 * k - 1], X[..., 2 * k])
+
+
+MEASURES: dict[str, Callable[[Array], Array]] = {"rms": rms, "pp2": half_peak_to_peak, "max": largest, "mean": mean}
+
+
+def measure(name: str, X: Array, nu: int = 1) -> Array:
+    """The measure of that name of each row.
+
+    Parameters
+    ----------
+    name : "rms", "pp2", "max", "mean", "H1", "H2", ...; with nu = 2 also "H1/2", "H3/2", ...
+    X : (..., 2H + 1) real rows over nu periods of the excitation.
+    nu : subharmonic order.
+
+    Raises
+    ------
+    ValueError
+        If there is no measure of that name, or no such harmonic among the H of the rows.
+    """
+    X = np.asarray(X, dtype=float)
+    if name in MEASURES:
+        return MEASURES[name](X)
+    H = harmonics_of(X)
+    found = re.fullmatch(r"H(\d+)(?:/([1-9]\d*))?", name)
+    if found is None:
+        raise ValueError(f"no measure '{name}'; there are {_names(H, nu)}")
+    above, below = int(found[1]) * nu, int(found[2] or 1)
+    if above % below or not 1 <= above // below <= H:
+        raise ValueError(f"no harmonic '{name}' among H = {H} harmonics of order nu = {nu}; there are {_names(H, nu)}")
+    return harmonic(X, above // below)
+
+
+def derivative(X: Array, rate: ArrayLike, order: int) -> Array:
+    """Rows of the derivative in time, c_k (i k rate)^order, with rate = dtheta/dt = Omega / nu."""
+    counted("derivative", order, least=0)
+    c = to_complex(np.asarray(X, dtype=float))
+    return to_real(c * (1j * np.arange(c.shape[-1]) * np.asarray(rate, dtype=float)[..., None]) ** order)
+
+
+def _names(H: int, nu: int) -> str:
+    orders = [f"H{k // nu}" if k % nu == 0 else f"H{k}/{nu}" for k in range(1, H + 1)]
+    return ", ".join([*MEASURES, *(orders if H <= 4 else [*orders[:2], "...", orders[-1]])])
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a row X of unknowns is to be read.
+
+    Parameters
+    ----------
+    harmonics : H.
+    nu : subharmonic order; the basis phase is theta = tau / nu.
+    elements : m names.
+    breakpoints : per element, the values of its coordinate at which its law has a corner.
+    labels : axis labels by name, e.g. ``{"Omega": "Ω = ω_mesh / ω_n", "amplitude": "d / b_c"}``.
+    """
+
+    harmonics: int
+    nu: int
+    elements: tuple[str, ...]
+    breakpoints: tuple[tuple[float, ...], ...]
+    labels: dict[str, str] = field(default_factory=dict, hash=False)
+
+    def index(self, element: int | str) -> int:
+        """Position of an element given by position or name; KeyError lists those that exist."""
+        if isinstance(element, str):
+            if element in self.elements:
+                return self.elements.index(element)
+        elif 0 <= element < len(self.elements):
+            return int(element)
+        raise KeyError(f"no element {element!r}; there are {', '.join(map(repr, self.elements))} (or by number from 0)")
+
+    def rows(self, X: Array, element: int | str) -> Array:
+        """Coefficients ``(..., 2H + 1)`` of an element, out of ``X (..., m (2H + 1))``."""
+        return X.reshape(*X.shape[:-1], len(self.elements), -1)[..., self.index(element), :]
+
+    def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
+        """The measure of that name of an element, for each row."""
+        return measure(name, self.rows(X, element), self.nu)

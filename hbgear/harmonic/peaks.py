@@ -1,0 +1,126 @@
+"""Amplitude peaks of a branch, each located on the curve."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array
+from hbgear.common.given import need
+from hbgear.continuation.branch import Branch, SpecialPoint
+from hbgear.continuation.newton import NoConvergence, Settings, Solution, solution_at, solve
+from hbgear.continuation.problem import linearise
+from hbgear.continuation.segment import Arc, Row, normal_of, row_of
+from hbgear.harmonic.observables import measure as measured
+from hbgear.harmonic.special import Peak
+
+
+def peaks(
+    branch: Branch, measure: str = "rms", element: int | str = 0, *, share: float = 0.0
+) -> tuple[SpecialPoint, ...]:
+    """Local maxima of an amplitude along a branch, in its order, labelled PK1, PK2, ...
+
+    Between the neighbours of each highest row the amplitude is maximised along the curve itself; for "rms" and
+    harmonics Newton on `Peak` then gives all digits, and the point can be followed in a second parameter with
+    ``trace(Peak(problem, "Omega", measure, element), "zeta", span, start=peak)``.
+
+    Parameters
+    ----------
+    branch : a branch that still knows its problem.
+    measure, element : see `Branch.amplitude`.
+    share : peaks whose highest row is below this share of the highest of all are left out; 0.99 finds the largest peak
+        without the work for the others.
+
+    Raises
+    ------
+    ValueError
+        If the branch has lost its problem, or there is no such measure.
+    """
+    need("peaks(branch)", branch, "Branch")
+    if branch.problem is None or branch.layout is None:
+        raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")
+    A = branch.amplitude(measure, element)
+    tops = [i for i in range(1, len(branch) - 1) if A[i - 1] <= A[i] > A[i + 1] and A[i] >= share * A.max()]
+    found = []
+    for number, i in enumerate(tops, 1):
+        row, located = _refine(branch, i, measure, branch.layout.index(element))
+        here = {**branch.parameters_at(i), branch.parameter: row.value}
+        seen = branch.problem.observe(row.solution.X, stability=branch.multipliers is not None, **here)
+        found.append(
+            SpecialPoint(
+                row.solution.X,
+                here,
+                row.solution.residual,
+                row.solution.iterations,
+                seen.get("multipliers"),
+                seen["regime"],
+                seen["error"],
+                branch.layout,
+                f"PK{number}",
+                "PK",
+                i,
+                located,
+                (float(branch.values[i - 1]), float(branch.values[i + 1])),
+                f"peak of {measure}",
+            )
+        )
+    return tuple(found)
+
+
+def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[Row, bool]:
+    """The row of the largest amplitude between rows i - 1 and i + 1."""
+    arc = _arc(branch, i)
+    layout = branch.layout
+    assert layout is not None
+
+    def low(s: float) -> float:
+        return -float(measured(measure, layout.rows(arc.at(s).solution.X, element), layout.nu))
+
+    def search(xatol: float) -> Row:
+        best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": xatol})
+        return arc.at(float(best.x))
+
+    try:
+        if measure not in ("max", "pp2", "mean"):
+            sharp = _newton(arc, search(_ROUGH), measure, element)
+            if sharp is not None:
+                return sharp, True
+        return search(_FINE), True
+    except (NoConvergence, np.linalg.LinAlgError):
+        return _row(branch, i, arc.scale, arc.b.u - arc.a.u), False
+
+
+_ROUGH, _FINE = 1e-2, 1e-7  # shares of the arc to which a peak is searched for: before Newton, and instead of it
+
+
+def _newton(arc: Arc, row: Row, measure: str, element: int) -> Row | None:
+    """All digits of a peak by Newton, if it stays on the arc."""
+    peak = Peak(arc.problem, arc.name, measure, element)
+    here = {**arc.parameters, arc.name: row.value}
+    try:
+        U = solve(peak, row.u, here).X
+    except NoConvergence:
+        return None
+    if np.linalg.norm((U - row.u) / arc.scale) > 0.1 * arc.length:
+        return None
+    solution = solution_at(arc.problem, U, arc.name, arc.parameters, row.solution.iterations)
+    return row_of(solution, normal_of(row.tangent, arc.scale), arc.scale)
+
+
+def _arc(branch: Branch, i: int) -> Arc:
+    problem: Any = branch.problem
+    scale = np.append(np.full(branch.X.shape[1], problem.motion_size(branch.X[i]) or 1.0), np.ptp(branch.values) or 1.0)
+    chord = np.append(branch.X[i + 1] - branch.X[i - 1], branch.values[i + 1] - branch.values[i - 1])
+    fixed = {k: v for k, v in branch.parameters_at(i).items() if k != branch.parameter}
+    a, b = (_row(branch, j, scale, chord) for j in (i - 1, i + 1))
+    return Arc(problem, branch.parameter, fixed, a, b, scale, Settings())
+
+
+def _row(branch: Branch, i: int, scale: Array, along: Array) -> Row:
+    """Row i of a branch with its tangent."""
+    X, value = branch.X[i], float(branch.values[i])
+    now = linearise(branch.problem, X, branch.parameter, branch.parameters_at(i))
+    return row_of(Solution(X, value, now, int(branch.iterations[i]), float(branch.residual[i])),
+                  normal_of(along, scale), scale)  # fmt: skip

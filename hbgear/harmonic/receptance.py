@@ -1,0 +1,416 @@
+"""The linear part of a system, seen from its element coordinates.
+
+With reference stiffness kr and the dampers c of the elements put into the structure,
+
+    D(w) = K + W kr W^T + i w (C + W c W^T) - w^2 M,      G(w) = W^T D(w)^-1 W   (m x m)
+
+the balance of harmonic k of the element coordinates reads, with w = k omega and f_k the force harmonics of the laws,
+
+    Z_k d_k + g_k + f_k = 0,   Z_k = G^-1 - kr,   g_k = G^-1 (e_k - y_k) - (kr + i w c) e_k,   y_k = W^T D^-1 F_k
+
+where neither kr nor the number of coordinates appears in the result. One eigen-decomposition of the state matrix,
+
+    G(w) = sum_r a_r b_r^T / (i w - lambda_r),
+
+gives every harmonic and the derivative in omega without a solve. Free motions (rigid motions r with
+W^T r = 0) are split off first; a constant load on one of them is refused, for no periodic motion exists.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.mechanics.fourier import stretch, to_complex
+from hbgear.mechanics.model import System
+
+MODAL_LIMIT = 1500
+"""Above this many coordinates the receptance is solved for directly instead of by eigen-decomposition."""
+
+
+_FREE = 1e-12  # squared frequency, relative to the highest, below which a motion counts as free
+
+
+_BALANCED = 1e-8  # relative work of the constant load on a free motion that is still rounding
+
+
+_ROUNDING = 1e-13  # the same, relative to the work the load could do at most
+
+
+_DIGITS = 32 * float(np.finfo(float).eps)  # backward error of a decomposition, relative to the size of its matrix
+
+
+_ILL = 1e8  # condition of the eigenvectors above which receptances are solved for directly
+
+
+class UnbalancedLoad(ValueError):
+    """A constant load acts on a motion that nothing holds: no periodic motion exists."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Diagonal form z' = poles z + left (F - W u), q = right z of the structure closed by the reference springs.
+
+    poles (r,); right (n, r); left (r, n); output = W^T right (m, r); input = left W (r, m).
+    """
+
+    poles: ComplexArray
+    right: ComplexArray
+    left: ComplexArray
+    output: ComplexArray
+    input: ComplexArray
+    condition: float
+
+
+@dataclass(frozen=True)
+class LinearPart:
+    """Linear part Z_k d_k + g_k of the balance at P frequencies, or at one without the axis P.
+
+    matrices (2, P, H+1, m, m): Z and dZ/dOmega; constants (2, P, H+1, m): g and dg/dOmega.
+    """
+
+    matrices: ComplexArray
+    constants: ComplexArray
+
+    @property
+    def Z(self) -> ComplexArray:
+        """Dynamic stiffness (P, H+1, m, m) seen from the elements, without their reference springs."""
+        return self.matrices[0]
+
+    @property
+    def g(self) -> ComplexArray:
+        """Constant terms (P, H+1, m): loads and prescribed displacements."""
+        return self.constants[0]
+
+    @property
+    def dZ(self) -> ComplexArray:
+        """dZ/dOmega (P, H+1, m, m)."""
+        return self.matrices[1]
+
+    @property
+    def dg(self) -> ComplexArray:
+        """dg/dOmega (P, H+1, m)."""
+        return self.constants[1]
+
+
+def _inverse(G: ComplexArray) -> ComplexArray:
+    """Inverses of matrices (..., m, m); of one or two rows in closed form, for a fraction of the cost."""
+    if G.shape[-1] == 1:
+        return 1.0 / G
+    if G.shape[-1] > 2:
+        return np.linalg.inv(G)
+    a, b, c, d = (G[..., i, j] for i in (0, 1) for j in (0, 1))
+    out = np.empty_like(G)
+    out[..., 0, 0], out[..., 0, 1], out[..., 1, 0], out[..., 1, 1] = d, -b, -c, a
+    out /= (a * d - b * c)[..., None, None]
+    return out
+
+
+def _dense(A: object) -> Array:
+    return A.toarray() if scipy.sparse.issparse(A) else np.asarray(A)  # type: ignore[attr-defined]
+
+
+def _null_space(A: Array) -> Array:
+    """Orthonormal basis of the null space of a matrix whose rows and columns are already scaled."""
+    _, s, vt = scipy.linalg.svd(A)
+    largest = s.max(initial=0.0)
+    rank = int(np.sum(s > _FREE * largest)) if largest > 0 else 0
+    return vt[rank:].T
+
+
+class Structure:
+    """M, C, K of a system with the reference springs and the dampers of its elements closed.
+
+    Parameters
+    ----------
+    system : `System`.
+
+    Raises
+    ------
+    ValueError
+        If M is singular, or two elements act along dependent directions.
+    UnbalancedLoad
+        If a constant load acts on a free motion.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.n, self.m = system.n, len(system.elements)
+        self.W = system.W
+        self.kr = np.array([e.law.reference for e in system.elements])
+        self.c = np.array([e.damping for e in system.elements])
+        self._check_directions()
+        self.large = self.n > MODAL_LIMIT
+        if self.large:
+            Ws, M, C, K = (scipy.sparse.csr_array(A) for A in (self.W, system.M, system.C, system.K))
+            self.M, self.K = M, K + Ws @ scipy.sparse.diags_array(self.kr) @ Ws.T
+            self.C = C + Ws @ scipy.sparse.diags_array(self.c) @ Ws.T
+            self.modes: Modes | None = None
+            return
+        self.M = _dense(system.M)
+        self.C = _dense(system.C) + (self.W * self.c) @ self.W.T
+        # scaling by the masses makes "free" a statement about frequencies, whatever units the coordinates have
+        diagonal = np.abs(np.diag(self.M))
+        self._scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=1.0) or 1.0))
+        self._check_mass()
+        modes = self._close(system)
+        self._residues = (modes.output.T[:, :, None] * modes.input[:, None, :]).reshape(-1, self.m**2)
+
+    def _close(self, system: System) -> Modes:
+        """Close the structure by the reference springs and decompose it.
+
+        With some springs two poles meet and their modes become one; other springs give other poles and the same
+        receptance in the end, so they are tried. What no spring changes is parted by a disturbance of 1e-10.
+        """
+        references = self.kr
+        modes = None
+        for factor, part in ((1.0, 0.0), (1.37, 0.0), (0.61, 0.0), (1.0, 1e-10)):
+            self.kr = factor * references
+            self.K = _dense(system.K) + (self.W * self.kr) @ self.W.T
+            self.free = self._null(self.K)
+            self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
+            self._check_balance()
+            modes = self._decompose(part)
+            if modes.condition < _ILL:
+                break
+        assert modes is not None
+        self.modes, self.parted = modes, part > 0
+        return modes
+
+    @property
+    def modal(self) -> bool:
+        """Whether receptances come from the eigen-decomposition."""
+        return self.modes is not None and self.modes.condition < _ILL and not self.parted
+
+    def _check_directions(self) -> None:
+        W = self.W / np.linalg.norm(self.W, axis=0)
+        if np.linalg.matrix_rank(W, tol=1e-9) < self.m:
+            names = ", ".join(e.name for e in self.system.elements)
+            raise ValueError(
+                f"the directions of the elements ({names}) are linearly dependent; combine laws that act along one "
+                "direction into one element with Parallel((law_1, law_2))"
+            )
+
+    def _check_mass(self) -> None:
+        scaled = self.M * np.outer(self._scale, self._scale)
+        s, v = scipy.linalg.svd(scaled)[1:]
+        if s[-1] <= 1e-13 * s[0]:
+            worst = self.system.dof_names[int(np.argmax(np.abs(v[-1])))]
+            raise ValueError(
+                f"M is singular (coordinate '{worst}' carries no mass of its own); "
+                "give it a mass or eliminate it from M, C and K"
+            )
+
+    def _null(self, A: Array) -> Array:
+        return self._scale[:, None] * _null_space(A * np.outer(self._scale, self._scale))
+
+    def _check_balance(self) -> None:
+        for load in self.system.loads:
+            if load.constant is None:
+                continue
+            for r in self.free_left.T:
+                work = r * np.asarray(load.constant)
+                largest = np.linalg.norm(r / self._scale) * np.linalg.norm(self._scale * np.asarray(load.constant))
+                rounding = max(_BALANCED * np.abs(work).sum(), _ROUNDING * largest)
+                if abs(work.sum()) > rounding and abs(work.sum()) > self._rounding(r, np.asarray(load.constant)):
+                    raise UnbalancedLoad(self._describe_unbalance(r, float(work.sum())))
+
+    def _rounding(self, r: Array, F: Array) -> float:
+        """Work on a computed free motion r that a balanced load F may do: K r = 0 holds to eps |K| |r|.
+
+        An error E of K moves r by -K^+ E r, and so the work by (K^+ F)^T E r.
+        """
+        s = self._scale
+        A = self.K * np.outer(s, s)
+        static = scipy.linalg.pinv(A.T, rtol=_FREE) @ (s * F)
+        return _DIGITS * float(np.linalg.norm(A) * np.linalg.norm(static) * np.linalg.norm(r / s))
+
+    def _describe_unbalance(self, r: Array, work: float) -> str:
+        r = r / r[np.argmax(np.abs(r))]
+        order = np.argsort(-np.abs(r))[:6]
+        motion = ", ".join(f"{self.system.dof_names[i]} = {r[i]:.3g}" for i in order if abs(r[i]) > 1e-6)
+        return (
+            f"the constant load does work {work:.3g} on a motion that nothing holds ({motion}); "
+            "a periodic motion needs it balanced: correct the load or support that motion"
+        )
+
+    def _decompose(self, part: float) -> Modes:
+        """Eigen-decomposition of the state matrix without the free motions that neither springs nor dampers hold."""
+        M, K, C = self.M, self.K, self.C
+        free, free_left = self._undamped(self.free, C), self._undamped(self.free_left, C.T)
+        if free.shape[1]:
+            B = self._scale[:, None] * _null_space((free_left.T @ M) * self._scale)
+            T = self._scale[:, None] * _null_space((free.T @ M.T) * self._scale)
+        else:
+            B = T = np.diag(self._scale)
+        Mi = scipy.linalg.inv(T.T @ M @ B)
+        K, C = Mi @ T.T @ K @ B, Mi @ T.T @ C @ B
+        size = B.shape[1]
+        clock = np.sqrt(np.abs(K).max()) or 1.0  # states (q, q'/clock): no bias from the unit of time
+        A = np.block([[np.zeros((size, size)), clock * np.eye(size)], [-K / clock, -C]])
+        A += part * clock * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
+        poles, V = scipy.linalg.eig(A)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # the condition is judged by the caller
+            try:
+                U = scipy.linalg.inv(V)
+            except scipy.linalg.LinAlgError:
+                U = np.full_like(V, np.inf)
+        right = B @ V[:size]
+        left_vectors = U[:, size:] @ (Mi @ T.T) / clock
+        output, input_ = self.W.T @ right, left_vectors @ self.W
+        # a pole at zero that is left belongs to a drift that no element feels; it carries no receptance
+        keep = np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)
+        condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1)) if np.all(np.isfinite(U)) else np.inf
+        return Modes(poles[keep], right[:, keep], left_vectors[keep], output[:, keep], input_[keep], condition)
+
+    def _undamped(self, free: Array, C: Array) -> Array:
+        """The free motions that no damper feels either."""
+        if not free.shape[1] or not np.any(C):
+            return free
+        felt = (C @ free) * self._scale[:, None] / (np.abs(C) * np.outer(self._scale, self._scale)).max()
+        _, s, vt = scipy.linalg.svd(felt / np.linalg.norm(free / self._scale[:, None], axis=0))
+        held = np.concatenate([s, np.zeros(vt.shape[0] - s.size)]) > 1e-9
+        return free @ vt[~held].T
+
+    def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
+        """D(w)^-1 rhs; at w = 0 the solution without free motion."""
+        if self.large:
+            D = self.K + 1j * w * self.C - w**2 * self.M
+            return scipy.sparse.linalg.splu(D.tocsc()).solve(rhs.astype(complex))
+        if w == 0.0:
+            s = self._scale
+            scaled = self.K * np.outer(s, s)
+            return s[:, None] * (scipy.linalg.pinv(scaled, rtol=_FREE) @ (s[:, None] * rhs))
+        return scipy.linalg.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
+
+    def resolvent(self, w: Array) -> ComplexArray | None:
+        """1 / (i w - pole) of every pole, (..., r), at frequencies w (...); None unless `modal`."""
+        return 1.0 / (1j * w[..., None] - self.modes.poles) if self.modes is not None and self.modal else None
+
+    def receptances(self, w: Array, resolvent: ComplexArray | None = None) -> tuple[ComplexArray, ComplexArray]:
+        """G(w) and dG/dw, (..., m, m) each, at frequencies w (...), of which the resolvent may be known."""
+        if resolvent is None:
+            resolvent = self.resolvent(w)
+        shape = (*w.shape, self.m, self.m)
+        if resolvent is None:
+            Q, dQ = self._direct(w.ravel(), np.broadcast_to(self.W, (w.size, *self.W.shape)))
+            return (self.W.T @ Q).reshape(shape), (self.W.T @ dQ).reshape(shape)
+        slope = -1j * ((resolvent * resolvent) @ self._residues)
+        return (resolvent @ self._residues).reshape(shape), slope.reshape(shape)
+
+    def drive(self, F: ComplexArray) -> ComplexArray | None:
+        """What `response` needs of a load F (n,): its share in each mode times what the elements feel of it, (r, m)."""
+        return (self.modes.output * (self.modes.left @ F)).T if self.modes is not None and self.modal else None
+
+    def response(
+        self, w: Array, F: ComplexArray, drive: ComplexArray | None, resolvent: ComplexArray | None
+    ) -> tuple[ComplexArray, ComplexArray]:
+        """W^T D(w)^-1 F and its derivative in w, (P, m) each, at w (P,) for a load F (n,) with its `drive`."""
+        if drive is None or resolvent is None:
+            Q, dQ = self._direct(w, np.broadcast_to(F[:, None], (len(w), self.n, 1)))
+            return (self.W.T @ Q)[..., 0], (self.W.T @ dQ)[..., 0]
+        return resolvent @ drive, -1j * ((resolvent * resolvent) @ drive)
+
+    def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """D(w)^-1 F and its derivative in w for F (K, n, c), by one factorisation each."""
+        Q = np.array([self.solve(wk, Fk) for wk, Fk in zip(w, F, strict=True)])
+        dQ = np.array([
+            -self.solve(wk, 1j * (self.C @ Qk) - 2 * wk * (self.M @ Qk)) if wk else 0 * Qk
+            for wk, Qk in zip(w, Q, strict=True)
+        ])  # fmt: skip
+        return Q, dQ
+
+
+class _LoadPart(NamedTuple):
+    """One harmonic Omega^power Re(amplitudes exp(i order tau)) of a load, amplitudes (n,), and its `drive`."""
+
+    power: int
+    order: int
+    amplitudes: ComplexArray
+    drive: ComplexArray | None
+
+
+class Receptance:
+    """The linear part of the balance for harmonics 0..H of the basis frequency Omega / nu.
+
+    Parameters
+    ----------
+    structure : `Structure`.
+    system : the system, for its loads and prescribed displacements.
+    H, nu : harmonics of the basis and its subharmonic order.
+    """
+
+    def __init__(self, structure: Structure, system: System, H: int, nu: int) -> None:
+        self.structure, self.H, self.nu = structure, H, nu
+        self.k = np.arange(H + 1)
+        self.e = np.zeros((H + 1, structure.m), dtype=complex)
+        for j, element in enumerate(system.elements):
+            c = to_complex(stretch(element.displacement.row(), nu))[: H + 1]
+            self.e[: len(c), j] = c
+        self.ratio = self.k / nu
+        self._springs = np.diag(structure.kr)
+        self._moved = bool(self.e.any())
+        self._sprung, self._damped = structure.kr * self.e, 1j * structure.c * self.e
+        self._loads: list[_LoadPart] = []
+        for load in system.loads:
+            for order, amplitudes in load.complex(system.n).items():
+                if order * nu <= H:
+                    self._loads.append(_LoadPart(load.power, order, amplitudes, structure.drive(amplitudes)))
+
+    def loads(self, Omega: float) -> ComplexArray:
+        """Load harmonics (H+1, n) at Omega."""
+        F = np.zeros((self.H + 1, self.structure.n), dtype=complex)
+        for part in self._loads:
+            F[part.order * self.nu] += Omega**part.power * part.amplitudes
+        return F
+
+    def at(self, Omega: float) -> LinearPart:
+        """Z_k, g_k and their derivatives in Omega."""
+        found = self.at_all(np.array([Omega]))
+        return LinearPart(found.matrices[:, 0], found.constants[:, 0])
+
+    def at_all(self, Omega: Array) -> LinearPart:
+        """The same at many frequencies (P,)."""
+        s, ratio, m, P = self.structure, self.ratio, self.structure.m, len(Omega)
+        w = Omega[:, None] * ratio
+        matrices = np.empty((2, P, self.H + 1, m, m), dtype=complex)
+        constants = np.zeros((2, P, self.H + 1, m), dtype=complex)
+        resolvent = s.resolvent(w)
+        G, dG = s.receptances(w, resolvent)
+        Y, dY = matrices
+        slope = dG * -ratio[:, None, None]
+        Y[:] = _inverse(G)
+        dY[:] = slope * Y * Y if m == 1 else Y @ slope @ Y
+        if self._moved:
+            constants[:] = (matrices @ self.e[..., None])[..., 0]
+            constants[0] -= self._sprung + w[..., None] * self._damped
+            constants[1] -= ratio[:, None] * self._damped
+        for part in self._loads:
+            k, order, power = part.order * self.nu, part.order, part.power
+            y, dy = s.response(w[:, k], part.amplitudes, part.drive, None if resolvent is None else resolvent[:, k])
+            change = order * dy
+            if power:
+                growth = (Omega**power)[:, None]
+                change = growth * change + power * (Omega ** (power - 1))[:, None] * y
+                y = growth * y
+            constants[:, :, k] -= (matrices[:, :, k] @ y[..., None])[..., 0]
+            constants[1, :, k] -= (Y[:, k] @ change[..., None])[..., 0]
+        Y -= self._springs
+        return LinearPart(matrices, constants)
+
+    def motion(self, Omega: float, d: ComplexArray, f: ComplexArray) -> ComplexArray:
+        """Harmonics q_k (H+1, n) of all coordinates from those of the gaps d and of the law forces f, (H+1, m) each.
+
+        q_k = D_k^-1 (F_k - W (f_k - kr d_k - (kr + i w c) e_k))
+        """
+        s = self.structure
+        w = self.k * Omega / self.nu
+        u = f - s.kr * d - (s.kr + 1j * w[:, None] * s.c) * self.e
+        rhs = self.loads(Omega) - u @ s.W.T
+        return np.array([s.solve(wk, rhs[k][:, None])[:, 0] for k, wk in enumerate(w)])

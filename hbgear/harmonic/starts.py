@@ -1,0 +1,54 @@
+"""Guesses from which Newton finds a first periodic motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.mechanics.fourier import to_real
+
+
+def guesses(problem: Any, here: dict[str, float]) -> Iterator[Array]:
+    """Linear responses about the static states that Newton finds with harmonic 0 alone, from several sides."""
+    compiled = problem.compiled(here)
+    linear = compiled.receptance.at(here["Omega"])
+    reach = np.array([max(np.abs(law.breakpoints), default=1.0) or 1.0 for law in compiled.laws])
+    reach *= _pushed(compiled.laws, linear)
+    for side in (1.5, -1.5, 0.0, 4.0, -4.0):
+        d0 = side * reach
+        for _ in range(50):
+            p, k = _static(compiled.laws, d0)
+            r = linear.Z[0].real @ d0 + linear.g[0].real + p
+            J = linear.Z[0].real + np.diag(k)
+            step = np.linalg.lstsq(J, r, rcond=1e-12)[0]
+            d0 = d0 - step
+            if np.all(np.abs(step) <= 1e-14 * reach):
+                break
+        if not np.all(np.isfinite(d0)):
+            continue
+        k = _static(compiled.laws, d0)[1]
+        with np.errstate(all="ignore"):
+            try:
+                d = np.linalg.solve(linear.Z + np.diag(k), -linear.g[..., None])[..., 0].T
+            except np.linalg.LinAlgError:
+                d = np.zeros((problem.m, problem.H + 1), dtype=complex)
+        d[:, 0] = d0
+        yield to_real(d).ravel()
+        yield to_real(np.concatenate([d[:, :1], 0 * d[:, 1:]], axis=1)).ravel()
+
+
+def _pushed(laws: Any, linear: Any) -> Array:
+    """Side, +1 or -1, to which the constant load pushes each element, as if its law were a linear spring (m,)."""
+    springs = np.diag([law.reference for law in laws])
+    d0 = np.linalg.lstsq(linear.Z[0].real + springs, -linear.g[0].real, rcond=1e-12)[0]
+    return np.where(d0 < 0, -1.0, 1.0)
+
+
+def _static(laws: Any, d0: Array) -> tuple[Array, Array]:
+    """Mean over the phase of each law's force and stiffness at constant d0 (m,)."""
+    tau = 2 * np.pi * np.arange(64) / 64
+    out = [law.force(np.full(64, x), np.zeros(64), tau) for law, x in zip(laws, d0, strict=True)]
+    return np.array([p.mean() for p, *_ in out]), np.array([k.mean() for _, k, _ in out])

@@ -1,0 +1,1 @@
+"""Files of curves, and bridges to other programs."""

@@ -1,0 +1,118 @@
+"""Branches as .npz files: a JSON header with everything but the arrays, which lie beside it under their path.
+
+header.npy    {"format": "hbgear branch", "schema": 1, "branch": {"__class__": "Branch", "X": {"__array__": "X"}, ...}}
+X.npy, ...    the arrays
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.replacing import checked_suffix, replacing
+from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
+from hbgear.harmonic.observables import Layout
+from hbgear.io import forms
+from hbgear.io.archive import Archive, archive_of
+
+SCHEMA = 1
+"""Number of the file format `Branch.save` writes; `load` reads this and all earlier ones."""
+
+
+_FORMAT = "hbgear branch"
+
+
+def save(branch: Branch, path: str | os.PathLike[str]) -> None:
+    """Write to an .npz with a JSON header, whole or not at all; `load` gives back the same numbers."""
+    checked_suffix(path, (".npz",), "use export for .csv and .mat")
+    arrays = _arrays_of(branch)
+    with replacing(path) as handle:
+        np.savez(handle, **arrays)
+
+
+def packed(branch: Branch) -> bytes:
+    """What `save` writes."""
+    handle = io.BytesIO()
+    np.savez(handle, **_arrays_of(branch))
+    return handle.getvalue()
+
+
+def _arrays_of(branch: Branch) -> dict[str, Any]:
+    arrays: dict[str, Any] = {}
+    header = {"format": _FORMAT, "schema": SCHEMA, "branch": encode(branch, "", arrays)}
+    return {"header": np.array(json.dumps(header)), **arrays}
+
+
+def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
+    """Read a branch written by `Branch.save`; give the problem too if degrees of freedom are wanted.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it cannot be read, is no branch, or was written by a newer hbgear.
+    """
+    if not Path(path).exists():
+        raise FileNotFoundError(f"there is no file '{path}'; give the .npz of a branch saved before")
+    try:
+        with archive_of(path) as archive:
+            return dataclasses.replace(_branch_in(archive), problem=problem)
+    except _Newer as newer:
+        raise ValueError(f"'{path}' {newer}") from None
+    except (OSError, ValueError, MemoryError) as error:
+        raise ValueError(
+            f"'{path}' cannot be read as a branch ({error}); need an .npz written by Branch.save or hbgear trace -o"
+        ) from error
+
+
+def unpacked(data: bytes, problem: Any = None) -> Branch:
+    """The branch that `packed` was given.
+
+    Raises
+    ------
+    ValueError
+        If it is damaged.
+    """
+    return dataclasses.replace(_branch_in(Archive(io.BytesIO(data))), problem=problem)
+
+
+class _Newer(ValueError):
+    """The file is of a later schema than this one."""
+
+
+def _branch_in(archive: Archive) -> Branch:
+    header = archive.header()
+    if header.get("format") != _FORMAT:
+        raise ValueError(f"its format is {str(header.get('format'))[:40]!r}")
+    schema = header.get("schema")
+    if isinstance(schema, bool) or not isinstance(schema, int) or schema < 1:
+        raise ValueError(f"its schema is {str(schema)[:40]!r}, no number")
+    if schema > SCHEMA:
+        raise _Newer(f"has schema {schema}, this hbgear reads up to {SCHEMA}; upgrade hbgear")
+    return forms.read(archive, header.get("branch"))
+
+
+def encode(value: Any, key: str, arrays: dict[str, Any]) -> Any:
+    """A value in the words of JSON; arrays go to ``arrays`` under their path in the tree."""
+    if type(value) in _CLASSES.values():
+        names = [f.name for f in dataclasses.fields(value) if f.name != "problem"]
+        value = {"__class__": type(value).__name__, **{name: getattr(value, name) for name in names}}
+    if isinstance(value, np.ndarray):
+        arrays[key] = value
+        return {"__array__": key}
+    if isinstance(value, dict):
+        return {name: encode(x, f"{key}.{name}".lstrip("."), arrays) for name, x in value.items()}
+    if isinstance(value, list | tuple):
+        items = [encode(x, f"{key}.{i}", arrays) for i, x in enumerate(value)]
+        return {"__tuple__": items} if isinstance(value, tuple) else items
+    return value.item() if isinstance(value, np.generic) else value
+
+
+_CLASSES: dict[str, Any] = {kind.__name__: kind for kind in (Layout, Point, SpecialPoint, Jump, Branch)}

@@ -1,0 +1,74 @@
+"""Tables of a branch for other programs: rows as .csv, everything as .mat for MATLAB and Octave."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import os
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.replacing import checked_suffix, replacing
+from hbgear.continuation.branch import Branch, SpecialPoint, Status, is_stable, name_of_regime
+from hbgear.harmonic import observables as measures
+from hbgear.io.npz import encode
+
+
+def export(branch: Branch, path: str | os.PathLike[str]) -> None:
+    """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all."""
+    if checked_suffix(path, (".csv", ".mat"), "use save for .npz") == ".csv":
+        table = _table(branch)
+        with replacing(path, "x", encoding="utf-8", newline="") as handle:
+            writer = csv.writer(handle)
+            writer.writerow(table)
+            writer.writerows(zip(*table.values(), strict=True))
+    else:
+        from scipy.io import savemat
+
+        with replacing(path) as handle:
+            savemat(handle, _matlab(branch), long_field_names=True, do_compression=True, oned_as="column")
+
+
+def _table(branch: Branch) -> dict[str, Any]:
+    """Columns of the .csv: parameters, stability, per element its regime, measures and coefficients."""
+    columns: dict[str, Any] = {branch.parameter: branch.values, **branch.tracked}
+    labels = {point.index: point.label for point in branch.special}
+    columns["special"] = [labels.get(i, "") for i in range(len(branch))]
+    if branch.multipliers is not None:
+        columns["stable"] = is_stable(branch.multipliers).astype(int)
+        columns["multiplier_max"] = np.abs(branch.multipliers).max(axis=-1, initial=0.0)
+    columns |= {name: getattr(branch, name) for name in ("residual", "iterations", "error")}
+    if branch.layout is None:
+        return columns | {f"X{i}": column for i, column in enumerate(branch.X.T)}
+    terms = ["a0", *(f"{letter}{k + 1}" for k in range(branch.layout.harmonics) for letter in "ab")]
+    for j, name in enumerate(branch.layout.elements):
+        columns[f"regime_{name}"] = [name_of_regime(codes[j : j + 1]) for codes in branch.regime]
+        columns |= {f"{measure}_{name}": branch.amplitude(measure, j) for measure in measures.MEASURES}
+        columns |= {f"{term}_{name}": x for term, x in zip(terms, branch.layout.rows(branch.X, j).T, strict=True)}
+    return columns
+
+
+def _matlab(branch: Branch) -> dict[str, Any]:
+    """Variables of the .mat file: the fields of the branch, its measures, and rows counted from 1."""
+
+    def convert(value: Any) -> Any:
+        if dataclasses.is_dataclass(value):
+            pairs = {f.name: getattr(value, f.name) for f in dataclasses.fields(value) if f.name != "problem"}
+            if isinstance(value, SpecialPoint):
+                pairs["row"] = pairs.pop("index") + 1
+            return {name: convert(x) for name, x in pairs.items() if x is not None}
+        if isinstance(value, tuple) and not all(isinstance(x, float) for x in value):
+            cells = np.empty(len(value), dtype=object)
+            cells[:] = [convert(x) for x in value]
+            return cells
+        return str(value) if isinstance(value, Status) else value
+
+    out = convert(branch) | {"meta": json.dumps(encode(branch.meta, "meta", {}))}
+    out["jumps"] = out.pop("jump_records")
+    if branch.layout:
+        each = range(len(branch.layout.elements))
+        rows = {name: [branch.amplitude(name, j) for j in each] for name in measures.MEASURES}
+        out["amplitude"] = {name: np.stack(columns, axis=-1) for name, columns in rows.items()}
+    return out if branch.stable is None else out | {"stable": branch.stable}

@@ -1,0 +1,1 @@
+"""What a machine is: matrices, elements with force laws, loads."""

@@ -1,0 +1,267 @@
+"""Scalar force laws p(d, v, tau) of an element, with both derivatives.
+
+``d`` is the element coordinate, ``v`` its time derivative (per unit of time, not of phase), ``tau`` the phase of
+the excitation. A law must be continuous in ``d`` and ``v``; its derivatives may jump.
+
+Contract for a new law
+----------------------
+1. A frozen dataclass that derives from `Law`.
+2. ``force(d, v, tau)`` accepts arrays of one shape and returns ``(p, dp/dd, dp/dv)`` of that shape.
+3. ``reference`` is a typical positive stiffness; it only conditions the linear algebra and never changes a result.
+4. ``breakpoints`` lists the values of ``d`` at which a derivative jumps: the period is cut there for stability.
+5. ``rated`` may be False if ``p`` does not depend on ``v``: then no velocity is computed for it, and v is all zeros.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
+from hbgear.mechanics.fourier import Series, real_numbers
+
+Forces = tuple[Array, Array, Array]
+
+
+_ONE = Series(mean=1.0)
+
+
+def _series(owner: str, stiffness: Series) -> None:
+    if not isinstance(stiffness, Series):
+        raise ValueError(f"{owner}: stiffness = {stiffness!r} must be a Series such as Series(mean=1.0, cosine=(0.1,))")
+
+
+class Law(ABC):
+    """Scalar law p(d, v, tau); see the module's contract."""
+
+    @abstractmethod
+    def force(self, d: Array, v: Array, tau: Array) -> Forces:
+        """Force and its derivatives ``(p, dp/dd, dp/dv)``, each of the shape of ``d``."""
+
+    @property
+    @abstractmethod
+    def reference(self) -> float:
+        """Typical stiffness, > 0."""
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Values of d, ascending, at which dp/dd or dp/dv jumps."""
+        return ()
+
+    @property
+    def rated(self) -> bool:
+        """Whether p may depend on v."""
+        return True
+
+    def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
+        """The law on a fixed grid of phases, so that what depends on tau alone is evaluated once."""
+        return lambda d, v: self.force(d, v, tau)
+
+
+@dataclass(frozen=True)
+class Cubic(Law):
+    """Cubic spring.
+
+        p(d) = k1 d + k3 d^3
+
+    Parameters
+    ----------
+    k3 : cubic coefficient [force / length^3], of either sign.
+    k1 : linear coefficient [force / length].
+    """
+
+    k3: float
+    k1: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("k3", "k1"):
+            checked("Cubic", name, getattr(self, name))
+
+    @property
+    def reference(self) -> float:
+        return abs(self.k1) or abs(self.k3) or 1.0
+
+    @property
+    def rated(self) -> bool:
+        return False
+
+    def force(self, d: Array, v: Array, tau: Array) -> Forces:
+        d2 = d * d
+        return (self.k1 + self.k3 * d2) * d, self.k1 + 3 * self.k3 * d2, np.zeros_like(d)
+
+
+@dataclass(frozen=True)
+class PiecewiseLinear(Law):
+    """Continuous piecewise-linear spring times a periodic stiffness.
+
+        p(d, tau) = stiffness(tau) g(d),   dg/dd = slopes[i] between corners[i-1] and corners[i],   g(0) = force_at_zero
+
+    Written with one ramp per corner, g(d) = g0 + slopes[0] d + sum_i (slopes[i+1] - slopes[i]) max(d - corners[i], 0),
+    which is what the exact contact projection uses.
+
+    Parameters
+    ----------
+    corners : (p,) ascending values of d where the slope changes.
+    slopes : (p + 1,) stiffness left of, between and right of the corners.
+    force_at_zero : g(0).
+    stiffness : `Series` in tau (default 1).
+
+    Raises
+    ------
+    ValueError
+        If the corners do not ascend, the numbers do not fit or are not finite.
+    """
+
+    corners: tuple[float, ...]
+    slopes: tuple[float, ...]
+    force_at_zero: float = 0.0
+    stiffness: Series = _ONE
+
+    def __post_init__(self) -> None:
+        for name in ("corners", "slopes"):
+            row = real_numbers(f"PiecewiseLinear: {name}", getattr(self, name), "a sequence of numbers")
+            if row.ndim != 1:
+                raise ValueError(f"PiecewiseLinear: {name} = {getattr(self, name)!r} must be a sequence of numbers")
+            object.__setattr__(self, name, tuple(row.tolist()))
+        checked("PiecewiseLinear", "force_at_zero", self.force_at_zero)
+        _series("PiecewiseLinear", self.stiffness)
+        if len(self.slopes) != len(self.corners) + 1:
+            raise ValueError(
+                f"{len(self.corners)} corners separate {len(self.corners) + 1} slopes, got {len(self.slopes)} slopes"
+            )
+        if not np.all(np.isfinite([*self.corners, *self.slopes])):
+            raise ValueError(f"PiecewiseLinear needs finite corners and slopes, got {self}")
+        if any(b < a for a, b in zip(self.corners, self.corners[1:], strict=False)):
+            raise ValueError(f"corners must ascend, got {self.corners}")
+
+    @property
+    def reference(self) -> float:
+        return max((abs(s) for s in self.slopes), default=0.0) * (abs(self.stiffness.mean) or 1.0) or 1.0
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return self.corners
+
+    @property
+    def rated(self) -> bool:
+        return False
+
+    @property
+    def ramps(self) -> tuple[float, Array, Array]:
+        """``(g0, changes, corners)`` of the ramp form: g0 as above, changes (p,) of slope, corners (p,)."""
+        changes = np.diff(self.slopes)
+        corners = np.array(self.corners)
+        return self.force_at_zero - float(changes @ np.maximum(-corners, 0.0)), changes, corners
+
+    def _shape(self, d: Array) -> tuple[Array, Array]:
+        g0, changes, corners = self.ramps
+        g, slope = g0 + self.slopes[0] * d, np.full_like(d, self.slopes[0])
+        for change, corner in zip(changes, corners, strict=True):
+            over = d > corner
+            g += change * np.where(over, d - corner, 0.0)
+            slope += change * over
+        return g, slope
+
+    def force(self, d: Array, v: Array, tau: Array) -> Forces:
+        return self.bind(tau)(d, v)
+
+    def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
+        k: Array | float = self.stiffness(tau) if self.stiffness.order else self.stiffness.mean
+
+        def forces(d: Array, v: Array) -> Forces:
+            g, slope = self._shape(d)
+            return k * g, k * slope, np.zeros_like(d)
+
+        return forces
+
+
+def Backlash(b: float = 1.0, k: float = 1.0, stiffness: Series = _ONE) -> PiecewiseLinear:
+    """Backlash spring with half-gap b.
+
+        p(d, tau) = k stiffness(tau) f(d),   f(d) = d - b (d > b),  0 (|d| <= b),  d + b (d < -b)
+
+    Parameters
+    ----------
+    b : half backlash, >= 0 [unit of d]; 0 gives the linear spring.
+    k : contact stiffness, > 0 [force / length].
+    stiffness : periodic factor of mean about 1.
+
+    Raises
+    ------
+    ValueError
+        If b is negative, k not positive, or either not finite.
+
+    References
+    ----------
+    Kahraman & Singh (1990), J. Sound Vib. 142(1), eq. (4).
+    """
+    checked("Backlash", "k", k, POSITIVE)
+    checked("Backlash", "half backlash b", b, NOT_NEGATIVE)
+    _series("Backlash", stiffness)
+    if b == 0:
+        return PiecewiseLinear((), (k,), stiffness=stiffness)
+    return PiecewiseLinear((-b, b), (k, 0.0, k), stiffness=stiffness)
+
+
+def Unilateral(k: float = 1.0, gap: float = 0.0, stiffness: Series = _ONE) -> PiecewiseLinear:
+    """One-sided spring (a stop) that is met at d = gap.
+
+        p(d, tau) = k stiffness(tau) max(d - gap, 0)
+
+    Parameters
+    ----------
+    k : contact stiffness, > 0.
+    gap : clearance; negative for a preloaded stop.
+
+    Raises
+    ------
+    ValueError
+        If k is not positive or gap not finite.
+    """
+    checked("Unilateral", "k", k, POSITIVE)
+    checked("Unilateral", "gap", gap)
+    return PiecewiseLinear((gap,), (0.0, k), force_at_zero=k * max(-gap, 0.0), stiffness=stiffness)
+
+
+@dataclass(frozen=True)
+class Parallel(Law):
+    """Several laws acting side by side on one element: p = sum_i laws[i]."""
+
+    laws: tuple[Law, ...]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.laws, Iterable):
+            raise ValueError(f"Parallel: laws = {self.laws!r} must be several laws, such as (Backlash(), Cubic(1.0))")
+        object.__setattr__(self, "laws", tuple(self.laws))
+        if not all(isinstance(law, Law) for law in self.laws):
+            raise ValueError(f"Parallel: laws = {self.laws!r} must all be laws, such as Backlash() and Cubic(1.0)")
+        if not self.laws:
+            raise ValueError("Parallel needs at least one law")
+
+    @property
+    def reference(self) -> float:
+        return sum(law.reference for law in self.laws)
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return tuple(sorted({x for law in self.laws for x in law.breakpoints}))
+
+    @property
+    def rated(self) -> bool:
+        return any(law.rated for law in self.laws)
+
+    def force(self, d: Array, v: Array, tau: Array) -> Forces:
+        return self.bind(tau)(d, v)
+
+    def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
+        bound = [law.bind(tau) for law in self.laws]
+
+        def forces(d: Array, v: Array) -> Forces:
+            parts = [law(d, v) for law in bound]
+            return sum(p[0] for p in parts), sum(p[1] for p in parts), sum(p[2] for p in parts)  # type: ignore[return-value]
+
+        return forces

@@ -1,0 +1,299 @@
+"""Models: a linear structure, a few scalar elements, and what loads them.
+
+    M q'' + C q' + K q + sum_j w_j [p_j(d_j, d_j', tau) + c_j d_j'] = F(tau),  d_j = w_j^T q - e_j(tau),  tau = Omega t
+
+* ``q`` (n,) coordinates; ``M, C, K`` (n, n), dense or scipy.sparse;
+* ``w_j`` (n,) direction of element j, ``d_j`` its element coordinate (the mesh gap of a gear pair), ``e_j`` a
+  prescribed displacement (the transmission error), ``p_j`` a scalar law, ``c_j`` a viscous damper beside it;
+* ``F = Omega^power (F_0 + sum_l F_cl cos(l tau) + F_sl sin(l tau))``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self, TypeAlias
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from hbgear.common.arrays import Array
+from hbgear.common.messages import did_you_mean
+from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked
+from hbgear.mechanics.fourier import Series, real_numbers
+from hbgear.mechanics.laws import Law
+
+Matrix: TypeAlias = Any
+
+
+class Model(ABC):
+    """A frozen dataclass that describes a machine and builds its `System`.
+
+    Its float fields are its parameters: each can be continued in, set on the command line, and is checked for being
+    a finite number within its range in `ranges`. What depends on several fields a subclass checks in ``__post_init__``
+    after calling this one's.
+    """
+
+    labels: ClassVar[Mapping[str, str]] = {}
+    """Axis labels ``{"Omega": ..., "amplitude": ...}`` and, by name, of any parameter: symbol and unit."""
+    default_span: ClassVar[tuple[float, float]] = (0.5, 1.5)
+    """Range of Omega a response curve is traced over when the user gives none."""
+    ranges: ClassVar[Mapping[str, Range]] = {}
+    """Values a parameter may have, by name: ``{"zeta": Range(low=0)}``. Searches and curves end there."""
+
+    usual: ClassVar[Mapping[str, Range]] = {}
+    """Values a field usually has (every entry of a tuple), by name: beyond them a problem warns of the unit."""
+
+    def __post_init__(self) -> None:
+        for name, value in self.parameters.items():
+            checked(type(self).__name__, name, value, self.ranges.get(name, ANY))
+
+    @abstractmethod
+    def system(self) -> System:
+        """The equations of motion this model stands for."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Float fields by name: what a curve can be traced in besides Omega."""
+        if not dataclasses.is_dataclass(self):
+            return {}
+        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.type in ("float", float)}
+
+    def replace(self, /, **changes: Any) -> Self:
+        """A copy with other field values; unknown names are refused.
+
+        Raises
+        ------
+        KeyError
+            If a name is not a field of the model.
+        """
+        names = [f.name for f in dataclasses.fields(self) if f.init]  # type: ignore[arg-type]
+        for name in changes:
+            if name not in names:
+                raise KeyError(f"{type(self).__name__} has no parameter '{name}'{did_you_mean(name, names)}")
+        return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+
+
+@dataclass(frozen=True)
+class Element:
+    """A scalar element: direction, law, damper, prescribed displacement.
+
+        d = direction^T q - displacement(tau),   force on the structure  -direction [law(d, d', tau) + damping d']
+
+    Parameters
+    ----------
+    direction : (n,) w.
+    law : `Law`.
+    displacement : `Series`, the prescribed displacement e(tau).
+    damping : viscous coefficient c of the damper beside the law, >= 0.
+    name : shown in tables and legends.
+
+    Raises
+    ------
+    ValueError
+        If the direction is zero or not finite, or damping negative.
+    TypeError
+        If the law is no `Law`.
+    """
+
+    direction: ArrayLike
+    law: Law
+    displacement: Series = field(default_factory=Series)
+    damping: float = 0.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        owner = f"element '{self.name}'"
+        w = real_numbers(f"{owner}: direction", self.direction, "a vector of numbers")
+        if w.ndim != 1 or not np.all(np.isfinite(w)) or not np.any(w):
+            raise ValueError(f"element '{self.name}': direction must be a finite non-zero vector, got {w}")
+        if not isinstance(self.law, Law):
+            raise TypeError(f"element '{self.name}': law must be a hbgear Law, got {type(self.law).__name__}")
+        if not isinstance(self.displacement, Series):
+            raise ValueError(f"{owner}: displacement = {self.displacement!r} must be a Series")
+        checked(owner, "damping", self.damping, NOT_NEGATIVE)
+        w.flags.writeable = False
+        object.__setattr__(self, "direction", w)
+
+
+@dataclass(frozen=True)
+class Load:
+    """Periodic load on the coordinates.
+
+        F(tau) = Omega^power (constant + sum_l cosine[l] cos(l tau) + sine[l] sin(l tau))
+
+    Parameters
+    ----------
+    constant : (n,) or None.
+    cosine, sine : ``{l: (n,)}``, l >= 1.
+    power : exponent of Omega; 2 for an unbalance.
+
+    Raises
+    ------
+    ValueError
+        If a harmonic number is not a positive integer or a vector is not finite.
+    """
+
+    constant: ArrayLike | None = None
+    cosine: Mapping[int, ArrayLike] = field(default_factory=dict)
+    sine: Mapping[int, ArrayLike] = field(default_factory=dict)
+    power: int = 0
+
+    def __post_init__(self) -> None:
+        checked("Load", "power", self.power, Range(-20, 20))
+        if self.constant is not None:
+            object.__setattr__(self, "constant", real_numbers("Load: constant", self.constant, "a vector of numbers"))
+        for name in ("cosine", "sine"):
+            table = {}
+            if not isinstance(getattr(self, name), Mapping):
+                raise ValueError(f"Load.{name} = {getattr(self, name)!r} must be a dictionary {{harmonic: vector}}")
+            for order, vector in getattr(self, name).items():
+                if not isinstance(order, int | np.integer) or order < 1:
+                    raise ValueError(f"Load.{name}: harmonic number {order!r} must be a positive integer")
+                table[int(order)] = real_numbers(f"Load.{name}[{order}]", vector, "a vector of numbers")
+            object.__setattr__(self, name, table)
+        for vector in self.vectors():
+            if vector.ndim != 1 or not np.all(np.isfinite(vector)):
+                raise ValueError(f"Load: every vector must be one-dimensional and finite, got {vector}")
+
+    def vectors(self) -> list[Array]:
+        """All load vectors, for checks."""
+        first = [] if self.constant is None else [np.asarray(self.constant)]
+        return first + [np.asarray(v) for v in [*self.cosine.values(), *self.sine.values()]]
+
+    @property
+    def order(self) -> int:
+        """Highest harmonic loaded."""
+        return max([0, *self.cosine, *self.sine])
+
+    def complex(self, n: int) -> dict[int, np.ndarray]:
+        """One-sided complex amplitudes ``{l: (n,)}`` without the factor Omega^power."""
+        out: dict[int, np.ndarray] = {}
+        if self.constant is not None:
+            out[0] = np.asarray(self.constant, dtype=complex)
+        for table, factor in ((self.cosine, 1.0), (self.sine, -1j)):
+            for order, vector in table.items():
+                out[order] = out.get(order, np.zeros(n, dtype=complex)) + factor * np.asarray(vector)
+        return out
+
+
+def _matrix(name: str, value: Any) -> Matrix:
+    if scipy.sparse.issparse(value):
+        if value.dtype.kind not in "iufb":
+            raise ValueError(f"{name} of {value.dtype} must be a square matrix of numbers")
+        out: Matrix = scipy.sparse.csr_array(value, dtype=float)
+        finite = np.all(np.isfinite(out.data))
+    else:
+        out = real_numbers(name, value, "a square matrix of numbers")
+        finite = np.all(np.isfinite(out))
+        out.flags.writeable = False
+    if out.ndim != 2 or out.shape[0] != out.shape[1] or not out.shape[0]:
+        raise ValueError(f"{name} has shape {out.shape}; need a square matrix")
+    if not finite:
+        raise ValueError(f"{name} has entries that are not finite")
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class System(Model):
+    """Equations of motion from matrices: the form every model is reduced to, and a model in its own right.
+
+    Parameters
+    ----------
+    M, C, K : (n, n), dense or scipy.sparse; M must be regular. C = None means no damping.
+    elements : sequence of `Element`, at least one.
+    load : `Load` or a sequence of them.
+    dof_names : (n,) names of the coordinates; ``q1, q2, ...`` by default.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit or an entry is not finite.
+    """
+
+    M: Any
+    C: Any
+    K: Any
+    elements: Sequence[Element] = ()
+    load: Load | Sequence[Load] = ()
+    dof_names: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        set_(self, "M", _matrix("M", self.M))
+        n = self.M.shape[0]
+        set_(self, "C", _matrix("C", np.zeros((n, n)) if self.C is None else self.C))
+        set_(self, "K", _matrix("K", self.K))
+        if not isinstance(self.elements, Iterable):
+            raise ValueError("a System takes its elements in a list: elements=[...]")
+        elements = tuple(self.elements)
+        for i, element in enumerate(elements):
+            if not isinstance(element, Element):
+                raise ValueError(f"element {i} is a {type(element).__name__}; need an Element(direction, law)")
+        if not isinstance(self.load, Load | Iterable) or not all(isinstance(load, Load) for load in self.loads):
+            raise ValueError(f"load = {self.load!r}: need a Load, or a list of them")
+        loads = self.loads
+        if not isinstance(self.dof_names, Iterable) or not all(isinstance(name, str) for name in self.dof_names):
+            raise ValueError(f"dof_names = {self.dof_names!r} must be a list of names, one for each coordinate")
+        names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(n))
+        for name in ("C", "K"):
+            if getattr(self, name).shape != (n, n):
+                raise ValueError(f"{name} has shape {getattr(self, name).shape}; need {(n, n)}, the shape of M")
+        if not elements:
+            raise ValueError("a System needs at least one element; a linear one can carry Cubic(k3=0)")
+        for i, element in enumerate(elements):
+            if np.shape(element.direction) != (n,):
+                raise ValueError(f"element {i} has direction of shape {np.shape(element.direction)}; need ({n},)")
+        for vector in (v for load in loads for v in load.vectors()):
+            if vector.shape != (n,):
+                raise ValueError(f"a load vector has shape {vector.shape}; need ({n},)")
+        if len(names) != n:
+            raise ValueError(f"{len(names)} dof_names for {n} coordinates")
+        named = tuple(e if e.name else dataclasses.replace(e, name=f"element {i + 1}") for i, e in enumerate(elements))
+        set_(self, "elements", named)
+        set_(self, "load", loads)
+        set_(self, "dof_names", names)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Empty: a System is fixed; write a Model to continue in something else than Omega."""
+        return {}
+
+    def system(self) -> System:
+        return self
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return int(self.M.shape[0])
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """The loads, always as a tuple."""
+        return (self.load,) if isinstance(self.load, Load) else tuple(self.load)
+
+    @property
+    def W(self) -> Array:
+        """Directions as columns, (n, m)."""
+        return np.column_stack([np.asarray(e.direction) for e in self.elements])
+
+
+def describe(model: Model) -> dict[str, Any]:
+    """``{"class": name, "fields": {...}}`` of plain numbers, strings and lists, fit for JSON.
+
+    Fields that JSON cannot hold (the matrices of a `System`) are left out: such a model cannot be rebuilt.
+    """
+    fields: dict[str, Any] = {}
+    for each in dataclasses.fields(model):  # type: ignore[arg-type]
+        value = getattr(model, each.name)
+        if isinstance(value, np.generic):
+            value = value.item()
+        try:
+            fields[each.name] = json.loads(json.dumps(value))
+        except TypeError:
+            continue
+    return {"class": type(model).__name__, "fields": fields}

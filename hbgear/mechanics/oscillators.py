@@ -1,0 +1,60 @@
+"""Textbook oscillators."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from hbgear.common.ranges import NOT_NEGATIVE, Range
+from hbgear.mechanics.laws import Cubic
+from hbgear.mechanics.model import Element, Load, Model, System
+
+
+@dataclass(frozen=True)
+class Duffing(Model):
+    """Duffing oscillator.
+
+        x'' + 2 zeta x' + x + k3 x^3 = F cos(tau),   tau = Omega t
+
+    The element is the cubic spring alone; its coordinate is x. Time is in 1/omega_n and Omega over omega_n, the natural
+    frequency without the cubic spring; x is a displacement over any length L, k3 the cubic stiffness times L^2 and F
+    the force over L, both over the linear stiffness.
+
+    Parameters
+    ----------
+    zeta : damping ratio, >= 0.
+    k3 : cubic coefficient; positive hardens, negative softens.
+    F : amplitude of the load.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite or zeta is negative.
+    """
+
+    zeta: float = 0.05
+    k3: float = 0.1
+    F: float = 0.18
+
+    labels: ClassVar[Mapping[str, str]] = {
+        "Omega": r"$\Omega = \omega/\omega_n$ [-]",
+        "amplitude": r"$x$ [-]",
+        "zeta": r"damping ratio $\zeta$",
+        "k3": r"cubic stiffness $k_3$ [-]",
+        "F": r"load $F$ [-]",
+    }
+    default_span: ClassVar[tuple[float, float]] = (0.5, 1.6)
+    ranges: ClassVar[Mapping[str, Range]] = {"zeta": NOT_NEGATIVE}
+    usual: ClassVar[Mapping[str, Range]] = {"zeta": Range(0, 1)}
+
+    def system(self) -> System:
+        """One coordinate x; the linear spring in K, the cubic one as the element."""
+        return System(
+            M=[[1.0]],
+            C=[[2 * self.zeta]],
+            K=[[1.0]],
+            elements=[Element(direction=[1.0], law=Cubic(self.k3), name="x")],
+            load=Load(cosine={1: [self.F]}),
+            dof_names=["x"],
+        )

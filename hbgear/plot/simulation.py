@@ -1,0 +1,264 @@
+"""Figures of time integration: sweep dots over a curve, bifurcation diagrams, basins of attraction, validation.
+
+Functions take what was found, draw on matplotlib axes and return them, in the style of `plot`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hbgear.continuation.branch import Branch
+from hbgear.harmonic.speeds import model_of, scales
+from hbgear.mechanics.model import Model
+from hbgear.plot.curves import (
+    COLOURS,
+    GREY,
+    MEASURES,
+    _axes,
+    _dress,
+    _heighten,
+    _legend,
+    _scaled_axes,
+    _style,
+    response,
+    speed_axes,
+)
+from hbgear.timedomain.basins import Basins
+from hbgear.timedomain.sweep import Sweep
+from hbgear.timedomain.validate import Report
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+DIRECTIONS = {1: ("^", "#1b7f5a", "sweep up"), -1: ("v", "#a3334d", "sweep down")}
+
+
+BASINS = ("#dfe8f3", "#eeb67a", "#cfe6c6", "#c98fb1", "#f4f0c9", "#86bcc4", "#d6c8ea", "#a8a8a8")
+"""Shades of basins: neighbours differ in lightness too, to be told apart in print without colour."""
+
+
+INKS = ("#1f4e8c", "#8a4100", "#22602a", "#7d1247", "#6b6b1f", "#075463", "#5a3391", "#222222")
+
+
+SYMBOLS = "os^DvP*h"
+
+
+REFINED = "agrees with more harmonics"
+
+
+_MANY = 1000  # dots in one drawing that are kept as pixels
+
+
+def sweeps(
+    found: Sequence[Sweep], branch: Branch | None = None, measure: str = "pp2", element: int | str = 0,
+    ax: Axes | None = None, *, legend: bool = True, model: Model | None = None,
+) -> Axes:  # fmt: skip
+    """Sweep dots, over the curve of a branch if one is given.
+
+    Triangles point the way the parameter moved; they are filled where the motion has the period of the excitation, open
+    where it has a multiple of it; crosses are motions that are not periodic. Bands are the steps in which one jumped.
+    With the model, or a branch that tells it, new axes show the mesh frequency and the speed of the pinion too.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If there is nothing to draw, the parameters differ, or there is no such measure or element.
+    """
+    if not found:
+        raise ValueError("no sweep to draw")
+    parameters = {s.parameter for s in found} | ({branch.parameter} if branch else set())
+    if len(parameters) > 1:
+        raise ValueError(f"the sweeps and the curve are in different parameters: {', '.join(sorted(parameters))}")
+    own = ax is None
+    with _style():
+        ax = _axes(ax, (7.0, 3.7))
+        if branch is not None:
+            response(branch, measure, element, ax, jumps=False, legend=False)
+        for s in found:
+            _dots(ax, s, s.amplitude(measure, element))
+            for jump in s.jumps:
+                ax.axvspan(*sorted(jump.interval), color=DIRECTIONS[s.direction][1], alpha=0.12, linewidth=0, zorder=0)
+        if branch is None:
+            ax.set_xlabel(found[0].labels.get(found[0].parameter, found[0].parameter))
+            ax.set_ylabel(f"{MEASURES.get(measure, measure)} of {_name(found[0], element)}")
+        _dress(ax)
+        if own:
+            _in_speeds(ax, found[0].parameter, model or (model_of(branch) if branch else None))
+        if legend:
+            _legend(ax)
+            old: Any = ax.get_legend()
+            names = [text.get_text() for text in old.get_texts()]
+            ax.legend(old.legend_handles, names, loc="upper left", bbox_to_anchor=(1.01, 1.0), handlelength=2.2)
+    return ax
+
+
+def _in_speeds(ax: Axes, parameter: str, model: Model | None) -> None:
+    """Axes above of the speed of the pinion and the mesh frequency, if Omega was swept and the model knows them."""
+    if parameter == "Omega" and _scaled_axes(ax, scales(model, {})):
+        _heighten(ax)
+
+
+def _dots(ax: Axes, s: Sweep, height: Any) -> None:
+    marker, colour, name = DIRECTIONS[s.direction]
+    kinds: tuple[tuple[Any, dict[str, Any], str], ...] = (
+        (s.period == 1, {"marker": marker, "markerfacecolor": colour}, name),
+        (s.period > 1, {"marker": marker, "markerfacecolor": "white"}, f"{name}, longer period"),
+        (s.period == 0, {"marker": "+"}, f"{name}, not periodic"),
+    )
+    for which, look, label in kinds:
+        if which.any():
+            ax.plot(s.values[which], height[which], linestyle="none", markersize=3.6, markeredgecolor=colour,
+                    markeredgewidth=0.7, label=label, zorder=5, gid=label, **look)  # fmt: skip
+
+
+def bifurcation(
+    found: Sequence[Sweep], element: int | str = 0, rate: bool = False, ax: Axes | None = None, *,
+    model: Model | None = None,
+) -> Axes:  # fmt: skip
+    """Poincare points at tau = 0 against the parameter: displacement of an element, or its rate.
+
+    Those of motions that are not periodic are smaller; clouds of them are kept as pixels in a .pdf or .svg. With the
+    model new axes show the mesh frequency and the speed of the pinion too.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If there is nothing to draw, or no such element.
+    """
+    if not found:
+        raise ValueError("no sweep to draw")
+    own = ax is None
+    with _style():
+        ax = _axes(ax, (5.6, 3.7))
+        for s in found:
+            j = s.index(element)
+            name = DIRECTIONS[s.direction][2]
+            colour = DIRECTIONS[s.direction][1] if len(found) > 1 else "black"
+            for which, size, label in ((s.settled, 2.0, name), (~s.settled, 0.9, f"{name}, not periodic")):
+                if not which.any():
+                    continue
+                rows = np.flatnonzero(which)
+                x = np.concatenate([np.full(len(s.points[i]), s.values[i]) for i in rows])
+                y = np.concatenate([s.points[i][:, j, int(rate)] for i in rows])
+                ax.plot(x, y, "o", color=colour, markersize=size, markeredgewidth=0, label=label, gid=label,
+                        rasterized=len(x) > _MANY)  # fmt: skip
+        s = found[0]
+        ax.set_xlabel(s.labels.get(s.parameter, s.parameter))
+        what = _name(s, element)
+        ax.set_ylabel(f"{'rate of ' if rate else ''}{what} at " + r"$\tau = 0$")
+        _dress(ax)
+        if own:
+            _in_speeds(ax, s.parameter, model)
+        if len(found) > 1:
+            ax.legend(loc="best", markerscale=3)
+    return ax
+
+
+def basins(found: Basins, ax: Axes | None = None) -> Axes:
+    """Starts coloured by the attractor they lead to, with the Poincare points of the attractors."""
+    from matplotlib.colors import ListedColormap
+
+    count = len(found.attractors)
+    with _style():
+        ax = _axes(ax, (4.6, 3.9))
+        half_d, half_v = (0.5 * (np.ptp(x) / max(len(x) - 1, 1) or 1.0) for x in (found.d, found.v))
+        extent = (found.d[0] - half_d, found.d[-1] + half_d, found.v[0] - half_v, found.v[-1] + half_v)
+        shades = ListedColormap([BASINS[i % len(BASINS)] for i in range(count)])
+        known = np.ma.masked_less(found.label, 0)  # the others were not followed to their end
+        ax.imshow(known, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=-0.5, vmax=count - 0.5,
+                  interpolation="nearest")  # fmt: skip
+        for i, a in enumerate(found.attractors):
+            name = f"period {a.period}, rms {a.rms:.4g}" if a.period else "not periodic"
+            symbol = SYMBOLS[i % len(SYMBOLS)] if a.period else "o"
+            look: dict[str, Any] = {"markersize": 6, "markeredgewidth": 0.6} if a.period else {"markersize": 1.5}
+            ax.plot(*a.points.T, symbol, color=INKS[i % len(INKS)], markeredgecolor="white", zorder=5,
+                    label=f"{name}: {a.share:.0%} of starts", gid=f"attractor {i}", **look)  # fmt: skip
+        ax.set_xlim(extent[0], extent[1])
+        ax.set_ylim(extent[2], extent[3])
+        what = found.labels.get("amplitude", "element coordinate")
+        ax.set_xlabel(f"{what} at " + r"$\tau = 0$")
+        ax.set_ylabel(f"rate of {what} at " + r"$\tau = 0$")
+        ax.set_title(rf"$\Omega$ = {found.Omega:.5g}")
+        _dress(ax)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, handletextpad=0.3)
+    return ax
+
+
+def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure:
+    """The checked points on the curve, numbered along it, and below the differences of each from time integration.
+
+    Points that agree only with more harmonics than the curve has are told apart, and so is how well they do then.
+    """
+    import matplotlib.pyplot as plt
+
+    from hbgear.plot.labels import labels_of
+
+    with _style():
+        figure, (top, low) = plt.subplots(2, 1, figsize=(6.4, 7.2), layout="constrained")
+        response(branch, "rms", element, top, special=False, jumps=False, legend=False)
+        x = np.array([row.value for row in report.rows])
+        rms = branch.amplitude("rms", element)[[row.index for row in report.rows]]
+        for kind, name, colour, marker in (
+            ((True, False), "agrees with integration", "#1b7f5a", "o"),
+            ((True, True), REFINED, "#b36b00", "D"),
+            ((False, False), "differs from integration", "#c01818", "X"),
+        ):
+            which = np.array([(row.ok, row.refined) == kind for row in report.rows], dtype=bool)
+            if which.any():
+                top.plot(x[which], rms[which], marker, linestyle="none", markersize=4.5, color=colour,
+                         markeredgecolor="white", markeredgewidth=0.5, label=name, zorder=6, gid=name)  # fmt: skip
+        labels = labels_of(top)
+        for number, (value, height) in enumerate(zip(x, rms, strict=True), 1):
+            (line,) = top.plot(value, height, linestyle="none", label="_number", gid=f"point {number}")
+            labels.add(line, 1, "checked", f"{number}", True, (1, 0))
+        _legend(top)
+        _differences(low, report)
+        for ax in (top, low):
+            _dress(ax)
+        speed_axes(top, [branch])
+        low.tick_params(axis="x", which="both", top=False, length=0)
+    return figure
+
+
+def _differences(ax: Axes, report: Report) -> None:
+    """One column for each checked point, in the order of the curve, with the reason why it was checked."""
+    kinds = (
+        ("rms_error", "o", COLOURS["no_impact"], "rms"),
+        ("pp2_error", "s", COLOURS["single_sided"], "half peak-to-peak"),
+        ("harmonic_error", "D", COLOURS["double_sided"], "harmonics"),
+        ("multiplier_error", "x", "#444444", "multipliers"),
+        ("closure", "_", GREY, "closure of the period"),
+    )
+    number = np.arange(1, len(report.rows) + 1)
+    for i, (name, marker, colour, label) in enumerate(kinds):
+        y = np.array([max(getattr(row, name), 1e-16) for row in report.rows])
+        ax.plot(number + 0.13 * (i - 2), y, marker, color=colour, markersize=4, markerfacecolor="none", label=label,
+                gid=name)  # fmt: skip
+    finer = np.array([row.refined for row in report.rows], dtype=bool)
+    if finer.any():
+        y = np.array([row.refined_error for row in report.rows])
+        ax.plot(number[finer], y[finer], "*", color="#b36b00", markersize=7, markerfacecolor="none",
+                label="rms, with more harmonics", gid="refined_error")  # fmt: skip
+    for level, name in ((report.tolerance, "tolerance"), (report.multiplier_tolerance, "tolerance,\nmultipliers")):
+        ax.axhline(level, color=GREY, linewidth=0.7, zorder=0, gid=name)
+        ax.annotate(name, (1, level), (3, 0), xycoords=("axes fraction", "data"), textcoords="offset points",
+                    fontsize=8, va="center", color="#555555")  # fmt: skip
+    ax.set_yscale("log")
+    ax.set_xlim(0.4, len(number) + 0.6)
+    ax.set_xticks(number, [f"{n}  {row.reason}" for n, row in zip(number, report.rows, strict=True)], rotation=60,
+                  ha="right", rotation_mode="anchor")  # fmt: skip
+    for row, tick in zip(report.rows, ax.get_xticklabels(), strict=True):
+        tick.set_color("black" if row.ok else "#c01818")
+    ax.set_xlabel("checked point, in the order of the curve")
+    ax.set_ylabel("relative difference from time integration (-)")
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, columnspacing=1.0, handletextpad=0.2)
+
+
+def _name(s: Sweep, element: int | str) -> str:
+    name = f", {s.elements[s.index(element)]}" if len(s.elements) > 1 else ""
+    return s.labels.get("amplitude", "gap (model units)") + name
