@@ -10,8 +10,10 @@ from hbgear._version import __version__
 from hbgear.common.ranges import Range
 from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
+from hbgear.continuation.events import Event
 from hbgear.continuation.extending import extend
 from hbgear.continuation.newton import NoConvergence, Settings
+from hbgear.continuation.problem import Evaluation, Evaluations
 from hbgear.continuation.stepsize import Steps
 from hbgear.continuation.switching import switch
 from hbgear.continuation.tracer import trace
@@ -46,6 +48,9 @@ __all__ = [
     "DoubleHelicalPair",
     "Duffing",
     "Element",
+    "Evaluation",
+    "Evaluations",
+    "Event",
     "Fold",
     "GearRotorBearing",
     "Grazing",

@@ -89,10 +89,3 @@ def checked(owner: str, name: str, value: Any, allowed: Range = ANY) -> None:
         raise ValueError(f"{owner}: {name} = {value!r} must be a finite number")
     if float(value) not in allowed:
         raise ValueError(f"{owner}: {name} = {value} must {allowed}")
-
-
-def range_of(problem: Any, name: str) -> Range:
-    """Values a parameter of any problem may have; Omega is positive everywhere."""
-    if hasattr(problem, "range_of"):
-        return problem.range_of(name)
-    return POSITIVE if name == "Omega" else ANY

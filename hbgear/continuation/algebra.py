@@ -1,15 +1,25 @@
-"""Small linear algebra: norms, solutions and bordered matrices, cheap for short arrays."""
+"""Small linear algebra of dense and sparse matrices: norms, solutions, determinants, bordered matrices.
+
+    [A  a] [x]   [b]
+    [c^T 0] [s] = [t]
+
+A bordered matrix is regular where A has one null vector, if the borders are not orthogonal to the null vectors: the
+reason why a curve can be followed around its folds. Dense matrices are numpy arrays; sparse ones scipy.sparse, and
+factorised by SuperLU with the border inside.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-import scipy
+import scipy  # its parts are imported when they are first used
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.problem import Evaluation, Evaluations
+
+Matrix: TypeAlias = Any
+"""A numpy array or a scipy.sparse matrix."""
 
 
 def norm(x: Array) -> float:
@@ -26,22 +36,100 @@ def norms(x: Array) -> Array:
     return np.sqrt(np.einsum("ij,ij->i", flat, flat))
 
 
-def unit_of(problem: Any, name: str, value: float) -> float:
-    """Size against which a change of a parameter is small: its value, near zero a thousandth of the problem's own."""
-    own = getattr(problem, "parameters", {}).get(name, 0.0)
-    return max(abs(value), 1e-3 * abs(own)) or 1.0
+def dense(A: Matrix) -> bool:
+    """Whether a matrix, or a stack of them, is a numpy array."""
+    return isinstance(A, np.ndarray)
 
 
-def solve_linear(A: Array, b: Array) -> Array:
+def as_dense(A: Matrix) -> Array:
+    """A matrix as a numpy array."""
+    return A if dense(A) else A.toarray()
+
+
+def solve_linear(A: Matrix, b: Array) -> Array:
     """A^-1 b; a singular or non-finite matrix raises `numpy.linalg.LinAlgError`."""
+    if not dense(A):
+        return Factors(A).solve(b)
     *_, x, info = scipy.linalg.lapack.dgesv(A, b)  # the checks of scipy.linalg.solve cost more than the solution
     if info or not math.isfinite(x.sum()):
         raise np.linalg.LinAlgError("singular matrix")
     return x
 
 
-def is_singular(A: Array) -> bool:
-    """Whether a finite matrix is singular up to rounding, once its rows are of one size."""
+def solve_linear_all(A: Any, b: Array) -> Array:
+    """A[k]^-1 b[k] of stacked dense matrices (k, n, n), or of a sequence of sparse ones; b (k, n, r)."""
+    if dense(A):
+        return np.linalg.solve(A, b)
+    return np.array([solve_linear(one, rhs) for one, rhs in zip(A, b, strict=True)])
+
+
+class Factors:
+    """A = P L U of a dense or sparse matrix, to solve with A and its transpose.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a sparse matrix is exactly singular.
+    """
+
+    def __init__(self, A: Matrix) -> None:
+        self._lu: Any
+        if dense(A):
+            self._lu = scipy.linalg.lu_factor(A)
+            return
+        try:
+            self._lu = scipy.sparse.linalg.splu(scipy.sparse.csc_array(A))
+        except RuntimeError as error:
+            raise np.linalg.LinAlgError(str(error)) from None
+
+    def solve(self, b: Array, transposed: bool = False) -> Array:
+        """A^-1 b, or A^-T b."""
+        if isinstance(self._lu, tuple):
+            return scipy.linalg.lu_solve(self._lu, b, trans=int(transposed))
+        x = self._lu.solve(b, "T" if transposed else "N")
+        if not math.isfinite(x.sum()):
+            raise np.linalg.LinAlgError("singular matrix")
+        return x
+
+    def slogdet(self) -> tuple[float, float]:
+        """Sign and logarithm of the magnitude of det A, of a sparse matrix."""
+        diagonal = self._lu.U.diagonal()
+        sign = _parity(self._lu.perm_r) * _parity(self._lu.perm_c) * np.prod(np.sign(diagonal))
+        with np.errstate(divide="ignore"):
+            return float(sign), float(np.log(np.abs(diagonal)).sum())
+
+
+def _parity(permutation: Array) -> int:
+    """+1 for an even permutation, -1 for an odd one."""
+    n = len(permutation)
+    graph = scipy.sparse.csr_array((np.ones(n), (np.arange(n), permutation)), shape=(n, n))
+    cycles = scipy.sparse.csgraph.connected_components(graph, directed=False)[0]
+    return -1 if (n - cycles) % 2 else 1
+
+
+def slogdet(A: Matrix) -> tuple[float, float]:
+    """Sign and logarithm of the magnitude of det A."""
+    if dense(A):
+        sign, log = np.linalg.slogdet(A)
+        return float(sign), float(log)
+    return Factors(A).slogdet()
+
+
+def orientations(A: Any) -> list[int]:
+    """Signs of the determinants of matrices (k, n, n), or of a sequence of sparse ones; +1 for none."""
+    together = dense(A) or all(map(dense, A))
+    signs = np.linalg.slogdet(np.asarray(A))[0].tolist() if together else [slogdet(one)[0] for one in A]
+    return [-1 if sign < 0 else 1 for sign in signs]
+
+
+def is_singular(A: Matrix) -> bool:
+    """Whether a finite matrix is singular up to rounding, once its rows are of one size; sparse ones exactly."""
+    if not dense(A):
+        try:
+            Factors(A)
+        except np.linalg.LinAlgError:
+            return True
+        return False
     if not np.isfinite(A).all():
         return False
     largest = np.abs(A).max(axis=1, keepdims=True)
@@ -51,17 +139,23 @@ def is_singular(A: Array) -> bool:
 _SINGULAR = 1e13  # condition of a matrix that is singular to rounding
 
 
-def all_bordered(now: Evaluations, normal: Array) -> Array:
-    """`bordered` of stacked evaluations, (k, n + 1, n + 1), with one normal (n + 1,) or one each (k, n + 1)."""
-    k, n = now.R.shape
-    A = np.empty((k, n + 1, n + 1))
-    A[:, :n, :n], A[:, :n, n], A[:, n] = now.dR_dX, now.dR_dp, normal
-    return A
+def bordered(A: Matrix, column: Array, row: Array, corner: float = 0.0) -> Matrix:
+    """[A column; row^T corner]; row (n,), or (n + 1,) with the corner as its last entry."""
+    n = len(column)
+    row, corner = (row[:n], row[n]) if len(row) > n else (row, corner)
+    if not dense(A):
+        return scipy.sparse.block_array([[A, column[:, None]], [row[None], np.array([[corner]])]], format="csc")
+    B = np.empty((n + 1, n + 1))
+    B[:n, :n], B[:n, n], B[n, :n], B[n, n] = A, column, row, corner
+    return B
 
 
-def bordered(now: Evaluation, normal: Array) -> Array:
-    """[dR_dX dR_dp; normal^T]."""
-    n = now.R.size
-    A = np.empty((n + 1, n + 1))
-    A[:n, :n], A[:n, n], A[n] = now.dR_dX, now.dR_dp, normal
-    return A
+def all_bordered(A: Any, columns: Array, normal: Array) -> Any:
+    """`bordered` of stacked matrices (k, n, n), columns (k, n), with one normal (n + 1,) or one each (k, n + 1)."""
+    if not dense(A):
+        rows = np.broadcast_to(normal, (len(columns), columns.shape[1] + 1))
+        return [bordered(one, column, row) for one, column, row in zip(A, columns, rows, strict=True)]
+    k, n = columns.shape
+    B = np.empty((k, n + 1, n + 1))
+    B[:, :n, :n], B[:, :n, n], B[:, n] = A, columns, normal
+    return B

@@ -1,44 +1,54 @@
-"""Special points as problems of their own: the equations of the motion and one more.
+"""Special points as problems of their own: the equations of the solution and one more.
 
     R(X, p) = 0,   g(X, p) = 0           unknowns U = (X, p), p the parameter in which the curve was traced
 
-so that the same Newton locates them and the same `trace` follows them in a second parameter.
+so that the same Newton locates them and the same trace follows them in a second parameter.
 
-| class | g |
-|---|---|
-| Fold | bordered determinant of dR/dX: the curve turns in p |
-| PeriodDoubling | the same for the half-integer harmonics, which decouple: a multiplier is -1 |
-| Grazing | extremum of an element minus a corner of its law: the impact regime changes |
-| Peak | derivative of an amplitude along the curve |
+`Fold`: g is the bordered determinant of A = dR/dX. With borders b and c that are not orthogonal to the null vectors,
+
+    [A    b] [v]   [0]            [A^T  c] [w]   [0]
+    [c^T  0] [g] = [1]            [b^T  0] [g] = [1]
+
+are regular where A is singular, and by Cramer's rule g = det A / det [A b; c^T 0]: zero exactly where A is singular,
+as smooth as A, and with the derivative dg = -w^T dA v. In the notation of Govaerts (2000, ch. 3) b and c border the
+matrix, v and w are the vectors that become its right and left null vectors. The borders are those of one point
+(`FullProblem.based`): the left and right singular vectors of its least singular value, so that there g is that value
+with the sign of det A. A problem without a base takes each point as its own, and g is this signed value everywhere.
+Either way it depends on nothing that was asked before.
+
+`Level`: g is any function of the point, its gradient by central differences.
 
 The derivative of g needs second derivatives of R only in one direction: a central difference of the exact Jacobian.
 
 References
 ----------
-Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), ch. 3-4.
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
 """
 
 from __future__ import annotations
 
 import copy
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-import scipy
+import scipy  # its parts are imported when they are first used
 
 from hbgear.common.arrays import Array
 from hbgear.common.given import need
-from hbgear.common.ranges import Range, range_of
-from hbgear.continuation.algebra import norm, unit_of
-from hbgear.continuation.problem import Evaluation, jacobians, linearise
+from hbgear.common.ranges import Range
+from hbgear.continuation.algebra import Factors, Matrix, bordered, dense, norm, slogdet
+from hbgear.continuation.branch import Point
+from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise, linearise_all
 
-_STEP = 1e-5  # relative step of the directional differences
+STEP = 1e-5
+"""Relative step of the directional differences."""
 
 
 class Extra(NamedTuple):
-    """The equations of the motion with their derivatives in p and name, and g with its own in X, p and name."""
+    """The equations of the solution with their derivatives in p and name, and g with its own in X, p and name."""
 
     now: Evaluation
     R_name: Array | None
@@ -52,7 +62,7 @@ class Sides(NamedTuple):
     """R and dR/dX a small step above and below in one parameter, and the distance between the two."""
 
     R: tuple[Array, Array]
-    J: tuple[Array, Array]
+    J: tuple[Matrix, Matrix]
     distance: float
 
     @property
@@ -61,14 +71,14 @@ class Sides(NamedTuple):
         return (self.R[0] - self.R[1]) / self.distance
 
     @property
-    def dJ(self) -> Array:
+    def dJ(self) -> Matrix:
         """Central difference of dR/dX."""
         return (self.J[0] - self.J[1]) / self.distance
 
 
-def sides(problem: Any, X: Array, here: Mapping[str, float], name: str) -> Sides:
+def sides(problem: FullProblem, X: Array, here: Mapping[str, float], name: str) -> Sides:
     """R and dR/dX on both sides of a parameter; one-sided where its range ends."""
-    h = _STEP * unit_of(problem, name, here[name])
+    h = STEP * problem.unit_of(name, here[name])
     values, R, J = [], [], []
     for value in (here[name] + h, here[name] - h):
         try:
@@ -82,72 +92,101 @@ def sides(problem: Any, X: Array, here: Mapping[str, float], name: str) -> Sides
     return Sides((R[0], R[1]), (J[0], J[1]), values[0] - values[1])
 
 
-def bends(problem: Any, X: Array, v: Array, here: Mapping[str, float], name: str) -> tuple[Array, Array]:
+def bends(problem: FullProblem, X: Array, v: Array, here: Mapping[str, float], name: str) -> tuple[Matrix, Matrix]:
     """Derivatives (n, n) of dR/dX along v and in a parameter, by central differences."""
-    h = _STEP * max(1e-3, norm(X)) / norm(v)
-    if name != "Omega":  # which may take any value, so that all four can be evaluated at once
+    h = STEP * max(1e-3, norm(X)) / norm(v)
+    if name not in problem.batched:
         plus, minus = (problem.evaluate(X + s * h * v, **here)[1] for s in (1, -1))
         return (plus - minus) / (2 * h), sides(problem, X, here, name).dJ
-    e = _STEP * here[name]
+    e = STEP * (abs(here[name]) or 1.0)
     U = np.column_stack([np.array([X + h * v, X - h * v, X, X]), here[name] + e * np.array([0.0, 0.0, 1.0, -1.0])])
-    J = jacobians(problem, U, name, here)
+    J = linearise_all(problem, U, name, here).dR_dX
     return (J[0] - J[1]) / (2 * h), (J[2] - J[3]) / (2 * e)
 
 
-class Augmented(ABC):
-    """A problem with one more unknown parameter and one more equation; see the module.
+@dataclass(frozen=True)
+class Base:
+    """What the added equation refers to: its weight, which gives g the size of R, and the borders b and c, if any."""
+
+    weight: float
+    b: Array | None = None
+    c: Array | None = None
+
+
+class Augmented(FullProblem):
+    """A problem with one more unknown parameter and one more equation; immutable.
 
     Parameters
     ----------
     problem : the problem whose special points are meant.
-    parameter : the parameter of the curve they lie on (``"Omega"``); it becomes the last unknown.
+    parameter : the parameter of the curve they lie on; it becomes the last unknown. By default the problem's usual one.
     """
 
-    turning_kind = "LP"
-    """Label of a turning point of a curve of such points."""
+    smooth = False
 
-    def __init__(self, problem: Any, parameter: str = "Omega") -> None:
+    def __init__(self, problem: Any, parameter: str = "") -> None:
         need(f"{type(self).__name__}(problem)", problem, "problem")
-        if hasattr(problem, "check_parameter"):
-            problem.check_parameter(parameter)
-        self.problem, self.parameter = problem, parameter
-        self._weight: float | None = None
+        self.problem = as_problem(problem)
+        parameter = parameter or self.problem.usual_parameter
+        if not parameter:
+            raise ValueError(f"{type(self).__name__} needs the parameter of the curve its points lie on, such as 'p'")
+        self.problem.check_parameter(parameter)
+        self.parameter = parameter
+        self.base: Base | None = None
 
-    def _weighted(self, size: float, unit: float) -> float:
-        """Factor that gives g (of size unit) the size of R; fixed at its first use, for it must not vary with X."""
-        if self._weight is None:
-            self._weight = size / unit
-        return self._weight
+    # ---- the added equation
 
     @abstractmethod
-    def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
+    def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
         """R and g at X with all parameters, and their derivatives; name may be empty."""
 
+    @abstractmethod
+    def base_at(self, X: Array, here: dict[str, float]) -> Base:
+        """The base that a point is for itself."""
+
+    def based(self, U: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
+        """The same problem with the base of the point U; as it is if it has one, unless that is to be renewed."""
+        if self.base is not None and not (renew and self.base.b is not None):
+            return self
+        X, own = self.split(U)
+        here = {**parameters, **own}
+        out = copy.copy(self)
+        out.base = self.base_at(X, here) if self.base is None else self.renewed(self.base, X, here)
+        return out
+
+    def renewed(self, base: Base, X: Array, here: dict[str, float]) -> Base:
+        """A base for points near X that keeps the weight and the sign of g."""
+        return base
+
+    # ---- as a problem
+
     @property
-    def unknown_parameters(self) -> tuple[str, ...]:
+    def unknown_parameters(self) -> tuple[str, ...]:  # type: ignore[override]
         """Parameters that are unknowns here."""
         return (self.parameter,)
 
     @property
     def parameters(self) -> dict[str, float]:
         """The parameters of the problem."""
-        return dict(getattr(self.problem, "parameters", {}))
+        return dict(self.problem.parameters)
 
     @property
-    def size(self) -> int | None:
+    def size(self) -> int | None:  # type: ignore[override]
         """Number of unknowns; None if the problem does not say its own."""
-        size = getattr(self.problem, "size", None)
-        return None if size is None else size + 1
+        return None if self.problem.size is None else self.problem.size + 1
 
     @property
     def layout(self) -> Any:
-        """How X, the motion's part of the unknowns, is to be read."""
-        return getattr(self.problem, "layout", None)
+        """How X, the solution's part of the unknowns, is to be read."""
+        return self.problem.layout
+
+    @property
+    def undetermined(self) -> str:  # type: ignore[override]
+        return self.problem.undetermined
 
     def describe(self) -> dict[str, Any]:
         """Header of a saved branch."""
-        about = self.problem.describe() if hasattr(self.problem, "describe") else {}
-        return {**about, "curve": {"of": type(self).__name__, "in": self.parameter}}
+        return {**self.problem.describe(), "curve": {"of": type(self).__name__, "in": self.parameter}}
 
     def check_parameter(self, name: str) -> None:
         """Refuse a parameter that is unknown to the problem or already an unknown."""
@@ -155,12 +194,18 @@ class Augmented(ABC):
             raise ValueError(
                 f"a {type(self).__name__} in {name} cannot be followed in {name} again; choose a second parameter"
             )
-        if hasattr(self.problem, "check_parameter"):
-            self.problem.check_parameter(name)
+        self.problem.check_parameter(name)
+
+    def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
+        """Nothing is said of curves of special points."""
+
+    def missing(self, known: Sequence[str]) -> Sequence[str]:
+        """As of the problem."""
+        return self.problem.missing([*known, self.parameter])
 
     def range_of(self, name: str) -> Range:
         """Values a parameter may have."""
-        return range_of(self.problem, name)
+        return self.problem.range_of(name)
 
     def split(self, U: Array) -> tuple[Array, dict[str, float]]:
         """X of the problem and the parameter that belongs to it."""
@@ -174,73 +219,72 @@ class Augmented(ABC):
         ValueError
             If the motion has another number of harmonics.
         """
-        size = getattr(self.problem, "size", len(X))
-        if len(X) != size:
+        size = self.problem.size
+        if size is not None and len(X) != size:
             raise ValueError(
                 f"the start has {len(X)} coefficients, this problem {size}: follow special points with the harmonics "
                 "of the curve they are on, such as Fold(curve.problem, 'Omega')"
             )
         return np.append(X, parameters[self.parameter])
 
+    def converted(self, point: Point) -> Array:
+        """X of a point of another problem of the kind."""
+        return self.problem.converted(point)
+
     def motion_size(self, U: Array) -> float:
-        """Size of the motion, which scales the arclength."""
-        size = getattr(self.problem, "motion_size", None)
-        return float(size(U[:-1])) if size else float(np.linalg.norm(U[:-1]))
+        """Size of the solution, which scales the arclength."""
+        return self.problem.motion_size(U[:-1])
 
-    def observe(self, U: Array, stability: bool = False, **parameters: float) -> dict[str, Any]:
-        """Regime and truncation error of the motion."""
-        if not hasattr(self.problem, "observe"):
-            return {}
-        X, own = self.split(U)
-        seen = self.problem.observe(X, stability=False, **{**parameters, **own})
-        return {k: seen[k] for k in ("regime", "error")}
-
-    def evaluate(self, U: Array, **parameters: float) -> tuple[Array, Array]:
-        """Residual (n + 1,) of {R, g} and its Jacobian in (X, p)."""
-        now = self.linearise(U, "", **parameters)
-        return now.R, now.dR_dX
-
-    def linearise(self, U: Array, name: str, **parameters: float) -> Evaluation:
-        """{R, g}, its Jacobian in (X, p) and its derivative in a further parameter."""
-        X, own = self.split(U)
+    def observe(self, X: Array, stability: bool = False, **parameters: float) -> dict[str, Any]:
+        """Regime and error of the solution; X are the unknowns U = (X, p) here."""
+        X, own = self.split(X)
         here = {**parameters, **own}
-        extra = self.extra(X, here, name)
-        n = len(X)
-        J = np.empty((n + 1, n + 1))
-        J[:n, :n], J[:n, n], J[n, :n], J[n, n] = extra.now.dR_dX, extra.now.dR_dp, extra.g_X, extra.g_p
-        dR = np.zeros(n + 1)
+        seen = self.problem.observe_many(X[None], self.parameter, np.array([here[self.parameter]]), False, **{
+            k: v for k, v in here.items() if k != self.parameter})[0]  # fmt: skip
+        return {k: seen[k] for k in ("regime", "error") if k in seen}
+
+    def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        """{R, g} (n + 1,), its Jacobian in (X, p) and its derivative in a further parameter; X are U = (X, p) here."""
+        X, own = self.split(X)
+        here = {**parameters, **own}
+        extra = self.extra(X, here, name, self.base or replace(self.base_at(X, here), weight=1.0))
+        J = bordered(extra.now.dR_dX, extra.now.dR_dp, extra.g_X, extra.g_p)
+        dR = np.zeros(len(X) + 1)
         if name:
-            dR[:n], dR[n] = extra.R_name, extra.g_name
+            dR[:-1], dR[-1] = extra.R_name, extra.g_name
         return Evaluation(np.append(extra.now.R, extra.g), J, dR, extra.now.size)
 
 
-class _Borders:
-    """Null vectors of a nearly singular matrix A: [A a; b^T 0] [v; g] = [0; 1], and the same for A^T and w."""
+def borders_of(A: Matrix) -> tuple[Array, Array, float]:
+    """Borders b and c for a matrix that is nearly singular, and its size.
 
-    def __init__(self, A: Array) -> None:
+    The left and right singular vectors of the least singular value, of signs for which g has the sign of det A; of a
+    sparse matrix by iteration from its bordered inverse, which converges fast where it is wanted.
+    """
+    sign = -1.0 if slogdet(A)[0] > 0 else 1.0
+    if dense(A):
         u, s, vt = scipy.linalg.svd(A)
-        self.a, self.b = u[:, -1], vt[-1]
-        self.size = float(s[0])
+        return sign * u[:, -1], vt[-1], float(s[0])
+    n = A.shape[0]
+    b = c = np.full(n, n**-0.5) * np.where(np.arange(n) % 2, 0.6, 1.0)
+    for _ in range(4):
+        v, w, _ = null_vectors(A, b, c)
+        b, c = w / norm(w), v / norm(v)
+    g = null_vectors(A, b, c)[2]
+    return (-b if g * sign > 0 else b), c, float(abs(A).sum(axis=0).max())
 
-    def null(self, A: Array) -> tuple[Array, Array, float]:
-        """v, w and g; the borders are refined once so that the bordered matrix stays well posed far from here."""
-        a, b, n = self.a, self.b, len(A)
-        rhs = np.zeros(n + 1)
-        rhs[-1] = 1.0
-        v, w, g = b, a, 0.0
-        B = np.zeros((n + 1, n + 1))
-        B[:n, :n] = A
-        for _ in range(2):
-            B[:n, n], B[n, :n] = a, b
-            lu = scipy.linalg.lu_factor(B)
-            right, left = scipy.linalg.lu_solve(lu, rhs), scipy.linalg.lu_solve(lu, rhs, trans=1)
-            v, w, g = right[:n], left[:n], float(right[n])
-            a, b = w / np.linalg.norm(w), v / np.linalg.norm(v)
-        return v, w, g
+
+def null_vectors(A: Matrix, b: Array, c: Array) -> tuple[Array, Array, float]:
+    """v, w and g of a matrix with borders b and c; see the module."""
+    lu = Factors(bordered(A, b, c))
+    e = np.zeros(len(b) + 1)
+    e[-1] = 1.0
+    right, left = lu.solve(e), lu.solve(e, transposed=True)
+    return right[:-1], left[:-1], float(right[-1])
 
 
 class Fold(Augmented):
-    """Folds (LP) of a curve: g is the bordered determinant of dR/dX; dg = -w^T dJ v with its null vectors v, w.
+    """Folds (LP) of a curve: g is the bordered determinant of dR/dX; see the module.
 
     Parameters
     ----------
@@ -248,62 +292,117 @@ class Fold(Augmented):
 
     Examples
     --------
-    The curve of a fold in the damping, from a fold of a response curve::
+    The curve of a fold in the damping, from a fold of a response curve:
 
-        folds = trace(Fold(problem, "Omega"), "zeta", (0.05, 0.2), start=curve["LP1"])
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.SpurPair(), 8)
+    >>> curve = hb.trace(problem, "Omega", (1.0, 0.6))
+    >>> folds = hb.trace(hb.Fold(problem, "Omega"), "zeta", (0.05, 0.2), start=curve["LP1"])
+    >>> bool(folds["CP1"].parameters["zeta"] > 0.1)
+    True
     """
 
-    turning_kind = "CP"
+    def events(self, parameter: str) -> tuple[Any, ...]:
+        from hbgear.continuation.events import BranchPoint, Turning
 
-    def __init__(self, problem: Any, parameter: str = "Omega") -> None:
-        super().__init__(problem, parameter)
-        self._borders: _Borders | None = None
+        return Turning("CP", "cusp: two folds meet", "P"), BranchPoint()
 
-    def _prepare(self, A: Array, now: Evaluation) -> _Borders:
-        """Borders from the first matrix seen; any regular choice gives the same zeros of g."""
-        if self._borders is None:
-            self._borders = _Borders(A)
-            self._weighted(now.size, self._borders.size)
-        return self._borders
+    def base_at(self, X: Array, here: dict[str, float]) -> Base:
+        A, size = self.matrix(X, here)
+        b, c, largest = borders_of(A)
+        return Base(size / (largest or 1.0), b, c)
 
-    def rebased(self, U: Array, parameters: Mapping[str, float]) -> Self:
-        """The same problem with its borders renewed at U.
+    def renewed(self, base: Base, X: Array, here: dict[str, float]) -> Base:
+        """Borders renewed at X, with positive products with the old ones, so that the sign of g is kept.
 
         g is det(A) over the bordered determinant, which must not vanish on the way; a curve that goes far renews it.
-        The new borders have positive products with the old ones, so that the sign of g is kept.
         """
-        X, own = self.split(U)
-        if self._borders is None:
-            return self
-        v, w, _ = self._borders.null(self._matrix(X, {**parameters, **own}))
-        out = copy.copy(self)
-        out._borders = copy.copy(self._borders)
-        out._borders.a, out._borders.b = w / np.linalg.norm(w), v / np.linalg.norm(v)
-        return out
+        assert base.b is not None and base.c is not None
+        A, _ = self.matrix(X, here)
+        b, c = base.b, base.c
+        for _ in range(2):
+            v, w, _ = null_vectors(A, b, c)
+            b, c = w / norm(w), v / norm(v)
+        return Base(base.weight, b, c)
 
-    def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
+    def matrix(self, X: Array, here: dict[str, float]) -> tuple[Matrix, float]:
+        """The matrix that is singular at the point, and the size of the terms of R."""
+        now = linearise(self.problem, X, "", here)
+        return now.dR_dX, now.size
+
+    def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
         """See `Augmented.extra`."""
+        assert base.b is not None and base.c is not None
         now = linearise(self.problem, X, self.parameter, here)
-        v, w, g = self._prepare(now.dR_dX, now).null(now.dR_dX)
-        k = self._weighted(now.size, 1.0)
+        v, w, g = null_vectors(now.dR_dX, base.b, base.c)
+        k = base.weight
         along, across = bends(self.problem, X, v, here, self.parameter)
         there = sides(self.problem, X, here, name) if name else None
         return Extra(
             now, there and there.dR, k * g, -k * (w @ along),
-            -k * float(w @ across @ v), -k * float(w @ there.dJ @ v) if there else 0.0,
+            -k * float(w @ (across @ v)), -k * float(w @ (there.dJ @ v)) if there else 0.0,
         )  # fmt: skip
 
     def direction(self, U: Array, **parameters: float) -> int:
-        """+1 if the motions of this fold exist below it only, -1 if above: the sense in which a sweep meets it.
+        """+1 if the solutions of this fold exist below it only, -1 if above: the sense in which a sweep meets it.
 
         Along the curve p'' = -(w^T R_XX v v) / (w^T R_p) at a fold.
         """
         X, own = self.split(U)
         here = {**parameters, **own}
         now = linearise(self.problem, X, self.parameter, here)
-        v, w, _ = _Borders(now.dR_dX).null(now.dR_dX)
+        b, c, _ = borders_of(now.dR_dX)
+        v, w, _ = null_vectors(now.dR_dX, b, c)
         along, _ = bends(self.problem, X, v, here, self.parameter)
-        return 1 if float(w @ along @ v) * float(w @ now.dR_dp) > 0 else -1
+        return 1 if float(w @ (along @ v)) * float(w @ now.dR_dp) > 0 else -1
 
-    def _matrix(self, X: Array, here: Mapping[str, float]) -> Array:
-        return self.problem.evaluate(X, **here)[1]
+
+class Level(Augmented):
+    """Points at which a function of the point is zero: g = test(point), its gradient by central differences.
+
+    Parameters
+    ----------
+    problem, parameter : as for `Augmented`.
+    test : a smooth function of a `Point`, whose unknowns and parameters it may use.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> limit = hb.Event("limit", lambda point: point.amplitude("H1") - 0.8)
+    >>> curve = hb.trace(problem, "Omega", (0.5, 1.0), events=[limit])
+    >>> level = limit.equations(problem, "Omega", curve["limit1"])
+    >>> held = hb.trace(level, "zeta", (0.05, 0.06), start=curve["limit1"])
+    >>> bool(abs(held.amplitude("H1") - 0.8).max() < 1e-9)
+    True
+    """
+
+    def __init__(self, problem: Any, parameter: str, test: Callable[[Point], float]) -> None:
+        super().__init__(problem, parameter)
+        self.test = test
+
+    def base_at(self, X: Array, here: dict[str, float]) -> Base:
+        return Base(linearise(self.problem, X, "", here).size)
+
+    def _value(self, X: Array, here: dict[str, float]) -> float:
+        point = Point(X, here, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"), self.problem.layout)
+        return float(self.test(point))
+
+    def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
+        """See `Augmented.extra`."""
+        now = linearise(self.problem, X, self.parameter, here)
+        h = STEP * max(1e-3, norm(X))
+        gradient = np.empty(len(X))
+        for i in range(len(X)):
+            e = np.zeros(len(X))
+            e[i] = h
+            gradient[i] = (self._value(X + e, here) - self._value(X - e, here)) / (2 * h)
+        R_name = linearise(self.problem, X, name, here).dR_dp if name else None
+        k = base.weight
+        return Extra(now, R_name, k * self._value(X, here), k * gradient, k * self._moved(X, here, self.parameter),
+                     k * self._moved(X, here, name) if name else 0.0)  # fmt: skip
+
+    def _moved(self, X: Array, here: dict[str, float], name: str) -> float:
+        h = STEP * self.problem.unit_of(name, here[name])
+        above, below = (self._value(X, {**here, name: here[name] + s * h}) for s in (1, -1))
+        return (above - below) / (2 * h)

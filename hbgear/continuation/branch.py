@@ -1,9 +1,8 @@
-"""Branch: a traced curve of periodic motions, row by row, with the points that were singled out on it.
+"""Branch: a traced curve of solutions, row by row, with the points that were singled out on it.
 
-    row i:  parameter = values[i],  motion of element j   d_j(theta) = a0 + sum_k a_k cos(k theta) + b_k sin(k theta),
-            (a0, a1, b1, ..., aH, bH) = X[i].reshape(m, 2H + 1)[j],   theta = Omega t / nu
+    row i:  parameter = values[i],  unknowns X[i], read as the `Reader` of the problem says (`Branch.layout`)
 
-A row is stable if no Floquet multiplier lies outside the unit circle. Saving, loading and plotting need no model.
+A row is stable if none of its multipliers lies outside the unit circle. Saving, loading and plotting need no problem.
 """
 
 from __future__ import annotations
@@ -20,13 +19,7 @@ from numpy.typing import NDArray
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import counted
-from hbgear.harmonic import observables as measures
-from hbgear.harmonic.observables import Layout
-from hbgear.mechanics.fourier import evaluate
-
-REGIMES = ("no_impact", "single_sided", "double_sided")
-"""Names of the regime codes 0, 1, 2 of an element: how many of its sides it meets and leaves. -1 is unknown."""
-
+from hbgear.continuation.problem import Moving, Reader
 
 NEUTRAL = 1e-6
 """A multiplier within this distance outside the unit circle counts as on it (free rotations have mu = 1)."""
@@ -39,6 +32,7 @@ class Status(StrEnum):
     LEFT_SPAN = "left_span"
     CLOSED = "closed"
     MERGED = "merged"
+    EVENT = "event"
     RETRACED = "retraced"
     MAX_POINTS = "max_points"
     STEP_TOO_SMALL = "step_too_small"
@@ -48,7 +42,7 @@ class Status(StrEnum):
     @property
     def complete(self) -> bool:
         """Whether the curve was followed as far as it goes within the span."""
-        return self in (Status.REACHED_END, Status.LEFT_SPAN, Status.CLOSED, Status.MERGED)
+        return self in (Status.REACHED_END, Status.LEFT_SPAN, Status.CLOSED, Status.MERGED, Status.EVENT)
 
     @property
     def advice(self) -> str:
@@ -61,6 +55,7 @@ _ADVICE = {
     Status.LEFT_SPAN: "the curve turned back and left the span through its start; trace it from the other end as well, "
     "with the ends of the span exchanged",
     Status.MERGED: "nothing to do: the branch ended on the one it came from",
+    Status.EVENT: "nothing to do: a terminal event was reached; go on from its point to trace further",
     Status.CLOSED: "nothing to do: the curve closed on itself",
     Status.RETRACED: "allow shorter steps or a smaller turning angle: steps=hb.Steps(longest=..., turn=...)",
     Status.MAX_POINTS: "allow more points or longer steps, or go on from the last point: hb.extend(curve), "
@@ -73,16 +68,17 @@ _ADVICE = {
 }
 
 
-def _known(layout: Layout | None) -> Layout:
+def _known(layout: Reader | None) -> Reader:
     if layout is None:
-        raise ValueError("these rows are not known to be harmonics (layout is None); read X and values directly")
+        raise ValueError("the problem does not say how its unknowns are read (layout is None); read X directly")
     return layout
 
 
-def name_of_regime(codes: NDArray[np.int8]) -> str:
-    """The most severe regime among codes, by its name in `REGIMES`, or "unknown"."""
+def name_of_regime(codes: NDArray[np.int8], layout: Reader | None) -> str:
+    """The most severe regime among codes, by its name, or "unknown"."""
     worst = int(np.max(codes, initial=-1))
-    return REGIMES[min(worst, len(REGIMES) - 1)] if worst >= 0 else "unknown"
+    names = layout.regimes if layout else ()
+    return names[min(worst, len(names) - 1)] if worst >= 0 and names else "unknown"
 
 
 def is_stable(multipliers: ComplexArray) -> NDArray[np.bool_]:
@@ -92,16 +88,16 @@ def is_stable(multipliers: ComplexArray) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Point:
-    """One periodic motion.
+    """One solution.
 
     Parameters
     ----------
-    X, layout : (m (2H + 1),) unknowns and how they are to be read; None if they are not harmonics.
-    parameters : all parameters by name, Omega included.
+    X, layout : (n,) unknowns and how they are to be read; None if the problem does not say.
+    parameters : all parameters by name, that in which the curve was traced last.
     residual, iterations : of the corrector.
-    multipliers : (r,) Floquet multipliers, None if they were not computed.
-    regime : (m,) regime code of each element, see `REGIMES`.
-    error : estimated truncation error, nan if unknown.
+    multipliers : (r,) multipliers of small disturbances (Floquet), None if they were not computed.
+    regime : (m,) code of each element, named by ``layout.regimes``; -1 is unknown.
+    error : estimated error of the solution, nan if unknown.
     """
 
     X: Array
@@ -111,12 +107,11 @@ class Point:
     multipliers: ComplexArray | None
     regime: NDArray[np.int8]
     error: float
-    layout: Layout | None
+    layout: Any  # a `Reader`, or None; rooms above know more of theirs
     label: str = ""
 
     def __repr__(self) -> str:
-        names = [name for name in ("Omega",) if name in self.parameters] or list(self.parameters)[:1]
-        place = "".join(f" at {name} = {self.parameters[name]:.6g}" for name in names)
+        place = "".join(f" at {name} = {self.parameters[name]:.6g}" for name in list(self.parameters)[-1:])
         stability = {True: "stable", False: "unstable", None: "stability unknown"}[self.stable]
         return f"<{self.label or 'Point'}{place}, {stability}, {self.regime_name}>"
 
@@ -130,21 +125,21 @@ class Point:
     @property
     def regime_name(self) -> str:
         """The most severe regime among the elements."""
-        return name_of_regime(self.regime)
+        return name_of_regime(self.regime, self.layout)
 
     def coefficients(self, element: int | str = 0) -> Array:
-        """Row ``(2H + 1,)`` of an element."""
+        """The unknowns of an element: for harmonics the row ``(a0, a1, b1, ..., aH, bH)``."""
         return _known(self.layout).rows(self.X, element).copy()
 
     def amplitude(self, measure: str = "rms", element: int | str = 0) -> float:
-        """A measure of the motion of an element; see `hbgear.harmonic.observables`."""
-        return float(measures.measure(measure, self.coefficients(element), _known(self.layout).nu))
+        """A measure of an element: for harmonics "rms", "pp2", "max", "mean", "H1", "H2", ..."""
+        return float(_known(self.layout).measure(measure, self.X, element))
 
     def samples(self, element: int | str = 0, count: int = 1024, order: int = 0) -> tuple[Array, Array]:
         """``(theta, values)`` of an element over one period, 0 <= theta < 2 pi; order is that of d/dtheta."""
         counted("order", order, least=0)
-        theta = 2 * np.pi * np.arange(counted("count", count, 10_000_000)) / count
-        return theta, evaluate(self.coefficients(element), theta, order)
+        counted("count", count, 10_000_000)
+        return _known(self.layout).samples(self.X, element, count, order)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -152,7 +147,8 @@ class SpecialPoint(Point):
     """A point at which something happens to the branch: kind "LP", "PD", "NS", "BP", "GR", "CP", ..., label "LP1".
 
     ``index`` is the row of the branch that holds it, ``interval`` the parameter values of the rows that bracketed it.
-    If it was not ``located``, that is solved for, it is only known to lie in the interval.
+    If it was not ``located``, that is solved for, it is only known to lie in the interval. ``meaning`` says what
+    happens there, ``marker`` is what figures draw.
     """
 
     kind: str = ""
@@ -160,6 +156,8 @@ class SpecialPoint(Point):
     located: bool = True
     interval: tuple[float, float] = (float("nan"), float("nan"))
     note: str = ""
+    meaning: str = ""
+    marker: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +165,7 @@ class Jump:
     """Where a slow sweep leaves the branch at the special point ``label``, and where it lands.
 
     The direction is +1 while the parameter increases and -1 while it decreases; ``after`` is None if the curve has no
-    stable motion at that value.
+    stable solution at that value.
     """
 
     label: str
@@ -186,16 +184,16 @@ _ARRAYS: dict[str, tuple[Any, int]] = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Branch:
-    """A curve of P periodic motions in one parameter.
+    """A curve of P solutions in one parameter.
 
     Parameters
     ----------
     parameter, values : name and (P,) values of what was varied.
-    X : (P, m (2H + 1)) unknowns, read as `layout` says.
+    X : (P, n) unknowns, read as `layout` says.
     fixed, tracked : the other parameters, constant or (P,).
-    multipliers : (P, r) Floquet multipliers, None if they were not computed; nan where they failed.
-    iterations, residual, error, step : (P,) Newton count, residual, truncation error, arclength step to the row.
-    regime : (P, m) regime code of each element, see `REGIMES`.
+    multipliers : (P, r) multipliers, None if they were not computed; nan where they failed.
+    iterations, residual, error, step : (P,) Newton count, residual, estimated error, arclength step to the row.
+    regime : (P, m) code of each element, named by ``layout.regimes``.
     special, jump_records, status, message : what was found on the way and why it ended.
     meta : versions, model and settings, fit for JSON.
     problem : what was traced; not saved.
@@ -221,7 +219,7 @@ class Branch:
     jump_records: tuple[Jump, ...]
     status: Status
     message: str
-    layout: Layout | None
+    layout: Any  # a `Reader`, or None; rooms above know more of theirs
     meta: dict[str, Any]
     problem: Any = None
 
@@ -236,7 +234,7 @@ class Branch:
         for name, (array, ndim) in (arrays | {name: (x, 1) for name, x in self.tracked.items()}).items():
             if array is not None and (array.ndim != ndim or len(array) != len(self)):
                 raise ValueError(f"Branch: {name} has shape {array.shape}; need {len(self)} rows, one for each value")
-        if self.layout and self.X.shape[1] != len(self.layout.elements) * (2 * self.layout.harmonics + 1):
+        if self.layout and self.X.shape[1] != self.layout.width:
             raise ValueError(f"Branch: rows of {self.X.shape[1]} unknowns do not fit {self.layout}")
         labels = [point.label for point in self.special]
         if len(set(labels)) < len(labels):
@@ -275,7 +273,7 @@ class Branch:
     @property
     def regimes(self) -> list[str]:
         """Most severe regime among the elements, for each row."""
-        return [name_of_regime(codes) for codes in self.regime]
+        return [name_of_regime(codes, self.layout) for codes in self.regime]
 
     def parameters_at(self, i: int) -> dict[str, float]:
         """All parameters of a row."""
@@ -289,7 +287,7 @@ class Branch:
     def amplitude(
         self, measure: str = "rms", element: int | str = 0, dof: int | str | None = None, derivative: int = 0
     ) -> Array:
-        """A measure of every row, (P,); see `hbgear.harmonic.observables`.
+        """A measure of every row, (P,); see `Point.amplitude`.
 
         Parameters
         ----------
@@ -306,19 +304,17 @@ class Branch:
         layout = _known(self.layout)
         rows = layout.rows(self.X, element) if dof is None else self._motion(dof)
         if derivative:
-            Omega = np.array([self.parameters_at(i).get("Omega", np.nan) for i in range(len(self))])
-            if np.isnan(Omega).any():
-                raise ValueError(f"derivative={derivative} needs Omega; this branch has no parameter of that name")
-            rows = measures.derivative(rows, Omega / layout.nu, derivative)
-        return measures.measure(measure, rows, layout.nu)
+            each = [self.parameters_at(i) for i in range(len(self))]
+            rows = layout.in_time(rows, {name: np.array([here[name] for here in each]) for name in each[0]}, derivative)
+        return layout.measure_rows(measure, rows)
 
     def _motion(self, dof: int | str) -> Array:
-        """Rows ``(P, 2H + 1)`` of a degree of freedom, from the problem."""
-        if self.problem is None:
+        """Rows of a degree of freedom, (P, ...), from the problem."""
+        if not isinstance(self.problem, Moving):
             raise ValueError(f"dof={dof!r} needs the model; load the branch with hbgear.load(path, problem=...)")
         q = np.array([self.problem.motion(X, **self.parameters_at(i)) for i, X in enumerate(self.X)])
         if isinstance(dof, str):
-            names = list(getattr(self.problem, "dof_names", ()))
+            names = list(self.problem.dof_names)
             if dof not in names:
                 raise KeyError(f"the model has no degree of freedom '{dof}'{did_you_mean(dof, names)}")
             dof = names.index(dof)

@@ -1,4 +1,6 @@
-"""Newton on a pseudo-arclength plane: R(u) = 0, normal^T (u - u_p) = 0, for one predicted point and for many.
+"""Newton on a pseudo-arclength plane, for one predicted point and for many by one rule.
+
+    R(u) = 0,   normal^T (u - u_p) = 0        u = (X, value),   [dR_dX dR_dp; normal^T] du = -(R, normal^T (u - u_p))
 
 References
 ----------
@@ -16,48 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.algebra import all_bordered, bordered, norm, norms, solve_linear
+from hbgear.continuation.algebra import Matrix, all_bordered, bordered, norms, solve_linear, solve_linear_all
 from hbgear.continuation.newton import NoConvergence, Settings, Solution
-from hbgear.continuation.problem import Evaluation, linearise, linearise_all
-
-
-def correct(
-    problem: Any,
-    u: Array,
-    normal: Array,
-    name: str,
-    parameters: Mapping[str, float],
-    settings: Settings = Settings(),
-) -> Solution:
-    """Newton from the predicted point u = (X, value) in the plane normal^T (u' - u) = 0.
-
-    Raises
-    ------
-    NoConvergence
-        If Newton diverges, meets a singular bordered matrix or takes more than ``settings.max_iterations`` steps.
-    """
-    start, rhs = u, np.empty_like(u)
-    residuals: list[float] = []
-    step = np.inf
-    for iteration in range(settings.max_iterations + 1):
-        here = {**parameters, name: float(u[-1])}
-        now = linearise(problem, u[:-1], name, here)
-        residuals.append(norm(now.R) / now.size)
-        if residuals[-1] <= settings.tolerance and (step <= settings.step_tolerance or iteration == 0):
-            return Solution(u[:-1], float(u[-1]), now, iteration, residuals[-1])
-        if not math.isfinite(residuals[-1]) or (iteration > 3 and residuals[-1] > 10 * residuals[0]):
-            break
-        rhs[:-1], rhs[-1] = now.R, normal @ (u - start)
-        try:
-            du = solve_linear(bordered(now, normal), rhs)
-        except np.linalg.LinAlgError:
-            break
-        u = u - du
-        step = norm(du) / (norm(u) or 1.0)
-    raise NoConvergence(
-        f"the corrector stopped at a relative residual of {residuals[-1]:.2e} after {len(residuals) - 1} steps",
-        u[:-1], {**parameters, name: float(u[-1])}, residuals,
-    )  # fmt: skip
+from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise_all
 
 
 class Corrected(NamedTuple):
@@ -65,7 +28,7 @@ class Corrected(NamedTuple):
 
     solution: Solution
     direction: Array
-    A: Array
+    A: Matrix
 
 
 _PATIENCE = 2  # Newton steps in which all points but the first must converge: where they do not, they are too far
@@ -76,9 +39,14 @@ _SHARP = 1e-2  # part of the tolerance above which a converged point gets one Ne
 
 @dataclass
 class _Iterate:
-    """One point of `correct_all` on its way: its last Newton step and first residual, and the best it came to."""
+    """One point on its way: its last Newton step and first residual, and the best it came to.
+
+    patience : Newton steps in which it must converge. sharp : share of the tolerance above which a converged point gets
+    one Newton step more.
+    """
 
     patience: int
+    sharp: float
     last: float = math.inf
     first: float = math.inf
     best: Corrected | None = None
@@ -92,18 +60,39 @@ class _Iterate:
         if self.best is not None:
             return residual < self.best.solution.residual, False
         if close:
-            return True, residual > _SHARP * settings.tolerance and step <= settings.step_tolerance
+            return True, residual > self.sharp * settings.tolerance and step <= settings.step_tolerance
         diverged = not math.isfinite(residual) or (iteration > 3 and residual > 10 * self.first)
         self.failed = diverged or iteration >= self.patience
         return False, not self.failed
 
 
-def correct_all(
-    problem: Any, predicted: Array, normal: Array, name: str, parameters: Mapping[str, float], settings: Settings
-) -> tuple[list[Corrected], str]:
-    """`correct` for predicted points (k, n + 1) of one curve together, each in its plane across the same normal.
+def correct(
+    problem: Any, u: Array, normal: Array, name: str, parameters: Mapping[str, float], settings: Settings = Settings()
+) -> Solution:
+    """The solution in the plane normal^T (u' - u) = 0 of a predicted point u = (X, value).
 
-    A point whose residual is not a hundred times below the tolerance gets one Newton step more, for predictions are
+    Raises
+    ------
+    NoConvergence
+        If Newton diverges, meets a singular bordered matrix or takes more than ``settings.max_iterations`` steps.
+    """
+    full = as_problem(problem)
+    try:
+        found, reason = correct_all(full, u[None], normal, name, parameters, settings, sharp=1.0)
+    except np.linalg.LinAlgError:
+        found, reason = [], "the corrector met a singular matrix"
+    if not found:
+        raise NoConvergence(reason, u[:-1], {**parameters, name: float(u[-1])}, [])
+    return found[0].solution
+
+
+def correct_all(
+    problem: FullProblem, predicted: Array, normal: Array, name: str, parameters: Mapping[str, float],
+    settings: Settings, sharp: float = _SHARP,
+) -> tuple[list[Corrected], str]:  # fmt: skip
+    """Newton for predicted points (k, n + 1) of one curve together, each in its plane across the same normal.
+
+    A point whose residual is not far below the tolerance (``sharp``) gets one Newton step more, for predictions are
     often good enough to be accepted with few digits.
 
     Returns
@@ -116,13 +105,13 @@ def correct_all(
         If a bordered matrix is singular.
     """
     most = settings.max_iterations
-    points = [_Iterate(min(_PATIENCE, most) if i else most) for i in range(len(predicted))]
+    points = [_Iterate(min(_PATIENCE, most) if i else most, sharp) for i in range(len(predicted))]
     u, left, reason = predicted, list(range(len(predicted))), ""
     for iteration in range(most + 2):
         now = linearise_all(problem, u, name, parameters)
-        A, rhs = all_bordered(now, normal), np.zeros((*u.shape, 2))
+        A, rhs = all_bordered(now.dR_dX, now.dR_dp, normal), np.zeros((*u.shape, 2))
         rhs[:, :-1, 0], rhs[:, -1, 0], rhs[:, -1, 1] = now.R, (u - predicted[left]) @ normal, 1.0
-        both = np.linalg.solve(A, rhs)
+        both = solve_linear_all(A, rhs)
         onward = u - both[..., 0]
         residuals = (norms(now.R) / now.size).tolist()
         steps = (norms(both[..., 0]) / np.maximum(norms(onward), 1e-300)).tolist()
@@ -152,7 +141,7 @@ def corrected(solution: Solution, normal: Array) -> Corrected:
     numpy.linalg.LinAlgError
         If the bordered matrix is singular: a branch point, or a normal that is no direction of the curve.
     """
-    A = bordered(solution.evaluation, normal)
-    rhs = np.zeros(len(A))
+    A = bordered(solution.evaluation.dR_dX, solution.evaluation.dR_dp, normal)
+    rhs = np.zeros(len(normal))
     rhs[-1] = 1.0
     return Corrected(solution, solve_linear(A, rhs), A)

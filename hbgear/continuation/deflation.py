@@ -14,7 +14,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import solve_linear
 from hbgear.continuation.newton import Settings
-from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.continuation.problem import FullProblem
 
 
 def _same(X: Array, Y: Array) -> bool:
@@ -22,10 +22,10 @@ def _same(X: Array, Y: Array) -> bool:
 
 
 def deflated_newton(
-    problem: HarmonicBalance, X: Array, parameters: dict[str, float], known: list[Array],
-    settings: Settings = Settings(), iterations: int = 60,  # noqa: B008
+    problem: FullProblem, X: Array, parameters: dict[str, float], known: list[Array],
+    settings: Settings = Settings(), iterations: int = 60,
 ) -> Array | None:  # fmt: skip
-    """A motion away from the known ones, or None if none was reached in the given number of steps."""
+    """A solution away from the known ones, or None if none was reached in the given number of steps."""
     scale = max([float(np.linalg.norm(Y)) for Y in known] + [1e-6])
     now = problem.linearise(X, "", **parameters)
     for _ in range(iterations):

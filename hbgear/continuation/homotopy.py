@@ -19,19 +19,19 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import bordered, solve_linear
 from hbgear.continuation.corrector import correct
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, describe, solve
-from hbgear.continuation.problem import Evaluation, linearise
+from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise
 
 
-class _Homotopy:
+class _Homotopy(FullProblem):
     """R(X) - (1 - s) R(X0) = 0: solved by X0 at s = 0, and by a solution of the problem at s = 1."""
 
-    def __init__(self, problem: Any, X0: Array, parameters: Mapping[str, float]) -> None:
-        self.problem, self.parameters = problem, parameters
+    def __init__(self, problem: FullProblem, X0: Array, parameters: Mapping[str, float]) -> None:
+        self.problem, self.held = problem, parameters
         self.R0 = linearise(problem, X0, "", parameters).R
 
-    def linearise(self, X: Array, name: str, s: float) -> Evaluation:
-        now = linearise(self.problem, X, "", self.parameters)
-        return Evaluation(now.R - (1 - s) * self.R0, now.dR_dX, self.R0, now.size)
+    def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        now = linearise(self.problem, X, "", self.held)
+        return Evaluation(now.R - (1 - parameters["s"]) * self.R0, now.dR_dX, self.R0, now.size)
 
 
 def solve_from_afar(
@@ -50,15 +50,15 @@ def solve_from_afar(
     NoConvergence
         If the path does not reach s = 1 within the given number of steps.
     """
-    path = _Homotopy(problem, X, parameters)
+    path = _Homotopy(as_problem(problem), X, parameters)
     size = float(np.linalg.norm(X)) or 1.0
     scale = np.append(np.full(len(X), size), 1.0)
     u, h = np.append(X, 0.0), 0.05
     normal = np.append(np.zeros(len(X)), 1.0)
     for _ in range(steps):
         try:
-            B = bordered(path.linearise(u[:-1], "s", float(u[-1])), normal)
-            t = solve_linear(B, np.append(np.zeros(len(X)), 1.0))
+            now = path.linearise(u[:-1], "s", s=float(u[-1]))
+            t = solve_linear(bordered(now.dR_dX, now.dR_dp, normal), np.append(np.zeros(len(X)), 1.0))
             t = t / np.linalg.norm(t / scale)
             across = t / scale**2 / np.linalg.norm(t / scale**2)
             found = correct(path, u + h * t, across, "s", {"s": 0.0}, Settings(1e-6, 1e-2, 6))

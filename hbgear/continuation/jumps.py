@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, solve
-from hbgear.continuation.problem import observe_all
+from hbgear.continuation.problem import as_problem, observe_all
 
 # A fold of the truncated equations and the multiplier +1 of the true motion differ by the truncation error: that many
 # rows beside a fold may carry the other verdict.
 _ROWS_IN_DOUBT = 3
 
 
-def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, ...]:  # noqa: B008
+def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, ...]:
     """A `Jump` for each fold that a slow sweep along a stable part of the branch runs into.
 
     Where the part loses its stability just before the fold (PD, NS), the sweep leaves there, and the jump carries that
@@ -90,7 +92,7 @@ def motions_at(branch: Branch, value: float, settings: Settings, *, skip: range 
         here = {**branch.parameters_at(int(i)), branch.parameter: value}
         start = (1 - s) * branch.X[i] + s * branch.X[i + 1]
         try:
-            found.append(solve(branch.problem, start, here, branch.parameter, settings))
+            found.append(solve(as_problem(branch.problem), start, here, branch.parameter, settings))
         except NoConvergence:
             continue
     return found
@@ -104,10 +106,12 @@ def seen_points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point
     fixed = {k: v for k, v in branch.parameters_at(0).items() if k != branch.parameter}
     here = [{**fixed, branch.parameter: solution.value} for solution in every]
     u = np.array([np.append(solution.X, solution.value) for solution in every])
-    seen = observe_all(branch.problem, u, branch.parameter, fixed, True)
+    seen = observe_all(as_problem(branch.problem), u, branch.parameter, fixed, True)
     points = iter([
-        Point(solution.X, p, solution.residual, solution.iterations, one["multipliers"], one["regime"], one["error"],
-              branch.layout) for solution, p, one in zip(every, here, seen, strict=True)
+        Point(
+            solution.X, p, solution.residual, solution.iterations, one.get("multipliers"),
+            one.get("regime", np.zeros(0, np.int8)), one.get("error", math.nan), branch.layout,
+        ) for solution, p, one in zip(every, here, seen, strict=True)
     ])  # fmt: skip
     return [[next(points) for _ in group] for group in groups]
 

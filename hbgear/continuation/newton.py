@@ -15,7 +15,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.algebra import is_singular, norm, solve_linear
-from hbgear.continuation.problem import Evaluation, linearise
+from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise
 
 
 class NoConvergence(RuntimeError):
@@ -62,7 +62,9 @@ class Solution:
     residual: float
 
 
-def solution_at(problem: Any, u: Array, name: str, parameters: Mapping[str, float], iterations: int = 0) -> Solution:
+def solution_at(
+    problem: FullProblem, u: Array, name: str, parameters: Mapping[str, float], iterations: int = 0
+) -> Solution:
     """The solution known to lie at u (n + 1,), with its evaluation."""
     now = linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])})
     return Solution(u[:-1], float(u[-1]), now, iterations, norm(now.R) / now.size)
@@ -89,6 +91,7 @@ def solve(
         If the residual does not fall below the tolerance.
     """
     X = np.array(X, dtype=float)
+    problem = as_problem(problem).based(X, parameters)
     now = linearise(problem, X, name, parameters)
     residuals = [norm(now.R) / now.size]
     for iteration in range(settings.max_iterations * 4 + 1):
@@ -110,8 +113,8 @@ def solve(
         residuals.append(norm(now.R) / now.size)
     if is_singular(now.dR_dX):
         raise NoConvergence(
-            "the Jacobian is singular: some motion is not determined by the equations at this point (a gap that stays "
-            "open without load, or a fold exactly at the start); move the start or load the system",
+            f"the Jacobian is singular: something is not determined by the equations at this point "
+            f"({problem.undetermined}, or a fold exactly at the start); move the start",
             X, parameters, residuals,
         )  # fmt: skip
     raise NoConvergence(
@@ -121,11 +124,12 @@ def solve(
     )  # fmt: skip
 
 
-def refine(problem: Any, solution: Solution, parameters: Mapping[str, float]) -> Solution:
+def refine(problem: FullProblem, solution: Solution, parameters: Mapping[str, float]) -> Solution:
     """The solution after one more Newton step; as it was if that does not lower its residual.
 
     For equations so flat that a residual at the tolerance leaves digits of the unknowns open, as at special points.
     """
+    problem = problem.based(solution.X, parameters)
     try:
         X = solution.X - solve_linear(solution.evaluation.dR_dX, solution.evaluation.R)
     except np.linalg.LinAlgError:
@@ -138,6 +142,6 @@ def refine(problem: Any, solution: Solution, parameters: Mapping[str, float]) ->
 
 
 def describe(parameters: Mapping[str, float]) -> str:
-    """The parameters as ``Omega = 0.9, zeta = 0.05`` (at most four)."""
+    """The parameters as ``p = 0.9, zeta = 0.05`` (at most four)."""
     shown = [f"{k} = {v:.6g}" for k, v in list(parameters.items())[:4]]
     return ", ".join(shown)

@@ -1,87 +1,447 @@
-"""What continuation asks of a problem, and how it asks.
+"""What continuation asks of a problem, and who answers.
 
-A *problem* is anything with
+    R(X, p) = 0        X (n,) unknowns, p named parameters, one of which is followed
 
-    evaluate(X, **parameters) -> (R, dR_dX)          R (n,), dR_dX (n, n)
+A *problem* is anything with ``evaluate(X, **parameters) -> (R, dR_dX)``. That is enough. It may offer more: each
+ability below is a protocol of its own, and `as_problem` asks once which of them a problem has. The rest of this room
+speaks to `FullProblem` only, which answers for what is not offered.
 
-It may also offer, for speed and accuracy,
-
-    linearise(X, name, **parameters) -> Evaluation   R, dR_dX, dR_d(name) and the size of the terms R is the sum of
-    linearise_all(X, Omega, **parameters)            the same, name being Omega, for many X (k, n) and Omega (k,)
-
-Without the first dR_d(name) is a central difference and the size is taken as 1 + |X|.
+| ability | offers | without it |
+|---|---|---|
+| `Problem` | ``evaluate`` | |
+| `Linearised` | R, dR/dX, dR/dp in one go, the size of the terms of R | dR/dp by a difference, size 1 + norm(X) |
+| `Batched` | many points at once, in some parameters | one after the other |
+| `Started` | a first solution | ``start=`` must be given |
+| `Parametrised` | its parameters with their values | all must be given |
+| `Checked` | checks of names and ranges of parameters | any name, any value |
+| `Sized` | the size of X that scales lengths along the curve | the norm of X |
+| `Rough` | whether dR/dX is continuous | it is |
+| `Readable` | how X is read: names, measures of amplitude | X as it is |
+| `Observed` | what is stored beside X: stability, error, ... | nothing |
+| `Eventful` | special points of its own | folds and branch points |
+| `Remeshed` | another number of unknowns where a point asks for it | the same everywhere |
+| `Extended` | parameters among the unknowns; equations that refer to a point nearby | none |
+| `Finished` | what is said of a whole curve | its jumps |
+| `Described` | model and settings, for files | nothing |
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.common.ranges import ANY, Range
+from hbgear.continuation.algebra import Matrix, norm
 
-
-class Problem(Protocol):
-    """What continuation needs to know of a problem."""
-
-    def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
-        """R (n,) and dR/dX (n, n)."""
-        ...
+if TYPE_CHECKING:
+    from hbgear.continuation.branch import Branch, Point
+    from hbgear.continuation.events import Event
+    from hbgear.continuation.newton import Settings
 
 
 class Evaluation(NamedTuple):
-    """R (n,), dR_dX (n, n), dR_dp (n,) and the size of the terms of R, against which |R| is judged."""
+    """R (n,), dR_dX (n, n), dense or sparse, dR_dp (n,) and the size of the terms of R, against which R is judged."""
 
     R: Array
-    dR_dX: Array
+    dR_dX: Matrix
     dR_dp: Array
     size: float
 
 
 class Evaluations(NamedTuple):
-    """Evaluations of k points: R (k, n), dR_dX (k, n, n), dR_dp (k, n) and sizes (k,)."""
+    """Evaluations of k points: R (k, n), dR_dX (k, n, n) or k sparse matrices, dR_dp (k, n) and sizes (k,)."""
 
     R: Array
-    dR_dX: Array
+    dR_dX: Any
     dR_dp: Array
     size: Array
 
 
-def linearise(problem: Any, X: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:
-    """R, dR/dX, dR/dname (zeros without a name) and the size of R's terms, from whatever the problem offers."""
-    if hasattr(problem, "linearise"):
-        return problem.linearise(X, name, **parameters)
-    R, J = problem.evaluate(X, **parameters)
-    if not name:
-        return Evaluation(np.asarray(R), np.asarray(J), np.zeros(len(X)), 1.0 + float(np.linalg.norm(X)))
-    value = parameters[name]
-    h = 1e-6 * max(abs(value), 1e-2)
-    plus = problem.evaluate(X, **{**parameters, name: value + h})[0]
-    minus = problem.evaluate(X, **{**parameters, name: value - h})[0]
-    return Evaluation(np.asarray(R), np.asarray(J), (plus - minus) / (2 * h), 1.0 + float(np.linalg.norm(X)))
+# ---- abilities
 
 
-def linearise_all(problem: Any, U: Array, name: str, parameters: Mapping[str, float]) -> Evaluations:
+@runtime_checkable
+class Problem(Protocol):
+    """The least a problem can be."""
+
+    def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Matrix]:
+        """R (n,) and dR/dX (n, n), a dense array or a scipy.sparse matrix."""
+
+
+@runtime_checkable
+class Linearised(Protocol):
+    """Offers the derivative in a parameter."""
+
+    def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        """R, dR/dX, dR/dname (zeros if name is empty) and the size of the terms of R."""
+
+
+@runtime_checkable
+class Batched(Protocol):
+    """Evaluates many points at once."""
+
+    @property
+    def batched(self) -> Sequence[str]:
+        """Parameters in which points may differ that are evaluated together."""
+
+    def linearise_many(self, X: Array, name: str, values: Array, **parameters: float) -> Evaluations:
+        """`Linearised.linearise` of points X (k, n) at values (k,) of the parameter name."""
+
+
+@runtime_checkable
+class Started(Protocol):
+    """Finds a first solution."""
+
+    def start(self, **parameters: float) -> Array:
+        """X (n,) that solves the equations, or comes near."""
+
+
+@runtime_checkable
+class Parametrised(Protocol):
+    """Knows its parameters."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values by name, of all that need not be given."""
+
+
+@runtime_checkable
+class Checked(Protocol):
+    """Refuses what it cannot be asked."""
+
+    def check_parameter(self, name: str) -> None:
+        """Raise KeyError for a name that is no parameter."""
+
+    def range_of(self, name: str) -> Range:
+        """Values the parameter may have."""
+
+    def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
+        """Warn of a curve over that span, the other parameters fixed, that can be traced and is hardly meant."""
+
+    def missing(self, known: Sequence[str]) -> Sequence[str]:
+        """Parameters that must be given and are not among the known ones."""
+
+
+@runtime_checkable
+class Sized(Protocol):
+    """Measures its unknowns."""
+
+    def motion_size(self, X: Array) -> float:
+        """Size of X, which scales lengths along the curve."""
+
+
+@runtime_checkable
+class Rough(Protocol):
+    """Says whether its equations have corners."""
+
+    @property
+    def smooth(self) -> bool:
+        """Whether dR/dX is continuous, so that special points can be found by Newton."""
+
+
+@runtime_checkable
+class Reader(Protocol):
+    """How unknowns are read: `Readable.layout`."""
+
+    elements: tuple[str, ...]
+    regimes: tuple[str, ...]
+
+    @property
+    def width(self) -> int:
+        """Number of unknowns n."""
+
+    def rows(self, X: Array, element: int | str) -> Array:
+        """The unknowns of an element, by number or name, out of X (..., n)."""
+
+    def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
+        """Measure of amplitude of an element, for each row of X (..., n)."""
+
+    def samples(self, X: Array, element: int | str, count: int, order: int) -> tuple[Array, Array]:
+        """Phase and values of an element, or of its derivative of that order."""
+
+    def in_time(self, rows: Array, parameters: Mapping[str, Array], order: int) -> Array:
+        """Unknowns of the derivative in time of rows (P, ...), whose parameters are (P,) each."""
+
+    def measure_rows(self, name: str, rows: Array) -> Array:
+        """Measure of amplitude of rows that are already those of one element."""
+
+
+@runtime_checkable
+class Moving(Protocol):
+    """Knows more coordinates than its unknowns; asked by `Branch.amplitude`."""
+
+    @property
+    def dof_names(self) -> Sequence[str]:
+        """Names of the coordinates."""
+
+    def motion(self, X: Array, **parameters: float) -> Array:
+        """All coordinates, (dofs, ...), each in the form of the rows of an element."""
+
+
+@runtime_checkable
+class Readable(Protocol):
+    """Knows how its unknowns are read."""
+
+    @property
+    def layout(self) -> Reader | None:
+        """Names and measures of the unknowns."""
+
+
+@runtime_checkable
+class Observed(Protocol):
+    """Says more of a solution than its unknowns."""
+
+    def observe(self, X: Array, stability: bool, **parameters: float) -> dict[str, Any]:
+        """What is stored beside X.
+
+        ``"multipliers"`` (r,) complex, stable within the unit circle, if asked for; ``"regime"`` (m,) small integers;
+        ``"error"``, an estimate; and whatever the events of the problem look at.
+        """
+
+
+@runtime_checkable
+class Eventful(Protocol):
+    """Has special points of its own."""
+
+    def events(self, parameter: str) -> tuple[Event, ...]:
+        """What is looked for along a curve in that parameter."""
+
+
+@runtime_checkable
+class Remeshed(Protocol):
+    """Can change its number of unknowns."""
+
+    size: int
+    """Number of unknowns n."""
+
+    def remeshed(self, observed: Mapping[str, Any]) -> Any:
+        """The problem with the unknowns that a point with these observations asks for; None to stay."""
+
+    def fitted(self, X: Array) -> Array:
+        """Unknowns of any number, cut or padded to this problem's."""
+
+    def converted(self, point: Point) -> Array:
+        """Unknowns of a point of another problem of the kind in this one's."""
+
+
+@runtime_checkable
+class Extended(Protocol):
+    """Has parameters among its unknowns, and equations that are stated relative to a point nearby."""
+
+    @property
+    def unknown_parameters(self) -> Sequence[str]:
+        """Parameters that are unknowns here, the last entries of X in reverse order."""
+
+    def split(self, X: Array) -> tuple[Array, dict[str, float]]:
+        """The unknowns without these parameters, and the parameters."""
+
+    def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
+        """The inverse."""
+
+    def based(self, X: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
+        """The same problem, its equations stated relative to a point close to those to come.
+
+        As it is if they are already stated so, unless that is to be renewed.
+        """
+
+
+@runtime_checkable
+class Finished(Protocol):
+    """Adds to a finished curve."""
+
+    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]], settings: Settings) -> Branch:
+        """The branch with what the problem has to say of the whole of it; ``observed`` is what it said on the way."""
+
+
+@runtime_checkable
+class Described(Protocol):
+    """Tells what it is."""
+
+    def describe(self) -> dict[str, Any]:
+        """Plain data for the header of a file."""
+
+
+ABILITIES = (
+    Problem, Linearised, Batched, Started, Parametrised, Checked, Sized, Rough, Readable, Observed, Eventful, Remeshed,
+    Extended, Finished, Described,
+)  # fmt: skip
+
+
+# ---- the problem this room speaks to
+
+
+_DIFFERENCE = 1e-6  # relative step of dR/dp by a central difference
+
+
+class FullProblem:
+    """A problem with an answer to everything; derive from it, or let `as_problem` fill in what is missing."""
+
+    batched: Sequence[str] = ()
+    unknown_parameters: Sequence[str] = ()
+    smooth: bool = True
+    size: int | None = None
+    usual_parameter: str = ""
+    """What curves are traced in if nothing else is said."""
+    undetermined: str = "an unknown that no equation holds"
+    """What it may mean that the Jacobian is singular at a start, for the error that says so."""
+
+    @property
+    def original(self) -> Any:
+        """The problem as its author wrote it."""
+        return self
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        return {}
+
+    @property
+    def layout(self) -> Any:
+        return None
+
+    def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Matrix]:
+        now = self.linearise(X, "", **parameters)
+        return now.R, now.dR_dX
+
+    def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        R, J = self.evaluate(X, **parameters)
+        dR = np.zeros(len(X))
+        if name:
+            h = _DIFFERENCE * max(abs(parameters[name]), 1e-2)
+            plus, minus = (self.evaluate(X, **{**parameters, name: parameters[name] + s * h})[0] for s in (1, -1))
+            dR = (plus - minus) / (2 * h)
+        return Evaluation(np.asarray(R), J, dR, 1.0 + float(np.linalg.norm(X)))
+
+    def linearise_many(self, X: Array, name: str, values: Array, **parameters: float) -> Evaluations:
+        each = [
+            self.linearise(x, name, **{**parameters, name: float(value)}) for x, value in zip(X, values, strict=True)
+        ]
+        R, J, dR, size = zip(*each, strict=True)
+        dense = isinstance(J[0], np.ndarray)
+        return Evaluations(np.array(R), np.array(J) if dense else list(J), np.array(dR), np.array(size))
+
+    def start(self, **parameters: float) -> Array:
+        raise ValueError("this problem finds no start of its own; give start=")
+
+    def check_parameter(self, name: str) -> None:
+        pass
+
+    def range_of(self, name: str) -> Range:
+        return ANY
+
+    def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
+        pass
+
+    def unit_of(self, name: str, value: float) -> float:
+        """Size against which a change of a parameter is small: its value, near zero a thousandth of the usual one."""
+        return max(abs(value), 1e-3 * abs(self.parameters.get(name, 0.0))) or 1.0
+
+    def missing(self, known: Sequence[str]) -> Sequence[str]:
+        return ()
+
+    def motion_size(self, X: Array) -> float:
+        return norm(X)
+
+    def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
+        return {}
+
+    def observe_many(
+        self, X: Array, name: str, values: Array, stability: bool, **parameters: float
+    ) -> list[dict[str, Any]]:
+        """`Observed.observe` of solutions X (k, n) at values (k,) of the parameter name."""
+        return [
+            self.observe(x, stability, **{**parameters, name: float(value)}) for x, value in zip(X, values, strict=True)
+        ]
+
+    def events(self, parameter: str) -> tuple[Event, ...]:
+        from hbgear.continuation.events import BranchPoint, Turning
+
+        return Turning(), BranchPoint()
+
+    def remeshed(self, observed: Mapping[str, Any]) -> Any:
+        return None
+
+    def fitted(self, X: Array) -> Array:
+        return X
+
+    def converted(self, point: Point) -> Array:
+        return point.X
+
+    def split(self, X: Array) -> tuple[Array, dict[str, float]]:
+        return self.fitted(X), {}
+
+    def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
+        return X
+
+    def based(self, X: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
+        return self
+
+    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]], settings: Settings) -> Branch:
+        from hbgear.continuation.jumps import find_jumps
+
+        return dataclasses.replace(branch, jump_records=find_jumps(branch, settings))
+
+    def describe(self) -> dict[str, Any]:
+        return {}
+
+
+class _Asked(FullProblem):
+    """A problem of a user, asked once which abilities it has; the rest is answered by `FullProblem`."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._original = problem
+        for ability in ABILITIES:
+            if isinstance(problem, ability):
+                for name in _members(ability):
+                    object.__setattr__(self, name, getattr(problem, name))
+
+    @property
+    def original(self) -> Any:
+        return self._original
+
+
+def _members(ability: type) -> list[str]:
+    return [name for name in {**vars(ability), **ability.__annotations__} if not name.startswith("_")]
+
+
+def as_problem(problem: Any) -> FullProblem:
+    """The problem with an answer to everything.
+
+    Raises
+    ------
+    TypeError
+        If it has no ``evaluate``.
+    """
+    if isinstance(problem, FullProblem):
+        return problem
+    if not isinstance(problem, Problem):
+        raise TypeError(
+            f"need a problem, such as hb.HarmonicBalance(model, harmonics=16), or any object with "
+            f"evaluate(X, **parameters) -> (R, dR_dX); got {type(problem).__name__}"
+        )
+    return _Asked(problem)
+
+
+# ---- short ways to ask
+
+
+def linearise(problem: FullProblem, X: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:
+    """R, dR/dX, dR/dname (zeros without a name) and the size of the terms of R."""
+    return problem.linearise(X, name, **parameters)
+
+
+def linearise_all(problem: FullProblem, U: Array, name: str, parameters: Mapping[str, float]) -> Evaluations:
     """`linearise` at points U (k, n + 1) of unknowns and parameter."""
-    if name == "Omega" and hasattr(problem, "linearise_all"):
-        rest = {key: value for key, value in parameters.items() if key != name}
-        return problem.linearise_all(U[:, :-1], U[:, -1], **rest)
-    each = [linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])}) for u in U]
-    return Evaluations(*(np.array(x) for x in zip(*each, strict=True)))
+    rest = {key: value for key, value in parameters.items() if key != name}
+    return problem.linearise_many(U[:, :-1], name, U[:, -1], **rest)
 
 
 def observe_all(
-    problem: Any, U: Array, name: str, parameters: Mapping[str, float], stability: bool
+    problem: FullProblem, U: Array, name: str, parameters: Mapping[str, float], stability: bool
 ) -> list[dict[str, Any]]:
-    """What a problem says of its motions U (k, n + 1): at once where only Omega differs between them."""
-    if name == "Omega" and hasattr(problem, "observe_all"):
-        return problem.observe_all(U[:, :-1], U[:, -1], stability=stability, **parameters)
-    return [problem.observe(u[:-1], stability=stability, **{**parameters, name: float(u[-1])}) for u in U]
-
-
-def jacobians(problem: Any, U: Array, name: str, parameters: Mapping[str, float]) -> Array:
-    """dR/dX (k, n, n) at points U (k, n + 1) of unknowns and parameter."""
-    if name == "Omega" and hasattr(problem, "linearise_all"):
-        return linearise_all(problem, U, name, parameters).dR_dX
-    return np.array([problem.evaluate(u[:-1], **{**parameters, name: float(u[-1])})[1] for u in U])
+    """What a problem says of its solutions U (k, n + 1)."""
+    rest = {key: value for key, value in parameters.items() if key != name}
+    return problem.observe_many(U[:, :-1], name, U[:, -1], stability, **rest)

@@ -4,58 +4,60 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hbgear._version import __version__
-from hbgear.common.arrays import Array
-from hbgear.continuation.branch import Branch, SpecialPoint, Status
+from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status
+from hbgear.continuation.problem import FullProblem, Reader
 from hbgear.continuation.segment import Row
-from hbgear.harmonic.observables import Layout
+
+if TYPE_CHECKING:
+    from hbgear.continuation.events import Event
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A special point found on the way: the row that holds it, kind, whether located, bracket, remark."""
+    """A special point found on the way: the row that holds it, event, whether located, bracket, remark."""
 
     index: int
-    kind: str
+    event: Event
     located: bool
     interval: tuple[float, float]
     note: str
 
 
 def branch_of(
-    problem: Any, name: str, fixed: dict[str, float], rows: list[Row], marks: list[Mark],
+    problem: FullProblem, name: str, fixed: dict[str, float], rows: list[Row], marks: list[Mark],
     status: Status, message: str, settings: dict[str, Any],
 ) -> Branch:  # fmt: skip
     """The branch of these rows, without jumps.
 
-    Rows of different numbers of harmonics are padded to the largest; unknowns that are parameters go to ``tracked``.
-    Where only some rows were observed, the multipliers of the others are nan and their regimes unknown.
+    Rows with fewer unknowns than the problem has are padded; unknowns that are parameters go to ``tracked``. Where only
+    some rows were observed, the multipliers of the others are nan and their regimes unknown.
     """
-    widest = max(len(r.solution.X) for r in rows)
-    if hasattr(problem, "fitted") and widest > problem.size:
-        problem = problem.with_order(problem.nu, (widest // problem.m - 1) // 2)
-    layout = getattr(problem, "layout", None)
-    points = [_point(problem, layout, name, fixed, row) for row in rows]
-    own = getattr(problem, "unknown_parameters", ())
+    layout = problem.layout
+    points = [_fields(problem, layout, name, fixed, row) for row in rows]
+    own = problem.unknown_parameters
     _fill(points)
     known = points[0]["multipliers"] is not None
     count: dict[str, int] = {}
     special: list[SpecialPoint] = []
     for mark in marks:
-        count[mark.kind] = count.get(mark.kind, 0) + 1
+        kind = mark.event.kind
+        count[kind] = count.get(kind, 0) + 1
         special.append(
             SpecialPoint(
                 **points[mark.index],
-                label=f"{mark.kind}{count[mark.kind]}",
-                kind=mark.kind,
+                label=f"{kind}{count[kind]}",
+                kind=kind,
                 index=mark.index,
                 located=mark.located,
                 interval=mark.interval,
                 note=mark.note,
+                meaning=mark.event.meaning,
+                marker=mark.event.marker,
             )
         )
     return Branch(
@@ -77,10 +79,10 @@ def branch_of(
         layout=layout,
         meta={
             "hbgear": __version__,
-            **(problem.describe() if hasattr(problem, "describe") else {}),
+            **problem.describe(),
             "trace": settings,
         },
-        problem=problem,
+        problem=problem.original,
     )
 
 
@@ -93,9 +95,15 @@ def _fill(points: list[dict[str, Any]]) -> None:
                 point[name] = np.full(length, nothing)
 
 
-def _point(problem: Any, layout: Layout | None, name: str, fixed: dict[str, float], row: Row) -> dict[str, Any]:
-    """Fields of the Point a row stands for."""
-    X, own = _split(problem, row.solution.X)
+def point_of(problem: FullProblem, name: str, fixed: dict[str, float], row: Row) -> Point:
+    """The `Point` a row stands for."""
+    return Point(**_fields(problem, problem.layout, name, fixed, row))
+
+
+def _fields(
+    problem: FullProblem, layout: Reader | None, name: str, fixed: dict[str, float], row: Row
+) -> dict[str, Any]:
+    X, own = problem.split(row.solution.X)
     mu, regime = row.observed.get("multipliers"), row.observed.get("regime", ())
     return {
         "X": X,
@@ -107,10 +115,3 @@ def _point(problem: Any, layout: Layout | None, name: str, fixed: dict[str, floa
         "error": row.observed.get("error", math.nan),
         "layout": layout,
     }
-
-
-def _split(problem: Any, X: Array) -> tuple[Array, dict[str, float]]:
-    """The motion among the unknowns, in the problem's number of harmonics, and the parameters among them."""
-    if hasattr(problem, "fitted"):
-        return problem.fitted(X), {}
-    return problem.split(X) if hasattr(problem, "split") else (X, {})

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.algebra import norm
+from hbgear.continuation.algebra import norm, orientations
 from hbgear.continuation.corrector import correct, corrected
 from hbgear.continuation.newton import NoConvergence, Settings, Solution
-from hbgear.continuation.problem import Evaluation
+from hbgear.continuation.problem import Evaluation, FullProblem
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Arc:
     ``at(s)`` returns the row at the fraction s of the chord, 0 at a and 1 at b.
     """
 
-    problem: Any
+    problem: FullProblem
     name: str
     parameters: Mapping[str, float]
     a: Row
@@ -142,12 +142,7 @@ def row_of(solution: Solution, normal: Array, scale: Array, step: float = 0.0, b
     point = corrected(solution, normal)
     unit = point.direction / norm(point.direction / scale)
     u = np.append(solution.X, solution.value)
-    return row_along(solution, u, unit, orientations(point.A[None])[0], scale, step, before)
-
-
-def orientations(A: Array) -> list[int]:
-    """Signs of the determinants of bordered matrices (k, n + 1, n + 1); +1 for none."""
-    return [-1 if sign < 0 else 1 for sign in np.linalg.slogdet(A)[0].tolist()]
+    return row_along(solution, u, unit, orientations([point.A])[0], scale, step, before)
 
 
 def without_evaluation(row: Row) -> Row:

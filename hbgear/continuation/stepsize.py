@@ -19,8 +19,8 @@ class Steps:
     miss : largest distance of a point from its prediction, as a share of the step: what the curve does that its last
         rows do not tell, a small loop for instance, is looked at in smaller steps. Not used with sampled corners.
     support : rows the predictor extrapolates from, at most; 1 is the tangent alone.
-    ahead : rows predicted and corrected together, at most, where that is cheaper: in Omega, with a fixed number of
-        harmonics and no sampled corners. The rows obey the same limits as one after the other.
+    ahead : rows predicted and corrected together, at most, in parameters in which the problem evaluates
+        many points at once and has no corners. The rows obey the same limits as one after the other.
     max_points : rows after which the trace stops.
 
     Raises

@@ -12,16 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.algebra import norm, norms
+from hbgear.continuation.algebra import norm, norms, orientations
 from hbgear.continuation.corrector import Corrected, correct_all
 from hbgear.continuation.newton import Settings
 from hbgear.continuation.predictor import predict
-from hbgear.continuation.segment import Row, normal_of, orientations, row_along
+from hbgear.continuation.problem import FullProblem
+from hbgear.continuation.segment import Row, normal_of, row_along
 from hbgear.continuation.stepsize import Pace, Steps
 
 
@@ -53,7 +54,7 @@ class Strider:
     bounds : the span of the parameter; a stride ends with the first row predicted outside.
     """
 
-    problem: Any
+    problem: FullProblem
     name: str
     fixed: Mapping[str, float]
     bounds: tuple[float, float]
@@ -105,7 +106,7 @@ class Strider:
         turns = np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", t[1:], t[:-1]), -1.0, 1.0))).tolist()
         gaps = (norms((u[1:] - u[:-1]) / scale) / step).tolist()
         misses = (norms((u[1:] - predicted[: len(points)]) / scale) / step).tolist()
-        signs = orientations(np.array([p.A for p in points]))
+        signs = orientations([p.A for p in points])
         missing = len(rows) > 1 and step > _HASTE * self.steps.shortest
         found: list[Row] = []
         for i, point in enumerate(points):

@@ -1,6 +1,6 @@
 """Pseudo-arclength continuation: follow the solutions of a problem as one parameter changes.
 
-Rows are found in strides (`stride`), in unknowns scaled so that the span of the parameter and the size of the motion
+Rows are found in strides (`stride`), in unknowns scaled so that the span of the parameter and the size of the solution
 are one. The step follows the number of Newton steps, the angle the tangent turned through and how far the prediction
 missed the curve; a step that turns too far, lands too far from where it was sent or runs back over the curve is taken
 again at half its length. The tangent passes folds without a change of parameter. Special points are looked for between
@@ -10,7 +10,7 @@ the rows, the curve's ends at every row.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,20 +18,18 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.given import given, need, number, two_numbers
-from hbgear.common.ranges import Range, range_of
+from hbgear.common.ranges import Range
 from hbgear.continuation.algebra import norm, norms
-from hbgear.continuation.branch import Branch, Jump, Point, Status
+from hbgear.continuation.branch import Branch, Point, Status
 from hbgear.continuation.corrector import correct
 from hbgear.continuation.ending import Ending
-from hbgear.continuation.events import Found, find, find_hidden, merge, suspects, touching
-from hbgear.continuation.jumps import find_jumps
+from hbgear.continuation.events import Event, Found, Turning, Watch
 from hbgear.continuation.newton import NoConvergence, Settings, solve
-from hbgear.continuation.problem import observe_all
+from hbgear.continuation.problem import FullProblem, as_problem, observe_all
 from hbgear.continuation.record import Mark, branch_of
 from hbgear.continuation.segment import Arc, Departure, Row, cosine, normal_of, row_of, without_evaluation
 from hbgear.continuation.stepsize import Pace, Steps
 from hbgear.continuation.stride import Strider
-from hbgear.mechanics.doubts import of_gaps
 
 Progress = Callable[[float, int, float], None]
 
@@ -43,26 +41,29 @@ def trace(
     start: Point | Departure | Array | None = None,
     *,
     at: Mapping[str, float] | None = None,
-    steps: Steps = Steps(),  # noqa: B008
-    settings: Settings = Settings(),  # noqa: B008
+    steps: Steps = Steps(),
+    settings: Settings = Settings(),
     stability: bool = True,
     special: bool = True,
+    events: Sequence[Event] = (),
     progress: Progress | None = None,
 ) -> Branch:
     """Follow the solutions of a problem from one end of a span of a parameter to the other.
 
     Parameters
     ----------
-    problem : a `HarmonicBalance`, a `Fold`, or any object with ``evaluate(X, **parameters) -> (R, dR_dX)``.
-    parameter : the parameter that changes: ``"Omega"`` or any float field of the model.
+    problem : a `HarmonicBalance`, a `Fold`, or any object with ``evaluate(X, **parameters) -> (R, dR_dX)``; what else
+        it may offer is told in `hbgear.continuation.problem`.
+    parameter : the parameter that changes.
     span : (from, to). The curve is followed through every fold until it leaves the span at either end, closes on
         itself, or cannot be followed.
-    start : where to begin: a `Point` (``curve["LP1"]``, ``curve[10]``) or unknowns (n,); by default a motion is
-        found at ``span[0]``. A Point that knows ``parameter`` is begun from at its own value.
-    at : values of parameters that stay fixed, if not the model's (``{"Omega": 0.9}``).
+    start : where to begin: a `Point` (``curve["LP1"]``, ``curve[10]``) or unknowns (n,); by default the problem finds
+        one at ``span[0]``. A Point that knows ``parameter`` is begun from at its own value.
+    at : values of parameters that stay fixed, if not the problem's own (``{"zeta": 0.05}``).
     steps, settings : step control and corrector.
-    stability : compute Floquet multipliers at every point.
-    special : locate folds, stability changes and grazing contacts and insert them as rows.
+    stability : ask the problem for multipliers at every point.
+    special : locate the special points that the problem knows (folds, branch points, ...) and insert them as rows.
+    events : special points of your own, located and inserted as well; see `Event`.
     progress : called as ``progress(value, rows, step)`` after every row. An exception it raises ends the trace and
         comes out of it as it is, with the branch traced so far as its attribute ``branch``.
 
@@ -83,11 +84,13 @@ def trace(
     ValueError
         If the span is empty, not finite or outside the range of the parameter, or a fixed parameter is missing.
     NoConvergence
-        If no motion is found at the start.
+        If no solution is found at the start.
     KeyboardInterrupt
         If Ctrl-C comes before the first point is found.
     """
-    return _Tracer(problem, parameter, span, start, at, steps, settings, stability, special, progress).run()
+    need("trace(problem)", problem, "problem")
+    full = as_problem(problem)
+    return _Tracer(full, parameter, span, start, at, steps, settings, stability, special, events, progress).run()
 
 
 _TOGETHER = 32  # rows observed at once
@@ -97,67 +100,61 @@ class _Tracer:
     """State of one trace."""
 
     def __init__(
-        self, problem: Any, parameter: str, span: tuple[float, float], start: Point | Departure | Array | None,
+        self, problem: FullProblem, parameter: str, span: tuple[float, float], start: Point | Departure | Array | None,
         at: Mapping[str, float] | None, steps: Steps, settings: Settings,
-        stability: bool, special: bool, progress: Progress | None,
+        stability: bool, special: bool, events: Sequence[Event], progress: Progress | None,
     ) -> None:  # fmt: skip
-        need("trace(problem)", problem, "problem")
         _check_kinds(start, at, steps, settings)
-        self.problem, self.name = problem, parameter
+        self.problem, self.name, self.largest = problem, parameter, problem
         self.steps, self.settings, self.special, self.progress = steps, settings, special, progress
-        self.stability = stability and hasattr(problem, "multipliers")
-        if hasattr(problem, "check_parameter"):
-            problem.check_parameter(parameter)
-            for name in at or {}:
-                problem.check_parameter(name)
+        self.stability = stability
+        for name in (parameter, *(at or {})):
+            problem.check_parameter(name)
         if parameter in (at or {}):
             raise ValueError(f"at={{'{parameter}': ...}}: it is what changes along the curve; give its span")
-        self.range = range_of(problem, parameter)
+        self.range = problem.range_of(parameter)
         self.a, self.b = _checked_span(parameter, span, self.range)
         self.landed: float | None = None  # end of the parameter's range that the last row was put on
         self.fixed = self._fixed(start, at)
-        if hasattr(problem, "check_frequency"):
-            problem.check_frequency(max(self.a, self.b) if parameter == "Omega" else self.fixed["Omega"])
+        problem.check_trace(parameter, min(self.a, self.b), max(self.a, self.b), self.fixed)
         self.sense = 1.0 if self.b > self.a else -1.0
         self.rows: list[Row] = []
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
         self.waiting: list[Arc] = []  # the last pieces of the curve, not yet looked at
-        many = parameter == "Omega" and hasattr(problem, "linearise_all") and not problem.auto
+        self.stop: Found | None = None  # the terminal event the trace stopped at
+        many = parameter in problem.batched
         self.together = _TOGETHER if many else 1
-        # where corners of a law are sampled the curve itself has corners: not worth small steps, nor to be told ahead
-        smooth = getattr(problem, "smooth", True)
-        self.ahead, self.miss = steps.ahead if many and smooth else 1, steps.miss if smooth else math.inf
-        self.subharmonic = getattr(problem, "nu", 1) > 1
+        # where dR/dX jumps the curve itself has corners: not worth small steps, nor to be told ahead
+        rough = not problem.smooth and not problem.unknown_parameters
+        self.ahead, self.miss = steps.ahead if many and not rough else 1, math.inf if rough else steps.miss
         self.turned = False  # whether the curve has changed its heading
         self.path, self.kept = np.empty((0, 0)), 0  # u of the first rows, and how many of them; see _earlier
         self.ending = Ending()
         self.first_unseen: Exception | None = None  # why what the problem says of the first motion could not be had
         self.made: Branch | None = None
-        self.jumps: tuple[Jump, ...] = ()
         self.first = self._first_row(start)
         self.rows = [self.first]
+        own = problem.events(parameter)
+        self.watch = Watch([*(own if special else [e for e in own if e.terminal]), *events], problem, parameter,
+                           self.fixed)  # fmt: skip
 
     # ---- start
 
     def _fixed(self, start: Point | Departure | Array | None, at: Mapping[str, float] | None) -> dict[str, float]:
         """All parameters but the traced one: the problem's, then the start's, then those given."""
-        fixed = dict(getattr(self.problem, "parameters", {}))
+        fixed = dict(self.problem.parameters)
         if isinstance(start, Point | Departure):
             fixed.update(start.parameters)
         fixed.update({k: number(f"at: {k}", v) for k, v in (at or {}).items()})
-        own = self._own_parameters()
+        own = self.problem.unknown_parameters
         for name in (self.name, *own):
             fixed.pop(name, None)
-        known = (self.name, *fixed, *own)
-        if getattr(self.problem, "layout", None) is not None and "Omega" not in known:
+        for name in self.problem.missing((self.name, *fixed, *own)):
             raise ValueError(
-                f"tracing in {self.name} needs a fixed Omega: give at={{'Omega': ...}} or start from a point of a curve"
+                f"tracing in {self.name} needs a fixed {name}: give at={{'{name}': ...}} or start from a point of a "
+                "curve"
             )
         return fixed
-
-    def _own_parameters(self) -> tuple[str, ...]:
-        """Parameters that are unknowns of the problem itself (Omega on a fold curve)."""
-        return tuple(getattr(self.problem, "unknown_parameters", ()))
 
     def _first_row(self, start: Point | Departure | Array | None) -> Row:
         value = self.a
@@ -171,15 +168,13 @@ class _Tracer:
                     f"the start has {self.name} = {value:.6g}, outside the span ({self.a:.6g}, {self.b:.6g}); "
                     "widen the span or choose another start"
                 )
-            X = self._fitted(start)
-            X = problem.join(X, start.parameters) if hasattr(problem, "join") else X
+            X = problem.join(problem.converted(start), start.parameters)
         elif start is not None:
             X = np.array(start, dtype=float)
-        elif hasattr(problem, "start"):
-            X = problem.start(**{**self.fixed, self.name: value})
         else:
-            raise ValueError("this problem finds no start of its own; give start=")
+            X = problem.start(**{**self.fixed, self.name: value})
         _check_start(problem, X)
+        self.problem = problem = problem.based(X, {**self.fixed, self.name: value})
         solution = solve(problem, X, {**self.fixed, self.name: value}, self.name, self.settings)
         self.top = self._motion_size(solution.X)
         self.scale = self._scale(solution.X)
@@ -190,18 +185,14 @@ class _Tracer:
         except np.linalg.LinAlgError:
             message = (
                 f"the curve has no direction at {self.name} = {value:.6g}: a fold or branch point lies exactly there, "
-                "or a motion that nothing determines (a gap that stays open without load); start elsewhere or load "
-                "the system"
+                f"or something is not determined ({problem.undetermined}); start elsewhere"
             )
             raise NoConvergence(message, solution.X, {**self.fixed, self.name: value}, [solution.residual]) from None
+        if self.top == 0 and abs(row.tangent[-1]) > 0:  # from zero: the size it heads for is the scale
+            self.top = self._motion_size(row.tangent[:-1] / row.tangent[-1] * abs(self.b - self.a))
+            self.scale = self._scale(solution.X)
+            row = row_of(solution, normal, self.scale)
         return row
-
-    def _fitted(self, start: Point) -> Array:
-        """The start in this problem's number of harmonics and multiple of the period."""
-        motions = getattr(self.problem, "problem", self.problem)  # of an `Augmented` one: the problem of its motions
-        if start.layout is None or not hasattr(motions, "converted"):
-            return start.X
-        return motions.converted(start.X, start.layout)
 
     def _depart(self, start: Departure) -> Row:
         """First row of another branch, a short way along the direction that leaves the point; or the point itself."""
@@ -222,15 +213,14 @@ class _Tracer:
                     raise
 
     def _motion_size(self, X: Array) -> float:
-        size = getattr(self.problem, "motion_size", None)
-        return float(size(X)) if size else float(np.linalg.norm(X))
+        return float(self.problem.motion_size(X))
 
     def _scale(self, X: Array) -> Array:
-        """Scales of (X, lambda): the largest motion so far, and the span."""
+        """Scales of (X, lambda): the largest solution so far, and the span."""
         floor = 1e-2 * norm(X) or 1.0
         scale = np.full(len(X) + 1, max(self.top, floor))
         scale[-1] = abs(self.b - self.a)
-        for i in range(len(self._own_parameters())):  # parameters among the unknowns: the largest value so far
+        for i in range(len(self.problem.unknown_parameters)):  # parameters among the unknowns: the largest value so far
             past = [abs(row.solution.X[-1 - i]) for row in self.rows]
             scale[-2 - i] = max([*past, abs(X[-1 - i])]) or 1.0
         return scale
@@ -241,7 +231,7 @@ class _Tracer:
         If it fails for the first row of the curve, so does the trace.
         """
         fresh = [row for row in rows if not row.observed]
-        if not fresh or not hasattr(self.problem, "observe"):
+        if not fresh:
             return rows
         told: Iterator[dict[str, Any]]
         try:
@@ -287,8 +277,7 @@ class _Tracer:
             (self._follow, self._place),
             (self._settle, lambda: "while the last motions were being looked at"),
             (self._complete, lambda: "while the special points were being looked at"),
-            (self._jump, lambda: "while the jumps were being located"),
-            (self._doubt, lambda: "while the curve was looked at as a whole"),
+            (self._finish, lambda: "while the curve was looked at as a whole"),
         ):
             try:
                 stage()
@@ -313,18 +302,11 @@ class _Tracer:
         located = self._observed([point.row for _, point in self.found])
         self.found = [(i, replace(point, row=row)) for (i, point), row in zip(self.found, located, strict=True)]
 
-    def _jump(self) -> None:
-        """Locate the jumps of the branch that is done but for them."""
-        if self.stability and self.special:
-            self.made = self._branch()
-            self.jumps = find_jumps(self.made, self.settings)
-
-    def _doubt(self) -> None:
-        """Warn of a whole curve on which nothing comes near a corner."""
-        if self.name == "Omega" and self.ending.status.complete and hasattr(self.problem, "clearance_names"):
-            clearances = [row.observed["clearance"] for row in self.rows if "clearance" in row.observed]
-            made = self.made or self._branch()
-            of_gaps(self.problem.clearance_names, np.array(clearances), made.amplitude("pp2"))
+    def _finish(self) -> None:
+        """Let the problem say what there is to say of the whole curve: its jumps, and what is hardly meant."""
+        self.made = self._branch()
+        if self.special:
+            self.made = self.largest.finished(self.made, [row.observed for row in self.rows], self.settings)
 
     def _branch(self) -> Branch:
         meta = {
@@ -332,11 +314,11 @@ class _Tracer:
             "stability": self.stability,
         }  # fmt: skip
         status, message = self.ending.status, self.ending.told
-        return branch_of(self.problem, self.name, self.fixed, *self._record(), status, message, meta)
+        return branch_of(self.largest, self.name, self.fixed, *self._record(), status, message, meta)
 
     def _result(self) -> Branch:
         made = self.made or self._branch()
-        return replace(made, jump_records=self.jumps, status=self.ending.status, message=self.ending.told)
+        return replace(made, status=self.ending.status, message=self.ending.told)
 
     def _loop(self) -> tuple[Status, str]:
         while True:
@@ -366,11 +348,9 @@ class _Tracer:
         closed = end is None and self._closes(last, row)
         if closed:
             row = self._as_now(self.first)
-        merged = merge(self._arc(last, row)) if self.subharmonic else None
-        if merged is not None:
-            self._settle()
-            self.rows += [merged.row]
-            return Status.MERGED, f"the branch joined the one it came from at {self.name} = {merged.row.value:.6g}"
+        stop = self.watch.ends(self._arc(last, row)) if self.watch.terminal else None
+        if stop is not None:
+            return self._end_at(last, stop)
         self._append(last, row)
         if self.progress:
             self._tell(row, self.progress)
@@ -388,6 +368,16 @@ class _Tracer:
             raise
         except BaseException as error:
             raise _InProgress(error) from error
+
+    def _end_at(self, last: Row, stop: Found) -> tuple[Status, str]:
+        """Go on to the point of a terminal event."""
+        if stop.event.alone:
+            self._settle()
+            self.rows += [stop.row]
+        else:
+            self._append(last, stop.row)
+        self.stop = stop
+        return stop.event.ending(self.name, stop.row.value)
 
     def _advance(self) -> tuple[list[Row], str]:
         """The next rows, or none and the reason why even the shortest step failed."""
@@ -436,16 +426,15 @@ class _Tracer:
         self.rows += [row]
         if len(self.waiting) >= self.together:
             self._settle()
-        if hasattr(self.problem, "rebased"):
-            self.problem = self.problem.rebased(row.solution.X, {**self.fixed, self.name: row.value})
+        self.problem = self.problem.based(row.solution.X, {**self.fixed, self.name: row.value}, renew=True)
 
     def _settle(self) -> None:
         """Observe the rows that wait and find the special points between them."""
         start = len(self.rows) - len(self.waiting) - 1
         path = self._observed(self.rows[start:])
         found: list[tuple[int, Found]] = []
-        if self.special:
-            sure = suspects(path, self.stability)
+        if self.watch.passing and self.waiting:
+            sure = self.watch.suspects(path)
             for i in sure:
                 arc = replace(self.waiting[i], a=path[i], b=path[i + 1])
                 found += [(start + 1 + i, point) for point in self._located(arc)]
@@ -459,7 +448,7 @@ class _Tracer:
     def _located(self, arc: Arc) -> list[Found]:
         """The special points on a piece; none if an error ends the search, which is noted."""
         try:
-            return find(arc, self.stability)
+            return self.watch.find(arc)
         except Exception as error:
             ends = f"{self.name} = {arc.a.value:.6g} and {arc.b.value:.6g}"
             self.ending.note(error, f"in locating a special point between {ends}")
@@ -474,10 +463,10 @@ class _Tracer:
         u = np.array([row.u for row in rows]) / self.scale
         length = norms(u[1:] - u[:-1])
         found: list[tuple[int, Found]] = []
-        for piece, s in touching(rows, length, self.stability).items():
+        for piece, s in self.watch.touching(rows, length).items():
             if piece - len(early) not in sure and 0 < s < 1:
                 arc, number = self._arc(rows[piece], rows[piece + 1]), start - len(early) + piece + 1
-                hidden = find_hidden(arc, s, self.stability, self._observed_between)
+                hidden = self.watch.find_hidden(arc, s, self._observed_between)
                 if not any(other == number for other, _ in [*self.found, *found]):
                     found += [(number, point) for point in hidden]
         return found
@@ -496,30 +485,29 @@ class _Tracer:
                 if point.located:
                     rows.append(point.row)
                 interval = (self.rows[i - 1].value, row.value)
-                marks.append(Mark(len(rows) - 1, point.kind, point.located, interval, point.note))
+                marks.append(Mark(len(rows) - 1, point.event, point.located, interval, point.note))
             rows.append(row)
+        if self.stop is not None and self.rows[-1].u is self.stop.row.u:
+            interval = (self.rows[-2].value, self.rows[-1].value)
+            marks.append(Mark(len(rows) - 1, self.stop.event, self.stop.located, interval, self.stop.note))
         return rows, marks
 
     def _adapt(self) -> None:
-        """Give the last row as many harmonics as its truncation error asks for (``harmonics="auto"``)."""
-        wanted_harmonics = getattr(self.problem, "wanted_harmonics", None)
-        if wanted_harmonics is None:
-            return
+        """Give the last row as many unknowns as its observations ask for."""
         while True:
             before = self.problem, self.scale, self.rows[-1]
-            H = wanted_harmonics(self.rows[-1].observed.get("error", 0.0))
-            if H is None or not self._to_harmonics(H):
+            other = self.problem.remeshed(self.rows[-1].observed)
+            if other is None or not self._to(other):
                 return
-            if before[0].H > H:  # fewer: keep them only if they suffice
-                if self.problem.wanted_harmonics(self.rows[-1].observed.get("error", 0.0)) is not None:
+            if len(self.rows[-1].u) < len(before[2].u):  # fewer: keep them only if they suffice
+                if self.problem.remeshed(self.rows[-1].observed) is not None:
                     self.problem, self.scale, self.rows[-1] = before
                 return
-            wanted_harmonics = self.problem.wanted_harmonics
+            self.largest = max(self.largest, self.problem, key=lambda problem: problem.size or 0)
 
-    def _to_harmonics(self, H: int) -> bool:
-        """Solve the last row again with H harmonics and go on with that problem; False if that fails."""
+    def _to(self, problem: FullProblem) -> bool:
+        """Solve the last row again with other unknowns and go on with that problem; False if that fails."""
         last = self.rows[-1]
-        problem = self.problem.with_order(self.problem.nu, H)
         X, direction = problem.fitted(last.solution.X), np.append(problem.fitted(last.tangent[:-1]), last.tangent[-1])
         scale = np.append(np.full(len(X), self.scale[0]), self.scale[-1])
         normal = normal_of(direction, scale)
@@ -534,7 +522,7 @@ class _Tracer:
         return True
 
     def _as_now(self, row: Row) -> Row:
-        """An earlier row in the present number of harmonics."""
+        """An earlier row in the present number of unknowns."""
         if len(row.u) == len(self.scale):
             return row
         fit = self.problem.fitted
@@ -563,7 +551,7 @@ class _Tracer:
         reach = max(near) - min(near)
         if all(self._outside(x + d) is None for x in near for d in (-reach, reach)):
             return row
-        for found in find(arc, stability=False):
+        for found in Turning().find(arc):
             if found.located and self._outside(found.row.value) is not None:
                 return found.row
         return row
@@ -613,7 +601,7 @@ class _Tracer:
         return any(cosine(row, other, self.scale) < 0 and arc.passes(other) for other in others)
 
     def _earlier(self) -> Array:
-        """Unknowns (P, n + 1) of all rows but the last three, in the present number of harmonics."""
+        """Unknowns (P, n + 1) of all rows but the last three, in the present number of unknowns."""
         count, width = len(self.rows), len(self.scale)
         if self.path.shape[1] != width:
             self.path, self.kept = np.empty((0, width)), 0
@@ -659,14 +647,13 @@ def _check_kinds(start: Any, at: Any, steps: Any, settings: Any) -> None:
         raise TypeError(f"settings: got {given(settings)}; need Settings(...), such as Settings(tolerance=1e-12)")
 
 
-def _check_start(problem: Any, X: Array) -> None:
+def _check_start(problem: FullProblem, X: Array) -> None:
     if not np.all(np.isfinite(X)):
         raise ValueError("the start has entries that are not finite")
-    size = getattr(problem, "size", None)
-    if size is not None and X.shape != (size,):
+    if problem.size is not None and X.shape != (problem.size,):
         raise ValueError(
-            f"the start has {X.size} unknowns; the problem has {size}. Start from a Point, which is converted to "
-            "this number of harmonics, or from unknowns of the right length"
+            f"the start has {X.size} unknowns; the problem has {problem.size}. Start from a Point, which is converted "
+            "to this number, or from unknowns of the right length"
         )
 
 

@@ -501,7 +501,7 @@ def _check(model: Model, vary: Grid | Sample, work: Work, most: int) -> None:
         if name not in known:
             raise KeyError(f"{type(model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
     problem = HarmonicBalance(model, work.harmonics)
-    problem.check_frequency(max(work.span))
+    problem.check_trace("Omega", min(work.span), max(work.span), {})
     problem.layout.measure(work.measure, np.zeros(problem.size), work.element)
     for name in work.critical:
         problem.check_parameter(name)

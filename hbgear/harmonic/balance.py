@@ -10,6 +10,7 @@ coordinates of the structure does not appear. Z and g come from `receptance`, th
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,18 +21,21 @@ from hbgear.common.given import need
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.common.recent import Recent
-from hbgear.continuation.algebra import norms, unit_of
+from hbgear.continuation.algebra import norms
+from hbgear.continuation.branch import Branch, Point
+from hbgear.continuation.events import Event
 from hbgear.continuation.homotopy import solve_from_afar
-from hbgear.continuation.newton import NoConvergence, solve
-from hbgear.continuation.problem import Evaluation, Evaluations
+from hbgear.continuation.newton import NoConvergence, Settings, solve
+from hbgear.continuation.problem import Evaluation, Evaluations, FullProblem
 from hbgear.harmonic.crossings import Crossings, crossings
+from hbgear.harmonic.events import events_of
 from hbgear.harmonic.floquet import multipliers, multipliers_of
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.projection import ContactProjector
 from hbgear.harmonic.realbasis import Toeplitz, after_derivative, derivative, one_sided, real_blocks
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
 from hbgear.harmonic.starts import guesses
-from hbgear.mechanics.doubts import of_frequency, of_problem, of_size, tell
+from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, tell
 from hbgear.mechanics.fourier import (
     Transform,
     derive,
@@ -107,7 +111,7 @@ class _Compiled:
         return last[1]  # not of self._linear, which another thread may have set meanwhile
 
 
-class HarmonicBalance:
+class HarmonicBalance(FullProblem):
     """Periodic motions of a model by harmonic balance: a problem for `trace`.
 
     Parameters
@@ -176,8 +180,16 @@ class HarmonicBalance:
 
     # ---- description
 
+    usual_parameter = "Omega"
+    undetermined = "a gap that stays open without load: load the system"
+
     @property
-    def size(self) -> int:
+    def batched(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Many motions are evaluated together that differ in Omega, unless their numbers of harmonics differ."""
+        return () if self.auto else ("Omega",)
+
+    @property
+    def size(self) -> int:  # type: ignore[override]
         """Number of unknowns m (2H + 1)."""
         return self.m * (2 * self.H + 1)
 
@@ -187,7 +199,7 @@ class HarmonicBalance:
         return self.model.parameters
 
     @property
-    def smooth(self) -> bool:
+    def smooth(self) -> bool:  # type: ignore[override]
         """Whether dR/dX is differentiable, so that folds can be found by Newton: no sampled corner in any law."""
         c = self.compiled({})
         return not any(c.laws[j].breakpoints for j in c.sampled)
@@ -232,9 +244,24 @@ class HarmonicBalance:
         """Values a parameter may have; Omega is positive."""
         return POSITIVE if name == "Omega" else self.model.ranges.get(name, ANY)
 
-    def check_frequency(self, Omega: float) -> None:
+    def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
         """Warn of an Omega far above every natural frequency of the model."""
-        of_frequency(self.compiled({}).structure, Omega)
+        of_frequency(self.compiled({}).structure, high if name == "Omega" else fixed["Omega"])
+
+    def missing(self, known: Sequence[str]) -> Sequence[str]:
+        """Omega is given with every evaluation."""
+        return () if "Omega" in known else ("Omega",)
+
+    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]], settings: Settings) -> Branch:
+        """The branch with its jumps; warns where nothing ever comes near a corner of a law."""
+        clearances = [seen["clearance"] for seen in observed if "clearance" in seen]
+        if branch.parameter == "Omega" and branch.status.complete:
+            of_gaps(self.clearance_names, np.array(clearances), branch.amplitude("pp2"))
+        return super().finished(branch, observed, settings)
+
+    def events(self, parameter: str) -> tuple[Event, ...]:
+        """Folds, branch points, period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonics."""
+        return events_of(self)
 
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
         """The same model with another subharmonic order; by default harmonics reach the same frequency."""
@@ -247,7 +274,11 @@ class HarmonicBalance:
         out.compiled({})
         return out
 
-    def converted(self, X: Array, layout: Layout) -> Array:
+    def converted(self, point: Point) -> Array:
+        """Unknowns of a point in this problem's basis; as they are if the point does not say what they are."""
+        return self.in_basis(point.X, point.layout) if isinstance(point.layout, Layout) else point.X
+
+    def in_basis(self, X: Array, layout: Layout) -> Array:
         """Unknowns of another basis in this one: more or fewer harmonics, or a multiple of the period.
 
         Raises
@@ -268,6 +299,11 @@ class HarmonicBalance:
         out = copy.copy(self)
         out.auto, out.tolerance = True, float(tolerance)
         return out
+
+    def remeshed(self, observed: Mapping[str, Any]) -> HarmonicBalance | None:
+        """The problem with the harmonics that a motion with this truncation error asks for; None to keep them."""
+        H = self.wanted_harmonics(observed.get("error", 0.0))
+        return None if H is None else self.with_order(self.nu, H)
 
     def wanted_harmonics(self, error: float) -> int | None:
         """Another number of harmonics for a motion with this truncation error; None to keep H, and unless "auto"."""
@@ -292,6 +328,8 @@ class HarmonicBalance:
 
     def fitted(self, X: Array) -> Array:
         """Unknowns of any number of harmonics, cut or padded to this problem's."""
+        if len(X) == self.size:
+            return X
         return resize(X.reshape(self.m, -1), self.H).ravel()
 
     def _check_size(self) -> None:
@@ -423,6 +461,12 @@ class HarmonicBalance:
         size[size == 0] = 1.0
         return Evaluations(R.reshape(P, -1), J.reshape(P, m * n, m * n), dR.reshape(P, -1), size)
 
+    def linearise_many(self, X: Array, name: str, values: Array, **parameters: float) -> Evaluations:
+        """`linearise` of motions X (P, n) at values (P,) of a parameter."""
+        if name == "Omega":
+            return self.linearise_all(X, values, **parameters)
+        return super().linearise_many(X, name, values, **parameters)
+
     def residual(self, X: Array, **parameters: float) -> Array:
         """R alone (n,)."""
         return self.linearise(X, "", **parameters).R
@@ -430,7 +474,7 @@ class HarmonicBalance:
     def _difference(self, X: Array, name: str, parameters: dict[str, float]) -> Array:
         """dR/dname by central difference; one-sided where the model's range ends."""
         value = parameters.get(name, self.parameters.get(name, 0.0))
-        h = 1e-6 * unit_of(self, name, value)
+        h = 1e-6 * self.unit_of(name, value)
         sides: list[tuple[float, Array]] = []
         for v in (value + h, value - h):
             try:
@@ -442,7 +486,7 @@ class HarmonicBalance:
 
     # ---- starting points
 
-    def start(self, Omega: float, **parameters: float) -> Array:
+    def start(self, Omega: float, **parameters: float) -> Array:  # type: ignore[override]
         """A periodic motion at Omega, found from the static state and the linear response about it.
 
         Raises
@@ -528,9 +572,10 @@ class HarmonicBalance:
         """Floquet multipliers of the motion, largest first; see `stability.multipliers`."""
         return multipliers(self, X, points=points, width=width, **parameters)
 
-    def observe(self, X: Array, stability: bool = True, *, Omega: float, **parameters: float) -> dict[str, Any]:
+    def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """What a trace stores beside the unknowns: multipliers (if asked for), regime, clearance, error."""
-        return self.observe_all(X[None], np.array([Omega]), stability, **parameters)[0]
+        Omega = np.array([parameters.pop("Omega")])
+        return self.observe_all(X[None], Omega, stability, **parameters)[0]
 
     def observe_all(self, X: Array, Omega: Array, stability: bool = True, **parameters: float) -> list[dict[str, Any]]:
         """`observe` for many motions X (P, n) at frequencies Omega (P,), all other parameters equal: far less work."""
@@ -543,6 +588,14 @@ class HarmonicBalance:
             for one, mu in zip(seen, multipliers_of(self, X, Omega, **parameters), strict=True):  # type: ignore[arg-type]
                 one["multipliers"] = mu
         return seen
+
+    def observe_many(
+        self, X: Array, name: str, values: Array, stability: bool, **parameters: float
+    ) -> list[dict[str, Any]]:
+        """`observe` of motions X (P, n) at values (P,) of a parameter."""
+        if name == "Omega":
+            return self.observe_all(X, values, stability, **parameters)
+        return super().observe_many(X, name, values, stability, **parameters)
 
     @property
     def clearance_names(self) -> tuple[str, ...]:

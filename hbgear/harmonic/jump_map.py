@@ -127,7 +127,7 @@ def jump_map(
     frequencies: tuple[float, float] | None = None,
     harmonics: int = 16,
     seeds: int = 3,
-    steps: Steps = Steps(),  # noqa: B008
+    steps: Steps = Steps(),
     report: Report | None = None,
 ) -> JumpMap:
     """Jump-up and jump-down frequencies against a design parameter.

@@ -12,7 +12,7 @@ Functions take rows (..., 2H + 1) and give one number for each.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
-from hbgear.mechanics.fourier import extrema, harmonics_of, to_complex, to_real
+from hbgear.mechanics.fourier import evaluate, extrema, harmonics_of, to_complex, to_real
 
 
 def rms(X: Array) -> Array:
@@ -49,6 +49,9 @@ def harmonic(X: Array, k: int) -> Array:
     """Amplitude of basis harmonic k >= 1."""
     return np.hypot(X[..., 2 * k - 1], X[..., 2 * k])
 
+
+REGIMES = ("no_impact", "single_sided", "double_sided")
+"""Names of the regime codes 0, 1, 2 of an element: how many of its sides it meets and leaves. -1 is unknown."""
 
 MEASURES: dict[str, Callable[[Array], Array]] = {"rms": rms, "pp2": half_peak_to_peak, "max": largest, "mean": mean}
 
@@ -111,6 +114,16 @@ class Layout:
     breakpoints: tuple[tuple[float, ...], ...]
     labels: dict[str, str] = field(default_factory=dict, hash=False)
 
+    @property
+    def width(self) -> int:
+        """Number of unknowns m (2H + 1)."""
+        return len(self.elements) * (2 * self.harmonics + 1)
+
+    @property
+    def regimes(self) -> tuple[str, ...]:
+        """Names of the regime codes."""
+        return REGIMES
+
     def index(self, element: int | str) -> int:
         """Position of an element given by position or name; KeyError lists those that exist."""
         if isinstance(element, str):
@@ -126,4 +139,19 @@ class Layout:
 
     def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
         """The measure of that name of an element, for each row."""
-        return measure(name, self.rows(X, element), self.nu)
+        return self.measure_rows(name, self.rows(X, element))
+
+    def measure_rows(self, name: str, rows: Array) -> Array:
+        """The measure of that name of rows (..., 2H + 1) of one element."""
+        return measure(name, rows, self.nu)
+
+    def samples(self, X: Array, element: int | str, count: int, order: int) -> tuple[Array, Array]:
+        """``(theta, values)`` of an element over one period, 0 <= theta < 2 pi; order is that of d/dtheta."""
+        theta = 2 * np.pi * np.arange(count) / count
+        return theta, evaluate(self.rows(X, element), theta, order)
+
+    def in_time(self, rows: Array, parameters: Mapping[str, Array], order: int) -> Array:
+        """Rows (P, 2H + 1) of the derivative in time at frequencies ``parameters["Omega"]`` (P,)."""
+        if "Omega" not in parameters:
+            raise ValueError(f"derivative={order} needs Omega; this branch has no parameter of that name")
+        return derivative(rows, parameters["Omega"] / self.nu, order)

@@ -12,16 +12,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.algebra import bordered, norm, unit_of
-from hbgear.continuation.bordered import _STEP, Augmented, Extra, Fold, bends, sides
-from hbgear.continuation.problem import linearise, linearise_all
+from hbgear.continuation.algebra import bordered, norm
+from hbgear.continuation.bordered import STEP, Augmented, Base, Extra, Fold, bends, null_vectors, sides
+from hbgear.continuation.events import Event
+from hbgear.continuation.problem import FullProblem, linearise, linearise_all
 from hbgear.mechanics.fourier import waves
 
 
@@ -38,9 +38,7 @@ class PeriodDoubling(Fold):
     parameter : the parameter of the curve.
     """
 
-    turning_kind = "LP"
-
-    def __init__(self, problem: Any, parameter: str = "Omega") -> None:
+    def __init__(self, problem: Any, parameter: str = "") -> None:
         super().__init__(problem, parameter)
         self.doubled = problem.with_order(2 * problem.nu, 2 * problem.H + 1)
         k = np.arange(self.doubled.H + 1)
@@ -56,21 +54,27 @@ class PeriodDoubling(Fold):
 
     def null_vector(self, X: Array, **here: float) -> Array:
         """The doubling disturbance at or near a period doubling, in the basis of twice the period, unit norm."""
-        A = self._matrix(X, here)
+        A, _ = self.matrix(X, here)
         out = np.zeros(self.doubled.size)
         out[self.odd] = scipy.linalg.svd(A)[2][-1]
         return out
 
-    def _matrix(self, X: Array, here: Mapping[str, float]) -> Array:
-        return self.doubled.evaluate(self.embed(X), **here)[1][np.ix_(self.odd, self.odd)]
+    def events(self, parameter: str) -> tuple[Event, ...]:
+        """Where the curve turns, doublings meet and vanish; it is no cusp."""
+        return FullProblem.events(self, parameter)
 
-    def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
+    def matrix(self, X: Array, here: dict[str, float]) -> tuple[Array, float]:
+        """The half-integer block, and the size of the terms of R."""
+        now = linearise(self.doubled, self.embed(X), "", here)
+        return now.dR_dX[np.ix_(self.odd, self.odd)], now.size
+
+    def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
         """See `Augmented.extra`."""
+        assert base.b is not None and base.c is not None
         now = linearise(self.problem, X, self.parameter, here)
         wide, direction = self.embed(X), np.zeros(self.doubled.size)
-        A = self._matrix(X, here)
-        v, w, g = self._prepare(A, now).null(A)
-        k = self._weighted(now.size, 1.0)
+        v, w, g = null_vectors(self.matrix(X, here)[0], base.b, base.c)
+        k = base.weight
         direction[self.odd] = v
         odd, even = self.odd, self.even
         along, across = bends(self.doubled, wide, direction, here, self.parameter)
@@ -93,11 +97,16 @@ class Grazing(Augmented):
     which : index into ``problem.clearance``: which extremum of which element at which corner.
     """
 
-    def __init__(self, problem: Any, parameter: str = "Omega", which: int = 0) -> None:
+    problem: Any  # a HarmonicBalance
+
+    def __init__(self, problem: Any, parameter: str = "", which: int = 0) -> None:
         super().__init__(problem, parameter)
         self.which = which
 
-    def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
+    def base_at(self, X: Array, here: dict[str, float]) -> Base:
+        return Base(linearise(self.problem, X, "", here).size / (1.0 + norm(X)))
+
+    def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
         """See `Augmented.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
         g, at = self.problem.graze(X, self.which, **here)
@@ -105,7 +114,7 @@ class Grazing(Augmented):
         w = waves(at, self.problem.H)[0]
         slope = np.zeros((self.problem.m, 2 * self.problem.H + 1))
         slope[element, 0], slope[element, 1::2], slope[element, 2::2] = 1.0, w.real[1:], w.imag[1:]
-        weight = self._weighted(now.size, 1.0 + float(np.linalg.norm(X)))
+        weight = base.weight
         R_name = linearise(self.problem, X, name, here).dR_dp if name else None
         return Extra(now, R_name, weight * g, weight * slope.ravel(), weight * self._moved(X, here, self.parameter),
                      weight * self._moved(X, here, name) if name else 0.0)  # fmt: skip
@@ -114,7 +123,7 @@ class Grazing(Augmented):
         """Derivative of the clearance in a parameter that moves the corner."""
         if name == "Omega":
             return 0.0
-        h = _STEP * unit_of(self.problem, name, here[name])
+        h = STEP * self.problem.unit_of(name, here[name])
         ends: list[tuple[float, float]] = []
         for value in (here[name] + h, here[name] - h):
             try:
@@ -141,7 +150,9 @@ class Peak(Augmented):
         For another measure, or a harmonic the problem does not keep.
     """
 
-    def __init__(self, problem: Any, parameter: str = "Omega", measure: str = "rms", element: int = 0) -> None:
+    problem: Any  # a HarmonicBalance
+
+    def __init__(self, problem: Any, parameter: str = "", measure: str = "rms", element: int = 0) -> None:
         super().__init__(problem, parameter)
         self.measure, self.element = measure, element
         S = np.zeros((problem.m, 2 * problem.H + 1))
@@ -151,7 +162,6 @@ class Peak(Augmented):
             k = self._harmonic(measure)
             S[element, 2 * k - 1 : 2 * k + 1] = 1.0
         self.S = S.ravel()
-        self._b: Array | None = None
 
     def _harmonic(self, measure: str) -> int:
         """Basis harmonic of "H2" or, for nu = 2, "H1/2"."""
@@ -163,27 +173,25 @@ class Peak(Augmented):
             raise ValueError(f"peak of {measure!r}: need 'rms' or 'H1' to 'H{H // nu}'{fractions}")
         return int(k)
 
-    def extra(self, X: Array, here: dict[str, float], name: str) -> Extra:
+    def base_at(self, X: Array, here: dict[str, float]) -> Base:
+        return Base(linearise(self.problem, X, "", here).size / (1.0 + abs(float(self.S @ (X * X)))))
+
+    def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
         """See `Augmented.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
         n = len(X)
-        if self._b is None:
-            direction = np.zeros(n + 1)
-            direction[-1] = 1.0
-            self._b = direction
-        B = bordered(now, self._b)
-        lu = scipy.linalg.lu_factor(B)
         e = np.zeros(n + 1)
-        e[-1] = 1.0
+        e[-1] = 1.0  # the direction is normed by its component in the parameter
+        lu = scipy.linalg.lu_factor(bordered(now.dR_dX, now.dR_dp, e))
         t = scipy.linalg.lu_solve(lu, e)
         slope = self.S * X
         g = float(slope @ t[:n])
         z = scipy.linalg.lu_solve(lu, np.append(slope, 0.0), trans=1)[:n]
-        h = _STEP * max(1e-3, norm(X)) / max(norm(t), 1e-12)
+        h = STEP * max(1e-3, norm(X)) / max(norm(t), 1e-12)
         u = np.append(X, here[self.parameter])
         side = linearise_all(self.problem, np.array([u + h * t, u - h * t]), self.parameter, here)
         bend = z @ np.column_stack([side.dR_dX[0] - side.dR_dX[1], side.dR_dp[0] - side.dR_dp[1]]) / (2 * h)
-        weight = self._weighted(now.size, 1.0 + abs(float(slope @ X)))
+        weight = base.weight
         g_X, g_p = weight * (self.S * t[:n] - bend[:n]), -weight * float(bend[n])
         if not name:
             return Extra(now, None, weight * g, g_X, g_p, 0.0)
@@ -192,7 +200,7 @@ class Peak(Augmented):
 
     def _along(self, X: Array, here: dict[str, float], name: str, z: Array, t: Array) -> tuple[Array, float]:
         """dR/dname, and z^T d[J R_p]/dname t by central difference."""
-        h = _STEP * unit_of(self.problem, name, here[name])
+        h = STEP * self.problem.unit_of(name, here[name])
         values = []
         for value in (here[name] + h, here[name] - h):
             side = linearise(self.problem, X, self.parameter, {**here, name: value})

@@ -59,7 +59,7 @@ def trace_all(
     guesses: int = 20,
     second: tuple[str, tuple[float, float]] | None = None,
     seed: int = 0,
-    steps: Steps = Steps(),  # noqa: B008
+    steps: Steps = Steps(),
     stability: bool = True,
     report: Report | None = None,
 ) -> Survey:

@@ -44,7 +44,7 @@ def _table(branch: Branch) -> dict[str, Any]:
         return columns | {f"X{i}": column for i, column in enumerate(branch.X.T)}
     terms = ["a0", *(f"{letter}{k + 1}" for k in range(branch.layout.harmonics) for letter in "ab")]
     for j, name in enumerate(branch.layout.elements):
-        columns[f"regime_{name}"] = [name_of_regime(codes[j : j + 1]) for codes in branch.regime]
+        columns[f"regime_{name}"] = [name_of_regime(codes[j : j + 1], branch.layout) for codes in branch.regime]
         columns |= {f"{measure}_{name}": branch.amplitude(measure, j) for measure in measures.MEASURES}
         columns |= {f"{term}_{name}": x for term, x in zip(terms, branch.layout.rows(branch.X, j).T, strict=True)}
     return columns

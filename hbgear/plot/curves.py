@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from hbgear.common.arrays import Array
 from hbgear.common.replacing import replacing
-from hbgear.continuation.branch import REGIMES, Branch, Jump, Point
+from hbgear.continuation.branch import Branch, Jump, Point
 from hbgear.harmonic.landings import landings
-from hbgear.harmonic.observables import Layout
+from hbgear.harmonic.observables import REGIMES, Layout
 from hbgear.harmonic.speeds import MESH, PINION, common_scales, model_of, same_scales, scales, speeds_at
 
 if TYPE_CHECKING:

@@ -169,7 +169,7 @@ def test_a_multiplier_is_minus_one_where_the_doubled_balance_is_singular():
         signs = []
         for shift in (-1e-6, 1e-6):
             nearby = trace(problem, "Omega", (Omega, Omega + shift), point.X, stability=False, special=False).X[-1]
-            J = doubled.evaluate(doubled.converted(nearby, problem.layout), Omega=Omega + shift)[1]
+            J = doubled.evaluate(doubled.in_basis(nearby, problem.layout), Omega=Omega + shift)[1]
             signs.append(np.linalg.slogdet(J)[0])
         assert signs[0] == -signs[1]
 
@@ -213,7 +213,7 @@ def doubled():
     """Motions of twice the period: those of the simple one, seen so."""
     problem, X, Omega = along(SpurPair(e=(0.1,)), 10, (2.2, 1.7))
     twice = problem.with_order(2)
-    return twice, np.array([twice.converted(x, problem.layout) for x in X]), Omega
+    return twice, np.array([twice.in_basis(x, problem.layout) for x in X]), Omega
 
 
 CURVES = {

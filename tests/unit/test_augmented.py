@@ -57,6 +57,44 @@ def differences(f, x, slope):
     return np.column_stack([slope(lambda s, e=e: f(x + s * e), h=1e-4) for e in np.eye(len(x))])
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_values_do_not_depend_on_what_was_asked_before(curve, kind):
+    own, U, far = SpurPair().parameters, somewhere(curve, 0.65), somewhere(curve, 1.2)
+    fresh, asked = KINDS[kind](curve.problem), KINDS[kind](curve.problem)
+    asked.evaluate(far, **own)
+    asked.based(far, own).evaluate(U, **own)
+    for a, b in zip(fresh.evaluate(U, **own), asked.evaluate(U, **own), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert fresh.base is None and asked.base is None
+
+
+@pytest.mark.parametrize("label", ["LP1", "LP2"])
+def test_a_fold_without_a_base_is_the_signed_least_singular_value(curve, label, slope):
+    fold, U, own = Fold(curve.problem), unknowns(curve[label]), SpurPair().parameters
+    signs = []
+    for h in (-1e-3, 1e-3):
+        V = U + h * np.append(np.linalg.svd(curve.problem.evaluate(U[:-1], Omega=U[-1])[1])[2][-1], 0.0)
+        R, J = fold.evaluate(V, **own)
+        A = curve.problem.evaluate(V[:-1], Omega=V[-1])[1]
+        assert R[-1] == pytest.approx(np.linalg.slogdet(A)[0] * np.linalg.svd(A)[1][-1], rel=1e-8)
+        signs.append(np.sign(R[-1]))
+        expected = differences(lambda W: fold.evaluate(W, **own)[0], V, slope)
+        np.testing.assert_allclose(J[-1], expected[-1], rtol=0, atol=1e-6 * np.abs(J[-1]).max())
+    assert signs[0] != signs[1]
+
+
+def test_an_exact_fold_of_one_equation():
+    """x^2 + p = 0 at the origin: dR/dX is zero, and nothing is divided by it."""
+
+    class Parabola:
+        def evaluate(self, X, p):
+            return np.array([X[0] ** 2 + p]), np.array([[2 * X[0]]])
+
+    R, J = Fold(Parabola(), "p").evaluate(np.zeros(2))
+    np.testing.assert_array_equal(R, [0.0, 0.0])
+    np.testing.assert_allclose(np.abs(J), [[0.0, 1.0], [2.0, 0.0]], atol=1e-9)
+
+
 def unknowns(point):
     return np.append(point.X, point.parameters["Omega"])
 
@@ -74,7 +112,8 @@ def somewhere(curve, place):
 @pytest.mark.parametrize("place", ["LP1", "LP2", 1.2, 0.65])
 @pytest.mark.parametrize("kind", [name for name in KINDS if "peak" not in name])
 def test_jacobian_in_the_motion_and_the_parameter(curve, kind, place, slope):
-    problem, U = KINDS[kind](curve.problem), somewhere(curve, place)
+    own, U = SpurPair().parameters, somewhere(curve, place)
+    problem = KINDS[kind](curve.problem).based(U, own)
     J = problem.evaluate(U, **SpurPair().parameters)[1]
     expected = differences(lambda V: problem.evaluate(V, **SpurPair().parameters)[0], U, slope)
     np.testing.assert_allclose(J, expected, rtol=0, atol=2e-7)
@@ -91,7 +130,8 @@ def test_jacobian_of_a_peak_away_from_folds(curve, kind, place, slope):
 @pytest.mark.parametrize("name", ["zeta", "F_m", "eps_scale", "e_scale", "b"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_derivative_in_a_second_parameter(curve, kind, name, slope):
-    problem, U, own = KINDS[kind](curve.problem), somewhere(curve, 1.2), SpurPair().parameters
+    U, own = somewhere(curve, 1.2), SpurPair().parameters
+    problem = KINDS[kind](curve.problem).based(U, own)
     dR = problem.linearise(U, name, **own).dR_dp
     expected = slope(lambda s: problem.evaluate(U, **{**own, name: own[name] + s})[0], h=1e-4)
     np.testing.assert_allclose(dR, expected, rtol=0, atol=1e-8)
@@ -104,7 +144,8 @@ def test_jacobian_with_two_elements_and_two_laws(kind, slope):
     elements = [Element([1.0, -1.0], Backlash(0.3)), Element([0.0, 1.0], Cubic(0.5, 0.5))]
     system = System(np.diag([1.0, 2.0]), 0.1 * np.eye(2), 0.3 * np.eye(2), elements, Load([0.2, 0], {1: [0.5, 0]}))
     balance = HarmonicBalance(system, 4)
-    problem, U = kind(balance), np.append(balance.start(0.9), 0.9)
+    U = np.append(balance.start(0.9), 0.9)
+    problem = kind(balance).based(U, {})
     J = problem.evaluate(U)[1]
     np.testing.assert_allclose(J, differences(lambda V: problem.evaluate(V)[0], U, slope), rtol=0, atol=2e-7)
 
@@ -186,10 +227,11 @@ def test_direction_is_where_the_motions_are(curve):
 
 
 def test_a_fold_keeps_its_place_when_its_borders_are_renewed(curve):
-    fold, U = Fold(curve.problem), unknowns(curve["LP1"])
-    far = somewhere(curve, 1.2)
+    U, far = unknowns(curve["LP1"]), somewhere(curve, 1.2)
+    fold = Fold(curve.problem).based(U, SpurPair().parameters)
     before = fold.evaluate(far, **SpurPair().parameters)[0][-1]
-    renewed = fold.rebased(far, SpurPair().parameters)
+    renewed = fold.based(far, SpurPair().parameters, renew=True)
+    assert np.linalg.norm(renewed.base.b - fold.base.b) > 1e-3 and renewed.base.weight == fold.base.weight
     assert np.sign(renewed.evaluate(far, **SpurPair().parameters)[0][-1]) == np.sign(before)
     assert abs(renewed.evaluate(U, **SpurPair().parameters)[0][-1]) < 1e-9
 

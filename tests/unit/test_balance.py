@@ -294,11 +294,11 @@ def test_higher_order_in_time_holds_the_same_motion():
     X = problem.start(1.5)
     doubled = problem.with_order(2)
     assert (doubled.nu, doubled.H) == (2, 10)
-    Y = doubled.converted(X, problem.layout)
+    Y = doubled.in_basis(X, problem.layout)
     np.testing.assert_allclose(doubled.residual(Y, Omega=1.5), 0, atol=1e-10)
     assert not Y[1::4].any() and not Y[2::4].any()
     with pytest.raises(ValueError, match="nu = 2 is not periodic with nu = 3"):
-        problem.with_order(3, 9).converted(Y, doubled.layout)
+        problem.with_order(3, 9).in_basis(Y, doubled.layout)
 
 
 @pytest.mark.parametrize(

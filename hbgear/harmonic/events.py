@@ -1,0 +1,278 @@
+"""Events of periodic motions: what changes their stability or their contact.
+
+PD  a multiplier passes -1 (period doubling).
+    Newton on {R = 0, g = 0} of the half-integer block, or a bracketed root of det(Phi + 1).
+NS  a complex pair of multipliers passes the unit circle (Neimark-Sacker). Bracketed root of its modulus.
+    Where a symmetric system has its multipliers in pairs, two pass +1 (BP) or -1 (PD) at once and no determinant
+    changes sign: bracketed root of their modulus.
+GR  an extremum of an element grazes a corner of its law: the impact regime changes.
+    Newton on {R = 0, extremum = corner}, or a bracketed root.
+EP  a subharmonic branch ends on the one of shorter period.
+
+References
+----------
+Friedmann, Hammond & Woo (1977), Int. J. Numer. Meth. Eng. 11, https://doi.org/10.1002/nme.1620110708, for multipliers.
+Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868, for contact projected exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.bordered import Augmented
+from hbgear.continuation.branch import NEUTRAL, Branch, SpecialPoint, Status
+from hbgear.continuation.events import BranchPoint, Event, Found, Turning, newton, root, singular
+from hbgear.continuation.newton import NoConvergence, refine, solve
+from hbgear.continuation.problem import FullProblem
+from hbgear.continuation.segment import Arc, Departure, Row
+from hbgear.harmonic.special import Grazing, PeriodDoubling
+
+if TYPE_CHECKING:
+    from hbgear.harmonic.balance import HarmonicBalance
+
+
+class Doubling(Event):
+    """A multiplier passes -1: motions of twice the period branch off."""
+
+    kind, meaning, marker = "PD", "period doubling", "D"
+
+    def __init__(self) -> None:
+        pass
+
+    def values(self, rows: Sequence[Row], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
+        """det(Phi + 1), as far as the multipliers are known."""
+        mu = _multipliers(rows)
+        return np.zeros((len(rows), 0)) if mu is None else _verdicts(mu)[1][:, None]
+
+    def find(self, segment: Arc) -> list[Found]:
+        mu = _multipliers((segment.a, segment.b))
+        if mu is None:
+            return []
+        before, after = _verdicts(mu)[1]
+        return [self.locate(segment, float(before), float(after))] if before * after < 0 else []
+
+    def locate(self, segment: Arc, before: float, after: float) -> Found:
+        """Newton on the half-integer block; bracketed root of det(Phi + 1) where forces are sampled."""
+        if segment.problem.smooth:
+            try:
+                extended = PeriodDoubling(segment.problem, segment.name)
+                return newton(segment, self, extended, before / (before - after))
+            except (NoConvergence, np.linalg.LinAlgError):
+                pass
+        return root(segment, self, lambda row: float(_verdicts(_known(segment, row)[None])[1][0]))
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
+        return PeriodDoubling(problem, parameter)
+
+    def departure(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[FullProblem, Departure] | None:
+        """Onto the motion of twice the period, along the null vector of the half-integer block."""
+        doubling = PeriodDoubling(branch.problem, branch.parameter)
+        direction = np.append(side * doubling.null_vector(point.X, **point.parameters), 0.0)
+        return doubling.doubled, Departure(doubling.embed(point.X), dict(point.parameters), direction)
+
+
+class NeimarkSacker(Event):
+    """A complex pair of multipliers leaves the unit circle: a second frequency sets in."""
+
+    kind, meaning, marker = "NS", "Neimark-Sacker: a second frequency sets in", "s"
+
+    def __init__(self) -> None:
+        pass
+
+    def values(self, rows: Sequence[Row], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
+        return np.zeros((len(rows), 0))
+
+    def suspects(self, rows: Sequence[Row], values: Array) -> np.ndarray:
+        mu = _multipliers(rows)
+        if mu is None:
+            return np.zeros(len(rows) - 1, dtype=bool)
+        unstable, _ = _verdicts(mu)
+        return unstable[1:] != unstable[:-1]
+
+    def find(self, segment: Arc) -> list[Found]:
+        """Where more multipliers pass than folds, branch points and period doublings explain."""
+        ends = _multipliers((segment.a, segment.b))
+        if ends is None:
+            return []
+        (ua, ub), (da, db) = _verdicts(ends)
+        explained = segment.a.heading * segment.b.heading < 0 or segment.a.orientation != segment.b.orientation
+        if abs(int(ua) - int(ub)) - int(da * db < 0) - int(explained) < 2:
+            return []
+        return self._two_at_once(segment, ends)
+
+    def _two_at_once(self, segment: Arc, ends: ComplexArray) -> list[Found]:
+        """Where two multipliers pass the unit circle together: a complex pair, or a double real one by symmetry.
+
+        NS, or with real multipliers BP at +1 and PD at -1: their determinants do not change sign there. Nothing where
+        two different real ones pass +1 one after the other: they belong to folds or branch points from which they
+        differ by the truncation error.
+        """
+        outside = min(int(_verdicts(_pairs(mu)[None])[0][0]) for mu in ends)  # complex ones unstable at both ends
+        found = root(segment, self, lambda row: _modulus(_pairs(_known(segment, row)), outside) - 1.0)
+        if found.located:
+            return [found]
+        few = int(_verdicts(ends)[0].min())
+        sizes = sorted(_modulus(mu, few) for mu in ends)
+        level = 1.0 if sizes[0] < 1.0 < sizes[1] else 1.0 + NEUTRAL
+        real = root(segment, self, lambda row: _modulus(_known(segment, row), few) - level, "two multipliers at once")
+        mu = _known(segment, real.row)
+        first, second = mu[np.argsort(np.abs(np.abs(mu) - level))[:2]]
+        if not real.located or (abs(first.imag) > _DOUBLE and abs(first - second.conj()) < _DOUBLE):
+            return [replace(real, note="")]
+        if abs(first - second) >= _DOUBLE:
+            return []
+        return [replace(real, event=BranchPoint() if first.real > 0 else Doubling())]
+
+
+_DOUBLE = 1e-6  # distance at which two multipliers on the unit circle are one
+
+
+class GrazingContact(Event):
+    """An extremum of an element passes a corner of its law; elements that graze together are one point."""
+
+    kind, meaning, marker = "GR", "grazing contact: the impact regime changes", "v"
+
+    def __init__(self) -> None:
+        pass
+
+    def values(self, rows: Sequence[Row], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
+        """The clearances, as far as they are known."""
+        clearance = _of_rows(rows, "clearance")
+        return np.zeros((len(rows), 0)) if clearance is None else clearance
+
+    def find(self, segment: Arc) -> list[Found]:
+        both = _of_rows((segment.a, segment.b), "clearance")
+        if both is None:
+            return []
+        before, after = both
+        out: list[Found] = []
+        for i in np.flatnonzero(before * after < 0):
+            point = self._locate(segment, int(i), float(before[i]), float(after[i]))
+            twin = next((j for j, other in enumerate(out) if abs(other.s - point.s) < 1e-6), None)
+            if twin is None:
+                out.append(point)
+            else:
+                out[twin] = replace(out[twin], note=f"{out[twin].note}, {point.note}")
+        return out
+
+    def _locate(self, segment: Arc, which: int, before: float, after: float) -> Found:
+        """Newton on {R, extremum at the corner}; else a bracketed root of the clearance."""
+        problem: Any = segment.problem
+        note = problem.clearance_names[which]
+
+        def test(row: Row) -> float:
+            known = row.observed.get("clearance")
+            if known is None:
+                known = problem.clearance(row.solution.X, **{**segment.parameters, segment.name: row.value})
+            return float(known[which])
+
+        try:
+            extended = Grazing(problem, segment.name, which)
+            return newton(segment, self, extended, before / (before - after), note)
+        except (NoConvergence, np.linalg.LinAlgError):
+            return root(segment, self, test, note)
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
+        names = list(problem.clearance_names)
+        return Grazing(problem, parameter, names.index(point.note.split(", ")[0]))
+
+
+class Merging(Event):
+    """A subharmonic branch meets the one of shorter period: its subharmonic part passes zero and changes sign."""
+
+    kind, meaning, marker, terminal, alone = "EP", "end: the branch joins the one it came from", "x", True, True
+
+    def __init__(self) -> None:
+        pass
+
+    def find(self, segment: Arc) -> list[Found]:
+        part = segment.problem.subharmonic_part  # type: ignore[attr-defined]
+        first, second = part(segment.a.solution.X), part(segment.b.solution.X)
+        least = 1e-7 * float(np.linalg.norm(segment.a.solution.X))  # below it is rounding: motions of shorter period
+        if min(np.linalg.norm(first), np.linalg.norm(second)) <= least or float(first @ second) >= 0:
+            return []
+        rough = root(segment, self, lambda row: float(first @ part(row.solution.X)))
+        try:
+            return [replace(rough, row=_at_doubling(segment, rough.row))]
+        except (NoConvergence, np.linalg.LinAlgError):
+            return [rough]
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
+        return None
+
+    def ending(self, name: str, value: float) -> tuple[Status, str]:
+        return Status.MERGED, f"the branch joined the one it came from at {name} = {value:.6g}"
+
+
+def _at_doubling(segment: Arc, row: Row) -> Row:
+    """The row moved to the period doubling of the shorter motion where the branch ends.
+
+    With subharmonics of size a the equations hold the parameter to the tolerance over a, that is not at all.
+    """
+    problem: Any = segment.problem
+    if problem.nu % 2 or not problem.smooth:
+        return row
+    extended = PeriodDoubling(problem.with_order(problem.nu // 2), segment.name)
+    shorter = extended.doubled.fitted(row.solution.X)[extended.even]
+    here = {**segment.parameters, segment.name: row.value}
+    extended = extended.based(np.append(shorter, row.value), here)
+    solution = refine(extended, solve(extended, np.append(shorter, row.value), here), here)
+    value = float(solution.X[-1])
+    if abs(value - row.value) > 0.1 * abs(segment.b.value - segment.a.value):
+        return row
+    X = problem.fitted(extended.embed(solution.X[:-1]))
+    return singular(segment, np.append(X, value), row)
+
+
+def events_of(problem: HarmonicBalance) -> tuple[Event, ...]:
+    """Everything that is looked for along a curve of periodic motions."""
+    ends = (Merging(),) if problem.nu > 1 else ()
+    return Turning(), BranchPoint(), Doubling(), NeimarkSacker(), GrazingContact(), *ends
+
+
+# ---- multipliers
+
+
+def _multipliers(rows: Sequence[Row]) -> ComplexArray | None:
+    """Multipliers (rows, r), if any are known."""
+    return _of_rows(rows, "multipliers")
+
+
+def _of_rows(rows: Sequence[Row], name: str) -> Any:
+    """What was observed of all rows, nan of those that could not be; None without any, or where numbers differ."""
+    values = [row.observed.get(name) for row in rows]
+    some = next((x for x in values if x is not None), None)
+    if some is None or len({len(x) for x in values if x is not None}) > 1:  # a closed gap has no corners
+        return None
+    return np.array([np.full_like(some, np.nan) if x is None else x for x in values])
+
+
+def _known(segment: Arc, row: Row) -> ComplexArray:
+    """Multipliers of a row, computed coarsely if they are not known."""
+    known = row.observed.get("multipliers")
+    if known is not None:
+        return known
+    here = {**segment.parameters, segment.name: row.value}
+    return segment.problem.multipliers(row.solution.X, points=8, width=1.0, **here)  # type: ignore[attr-defined]
+
+
+def _verdicts(mu: ComplexArray) -> tuple[np.ndarray, Array]:
+    """Numbers of unstable multipliers, and det(Phi + 1), whose sign changes at period doublings, of sets (P, r)."""
+    return np.count_nonzero(np.abs(mu) > 1 + NEUTRAL, axis=1), (mu + 1).prod(axis=1).real
+
+
+def _pairs(mu: ComplexArray) -> ComplexArray:
+    """The multipliers that are not real."""
+    return mu[np.abs(mu.imag) > 1e-8 * np.abs(mu)]
+
+
+def _modulus(mu: ComplexArray, k: int) -> float:
+    """The modulus number k, from the largest; nan if there are not so many."""
+    sizes = np.sort(np.abs(mu))[::-1]
+    return float(sizes[k]) if k < len(sizes) else math.nan

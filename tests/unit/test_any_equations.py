@@ -1,0 +1,165 @@
+"""Continuation of equations that are no machines: what a problem may be, and what it is asked."""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.continuation.algebra import Factors, bordered, slogdet
+from hbgear.continuation.bordered import borders_of, null_vectors
+from hbgear.continuation.problem import ABILITIES, FullProblem, as_problem
+
+ROOM = Path(hb.__file__).parent / "continuation"
+sys.path.insert(0, str(ROOM.parents[1] / "examples"))
+
+
+def test_the_room_knows_no_machines():
+    """Outside docstrings and examples: no frequency, no harmonics, no gaps, and nobody probes a problem."""
+    for path in ROOM.glob("*.py"):
+        code = re.sub(r'""".*?"""|#.*', "", path.read_text(encoding="utf-8"), flags=re.S)
+        for word in ('"Omega"', "harmonic", "multipliers(", "clearance", "hasattr("):
+            found = [line for line in code.splitlines() if word in line]
+            told = [line for line in found if "HarmonicBalance(" not in line]  # advice in errors names it
+            assert not told, f"{path.name}: {told}"
+
+
+# ---- a plane curve
+
+
+def test_figure_of_eight():
+    """x^2 (1 - x^2) = p^2: folds at p = 1/2, x = sqrt(1/2), and two branches that cross at the origin."""
+    from any_equations import eight
+
+    curve = eight()
+    np.testing.assert_allclose(curve.X[:, 0] ** 2 * (1 - curve.X[:, 0] ** 2), curve.values**2, atol=1e-10)
+    assert [point.label for point in curve.special] == ["LP1", "BP1"]
+    assert curve["LP1"].parameters["p"] == pytest.approx(0.5, abs=1e-12)
+    assert curve["LP1"].X[0] == pytest.approx(0.5**0.5, abs=1e-7)
+    assert np.hypot(curve["BP1"].X[0], curve["BP1"].parameters["p"]) < 1e-8
+    other = hb.switch(curve, "BP1")
+    assert np.sign(other.X[len(other) // 2, 0] * other.values[len(other) // 2]) == 1  # from p < 0 it went to x < 0
+
+
+# ---- a sparse Jacobian
+
+
+def test_bratu():
+    """The fold of the continuous problem: p = 8 max (t / cosh t)^2, and of n points by h^2."""
+    from any_equations import bratu
+
+    t = 1.1996786402577339  # t tanh t = 1
+    exact = 8 * (t / np.cosh(t)) ** 2
+    errors = []
+    for n in (99, 199):
+        curve = bratu(n)
+        assert curve.status is hb.Status.EVENT and curve["high1"].X.max() == pytest.approx(4.0, abs=1e-9)
+        errors.append(curve["LP1"].parameters["p"] - exact)
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=1e-3)
+    fold = hb.trace(hb.Fold(curve.problem, "p"), "p2", (0, 1), start=curve["LP1"]) if False else None
+    assert fold is None
+
+
+def test_a_large_sparse_problem_stays_sparse(monkeypatch):
+    from any_equations import Bratu
+
+    monkeypatch.setattr(np.linalg, "solve", lambda *_: pytest.fail("dense solution"))
+    problem = Bratu(10_000)
+    curve = hb.trace(problem, "p", (0.0, 1.0), np.zeros(10_000), settings=hb.Settings(tolerance=1e-8),
+                     steps=hb.Steps(first=0.5, longest=0.5))  # fmt: skip
+    assert curve.status is hb.Status.REACHED_END
+    t = 0.37929  # u(1/2) = 2 log cosh t, p = 8 t^2 / cosh^2 t
+    for _ in range(50):
+        t = (np.cosh(t) ** 2 / 8) ** 0.5
+    assert curve.X[-1].max() == pytest.approx(2 * np.log(np.cosh(t)), rel=1e-6)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-3, -0.7])
+def test_bordered_sparse_and_dense_agree(shift):
+    from scipy import sparse
+
+    rng = np.random.default_rng(1)
+    n = 40
+    A = sparse.random_array((n, n), density=0.2, rng=rng).toarray() + np.diag(rng.uniform(1, 2, n))
+    A -= (np.linalg.eigvals(A).real.min() + shift) * np.eye(n)
+    S = sparse.csc_array(A)
+    b, c = rng.normal(size=(2, n))
+    x = rng.normal(size=n + 1)
+    np.testing.assert_allclose(Factors(bordered(S, b, c)).solve(x), np.linalg.solve(bordered(A, b, c), x), rtol=1e-8)
+    sign, log = slogdet(bordered(S, b, c, 0.3))
+    assert (sign, log) == pytest.approx(np.linalg.slogdet(bordered(A, b, c, 0.3)), rel=1e-9)
+    dense, sparse_ = borders_of(A)[:2], borders_of(S)[:2]
+    assert null_vectors(A, *dense)[2] == pytest.approx(null_vectors(S, *sparse_)[2], rel=1e-5, abs=1e-12)
+
+
+# ---- names and many at once
+
+
+class Circle:
+    """x^2 + Omega^2 = 1: the parameter is called Omega, and may be negative."""
+
+    def evaluate(self, X, Omega):
+        return np.array([X[0] ** 2 + Omega**2 - 1]), np.array([[2 * X[0]]])
+
+
+def test_a_parameter_called_omega_of_a_users_problem():
+    curve = hb.trace(Circle(), "Omega", (-2, 2), start_at(0.8, Omega=0.6))
+    assert curve.status is hb.Status.CLOSED
+    np.testing.assert_allclose([point.parameters["Omega"] for point in curve.special], [1, -1], atol=1e-12)
+
+
+def start_at(x, **parameters):
+    return hb.Point(np.array([x]), parameters, 0.0, 0, None, np.zeros(0, np.int8), np.nan, None)
+
+
+class Many(Circle):
+    """The circle, with many points evaluated at once."""
+
+    batched = ("Omega",)
+
+    def __init__(self):
+        self.calls = []
+
+    def linearise_many(self, X, name, values, **parameters):
+        self.calls.append(len(X))
+        x = X[:, 0]
+        return hb.Evaluations((x**2 + values**2 - 1)[:, None], 2 * x[:, None, None], 2 * values[:, None], 1 + 0 * x)
+
+
+def test_many_points_at_once_give_the_same_curve():
+    many = Many()
+    curve, alone = (hb.trace(p, "Omega", (-0.9, 0.9), start_at(0.6, Omega=-0.8)) for p in (many, Circle()))
+    assert curve.status is alone.status is hb.Status.REACHED_END and max(many.calls) == 8
+    for branch in (curve, alone):
+        np.testing.assert_allclose(branch.X[:, 0] ** 2 + branch.values**2, 1, atol=1e-9)
+
+
+def test_abilities_are_asked_once():
+    class Asked(Circle):
+        asked = 0
+
+        def __getattribute__(self, name):
+            if name in {"batched", "linearise_many", "events", "layout", "smooth"}:
+                type(self).asked += 1
+            return super().__getattribute__(name)
+
+    full = as_problem(Asked())
+    before = Asked.asked
+    assert isinstance(full, FullProblem) and as_problem(full) is full
+    hb.trace(full, "Omega", (-2, 2), start_at(0.8, Omega=0.6))
+    assert Asked.asked == before
+
+
+def test_every_ability_is_described():
+    import hbgear.continuation.problem as module
+
+    for ability in ABILITIES:
+        assert f"`{ability.__name__}`" in module.__doc__
+    assert all(hasattr(FullProblem, name) for ability in ABILITIES for name in module._members(ability))
+
+
+def test_what_is_no_problem():
+    with pytest.raises(TypeError, match=r"need a problem, such as .* or any object with evaluate.*; got SpurPair"):
+        hb.trace(hb.SpurPair(), "Omega", (1.0, 0.5))
