@@ -14,7 +14,7 @@ from hbgear.continuation.events import Event
 from hbgear.continuation.extending import extend
 from hbgear.continuation.newton import NoConvergence, Settings
 from hbgear.continuation.problem import Evaluation, Evaluations
-from hbgear.continuation.stepsize import Steps
+from hbgear.continuation.stepsize import StepControl, Steps
 from hbgear.continuation.switching import switch
 from hbgear.continuation.tracer import trace
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
@@ -74,6 +74,7 @@ __all__ = [
     "SpecialPoint",
     "SpurPair",
     "Status",
+    "StepControl",
     "Steps",
     "Survey",
     "System",

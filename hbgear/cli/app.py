@@ -186,7 +186,7 @@ def trace(
     stability: Annotated[
         bool, typer.Option("--stability/--no-stability", help="Floquet multipliers and jumps.")
     ] = True,
-    max_points: Annotated[int, typer.Option(min=2, help="Stop after so many points.")] = hb.Steps().max_points,
+    max_points: Annotated[int, typer.Option(min=2, help="Stop after so many points.")] = hb.StepControl().max_points,
 ) -> None:
     """Trace a response curve through its folds; print its special points and jumps.
 
@@ -211,7 +211,13 @@ def trace(
     started = time.perf_counter()
     try:
         branch = traced(
-            problem, parameter, span, start=point, at=held, stability=stability, steps=hb.Steps(max_points=max_points)
+            problem,
+            parameter,
+            span,
+            start=point,
+            at=held,
+            stability=stability,
+            steps=hb.StepControl(max_points=max_points),
         )
     except KeyboardInterrupt:  # not within the trace itself, which keeps what it has
         say("error", "interrupted while starting or finishing; nothing was kept")
@@ -241,7 +247,9 @@ def extend(
     element: Element = "0",
     output: Output = None,
     plot: Plot = None,
-    max_points: Annotated[int, typer.Option(min=2, help="Stop after so many more points.")] = hb.Steps().max_points,
+    max_points: Annotated[
+        int, typer.Option(min=2, help="Stop after so many more points.")
+    ] = hb.StepControl().max_points,
 ) -> None:
     """Follow a saved curve on from its last point; the result is the whole curve.
 
@@ -254,7 +262,7 @@ def extend(
     problem = catalogue.problem_of(retold(branch.meta, harmonics, samples))
     span = longer_span(branch, within, first, last)
     with one_thread(), progress_bar(branch.parameter, float(branch.values[-1]), span[1]) as progress:
-        steps = hb.Steps(max_points=max_points)
+        steps = hb.StepControl(max_points=max_points)
         whole = hb.extend(branch, span, problem=problem, steps=steps, progress=progress)
     with outputs() as out:
         out.branch(output, whole)

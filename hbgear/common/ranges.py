@@ -1,6 +1,6 @@
 """Which values a parameter may have.
 
-    low <= value <= high,   above < value < below
+low <= value <= high,   above < value < below
 """
 
 from __future__ import annotations

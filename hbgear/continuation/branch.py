@@ -57,11 +57,11 @@ _ADVICE = {
     Status.MERGED: "nothing to do: the branch ended on the one it came from",
     Status.EVENT: "nothing to do: a terminal event was reached; go on from its point to trace further",
     Status.CLOSED: "nothing to do: the curve closed on itself",
-    Status.RETRACED: "allow shorter steps or a smaller turning angle: steps=hb.Steps(longest=..., turn=...)",
+    Status.RETRACED: "allow shorter steps or a smaller turning angle: steps=hb.StepControl(longest=..., max_turn_deg=...)",
     Status.MAX_POINTS: "allow more points or longer steps, or go on from the last point: hb.extend(curve), "
     "hbgear extend FILE",
     Status.STEP_TOO_SMALL: "go on from the last point with more harmonics or samples: hb.extend(curve, problem=...), "
-    "hbgear extend FILE --harmonics 32; or allow shorter steps: steps=hb.Steps(shortest=...)",
+    "hbgear extend FILE --harmonics 32; or allow shorter steps: steps=hb.StepControl(shortest=...)",
     Status.INTERRUPTED: "what was done is kept; go on from there (a curve: hb.extend(curve), hbgear extend FILE)",
     Status.FAILED: "what was done is kept; go on from there, if need be with other settings (a curve: hb.extend(curve, "
     "problem=...))",

@@ -37,7 +37,7 @@ from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status
 from hbgear.continuation.newton import NoConvergence, Settings, refine, solution_at, solve
 from hbgear.continuation.problem import FullProblem, as_problem, linearise
 from hbgear.continuation.record import point_of
-from hbgear.continuation.segment import Arc, Departure, Row, row_of
+from hbgear.continuation.segment import CurvePoint, Departure, Segment, row_of
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Found:
 
     event: Event
     s: float
-    row: Row
+    row: CurvePoint
     located: bool
     note: str = ""
 
@@ -113,18 +113,18 @@ class Event:
             raise ValueError(f"the test of the event '{self.kind}' is {value} at {point}; it must be finite")
         return value
 
-    def values(self, rows: Sequence[Row], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
+    def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
         """Test functions (rows, T) that change sign where the event happens; T may be 0."""
         return np.array([[self.test(point_of(problem, name, fixed, row))] for row in rows])
 
-    def suspects(self, rows: Sequence[Row], values: Array) -> np.ndarray:
+    def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         """Whether the event happens between each row and the next, (rows - 1,); ``values`` are those of `values`."""
         return np.asarray((values[1:] * values[:-1] < 0).any(axis=1))
 
-    def find(self, segment: Arc) -> list[Found]:
+    def find(self, segment: Segment) -> list[Found]:
         """The events between the two rows of a segment, each located."""
 
-        def test(row: Row) -> float:
+        def test(row: CurvePoint) -> float:
             return self.test(point_of(segment.problem, segment.name, dict(segment.parameters), row))
 
         return [root(segment, self, test)] if test(segment.a) * test(segment.b) < 0 else []
@@ -148,14 +148,14 @@ class Turning(Event):
     def __init__(self, kind: str = "LP", meaning: str = "fold: the curve turns back", marker: str = "o") -> None:
         self.kind, self.meaning, self.marker = kind, meaning, marker
 
-    def values(self, rows: Sequence[Row], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
+    def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
         return np.zeros((len(rows), 0))
 
-    def suspects(self, rows: Sequence[Row], values: Array) -> np.ndarray:
+    def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         heading = np.array([row.heading for row in rows])
         return heading[1:] * heading[:-1] < 0
 
-    def find(self, segment: Arc) -> list[Found]:
+    def find(self, segment: Segment) -> list[Found]:
         """Newton on {R, g} from where the tangent's component vanishes; bracketed where forces are sampled."""
         a, b = segment.a, segment.b
         if a.heading * b.heading >= 0:
@@ -181,14 +181,14 @@ class BranchPoint(Event):
     def __init__(self) -> None:
         pass
 
-    def values(self, rows: Sequence[Row], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
+    def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
         return np.zeros((len(rows), 0))
 
-    def suspects(self, rows: Sequence[Row], values: Array) -> np.ndarray:
+    def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         orientation = np.array([row.orientation for row in rows])
         return orientation[1:] != orientation[:-1]
 
-    def find(self, segment: Arc) -> list[Found]:
+    def find(self, segment: Segment) -> list[Found]:
         if segment.a.orientation == segment.b.orientation:
             return []
         return [root(segment, self, _determinant(segment))]
@@ -234,23 +234,23 @@ class Watch:
         self.passing = tuple(event for event in events if not event.terminal)
         self.problem, self.name, self.fixed = problem, name, fixed
 
-    def suspects(self, rows: Sequence[Row]) -> list[int]:
+    def suspects(self, rows: Sequence[CurvePoint]) -> list[int]:
         """Numbers i of the pieces from rows[i] to rows[i + 1] on which `find` finds something."""
         some = np.zeros(len(rows) - 1, dtype=bool)
         for event in self.passing:
             some |= event.suspects(rows, event.values(rows, self.problem, self.name, self.fixed))
         return [int(i) for i in np.flatnonzero(some)]
 
-    def find(self, segment: Arc) -> list[Found]:
+    def find(self, segment: Segment) -> list[Found]:
         """All special points between the two rows of a segment, in the order in which the curve meets them."""
         return sorted((found for event in self.passing for found in event.find(segment)), key=lambda found: found.s)
 
-    def ends(self, segment: Arc) -> Found | None:
+    def ends(self, segment: Segment) -> Found | None:
         """The first terminal event on a segment."""
         found = [one for event in self.terminal for one in event.find(segment)]
         return min(found, key=lambda one: one.s, default=None)
 
-    def touching(self, rows: Sequence[Row], length: Array) -> dict[int, float]:
+    def touching(self, rows: Sequence[CurvePoint], length: Array) -> dict[int, float]:
         """Pieces on which a test function of one sign at the rows may cross zero twice, with the place s on each.
 
         It does if the parabola through three rows, the pieces between them of the given lengths, comes close to zero.
@@ -270,7 +270,7 @@ class Watch:
             found.setdefault(piece, float(s))
         return found
 
-    def find_hidden(self, segment: Arc, s: float, observed: Callable[[Row], Row]) -> list[Found]:
+    def find_hidden(self, segment: Segment, s: float, observed: Callable[[CurvePoint], CurvePoint]) -> list[Found]:
         """Special points on a piece of the curve on which a test function seems to touch zero near s, if it does."""
         places, rows = [0.0, 1.0], [segment.a, segment.b]
         for _ in range(_TRIES):
@@ -310,13 +310,13 @@ _TRIES = 3  # rows looked at there
 
 
 def root(
-    segment: Arc, event: Event, test: Callable[[Row], float], note: str = "", fine: float = 1e-13
+    segment: Segment, event: Event, test: Callable[[CurvePoint], float], note: str = "", fine: float = 1e-13
 ) -> Found:
     """Bracketed root of a test function along the segment; where correction fails, the nearer end, not located.
 
     fine : share of the chord to which it is located; at a turning point an error there enters the parameter squared.
     """
-    rows: dict[float, Row] = {0.0: segment.a, 1.0: segment.b}
+    rows: dict[float, CurvePoint] = {0.0: segment.a, 1.0: segment.b}
     values: dict[float, float] = {}
 
     def value(s: float) -> float:
@@ -350,22 +350,22 @@ def root(
 _BESIDE = 1e-5  # distance along the arc at which the two sides of a singular point are looked at
 
 
-def _between(segment: Arc, a: Row, b: Row, share: float) -> Row:
-    """Row between two close ones, where the equations themselves cannot be solved."""
+def _between(segment: Segment, a: CurvePoint, b: CurvePoint, share: float) -> CurvePoint:
+    """CurvePoint between two close ones, where the equations themselves cannot be solved."""
     tangent = (1 - share) * a.tangent + share * b.tangent
     return singular(segment, (1 - share) * a.u + share * b.u, replace(a, tangent=tangent))
 
 
-def singular(segment: Arc, u: Array, near: Row) -> Row:
-    """Row at u, where the equations are singular, with tangent and orientation of one nearby."""
+def singular(segment: Segment, u: Array, near: CurvePoint) -> CurvePoint:
+    """Point at u, where the equations are singular, with tangent and orientation of one nearby."""
     point = solution_at(segment.problem, u, segment.name, segment.parameters)
-    return Row(point, u, near.tangent, near.orientation)
+    return CurvePoint(point, u, near.tangent, near.orientation)
 
 
 _AT_THE_END = 1e-6  # how far beyond the ends of its arc a point may come to lie: farther, it belongs to another arc
 
 
-def _turn(segment: Arc) -> float:
+def _turn(segment: Segment) -> float:
     """Where on the arc the parameter turns, by the Hermite polynomial through its ends."""
     rise = float(segment.b.u[-1] - segment.a.u[-1])
     begin, end = (float(row.tangent[-1]) * segment.length for row in (segment.a, segment.b))
@@ -374,9 +374,7 @@ def _turn(segment: Arc) -> float:
     return inside[0] if inside else begin / (begin - end)
 
 
-def newton(
-    segment: Arc, event: Event, extended: Augmented, s: float, note: str = ""
-) -> Found:
+def newton(segment: Segment, event: Event, extended: Augmented, s: float, note: str = "") -> Found:
     """Newton on a special point as a problem of its own, from the fraction s of the segment.
 
     Raises
@@ -399,10 +397,10 @@ def newton(
     return Found(event, min(max(place, 0.0), 1.0), row_of(point, chord / segment.scale, segment.scale), True, note)
 
 
-def _determinant(segment: Arc) -> Callable[[Row], float]:
+def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:
     """Signed bordered determinant, relative to its size at the first row."""
 
-    def logdet(row: Row) -> tuple[float, float]:
+    def logdet(row: CurvePoint) -> tuple[float, float]:
         now = row.solution.evaluation
         if not now.R.size:  # dropped, see `without_evaluation`
             here = {**segment.parameters, segment.name: row.value}
@@ -411,7 +409,7 @@ def _determinant(segment: Arc) -> Callable[[Row], float]:
 
     reference = logdet(segment.a)[1]
 
-    def value(row: Row) -> float:
+    def value(row: CurvePoint) -> float:
         sign, log = logdet(row)
         return sign * float(np.exp(min(log - reference, 50.0)))
 

@@ -27,7 +27,7 @@ def extend(branch: Branch, span: tuple[float, float] | None = None, *, problem: 
     span : of the parameter; by default that of the trace.
     problem : what to go on with, if not the branch's own, such as a `HarmonicBalance` of more harmonics; the rows that
         were there stay what they are, with zeros for the harmonics they do not have.
-    options : passed to `trace`, such as ``steps=Steps(max_points=5000)``, which counts the new points only.
+    options : passed to `trace`, such as ``steps=StepControl(max_points=5000)``, which counts the new points only.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Newton's method with step halving at fixed parameters.
 
-    X <- X - t J^-1 R,   t = 1, 1/2, 1/4, ...   the first that lowers |R|
+X <- X - t J^-1 R,   t = 1, 1/2, 1/4, ...   the first that lowers |R|
 """
 
 from __future__ import annotations

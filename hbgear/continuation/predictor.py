@@ -9,12 +9,12 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import norms
-from hbgear.continuation.segment import Row, normal_of
+from hbgear.continuation.segment import CurvePoint, normal_of
 
 _STRAIGHT = 0.3  # share of the step by which the first predicted bend may move the point; cosine of the last turn
 
 
-def predict(rows: Sequence[Row], unit: Array, scale: Array, distance: Array) -> Array:
+def predict(rows: Sequence[CurvePoint], unit: Array, scale: Array, distance: Array) -> Array:
     """Unknowns (k, n + 1) at distances (k,) along the tangent ``unit`` from the last row: Hermite extrapolation.
 
     Parameters

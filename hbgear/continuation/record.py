@@ -11,7 +11,7 @@ import numpy as np
 from hbgear._version import __version__
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status
 from hbgear.continuation.problem import FullProblem, Reader
-from hbgear.continuation.segment import Row
+from hbgear.continuation.segment import CurvePoint
 
 if TYPE_CHECKING:
     from hbgear.continuation.events import Event
@@ -29,7 +29,7 @@ class Mark:
 
 
 def branch_of(
-    problem: FullProblem, name: str, fixed: dict[str, float], rows: list[Row], marks: list[Mark],
+    problem: FullProblem, name: str, fixed: dict[str, float], rows: list[CurvePoint], marks: list[Mark],
     status: Status, message: str, settings: dict[str, Any],
 ) -> Branch:  # fmt: skip
     """The branch of these rows, without jumps.
@@ -95,13 +95,13 @@ def _fill(points: list[dict[str, Any]]) -> None:
                 point[name] = np.full(length, nothing)
 
 
-def point_of(problem: FullProblem, name: str, fixed: dict[str, float], row: Row) -> Point:
+def point_of(problem: FullProblem, name: str, fixed: dict[str, float], row: CurvePoint) -> Point:
     """The `Point` a row stands for."""
     return Point(**_fields(problem, problem.layout, name, fixed, row))
 
 
 def _fields(
-    problem: FullProblem, layout: Reader | None, name: str, fixed: dict[str, float], row: Row
+    problem: FullProblem, layout: Reader | None, name: str, fixed: dict[str, float], row: CurvePoint
 ) -> dict[str, Any]:
     X, own = problem.split(row.solution.X)
     mu, regime = row.observed.get("multipliers"), row.observed.get("regime", ())

@@ -20,7 +20,7 @@ from hbgear.continuation.problem import Evaluation, FullProblem
 
 
 @dataclass(frozen=True)
-class Row:
+class CurvePoint:
     """A converged point of a curve with what the curve does there.
 
     u (n + 1,) unknowns and parameter; tangent (n + 1,), unit in the scaled unknowns but given unscaled; orientation:
@@ -61,7 +61,7 @@ def normal_of(direction: Array, scale: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Arc:
+class Segment:
     """The curve between two neighbouring rows a and b: cubic Hermite guess, corrected across the chord.
 
     ``at(s)`` returns the row at the fraction s of the chord, 0 at a and 1 at b.
@@ -70,8 +70,8 @@ class Arc:
     problem: FullProblem
     name: str
     parameters: Mapping[str, float]
-    a: Row
-    b: Row
+    a: CurvePoint
+    b: CurvePoint
     scale: Array
     settings: Settings
 
@@ -88,7 +88,7 @@ class Arc:
         slope = length * s * rest
         return (1.0 - value) * a.u + value * b.u + slope * (rest * a.tangent - s * b.tangent)
 
-    def at(self, s: float) -> Row:
+    def at(self, s: float) -> CurvePoint:
         """Corrected row at the fraction s of the chord.
 
         Raises
@@ -106,7 +106,7 @@ class Arc:
         solution = correct(self.problem, u, normal, self.name, self.parameters, self.settings)
         return row_of(solution, normal, self.scale)
 
-    def passes(self, known: Row) -> bool:
+    def passes(self, known: CurvePoint) -> bool:
         """Whether the curve from a to b contains a row already known: the points nearest to it are compared."""
         chord = (self.b.u - self.a.u) / self.scale
         offset = (known.u - self.a.u) / self.scale
@@ -123,7 +123,7 @@ class Arc:
         return float(np.linalg.norm(across)) < 1e-3 * length
 
 
-def cosine(a: Row, b: Row, scale: Array) -> float:
+def cosine(a: CurvePoint, b: CurvePoint, scale: Array) -> float:
     """Cosine of the angle between the tangents of two rows, up to their lengths."""
     return float((a.tangent / scale) @ (b.tangent / scale))
 
@@ -131,8 +131,10 @@ def cosine(a: Row, b: Row, scale: Array) -> float:
 _STILL = 1e-7  # component of the scaled tangent in lambda that is rounding
 
 
-def row_of(solution: Solution, normal: Array, scale: Array, step: float = 0.0, before: Row | None = None) -> Row:
-    """Row of a solution, its tangent pointing along normal; before is the row the curve comes from.
+def row_of(
+    solution: Solution, normal: Array, scale: Array, step: float = 0.0, before: CurvePoint | None = None
+) -> CurvePoint:
+    """Point of a solution, its tangent pointing along normal; before is the row the curve comes from.
 
     Raises
     ------
@@ -145,16 +147,16 @@ def row_of(solution: Solution, normal: Array, scale: Array, step: float = 0.0, b
     return row_along(solution, u, unit, orientations([point.A])[0], scale, step, before)
 
 
-def without_evaluation(row: Row) -> Row:
+def without_evaluation(row: CurvePoint) -> CurvePoint:
     """The row without the matrices it was corrected with, which take far more room than all else."""
     nothing = Evaluation(np.empty(0), np.empty((0, 0)), np.empty(0), row.solution.evaluation.size)
     return replace(row, solution=replace(row.solution, evaluation=nothing))
 
 
 def row_along(
-    solution: Solution, u: Array, unit: Array, orientation: int, scale: Array, step: float, before: Row | None
-) -> Row:
-    """Row of a solution whose tangent is known."""
+    solution: Solution, u: Array, unit: Array, orientation: int, scale: Array, step: float, before: CurvePoint | None
+) -> CurvePoint:
+    """Point of a solution whose tangent is known."""
     moves = float(unit[-1] / scale[-1])
     heading = (1 if moves > 0 else -1) if abs(moves) > _STILL else before.heading if before else 0
-    return Row(solution, u, unit, orientation, step, heading)
+    return CurvePoint(solution, u, unit, orientation, step, heading)

@@ -10,18 +10,19 @@ from hbgear.common.ranges import checked, counted
 
 
 @dataclass(frozen=True)
-class Steps:
+class StepControl:
     """Step control, in scaled arclength (the span of the parameter is 1).
 
     first, longest, shortest : step lengths.
-    turn : largest angle [deg] between successive tangents; steps aim at half of it.
+    max_turn_deg : largest angle [deg] between successive tangents; steps aim at half of it.
     newton : Newton steps per point the step length aims at.
-    miss : largest distance of a point from its prediction, as a share of the step: what the curve does that its last
-        rows do not tell, a small loop for instance, is looked at in smaller steps. Not used with sampled corners.
-    support : rows the predictor extrapolates from, at most; 1 is the tangent alone.
-    ahead : rows predicted and corrected together, at most, in parameters in which the problem evaluates
-        many points at once and has no corners. The rows obey the same limits as one after the other.
-    max_points : rows after which the trace stops.
+    max_prediction_error : largest distance of a point from its prediction, as a share of the step: what the curve does
+        that its last points do not tell, a small loop for instance, is looked at in smaller steps. Not used with
+        sampled corners.
+    history : points the predictor extrapolates from, at most; 1 is the tangent alone.
+    batch : points predicted and corrected together, at most, in parameters in which the problem evaluates many points
+        at once and has no corners. They obey the same limits as one after the other.
+    max_points : points after which the trace stops.
 
     Raises
     ------
@@ -32,27 +33,31 @@ class Steps:
     first: float = 0.01
     longest: float = 0.04
     shortest: float = 1e-7
-    turn: float = 20.0
+    max_turn_deg: float = 20.0
     newton: int = 3
-    miss: float = 0.02
-    support: int = 4
-    ahead: int = 8
+    max_prediction_error: float = 0.02
+    history: int = 4
+    batch: int = 8
     max_points: int = 5000
 
     def __post_init__(self) -> None:
-        for name in ("first", "longest", "shortest", "turn", "miss"):
-            checked("Steps", name, getattr(self, name))
-        for name, least in (("newton", 1), ("support", 1), ("ahead", 1), ("max_points", 2)):
-            counted(f"Steps: {name}", getattr(self, name), least=least)
+        for name in ("first", "longest", "shortest", "max_turn_deg", "max_prediction_error"):
+            checked("StepControl", name, getattr(self, name))
+        for name, least in (("newton", 1), ("history", 1), ("batch", 1), ("max_points", 2)):
+            counted(f"StepControl: {name}", getattr(self, name), least=least)
         if not 0 < self.shortest <= self.first <= self.longest < math.inf:
             raise ValueError(
                 f"step lengths must obey 0 < shortest <= first <= longest, got {self.shortest}, {self.first}, "
                 f"{self.longest}"
             )
-        if not 0 < self.turn <= 60:
-            raise ValueError(f"turn = {self.turn} degrees must be above 0 and at most 60")
-        if not 0 < self.miss <= 1:
-            raise ValueError(f"miss = {self.miss} must be above 0 and at most 1")
+        if not 0 < self.max_turn_deg <= 60:
+            raise ValueError(f"max_turn_deg = {self.max_turn_deg} degrees must be above 0 and at most 60")
+        if not 0 < self.max_prediction_error <= 1:
+            raise ValueError(f"max_prediction_error = {self.max_prediction_error} must be above 0 and at most 1")
+
+
+Steps = StepControl
+"""The name of the first releases."""
 
 
 class Pace(NamedTuple):

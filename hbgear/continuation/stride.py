@@ -22,14 +22,14 @@ from hbgear.continuation.corrector import Corrected, correct_all
 from hbgear.continuation.newton import Settings
 from hbgear.continuation.predictor import predict
 from hbgear.continuation.problem import FullProblem
-from hbgear.continuation.segment import Row, normal_of, row_along
-from hbgear.continuation.stepsize import Pace, Steps
+from hbgear.continuation.segment import CurvePoint, normal_of, row_along
+from hbgear.continuation.stepsize import Pace, StepControl
 
 
 class Stride(NamedTuple):
     """Rows found, the pace of the next stride, and why not more were found."""
 
-    rows: list[Row]
+    rows: list[CurvePoint]
     pace: Pace
     reason: str
 
@@ -50,7 +50,7 @@ _FURTHER = 2  # rows sought together beyond those of the last stride: those that
 class Strider:
     """Finds rows of the curve of a problem in a parameter, the others fixed.
 
-    miss : as `Steps.miss`; infinite where the curve itself has corners.
+    miss : as `StepControl.max_prediction_error`; infinite where the curve itself has corners.
     bounds : the span of the parameter; a stride ends with the first row predicted outside.
     """
 
@@ -58,11 +58,11 @@ class Strider:
     name: str
     fixed: Mapping[str, float]
     bounds: tuple[float, float]
-    steps: Steps
+    steps: StepControl
     miss: float
     settings: Settings
 
-    def stride(self, rows: Sequence[Row], scale: Array, pace: Pace) -> Stride:
+    def stride(self, rows: Sequence[CurvePoint], scale: Array, pace: Pace) -> Stride:
         """The next rows behind the last ones, which are given with the newest first; none if the step is too long."""
         unit = rows[0].tangent / norm(rows[0].tangent / scale)
         normal = normal_of(unit, scale)
@@ -77,11 +77,11 @@ class Strider:
         reason = reason_of or reason
         if not found:
             return Stride([], self.shorter(pace.step), reason)
-        together = min(self.steps.ahead, len(found) + _FURTHER)
+        together = min(self.steps.batch, len(found) + _FURTHER)
         step = self._next_step(found[0].solution.iterations, max(turns), misses[0], pace.step)
         return Stride(found, Pace(step, together), reason)
 
-    def _ahead(self, rows: Sequence[Row], unit: Array, scale: Array, pace: Pace) -> Array:
+    def _ahead(self, rows: Sequence[CurvePoint], unit: Array, scale: Array, pace: Pace) -> Array:
         """Predictions, as far as the curve they tell of neither turns much nor leaves the span."""
         predicted = predict(rows, unit, scale, pace.step * np.arange(1, pace.rows + 1))
         if len(predicted) == 1:
@@ -95,8 +95,8 @@ class Strider:
         return predicted[: ends[0]] if ends.size else predicted
 
     def _judged(
-        self, rows: Sequence[Row], predicted: Array, points: Sequence[Corrected], scale: Array, step: float
-    ) -> tuple[list[Row], str, list[float], list[float]]:
+        self, rows: Sequence[CurvePoint], predicted: Array, points: Sequence[Corrected], scale: Array, step: float
+    ) -> tuple[list[CurvePoint], str, list[float], list[float]]:
         """Rows up to the first that is refused, why it was, and turns [deg] and misses of all that were looked at."""
         if not points:
             return [], "", [], []
@@ -108,12 +108,12 @@ class Strider:
         misses = (norms((u[1:] - predicted[: len(points)]) / scale) / step).tolist()
         signs = orientations([p.A for p in points])
         missing = len(rows) > 1 and step > _HASTE * self.steps.shortest
-        found: list[Row] = []
+        found: list[CurvePoint] = []
         for i, point in enumerate(points):
             reason = ""
             if gaps[i] > _FAR:
                 reason = "the corrector landed far from the prediction"
-            elif turns[i] > self.steps.turn:
+            elif turns[i] > self.steps.max_turn_deg:
                 reason = f"the tangent turned by {turns[i]:.0f} degrees"
             elif missing and misses[i] > self.miss:
                 reason = f"the prediction missed the curve by {misses[i]:.0%} of the step"
@@ -130,7 +130,7 @@ class Strider:
     def _next_step(self, iterations: int, angle: float, missed: float, step: float) -> float:
         """Next step from the Newton count, the turning angle and the prediction, at most doubled or halved."""
         by_newton = 2.0 ** ((self.steps.newton - iterations) / 2)
-        by_angle = 0.5 * self.steps.turn / max(angle, 0.1)
+        by_angle = 0.5 * self.steps.max_turn_deg / max(angle, 0.1)
         by_miss = (0.5 * self.miss / max(missed, 1e-9)) ** 0.5
         factor = min(2.0, max(0.5, min(by_newton, by_angle, by_miss)))
         return min(self.steps.longest, max(self.steps.shortest, factor * step))

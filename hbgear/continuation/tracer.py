@@ -27,8 +27,8 @@ from hbgear.continuation.events import Event, Found, Turning, Watch
 from hbgear.continuation.newton import NoConvergence, Settings, solve
 from hbgear.continuation.problem import FullProblem, as_problem, observe_all
 from hbgear.continuation.record import Mark, branch_of
-from hbgear.continuation.segment import Arc, Departure, Row, cosine, normal_of, row_of, without_evaluation
-from hbgear.continuation.stepsize import Pace, Steps
+from hbgear.continuation.segment import CurvePoint, Departure, Segment, cosine, normal_of, row_of, without_evaluation
+from hbgear.continuation.stepsize import Pace, StepControl
 from hbgear.continuation.stride import Strider
 
 Progress = Callable[[float, int, float], None]
@@ -41,7 +41,7 @@ def trace(
     start: Point | Departure | Array | None = None,
     *,
     at: Mapping[str, float] | None = None,
-    steps: Steps = Steps(),
+    steps: StepControl = StepControl(),
     settings: Settings = Settings(),
     stability: bool = True,
     special: bool = True,
@@ -101,7 +101,7 @@ class _Tracer:
 
     def __init__(
         self, problem: FullProblem, parameter: str, span: tuple[float, float], start: Point | Departure | Array | None,
-        at: Mapping[str, float] | None, steps: Steps, settings: Settings,
+        at: Mapping[str, float] | None, steps: StepControl, settings: Settings,
         stability: bool, special: bool, events: Sequence[Event], progress: Progress | None,
     ) -> None:  # fmt: skip
         _check_kinds(start, at, steps, settings)
@@ -118,15 +118,18 @@ class _Tracer:
         self.fixed = self._fixed(start, at)
         problem.check_trace(parameter, min(self.a, self.b), max(self.a, self.b), self.fixed)
         self.sense = 1.0 if self.b > self.a else -1.0
-        self.rows: list[Row] = []
+        self.rows: list[CurvePoint] = []
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
-        self.waiting: list[Arc] = []  # the last pieces of the curve, not yet looked at
+        self.waiting: list[Segment] = []  # the last pieces of the curve, not yet looked at
         self.stop: Found | None = None  # the terminal event the trace stopped at
         many = parameter in problem.batched
         self.together = _TOGETHER if many else 1
         # where dR/dX jumps the curve itself has corners: not worth small steps, nor to be told ahead
         rough = not problem.smooth and not problem.unknown_parameters
-        self.ahead, self.miss = steps.ahead if many and not rough else 1, math.inf if rough else steps.miss
+        self.ahead, self.miss = (
+            steps.batch if many and not rough else 1,
+            math.inf if rough else steps.max_prediction_error,
+        )
         self.turned = False  # whether the curve has changed its heading
         self.path, self.kept = np.empty((0, 0)), 0  # u of the first rows, and how many of them; see _earlier
         self.ending = Ending()
@@ -156,7 +159,7 @@ class _Tracer:
             )
         return fixed
 
-    def _first_row(self, start: Point | Departure | Array | None) -> Row:
+    def _first_row(self, start: Point | Departure | Array | None) -> CurvePoint:
         value = self.a
         problem = self.problem
         if isinstance(start, Departure):
@@ -194,7 +197,7 @@ class _Tracer:
             row = row_of(solution, normal, self.scale)
         return row
 
-    def _depart(self, start: Departure) -> Row:
+    def _depart(self, start: Departure) -> CurvePoint:
         """First row of another branch, a short way along the direction that leaves the point; or the point itself."""
         u = np.append(start.X, start.parameters[self.name])
         self.top = self._motion_size(start.X)
@@ -225,7 +228,7 @@ class _Tracer:
             scale[-2 - i] = max([*past, abs(X[-1 - i])]) or 1.0
         return scale
 
-    def _observed(self, rows: list[Row]) -> list[Row]:
+    def _observed(self, rows: list[CurvePoint]) -> list[CurvePoint]:
         """The rows with what the problem says of their motions; without it where that fails, which is noted.
 
         If it fails for the first row of the curve, so does the trace.
@@ -241,7 +244,7 @@ class _Tracer:
             told = iter([self._observed_alone(row) for row in fresh])
         return [row if row.observed else replace(row, observed=next(told)) for row in rows]
 
-    def _observed_alone(self, row: Row) -> dict[str, Any]:
+    def _observed_alone(self, row: CurvePoint) -> dict[str, Any]:
         try:
             return observe_all(self.problem, row.u[None], self.name, self.fixed, self.stability)[0]
         except Exception as error:
@@ -336,7 +339,7 @@ class _Tracer:
             self.scale = self._scale(self.rows[-1].solution.X)
             self._adapt()
 
-    def _take(self, row: Row) -> tuple[Status, str] | None:
+    def _take(self, row: CurvePoint) -> tuple[Status, str] | None:
         """Go on to a row; status and message if the curve ends there."""
         last = self.rows[-1]
         row = self._turn_outside(last, row)
@@ -360,7 +363,7 @@ class _Tracer:
             return Status.LEFT_SPAN, f"the curve turned back to {self.name} = {end:.6g}"
         return (Status.CLOSED, f"the curve closed after {len(self.rows)} points") if closed else None
 
-    def _tell(self, row: Row, progress: Progress) -> None:
+    def _tell(self, row: CurvePoint, progress: Progress) -> None:
         """Call the user's progress; an exception of theirs is told from all others."""
         try:
             progress(row.value, len(self.rows), row.step)
@@ -369,7 +372,7 @@ class _Tracer:
         except BaseException as error:
             raise _InProgress(error) from error
 
-    def _end_at(self, last: Row, stop: Found) -> tuple[Status, str]:
+    def _end_at(self, last: CurvePoint, stop: Found) -> tuple[Status, str]:
         """Go on to the point of a terminal event."""
         if stop.event.alone:
             self._settle()
@@ -379,11 +382,11 @@ class _Tracer:
         self.stop = stop
         return stop.event.ending(self.name, stop.row.value)
 
-    def _advance(self) -> tuple[list[Row], str]:
+    def _advance(self) -> tuple[list[CurvePoint], str]:
         """The next rows, or none and the reason why even the shortest step failed."""
         low, high = sorted((self.a, self.b))
         strider = Strider(self.problem, self.name, self.fixed, (low, high), self.steps, self.miss, self.settings)
-        last = [self.rows[-1], *(self._as_now(row) for row in self.rows[-2 : -1 - self.steps.support : -1])]
+        last = [self.rows[-1], *(self._as_now(row) for row in self.rows[-2 : -1 - self.steps.history : -1])]
         while True:
             step, count = self.pace
             count = min(count, self.ahead, self.steps.max_points - len(self.rows))
@@ -396,7 +399,7 @@ class _Tracer:
             if rows or (step <= self.steps.shortest and count == 1):
                 return rows, reason
 
-    def _at_the_range_end(self, step: float) -> Row | None:
+    def _at_the_range_end(self, step: float) -> CurvePoint | None:
         """The row at the end of the parameter's range that a step would cross: nothing can be evaluated beyond it."""
         last = self.rows[-1]
         unit = last.tangent / norm(last.tangent / self.scale)
@@ -418,7 +421,7 @@ class _Tracer:
         self.landed = end
         return row
 
-    def _append(self, last: Row, row: Row) -> None:
+    def _append(self, last: CurvePoint, row: CurvePoint) -> None:
         """Store a row; what lies between it and the last is looked at when enough rows have come together."""
         arc = self._arc(last, row)
         self.turned = self.turned or row.heading != last.heading
@@ -445,7 +448,7 @@ class _Tracer:
         path = [*(without_evaluation(row) for row in path[:-1]), path[-1]]
         self.rows[start:], self.waiting, self.found = path, [], self.found + found
 
-    def _located(self, arc: Arc) -> list[Found]:
+    def _located(self, arc: Segment) -> list[Found]:
         """The special points on a piece; none if an error ends the search, which is noted."""
         try:
             return self.watch.find(arc)
@@ -454,7 +457,7 @@ class _Tracer:
             self.ending.note(error, f"in locating a special point between {ends}")
             return []
 
-    def _hidden(self, path: list[Row], start: int, sure: list[int]) -> list[tuple[int, Found]]:
+    def _hidden(self, path: list[CurvePoint], start: int, sure: list[int]) -> list[tuple[int, Found]]:
         """Pairs of special points between two rows of a path, whose first is number start, on pieces not sure."""
         early = self.rows[start - 1 : start] if start else []
         rows = [*early, *path]
@@ -471,12 +474,12 @@ class _Tracer:
                     found += [(number, point) for point in hidden]
         return found
 
-    def _observed_between(self, row: Row) -> Row:
+    def _observed_between(self, row: CurvePoint) -> CurvePoint:
         return self._observed([row])[0]
 
-    def _record(self) -> tuple[list[Row], list[Mark]]:
+    def _record(self) -> tuple[list[CurvePoint], list[Mark]]:
         """All rows, the located special points among them, and the marks of these."""
-        rows: list[Row] = []
+        rows: list[CurvePoint] = []
         marks: list[Mark] = []
         found = sorted(self.found, key=lambda one: (one[0], one[1].s))
         for i, row in enumerate(self.rows):
@@ -521,7 +524,7 @@ class _Tracer:
         self.rows[-1] = self._observed([row])[0]
         return True
 
-    def _as_now(self, row: Row) -> Row:
+    def _as_now(self, row: CurvePoint) -> CurvePoint:
         """An earlier row in the present number of unknowns."""
         if len(row.u) == len(self.scale):
             return row
@@ -529,8 +532,8 @@ class _Tracer:
         u, t = np.append(fit(row.u[:-1]), row.u[-1]), np.append(fit(row.tangent[:-1]), row.tangent[-1])
         return replace(row, u=u, tangent=t)
 
-    def _arc(self, last: Row, row: Row) -> Arc:
-        return Arc(self.problem, self.name, self.fixed, last, row, self.scale, self.settings)
+    def _arc(self, last: CurvePoint, row: CurvePoint) -> Segment:
+        return Segment(self.problem, self.name, self.fixed, last, row, self.scale, self.settings)
 
     # ---- ends
 
@@ -542,7 +545,7 @@ class _Tracer:
             return self.a
         return None
 
-    def _turn_outside(self, last: Row, row: Row) -> Row:
+    def _turn_outside(self, last: CurvePoint, row: CurvePoint) -> CurvePoint:
         """The row; or the fold before it, where that lies outside the span and the step came back into it."""
         if last.heading * row.heading >= 0:
             return row
@@ -556,8 +559,8 @@ class _Tracer:
                 return found.row
         return row
 
-    def _final(self, last: Row, row: Row, end: float) -> Row:
-        """Row exactly at the end of the span, solved at fixed parameter from between the last two rows."""
+    def _final(self, last: CurvePoint, row: CurvePoint, end: float) -> CurvePoint:
+        """CurvePoint exactly at the end of the span, solved at fixed parameter from between the last two rows."""
         s = (end - last.value) / (row.value - last.value)
         guess = self._arc(last, row).guess(s)
         here = {**self.fixed, self.name: end}
@@ -568,14 +571,14 @@ class _Tracer:
             return row
         return final
 
-    def _closes(self, last: Row, row: Row) -> bool:
+    def _closes(self, last: CurvePoint, row: CurvePoint) -> bool:
         """Whether the piece from last to row passes through the first row, in its direction."""
         if len(self.rows) < 4 or not self.turned:
             return False
         first = self._as_now(self.first)
         return cosine(row, first, self.scale) > 0 and self._arc(last, row).passes(first)
 
-    def _before_running_back(self, rows: list[Row]) -> int:
+    def _before_running_back(self, rows: list[CurvePoint]) -> int:
         """How many of the new rows come before the curve runs back over an earlier row."""
         path = [self.rows[-1], *rows]
         turned = self.turned or any(row.heading != path[0].heading for row in rows)
@@ -590,7 +593,7 @@ class _Tracer:
                 return int(k)
         return len(rows)
 
-    def _runs_back(self, last: Row, row: Row, earlier: Array) -> bool:
+    def _runs_back(self, last: CurvePoint, row: CurvePoint, earlier: Array) -> bool:
         """Whether the piece passes through an earlier row (``earlier``: all, scaled) in the other direction."""
         chord = (row.u - last.u) / self.scale
         offsets = earlier - last.u / self.scale
@@ -641,8 +644,8 @@ def _check_kinds(start: Any, at: Any, steps: Any, settings: Any) -> None:
         raise TypeError(f"start: got {given(start)}; need a Point such as curve['LP1'] or curve[-1], or unknowns (n,)")
     if at is not None and not isinstance(at, Mapping):
         raise TypeError(f"at: got {given(at)}; need values by name, such as at={{'zeta': 0.05}}")
-    if not isinstance(steps, Steps):
-        raise TypeError(f"steps: got {given(steps)}; need Steps(...), such as Steps(max_points=100)")
+    if not isinstance(steps, StepControl):
+        raise TypeError(f"steps: got {given(steps)}; need StepControl(...), such as StepControl(max_points=100)")
     if not isinstance(settings, Settings):
         raise TypeError(f"settings: got {given(settings)}; need Settings(...), such as Settings(tolerance=1e-12)")
 

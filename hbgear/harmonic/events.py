@@ -30,7 +30,7 @@ from hbgear.continuation.branch import NEUTRAL, Branch, SpecialPoint, Status
 from hbgear.continuation.events import BranchPoint, Event, Found, Turning, newton, root, singular
 from hbgear.continuation.newton import NoConvergence, refine, solve
 from hbgear.continuation.problem import FullProblem
-from hbgear.continuation.segment import Arc, Departure, Row
+from hbgear.continuation.segment import CurvePoint, Departure, Segment
 from hbgear.harmonic.special import Grazing, PeriodDoubling
 
 if TYPE_CHECKING:
@@ -45,19 +45,19 @@ class Doubling(Event):
     def __init__(self) -> None:
         pass
 
-    def values(self, rows: Sequence[Row], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
+    def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
         """det(Phi + 1), as far as the multipliers are known."""
         mu = _multipliers(rows)
         return np.zeros((len(rows), 0)) if mu is None else _verdicts(mu)[1][:, None]
 
-    def find(self, segment: Arc) -> list[Found]:
+    def find(self, segment: Segment) -> list[Found]:
         mu = _multipliers((segment.a, segment.b))
         if mu is None:
             return []
         before, after = _verdicts(mu)[1]
         return [self.locate(segment, float(before), float(after))] if before * after < 0 else []
 
-    def locate(self, segment: Arc, before: float, after: float) -> Found:
+    def locate(self, segment: Segment, before: float, after: float) -> Found:
         """Newton on the half-integer block; bracketed root of det(Phi + 1) where forces are sampled."""
         if segment.problem.smooth:
             try:
@@ -85,17 +85,17 @@ class NeimarkSacker(Event):
     def __init__(self) -> None:
         pass
 
-    def values(self, rows: Sequence[Row], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
+    def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
         return np.zeros((len(rows), 0))
 
-    def suspects(self, rows: Sequence[Row], values: Array) -> np.ndarray:
+    def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         mu = _multipliers(rows)
         if mu is None:
             return np.zeros(len(rows) - 1, dtype=bool)
         unstable, _ = _verdicts(mu)
         return unstable[1:] != unstable[:-1]
 
-    def find(self, segment: Arc) -> list[Found]:
+    def find(self, segment: Segment) -> list[Found]:
         """Where more multipliers pass than folds, branch points and period doublings explain."""
         ends = _multipliers((segment.a, segment.b))
         if ends is None:
@@ -106,7 +106,7 @@ class NeimarkSacker(Event):
             return []
         return self._two_at_once(segment, ends)
 
-    def _two_at_once(self, segment: Arc, ends: ComplexArray) -> list[Found]:
+    def _two_at_once(self, segment: Segment, ends: ComplexArray) -> list[Found]:
         """Where two multipliers pass the unit circle together: a complex pair, or a double real one by symmetry.
 
         NS, or with real multipliers BP at +1 and PD at -1: their determinants do not change sign there. Nothing where
@@ -141,12 +141,12 @@ class GrazingContact(Event):
     def __init__(self) -> None:
         pass
 
-    def values(self, rows: Sequence[Row], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
+    def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
         """The clearances, as far as they are known."""
         clearance = _of_rows(rows, "clearance")
         return np.zeros((len(rows), 0)) if clearance is None else clearance
 
-    def find(self, segment: Arc) -> list[Found]:
+    def find(self, segment: Segment) -> list[Found]:
         both = _of_rows((segment.a, segment.b), "clearance")
         if both is None:
             return []
@@ -161,12 +161,12 @@ class GrazingContact(Event):
                 out[twin] = replace(out[twin], note=f"{out[twin].note}, {point.note}")
         return out
 
-    def _locate(self, segment: Arc, which: int, before: float, after: float) -> Found:
+    def _locate(self, segment: Segment, which: int, before: float, after: float) -> Found:
         """Newton on {R, extremum at the corner}; else a bracketed root of the clearance."""
         problem: Any = segment.problem
         note = problem.clearance_names[which]
 
-        def test(row: Row) -> float:
+        def test(row: CurvePoint) -> float:
             known = row.observed.get("clearance")
             if known is None:
                 known = problem.clearance(row.solution.X, **{**segment.parameters, segment.name: row.value})
@@ -191,7 +191,7 @@ class Merging(Event):
     def __init__(self) -> None:
         pass
 
-    def find(self, segment: Arc) -> list[Found]:
+    def find(self, segment: Segment) -> list[Found]:
         part = segment.problem.subharmonic_part  # type: ignore[attr-defined]
         first, second = part(segment.a.solution.X), part(segment.b.solution.X)
         least = 1e-7 * float(np.linalg.norm(segment.a.solution.X))  # below it is rounding: motions of shorter period
@@ -210,7 +210,7 @@ class Merging(Event):
         return Status.MERGED, f"the branch joined the one it came from at {name} = {value:.6g}"
 
 
-def _at_doubling(segment: Arc, row: Row) -> Row:
+def _at_doubling(segment: Segment, row: CurvePoint) -> CurvePoint:
     """The row moved to the period doubling of the shorter motion where the branch ends.
 
     With subharmonics of size a the equations hold the parameter to the tolerance over a, that is not at all.
@@ -239,12 +239,12 @@ def events_of(problem: HarmonicBalance) -> tuple[Event, ...]:
 # ---- multipliers
 
 
-def _multipliers(rows: Sequence[Row]) -> ComplexArray | None:
+def _multipliers(rows: Sequence[CurvePoint]) -> ComplexArray | None:
     """Multipliers (rows, r), if any are known."""
     return _of_rows(rows, "multipliers")
 
 
-def _of_rows(rows: Sequence[Row], name: str) -> Any:
+def _of_rows(rows: Sequence[CurvePoint], name: str) -> Any:
     """What was observed of all rows, nan of those that could not be; None without any, or where numbers differ."""
     values = [row.observed.get(name) for row in rows]
     some = next((x for x in values if x is not None), None)
@@ -253,7 +253,7 @@ def _of_rows(rows: Sequence[Row], name: str) -> Any:
     return np.array([np.full_like(some, np.nan) if x is None else x for x in values])
 
 
-def _known(segment: Arc, row: Row) -> ComplexArray:
+def _known(segment: Segment, row: CurvePoint) -> ComplexArray:
     """Multipliers of a row, computed coarsely if they are not known."""
     known = row.observed.get("multipliers")
     if known is not None:

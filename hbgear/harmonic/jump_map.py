@@ -23,7 +23,7 @@ from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status, joined
 from hbgear.continuation.ending import Ending, whole
 from hbgear.continuation.newton import NoConvergence, solve
-from hbgear.continuation.stepsize import Steps
+from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.mechanics.model import Model
@@ -127,7 +127,7 @@ def jump_map(
     frequencies: tuple[float, float] | None = None,
     harmonics: int = 16,
     seeds: int = 3,
-    steps: Steps = Steps(),
+    steps: StepControl = StepControl(),
     report: Report | None = None,
 ) -> JumpMap:
     """Jump-up and jump-down frequencies against a design parameter.
@@ -194,7 +194,7 @@ def jump_map(
 _REACH = 5.0  # how far a fold is followed, in the model's own value of the parameter
 
 
-_CAREFUL = Steps(first=0.002, longest=0.02, max_points=300)
+_CAREFUL = StepControl(first=0.002, longest=0.02, max_points=300)
 
 
 _BARREN = 6  # fold curves without a cusp after which the search is given up
@@ -256,7 +256,7 @@ def _known(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str)
 
 
 def _fold_curve(
-    problem: HarmonicBalance, parameter: str, span: tuple[float, float], point: Point, steps: Steps
+    problem: HarmonicBalance, parameter: str, span: tuple[float, float], point: Point, steps: StepControl
 ) -> Branch:
     """A fold followed both ways, from where it leaves the span to where it leaves it again."""
     low, high = span

@@ -12,7 +12,7 @@ from hbgear.common.given import need
 from hbgear.continuation.branch import Branch, SpecialPoint
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, solution_at, solve
 from hbgear.continuation.problem import linearise
-from hbgear.continuation.segment import Arc, Row, normal_of, row_of
+from hbgear.continuation.segment import CurvePoint, Segment, normal_of, row_of
 from hbgear.harmonic.observables import measure as measured
 from hbgear.harmonic.special import Peak
 
@@ -69,7 +69,7 @@ def peaks(
     return tuple(found)
 
 
-def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[Row, bool]:
+def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[CurvePoint, bool]:
     """The row of the largest amplitude between rows i - 1 and i + 1."""
     arc = _arc(branch, i)
     layout = branch.layout
@@ -78,7 +78,7 @@ def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[Row, bo
     def low(s: float) -> float:
         return -float(measured(measure, layout.rows(arc.at(s).solution.X, element), layout.nu))
 
-    def search(xatol: float) -> Row:
+    def search(xatol: float) -> CurvePoint:
         best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": xatol})
         return arc.at(float(best.x))
 
@@ -95,7 +95,7 @@ def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[Row, bo
 _ROUGH, _FINE = 1e-2, 1e-7  # shares of the arc to which a peak is searched for: before Newton, and instead of it
 
 
-def _newton(arc: Arc, row: Row, measure: str, element: int) -> Row | None:
+def _newton(arc: Segment, row: CurvePoint, measure: str, element: int) -> CurvePoint | None:
     """All digits of a peak by Newton, if it stays on the arc."""
     peak = Peak(arc.problem, arc.name, measure, element)
     here = {**arc.parameters, arc.name: row.value}
@@ -109,17 +109,17 @@ def _newton(arc: Arc, row: Row, measure: str, element: int) -> Row | None:
     return row_of(solution, normal_of(row.tangent, arc.scale), arc.scale)
 
 
-def _arc(branch: Branch, i: int) -> Arc:
+def _arc(branch: Branch, i: int) -> Segment:
     problem: Any = branch.problem
     scale = np.append(np.full(branch.X.shape[1], problem.motion_size(branch.X[i]) or 1.0), np.ptp(branch.values) or 1.0)
     chord = np.append(branch.X[i + 1] - branch.X[i - 1], branch.values[i + 1] - branch.values[i - 1])
     fixed = {k: v for k, v in branch.parameters_at(i).items() if k != branch.parameter}
     a, b = (_row(branch, j, scale, chord) for j in (i - 1, i + 1))
-    return Arc(problem, branch.parameter, fixed, a, b, scale, Settings())
+    return Segment(problem, branch.parameter, fixed, a, b, scale, Settings())
 
 
-def _row(branch: Branch, i: int, scale: Array, along: Array) -> Row:
-    """Row i of a branch with its tangent."""
+def _row(branch: Branch, i: int, scale: Array, along: Array) -> CurvePoint:
+    """Point i of a branch with its tangent."""
     X, value = branch.X[i], float(branch.values[i])
     now = linearise(branch.problem, X, branch.parameter, branch.parameters_at(i))
     return row_of(Solution(X, value, now, int(branch.iterations[i]), float(branch.residual[i])),

@@ -27,7 +27,7 @@ from hbgear.continuation.branch import Branch, Point, Status
 from hbgear.continuation.deflation import _same, deflated_newton
 from hbgear.continuation.ending import Ending, Interrupted, whole
 from hbgear.continuation.newton import NoConvergence, solve
-from hbgear.continuation.stepsize import Steps
+from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.mechanics.fourier import to_complex, to_real
@@ -59,7 +59,7 @@ def trace_all(
     guesses: int = 20,
     second: tuple[str, tuple[float, float]] | None = None,
     seed: int = 0,
-    steps: Steps = Steps(),
+    steps: StepControl = StepControl(),
     stability: bool = True,
     report: Report | None = None,
 ) -> Survey:
@@ -139,7 +139,12 @@ class _Search:
     """State of one survey."""
 
     def __init__(
-        self, problem: HarmonicBalance, span: tuple[float, float], steps: Steps, stability: bool, report: Report | None
+        self,
+        problem: HarmonicBalance,
+        span: tuple[float, float],
+        steps: StepControl,
+        stability: bool,
+        report: Report | None,
     ) -> None:
         self.problem, self.span, self.steps, self.stability, self.report = problem, span, steps, stability, report
         self.branches: list[Branch] = []
@@ -245,7 +250,7 @@ def _farthest(values: Array, own: float) -> float:
 
 
 def whole_branch(
-    problem: HarmonicBalance, X: Array, Omega: float, span: tuple[float, float], steps: Steps, stability: bool
+    problem: HarmonicBalance, X: Array, Omega: float, span: tuple[float, float], steps: StepControl, stability: bool
 ) -> Branch:
     """The whole branch through a motion inside the span: a closed curve, or from one of its ends to the other."""
     start = problem_point(problem, X, Omega)

@@ -59,7 +59,7 @@ def run(quick: bool = False) -> Results:
         hb.sweep(hb.DoubleHelicalPair(), grid, way, disturbance=DISTURBANCE, settling=settling) for grid, way in ways
     ]
     boundaries = (
-        {"zeta": boundary(curve, "zeta", 0.055, hb.Steps(first=0.1, longest=0.3, turn=60))}
+        {"zeta": boundary(curve, "zeta", 0.055, hb.Steps(first=0.1, longest=0.3, max_turn_deg=60))}
         if quick
         else {
             name: boundary(curve, name, away, hb.Steps(first=0.005, longest=0.015)) for name, (_, away) in OTHER.items()

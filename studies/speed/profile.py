@@ -115,7 +115,7 @@ def predicted(name: str, supports: tuple[int, ...]) -> dict[int, float]:
     found = {}
     for support in supports:
         branch = hb.trace(hb.HarmonicBalance(machine, harmonics), "Omega", span, stability=False, special=False,
-                          steps=hb.Steps(support=support))  # fmt: skip
+                          steps=hb.Steps(history=support))  # fmt: skip
         found[support] = float(branch.iterations.mean())
     return found
 

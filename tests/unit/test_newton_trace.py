@@ -28,7 +28,7 @@ from hbgear.continuation.corrector import correct, correct_all
 from hbgear.continuation.newton import solve
 from hbgear.continuation.predictor import predict
 from hbgear.continuation.problem import Evaluation, Evaluations, linearise
-from hbgear.continuation.segment import Row
+from hbgear.continuation.segment import CurvePoint
 
 
 class Curve:
@@ -143,9 +143,9 @@ def test_a_branch_point_of_a_curved_trunk_is_located():
 
 
 def row_at(angle):
-    """Row of the unit circle x = sin s, p = cos s at s = angle."""
+    """CurvePoint of the unit circle x = sin s, p = cos s at s = angle."""
     u, t = np.array([np.sin(angle), np.cos(angle)]), np.array([np.cos(angle), -np.sin(angle)])
-    return Row(None, u, t, 1)
+    return CurvePoint(None, u, t, 1)
 
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
@@ -183,7 +183,7 @@ def test_a_small_loop_is_not_stepped_over(first):
     assert [p.kind for p in curve.special] == ["LP", "LP"]
     expected = w * z * (1 - 2 * np.exp(-(z**2)))
     np.testing.assert_allclose([p.parameters["p"] for p in curve.special], [-expected, expected], rtol=1e-6)
-    blind = trace(loop, "p", (-1.0, 1.0), np.array([-1.0]), steps=Steps(first=first, miss=1.0))
+    blind = trace(loop, "p", (-1.0, 1.0), np.array([-1.0]), steps=Steps(first=first, max_prediction_error=1.0))
     assert len(curve) > len(blind)
 
 
@@ -225,7 +225,7 @@ def test_strides_do_not_step_over_a_small_loop(first):
 )
 def test_rows_sought_together_tell_the_same_curve(problem, span):
     """Special points, jumps and ends of strides and of one row after the other; rows keep their distance."""
-    one, many = (trace(problem(), "Omega", span, steps=Steps(ahead=k)) for k in (1, 8))
+    one, many = (trace(problem(), "Omega", span, steps=Steps(batch=k)) for k in (1, 8))
     assert one.status is many.status and one.message == many.message
     assert [p.label for p in one.special] == [p.label for p in many.special]
     for a, b in zip(one.special, many.special, strict=True):
@@ -275,7 +275,7 @@ def test_rows_keep_no_matrices():
 
 def test_more_rows_save_newton_steps():
     """The tangent alone, and polynomials through two and four rows."""
-    curves = [trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=Steps(support=k, ahead=1),
+    curves = [trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=Steps(history=k, batch=1),
                     stability=False) for k in (1, 2, 4)]  # fmt: skip
     needed = [curve.iterations.sum() for curve in curves]
     assert needed[0] > 1.2 * needed[1] > 1.2 * 1.2 * needed[2]
@@ -299,7 +299,7 @@ def test_a_row_costs_its_newton_steps_and_one_evaluation():
 
 
 def test_steps_stay_within_their_limits():
-    steps = Steps(first=0.003, longest=0.01, turn=5)
+    steps = Steps(first=0.003, longest=0.01, max_turn_deg=5)
     curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), steps=steps, special=False)
     assert curve.step[1] <= 0.003 * (1 + 1e-12) and curve.step.max() <= 0.01 * (1 + 1e-12)
 
@@ -527,11 +527,11 @@ def test_a_start_on_a_fold_either_works_or_says_so():
     [
         ({"first": 0.1}, "0 < shortest <= first <= longest"),
         ({"shortest": 0.0}, "0 < shortest"),
-        ({"turn": 0.0}, "turn = 0.0 degrees must be above 0"),
+        ({"max_turn_deg": 0.0}, "max_turn_deg = 0.0 degrees must be above 0"),
         ({"max_points": 1}, "max_points = 1 must be a whole number of at least 2"),
-        ({"miss": 0.0}, "miss = 0.0 must be above 0"),
-        ({"support": 0}, "support = 0 must be a whole number of at least 1"),
-        ({"ahead": 0}, "ahead = 0 must be a whole number of at least 1"),
+        ({"max_prediction_error": 0.0}, "max_prediction_error = 0.0 must be above 0"),
+        ({"history": 0}, "history = 0 must be a whole number of at least 1"),
+        ({"batch": 0}, "batch = 0 must be a whole number of at least 1"),
     ],
 )
 def test_bad_steps(settings, message):
