@@ -57,7 +57,8 @@ _ADVICE = {
     Status.MERGED: "nothing to do: the branch ended on the one it came from",
     Status.EVENT: "nothing to do: a terminal event was reached; go on from its point to trace further",
     Status.CLOSED: "nothing to do: the curve closed on itself",
-    Status.RETRACED: "allow shorter steps or a smaller turning angle: steps=hb.StepControl(longest=..., max_turn_deg=...)",
+    Status.RETRACED: "allow shorter steps or a smaller turning angle: "
+    "steps=hb.StepControl(longest=..., max_turn_deg=...)",
     Status.MAX_POINTS: "allow more points or longer steps, or go on from the last point: hb.extend(curve), "
     "hbgear extend FILE",
     Status.STEP_TOO_SMALL: "go on from the last point with more harmonics or samples: hb.extend(curve, problem=...), "
