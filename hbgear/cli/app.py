@@ -234,9 +234,22 @@ def trace(
 @app.command()
 def extend(
     file: File,
-    first: First = None,
-    last: Last = None,
-    within: Within = None,
+    first: Annotated[
+        float | None,
+        typer.Option("--from", help="Omega at which a longer span begins.", show_default="that of the curve"),
+    ] = None,
+    last: Annotated[
+        float | None, typer.Option("--to", help="Omega at which a longer span ends.", show_default="that of the curve")
+    ] = None,
+    within: Annotated[
+        str | None,
+        typer.Option(
+            "--in",
+            metavar="NAME=FROM:TO",
+            help="A longer span of a curve in another parameter than Omega.",
+            show_default="that of the curve",
+        ),
+    ] = None,
     harmonics: Annotated[
         str | None, typer.Option(help="H to go on with, or auto.", show_default="that of the curve")
     ] = None,
