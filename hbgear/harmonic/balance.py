@@ -47,7 +47,7 @@ from hbgear.mechanics.fourier import (
     to_complex,
     to_real,
 )
-from hbgear.mechanics.laws import Law, PiecewiseLinear
+from hbgear.mechanics.laws import Law
 from hbgear.mechanics.model import Model, System, describe
 
 _UNKNOWNS = 4_000  # of the dense Jacobians, several of which are held at once
@@ -77,9 +77,8 @@ class _Compiled:
         self.system, self.structure = system, structure
         self.receptance = Receptance(structure, system, H, nu)
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
-        exact = [not sampled and isinstance(law, PiecewiseLinear) for law in self.laws]
-        self.exact, self.sampled = np.flatnonzero(exact), np.flatnonzero(~np.array(exact))
-        self._piecewise: list[PiecewiseLinear] = [law for law, x in zip(self.laws, exact, strict=True) if x]  # type: ignore[misc]
+        exact = np.array([not sampled and bool(law.piecewise) for law in self.laws])
+        self.exact, self.sampled = np.flatnonzero(exact), np.flatnonzero(~exact)
         self.nu = nu
         self._projectors: dict[int, ContactProjector] = {}
         # corners of all laws, and the element each belongs to
@@ -93,7 +92,7 @@ class _Compiled:
     def projector_of(self, P: int) -> ContactProjector:
         """Projector of P motions at once, motion after motion."""
         if P not in self._projectors:
-            self._projectors[P] = ContactProjector(self._piecewise * P, self.nu)
+            self._projectors[P] = ContactProjector([self.laws[j] for j in self.exact] * P, self.nu)
         return self._projectors[P]
 
     def bound(self, P: int) -> list[Any]:
