@@ -25,7 +25,8 @@ from hbgear.mechanics.fourier import evaluate, extrema, harmonics_of, to_complex
 
 def rms(X: Array) -> Array:
     """Root mean square of the alternating part."""
-    return np.sqrt(0.5 * np.sum(X[..., 1:] ** 2, axis=-1))
+    rms: Array = np.sqrt(0.5 * np.sum(X[..., 1:] ** 2, axis=-1))
+    return rms
 
 
 def half_peak_to_peak(X: Array) -> Array:

@@ -60,16 +60,18 @@ def _flag(archive: Archive, value: Any, place: str) -> bool:
 def _number(archive: Archive, value: Any, place: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or (isinstance(value, int) and abs(value) > _MOST):
         raise _wrong(place, value, "a number")
-    return value
+    number: float = value
+    return number
 
 
 _MOST = 2**63  # whole numbers beyond it are no numbers of a computation
 
 
 def _finite(archive: Archive, value: Any, place: str) -> float:
-    if not math.isfinite(_number(archive, value, place)):
+    number = _number(archive, value, place)
+    if not math.isfinite(number):
         raise _wrong(place, value, "a finite number")
-    return value
+    return number
 
 
 def _whole(least: int, most: int = _MOST) -> Form:

@@ -65,7 +65,7 @@ def _matlab(branch: Branch) -> dict[str, Any]:
             return cells
         return str(value) if isinstance(value, Status) else value
 
-    out = convert(branch) | {"meta": json.dumps(encode(branch.meta, "meta", {}))}
+    out: dict[str, Any] = convert(branch) | {"meta": json.dumps(encode(branch.meta, "meta", {}))}
     out["jumps"] = out.pop("jump_records")
     if branch.layout:
         each = range(len(branch.layout.elements))
