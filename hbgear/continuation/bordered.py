@@ -302,10 +302,7 @@ class Fold(Augmented):
     True
     """
 
-    def events(self, parameter: str) -> tuple[Any, ...]:
-        from hbgear.continuation.events import BranchPoint, Turning
-
-        return Turning("CP", "cusp: two folds meet", "P"), BranchPoint()
+    turning_kind = "CP"
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         A, size = self.matrix(X, here)

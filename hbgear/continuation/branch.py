@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import counted
-from hbgear.continuation.problem import Moving, Reader
+from hbgear.continuation.reading import Moving, Reader
 
 NEUTRAL = 1e-6
 """A multiplier within this distance outside the unit circle counts as on it (free rotations have mu = 1)."""

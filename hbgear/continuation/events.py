@@ -145,8 +145,12 @@ class Event:
 class Turning(Event):
     """The curve turns back in the parameter: a fold (LP); on a curve of folds a cusp (CP)."""
 
-    def __init__(self, kind: str = "LP", meaning: str = "fold: the curve turns back", marker: str = "o") -> None:
-        self.kind, self.meaning, self.marker = kind, meaning, marker
+    def __init__(self, kind: str = "LP") -> None:
+        self.kind = kind
+        self.meaning, self.marker = {
+            "LP": ("fold: the curve turns back", "o"),
+            "CP": ("cusp: two folds meet", "P"),
+        }[kind]
 
     def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
         return np.zeros((len(rows), 0))
@@ -220,6 +224,11 @@ def _across(branch: Branch, point: SpecialPoint) -> Array:
 
 RESERVED = ("LP", "CP", "BP", "PD", "NS", "GR", "PK", "EP")
 """Kinds of hbgear itself."""
+
+
+def events_of(problem: FullProblem, parameter: str) -> tuple[Event, ...]:
+    """Everything that is looked for along a curve of a problem: turning points, branch points, events of its own."""
+    return Turning(problem.turning_kind), BranchPoint(), *problem.events(parameter)
 
 
 # ---- looking along a curve

@@ -25,10 +25,10 @@ from hbgear.continuation.algebra import norms
 from hbgear.continuation.branch import Branch, Point
 from hbgear.continuation.events import Event
 from hbgear.continuation.homotopy import solve_from_afar
-from hbgear.continuation.newton import NoConvergence, Settings, solve
+from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.problem import Evaluation, Evaluations, FullProblem
 from hbgear.harmonic.crossings import Crossings, crossings
-from hbgear.harmonic.events import events_of
+from hbgear.harmonic.events import motion_events
 from hbgear.harmonic.floquet import multipliers, multipliers_of
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.projection import ContactProjector
@@ -252,16 +252,16 @@ class HarmonicBalance(FullProblem):
         """Omega is given with every evaluation."""
         return () if "Omega" in known else ("Omega",)
 
-    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]], settings: Settings) -> Branch:
-        """The branch with its jumps; warns where nothing ever comes near a corner of a law."""
+    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
+        """The branch as it is; warns where nothing ever comes near a corner of a law."""
         clearances = [seen["clearance"] for seen in observed if "clearance" in seen]
         if branch.parameter == "Omega" and branch.status.complete:
             of_gaps(self.clearance_names, np.array(clearances), branch.amplitude("pp2"))
-        return super().finished(branch, observed, settings)
+        return branch
 
     def events(self, parameter: str) -> tuple[Event, ...]:
-        """Folds, branch points, period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonics."""
-        return events_of(self)
+        """Period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonic branches."""
+        return motion_events(self.nu)
 
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
         """The same model with another subharmonic order; by default harmonics reach the same frequency."""

@@ -20,21 +20,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.bordered import Augmented
 from hbgear.continuation.branch import NEUTRAL, Branch, SpecialPoint, Status
-from hbgear.continuation.events import BranchPoint, Event, Found, Turning, newton, root, singular
+from hbgear.continuation.events import BranchPoint, Event, Found, newton, root, singular
 from hbgear.continuation.newton import NoConvergence, refine, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment
 from hbgear.harmonic.special import Grazing, PeriodDoubling
-
-if TYPE_CHECKING:
-    from hbgear.harmonic.balance import HarmonicBalance
 
 
 class Doubling(Event):
@@ -231,10 +228,10 @@ def _at_doubling(segment: Segment, row: CurvePoint) -> CurvePoint:
     return singular(segment, np.append(X, value), row)
 
 
-def events_of(problem: HarmonicBalance) -> tuple[Event, ...]:
-    """Everything that is looked for along a curve of periodic motions."""
-    ends = (Merging(),) if problem.nu > 1 else ()
-    return Turning(), BranchPoint(), Doubling(), NeimarkSacker(), GrazingContact(), *ends
+def motion_events(nu: int) -> tuple[Event, ...]:
+    """What is looked for along a curve of periodic motions of subharmonic order nu, besides folds and branch points."""
+    ends = (Merging(),) if nu > 1 else ()
+    return Doubling(), NeimarkSacker(), GrazingContact(), *ends
 
 
 # ---- multipliers
