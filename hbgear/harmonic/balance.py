@@ -520,14 +520,16 @@ class HarmonicBalance(FullProblem):
 
         It is the number of corners of the law that the motion crosses, at most 2.
         """
-        return self._reach(X[None], self.compiled(parameters))[1][0]
+        regime: np.ndarray = self._reach(X[None], self.compiled(parameters))[1][0]
+        return regime
 
     def clearance(self, X: Array, **parameters: float) -> Array:
         """Signed distances of the extrema of each element from each corner of its law: zero where contact grazes.
 
         Order: for each element and each of its corners, lowest value minus corner, highest value minus corner.
         """
-        return self._reach(X[None], self.compiled(parameters))[0][0]
+        clearance: Array = self._reach(X[None], self.compiled(parameters))[0][0]
+        return clearance
 
     def graze(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
         """One entry of `clearance`, and the phase at which its extremum lies."""
@@ -549,7 +551,8 @@ class HarmonicBalance(FullProblem):
         """Law forces of each element (without its damper) as real rows (m, 2H + 1)."""
         rows = X.reshape(self.m, -1)
         compiled, Omega = self.compiled(parameters), np.array([parameters["Omega"]])
-        return self.forces(rows[None], to_complex(rows)[None], Omega, compiled).f[0]
+        forces: Array = self.forces(rows[None], to_complex(rows)[None], Omega, compiled).f[0]
+        return forces
 
     def mesh_forces(self, X: Array, **parameters: float) -> Array:
         """Whole force of each element, law and damper, as real rows (m, 2H + 1): f_k + i k omega c d_k."""
@@ -635,7 +638,8 @@ class HarmonicBalance(FullProblem):
         w = (Omega / self.nu)[:, None] * np.arange(self.H + 1, 2 * self.H + 1)
         G = compiled.structure.receptances(w)[0]
         delta = G @ f.transpose(0, 2, 1)[..., None]
-        return np.sqrt(0.5 * np.sum(np.abs(delta) ** 2, axis=(1, 2, 3)))
+        rms: Array = np.sqrt(0.5 * np.sum(np.abs(delta) ** 2, axis=(1, 2, 3)))
+        return rms
 
     def _neglected(self, X: Array, omega: Array, compiled: _Compiled) -> ComplexArray:
         """One-sided force harmonics H+1..2H, (P, m, H): in closed form, or as far as N samples of a law reach."""
