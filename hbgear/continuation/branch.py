@@ -108,7 +108,7 @@ class Point:
     multipliers: ComplexArray | None
     regime: NDArray[np.int8]
     error: float
-    layout: Any  # a `Reader`, or None; rooms above know more of theirs
+    layout: Reader | None
     label: str = ""
 
     def __repr__(self) -> str:
@@ -220,7 +220,7 @@ class Branch:
     jump_records: tuple[Jump, ...]
     status: Status
     message: str
-    layout: Any  # a `Reader`, or None; rooms above know more of theirs
+    layout: Reader | None
     meta: dict[str, Any]
     problem: Any = None
 

@@ -157,7 +157,8 @@ class Turning(Event):
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         heading = np.array([row.heading for row in rows])
-        return heading[1:] * heading[:-1] < 0
+        turned: Array = heading[1:] * heading[:-1] < 0
+        return turned
 
     def find(self, segment: Segment) -> list[Found]:
         """Newton on {R, g} from where the tangent's component vanishes; bracketed where forces are sampled."""
@@ -190,7 +191,8 @@ class BranchPoint(Event):
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         orientation = np.array([row.orientation for row in rows])
-        return orientation[1:] != orientation[:-1]
+        changed: Array = orientation[1:] != orientation[:-1]
+        return changed
 
     def find(self, segment: Segment) -> list[Found]:
         if segment.a.orientation == segment.b.orientation:
@@ -216,7 +218,8 @@ def _across(branch: Branch, point: SpecialPoint) -> Array:
     along = np.append(branch.X[after] - branch.X[before], branch.values[after] - branch.values[before]) / scale
     inside = null @ along
     inside = inside / np.linalg.norm(inside)
-    return scale * (np.array([-inside[1], inside[0]]) @ null)
+    out: Array = scale * (np.array([-inside[1], inside[0]]) @ null)
+    return out
 
 
 RESERVED = ("LP", "CP", "BP", "PD", "NS", "GR", "PK", "EP")

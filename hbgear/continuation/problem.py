@@ -261,7 +261,7 @@ class FullProblem:
         return {}
 
     @property
-    def layout(self) -> Any:
+    def layout(self) -> Reader | None:
         return None
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Matrix]:

@@ -12,8 +12,13 @@ from hbgear.common.arrays import Array
 class Reader(Protocol):
     """How unknowns are read: `Readable.layout`."""
 
-    elements: tuple[str, ...]
-    regimes: tuple[str, ...]
+    @property
+    def elements(self) -> tuple[str, ...]:
+        """Names of the elements."""
+
+    @property
+    def regimes(self) -> tuple[str, ...]:
+        """Names of the regime codes."""
 
     @property
     def width(self) -> int:

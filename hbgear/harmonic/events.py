@@ -90,7 +90,8 @@ class NeimarkSacker(Event):
         if mu is None:
             return np.zeros(len(rows) - 1, dtype=bool)
         unstable, _ = _verdicts(mu)
-        return unstable[1:] != unstable[:-1]
+        changed: Array = unstable[1:] != unstable[:-1]
+        return changed
 
     def find(self, segment: Segment) -> list[Found]:
         """Where more multipliers pass than folds, branch points and period doublings explain."""
@@ -238,7 +239,8 @@ def motion_events(nu: int) -> tuple[Event, ...]:
 
 def _multipliers(rows: Sequence[CurvePoint]) -> ComplexArray | None:
     """Multipliers (rows, r), if any are known."""
-    return _of_rows(rows, "multipliers")
+    mu: ComplexArray | None = _of_rows(rows, "multipliers")
+    return mu
 
 
 def _of_rows(rows: Sequence[CurvePoint], name: str) -> Any:
@@ -252,11 +254,13 @@ def _of_rows(rows: Sequence[CurvePoint], name: str) -> Any:
 
 def _known(segment: Segment, row: CurvePoint) -> ComplexArray:
     """Multipliers of a row, computed coarsely if they are not known."""
-    known = row.observed.get("multipliers")
+    known: ComplexArray | None = row.observed.get("multipliers")
     if known is not None:
         return known
     here = {**segment.parameters, segment.name: row.value}
-    return segment.problem.multipliers(row.solution.X, points=8, width=1.0, **here)  # type: ignore[attr-defined]
+    problem: Any = segment.problem  # a HarmonicBalance: these are its events
+    coarse: ComplexArray = problem.multipliers(row.solution.X, points=8, width=1.0, **here)
+    return coarse
 
 
 def _verdicts(mu: ComplexArray) -> tuple[np.ndarray, Array]:
@@ -266,7 +270,8 @@ def _verdicts(mu: ComplexArray) -> tuple[np.ndarray, Array]:
 
 def _pairs(mu: ComplexArray) -> ComplexArray:
     """The multipliers that are not real."""
-    return mu[np.abs(mu.imag) > 1e-8 * np.abs(mu)]
+    complex_pairs: ComplexArray = mu[np.abs(mu.imag) > 1e-8 * np.abs(mu)]
+    return complex_pairs
 
 
 def _modulus(mu: ComplexArray, k: int) -> float:
