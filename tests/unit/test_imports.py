@@ -87,9 +87,10 @@ FILES = {
         "starts": "compiled",
         "balance": "compiled crossings events floquet observables realbasis receptance starts",
         "catalogue": "balance",
-        "jump_map": "balance",
+        "fold_curves": "balance",
         "survey": "balance",
-        "critical": "balance jump_map",
+        "critical": "balance fold_curves",
+        "jump_map": "balance fold_curves",
         "speeds": "catalogue",
     },
     "timedomain": {

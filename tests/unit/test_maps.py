@@ -206,7 +206,7 @@ def test_a_fold_of_another_number_of_harmonics_is_a_start():
 
 def test_a_search_keeps_within_the_range_and_is_given_up(monkeypatch):
     """Every half backlash has the folds of the pair, none has a cusp: the search says so and ends."""
-    monkeypatch.setattr("hbgear.harmonic.jump_map._CAREFUL", Steps(first=0.002, longest=0.02, max_points=10))
+    monkeypatch.setattr("hbgear.harmonic.critical._CAREFUL", Steps(first=0.002, longest=0.02, max_points=10))
     said = []
     with pytest.raises(NoFold, match="no jump that appears or vanishes with b"):
         critical(SpurPair(zeta=0.09), "b", frequencies=(0.95, 0.7), harmonics=3, report=said.append)
