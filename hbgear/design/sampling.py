@@ -42,6 +42,7 @@ class Grid:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Parameters that vary."""
         return tuple(self.values)
 
     @property
@@ -65,6 +66,7 @@ class Sample:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Parameters that vary."""
         return tuple(self.distributions)
 
     def uniform(self) -> Array:
