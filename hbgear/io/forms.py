@@ -180,7 +180,7 @@ _FORMS: dict[type, dict[str, Form]] = {
              "labels": _table(_text)},
     Point: _POINT,
     SpecialPoint: {**_POINT, "kind": _text, "index": _whole(-1), "located": _flag, "interval": _tuple(_number, 2),
-                   "note": _text},
+                   "note": _text, "meaning": _text, "marker": _text},
     Jump: {"label": _text, "parameter": _text, "value": _finite, "direction": _whole(-1, 1),
            "before": _object(Point, SpecialPoint), "after": _optional(_object(Point, SpecialPoint))},
     Branch: {"parameter": _text, "values": _array("f", 1, finite=True), "X": _array("f", 2, finite=True),

@@ -24,7 +24,6 @@ from hbgear.common.ranges import counted
 from hbgear.harmonic.collocation import gauss, moments
 from hbgear.harmonic.receptance import Modes, Structure
 from hbgear.mechanics.fourier import to_complex, waves
-from hbgear.mechanics.laws import PiecewiseLinear
 from hbgear.mechanics.model import Model, System
 from hbgear.timedomain.segments import FINE, Bools, Integers, Pieces, first_exit, stiffness_row
 
@@ -201,7 +200,8 @@ class Stepper:
             pace = np.sqrt((mobility * np.maximum(structure.kr, [e.law.reference for e in system.elements])).max())
             count = max(count, 2 * np.pi * pace / (0.6 * self.Omega[self.of == i].min()))
             orders = [e.displacement.order for e in system.elements] + [load.order for load in system.loads]
-            orders += [e.law.stiffness.order for e in system.elements if isinstance(e.law, PiecewiseLinear)]
+            parts = [part for e in system.elements for part in e.law.parts]
+            orders += [spring.stiffness.order for part in parts for spring in part.piecewise or ()]
             count = max(count, 5.0 * max(orders))
         return int(np.ceil(count))
 
