@@ -370,8 +370,10 @@ def progress_bar(parameter: str, a: float, b: float) -> Iterator[Progress | None
 
 
 def digits_of(motions: hb.Point | hb.Branch, most: int = 8) -> int:
-    """Significant digits that hold: the last is of the size of the error made by the harmonics left out, relative to
-    the motion. What is located, such as a fold, is located to about that error or better. The worst of many motions.
+    """Significant digits that hold, from the error made by the harmonics left out, relative to the motion.
+
+    The last digit is of the size of that error. What is located, such as a fold, is located to about that error or
+    better. The worst of many motions.
     """
     if motions.layout is None:
         return min(_UNKNOWN, most)

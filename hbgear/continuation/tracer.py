@@ -88,6 +88,16 @@ def trace(
         If no solution is found at the start.
     KeyboardInterrupt
         If Ctrl-C comes before the first point is found.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> [point.label for point in curve.special]
+    ['LP1', 'LP2']
+    >>> [round(jump.value, 3) for jump in curve.jumps()]
+    [1.103, 1.1]
     """
     need("trace(problem)", problem, "problem")
     full = as_problem(problem)

@@ -107,6 +107,17 @@ class Cases:
     total, outcome, message : cases there are, and why the study ended.
     values : by case, the values that vary, as the model takes them.
     packed : of a case, the bytes of its branch; see `branch`.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> two = hb.grid(zeta=[0.05, 0.2])
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.cases(hb.Duffing(), two, ("peak",), harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> found.table["zeta"].tolist()
+    [0.05, 0.2]
     """
 
     model: Model
@@ -223,6 +234,17 @@ def cases(
     Notes
     -----
     Stored cases that cannot be read are computed anew, with a warning.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> two = hb.grid(zeta=[0.05, 0.2])
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.cases(hb.Duffing(), two, ("jumps",), harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> found.failed
+    {}
     """
     need("cases(model)", model, "Model")
     if not isinstance(vary, Grid | Sample):

@@ -38,6 +38,15 @@ def peaks(
     ------
     ValueError
         If the branch has lost its problem, or there is no such measure.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> top = hb.peaks(curve, "rms")[0]
+    >>> top.label, bool(top.amplitude("rms") >= curve.amplitude("rms").max())
+    ('PK1', True)
     """
     need("peaks(branch)", branch, "Branch")
     layout = layout_of(branch)

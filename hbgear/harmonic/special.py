@@ -35,6 +35,16 @@ class PeriodDoubling(Fold):
     ----------
     problem : a `HarmonicBalance`.
     parameter : the parameter of the curve.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 5)
+    >>> curve = hb.trace(pair, "Omega", (2.1, 1.8))
+    >>> few = hb.StepControl(max_points=4)
+    >>> doublings = hb.trace(hb.PeriodDoubling(pair, "Omega"), "zeta", (0.05, 0.06), start=curve["PD1"], steps=few)
+    >>> doublings.parameter, bool(doublings.tracked["Omega"][0] == curve["PD1"].parameters["Omega"])
+    ('zeta', True)
     """
 
     turning_kind = "LP"
@@ -92,6 +102,17 @@ class Grazing(Augmented):
     ----------
     problem, parameter : as for `Augmented`.
     which : index into ``problem.clearance``: which extremum of which element at which corner.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.SpurPair(), 8)
+    >>> curve = hb.trace(pair, "Omega", (1.0, 0.6))
+    >>> first = curve["GR1"]
+    >>> few = hb.StepControl(max_points=4)
+    >>> grazing = hb.trace(hb.Grazing(pair, "Omega", which=2), "zeta", (0.05, 0.06), start=first, steps=few)
+    >>> first.kind, bool(grazing.tracked["Omega"][0] == first.parameters["Omega"])
+    ('GR', True)
     """
 
     problem: Any  # a HarmonicBalance
@@ -145,6 +166,17 @@ class Peak(Augmented):
     ------
     ValueError
         For another measure, or a harmonic the problem does not keep.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> top = hb.peaks(curve, "rms")[0]
+    >>> few = hb.StepControl(max_points=4)
+    >>> ridge = hb.trace(hb.Peak(problem, "Omega"), "zeta", (0.05, 0.06), start=top, steps=few)
+    >>> bool(ridge.amplitude("rms")[-1] < ridge.amplitude("rms")[0])
+    True
     """
 
     problem: Any  # a HarmonicBalance

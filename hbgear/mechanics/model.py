@@ -36,6 +36,22 @@ class Model(ABC):
     Its float fields are its parameters: each can be continued in, set on the command line, and is checked for being
     a finite number within its range in `ranges`. What depends on several fields a subclass checks in ``__post_init__``
     after calling this one's.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True)
+    ... class Bar(hb.Model):
+    ...     gap: float = 1.0
+    ...
+    ...     def system(self):
+    ...         stop = hb.Element([1.0], hb.Unilateral(k=1.0, gap=self.gap))
+    ...         return hb.System([[1.0]], [[0.1]], [[1.0]], [stop], hb.Load(cosine={1: [0.2]}))
+    ...
+    >>> curve = hb.trace(hb.HarmonicBalance(Bar(), 8), "gap", (1.0, 0.9), at={"Omega": 0.5})
+    >>> curve.message
+    'gap = 0.9 reached'
     """
 
     labels: ClassVar[Mapping[str, str]] = {}
@@ -98,6 +114,13 @@ class Element:
         If the direction is zero or not finite, or damping negative.
     TypeError
         If the law is no `Law`.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> stop = hb.Element(direction=[1, 0], law=hb.Unilateral(k=1.0, gap=1.0), name="stop")
+    >>> stop.name, stop.law.breakpoints
+    ('stop', (1.0,))
     """
 
     direction: ArrayLike
@@ -136,6 +159,14 @@ class Load:
     ------
     ValueError
         If a harmonic number is not a positive integer or a vector is not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> torque = hb.Load(constant=[1.0, 0.0], cosine={1: [0.2, 0.0]})
+    >>> unbalance = hb.Load(cosine={1: [1.0, 0.0]}, power=2)
+    >>> unbalance.power
+    2
     """
 
     constant: ArrayLike | None = None
@@ -213,6 +244,16 @@ class System(Model):
     ------
     ValueError
         If shapes do not fit or an entry is not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> stop = hb.Element([1, 0], hb.Unilateral(k=1.0, gap=1.0), name="stop")
+    >>> M, C, K = np.eye(2), 0.05 * np.eye(2), [[2, -1], [-1, 2]]
+    >>> two = hb.System(M, C, K, [stop], hb.Load(cosine={1: [0, 0.2]}), dof_names=["x", "y"])
+    >>> hb.HarmonicBalance(two, 8).size
+    17
     """
 
     M: Any

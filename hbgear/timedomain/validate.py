@@ -219,6 +219,13 @@ def validate(
     ValueError, KeyError, IndexError
         If the branch is no curve of motions, its model is unknown or does not fit it, a point is not on it, or the
         tolerance is below `LEAST`.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 7), "Omega", (0.8, 0.9))
+    >>> hb.validate(curve, 1)
+    <Report: 1 of 1 points agree within 0.0001 with time integration>
     """
     need("validate(branch)", branch, "Branch")
     if isinstance(points, str):
