@@ -318,7 +318,7 @@ class Parallel(Law):
         return sum(law.reference for law in self.laws)
 
     @cached_property
-    def piecewise(self) -> tuple[PiecewiseLinear, ...] | None:  # type: ignore[override]
+    def piecewise(self) -> tuple[PiecewiseLinear, ...] | None:
         springs: list[PiecewiseLinear] = []
         for law in self.laws:
             if law.piecewise is None:
