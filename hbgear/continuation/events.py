@@ -74,10 +74,10 @@ class Event:
     Examples
     --------
     >>> import hbgear as hb
-    >>> limit = hb.Event("limit", lambda point: point.amplitude("max") - 2.0, "two half backlashes")
-    >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.2, 0.8), events=[limit])
+    >>> limit = hb.Event("limit", lambda point: point.amplitude("max") - 1.3, "the largest deflection is 1.3")
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.2, 0.6), events=[limit])
     >>> [round(point.amplitude("max"), 9) for point in curve.special if point.kind == "limit"]
-    [2.0, 2.0]
+    [1.3, 1.3]
     """
 
     kind: str

@@ -11,6 +11,7 @@ from hbgear.common.given import need
 from hbgear.continuation.branch import Branch, Status, continued
 from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import Settings
+from hbgear.continuation.problem import as_problem
 from hbgear.continuation.segment import Departure
 from hbgear.continuation.tracer import trace
 
@@ -68,12 +69,9 @@ def _check_end(branch: Branch, first: float, last: float) -> None:
 
 
 def _unknowns(problem: Any, branch: Branch, i: int) -> Any:
-    """Unknowns of a row as the problem has them."""
-    if hasattr(problem, "join"):
-        return problem.join(branch.X[i], branch.parameters_at(i))
-    if branch.layout is not None and hasattr(problem, "converted"):
-        return problem.converted(branch.X[i], branch.layout)
-    return branch.X[i]
+    """Unknowns of a point as the problem has them."""
+    full = as_problem(problem)
+    return full.join(full.converted(branch[i]), branch.parameters_at(i))
 
 
 def _widest(*branches: Branch) -> Any:
