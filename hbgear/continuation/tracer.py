@@ -200,6 +200,7 @@ class _Tracer:
     def _depart(self, start: Departure) -> CurvePoint:
         """First row of another branch, a short way along the direction that leaves the point; or the point itself."""
         u = np.append(start.X, start.parameters[self.name])
+        self.problem = self.problem.based(start.X, {**self.fixed, self.name: start.parameters[self.name]})
         self.top = self._motion_size(start.X)
         self.scale = self._scale(start.X)
         direction = start.direction / np.linalg.norm(start.direction / self.scale)

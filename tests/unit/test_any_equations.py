@@ -48,7 +48,9 @@ def test_figure_of_eight():
     assert curve["LP1"].X[0] == pytest.approx(0.5**0.5, abs=1e-7)
     assert np.hypot(curve["BP1"].X[0], curve["BP1"].parameters["p"]) < 1e-8
     other = hb.switch(curve, "BP1")
-    assert np.sign(other.X[len(other) // 2, 0] * other.values[len(other) // 2]) == -1  # the curve traced has x = p there
+    assert (
+        np.sign(other.X[len(other) // 2, 0] * other.values[len(other) // 2]) == -1
+    )  # the curve traced has x = p there
     assert np.sign(curve.X[-1, 0] * curve.values[-1]) == 1
 
 
