@@ -152,7 +152,7 @@ def _object(*classes: type) -> Form:
             if name not in forms:
                 raise ValueError(f"{place} has a field '{name}' that a {kind} does not have")
         made = names[kind](**{name: forms[name](archive, x, f"{place}.{name}") for name, x in given.items()})
-        return named(made) if isinstance(made, SpecialPoint) else made
+        return named(made) if isinstance(made, SpecialPoint) and "meaning" not in given else made
 
     return form
 

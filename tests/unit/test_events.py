@@ -163,6 +163,14 @@ def test_one_table_of_kinds():
     assert all(event.meaning and is_marker(event.marker) for event in KINDS.values())
 
 
+def test_the_table_of_labels_in_the_readme():
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| ([A-Z]{2}) \| ([^|]+) \|", readme, re.MULTILINE))
+    assert {kind: rows.get(kind) for kind in KINDS} == {
+        kind: event.meaning.partition(":")[0] for kind, event in KINDS.items()
+    }
+
+
 def test_drawn_with_marker_label_and_entry(curve):
     ax = hb.plot.response(curve, "max")
     drawn = {line.get_gid(): line for line in ax.lines}
@@ -195,7 +203,7 @@ def test_on_the_command_line(curve, tmp_path, capsys):
     assert exit_of(["info", str(file)]) == 0
     assert re.search(r"limit1 .* the largest deflection is 1\.3", capsys.readouterr().out)
     assert exit_of(["plot", str(file), "--point", "limit1", "-o", str(figure)]) == 0 and figure.stat().st_size > 1000
-    line = ["trace", "spur", "--start", f"{file}:limit1", "--from", "1.2", "--to", "0.6", "--harmonics", "8"]
+    line = ["trace", "spur-pair", "--start", f"{file}:limit1", "--from", "1.2", "--to", "0.6", "--harmonics", "8"]
     assert exit_of([*line, "--max-points", "2", "-o", str(tmp_path / "more.npz")]) == 3
     more = hb.load(tmp_path / "more.npz")
     assert more.values[0] == pytest.approx(curve["limit1"].parameters["Omega"], abs=1e-12)
