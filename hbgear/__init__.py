@@ -12,6 +12,7 @@ from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
 from hbgear.continuation.events import Event
 from hbgear.continuation.extending import extend
+from hbgear.continuation.following import follow
 from hbgear.continuation.newton import NoConvergence, Settings
 from hbgear.continuation.problem import Evaluation, Evaluations
 from hbgear.continuation.stepsize import StepControl, Steps
@@ -86,6 +87,7 @@ __all__ = [
     "cases",
     "critical",
     "extend",
+    "follow",
     "grid",
     "integrate",
     "jump_map",

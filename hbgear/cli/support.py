@@ -19,6 +19,7 @@ import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.continuation.tracer import Progress
 from hbgear.harmonic import catalogue
+from hbgear.harmonic.events import named
 from hbgear.harmonic.landings import landings
 from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.speeds import model_of, speeds_at
@@ -32,16 +33,6 @@ BAD_INPUT = 2
 
 
 STOPPED_EARLY = 3
-
-
-MEANINGS = {
-    "LP": "fold: the curve turns back",
-    "CP": "cusp: two folds meet",
-    "PD": "period doubling",
-    "NS": "Neimark-Sacker: a second frequency sets in",
-    "BP": "branch point: two curves cross",
-    "GR": "grazing contact: the impact regime changes",
-}
 
 
 Model = Annotated[
@@ -507,7 +498,7 @@ def show_jumps(
 
 def what_happens(branch: hb.Branch, point: hb.SpecialPoint) -> str:
     """A special point in words, with what it does to stability."""
-    text = MEANINGS.get(point.kind, point.kind)
+    text = named(point).meaning
     if point.kind in ("PD", "NS") and branch.stable is not None and 0 < point.index < len(branch) - 1:
         before, after = branch.stable[point.index - 1], branch.stable[point.index + 1]
         text += "" if before == after else "; stability is lost" if before else "; stability is regained"

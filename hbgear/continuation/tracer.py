@@ -680,6 +680,5 @@ def _checked_span(parameter: str, span: tuple[float, float], allowed: Range) -> 
     if a == b:
         raise ValueError(f"span = ({a}, {b}) is empty; give two different values of {parameter}")
     if a not in allowed or b not in allowed:
-        what = "Omega must stay positive" if parameter == "Omega" else f"{parameter} must {allowed}"
-        raise ValueError(f"span = ({a}, {b}): {what}")
+        raise ValueError(f"span = ({a}, {b}): {parameter} must {allowed}")
     return a, b
