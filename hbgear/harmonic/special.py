@@ -20,8 +20,7 @@ import scipy
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import bordered, norm
 from hbgear.continuation.bordered import STEP, Augmented, Base, Extra, Fold, bends, null_vectors, sides
-from hbgear.continuation.events import Event
-from hbgear.continuation.problem import FullProblem, linearise, linearise_all
+from hbgear.continuation.problem import linearise, linearise_all
 from hbgear.mechanics.fourier import waves
 
 
@@ -37,6 +36,8 @@ class PeriodDoubling(Fold):
     problem : a `HarmonicBalance`.
     parameter : the parameter of the curve.
     """
+
+    turning_kind = "LP"
 
     def __init__(self, problem: Any, parameter: str = "") -> None:
         super().__init__(problem, parameter)
@@ -58,10 +59,6 @@ class PeriodDoubling(Fold):
         out = np.zeros(self.doubled.size)
         out[self.odd] = scipy.linalg.svd(A)[2][-1]
         return out
-
-    def events(self, parameter: str) -> tuple[Event, ...]:
-        """Where the curve turns, doublings meet and vanish; it is no cusp."""
-        return FullProblem.events(self, parameter)
 
     def matrix(self, X: Array, here: dict[str, float]) -> tuple[Array, float]:
         """The half-integer block, and the size of the terms of R."""
