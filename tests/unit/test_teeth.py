@@ -1,11 +1,13 @@
 """Tests of single lines that could be wrong unnoticed: each names the change of the program that it must not survive."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hbgear import Cubic, Element, Fold, HarmonicBalance, Load, PiecewiseLinear, Point, SpurPair, Status, Steps, System
 from hbgear.continuation.corrector import correct
-from hbgear.continuation.jumps import find_jumps
+from hbgear.continuation.jumps import _nearest, find_jumps
 from hbgear.continuation.newton import Settings, solve
 from hbgear.continuation.problem import FullProblem, as_problem
 from hbgear.continuation.segment import CurvePoint
@@ -42,8 +44,7 @@ class Stairs:
 
 @pytest.mark.parametrize("sense", [1, -1])
 def test_a_jump_lands_on_the_nearest_stable_motion(sense):
-    """Where x = 0 loses its stability, 2 and 6 are stable, and 4 is not. Mutants: `_nearest` takes the farthest; any
-    motion, the unstable ones included."""
+    """Where x = 0 loses its stability, two other motions are stable. Mutant: `_nearest` takes the farthest."""
     curve = trace(Stairs(sense), "p", (-20.0, 20.0), point_at(-0.9 * sense, p=np.polyval(Stairs.f, -0.9)))
     assert [round(sense * point.X[0], 6) for point in curve.special if point.kind == "LP"] == [0, 1, 3, 5]
     jump = next(jump for jump in find_jumps(curve) if jump.label == "LP1")
@@ -52,6 +53,13 @@ def test_a_jump_lands_on_the_nearest_stable_motion(sense):
     assert len(stable) == 2 and len(landings) == 3
     assert jump.direction == 1 and jump.value == pytest.approx(0.0, abs=1e-9)
     assert sense * jump.after.X[0] == pytest.approx(stable[0], abs=1e-7)
+
+
+def test_a_jump_never_lands_on_an_unstable_motion():
+    """However near it is. Mutant: `_nearest` does not ask for stability."""
+    found = [replace(point_at(x), multipliers=np.array([mu + 0j])) for x, mu in ((0.1, 1.5), (3.0, 0.5), (-2.0, 0.9))]
+    assert _nearest(point_at(0.0), found) is found[2]
+    assert _nearest(point_at(0.0), found[:1]) is None
 
 
 # ---- continuation: borders
@@ -176,6 +184,11 @@ def doubling(p0):
     return lambda p: -np.exp(p - p0)
 
 
+def twice(p0):
+    """Two equal real multipliers that pass +1 at p0."""
+    return lambda p: np.exp(p - p0) * np.ones(2)
+
+
 def inside(p):
     return 0.3
 
@@ -190,12 +203,15 @@ def inside(p):
         ([lambda p: np.exp(p - 0.41), inside], {}),  # one by +1: a fold nearby, and none of a pair
         ([lambda p: np.exp(p - 0.402), doubling(0.405)], {"PD": [0.405]}),  # two leave, one is explained
         ([lambda p: pair(0.41)(0.82 - p), inside], {"NS": [0.41]}),  # one that comes back in
+        ([pair(-0.7, 2.0), pair(0.41)], {"NS": [0.41]}),  # a second pair beside one that is outside already
+        ([pair(-0.7, 2.0), twice(0.41)], {"BP": [0.41]}),  # two at +1 by symmetry, beside a pair
+        ([lambda p: -twice(0.41)(p), pair(-0.7, 2.0)], {"PD": [0.41]}),  # two at -1
     ],
 )
 @pytest.mark.parametrize("span", [(0.0, 1.0), (1.0, 0.0)])
 def test_a_neimark_sacker_point_is_a_pair_that_nothing_else_explains(of, expected, span):
-    """Mutants: the number of multipliers that must pass is one or three; those of a period doubling are not counted
-    off; they are counted twice."""
+    """Mutants: three multipliers must pass; those of a period doubling are counted off twice; pairs that are outside
+    at both ends are not counted."""
     curve = trace(Multipliers(*of), "p", span, np.array([span[0]]), events=[NeimarkSacker(), Doubling()])
     found = {}
     for point in curve.special:
@@ -235,11 +251,12 @@ def chain(stiff, load):
 
 @pytest.mark.parametrize("stiff", [1.0, 1e4, 1e9])
 def test_a_balanced_load_is_told_from_one_that_is_not(stiff):
-    """By as much as the stiffnesses leave open, about eps times their ratio, and not by more. Mutants: a tolerance of
-    1e-2; none."""
+    """By as much as the stiffnesses leave open, about eps times their ratio, and not by more. Mutants: `_BALANCED`
+    is 1e-2, or 0; the rounding of the free motion is 0, or a million times as much."""
     Structure(chain(stiff, [1.0, 1.0, -2.0]))
     Structure(chain(stiff, [1 / 3, 1 / 3, -2 / 3]))
     Structure(chain(stiff, [0.1, 0.2, -0.3]))
+    Structure(chain(stiff, [1 / 3, 1 / 3, -0.666666667]))  # given to nine digits
     open_ = max(1e-7, 1e4 * np.finfo(float).eps * stiff)
     assert open_ < 5e-3
     for sign in (1, -1):
