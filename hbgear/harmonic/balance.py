@@ -533,7 +533,8 @@ class HarmonicBalance(FullProblem):
         """Floquet multipliers of the motion over its period, largest first; see `floquet.multipliers_of`."""
         Omega = np.array([parameters.pop("Omega")])
         compiled = self.compiled(parameters)
-        return multipliers_of(compiled, X[None], Omega, points=points, width=width)[0]
+        mu: ComplexArray = multipliers_of(compiled, X[None], Omega, points=points, width=width)[0]
+        return mu
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """What a trace stores beside the unknowns: multipliers (if asked for), regime, clearance, error."""
