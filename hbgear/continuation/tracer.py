@@ -232,10 +232,11 @@ class _Tracer:
 
     def _scale(self, X: Array) -> Array:
         """Scales of (X, lambda): the largest solution so far, and the span."""
-        floor = 1e-2 * norm(X) or 1.0
+        own = len(self.problem.unknown_parameters)
+        floor = 1e-2 * norm(X[: len(X) - own]) or 1.0
         scale = np.full(len(X) + 1, max(self.top, floor))
         scale[-1] = abs(self.b - self.a)
-        for i in range(len(self.problem.unknown_parameters)):  # parameters among the unknowns: the largest value so far
+        for i in range(own):  # parameters among the unknowns: the largest value so far
             past = [abs(row.solution.X[-1 - i]) for row in self.rows]
             scale[-2 - i] = max([*past, abs(X[-1 - i])]) or 1.0
         return scale
