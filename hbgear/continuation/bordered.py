@@ -43,6 +43,7 @@ from hbgear.continuation.algebra import Factors, Matrix, bordered, dense, norm, 
 from hbgear.continuation.branch import Point
 from hbgear.continuation.differences import STEP, in_parameter
 from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise, linearise_all
+from hbgear.continuation.reading import Reader
 
 class Extra(NamedTuple):
     """The equations of the solution with their derivatives in p and name, and g with its own in X, p and name."""
@@ -145,7 +146,7 @@ class Augmented(FullProblem):
         return None if self.problem.size is None else self.problem.size + 1
 
     @property
-    def layout(self) -> Any:
+    def layout(self) -> Reader | None:
         """How X, the solution's part of the unknowns, is to be read."""
         return self.problem.layout
 
@@ -271,10 +272,7 @@ class Fold(Augmented):
     True
     """
 
-    def events(self, parameter: str) -> tuple[Any, ...]:
-        from hbgear.continuation.events import BranchPoint, Turning
-
-        return Turning("CP", "cusp: two folds meet", "P"), BranchPoint()
+    turning_kind = "CP"
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         A, size = self.matrix(X, here)

@@ -26,10 +26,10 @@ from hbgear.continuation.branch import Branch, Point
 from hbgear.continuation.differences import in_parameter
 from hbgear.continuation.events import Event
 from hbgear.continuation.homotopy import solve_from_afar
-from hbgear.continuation.newton import NoConvergence, Settings, solve
+from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.problem import Evaluation, Evaluations, FullProblem
 from hbgear.harmonic.crossings import Crossings, crossings
-from hbgear.harmonic.events import events_of
+from hbgear.harmonic.events import motion_events
 from hbgear.harmonic.floquet import multipliers, multipliers_of
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.projection import ContactProjector
@@ -48,7 +48,7 @@ from hbgear.mechanics.fourier import (
     to_complex,
     to_real,
 )
-from hbgear.mechanics.laws import Law, PiecewiseLinear
+from hbgear.mechanics.laws import Law
 from hbgear.mechanics.model import Model, System, describe
 
 _UNKNOWNS = 4_000  # of the dense Jacobians, several of which are held at once
@@ -78,9 +78,8 @@ class _Compiled:
         self.system, self.structure = system, structure
         self.receptance = Receptance(structure, system, H, nu)
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
-        exact = [not sampled and isinstance(law, PiecewiseLinear) for law in self.laws]
-        self.exact, self.sampled = np.flatnonzero(exact), np.flatnonzero(~np.array(exact))
-        self._piecewise: list[PiecewiseLinear] = [law for law, x in zip(self.laws, exact, strict=True) if x]  # type: ignore[misc]
+        exact = np.array([not sampled and bool(law.piecewise) for law in self.laws])
+        self.exact, self.sampled = np.flatnonzero(exact), np.flatnonzero(~exact)
         self.nu = nu
         self._projectors: dict[int, ContactProjector] = {}
         # corners of all laws, and the element each belongs to
@@ -94,7 +93,7 @@ class _Compiled:
     def projector_of(self, P: int) -> ContactProjector:
         """Projector of P motions at once, motion after motion."""
         if P not in self._projectors:
-            self._projectors[P] = ContactProjector(self._piecewise * P, self.nu)
+            self._projectors[P] = ContactProjector([self.laws[j] for j in self.exact] * P, self.nu)
         return self._projectors[P]
 
     def bound(self, P: int) -> list[Any]:
@@ -253,16 +252,16 @@ class HarmonicBalance(FullProblem):
         """Omega is given with every evaluation."""
         return () if "Omega" in known else ("Omega",)
 
-    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]], settings: Settings) -> Branch:
-        """The branch with its jumps; warns where nothing ever comes near a corner of a law."""
+    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
+        """The branch as it is; warns where nothing ever comes near a corner of a law."""
         clearances = [seen["clearance"] for seen in observed if "clearance" in seen]
         if branch.parameter == "Omega" and branch.status.complete:
             of_gaps(self.clearance_names, np.array(clearances), branch.amplitude("pp2"))
-        return super().finished(branch, observed, settings)
+        return branch
 
     def events(self, parameter: str) -> tuple[Event, ...]:
-        """Folds, branch points, period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonics."""
-        return events_of(self)
+        """Period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonic branches."""
+        return motion_events(self.nu)
 
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
         """The same model with another subharmonic order; by default harmonics reach the same frequency."""
@@ -510,14 +509,16 @@ class HarmonicBalance(FullProblem):
 
         It is the number of corners of the law that the motion crosses, at most 2.
         """
-        return self._reach(X[None], self.compiled(parameters))[1][0]
+        regime: np.ndarray = self._reach(X[None], self.compiled(parameters))[1][0]
+        return regime
 
     def clearance(self, X: Array, **parameters: float) -> Array:
         """Signed distances of the extrema of each element from each corner of its law: zero where contact grazes.
 
         Order: for each element and each of its corners, lowest value minus corner, highest value minus corner.
         """
-        return self._reach(X[None], self.compiled(parameters))[0][0]
+        clearance: Array = self._reach(X[None], self.compiled(parameters))[0][0]
+        return clearance
 
     def graze(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
         """One entry of `clearance`, and the phase at which its extremum lies."""
@@ -539,7 +540,8 @@ class HarmonicBalance(FullProblem):
         """Law forces of each element (without its damper) as real rows (m, 2H + 1)."""
         rows = X.reshape(self.m, -1)
         compiled, Omega = self.compiled(parameters), np.array([parameters["Omega"]])
-        return self.forces(rows[None], to_complex(rows)[None], Omega, compiled).f[0]
+        forces: Array = self.forces(rows[None], to_complex(rows)[None], Omega, compiled).f[0]
+        return forces
 
     def mesh_forces(self, X: Array, **parameters: float) -> Array:
         """Whole force of each element, law and damper, as real rows (m, 2H + 1): f_k + i k omega c d_k."""
@@ -625,7 +627,8 @@ class HarmonicBalance(FullProblem):
         w = (Omega / self.nu)[:, None] * np.arange(self.H + 1, 2 * self.H + 1)
         G = compiled.structure.receptances(w)[0]
         delta = G @ f.transpose(0, 2, 1)[..., None]
-        return np.sqrt(0.5 * np.sum(np.abs(delta) ** 2, axis=(1, 2, 3)))
+        rms: Array = np.sqrt(0.5 * np.sum(np.abs(delta) ** 2, axis=(1, 2, 3)))
+        return rms
 
     def _neglected(self, X: Array, omega: Array, compiled: _Compiled) -> ComplexArray:
         """One-sided force harmonics H+1..2H, (P, m, H): in closed form, or as far as N samples of a law reach."""

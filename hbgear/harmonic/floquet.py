@@ -83,7 +83,8 @@ def multipliers(
         If the structure is too large for its modes to be computed.
     """
     Omega = np.array([parameters.pop("Omega")])
-    return multipliers_of(problem, X[None], Omega, points=points, width=width, **parameters)[0]
+    mu: ComplexArray = multipliers_of(problem, X[None], Omega, points=points, width=width, **parameters)[0]
+    return mu
 
 
 def multipliers_of(
@@ -103,7 +104,8 @@ def monodromy(
 ) -> Array:
     """Real matrix (r, r) that carries a disturbance over one period, in real modal coordinates; see `multipliers`."""
     Omega = np.array([parameters.pop("Omega")])
-    return monodromies(problem, X[None], Omega, points=points, width=width, **parameters)[0]
+    one: Array = monodromies(problem, X[None], Omega, points=points, width=width, **parameters)[0]
+    return one
 
 
 def monodromies(
