@@ -30,6 +30,7 @@ from hbgear.harmonic.survey import Survey, trace_all
 from hbgear.io.npz import load
 from hbgear.mechanics.doubts import Unlikely
 from hbgear.mechanics.fourier import Series
+from hbgear.mechanics.functions import model
 from hbgear.mechanics.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
 from hbgear.mechanics.model import Element, Load, Model, System
 from hbgear.mechanics.oscillators import Duffing
@@ -92,6 +93,7 @@ __all__ = [
     "jump_map",
     "latin_hypercube",
     "load",
+    "model",
     "monte_carlo",
     "peaks",
     "plot",

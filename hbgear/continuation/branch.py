@@ -19,14 +19,23 @@ from numpy.typing import NDArray
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import counted
-from hbgear.continuation.problem import Moving, Reader
+from hbgear.continuation.reading import Moving, Reader
 
 NEUTRAL = 1e-6
 """A multiplier within this distance outside the unit circle counts as on it (free rotations have mu = 1)."""
 
 
 class Status(StrEnum):
-    """Why a trace ended."""
+    """Why a trace ended.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6), steps=hb.StepControl(max_points=10))
+    >>> curve.status is hb.Status.MAX_POINTS, curve.status.complete
+    (True, False)
+    """
 
     REACHED_END = "reached_end"
     LEFT_SPAN = "left_span"
@@ -99,6 +108,15 @@ class Point:
     multipliers : (r,) multipliers of small disturbances (Floquet), None if they were not computed.
     regime : (m,) code of each element, named by ``layout.regimes``; -1 is unknown.
     error : estimated error of the solution, nan if unknown.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> point = curve[3]
+    >>> point.stable, bool(point.amplitude("H1") == curve.amplitude("H1")[3])
+    (True, True)
     """
 
     X: Array
@@ -108,7 +126,7 @@ class Point:
     multipliers: ComplexArray | None
     regime: NDArray[np.int8]
     error: float
-    layout: Any  # a `Reader`, or None; rooms above know more of theirs
+    layout: Reader | None
     label: str = ""
 
     def __repr__(self) -> str:
@@ -150,6 +168,15 @@ class SpecialPoint(Point):
     ``index`` is the row of the branch that holds it, ``interval`` the parameter values of the rows that bracketed it.
     If it was not ``located``, that is solved for, it is only known to lie in the interval. ``meaning`` says what
     happens there, ``marker`` is what figures draw, ``event`` what located it; that is not saved.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> fold = curve["LP1"]
+    >>> fold.kind, fold.located, round(fold.parameters["Omega"], 3)
+    ('LP', True, 1.103)
     """
 
     kind: str = ""
@@ -172,6 +199,17 @@ class Jump:
 
     The direction is +1 while the parameter increases and -1 while it decreases; ``after`` is None if the curve has no
     stable solution at that value.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> jump = curve.jumps()[0]
+    >>> jump.label, jump.direction, round(jump.value, 3)
+    ('LP1', 1, 1.103)
+    >>> jump.before.amplitude("H1") > jump.after.amplitude("H1")
+    True
     """
 
     label: str
@@ -214,6 +252,18 @@ class Branch:
     ------
     ValueError
         If an array does not have P rows, or two special points have the same label.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> curve.message
+    'Omega = 1.6 reached'
+    >>> curve.values.shape == curve.stable.shape == curve.amplitude("pp2").shape
+    True
+    >>> curve.special
+    (<LP1 at Omega = 1.10338, stable, no_impact>, <LP2 at Omega = 1.10016, stable, no_impact>)
     """
 
     parameter: str
@@ -231,7 +281,7 @@ class Branch:
     jump_records: tuple[Jump, ...]
     status: Status
     message: str
-    layout: Any  # a `Reader`, or None; rooms above know more of theirs
+    layout: Reader | None
     meta: dict[str, Any]
     problem: Any = None
 

@@ -180,7 +180,8 @@ class Turning(Event):
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         heading = np.array([row.heading for row in rows])
-        return heading[1:] * heading[:-1] < 0
+        turned: Array = heading[1:] * heading[:-1] < 0
+        return turned
 
     def find(self, segment: Segment) -> list[Found]:
         """Newton on {R, g} from where the tangent's component vanishes; bracketed where forces are sampled."""
@@ -222,7 +223,8 @@ class BranchPoint(Event):
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         orientation = np.array([row.orientation for row in rows])
-        return orientation[1:] != orientation[:-1]
+        changed: Array = orientation[1:] != orientation[:-1]
+        return changed
 
     def find(self, segment: Segment) -> list[Found]:
         if segment.a.orientation == segment.b.orientation:
@@ -248,7 +250,8 @@ def _across(branch: Branch, point: SpecialPoint) -> Array:
     along = np.append(branch.X[after] - branch.X[before], branch.values[after] - branch.values[before]) / scale
     inside = null @ along
     inside = inside / np.linalg.norm(inside)
-    return scale * (np.array([-inside[1], inside[0]]) @ null)
+    out: Array = scale * (np.array([-inside[1], inside[0]]) @ null)
+    return out
 
 
 RESERVED = ("LP", "CP", "BP", "PD", "NS", "GR", "PK", "EP")
@@ -258,8 +261,14 @@ RESERVED = ("LP", "CP", "BP", "PD", "NS", "GR", "PK", "EP")
 def event_of(branch: Branch, point: SpecialPoint) -> Event | None:
     """The event a special point of the branch is one of: that it was located by; of a loaded one the problem's."""
     known = [] if point.event is None else [point.event]
-    own = as_problem(branch.problem).events(branch.parameter)
+    own = events_of(as_problem(branch.problem), branch.parameter)
     return next((event for event in (*known, *own) if event.kind == point.kind), None)
+
+
+def events_of(problem: FullProblem, parameter: str) -> tuple[Event, ...]:
+    """Everything that is looked for along a curve of a problem: turning points, branch points, events of its own."""
+    turning = Cusp() if problem.turning_kind == Cusp.kind else Turning()
+    return turning, BranchPoint(), *problem.events(parameter)
 
 
 # ---- looking along a curve

@@ -38,6 +38,15 @@ def extend(branch: Branch, span: tuple[float, float] | None = None, *, problem: 
         If the branch has lost its problem, has fewer than two rows, closed, or leaves the span where it ends.
     NoConvergence
         If its last row is no solution of the problem.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> part = hb.trace(problem, "Omega", (0.8, 1.6), steps=hb.StepControl(max_points=10))
+    >>> whole = hb.extend(part)
+    >>> len(part), whole.message
+    (10, 'Omega = 1.6 reached')
     """
     need("extend(branch)", branch, "Branch")
     if (problem := branch.problem if problem is None else problem) is None:

@@ -18,16 +18,15 @@ speaks to `FullProblem` only, which answers for what is not offered.
 | `Rough` | whether dR/dX is continuous | it is |
 | `Readable` | how X is read: names, measures of amplitude | X as it is |
 | `Observed` | what is stored beside X: stability, error, ... | nothing |
-| `Eventful` | special points of its own | folds and branch points |
+| `Eventful` | special points of its own | folds and branch points only |
 | `Remeshed` | another number of unknowns where a point asks for it | the same everywhere |
 | `Extended` | parameters among the unknowns; equations that refer to a point nearby | none |
-| `Finished` | what is said of a whole curve | its jumps |
+| `Finished` | what it says of a whole curve | nothing |
 | `Described` | model and settings, for files | nothing |
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self, runtime_checkable
 
@@ -36,15 +35,31 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, Range
 from hbgear.continuation.algebra import Matrix, norm
+from hbgear.continuation.branch import Branch, Point
+from hbgear.continuation.reading import Reader
 
 if TYPE_CHECKING:
-    from hbgear.continuation.branch import Branch, Point
     from hbgear.continuation.events import Event
-    from hbgear.continuation.newton import Settings
 
 
 class Evaluation(NamedTuple):
-    """R (n,), dR_dX (n, n), dense or sparse, dR_dp (n,) and the size of the terms of R, against which R is judged."""
+    """R (n,), dR_dX (n, n), dense or sparse, dR_dp (n,) and the size of the terms of R, against which R is judged.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> class Circle:
+    ...     def evaluate(self, X, p):
+    ...         now = self.linearise(X, "p", p)
+    ...         return now.R, now.dR_dX
+    ...
+    ...     def linearise(self, X, name, p):
+    ...         return hb.Evaluation(np.array([X[0] ** 2 + p**2 - 1]), np.array([[2 * X[0]]]), np.array([2 * p]), 1.0)
+    ...
+    >>> hb.trace(Circle(), "p", (0.0, 2.0), np.array([1.0])).special[0].parameters["p"] == 1.0
+    True
+    """
 
     R: Array
     dR_dX: Matrix
@@ -53,7 +68,27 @@ class Evaluation(NamedTuple):
 
 
 class Evaluations(NamedTuple):
-    """Evaluations of k points: R (k, n), dR_dX (k, n, n) or k sparse matrices, dR_dp (k, n) and sizes (k,)."""
+    """Evaluations of k points: R (k, n), dR_dX (k, n, n) or k sparse matrices, dR_dp (k, n) and sizes (k,).
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> class Cubics:
+    ...     batched = ("p",)
+    ...
+    ...     def evaluate(self, X, p):
+    ...         R, J, *_ = self.linearise_many(X[None], "p", np.array([p]))
+    ...         return R[0], J[0]
+    ...
+    ...     def linearise_many(self, X, name, values):
+    ...         R = X**3 - X + values[:, None]
+    ...         return hb.Evaluations(R, (3 * X**2 - 1)[:, :, None], np.ones_like(X), np.ones(len(X)))
+    ...
+    >>> curve = hb.trace(Cubics(), "p", (-1.0, 1.0), np.array([1.3]))
+    >>> [round(point.parameters["p"], 6) for point in curve.special]
+    [0.3849, -0.3849]
+    """
 
     R: Array
     dR_dX: Any
@@ -144,45 +179,6 @@ class Rough(Protocol):
 
 
 @runtime_checkable
-class Reader(Protocol):
-    """How unknowns are read: `Readable.layout`."""
-
-    elements: tuple[str, ...]
-    regimes: tuple[str, ...]
-
-    @property
-    def width(self) -> int:
-        """Number of unknowns n."""
-
-    def rows(self, X: Array, element: int | str) -> Array:
-        """The unknowns of an element, by number or name, out of X (..., n)."""
-
-    def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
-        """Measure of amplitude of an element, for each row of X (..., n)."""
-
-    def samples(self, X: Array, element: int | str, count: int, order: int) -> tuple[Array, Array]:
-        """Phase and values of an element, or of its derivative of that order."""
-
-    def in_time(self, rows: Array, parameters: Mapping[str, Array], order: int) -> Array:
-        """Unknowns of the derivative in time of rows (P, ...), whose parameters are (P,) each."""
-
-    def measure_rows(self, name: str, rows: Array) -> Array:
-        """Measure of amplitude of rows that are already those of one element."""
-
-
-@runtime_checkable
-class Moving(Protocol):
-    """Knows more coordinates than its unknowns; asked by `Branch.amplitude`."""
-
-    @property
-    def dof_names(self) -> Sequence[str]:
-        """Names of the coordinates."""
-
-    def motion(self, X: Array, **parameters: float) -> Array:
-        """All coordinates, (dofs, ...), each in the form of the rows of an element."""
-
-
-@runtime_checkable
 class Readable(Protocol):
     """Knows how its unknowns are read."""
 
@@ -208,7 +204,7 @@ class Eventful(Protocol):
     """Has special points of its own."""
 
     def events(self, parameter: str) -> tuple[Event, ...]:
-        """What is looked for along a curve in that parameter."""
+        """What is looked for along a curve in that parameter besides folds and branch points."""
 
 
 @runtime_checkable
@@ -253,7 +249,7 @@ class Extended(Protocol):
 class Finished(Protocol):
     """Adds to a finished curve."""
 
-    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]], settings: Settings) -> Branch:
+    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
         """The branch with what the problem has to say of the whole of it; ``observed`` is what it said on the way."""
 
 
@@ -284,6 +280,8 @@ class FullProblem:
     unknown_parameters: Sequence[str] = ()
     smooth: bool = True
     size: int | None = None
+    turning_kind: str = "LP"
+    """Label of a turning point of a curve: a fold, or on a curve of folds a cusp."""
     usual_parameter: str = ""
     """What curves are traced in if nothing else is said."""
     undetermined: str = "an unknown that no equation holds"
@@ -296,17 +294,21 @@ class FullProblem:
 
     @property
     def parameters(self) -> dict[str, float]:
+        """`Parametrised.parameters`: none."""
         return {}
 
     @property
-    def layout(self) -> Any:
+    def layout(self) -> Reader | None:
+        """`Readable.layout`: X is read as it is."""
         return None
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Matrix]:
+        """`Problem.evaluate`, from `linearise`."""
         now = self.linearise(X, "", **parameters)
         return now.R, now.dR_dX
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        """`Linearised.linearise`, with dR/dp by a central difference."""
         R, J = self.evaluate(X, **parameters)
         dR = np.zeros(len(X))
         if name:
@@ -316,6 +318,7 @@ class FullProblem:
         return Evaluation(np.asarray(R), J, dR, 1.0 + float(np.linalg.norm(X)))
 
     def linearise_many(self, X: Array, name: str, values: Array, **parameters: float) -> Evaluations:
+        """`Batched.linearise_many`, one point after the other."""
         each = [
             self.linearise(x, name, **{**parameters, name: float(value)}) for x, value in zip(X, values, strict=True)
         ]
@@ -324,15 +327,19 @@ class FullProblem:
         return Evaluations(np.array(R), np.array(J) if dense else list(J), np.array(dR), np.array(size))
 
     def start(self, **parameters: float) -> Array:
+        """`Started.start`: none, ValueError."""
         raise ValueError("this problem finds no start of its own; give start=")
 
     def check_parameter(self, name: str) -> None:
+        """`Checked.check_parameter`: any name."""
         pass
 
     def range_of(self, name: str) -> Range:
+        """`Checked.range_of`: any value."""
         return ANY
 
     def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
+        """`Checked.check_trace`: no warning."""
         pass
 
     def unit_of(self, name: str, value: float) -> float:
@@ -340,12 +347,15 @@ class FullProblem:
         return max(abs(value), 1e-3 * abs(self.parameters.get(name, 0.0))) or 1.0
 
     def missing(self, known: Sequence[str]) -> Sequence[str]:
+        """`Checked.missing`: nothing."""
         return ()
 
     def motion_size(self, X: Array) -> float:
+        """`Sized.motion_size`: the norm of X."""
         return norm(X)
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
+        """`Observed.observe`: nothing."""
         return {}
 
     def observe_many(
@@ -357,42 +367,47 @@ class FullProblem:
         ]
 
     def events(self, parameter: str) -> tuple[Event, ...]:
-        from hbgear.continuation.events import BranchPoint, Turning
-
-        return Turning(), BranchPoint()
+        """`Eventful.events`: folds and branch points."""
+        return ()
 
     def remeshed(self, observed: Mapping[str, Any]) -> Any:
+        """`Remeshed.remeshed`: never."""
         return None
 
     def fitted(self, X: Array) -> Array:
+        """`Remeshed.fitted`: X as it is."""
         return X
 
     def converted(self, point: Point) -> Array:
+        """`Remeshed.converted`: X as it is."""
         return point.X
 
     def split(self, X: Array) -> tuple[Array, dict[str, float]]:
+        """`Extended.split`: no parameter is among the unknowns."""
         return self.fitted(X), {}
 
     def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
+        """`Extended.join`: X as it is."""
         return X
 
     def based(self, X: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
+        """`Extended.based`: the equations refer to no point."""
         return self
 
-    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]], settings: Settings) -> Branch:
-        from hbgear.continuation.jumps import find_jumps
-
-        return dataclasses.replace(branch, jump_records=find_jumps(branch, settings))
+    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
+        """`Finished.finished`: its jumps are sought."""
+        return branch
 
     def describe(self) -> dict[str, Any]:
+        """`Described.describe`: nothing."""
         return {}
 
 
 class _Asked(FullProblem):
     """A problem of a user, asked once which abilities it has; the rest is answered by `FullProblem`."""
 
-    parameters: dict[str, float] = {}  # type: ignore[assignment]  # noqa: RUF012 (not properties here: to be set)
-    layout: Any = None  # type: ignore[assignment]
+    parameters: dict[str, float] = {}  # noqa: RUF012 (not properties here: to be set)
+    layout: Any = None
 
     def __init__(self, problem: Problem) -> None:
         self._original = problem

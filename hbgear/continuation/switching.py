@@ -36,6 +36,15 @@ def switch(
         If there is no such label.
     ValueError
         If no other branch leaves there, or the branch has lost its problem.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 5)
+    >>> curve = hb.trace(pair, "Omega", (2.1, 1.8))
+    >>> doubled = hb.switch(curve, "PD1", steps=hb.StepControl(max_points=6))
+    >>> doubled.problem.nu
+    2
     """
     need("switch(branch)", branch, "Branch")
     if not isinstance(label, str):

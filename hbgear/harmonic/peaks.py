@@ -14,6 +14,7 @@ from hbgear.continuation.newton import NoConvergence, Settings, Solution, soluti
 from hbgear.continuation.problem import linearise
 from hbgear.continuation.segment import CurvePoint, Segment, normal_of, row_of
 from hbgear.harmonic.events import AmplitudePeak
+from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.observables import measure as measured
 from hbgear.harmonic.special import Peak
 
@@ -38,13 +39,23 @@ def peaks(
     ------
     ValueError
         If the branch has lost its problem, or there is no such measure.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> top = hb.peaks(curve, "rms")[0]
+    >>> top.label, bool(top.amplitude("rms") >= curve.amplitude("rms").max())
+    ('PK1', True)
     """
     need("peaks(branch)", branch, "Branch")
-    if branch.problem is None or branch.layout is None:
+    layout = layout_of(branch)
+    if branch.problem is None or layout is None:
         raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     A = branch.amplitude(measure, element)
     tops = [i for i in range(1, len(branch) - 1) if A[i - 1] <= A[i] > A[i + 1] and A[i] >= share * A.max()]
-    event = AmplitudePeak(measure, branch.layout.index(element))
+    event = AmplitudePeak(measure, layout.index(element))
     found = []
     for number, i in enumerate(tops, 1):
         row, located = _refine(branch, i, measure, event.element)
@@ -59,7 +70,7 @@ def peaks(
                 seen.get("multipliers"),
                 seen["regime"],
                 seen["error"],
-                branch.layout,
+                layout,
                 f"PK{number}",
                 "PK",
                 i,
@@ -77,7 +88,7 @@ def peaks(
 def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[CurvePoint, bool]:
     """The row of the largest amplitude between rows i - 1 and i + 1."""
     arc = _arc(branch, i)
-    layout = branch.layout
+    layout = layout_of(branch)
     assert layout is not None
 
     def low(s: float) -> float:

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import bordered, norm
 from hbgear.continuation.bordered import STEP, Augmented, Base, Extra, Fold, bends, null_vectors, sides
-from hbgear.continuation.events import Event
-from hbgear.continuation.problem import FullProblem, linearise, linearise_all
+from hbgear.continuation.problem import linearise, linearise_all
 from hbgear.mechanics.fourier import waves
 
 
@@ -37,11 +36,22 @@ class PeriodDoubling(Fold):
     ----------
     problem : a `HarmonicBalance`.
     parameter : the parameter of the curve.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 5)
+    >>> curve = hb.trace(pair, "Omega", (2.1, 1.8))
+    >>> few = hb.StepControl(max_points=4)
+    >>> doublings = hb.trace(hb.PeriodDoubling(pair, "Omega"), "zeta", (0.05, 0.06), start=curve["PD1"], steps=few)
+    >>> doublings.parameter, bool(doublings.tracked["Omega"][0] == curve["PD1"].parameters["Omega"])
+    ('zeta', True)
     """
 
     doubled: Any
     odd: NDArray[np.int_]
     even: NDArray[np.int_]
+    turning_kind = "LP"
 
     def __init__(self, problem: Any, parameter: str = "") -> None:
         super().__init__(problem, parameter)
@@ -62,10 +72,6 @@ class PeriodDoubling(Fold):
         out = np.zeros(self.doubled.size)
         out[self.odd] = scipy.linalg.svd(A)[2][-1]
         return out
-
-    def events(self, parameter: str) -> tuple[Event, ...]:
-        """Where the curve turns, doublings meet and vanish; it is no cusp."""
-        return FullProblem.events(self, parameter)
 
     def matrix(self, X: Array, here: dict[str, float]) -> tuple[Array, float]:
         """The half-integer block, and the size of the terms of R."""
@@ -99,6 +105,17 @@ class Grazing(Augmented):
     ----------
     problem, parameter : as for `Augmented`.
     which : index into ``problem.clearance``: which extremum of which element at which corner.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.SpurPair(), 8)
+    >>> curve = hb.trace(pair, "Omega", (1.0, 0.6))
+    >>> first = curve["GR1"]
+    >>> few = hb.StepControl(max_points=4)
+    >>> grazing = hb.trace(hb.Grazing(pair, "Omega", which=2), "zeta", (0.05, 0.06), start=first, steps=few)
+    >>> first.kind, bool(grazing.tracked["Omega"][0] == first.parameters["Omega"])
+    ('GR', True)
     """
 
     problem: Any  # a HarmonicBalance
@@ -153,6 +170,17 @@ class Peak(Augmented):
     ------
     ValueError
         For another measure, or a harmonic the problem does not keep.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> top = hb.peaks(curve, "rms")[0]
+    >>> few = hb.StepControl(max_points=4)
+    >>> ridge = hb.trace(hb.Peak(problem, "Omega"), "zeta", (0.05, 0.06), start=top, steps=few)
+    >>> bool(ridge.amplitude("rms")[-1] < ridge.amplitude("rms")[0])
+    True
     """
 
     problem: Any  # a HarmonicBalance

@@ -61,6 +61,19 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
         If there is no such file.
     ValueError
         If it cannot be read, is no branch, or was written by a newer hbgear.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> import os, tempfile
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     curve.save(os.path.join(folder, "curve.npz"))
+    ...     again = hb.load(os.path.join(folder, "curve.npz"))
+    ...
+    >>> bool(np.array_equal(again.X, curve.X))
+    True
     """
     if not Path(path).exists():
         raise FileNotFoundError(f"there is no file '{path}'; give the .npz of a branch saved before")

@@ -21,7 +21,7 @@ from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
 from hbgear.continuation.events import Event
 from hbgear.harmonic.events import KINDS, named
 from hbgear.harmonic.landings import landings
-from hbgear.harmonic.observables import REGIMES, Layout
+from hbgear.harmonic.observables import REGIMES, Layout, layout_of
 from hbgear.harmonic.speeds import MESH, PINION, common_scales, model_of, same_scales, scales, speeds_at
 
 if TYPE_CHECKING:
@@ -117,6 +117,15 @@ def response(
     ------
     ValueError, KeyError
         If there is no such measure or element.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.response(curve, "pp2")
+    >>> len(axes.lines) > 0
+    True
     """
     amplitude = branch.amplitude(measure, element)
     own = ax is None
@@ -164,6 +173,13 @@ def responses(
     ------
     ValueError, KeyError
         If there is no branch, not a name for each, or no such measure or element.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curves = [hb.trace(problem, "Omega", (0.8, 0.9), at={"F": F}) for F in (0.1, 0.2)]
+    >>> axes = hb.plot.responses(curves, names=["F = 0.1", "F = 0.2"])
     """
     if not branches:
         raise ValueError("no branch to draw")
@@ -195,6 +211,15 @@ def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
     """Axes above these of the speed of the pinion [r/min] and the mesh frequency [Hz].
 
     None are added if the model does not know its units, or the branches differ in what Omega = 1 is.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.DoubleHelicalPair(), 4)
+    >>> curve = hb.trace(pair, "Omega", (1.6, 1.5))
+    >>> axes = hb.plot.response(curve, speeds=False)
+    >>> [axis.get_xlabel() for axis in hb.plot.speed_axes(axes, [curve])]
+    ['speed of the pinion [r/min]', 'mesh frequency [Hz]']
     """
     return _scaled_axes(ax, common_scales(branches))
 
@@ -230,6 +255,12 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
     """Jump frequencies against a design parameter, several motions shaded, cusps marked with their value.
 
     Solid: the jump a sweep meets while Omega rises; dash-dotted: while it falls.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> jumps = hb.jump_map(hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2)
+    >>> axes = hb.plot.jump_map(jumps)
     """
     names = {1: (r"jump while $\Omega$ rises", "-"), -1: (r"jump while $\Omega$ falls", "-.")}
     own = ax is None
@@ -274,7 +305,15 @@ def _shade(ax: Axes, jumps: JumpMap) -> None:
 
 
 def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
-    """Motion of an element over its period, in periods of the excitation; thin lines at the corners of its law."""
+    """Motion of an element over its period, in periods of the excitation; thin lines at the corners of its law.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.time_history(curve["LP1"])
+    """
     layout, periods, d = _cycle(point, element)
     with _style():
         ax = _axes(ax, (4.2, 2.8))
@@ -294,6 +333,13 @@ def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) 
     ------
     ValueError
         If the point has no parameter Omega.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.phase_diagram(curve["LP1"])
     """
     layout, periods, d = _cycle(point, element)
     if "Omega" not in point.parameters:
@@ -329,6 +375,13 @@ def spectrum(
     log : amplitudes on a logarithmic axis, with decibels of the largest line on the right; else linear.
     floor : share of the largest line below which none is drawn on the logarithmic axis; the figure says so.
     model : if it knows its mesh frequency, axes above give the frequencies in Hz.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.spectrum(curve["LP1"])
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -381,6 +434,15 @@ def portrait(point: Point, element: int | str = 0, model: Model | None = None) -
     """Time history, phase diagram and spectrum of a point side by side.
 
     With the model the title tells the mesh frequency and the speed of the pinion too, if the model knows them.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> figure = hb.plot.portrait(curve["LP1"])
+    >>> len(figure.axes)
+    3
     """
     import matplotlib.pyplot as plt
 
@@ -402,6 +464,15 @@ def save(drawing: Axes | Figure, path: str | os.PathLike[str], dpi: int = 200) -
     ------
     ValueError
         If the path ends in something else.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import os, tempfile
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     hb.plot.save(hb.plot.response(curve), os.path.join(folder, "curve.png"))
+    ...
     """
     import matplotlib
 
@@ -452,7 +523,7 @@ def _regime(layout: Layout | None, codes: NDArray[np.int8], element: int | str) 
 
 
 def _colour(point: Point, element: int | str) -> str:
-    return COLOURS[_regime(point.layout, point.regime, element)]
+    return COLOURS[_regime(layout_of(point), point.regime, element)]
 
 
 def _words(regime: str) -> str:
@@ -461,7 +532,7 @@ def _words(regime: str) -> str:
 
 def _title(point: Point, element: int | str) -> str:
     """What a point is: label, Omega, stability, regime."""
-    regime = _regime(point.layout, point.regime, element)
+    regime = _regime(layout_of(point), point.regime, element)
     parts = [point.label, {True: "stable", False: "unstable", None: ""}[point.stable]]
     parts += [_words(regime) if regime != "unknown" else ""]
     if "Omega" in point.parameters:
@@ -475,7 +546,8 @@ def _states(branch: Branch, element: int | str) -> list[State]:
     if branch.multipliers is not None and branch.stable is not None:
         failed = np.asarray(np.isnan(branch.multipliers).any(axis=1))
         stable = [None if failed[i] else bool(ok) for i, ok in enumerate(branch.stable)]
-    return [(_regime(branch.layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]
+    layout = layout_of(branch)
+    return [(_regime(layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]
 
 
 def _runs(branch: Branch, element: int | str) -> list[tuple[State, int, int]]:
@@ -517,9 +589,10 @@ def _curve(
 
 
 def _name_axes(ax: Axes, branch: Branch, measure: str, element: int | str) -> None:
-    names = branch.layout.labels if branch.layout else {}
+    layout = layout_of(branch)
+    names = layout.labels if layout else {}
     ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))
-    ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {_gap(branch.layout, element)}")
+    ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {_gap(layout, element)}")
     _dress(ax)
 
 
@@ -662,7 +735,7 @@ def _frame(ax: Axes, corner: tuple[float, float]) -> Any:
 def _cycle(point: Point, element: int | str, order: int = 0) -> tuple[Layout, Array, Array]:
     """Layout, time in excitation periods, and motion or its derivative in theta, the end joined to the start."""
     theta, d = point.samples(element, order=order)
-    layout = point.layout
+    layout = layout_of(point)
     assert layout is not None  # else there are no samples
     return layout, np.append(theta / (2 * np.pi), 1.0) * layout.nu, np.append(d, d[0])
 

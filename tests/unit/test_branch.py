@@ -30,7 +30,7 @@ def make(nu=1, H=3, **changes):
     error[2] = NAN
 
     def fields(i, label=""):
-        parameters = {"zeta": 0.1 + 0.2, "Omega": 1 / 3 + i, "F_m": 0.1 * i}
+        parameters = {"zeta": 0.1 + 0.2, "F_m": 0.1 * i, "Omega": 1 / 3 + i}
         row = None if mu is None else mu[i]
         return X[i].copy(), parameters, 1e-13 / 3, 4, row, np.array([1, 0], np.int8), NAN, layout, label
 
