@@ -52,7 +52,8 @@ FILES = {
         "stride": "algebra corrector newton predictor problem segment stepsize",
         "tracer": "algebra branch corrector ending events jumps newton problem record segment stepsize stride",
         "extending": "branch jumps newton problem segment tracer",
-        "switching": "branch events problem tracer",
+        "switching": "branch events tracer",
+        "following": "branch events problem tracer",
     },
     "mechanics": {
         "__init__": "",
@@ -80,7 +81,7 @@ FILES = {
         "special": "",
         "events": "special",
         "landings": "observables",
-        "peaks": "observables special",
+        "peaks": "events observables special",
         "projection": "crossings",
         "compiled": "projection receptance",
         "floquet": "collocation compiled crossings",
