@@ -57,9 +57,12 @@ FILES = {
     },
     "mechanics": {
         "__init__": "",
+        "fields": "",
         "fourier": "",
         "laws": "fourier",
-        "model": "fourier laws",
+        "model": "fields fourier laws",
+        "functions": "fields model",
+        "named": "model",
         "doubts": "fourier model",
         "oscillators": "laws model",
         "reduction": "model",
