@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.arrays import Array
 from hbgear.common.given import need
 from hbgear.continuation.branch import Branch, Status, continued
 from hbgear.continuation.jumps import find_jumps
