@@ -122,11 +122,13 @@ FILES = {
         "swept": "study",
     },
     "plot": {
-        "curves": "",
         "labels": "",
-        "__init__": "curves",
-        "simulation": "curves",
-        "study": "curves",
+        "style": "",
+        "curves": "style",
+        "motions": "style",
+        "study": "style",
+        "simulation": "curves style",
+        "__init__": "curves motions simulation study style",
     },
     "cli": {
         "__init__": "",
