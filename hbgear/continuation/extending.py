@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.arrays import Array
 from hbgear.common.given import need
 from hbgear.continuation.branch import Branch, Status, continued
 from hbgear.continuation.jumps import find_jumps
@@ -38,6 +39,15 @@ def extend(branch: Branch, span: tuple[float, float] | None = None, *, problem: 
         If the branch has lost its problem, has fewer than two rows, closed, or leaves the span where it ends.
     NoConvergence
         If its last row is no solution of the problem.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> part = hb.trace(problem, "Omega", (0.8, 1.6), steps=hb.StepControl(max_points=10))
+    >>> whole = hb.extend(part)
+    >>> len(part), whole.message
+    (10, 'Omega = 1.6 reached')
     """
     need("extend(branch)", branch, "Branch")
     if (problem := branch.problem if problem is None else problem) is None:
@@ -68,10 +78,10 @@ def _check_end(branch: Branch, first: float, last: float) -> None:
         )
 
 
-def _unknowns(problem: Any, branch: Branch, i: int) -> Any:
-    """Unknowns of a point as the problem has them."""
-    full = as_problem(problem)
-    return full.join(full.converted(branch[i]), branch.parameters_at(i))
+def _unknowns(problem: Any, branch: Branch, i: int) -> Array:
+    """Unknowns of a row as the problem has them."""
+    asked = as_problem(problem)
+    return asked.join(asked.converted(branch[i]), branch.parameters_at(i))
 
 
 def _widest(*branches: Branch) -> Any:

@@ -95,6 +95,15 @@ class HarmonicBalance(FullProblem):
     that differ from the model's.
 
     What an evaluation gives depends on nothing that was asked before, and threads may share a problem.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.SpurPair(), harmonics=8)
+    >>> X = pair.start(Omega=0.9)
+    >>> R, J = pair.evaluate(X, Omega=0.9)
+    >>> R.shape, J.shape
+    ((17,), (17, 17))
     """
 
     def __init__(

@@ -38,7 +38,18 @@ _BARREN = 6  # fold curves without a cusp after which the search is given up
 
 
 class NoFold(ValueError):
-    """A critical value was asked for, but no jump was found at any value tried."""
+    """A critical value was asked for, but no jump was found at any value tried.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> try:
+    ...     hb.critical(hb.Duffing(), "zeta", frequencies=(0.5, 0.55), harmonics=1)
+    ... except hb.NoFold:
+    ...     print("far below its resonance a Duffing oscillator does not jump")
+    ...
+    far below its resonance a Duffing oscillator does not jump
+    """
 
 
 @dataclass(frozen=True)
@@ -51,6 +62,13 @@ class Critical:
     jump_below : whether the jump exists below the value (else above).
     others : further cusps met, as (value, Omega).
     status, message : whether all folds of the response curve were followed; if not, another cusp may be nearer.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> found = hb.critical(hb.Duffing(), "zeta", frequencies=(0.9, 1.4), harmonics=1)
+    >>> found.point.kind, found.point.parameters["zeta"] == found.value
+    ('CP', True)
     """
 
     parameter: str
@@ -99,6 +117,13 @@ def critical(
         If the model has no such parameter, or it is Omega.
     KeyboardInterrupt
         If Ctrl-C comes before a cusp is found.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> found = hb.critical(hb.Duffing(), "zeta", frequencies=(0.9, 1.4), harmonics=1)
+    >>> bool(0.05 < found.value < 0.1), found.jump_below
+    (True, True)
     """
     problem = problem_of(model, harmonics)
     check_parameter(problem, parameter)

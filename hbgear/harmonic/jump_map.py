@@ -64,6 +64,13 @@ class JumpMap:
     arms : their monotonic pieces.
     labels : axis labels of the model.
     status, message : whether everything was traced as far as it goes, and what was not.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> jumps = hb.jump_map(hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2)
+    >>> sorted({arm.direction for arm in jumps.arms})
+    [-1, 1]
     """
 
     parameter: str
@@ -163,6 +170,13 @@ def jump_map(
         If the model has no such parameter.
     KeyboardInterrupt, NoConvergence
         If it ends before the first fold curve is whole.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> jumps = hb.jump_map(hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2)
+    >>> len(jumps.folds) > 0, jumps.status.complete
+    (True, True)
     """
     problem = problem_of(model, harmonics)
     check_parameter(problem, parameter)

@@ -37,7 +37,16 @@ Report = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Survey:
-    """What `trace_all` found: branches, how it looked, line by line, and whether it looked everywhere."""
+    """What `trace_all` found: branches, how it looked, line by line, and whether it looked everywhere.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 3)
+    >>> found = hb.trace_all(problem, (0.8, 1.2), frequencies=[1.0], guesses=2)
+    >>> found.status.complete, len(found.log) > 0
+    (True, True)
+    """
 
     branches: tuple[Branch, ...]
     log: tuple[str, ...]
@@ -94,6 +103,14 @@ def trace_all(
         If no frequency lies within the span, or the number of harmonics varies.
     KeyboardInterrupt
         If Ctrl-C comes before anything is traced.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> isola = hb.HarmonicBalance(hb.Duffing(zeta=0.01, k3=1, F=3), 5, nu=3)
+    >>> found = hb.trace_all(isola, (4.5, 3.5), frequencies=[4.0], guesses=4)
+    >>> len(found.branches) >= 1
+    True
     """
     need("trace_all(problem)", problem, "HarmonicBalance")
     problem.check_fixed("a survey")

@@ -9,6 +9,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.branch import Branch, Jump
+from hbgear.harmonic.events import named
 from hbgear.harmonic.landings import landings
 from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.speeds import common_scales, model_of, same_scales, scales
@@ -18,7 +19,6 @@ from hbgear.plot.style import (
     FONT,
     GREY,
     LINES,
-    MARKERS,
     MEASURES,
     WIDTHS,
     State,
@@ -28,6 +28,7 @@ from hbgear.plot.style import (
     gap_label,
     heighten,
     in_words,
+    legend_entry,
     regime_of,
     scaled_axes,
     styled,
@@ -37,9 +38,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from hbgear.harmonic.jump_map import JumpMap
-
-
-LABELLED = ("LP", "PD", "NS", "BP", "CP")
 
 
 def response(
@@ -72,6 +70,15 @@ def response(
     ------
     ValueError, KeyError
         If there is no such measure or element.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.response(curve, "pp2")
+    >>> len(axes.lines) > 0
+    True
     """
     amplitude = branch.amplitude(measure, element)
     own = ax is None
@@ -119,6 +126,13 @@ def responses(
     ------
     ValueError, KeyError
         If there is no branch, not a name for each, or no such measure or element.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curves = [hb.trace(problem, "Omega", (0.8, 0.9), at={"F": F}) for F in (0.1, 0.2)]
+    >>> axes = hb.plot.responses(curves, names=["F = 0.1", "F = 0.2"])
     """
     if not branches:
         raise ValueError("no branch to draw")
@@ -150,6 +164,15 @@ def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
     """Axes above these of the speed of the pinion [r/min] and the mesh frequency [Hz].
 
     None are added if the model does not know its units, or the branches differ in what Omega = 1 is.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.DoubleHelicalPair(), 4)
+    >>> curve = hb.trace(pair, "Omega", (1.6, 1.5))
+    >>> axes = hb.plot.response(curve, speeds=False)
+    >>> [axis.get_xlabel() for axis in hb.plot.speed_axes(axes, [curve])]
+    ['speed of the pinion [r/min]', 'mesh frequency [Hz]']
     """
     return scaled_axes(ax, common_scales(branches))
 
@@ -158,6 +181,12 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
     """Jump frequencies against a design parameter, several motions shaded, cusps marked with their value.
 
     Solid: the jump a sweep meets while Omega rises; dash-dotted: while it falls.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> jumps = hb.jump_map(hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2)
+    >>> axes = hb.plot.jump_map(jumps)
     """
     names = {1: (r"jump while $\Omega$ rises", "-"), -1: (r"jump while $\Omega$ falls", "-.")}
     own = ax is None
@@ -169,8 +198,8 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
             ax.plot(arm.values, arm.Omega, style, color=COLOURS["no_impact"], label=name)
         for cusp in jumps.cusps:
             x, y = cusp.parameters[jumps.parameter], cusp.parameters["Omega"]
-            marker, name = MARKERS["CP"]
-            ax.plot(x, y, marker, markersize=8, color="black", markerfacecolor="white", label=name, gid=cusp.label)
+            ax.plot(x, y, cusp.marker, markersize=8, color="black", markerfacecolor="white", label=legend_entry(cusp),
+                    gid=cusp.label)  # fmt: skip
             place = (x - jumps.span[0]) / (jumps.span[1] - jumps.span[0])
             side = "left" if place < 0.1 else "right" if place > 0.9 else "center"
             ax.annotate(f"{x:.5g}, {y:.4g}", (x, y), (0, 8), textcoords="offset points", fontsize=8, ha=side)
@@ -272,17 +301,16 @@ def _marks(ax: Axes, branch: Branch, measure: str, element: int | str, numbered:
 
     labels = labels_of(ax)
     labels.curves += 1
-    for point in branch.special:
-        marker, name = MARKERS.get(point.kind, ("+", point.kind))
+    for point in map(named, branch.special):
         x, height = point.parameters[branch.parameter], point.amplitude(measure, element)
         (line,) = ax.plot(
-            x, height, marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black", markeredgewidth=0.9,
-            label=name, zorder=4, gid=point.label,
+            x, height, point.marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black",
+            markeredgewidth=0.9, label=legend_entry(point), zorder=4, gid=point.label,
         )  # fmt: skip
         around = branch.values[max(point.index - 1, 0) : point.index + 2]
         side = (1 if point.kind != "LP" or x >= around.mean() else -1, 0)
         text = f"{point.label} ({labels.curves})" if numbered else point.label
-        labels.add(line, labels.curves, point.kind, text, point.kind in LABELLED, side)
+        labels.add(line, labels.curves, point.kind, text, point.kind != "GR", side)
 
 
 _HIDDEN = 18.0  # points: an unstable piece shorter than that is lost between the symbols at its ends
@@ -305,9 +333,9 @@ def _enlarge(ax: Axes, branch: Branch, amplitude: Array, element: int | str, col
     ax.add_patch(_frame(ax, spot))  # legends keep clear of patches
     zoomed = ax.inset_axes((*spot, *_INSET), label="inset")
     _curve(zoomed, branch, amplitude, element, color, None)
-    for point in branch.special:
+    for point in map(named, branch.special):
         at = (point.parameters[branch.parameter], float(amplitude[point.index]))
-        zoomed.plot(*at, MARKERS.get(point.kind, ("+", ""))[0], markersize=4.0, markerfacecolor="white",
+        zoomed.plot(*at, point.marker, markersize=4.0, markerfacecolor="white",
                     markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
     rows = slice(first, last + 1)
     for values, limits in ((branch.values[rows], zoomed.set_xlim), (amplitude[rows], zoomed.set_ylim)):

@@ -35,7 +35,15 @@ FLOOR = 1e-6
 
 
 def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
-    """Motion of an element over its period, in periods of the excitation; thin lines at the corners of its law."""
+    """Motion of an element over its period, in periods of the excitation; thin lines at the corners of its law.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.time_history(curve["LP1"])
+    """
     layout, periods, d = _cycle(point, element)
     with styled():
         ax = axes_or_new(ax, (4.2, 2.8))
@@ -55,6 +63,13 @@ def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) 
     ------
     ValueError
         If the point has no parameter Omega.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.phase_diagram(curve["LP1"])
     """
     layout, periods, d = _cycle(point, element)
     if "Omega" not in point.parameters:
@@ -90,6 +105,13 @@ def spectrum(
     log : amplitudes on a logarithmic axis, with decibels of the largest line on the right; else linear.
     floor : share of the largest line below which none is drawn on the logarithmic axis; the figure says so.
     model : if it knows its mesh frequency, axes above give the frequencies in Hz.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.spectrum(curve["LP1"])
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -142,6 +164,15 @@ def portrait(point: Point, element: int | str = 0, model: Model | None = None) -
     """Time history, phase diagram and spectrum of a point side by side.
 
     With the model the title tells the mesh frequency and the speed of the pinion too, if the model knows them.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> figure = hb.plot.portrait(curve["LP1"])
+    >>> len(figure.axes)
+    3
     """
     import matplotlib.pyplot as plt
 

@@ -15,6 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hbgear.common.replacing import replacing
+from hbgear.continuation.branch import SpecialPoint
+from hbgear.continuation.events import Event
+from hbgear.harmonic.events import KINDS
 from hbgear.harmonic.observables import REGIMES, Layout
 from hbgear.harmonic.speeds import MESH, PINION
 
@@ -35,9 +38,14 @@ LINES: dict[bool | None, tuple[Any, float]] = {True: ("-", 1.4), False: ("--", 1
 """Line style and width of stable and unstable motions, and of those of which it is not known."""
 
 
-MARKERS = {"LP": ("o", "fold (LP)"), "PD": ("D", "period doubling (PD)"), "NS": ("s", "Neimark-Sacker (NS)"),
-           "BP": ("P", "branch point (BP)"), "GR": ("x", "grazing (GR)"), "CP": ("*", "cusp (CP)")}  # fmt: skip
-"""Marker and name of each kind of special point."""
+def legend_entry(event: Event | SpecialPoint) -> str:
+    """What a legend says of a kind of special points: its meaning as far as a colon, and the kind."""
+    what = event.meaning.partition(":")[0]
+    return what if what == event.kind else f"{what} ({event.kind})"
+
+
+MARKERS = {kind: (event.marker, legend_entry(event)) for kind, event in KINDS.items()}
+"""Marker and entry of a legend of every kind of special point that hbgear knows itself; users' events bring theirs."""
 
 
 MEASURES = {"rms": "alternating rms", "pp2": "half peak-to-peak", "max": "largest magnitude", "mean": "mean"}
@@ -110,6 +118,15 @@ def save(drawing: Axes | Figure, path: str | os.PathLike[str], dpi: int = 200) -
     ------
     ValueError
         If the path ends in something else.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import os, tempfile
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     hb.plot.save(hb.plot.response(curve), os.path.join(folder, "curve.png"))
+    ...
     """
     import matplotlib
 
@@ -170,7 +187,10 @@ def add_legend(ax: Axes, outside: bool = False) -> None:
     """One entry for each colour, width, style and symbol that occurs on the axes; if so asked, beside them."""
     from matplotlib.lines import Line2D
 
-    ranks = [*map(in_words, REGIMES), "unstable", *(name for _, name in MARKERS.values())]
+    from hbgear.plot.labels import labels_of
+
+    events = [str(mark.line.get_label()) for mark in labels_of(ax).marks]
+    ranks = [*map(in_words, REGIMES), "unstable", *(name for _, name in MARKERS.values()), *events]
     entries: dict[str, Line2D] = {}
     for line in ax.lines:
         curve, label = str(line.get_gid()).startswith("branch"), str(line.get_label())

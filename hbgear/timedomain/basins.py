@@ -86,6 +86,13 @@ def basins(
         If the model has more coordinates, a range is empty or not finite, or there are no starts or too many.
     KeyboardInterrupt
         If Ctrl-C comes before any motion has settled.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> found = hb.basins(hb.Duffing(zeta=0.2), 1.0, shape=(2, 2))
+    >>> found.label.shape
+    (2, 2)
     """
     need("basins(model)", model, "Model")
     system = model.system()

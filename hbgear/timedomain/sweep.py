@@ -246,6 +246,13 @@ def sweep(
     ValueError, KeyError
         If the grid is empty or not finite, the direction or a parameter unknown, Omega missing or not positive, or the
         disturbance negative.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> up = hb.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
+    >>> up.values.tolist(), len(up.jumps)
+    ([0.5, 0.6], 0)
     """
     need("sweep(model)", model, "Model")
     held = dict(at or {})

@@ -364,7 +364,7 @@ def test_newer_schema_says_upgrade(tmp_path, monkeypatch):
     monkeypatch.setattr(npz, "SCHEMA", npz.SCHEMA + 1)
     make().save(tmp_path / "b.npz")
     monkeypatch.undo()
-    with pytest.raises(ValueError, match=r"has schema 2, this hbgear reads up to 1; upgrade"):
+    with pytest.raises(ValueError, match=r"has schema 3, this hbgear reads up to 2; upgrade"):
         load(tmp_path / "b.npz")
 
 

@@ -478,7 +478,7 @@ DUFFING = HarmonicBalance(Duffing(), 3)
         (("Omega", (1.0, np.inf)), ValueError, "must be finite"),
         (("Omega", 1.0), ValueError, "span = 1.0 must be two numbers"),
         (("Omega", (1.0, 2.0, 3.0)), ValueError, "must be two numbers"),
-        (("Omega", (1.0, -1.0)), ValueError, "Omega must stay positive"),
+        (("Omega", (1.0, -1.0)), ValueError, "Omega must be positive"),
         (("Omga", (0.5, 1.0)), KeyError, "Duffing has no parameter 'Omga'; did you mean 'Omega'"),
         (("zetta", (0.5, 1.0)), KeyError, "did you mean 'zeta'"),
         (("zeta", (0.05, 0.1)), ValueError, "needs a fixed Omega: give at="),
