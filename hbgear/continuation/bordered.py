@@ -42,11 +42,9 @@ from hbgear.common.given import need
 from hbgear.common.ranges import Range
 from hbgear.continuation.algebra import Factors, Matrix, bordered, dense, norm, slogdet
 from hbgear.continuation.branch import Point
+from hbgear.continuation.differences import STEP, in_parameter
 from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise, linearise_all
 from hbgear.continuation.reading import Reader
-
-STEP = 1e-5
-"""Relative step of the directional differences."""
 
 
 class Extra(NamedTuple):
@@ -60,38 +58,10 @@ class Extra(NamedTuple):
     g_name: float
 
 
-class Sides(NamedTuple):
-    """R and dR/dX a small step above and below in one parameter, and the distance between the two."""
-
-    R: tuple[Array, Array]
-    J: tuple[Matrix, Matrix]
-    distance: float
-
-    @property
-    def dR(self) -> Array:
-        """Central difference of R."""
-        return (self.R[0] - self.R[1]) / self.distance
-
-    @property
-    def dJ(self) -> Matrix:
-        """Central difference of dR/dX."""
-        return (self.J[0] - self.J[1]) / self.distance
-
-
-def sides(problem: FullProblem, X: Array, here: Mapping[str, float], name: str) -> Sides:
-    """R and dR/dX on both sides of a parameter; one-sided where its range ends."""
-    h = STEP * problem.unit_of(name, here[name])
-    values, R, J = [], [], []
-    for value in (here[name] + h, here[name] - h):
-        try:
-            r, j = problem.evaluate(X, **{**here, name: value})
-        except ValueError:
-            value = here[name]
-            r, j = problem.evaluate(X, **here)
-        values.append(value)
-        R.append(r)
-        J.append(j)
-    return Sides((R[0], R[1]), (J[0], J[1]), values[0] - values[1])
+def sides(problem: FullProblem, X: Array, here: Mapping[str, float], name: str) -> tuple[Array, Matrix]:
+    """Derivatives of R and dR/dX in a parameter."""
+    dR, dJ = in_parameter(problem, name, here, lambda at: problem.evaluate(X, **at))
+    return dR, dJ
 
 
 def bends(problem: FullProblem, X: Array, v: Array, here: Mapping[str, float], name: str) -> tuple[Matrix, Matrix]:
@@ -99,8 +69,8 @@ def bends(problem: FullProblem, X: Array, v: Array, here: Mapping[str, float], n
     h = STEP * max(1e-3, norm(X)) / norm(v)
     if name not in problem.batched:
         plus, minus = (problem.evaluate(X + s * h * v, **here)[1] for s in (1, -1))
-        return (plus - minus) / (2 * h), sides(problem, X, here, name).dJ
-    e = STEP * (abs(here[name]) or 1.0)
+        return (plus - minus) / (2 * h), sides(problem, X, here, name)[1]
+    e = STEP * problem.unit_of(name, here[name])
     U = np.column_stack([np.array([X + h * v, X - h * v, X, X]), here[name] + e * np.array([0.0, 0.0, 1.0, -1.0])])
     J = linearise_all(problem, U, name, here).dR_dX
     return (J[0] - J[1]) / (2 * h), (J[2] - J[3]) / (2 * e)
@@ -373,10 +343,10 @@ class Fold(Augmented):
         v, w, g = null_vectors(now.dR_dX, base.b, base.c)
         k = base.weight
         along, across = bends(self.problem, X, v, here, self.parameter)
-        there = sides(self.problem, X, here, name) if name else None
+        dR, dJ = sides(self.problem, X, here, name) if name else (None, None)
         return Extra(
-            now, there and there.dR, k * g, -k * (w @ along),
-            -k * float(w @ (across @ v)), -k * float(w @ (there.dJ @ v)) if there else 0.0,
+            now, dR, k * g, -k * (w @ along),
+            -k * float(w @ (across @ v)), 0.0 if dJ is None else -k * float(w @ (dJ @ v)),
         )  # fmt: skip
 
     def direction(self, U: Array, **parameters: float) -> int:
@@ -451,6 +421,6 @@ class Level(Augmented):
                      k * self._moved(X, here, name) if name else 0.0)  # fmt: skip
 
     def _moved(self, X: Array, here: dict[str, float], name: str) -> float:
-        h = STEP * self.problem.unit_of(name, here[name])
-        above, below = (self.value(X, {**here, name: here[name] + s * h}) for s in (1, -1))
-        return (above - below) / (2 * h)
+        """Derivative of the function in a parameter."""
+        (moved,) = in_parameter(self.problem, name, here, lambda at: (self.value(X, at),))
+        return float(moved)

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import bordered, norm
-from hbgear.continuation.bordered import STEP, Augmented, Base, Extra, Fold, bends, null_vectors, sides
+from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, bends, null_vectors, sides
+from hbgear.continuation.differences import STEP, in_parameter
 from hbgear.continuation.problem import linearise, linearise_all
 from hbgear.mechanics.fourier import waves
 
@@ -88,11 +89,11 @@ class PeriodDoubling(Fold):
         direction[self.odd] = v
         odd, even = self.odd, self.even
         along, across = bends(self.doubled, wide, direction, here, self.parameter)
-        there = sides(self.doubled, wide, here, name) if name else None
+        dR, dJ = sides(self.doubled, wide, here, name) if name else (None, None)
         return Extra(
-            now, None if there is None else there.dR[even], k * g, -k * (w @ along[np.ix_(odd, even)]),
+            now, None if dR is None else dR[even], k * g, -k * (w @ along[np.ix_(odd, even)]),
             -k * float(w @ across[np.ix_(odd, odd)] @ v),
-            -k * float(w @ there.dJ[np.ix_(odd, odd)] @ v) if there else 0.0,
+            0.0 if dJ is None else -k * float(w @ dJ[np.ix_(odd, odd)] @ v),
         )  # fmt: skip
 
 
@@ -145,14 +146,8 @@ class Grazing(Augmented):
         """Derivative of the clearance in a parameter that moves the corner."""
         if name == "Omega":
             return 0.0
-        h = STEP * self.problem.unit_of(name, here[name])
-        ends: list[tuple[float, float]] = []
-        for value in (here[name] + h, here[name] - h):
-            try:
-                ends.append((value, self.problem.graze(X, self.which, **{**here, name: value})[0]))
-            except ValueError:
-                ends.append((here[name], self.problem.graze(X, self.which, **here)[0]))
-        return (ends[0][1] - ends[1][1]) / (ends[0][0] - ends[1][0])
+        (moved,) = in_parameter(self.problem, name, here, lambda at: self.problem.graze(X, self.which, **at)[:1])
+        return float(moved)
 
 
 class Peak(Augmented):
@@ -224,13 +219,14 @@ class Peak(Augmented):
         return Extra(now, R_name, weight * g, g_X, g_p, -weight * moved)
 
     def _along(self, X: Array, here: dict[str, float], name: str, z: Array, t: Array) -> tuple[Array, float]:
-        """dR/dname, and z^T d[J R_p]/dname t by central difference."""
-        h = STEP * self.problem.unit_of(name, here[name])
-        values = []
-        for value in (here[name] + h, here[name] - h):
-            side = linearise(self.problem, X, self.parameter, {**here, name: value})
-            values.append((side.R, float(z @ (side.dR_dX @ t[:-1] + side.dR_dp * t[-1]))))
-        return (values[0][0] - values[1][0]) / (2 * h), (values[0][1] - values[1][1]) / (2 * h)
+        """dR/dname, and z^T d[J R_p]/dname t."""
+
+        def parts(at: dict[str, float]) -> tuple[Array, float]:
+            side = linearise(self.problem, X, self.parameter, at)
+            return side.R, float(z @ (side.dR_dX @ t[:-1] + side.dR_dp * t[-1]))
+
+        dR, moved = in_parameter(self.problem, name, here, parts)
+        return dR, float(moved)
 
 
 def _harmonic(measure: str, problem: Any) -> int:

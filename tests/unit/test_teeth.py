@@ -1,4 +1,4 @@
-"""Tests of single lines that could be wrong unnoticed: each names a change of the program that it must not survive."""
+"""Tests of single lines that could be wrong unnoticed: each names the change that it must not survive."""
 
 from dataclasses import replace
 
