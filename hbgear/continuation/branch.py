@@ -167,7 +167,7 @@ class SpecialPoint(Point):
 
     ``index`` is the row of the branch that holds it, ``interval`` the parameter values of the rows that bracketed it.
     If it was not ``located``, that is solved for, it is only known to lie in the interval. ``meaning`` says what
-    happens there, ``marker`` is what figures draw.
+    happens there, ``marker`` is what figures draw, ``event`` what located it; that is not saved.
 
     Examples
     --------
@@ -186,6 +186,11 @@ class SpecialPoint(Point):
     note: str = ""
     meaning: str = ""
     marker: str = ""
+    event: Any = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For pickle: an event may hold any function."""
+        return {**vars(self), "event": None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,6 +218,12 @@ class Jump:
     direction: int
     before: Point
     after: Point | None
+
+
+def saved_fields(value: Any) -> dict[str, Any]:
+    """Fields of a point, jump or branch that are written to files: all but what is code."""
+    fields = dataclasses.fields(value)
+    return {field.name: getattr(value, field.name) for field in fields if field.name not in ("problem", "event")}
 
 
 _ARRAYS: dict[str, tuple[Any, int]] = {

@@ -36,6 +36,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, Range
 from hbgear.continuation.algebra import Matrix, norm
 from hbgear.continuation.branch import Branch, Point
+from hbgear.continuation.differences import in_parameter
 from hbgear.continuation.reading import Reader
 
 if TYPE_CHECKING:
@@ -270,9 +271,6 @@ ABILITIES = (
 # ---- the problem this room speaks to
 
 
-_DIFFERENCE = 1e-6  # relative step of dR/dp by a central difference
-
-
 class FullProblem:
     """A problem with an answer to everything; derive from it, or let `as_problem` fill in what is missing."""
 
@@ -312,9 +310,7 @@ class FullProblem:
         R, J = self.evaluate(X, **parameters)
         dR = np.zeros(len(X))
         if name:
-            h = _DIFFERENCE * max(abs(parameters[name]), 1e-2)
-            plus, minus = (self.evaluate(X, **{**parameters, name: parameters[name] + s * h})[0] for s in (1, -1))
-            dR = (plus - minus) / (2 * h)
+            (dR,) = in_parameter(self, name, parameters, lambda at: (np.asarray(self.evaluate(X, **at)[0]),))
         return Evaluation(np.asarray(R), J, dR, 1.0 + float(np.linalg.norm(X)))
 
     def linearise_many(self, X: Array, name: str, values: Array, **parameters: float) -> Evaluations:
@@ -343,8 +339,12 @@ class FullProblem:
         pass
 
     def unit_of(self, name: str, value: float) -> float:
-        """Size against which a change of a parameter is small: its value, near zero a thousandth of the usual one."""
-        return max(abs(value), 1e-3 * abs(self.parameters.get(name, 0.0))) or 1.0
+        """Size against which a change of a parameter is small.
+
+        Its value; near zero a thousandth of the usual one, or a hundredth where that is zero or not known.
+        """
+        usual = abs(self.parameters.get(name, 0.0))
+        return max(abs(value), 1e-3 * usual if usual else 1e-2)
 
     def missing(self, known: Sequence[str]) -> Sequence[str]:
         """`Checked.missing`: nothing."""

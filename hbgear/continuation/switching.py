@@ -1,4 +1,10 @@
-"""Branch switching: onto the other curve that passes a special point."""
+"""Branch switching: onto the other curve that passes a special point.
+
+References
+----------
+Keller, in: Applications of Bifurcation Theory, ed. Rabinowitz (1977), 359-384.
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +12,7 @@ from typing import Any
 
 from hbgear.common.given import article, given, need
 from hbgear.continuation.branch import Branch, SpecialPoint
-from hbgear.continuation.events import events_of
-from hbgear.continuation.problem import as_problem
+from hbgear.continuation.events import event_of
 from hbgear.continuation.tracer import trace
 
 
@@ -56,9 +61,9 @@ def switch(
         raise ValueError("switching needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     if span is None:
         span = (float(branch.values.min()), float(branch.values.max()))
-    for event in events_of(as_problem(branch.problem), branch.parameter):
-        left = event.departure(branch, point, side) if event.kind == point.kind else None
-        if left is not None:
-            problem, start = left
-            return trace(problem, branch.parameter, span, start, **options)
+    event = event_of(branch, point)
+    left = event.departure(branch, point, side) if event else None
+    if left is not None:
+        problem, start = left
+        return trace(problem, branch.parameter, span, start, **options)
     raise ValueError(f"{label} is {article(point.kind)}; no other branch leaves there: choose a PD or BP")

@@ -1,6 +1,10 @@
 """Critical values: for which design a jump appears or vanishes.
 
 The two folds of a jump meet at a cusp of the fold curve in the design parameter.
+
+References
+----------
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
 """
 
 from __future__ import annotations
@@ -14,21 +18,27 @@ from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, SpecialPoint, Status
 from hbgear.continuation.ending import Ending, whole
 from hbgear.continuation.newton import NoConvergence
+from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
-from hbgear.harmonic.jump_map import (
-    _BARREN,
-    _CAREFUL,
-    _REACH,
+from hbgear.harmonic.fold_curves import (
     Report,
-    _check,
-    _checked_range,
-    _curve,
-    _known,
-    _problem,
+    check_frequencies,
+    check_parameter,
+    on_fold_curve,
+    problem_of,
+    response_curve,
     say,
 )
 from hbgear.mechanics.model import Model
+
+_REACH = 5.0  # how far a fold is followed, in the model's own value of the parameter
+
+
+_CAREFUL = StepControl(first=0.002, longest=0.02, max_points=300)
+
+
+_BARREN = 6  # fold curves without a cusp after which the search is given up
 
 
 class NoFold(ValueError):
@@ -119,9 +129,9 @@ def critical(
     >>> bool(0.05 < found.value < 0.1), found.jump_below
     (True, True)
     """
-    problem = _problem(model, harmonics)
-    _check(problem, parameter)
-    _checked_range(frequencies)
+    problem = problem_of(model, harmonics)
+    check_parameter(problem, parameter)
+    check_frequencies(frequencies)
     own, allowed = problem.parameters[parameter], problem.range_of(parameter)
     followed: list[Branch] = []
     tried: list[float] = []
@@ -132,7 +142,7 @@ def critical(
         if value not in allowed:
             continue
         try:
-            curve = _curve(problem, parameter, value, frequencies)
+            curve = response_curve(problem, parameter, value, frequencies)
         except NoConvergence:
             continue
         say(report, f"response curve at {parameter} = {value:.5g}: {_count_folds(curve)}")
@@ -184,7 +194,7 @@ def _cusps_from(
     own, allowed = problem.parameters[parameter], problem.range_of(parameter)
     reach = _REACH * (abs(own) or 1.0)
     for point in (p for p in curve.special if p.kind == "LP" and p.located):
-        if any(_known(problem, fold, point, parameter) for fold in followed):
+        if any(on_fold_curve(problem, fold, point, parameter) for fold in followed):
             continue
         value = point.parameters[parameter]
         first = -1 if own < value else 1  # towards the model's own value

@@ -7,6 +7,10 @@
 | PeriodDoubling | bordered determinant of the half-integer block: a multiplier is -1 |
 | Grazing | extremum of an element minus a corner of its law: the impact regime changes |
 | Peak | derivative of an amplitude along the curve |
+
+References
+----------
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
 """
 
 from __future__ import annotations
@@ -16,10 +20,12 @@ from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import bordered, norm
-from hbgear.continuation.bordered import STEP, Augmented, Base, Extra, Fold, bends, null_vectors, sides
+from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, bends, null_vectors, sides
+from hbgear.continuation.differences import STEP, in_parameter
 from hbgear.continuation.problem import linearise, linearise_all
 from hbgear.mechanics.fourier import waves
 
@@ -48,14 +54,16 @@ class PeriodDoubling(Fold):
     """
 
     turning_kind = "LP"
+    doubled: Any
+    odd: NDArray[np.int_]
+    even: NDArray[np.int_]
 
     def __init__(self, problem: Any, parameter: str = "") -> None:
         super().__init__(problem, parameter)
-        self.doubled = problem.with_order(2 * problem.nu, 2 * problem.H + 1)
-        k = np.arange(self.doubled.H + 1)
+        doubled = problem.with_order(2 * problem.nu, 2 * problem.H + 1)
+        k = np.arange(doubled.H + 1)
         harmonic = np.tile(np.concatenate([[0], np.repeat(k[1:], 2)]), problem.m)
-        self.odd = np.flatnonzero(harmonic % 2)
-        self.even = np.flatnonzero(harmonic % 2 == 0)
+        self._fixed(doubled=doubled, odd=np.flatnonzero(harmonic % 2), even=np.flatnonzero(harmonic % 2 == 0))
 
     def embed(self, X: Array) -> Array:
         """The motion in the basis of twice the period."""
@@ -85,11 +93,11 @@ class PeriodDoubling(Fold):
         direction[self.odd] = v
         odd, even = self.odd, self.even
         along, across = bends(self.doubled, wide, direction, here, self.parameter)
-        there = sides(self.doubled, wide, here, name) if name else None
+        dR, dJ = sides(self.doubled, wide, here, name) if name else (None, None)
         return Extra(
-            now, None if there is None else there.dR[even], k * g, -k * (w @ along[np.ix_(odd, even)]),
+            now, None if dR is None else dR[even], k * g, -k * (w @ along[np.ix_(odd, even)]),
             -k * float(w @ across[np.ix_(odd, odd)] @ v),
-            -k * float(w @ there.dJ[np.ix_(odd, odd)] @ v) if there else 0.0,
+            0.0 if dJ is None else -k * float(w @ dJ[np.ix_(odd, odd)] @ v),
         )  # fmt: skip
 
 
@@ -116,10 +124,11 @@ class Grazing(Augmented):
     """
 
     problem: Any  # a HarmonicBalance
+    which: int
 
     def __init__(self, problem: Any, parameter: str = "", which: int = 0) -> None:
         super().__init__(problem, parameter)
-        self.which = which
+        self._fixed(which=which)
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         return Base(linearise(self.problem, X, "", here).size / (1.0 + norm(X)))
@@ -141,14 +150,8 @@ class Grazing(Augmented):
         """Derivative of the clearance in a parameter that moves the corner."""
         if name == "Omega":
             return 0.0
-        h = STEP * self.problem.unit_of(name, here[name])
-        ends: list[tuple[float, float]] = []
-        for value in (here[name] + h, here[name] - h):
-            try:
-                ends.append((value, self.problem.graze(X, self.which, **{**here, name: value})[0]))
-            except ValueError:
-                ends.append((here[name], self.problem.graze(X, self.which, **here)[0]))
-        return (ends[0][1] - ends[1][1]) / (ends[0][0] - ends[1][0])
+        (moved,) = in_parameter(self.problem, name, here, lambda at: self.problem.graze(X, self.which, **at)[:1])
+        return float(moved)
 
 
 class Peak(Augmented):
@@ -180,27 +183,19 @@ class Peak(Augmented):
     """
 
     problem: Any  # a HarmonicBalance
+    measure: str
+    element: int
+    S: Array
 
     def __init__(self, problem: Any, parameter: str = "", measure: str = "rms", element: int = 0) -> None:
         super().__init__(problem, parameter)
-        self.measure, self.element = measure, element
         S = np.zeros((problem.m, 2 * problem.H + 1))
         if measure == "rms":
             S[element, 1:] = 1.0
         else:
-            k = self._harmonic(measure)
+            k = _harmonic(measure, self.problem)
             S[element, 2 * k - 1 : 2 * k + 1] = 1.0
-        self.S = S.ravel()
-
-    def _harmonic(self, measure: str) -> int:
-        """Basis harmonic of "H2" or, for nu = 2, "H1/2"."""
-        nu, H = self.problem.nu, self.problem.H
-        found = re.fullmatch(r"H(\d+)(?:/(\d+))?", measure)
-        k = int(found[1]) * nu / int(found[2] or 1) if found and found[2] != "0" else 0
-        if k != int(k) or not 1 <= k <= H:
-            fractions = f", also H1/{nu}, ..." if nu > 1 else ""
-            raise ValueError(f"peak of {measure!r}: need 'rms' or 'H1' to 'H{H // nu}'{fractions}")
-        return int(k)
+        self._fixed(measure=measure, element=element, S=S.ravel())
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         return Base(linearise(self.problem, X, "", here).size / (1.0 + abs(float(self.S @ (X * X)))))
@@ -228,10 +223,22 @@ class Peak(Augmented):
         return Extra(now, R_name, weight * g, g_X, g_p, -weight * moved)
 
     def _along(self, X: Array, here: dict[str, float], name: str, z: Array, t: Array) -> tuple[Array, float]:
-        """dR/dname, and z^T d[J R_p]/dname t by central difference."""
-        h = STEP * self.problem.unit_of(name, here[name])
-        values = []
-        for value in (here[name] + h, here[name] - h):
-            side = linearise(self.problem, X, self.parameter, {**here, name: value})
-            values.append((side.R, float(z @ (side.dR_dX @ t[:-1] + side.dR_dp * t[-1]))))
-        return (values[0][0] - values[1][0]) / (2 * h), (values[0][1] - values[1][1]) / (2 * h)
+        """dR/dname, and z^T d[J R_p]/dname t."""
+
+        def parts(at: dict[str, float]) -> tuple[Array, float]:
+            side = linearise(self.problem, X, self.parameter, at)
+            return side.R, float(z @ (side.dR_dX @ t[:-1] + side.dR_dp * t[-1]))
+
+        dR, moved = in_parameter(self.problem, name, here, parts)
+        return dR, float(moved)
+
+
+def _harmonic(measure: str, problem: Any) -> int:
+    """Basis harmonic of "H2" or, for nu = 2, "H1/2"."""
+    nu, H = problem.nu, problem.H
+    found = re.fullmatch(r"H(\d+)(?:/(\d+))?", measure)
+    k = int(found[1]) * nu / int(found[2] or 1) if found and found[2] != "0" else 0
+    if k != int(k) or not 1 <= k <= H:
+        fractions = f", also H1/{nu}, ..." if nu > 1 else ""
+        raise ValueError(f"peak of {measure!r}: need 'rms' or 'H1' to 'H{H // nu}'{fractions}")
+    return int(k)

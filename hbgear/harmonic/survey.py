@@ -9,7 +9,7 @@ and by following known ones in a second parameter and back. What is new is trace
 
 References
 ----------
-Farrell, Birkisson & Funke (2015), SIAM J. Sci. Comput. 37(4), A2026, for deflation.
+Farrell, Birkisson & Funke (2015), SIAM J. Sci. Comput. 37(4), A2026, https://doi.org/10.1137/140984798.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.given import given, need, two_numbers
 from hbgear.common.ranges import counted
 from hbgear.continuation.branch import Branch, Point, Status
-from hbgear.continuation.deflation import _same, deflated_newton
+from hbgear.continuation.deflation import deflated_newton, same_solution
 from hbgear.continuation.ending import Ending, Interrupted, whole
 from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.stepsize import StepControl
@@ -220,7 +220,7 @@ class _Search:
         start = len(known)
         for guess in random_motions(self.problem, known, guesses, rng):
             X = deflated_newton(self.problem, guess, self._at(Omega), [])
-            if X is None or any(_same(X, Y) for Y in known):
+            if X is None or any(same_solution(X, Y) for Y in known):
                 X = deflated_newton(self.problem, guess, self._at(Omega), known)
             if X is not None:
                 known += shifts(self.problem, X)
@@ -241,7 +241,7 @@ class _Search:
                 ))  # fmt: skip
                 back = curve.X[-1]
                 # it came back to the model's own value as another motion
-                if curve.status == Status.LEFT_SPAN and not any(_same(back, Y) for Y in pending):
+                if curve.status == Status.LEFT_SPAN and not any(same_solution(back, Y) for Y in pending):
                     pending.append(back)
                     self._take(back, Omega, f"following {name} to {_farthest(curve.values, own):.4g} and back")
         self.say(f"Omega = {Omega:.5g}: known motions followed in {name} over ({span[0]:g}, {span[1]:g})")
@@ -319,7 +319,7 @@ def shifts(problem: HarmonicBalance, X: Array) -> list[Array]:
 def _distinct(motions: list[Array]) -> list[Array]:
     out: list[Array] = []
     for X in motions:
-        if not any(_same(X, Y) for Y in out):
+        if not any(same_solution(X, Y) for Y in out):
             out.append(X)
     return out
 

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from hbgear.common.arrays import Array
 from hbgear.common.replacing import replacing
-from hbgear.continuation.branch import Branch, Jump, Point
+from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
+from hbgear.continuation.events import Event
+from hbgear.harmonic.events import KINDS, named
 from hbgear.harmonic.landings import landings
 from hbgear.harmonic.observables import REGIMES, Layout, layout_of
 from hbgear.harmonic.speeds import MESH, PINION, common_scales, model_of, same_scales, scales, speeds_at
@@ -39,8 +41,14 @@ COLOURS = {"no_impact": "#1f4e8c", "single_sided": "#d9730d", "double_sided": "#
 LINES: dict[bool | None, tuple[Any, float]] = {True: ("-", 1.4), False: ("--", 1.2), None: ("-", 0.7)}
 
 
-MARKERS = {"LP": ("o", "fold (LP)"), "PD": ("D", "period doubling (PD)"), "NS": ("s", "Neimark-Sacker (NS)"),
-           "BP": ("P", "branch point (BP)"), "GR": ("x", "grazing (GR)"), "CP": ("*", "cusp (CP)")}  # fmt: skip
+def legend_entry(event: Event | SpecialPoint) -> str:
+    """What a legend says of a kind of special points: its meaning as far as a colon, and the kind."""
+    what = event.meaning.partition(":")[0]
+    return what if what == event.kind else f"{what} ({event.kind})"
+
+
+MARKERS = {kind: (event.marker, legend_entry(event)) for kind, event in KINDS.items()}
+"""Marker and entry of a legend of every kind of special point that hbgear knows itself; users' events bring theirs."""
 
 
 MEASURES = {"rms": "alternating rms", "pp2": "half peak-to-peak", "max": "largest magnitude", "mean": "mean"}
@@ -52,9 +60,6 @@ BRANCHES = ("#0072b2", "#d55e00", "#009e73", "#b3478c", "#000000", "#e69f00", "#
 
 WIDTHS = {"no_impact": 1.1, "single_sided": 2.0, "double_sided": 3.0, "unknown": 1.3}
 """Line widths of the regimes where the colour is the branch."""
-
-
-LABELLED = ("LP", "PD", "NS", "BP", "CP")
 
 
 FLOOR = 1e-6
@@ -267,8 +272,8 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
             ax.plot(arm.values, arm.Omega, style, color=COLOURS["no_impact"], label=name)
         for cusp in jumps.cusps:
             x, y = cusp.parameters[jumps.parameter], cusp.parameters["Omega"]
-            marker, name = MARKERS["CP"]
-            ax.plot(x, y, marker, markersize=8, color="black", markerfacecolor="white", label=name, gid=cusp.label)
+            ax.plot(x, y, cusp.marker, markersize=8, color="black", markerfacecolor="white", label=legend_entry(cusp),
+                    gid=cusp.label)  # fmt: skip
             place = (x - jumps.span[0]) / (jumps.span[1] - jumps.span[0])
             side = "left" if place < 0.1 else "right" if place > 0.9 else "center"
             ax.annotate(f"{x:.5g}, {y:.4g}", (x, y), (0, 8), textcoords="offset points", fontsize=8, ha=side)
@@ -606,24 +611,26 @@ def _marks(ax: Axes, branch: Branch, measure: str, element: int | str, numbered:
 
     labels = labels_of(ax)
     labels.curves += 1
-    for point in branch.special:
-        marker, name = MARKERS.get(point.kind, ("+", point.kind))
+    for point in map(named, branch.special):
         x, height = point.parameters[branch.parameter], point.amplitude(measure, element)
         (line,) = ax.plot(
-            x, height, marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black", markeredgewidth=0.9,
-            label=name, zorder=4, gid=point.label,
+            x, height, point.marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black",
+            markeredgewidth=0.9, label=legend_entry(point), zorder=4, gid=point.label,
         )  # fmt: skip
         around = branch.values[max(point.index - 1, 0) : point.index + 2]
         side = (1 if point.kind != "LP" or x >= around.mean() else -1, 0)
         text = f"{point.label} ({labels.curves})" if numbered else point.label
-        labels.add(line, labels.curves, point.kind, text, point.kind in LABELLED, side)
+        labels.add(line, labels.curves, point.kind, text, point.kind != "GR", side)
 
 
 def _legend(ax: Axes, outside: bool = False) -> None:
     """One entry for each colour, width, style and symbol that occurs on the axes; if so asked, beside them."""
     from matplotlib.lines import Line2D
 
-    ranks = [*map(_words, REGIMES), "unstable", *(name for _, name in MARKERS.values())]
+    from hbgear.plot.labels import labels_of
+
+    events = [str(mark.line.get_label()) for mark in labels_of(ax).marks]
+    ranks = [*map(_words, REGIMES), "unstable", *(name for _, name in MARKERS.values()), *events]
     entries: dict[str, Line2D] = {}
     for line in ax.lines:
         curve, label = str(line.get_gid()).startswith("branch"), str(line.get_label())
@@ -667,9 +674,9 @@ def _enlarge(ax: Axes, branch: Branch, amplitude: Array, element: int | str, col
     ax.add_patch(_frame(ax, spot))  # legends keep clear of patches
     zoomed = ax.inset_axes((*spot, *_INSET), label="inset")
     _curve(zoomed, branch, amplitude, element, color, None)
-    for point in branch.special:
+    for point in map(named, branch.special):
         at = (point.parameters[branch.parameter], float(amplitude[point.index]))
-        zoomed.plot(*at, MARKERS.get(point.kind, ("+", ""))[0], markersize=4.0, markerfacecolor="white",
+        zoomed.plot(*at, point.marker, markersize=4.0, markerfacecolor="white",
                     markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
     rows = slice(first, last + 1)
     for values, limits in ((branch.values[rows], zoomed.set_xlim), (amplitude[rows], zoomed.set_ylim)):
