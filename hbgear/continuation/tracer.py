@@ -5,6 +5,11 @@ are one. The step follows the number of Newton steps, the angle the tangent turn
 missed the curve; a step that turns too far, lands too far from where it was sent or runs back over the curve is taken
 again at half its length. The tangent passes folds without a change of parameter. Special points are looked for between
 the rows, the curve's ends at every row.
+
+References
+----------
+Keller, in: Applications of Bifurcation Theory, ed. Rabinowitz (1977), 359-384.
+Allgower & Georg, Introduction to Numerical Continuation Methods (2003), https://doi.org/10.1137/1.9780898719154.
 """
 
 from __future__ import annotations

@@ -1,6 +1,10 @@
 """Critical values: for which design a jump appears or vanishes.
 
 The two folds of a jump meet at a cusp of the fold curve in the design parameter.
+
+References
+----------
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
 """
 
 from __future__ import annotations

@@ -2,6 +2,10 @@
 
 A jump is a fold of the response curve. Its frequency as a function of a design parameter is a fold curve; where the two
 folds of a jump meet, at a cusp of that curve, the jump appears or vanishes.
+
+References
+----------
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ and by following known ones in a second parameter and back. What is new is trace
 
 References
 ----------
-Farrell, Birkisson & Funke (2015), SIAM J. Sci. Comput. 37(4), A2026, for deflation.
+Farrell, Birkisson & Funke (2015), SIAM J. Sci. Comput. 37(4), A2026, https://doi.org/10.1137/140984798.
 """
 
 from __future__ import annotations
