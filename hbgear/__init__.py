@@ -7,6 +7,7 @@ import importlib
 from types import ModuleType
 
 from hbgear._version import __version__
+from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import Range
 from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
@@ -67,6 +68,8 @@ __all__ = [
     "PeriodDoubling",
     "PiecewiseLinear",
     "Point",
+    "Progress",
+    "ProgressCallback",
     "Range",
     "Reduction",
     "Series",

@@ -38,6 +38,7 @@ from hbgear.cli.support import (
     Measure,
     Model,
     Within,
+    bar,
     chosen_model,
     element_of,
     equation_of,
@@ -51,7 +52,6 @@ from hbgear.cli.support import (
     point_of,
     print_table,
     problem_of,
-    progress_bar,
     ranges_of,
     retold,
     say,
@@ -263,7 +263,7 @@ def extend(
     branch, which = loaded(file, measure, element)
     problem = catalogue.problem_of(retold(branch.meta, harmonics, samples))
     span = longer_span(branch, within, first, last)
-    with one_thread(), progress_bar(branch.parameter, float(branch.values[-1]), span[1]) as progress:
+    with one_thread(), bar(branch.parameter) as progress:
         steps = hb.StepControl(max_points=max_points)
         whole = hb.extend(branch, span, problem=problem, steps=steps, progress=progress)
     with outputs() as out:

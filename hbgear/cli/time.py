@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +21,7 @@ from hbgear.cli.support import (
     Measure,
     Model,
     Within,
+    bar,
     chosen_model,
     element_of,
     one_thread,
@@ -162,24 +160,3 @@ def _drawing() -> Any:
     from hbgear.plot import simulation as plot_time
 
     return plot_time
-
-
-@contextmanager
-def bar(what: str) -> Iterator[Any]:
-    """A progress bar with the time left on a terminal, as ``progress(share, text)``; nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, TextColumn("{task.fields[text]}"), console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task(what, total=1.0, text="")
-        yield lambda share, text: shown.update(task, completed=share, text=text)

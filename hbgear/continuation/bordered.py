@@ -45,6 +45,7 @@ from hbgear.continuation.differences import STEP, in_parameter
 from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise, linearise_all
 from hbgear.continuation.reading import Reader
 
+
 class Extra(NamedTuple):
     """The equations of the solution with their derivatives in p and name, and g with its own in X, p and name."""
 

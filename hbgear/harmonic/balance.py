@@ -416,7 +416,9 @@ class HarmonicBalance(FullProblem):
         parts = np.concatenate([*p, *dp_dd, *dp_dv] if damped else [*p, *dp_dd]).reshape(-1, self.N)
         spectra = self._transform.spectrum(parts).reshape(-1, m, P, n).swapaxes(1, 2)
         slopes = self._toeplitz(spectra[1:].reshape(-1, n)).reshape(-1, P, m, n, n)
-        return ForceHarmonics(to_real(one_sided(spectra[0, ..., : self.H + 1])), slopes[0], slopes[1] if damped else None)
+        return ForceHarmonics(
+            to_real(one_sided(spectra[0, ..., : self.H + 1])), slopes[0], slopes[1] if damped else None
+        )
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
         """Residual (n,) and Jacobian (n, n) at X (n,), n = m (2H + 1); ``Omega`` must be among the parameters."""
@@ -434,7 +436,9 @@ class HarmonicBalance(FullProblem):
         R, J, dR, size = now.R[0], now.dR_dX[0], now.dR_dp[0], now.size[0]
         if name != "Omega":
             here = {name: self.parameters.get(name, 0.0), **parameters} if name else {}
-            (dR,) = in_parameter(self, name, here, lambda at: (self.residual(X, **at),)) if name else (np.zeros(len(R)),)
+            (dR,) = (
+                in_parameter(self, name, here, lambda at: (self.residual(X, **at),)) if name else (np.zeros(len(R)),)
+            )
         return Evaluation(R, J, dR, float(size))
 
     def linearise_all(self, X: Array, Omega: Array, **parameters: float) -> Evaluations:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import math
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,18 +16,18 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.given import two_numbers
+from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.common.replacing import replacing
 from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status, joined
 from hbgear.continuation.ending import Ending, whole
 from hbgear.continuation.newton import NoConvergence, solve
+from hbgear.continuation.passing import passings
 from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.mechanics.model import Model
-
-Report = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -128,7 +127,7 @@ def jump_map(
     harmonics: int = 16,
     seeds: int = 3,
     steps: StepControl = StepControl(),
-    report: Report | None = None,
+    progress: ProgressCallback | None = None,
 ) -> JumpMap:
     """Jump-up and jump-down frequencies against a design parameter.
 
@@ -143,7 +142,7 @@ def jump_map(
     frequencies : range of Omega of the response curves; the model's by default.
     harmonics : used if a model is given.
     seeds : number of response curves, at least 2.
-    report : called with a line of text as work goes on.
+    progress : called with a `Progress` as work goes on, such as ``print``; how far it is cannot be told.
 
     Returns
     -------
@@ -172,12 +171,12 @@ def jump_map(
     ending, value = Ending(), low
     try:
         for value in _spread(low, high, seeds):
-            say(report, f"response curve at {parameter} = {value:.5g}")
+            say(progress, f"response curve at {parameter} = {value:.5g}")
             curve = _curve(problem, parameter, value, frequencies)
             ending.also(curve, f"the response curve at {parameter} = {value:.5g}")
             for point in (p for p in curve.special if p.kind == "LP" and p.located):
                 if not any(_known(problem, fold, point, parameter) for fold, _ in folds):
-                    say(report, f"fold at Omega = {point.parameters['Omega']:.5g}, followed in {parameter}")
+                    say(progress, f"fold at Omega = {point.parameters['Omega']:.5g}, followed in {parameter}")
                     fold = _fold_curve(problem, parameter, (low, high), point, steps)
                     folds += [(fold, _arms(problem, fold))]
                     ending.also(fold, f"the curve of the fold at Omega = {point.parameters['Omega']:.5g}")
@@ -200,10 +199,10 @@ _CAREFUL = StepControl(first=0.002, longest=0.02, max_points=300)
 _BARREN = 6  # fold curves without a cusp after which the search is given up
 
 
-def say(report: Report | None, text: str) -> None:
+def say(progress: ProgressCallback | None, text: str) -> None:
     """Pass a line of progress on."""
-    if report:
-        report(text)
+    if progress:
+        progress(Progress(text=text))
 
 
 def _problem(model: Model | HarmonicBalance, harmonics: int) -> HarmonicBalance:
@@ -239,15 +238,13 @@ def _curve(problem: HarmonicBalance, parameter: str, value: float, frequencies: 
 def _known(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:
     """Whether a fold lies on a fold curve already traced: solve for the curve's fold at the same value and compare."""
     value = point.parameters[parameter]
-    x = fold.values - value
-    for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
-        s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
-        Omega = (1 - s) * fold.tracked["Omega"][i] + s * fold.tracked["Omega"][i + 1]
+    for place in passings(fold, value):
+        Omega = float(place.between(fold.tracked["Omega"]))
         if abs(Omega - point.parameters["Omega"]) > 0.05 * Omega:
             continue
-        U = np.append((1 - s) * fold.X[i] + s * fold.X[i + 1], Omega)
+        U = np.append(place.between(fold.X), Omega)
         try:
-            there = solve(Fold(problem), U, {**fold.parameters_at(int(i)), parameter: value}).X
+            there = solve(Fold(problem), U, {**fold.parameters_at(place.index), parameter: value}).X
         except NoConvergence:
             continue
         if abs(there[-1] - point.parameters["Omega"]) < 1e-6 * Omega:
