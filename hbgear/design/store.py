@@ -109,6 +109,7 @@ class Store:
             pass
 
     def path(self, key: str) -> Path:
+        """File of the case of this key."""
         return self.folder / "cases" / key[:2] / f"{key}.npz"
 
     def read(self, key: str) -> Result | None:

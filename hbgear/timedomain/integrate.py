@@ -101,6 +101,13 @@ def integrate(
     ------
     ValueError
         If there is no such method, a number is out of its range, or the states do not fit the model.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> motion = hb.integrate(hb.Duffing(), [0.0, 0.0], 2, 1.0)
+    >>> motion.d.shape
+    (1, 512)
     """
     for one in [model] if isinstance(model, Model) or not isinstance(model, Sequence) else model:
         need("integrate(model)", one, "Model")
