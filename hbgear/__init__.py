@@ -4,6 +4,7 @@ Harmonic balance with exact contact, pseudo-arclength continuation, Floquet stab
 """
 
 import importlib
+import warnings
 from types import ModuleType
 
 from hbgear._version import __version__
@@ -110,8 +111,14 @@ __all__ = [
 ]
 
 
+_MOVED = {"plot_cases": "hbgear.plot.study", "plot_time": "hbgear.plot.simulation"}
+
+
 def __getattr__(name: str) -> ModuleType:
     """``hbgear.plot`` is loaded when it is first used: matplotlib takes longer than all the rest."""
     if name == "plot":
         return importlib.import_module("hbgear.plot")
+    if name in _MOVED:
+        warnings.warn(f"hbgear.{name} is now part of hbgear.plot", DeprecationWarning, stacklevel=2)
+        return importlib.import_module(_MOVED[name])
     raise AttributeError(f"module 'hbgear' has no attribute '{name}'")

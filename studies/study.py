@@ -35,7 +35,7 @@ def journal() -> Iterator[None]:
     import matplotlib
 
     matplotlib.use("Agg")
-    from hbgear.plot.curves import STYLE
+    from hbgear.plot import STYLE
 
     with matplotlib.rc_context(STYLE):
         yield
@@ -96,7 +96,7 @@ def draw(plot: Any, results: Any, stem: Path, kinds: Sequence[str] = ("png",)) -
     with journal():
         import matplotlib.pyplot as plt
 
-        from hbgear.plot.curves import save
+        from hbgear.plot import save
 
         figure = plot(results)
         paths = [stem.with_suffix(f".{kind}") for kind in kinds]

@@ -99,13 +99,12 @@ def draw_figures(found: Cases, folder: Path) -> list[Path]:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    from hbgear.plot import study as plot_cases
-    from hbgear.plot.curves import save
+    from hbgear import plot
 
     paths = []
-    for name, drawing in plot_cases.figures(found).items():
+    for name, drawing in plot.figures(found).items():
         paths.append(folder / f"{name}.png")
-        save(drawing, paths[-1])
+        plot.save(drawing, paths[-1])
     plt.close("all")
     return paths
 

@@ -73,7 +73,7 @@ def validate(
     headers, rows = report.table()
     with outputs() as out:
         out.write(output, report.export)
-        out.figure(plot if report.rows else None, lambda _: _drawing().validation(report, branch, which))
+        out.figure(plot if report.rows else None, lambda drawing: drawing.validation(report, branch, which))
         print_table(headers, rows, "harmonic balance against time integration")
         print(report.summary)
     raise typer.Exit(STOPPED_EARLY if not report.complete else 0 if report.ok else DISAGREES)
@@ -133,8 +133,8 @@ def sweep(
     with outputs() as out:
         if found:
             out.write(output, lambda path: export(found, path))
-            out.figure(plot, lambda _: _drawing().sweeps(found, curve, measure, which, model=machine))
-            out.figure(bifurcation, lambda _: _drawing().bifurcation(found, which, model=machine))
+            out.figure(plot, lambda drawing: drawing.sweeps(found, curve, measure, which, model=machine))
+            out.figure(bifurcation, lambda drawing: drawing.bifurcation(found, which, model=machine))
         for s in found:
             _show(s, measure, which)
     complete = bool(found) and all(s.status.complete for s in found)
@@ -158,9 +158,3 @@ def _show(s: Any, measure: str, element: int | str) -> None:
         odd.append([f"{s.values[i]:.6g}", f"period {s.period[i]}" if s.period[i] else lost, f"{size[i]:.5g}"])
     if odd:
         print_table([s.parameter, "motion", measure], odd, "motions that do not have the period of the excitation")
-
-
-def _drawing() -> Any:
-    from hbgear.plot import simulation as plot_time
-
-    return plot_time

@@ -1,3 +1,73 @@
-"""Figures: response curves, motions, jump maps, sweeps, basins, studies. Only here matplotlib is imported."""
+"""Figures: response curves, motions, jump maps, sweeps, basins, studies. Only here matplotlib is imported.
 
-from hbgear.plot.curves import *  # noqa: F403
+Every function takes what was found, draws on matplotlib axes, new ones by default, and returns them.
+
+Examples
+--------
+>>> import hbgear as hb
+>>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 1.6))
+>>> hb.plot.save(hb.plot.response(curve), "curve.png")  # doctest: +SKIP
+"""
+
+from hbgear.plot.curves import jump_map, response, responses, speed_axes
+from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
+from hbgear.plot.simulation import (
+    BASINS,
+    DIRECTIONS,
+    INKS,
+    REFINED,
+    SYMBOLS,
+    basins,
+    bifurcation,
+    sweeps,
+    validation,
+)
+from hbgear.plot.study import (
+    JUMPS,
+    PERCENTILES,
+    against_parameters,
+    envelope,
+    figures,
+    jump_distribution,
+    percentiles,
+)
+from hbgear.plot.style import BRANCHES, COLOURS, FONT, GREY, LINES, MARKERS, MEASURES, STYLE, WIDTHS, State, save
+
+__all__ = [
+    "BASINS",
+    "BRANCHES",
+    "COLOURS",
+    "DIRECTIONS",
+    "FLOOR",
+    "FONT",
+    "GREY",
+    "INKS",
+    "JUMPS",
+    "LINES",
+    "MARKERS",
+    "MEASURES",
+    "PERCENTILES",
+    "REFINED",
+    "STYLE",
+    "SYMBOLS",
+    "WIDTHS",
+    "State",
+    "against_parameters",
+    "basins",
+    "bifurcation",
+    "envelope",
+    "figures",
+    "jump_distribution",
+    "jump_map",
+    "percentiles",
+    "phase_diagram",
+    "portrait",
+    "response",
+    "responses",
+    "save",
+    "spectrum",
+    "speed_axes",
+    "sweeps",
+    "time_history",
+    "validation",
+]

@@ -1,90 +1,43 @@
-"""Figures of branches and points: functions that take one, draw on matplotlib axes and return them.
-
-Stable motions are drawn solid, unstable ones dashed, those of unknown stability solid and thin. On one curve the colour
-is the impact regime; of several curves each has its own colour, and the width of the line is the regime. Nothing here
-changes matplotlib's settings, and matplotlib is imported only when something is drawn.
-"""
+"""Figures of response curves and jump maps: functions that take branches, draw on matplotlib axes and return them."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hbgear.common.arrays import Array
-from hbgear.common.replacing import replacing
-from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
-from hbgear.continuation.events import Event
-from hbgear.harmonic.events import KINDS, named
+from hbgear.continuation.branch import Branch, Jump
+from hbgear.harmonic.events import named
 from hbgear.harmonic.landings import landings
-from hbgear.harmonic.observables import REGIMES, Layout, layout_of
-from hbgear.harmonic.speeds import MESH, PINION, common_scales, model_of, same_scales, scales, speeds_at
+from hbgear.harmonic.observables import layout_of
+from hbgear.harmonic.speeds import common_scales, model_of, same_scales, scales
+from hbgear.plot.style import (
+    BRANCHES,
+    COLOURS,
+    FONT,
+    GREY,
+    LINES,
+    MEASURES,
+    WIDTHS,
+    State,
+    add_legend,
+    axes_or_new,
+    dress,
+    gap_label,
+    heighten,
+    in_words,
+    legend_entry,
+    regime_of,
+    scaled_axes,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from hbgear.harmonic.jump_map import JumpMap
-    from hbgear.mechanics.model import Model
-
-
-State = tuple[str, bool | None]
-
-
-COLOURS = {"no_impact": "#1f4e8c", "single_sided": "#d9730d", "double_sided": "#9c1f5c", "unknown": "#333333"}
-
-
-LINES: dict[bool | None, tuple[Any, float]] = {True: ("-", 1.4), False: ("--", 1.2), None: ("-", 0.7)}
-
-
-def legend_entry(event: Event | SpecialPoint) -> str:
-    """What a legend says of a kind of special points: its meaning as far as a colon, and the kind."""
-    what = event.meaning.partition(":")[0]
-    return what if what == event.kind else f"{what} ({event.kind})"
-
-
-MARKERS = {kind: (event.marker, legend_entry(event)) for kind, event in KINDS.items()}
-"""Marker and entry of a legend of every kind of special point that hbgear knows itself; users' events bring theirs."""
-
-
-MEASURES = {"rms": "alternating rms", "pp2": "half peak-to-peak", "max": "largest magnitude", "mean": "mean"}
-
-
-BRANCHES = ("#0072b2", "#d55e00", "#009e73", "#b3478c", "#000000", "#e69f00", "#56b4e9", "#7a5c00")
-"""Colours of several branches in this order (after Okabe and Ito), told apart by colour-blind readers too."""
-
-
-WIDTHS = {"no_impact": 1.1, "single_sided": 2.0, "double_sided": 3.0, "unknown": 1.3}
-"""Line widths of the regimes where the colour is the branch."""
-
-
-FLOOR = 1e-6
-"""Lines of a spectrum below this share of the largest are not drawn (-120 dB)."""
-
-
-GREY = "#8a8a8a"
-
-
-FONT = ["STIXGeneral", "DejaVu Serif"]
-
-
-_METADATA: dict[str, Any] = {
-    "png": {"Software": None},
-    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
-    "svg": {"Date": None, "Creator": None},
-}
-"""Neither times nor versions, so that a figure made again is the same file."""
-
-
-STYLE: Any = {
-    "font.family": FONT, "font.size": 9, "mathtext.fontset": "stix", "axes.linewidth": 0.6, "axes.labelsize": 10,
-    "axes.titlesize": 9, "legend.fontsize": 8, "legend.frameon": False, "lines.linewidth": 1.2, "axes.grid": False,
-    "figure.facecolor": "white", "axes.facecolor": "white", "axes.edgecolor": "black", "text.color": "black",
-}  # fmt: skip
 
 
 def response(
@@ -129,8 +82,8 @@ def response(
     """
     amplitude = branch.amplitude(measure, element)
     own = ax is None
-    with _style():
-        ax = _axes(ax, (5.0, 3.4))
+    with styled():
+        ax = axes_or_new(ax, (5.0, 3.4))
         _curve(ax, branch, amplitude, element, "black" if label and not color else color, label)
         if jumps:
             for jump in branch.jumps():
@@ -139,11 +92,11 @@ def response(
             _marks(ax, branch, measure, element)
         _name_axes(ax, branch, measure, element)
         if (own if speeds is None else speeds) and speed_axes(ax, [branch]) and own:
-            _heighten(ax)
+            heighten(ax)
         if own:
             _enlarge(ax, branch, amplitude, element, color)
         if legend:
-            _legend(ax)
+            add_legend(ax)
     return ax
 
 
@@ -188,8 +141,8 @@ def responses(
     if len(branches) == 1:
         return response(branches[0], measure, element, ax, legend=legend, speeds=speeds)
     own = ax is None
-    with _style():
-        ax = _axes(ax, (6.4, 3.8))
+    with styled():
+        ax = axes_or_new(ax, (6.4, 3.8))
         for i, branch in enumerate(branches):
             name = f"({i + 1}) {names[i]}" if names else f"branch {i + 1}"
             colour = BRANCHES[i % len(BRANCHES)]
@@ -201,9 +154,9 @@ def responses(
             _marks(ax, branch, measure, element, numbered=True)
         _name_axes(ax, branches[0], measure, element)
         if (own if speeds is None else speeds) and speed_axes(ax, branches) and own:
-            _heighten(ax)
+            heighten(ax)
         if legend:
-            _legend(ax, outside=own)
+            add_legend(ax, outside=own)
     return ax
 
 
@@ -221,34 +174,7 @@ def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
     >>> [axis.get_xlabel() for axis in hb.plot.speed_axes(axes, [curve])]
     ['speed of the pinion [r/min]', 'mesh frequency [Hz]']
     """
-    return _scaled_axes(ax, common_scales(branches))
-
-
-def _scaled_axes(ax: Axes, known: dict[str, float], side: str = "top", title: str = "mesh frequency [Hz]") -> list[Any]:
-    """Axes at the top or on the right of Omega, or of an order of it, times each scale."""
-    titles = {PINION: "speed of the pinion [r/min]", MESH: title}
-    added: list[Any] = []
-    for name in [name for name in titles if name in known]:
-        make = ax.secondary_xaxis if side == "top" else ax.secondary_yaxis
-        extra: Any = make(side, functions=_times(known[name]))  # type: ignore[arg-type]
-        extra.spines[side].set_position(("outward", (30.0 if side == "top" else 46.0) * len(added)))
-        (extra.set_xlabel if side == "top" else extra.set_ylabel)(titles[name], fontsize=9, labelpad=3)
-        extra.tick_params(direction="in", width=0.6, length=3.5, labelsize=8, labelfontfamily=FONT[0], pad=2)
-        added.append(extra)
-    if added:
-        ax.tick_params(which="both", top=side != "top", right=side != "right")
-    return added
-
-
-def _times(scale: float) -> tuple[Any, Any]:
-    """Multiplication by a number, and its inverse."""
-    return (lambda x: x * scale), (lambda y: y / scale)
-
-
-def _heighten(ax: Axes) -> None:
-    """Room for the axes above."""
-    figure: Any = ax.figure
-    figure.set_figheight(figure.get_figheight() + 0.6)
+    return scaled_axes(ax, common_scales(branches))
 
 
 def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> Axes:
@@ -264,8 +190,8 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
     """
     names = {1: (r"jump while $\Omega$ rises", "-"), -1: (r"jump while $\Omega$ falls", "-.")}
     own = ax is None
-    with _style():
-        ax = _axes(ax, (5.0, 3.4))
+    with styled():
+        ax = axes_or_new(ax, (5.0, 3.4))
         _shade(ax, jumps)
         for arm in jumps.arms:
             name, style = names[arm.direction]
@@ -281,9 +207,9 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
         ax.margins(y=0.12)
         ax.set_xlabel(jumps.labels.get(jumps.parameter, jumps.parameter))
         ax.set_ylabel(jumps.labels.get("Omega", r"$\Omega$"))
-        _dress(ax)
+        dress(ax)
         rows = [scales(model_of(fold), fold.parameters_at(i)) for fold in jumps.folds for i in (0, -1)]
-        if own and _scaled_axes(ax, same_scales(rows), "right"):
+        if own and scaled_axes(ax, same_scales(rows), "right"):
             ax.figure.set_figwidth(6.2)  # type: ignore[union-attr]
         if not jumps.arms:
             ax.text(0.5, 0.5, "no jump found in this range", transform=ax.transAxes, ha="center")
@@ -304,242 +230,6 @@ def _shade(ax: Axes, jumps: JumpMap) -> None:
                         label="several motions")  # fmt: skip
 
 
-def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
-    """Motion of an element over its period, in periods of the excitation; thin lines at the corners of its law.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
-    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
-    >>> axes = hb.plot.time_history(curve["LP1"])
-    """
-    layout, periods, d = _cycle(point, element)
-    with _style():
-        ax = _axes(ax, (4.2, 2.8))
-        ax.plot(periods, d, color=_colour(point, element))
-        ax.set_xlim(0, layout.nu)
-        ax.set_xlabel("excitation periods")
-        ax.set_ylabel(_gap(layout, element))
-        _dress(ax)
-        _corners(layout, element, d, ax.axhline, ax.set_ylim)
-    return ax
-
-
-def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
-    """Velocity against displacement, d' = (Omega / nu) dd/dtheta, with a dot once per period of the excitation.
-
-    Raises
-    ------
-    ValueError
-        If the point has no parameter Omega.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
-    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
-    >>> axes = hb.plot.phase_diagram(curve["LP1"])
-    """
-    layout, periods, d = _cycle(point, element)
-    if "Omega" not in point.parameters:
-        raise ValueError(f"a phase diagram needs Omega; the point has {', '.join(point.parameters) or 'no parameters'}")
-    v = point.parameters["Omega"] / layout.nu * _cycle(point, element, order=1)[2]
-    starts = np.searchsorted(periods, np.arange(layout.nu))
-    with _style():
-        ax = _axes(ax, (3.2, 2.8))
-        colour = _colour(point, element)
-        ax.plot(d, v, color=colour)
-        ax.plot(d[starts], v[starts], "o", color=colour, markersize=3.5)
-        ax.set_xlabel(_gap(layout, element))
-        ax.set_ylabel(layout.labels.get("velocity", f"velocity of {_gap(layout, element)}"))
-        _dress(ax)
-        _corners(layout, element, d, ax.axvline, ax.set_xlim)
-    return ax
-
-
-def spectrum(
-    point: Point,
-    element: int | str = 0,
-    ax: Axes | None = None,
-    *,
-    log: bool = True,
-    floor: float = FLOOR,
-    model: Model | None = None,
-) -> Axes:
-    """Amplitude of each harmonic, the mean left out, over multiples of the excitation frequency.
-
-    Parameters
-    ----------
-    point, element, ax : as of `time_history`.
-    log : amplitudes on a logarithmic axis, with decibels of the largest line on the right; else linear.
-    floor : share of the largest line below which none is drawn on the logarithmic axis; the figure says so.
-    model : if it knows its mesh frequency, axes above give the frequencies in Hz.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
-    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
-    >>> axes = hb.plot.spectrum(curve["LP1"])
-    """
-    from matplotlib.ticker import MaxNLocator
-
-    row = point.coefficients(element)
-    layout = _cycle(point, element)[0]
-    order = np.arange(1, layout.harmonics + 1) / layout.nu
-    height = np.hypot(row[1::2], row[2::2])
-    top = float(height.max()) or 1.0
-    low = top * floor if log else 0.0
-    order, height = order[height >= low], height[height >= low]
-    with _style():
-        ax = _axes(ax, (4.2, 2.8))
-        ax.vlines(order, low, height, color=_colour(point, element), linewidth=1.2)
-        ax.plot(order, height, "o", color=_colour(point, element), markersize=3, clip_on=False)
-        if log:
-            ax.set_yscale("log")
-            ax.set_ylim(low, 3 * top)
-            _decibels(ax, top, floor)
-        ax.set_ylim(bottom=low)
-        ax.set_xlim(0, (layout.harmonics + 1) / layout.nu)
-        ax.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
-        ax.set_xlabel("frequency / excitation frequency")
-        ax.set_ylabel(f"amplitude of {_gap(layout, element)}")
-        _dress(ax)
-        mesh = speeds_at(model, point.parameters).get(MESH)
-        if mesh:
-            _scaled_axes(ax, {MESH: mesh}, title="frequency [Hz]")
-        ax.tick_params(which="both", right=not log)
-    return ax
-
-
-def _decibels(ax: Axes, top: float, floor: float) -> None:
-    """An axis on the right in decibels of the largest line; it names the floor."""
-    right: Any = ax.secondary_yaxis(
-        "right",
-        functions=(
-            lambda y: 20 * np.log10(np.maximum(y, 1e-300) / top),
-            lambda level: top * 10 ** (np.asarray(level) / 20),
-        ),
-    )
-    right.set_yscale("linear")
-    lowest = 20 * np.log10(floor)
-    right.set_yticks(np.linspace(0.0, lowest, 7 if round(lowest) % 6 == 0 else 5))
-    right.minorticks_off()
-    right.set_ylabel(f"dB of the largest line, floor \N{MINUS SIGN}{-lowest:.0f} dB", fontsize=8)
-    right.tick_params(direction="in", width=0.6, labelsize=8, labelfontfamily=FONT[0])
-
-
-def portrait(point: Point, element: int | str = 0, model: Model | None = None) -> Figure:
-    """Time history, phase diagram and spectrum of a point side by side.
-
-    With the model the title tells the mesh frequency and the speed of the pinion too, if the model knows them.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
-    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
-    >>> figure = hb.plot.portrait(curve["LP1"])
-    >>> len(figure.axes)
-    3
-    """
-    import matplotlib.pyplot as plt
-
-    with _style():
-        figure, axes = plt.subplots(1, 3, figsize=(9.6, 2.9), layout="constrained")
-        time_history(point, element, axes[0])
-        phase_diagram(point, element, axes[1])
-        spectrum(point, element, axes[2], model=model)
-        known = speeds_at(model, point.parameters)
-        units = [f"{known[name]:.5g} {unit}" for name, unit in ((MESH, "Hz"), (PINION, "r/min")) if known]
-        figure.suptitle(", ".join([_title(point, element), *units]), fontsize=10)
-    return figure
-
-
-def save(drawing: Axes | Figure, path: str | os.PathLike[str], dpi: int = 200) -> None:
-    """Write the figure of these axes as .png, .pdf or .svg, whole or not at all; the same figure as the same bytes.
-
-    Raises
-    ------
-    ValueError
-        If the path ends in something else.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> import os, tempfile
-    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9))
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     hb.plot.save(hb.plot.response(curve), os.path.join(folder, "curve.png"))
-    ...
-    """
-    import matplotlib
-
-    kind = Path(path).suffix.lower().removeprefix(".")
-    if kind not in ("png", "pdf", "svg"):
-        raise ValueError(f"'{path}' must end in .png, .pdf or .svg")
-    figure: Any = drawing if hasattr(drawing, "savefig") else drawing.figure
-    settings: Any = {"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "hbgear"}
-    with matplotlib.rc_context(settings), replacing(path) as handle:
-        figure.savefig(handle, format=kind, dpi=dpi, metadata=_METADATA[kind])
-
-
-def _style() -> Any:
-    import matplotlib
-
-    return matplotlib.rc_context(STYLE)
-
-
-def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:
-    if ax is not None:
-        return ax
-    import matplotlib.pyplot as plt
-
-    return plt.subplots(figsize=size, layout="constrained")[1]
-
-
-def _dress(ax: Axes) -> None:
-    """Ticks are made when they are drawn, outside our settings, so theirs are given to the axes."""
-    ax.tick_params(which="both", direction="in", top=True, right=True, width=0.6, labelsize=9, labelfontfamily=FONT[0])
-    ax.tick_params(which="major", length=3.5)
-    ax.tick_params(which="minor", length=2)
-
-
-def _gap(layout: Layout | None, element: int | str) -> str:
-    """Symbol of the motion of an element, with its name if there are several."""
-    if layout is None:
-        return "gap (model units)"
-    name = f", {layout.elements[layout.index(element)]}" if len(layout.elements) > 1 else ""
-    return layout.labels.get("amplitude", "gap (model units)") + name
-
-
-def _regime(layout: Layout | None, codes: NDArray[np.int8], element: int | str) -> str:
-    """Regime of one element, "unknown" too for a law without corners: it has no impacts."""
-    j = layout.index(element) if layout else 0
-    if len(codes) <= j or codes[j] < 0 or (layout and not layout.breakpoints[j]):
-        return "unknown"
-    return REGIMES[min(codes[j], len(REGIMES) - 1)]
-
-
-def _colour(point: Point, element: int | str) -> str:
-    return COLOURS[_regime(layout_of(point), point.regime, element)]
-
-
-def _words(regime: str) -> str:
-    return regime.replace("_sided", "-sided").replace("_", " ")
-
-
-def _title(point: Point, element: int | str) -> str:
-    """What a point is: label, Omega, stability, regime."""
-    regime = _regime(layout_of(point), point.regime, element)
-    parts = [point.label, {True: "stable", False: "unstable", None: ""}[point.stable]]
-    parts += [_words(regime) if regime != "unknown" else ""]
-    if "Omega" in point.parameters:
-        parts.insert(1, rf"$\Omega$ = {point.parameters['Omega']:.5g}")
-    return ", ".join(part for part in parts if part)
-
-
 def _states(branch: Branch, element: int | str) -> list[State]:
     """Regime of the element and stability of each row."""
     stable: list[bool | None] = [None] * len(branch)
@@ -547,7 +237,7 @@ def _states(branch: Branch, element: int | str) -> list[State]:
         failed = np.asarray(np.isnan(branch.multipliers).any(axis=1))
         stable = [None if failed[i] else bool(ok) for i, ok in enumerate(branch.stable)]
     layout = layout_of(branch)
-    return [(_regime(layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]
+    return [(regime_of(layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]
 
 
 def _runs(branch: Branch, element: int | str) -> list[tuple[State, int, int]]:
@@ -577,7 +267,7 @@ def _curve(
     widths: dict[str, float] | None = None,
 ) -> None:
     for (regime, stable), first, last in _runs(branch, element):
-        name = "_curve" if color or regime == "unknown" else _words(regime)
+        name = "_curve" if color or regime == "unknown" else in_words(regime)
         style, width = LINES[stable]
         if widths:
             width = widths[regime] * width / LINES[True][1]
@@ -592,8 +282,8 @@ def _name_axes(ax: Axes, branch: Branch, measure: str, element: int | str) -> No
     layout = layout_of(branch)
     names = layout.labels if layout else {}
     ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))
-    ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {_gap(layout, element)}")
-    _dress(ax)
+    ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {gap_label(layout, element)}")
+    dress(ax)
 
 
 def _arrow(ax: Axes, branch: Branch, jump: Jump, measure: str, element: int | str) -> None:
@@ -621,37 +311,6 @@ def _marks(ax: Axes, branch: Branch, measure: str, element: int | str, numbered:
         side = (1 if point.kind != "LP" or x >= around.mean() else -1, 0)
         text = f"{point.label} ({labels.curves})" if numbered else point.label
         labels.add(line, labels.curves, point.kind, text, point.kind != "GR", side)
-
-
-def _legend(ax: Axes, outside: bool = False) -> None:
-    """One entry for each colour, width, style and symbol that occurs on the axes; if so asked, beside them."""
-    from matplotlib.lines import Line2D
-
-    from hbgear.plot.labels import labels_of
-
-    events = [str(mark.line.get_label()) for mark in labels_of(ax).marks]
-    ranks = [*map(_words, REGIMES), "unstable", *(name for _, name in MARKERS.values()), *events]
-    entries: dict[str, Line2D] = {}
-    for line in ax.lines:
-        curve, label = str(line.get_gid()).startswith("branch"), str(line.get_label())
-        if curve and line.get_linestyle() == "--" and "unstable" not in entries:
-            style, width = LINES[False]
-            entries["unstable"] = Line2D([], [], color="#555555", linestyle=style, linewidth=width)
-        if curve and outside:  # the width of the line is the regime
-            regime = str(line.get_gid()).split()[1]
-            if regime != "unknown":
-                entries[_words(regime)] = Line2D([], [], color="#555555", linewidth=WIDTHS[regime])
-        if not label.startswith("_") and label not in entries:
-            entries[label] = Line2D([], [])
-            entries[label].update_from(line)
-            if curve:
-                entries[label].set(linestyle="-", linewidth=LINES[True][1], marker="None")
-            entries[label].set_visible(True)
-    labels = sorted(entries, key=lambda label: ranks.index(label) if label in ranks else -1)
-    if not labels:
-        return
-    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if outside else {"loc": "best"}
-    ax.legend([entries[label] for label in labels], labels, handlelength=2.2, borderaxespad=0.8, **place)
 
 
 _HIDDEN = 18.0  # points: an unstable piece shorter than that is lost between the symbols at its ends
@@ -730,23 +389,3 @@ def _frame(ax: Axes, corner: tuple[float, float]) -> Any:
     low = (corner[0] - _ROOM[0], corner[1] - _ROOM[1])
     size = (_INSET[0] + _ROOM[0] + 0.02, _INSET[1] + _ROOM[1] + 0.02)
     return Rectangle(low, *size, transform=ax.transAxes, facecolor="none", edgecolor="none", gid="frame")
-
-
-def _cycle(point: Point, element: int | str, order: int = 0) -> tuple[Layout, Array, Array]:
-    """Layout, time in excitation periods, and motion or its derivative in theta, the end joined to the start."""
-    theta, d = point.samples(element, order=order)
-    layout = layout_of(point)
-    assert layout is not None  # else there are no samples
-    return layout, np.append(theta / (2 * np.pi), 1.0) * layout.nu, np.append(d, d[0])
-
-
-def _corners(layout: Layout, element: int | str, d: Array, line: Any, limits: Any) -> None:
-    """Thin lines where the law has a corner; the view takes in those within reach of the motion."""
-    low, high = d.min(), d.max()
-    reach = max(high - low, 1e-12 * abs(high), 1e-300)
-    corners = layout.breakpoints[layout.index(element)]
-    for x in corners:
-        line(x, color=GREY, linewidth=0.7, zorder=0, gid="corner")
-    seen = [low, high, *(x for x in corners if low - reach <= x <= high + reach)]
-    margin = 0.06 * (max(seen) - min(seen)) or 0.5
-    limits(min(seen) - margin, max(seen) + margin)

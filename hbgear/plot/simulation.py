@@ -13,19 +13,8 @@ import numpy as np
 from hbgear.continuation.branch import Branch
 from hbgear.harmonic.speeds import model_of, scales
 from hbgear.mechanics.model import Model
-from hbgear.plot.curves import (
-    COLOURS,
-    GREY,
-    MEASURES,
-    _axes,
-    _dress,
-    _heighten,
-    _legend,
-    _scaled_axes,
-    _style,
-    response,
-    speed_axes,
-)
+from hbgear.plot.curves import response, speed_axes
+from hbgear.plot.style import COLOURS, GREY, MEASURES, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
 from hbgear.timedomain.basins import Basins
 from hbgear.timedomain.sweep import Sweep
 from hbgear.timedomain.validate import Report
@@ -82,8 +71,8 @@ def sweeps(
     if len(parameters) > 1:
         raise ValueError(f"the sweeps and the curve are in different parameters: {', '.join(sorted(parameters))}")
     own = ax is None
-    with _style():
-        ax = _axes(ax, (7.0, 3.7))
+    with styled():
+        ax = axes_or_new(ax, (7.0, 3.7))
         if branch is not None:
             response(branch, measure, element, ax, jumps=False, legend=False)
         for s in found:
@@ -93,11 +82,11 @@ def sweeps(
         if branch is None:
             ax.set_xlabel(found[0].labels.get(found[0].parameter, found[0].parameter))
             ax.set_ylabel(f"{MEASURES.get(measure, measure)} of {_name(found[0], element)}")
-        _dress(ax)
+        dress(ax)
         if own:
             _in_speeds(ax, found[0].parameter, model or (model_of(branch) if branch else None))
         if legend:
-            _legend(ax)
+            add_legend(ax)
             old: Any = ax.get_legend()
             names = [text.get_text() for text in old.get_texts()]
             ax.legend(old.legend_handles, names, loc="upper left", bbox_to_anchor=(1.01, 1.0), handlelength=2.2)
@@ -106,8 +95,8 @@ def sweeps(
 
 def _in_speeds(ax: Axes, parameter: str, model: Model | None) -> None:
     """Axes above of the speed of the pinion and the mesh frequency, if Omega was swept and the model knows them."""
-    if parameter == "Omega" and _scaled_axes(ax, scales(model, {})):
-        _heighten(ax)
+    if parameter == "Omega" and scaled_axes(ax, scales(model, {})):
+        heighten(ax)
 
 
 def _dots(ax: Axes, s: Sweep, height: Any) -> None:
@@ -147,8 +136,8 @@ def bifurcation(
     if not found:
         raise ValueError("no sweep to draw")
     own = ax is None
-    with _style():
-        ax = _axes(ax, (5.6, 3.7))
+    with styled():
+        ax = axes_or_new(ax, (5.6, 3.7))
         for s in found:
             j = s.index(element)
             name = DIRECTIONS[s.direction][2]
@@ -165,7 +154,7 @@ def bifurcation(
         ax.set_xlabel(s.labels.get(s.parameter, s.parameter))
         what = _name(s, element)
         ax.set_ylabel(f"{'rate of ' if rate else ''}{what} at " + r"$\tau = 0$")
-        _dress(ax)
+        dress(ax)
         if own:
             _in_speeds(ax, s.parameter, model)
         if len(found) > 1:
@@ -185,8 +174,8 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
     from matplotlib.colors import ListedColormap
 
     count = len(found.attractors)
-    with _style():
-        ax = _axes(ax, (4.6, 3.9))
+    with styled():
+        ax = axes_or_new(ax, (4.6, 3.9))
         half_d, half_v = (0.5 * (np.ptp(x) / max(len(x) - 1, 1) or 1.0) for x in (found.d, found.v))
         extent = (found.d[0] - half_d, found.d[-1] + half_d, found.v[0] - half_v, found.v[-1] + half_v)
         shades = ListedColormap([BASINS[i % len(BASINS)] for i in range(count)])
@@ -205,7 +194,7 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
         ax.set_xlabel(f"{what} at " + r"$\tau = 0$")
         ax.set_ylabel(f"rate of {what} at " + r"$\tau = 0$")
         ax.set_title(rf"$\Omega$ = {found.Omega:.5g}")
-        _dress(ax)
+        dress(ax)
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, handletextpad=0.3)
     return ax
 
@@ -226,7 +215,7 @@ def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure
 
     from hbgear.plot.labels import labels_of
 
-    with _style():
+    with styled():
         figure, (top, low) = plt.subplots(2, 1, figsize=(6.4, 7.2), layout="constrained")
         response(branch, "rms", element, top, special=False, jumps=False, legend=False)
         x = np.array([row.value for row in report.rows])
@@ -244,10 +233,10 @@ def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure
         for number, (value, height) in enumerate(zip(x, rms, strict=True), 1):
             (line,) = top.plot(value, height, linestyle="none", label="_number", gid=f"point {number}")
             labels.add(line, 1, "checked", f"{number}", True, (1, 0))
-        _legend(top)
+        add_legend(top)
         _differences(low, report)
         for ax in (top, low):
-            _dress(ax)
+            dress(ax)
         speed_axes(top, [branch])
         low.tick_params(axis="x", which="both", top=False, length=0)
     return figure

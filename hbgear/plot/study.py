@@ -16,7 +16,7 @@ from hbgear.common.arrays import Array
 from hbgear.design.study import Cases
 from hbgear.design.swept import Swept, swept_cases
 from hbgear.harmonic.speeds import same_scales, scales
-from hbgear.plot.curves import COLOURS, MEASURES, _axes, _dress, _heighten, _scaled_axes, _style
+from hbgear.plot.style import COLOURS, MEASURES, axes_or_new, dress, heighten, scaled_axes, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,8 +66,8 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
     up, down = swept[1].amplitude, swept[-1].amplitude
     own = ax is None
     same = np.asarray(np.isclose(up, down, rtol=1e-6, atol=0.0, equal_nan=True).all(axis=0))
-    with _style():
-        ax = _axes(ax, (5.4, 4.2))
+    with styled():
+        ax = axes_or_new(ax, (5.4, 4.2))
         _bands(ax, Omega, [np.where(same, up, np.nan)], "#444444", "-", ("all cases", "5 to 95 %", "median"))
         if not same.all():
             names = {1: r"while $\Omega$ rises: 5 to 95 %", -1: r"while $\Omega$ falls: 5 to 95 %"}
@@ -85,10 +85,10 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
         ax.set_ylim(bottom=0.0)
         ax.set_xlabel(_label(found, "Omega"))
         ax.set_ylabel(f"{_measure(found)},\nslow sweeps")
-        _dress(ax)
+        dress(ax)
         top = _shares(ax, Omega, swept) if any(here.jumped.any() for here in swept.values()) else ax
-        if own and _scaled_axes(top, _common(found)):
-            _heighten(ax)
+        if own and scaled_axes(top, _common(found)):
+            heighten(ax)
         if legend:
             ax.legend(loc="best")
     return ax
@@ -172,7 +172,7 @@ def _shares(ax: Axes, Omega: Array, swept: dict[int, Swept]) -> Axes:
     top.set_yticks([0, 50, 100])
     top.set_ylabel("jumped [%]", fontsize=8)
     top.tick_params(labelbottom=False)
-    _dress(top)
+    dress(top)
     top.tick_params(axis="y", labelsize=7)
     return top
 
@@ -207,8 +207,8 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
     columns = {name: _finite(found.table[name]) for name in JUMPS}
     every = np.concatenate(list(columns.values()))
     own = ax is None
-    with _style():
-        ax = _axes(ax, (5.0, 3.4))
+    with styled():
+        ax = axes_or_new(ax, (5.0, 3.4))
         if len(every):
             count = max(4, min(bins, int(np.ceil(2 * np.sqrt(len(every) / 2)))))
             edges = np.histogram_bin_edges(every, count)
@@ -225,9 +225,9 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
         ax.locator_params(axis="y", integer=True)
         ax.set_xlabel(f"jump frequency, {_label(found, 'Omega')}")
         ax.set_ylabel("cases")
-        _dress(ax)
-        if own and _scaled_axes(ax, _common(found)):
-            _heighten(ax)
+        dress(ax)
+        if own and scaled_axes(ax, _common(found)):
+            heighten(ax)
     return ax
 
 
@@ -255,7 +255,7 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
     rows = _rows(found)
     if not (names and rows):
         raise ValueError("there is no number to draw against a parameter")
-    with _style():
+    with styled():
         if figure is None:
             import matplotlib.pyplot as plt
 
@@ -265,7 +265,7 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
             for ax, name in zip(line, names, strict=True):
                 for column in columns:
                     _dots(ax, found, name, column)
-                _dress(ax)
+                dress(ax)
             line[0].set_ylabel(_wrapped(label, 27))
         for ax, name in zip(axes[-1], names, strict=True):
             ax.set_xlabel(_wrapped(_label(found, name)))

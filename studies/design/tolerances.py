@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from scipy.stats import spearmanr
 
 import hbgear as hb
-from hbgear.plot import study as plot_cases
+from hbgear import plot as draw
 from studies import study
 
 ALONE = True
@@ -82,9 +82,9 @@ def plot(results: Results) -> Figure:
     figure = plt.figure(figsize=(8.6, 7.4), layout="constrained")
     top, low = figure.subfigures(2, 1, height_ratios=(1.0, 1.45))
     left, right = top.subplots(1, 2)
-    plot_cases.envelope(results.found, left)
-    plot_cases.jump_distribution(results.found, right)
-    plot_cases.against_parameters(results.found, low)
+    draw.envelope(results.found, left)
+    draw.jump_distribution(results.found, right)
+    draw.against_parameters(results.found, low)
     return figure
 
 

@@ -25,7 +25,7 @@ from matplotlib.patches import Patch
 import hbgear as hb
 from hbgear.common.arrays import Array
 from hbgear.mechanics.fourier import evaluate
-from hbgear.plot.simulation import BASINS
+from hbgear.plot import BASINS
 from hbgear.timedomain.integrate import state_of
 from studies import study
 from studies.dong_2022 import base

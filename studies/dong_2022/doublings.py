@@ -29,7 +29,7 @@ from scipy.optimize import brentq
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.plot.curves import response
+from hbgear.plot import response
 from hbgear.timedomain.settle import Settling
 from studies import study
 from studies.dong_2022 import base

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import hbgear as hb
-from hbgear.plot.curves import COLOURS, LINES
+from hbgear.plot import COLOURS, LINES
 from studies import study
 from studies.dong_2022 import base
 from studies.dong_2022.fig04 import doubled

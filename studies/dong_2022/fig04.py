@@ -21,7 +21,6 @@ from matplotlib.patches import Patch
 
 import hbgear as hb
 from hbgear import plot as draw
-from hbgear.plot import simulation as plot_time
 from hbgear.timedomain.integrate import state_of
 from hbgear.timedomain.settle import Settling
 from hbgear.timedomain.sweep import Sweep
@@ -69,7 +68,7 @@ def run(quick: bool = False) -> dict[str, Any]:
 
 def panel(ax: Axes, results: dict[str, Any], curve: hb.Branch, span: tuple[float, float], top: float) -> None:
     """A curve, the doubled branch and sweep dots in a range of Omega, up to an amplitude."""
-    plot_time.sweeps(results["sweeps"], curve, ax=ax, legend=False)
+    draw.sweeps(results["sweeps"], curve, ax=ax, legend=False)
     draw.response(results["doubled"], ax=ax, jumps=False, legend=False)
     ax.set(xlabel=OMEGA, ylabel=AMPLITUDE, xlim=span, ylim=(0, top))
 
@@ -107,7 +106,7 @@ def _legend(figure: Figure, ax: Axes, doubled: hb.Branch) -> None:
     ax.set(xlabel=OMEGA, ylabel=AMPLITUDE)
     old: Any = ax.get_legend()
     entries = dict(zip((text.get_text() for text in old.get_texts()), old.legend_handles, strict=True))
-    for _, color, name in plot_time.DIRECTIONS.values():
+    for _, color, name in draw.DIRECTIONS.values():
         if name in entries:
             entries[f"jump of {name}"] = Patch(color=color, alpha=0.12, lw=0)
     old.remove()

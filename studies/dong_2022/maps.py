@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import hbgear as hb
-from hbgear.plot.curves import jump_map
+from hbgear.plot import jump_map
 from studies import study
 
 SPANS = {

@@ -16,11 +16,11 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 import hbgear as hb
+from hbgear import plot as draw
 from hbgear.common.arrays import Array
 from hbgear.continuation.newton import solve
 from hbgear.continuation.passing import passings
 from hbgear.mechanics.fourier import evaluate
-from hbgear.plot import simulation as plot_time
 from hbgear.timedomain.basins import Basins
 from studies import study
 
@@ -69,7 +69,7 @@ def plot(results: Results) -> Figure:
         ax.axvline(corner, color="#444444", lw=0.8, ls=":", zorder=2, label=name)
     ax.plot(*results.points[~results.stable].T, "X", ms=7, color="black", mec="white", mew=0.6, zorder=6,
             label="unstable motion")  # fmt: skip
-    plot_time.basins(results.found, ax)
+    draw.basins(results.found, ax)
     ax.set_title(rf"$F_{{ah}}/F_m = {PAIR.e[0] / PAIR.F_m:g}$, $F_m = {PAIR.F_m:g}$, $\Omega = {OMEGA}$", loc="left")
     ax.set(title="", xlabel=r"$x$ at $\tau = 0$ [-]", ylabel=r"$x'$ at $\tau = 0$ [-]")
     return figure

@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import hbgear as hb
+from hbgear import plot as draw
 from hbgear.common.arrays import Array
 from hbgear.mechanics.fourier import evaluate
-from hbgear.plot import simulation as plot_time
 from hbgear.timedomain.settle import Settling
 from hbgear.timedomain.sweep import Sweep
 from studies import study
@@ -63,7 +63,7 @@ def strobed(branch: hb.Branch) -> Array:
 def plot(results: Results) -> Figure:
     """Dots of the sweeps, lines of the branches."""
     figure, ax = plt.subplots(figsize=(7.4, 4.6), layout="constrained")
-    plot_time.bifurcation(results.sweeps, ax=ax)
+    draw.bifurcation(results.sweeps, ax=ax)
     for period, branch in results.branches.items():
         for column in strobed(branch).T:
             _line(ax, branch, column, COLOURS[period])
@@ -73,7 +73,7 @@ def plot(results: Results) -> Figure:
     ]
     handles.append(Line2D([], [], color="#555555", ls="--", lw=0.9, label="unstable"))
     for s in results.sweeps:
-        color, name = plot_time.DIRECTIONS[s.direction][1:] if len(results.sweeps) > 1 else ("black", "sweep down")
+        color, name = draw.DIRECTIONS[s.direction][1:] if len(results.sweeps) > 1 else ("black", "sweep down")
         handles.append(Line2D([], [], ls="none", marker="o", ms=3, mew=0, color=color, label=name))
     ax.legend(handles=handles, loc="lower right")
     ax.set(xlabel=r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]", ylabel=r"$x$ at $\tau = 0$ [-]", xlim=SPAN[::-1])

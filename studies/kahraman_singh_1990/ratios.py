@@ -31,7 +31,6 @@ from hbgear import plot as draw
 from hbgear.common.arrays import Array
 from hbgear.continuation.branch import Status
 from hbgear.harmonic import observables as measures
-from hbgear.plot import simulation as plot_time
 from hbgear.timedomain.settle import Settling
 from hbgear.timedomain.sweep import Sweep
 from studies import study
@@ -127,7 +126,7 @@ def _panel(ax: Axes, found: Case) -> None:
             _falls(ax, branch, found.curve)
     if found.sweeps:
         dots = [replace(s, jumps=()) for s in found.sweeps]  # their bands are as wide as the steps; arrows say more
-        plot_time.sweeps(dots, measure="rms", ax=ax, legend=False)
+        draw.sweeps(dots, measure="rms", ax=ax, legend=False)
     for r in found.closed:
         ax.axvline(r, color=draw.GREY, lw=0.8, ls=":", zorder=0)
     ax.set(xlabel=LABEL, ylabel="alternating rms of $x$ [-]", xlim=SPAN[::-1])
@@ -157,7 +156,7 @@ def _handles(results: Sequence[Case]) -> list[Line2D]:
         out.append(Line2D([], [], ls="none", marker=marker, ms=4.5, mfc="white", mec="black", label=name))
     out.append(Line2D([], [], color=draw.GREY, lw=0.8, ls=":", label="contact lost, closed form"))
     if any(found.sweeps for found in results):
-        for marker, color, name in plot_time.DIRECTIONS.values():
+        for marker, color, name in draw.DIRECTIONS.values():
             out.append(Line2D([], [], ls="none", marker=marker, ms=3.6, color=color, label=name))
         out.append(Line2D([], [], ls="none", marker="^", ms=3.6, mfc="white", color="#555555", label="longer period"))
         out.append(Line2D([], [], ls="none", marker="+", ms=3.6, color="#555555", label="chaotic"))

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
-from hbgear.plot import simulation as plot_time
+from hbgear import plot as draw
 from hbgear.timedomain.integrate import integrate, state_of
 from hbgear.timedomain.settle import Settling
 from hbgear.timedomain.sweep import Sweep, sweep
@@ -98,7 +98,7 @@ def report(result: dict[str, Any]) -> str:
 
 def plot(result: dict[str, Any]) -> Figure:
     """The tightest sweeps as dots on the curve."""
-    return plot_time.sweeps(result["rows"][-1]["sweeps"], result["curves"][16][0], "rms").figure  # type: ignore[return-value]
+    return draw.sweeps(result["rows"][-1]["sweeps"], result["curves"][16][0], "rms").figure  # type: ignore[return-value]
 
 
 if __name__ == "__main__":

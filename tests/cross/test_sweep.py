@@ -10,9 +10,9 @@ from matplotlib.colors import to_rgb
 from scipy.integrate import solve_ivp
 
 import hbgear as hb
+from hbgear import plot
 from hbgear.continuation.branch import Status
 from hbgear.continuation.newton import solve
-from hbgear.plot import simulation as plot_time
 from hbgear.timedomain.basins import basins
 from hbgear.timedomain.exponential import Stepper
 from hbgear.timedomain.settle import Settling, lyapunov, settle
@@ -238,7 +238,7 @@ def test_progress_is_reported():
         (lambda: Settling(longest=3), ValueError, "periods <= longest"),
         (lambda: basins(hb.DoubleHelicalPair(), 0.9), ValueError, "24 coordinates"),
         (lambda: basins(hb.SpurPair(), 0.9, d=(1.0, -1.0)), ValueError, "ascending"),
-        (lambda: plot_time.sweeps([]), ValueError, "no sweep"),
+        (lambda: plot.sweeps([]), ValueError, "no sweep"),
     ],
 )
 def test_bad_input(call, error, words):
@@ -253,15 +253,15 @@ def test_table_and_figures(up, down, pair, tmp_path):
     np.testing.assert_array_equal(table["rms_gap"], np.concatenate([up.amplitude(), down.amplitude()]))
     with pytest.raises(ValueError, match=r"must end in \.csv"):
         up.export(tmp_path / "sweep.txt")
-    ax = plot_time.sweeps((up, down), pair, "rms")
+    ax = plot.sweeps((up, down), pair, "rms")
     dots = {line.get_gid(): line for line in ax.lines if str(line.get_gid()).startswith("sweep")}
     np.testing.assert_array_equal(dots["sweep up"].get_xdata(), up.values)
     np.testing.assert_array_equal(dots["sweep down"].get_ydata(), down.amplitude())
     assert any(str(line.get_gid()).startswith("branch") for line in ax.lines)
-    ax = plot_time.bifurcation((up,))
+    ax = plot.bifurcation((up,))
     np.testing.assert_array_equal(ax.lines[0].get_xdata(), up.values)
     with pytest.raises(ValueError, match="different parameters"):
-        plot_time.sweeps((sweep(hb.SpurPair(), [0.1], parameter="zeta", at={"Omega": 0.5}),), pair)
+        plot.sweeps((sweep(hb.SpurPair(), [0.1], parameter="zeta", at={"Omega": 0.5}),), pair)
     with pytest.raises(KeyError, match="no element 'mesh'"):
         up.amplitude("rms", "mesh")
     plt.close("all")
@@ -271,7 +271,7 @@ def test_dots_of_motions_without_a_period_are_smaller_and_many_are_pixels(up):
     period = np.array([0, *up.period[1:]])
     cloud = np.random.default_rng(0).normal(size=(1500, 1, 2))
     mixed = dataclasses.replace(up, period=period, points=(cloud, *up.points[1:]))
-    settled, wild = plot_time.bifurcation((mixed,)).lines
+    settled, wild = plot.bifurcation((mixed,)).lines
     assert (settled.get_label(), wild.get_label()) == ("sweep up", "sweep up, not periodic")
     np.testing.assert_array_equal(settled.get_xdata(), up.values[1:])
     np.testing.assert_array_equal(wild.get_ydata(), cloud[:, 0, 0])
@@ -282,13 +282,13 @@ def test_dots_of_motions_without_a_period_are_smaller_and_many_are_pixels(up):
 
 
 def test_basins_can_be_told_apart_without_colour():
-    lightness = [np.dot((0.299, 0.587, 0.114), to_rgb(shade)) for shade in plot_time.BASINS]
+    lightness = [np.dot((0.299, 0.587, 0.114), to_rgb(shade)) for shade in plot.BASINS]
     assert min(abs(a - b) for a, b in pairwise(lightness)) > 0.08
 
 
 def test_basins_are_drawn():
     found = basins(hb.SpurPair(e=(0.1,)), 0.65, (0, 2), (-1, 1), (4, 3))
-    ax = plot_time.basins(found)
+    ax = plot.basins(found)
     assert len({line.get_marker() for line in ax.lines}) == len(found.attractors)
     np.testing.assert_array_equal(ax.images[0].get_array(), found.label)
     for i, a in enumerate(found.attractors):

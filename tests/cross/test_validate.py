@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.plot import simulation as plot_time
+from hbgear import plot
 from hbgear.timedomain.validate import LEAST, choose, problem_for, validate
 
 
@@ -108,9 +108,9 @@ def test_few_harmonics_are_confirmed_with_more_and_their_error_is_said():
         assert row.rms == curve.amplitude("rms")[row.index]  # what is shown is the curve as traced
         assert row.rms_error == pytest.approx(abs(row.rms / row.rms_true - 1), rel=1e-6)
     assert "3 of them with more harmonics" in repr(found)
-    top, low = plot_time.validation(found, curve).axes
+    top, low = plot.validation(found, curve).axes
     marks = {line.get_gid(): line for line in (*top.lines, *low.lines)}
-    assert len(marks[plot_time.REFINED].get_xdata()) == 3 and "agrees with integration" not in marks
+    assert len(marks[plot.REFINED].get_xdata()) == 3 and "agrees with integration" not in marks
     np.testing.assert_array_equal(marks["refined_error"].get_ydata(), [row.refined_error for row in found.rows])
     plt.close("all")
     assert all(row.verdict == "agrees" for row in validate(curve, 3, 1e-2).rows)
@@ -223,7 +223,7 @@ def test_table_file_and_figure(pair, report, tmp_path):
     assert len(text) == 11 and text[0].startswith("index,reason,value,Omega")
     with pytest.raises(ValueError, match=r"must end in \.csv"):
         report.export(tmp_path / "report.txt")
-    top, low = plot_time.validation(report, pair).axes
+    top, low = plot.validation(report, pair).axes
     marks = {line.get_gid(): line for line in (*top.lines, *low.lines)}
     np.testing.assert_array_equal(marks["agrees with integration"].get_xdata(), [row.value for row in report.rows])
     np.testing.assert_array_equal(marks["rms_error"].get_ydata(), [max(r.rms_error, 1e-16) for r in report.rows])

@@ -325,6 +325,21 @@ def test_no_omega_no_phase_diagram():
         plot.phase_diagram(Point(point.X, {"zeta": 1.0}, 0.0, 1, None, point.regime, 0.0, point.layout))
 
 
+def test_names_of_the_first_releases_lead_to_what_moved():
+    for name, function in (("plot_time", "sweeps"), ("plot_cases", "envelope")):
+        with pytest.warns(DeprecationWarning, match=f"hbgear.{name} is now part of hbgear.plot"):
+            module = getattr(hb, name)
+        assert getattr(module, function) is getattr(plot, function)
+    with pytest.raises(AttributeError, match="no attribute 'plot_nothing'"):
+        _ = hb.plot_nothing
+
+
+def test_everything_that_is_public_is_drawn_by_one_name():
+    assert all(getattr(plot, name) is not None for name in plot.__all__)
+    own = {name for name, thing in vars(plot).items() if callable(thing) and not name.startswith("_")}
+    assert own <= {*plot.__all__}
+
+
 def test_importing_plot_does_not_import_matplotlib():
     code = "import sys, hbgear.plot, hbgear.continuation.branch; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear import plot
 from hbgear.design.swept import stable_parts, swept, swept_cases
-from hbgear.plot import study as plot_cases
 
 matplotlib.use("Agg")
 ZETA = [0.1, 0.15, 0.2, 0.25, 0.3]
@@ -45,17 +45,17 @@ def amplitude(zeta, Omega):
 def test_envelope_of_a_linear_oscillator(linear):
     """The amplitude falls with damping, so its percentiles over cases are those of the damping."""
     Omega = np.linspace(0.5, 2.0, 7)
-    least, _, middle, _, largest = plot_cases.percentiles(linear, Omega)
+    least, _, middle, _, largest = plot.percentiles(linear, Omega)
     for found, zeta in ((least, 0.3), (middle, 0.2), (largest, 0.1)):
         np.testing.assert_allclose(found, amplitude(zeta, Omega), rtol=5e-3)
-    ax = plot_cases.envelope(linear)
+    ax = plot.envelope(linear)
     np.testing.assert_allclose(ax.lines[0].get_ydata()[[0, -1]], amplitude(0.2, np.array([0.5, 2.0])), rtol=1e-6)
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["all cases", "5 to 95 %", "median"]
 
 
 def test_frequencies_where_none_is_stable_are_marked(linear):
     gap = {case: np.array([x, y, np.abs(x - 1.0) > 0.1]) for case, (x, y, _) in linear.curves.items()}
-    labels = [text.get_text() for text in plot_cases.envelope(replace(linear, curves=gap)).get_legend().get_texts()]
+    labels = [text.get_text() for text in plot.envelope(replace(linear, curves=gap)).get_legend().get_texts()]
     assert labels[-1] == "none stable"
 
 
@@ -69,7 +69,7 @@ def test_both_stable_motions_count_and_the_unstable_one_does_not():
 
 
 def test_jumps_are_counted(hard):
-    ax = plot_cases.jump_distribution(hard)
+    ax = plot.jump_distribution(hard)
     labels = [text.get_text() for text in ax.get_legend().get_texts()]
     assert [label.partition(": ")[2] for label in labels] == ["2 of 3 cases"] * 2
     drawn = [patch.get_data().values.sum() for patch in ax.patches]
@@ -77,7 +77,7 @@ def test_jumps_are_counted(hard):
 
 
 def test_numbers_against_parameters(hard):
-    figure = plot_cases.against_parameters(hard)
+    figure = plot.against_parameters(hard)
     peak, jumps = figure.axes
     assert jumps.get_xlabel() == hb.Duffing.labels["zeta"]
     assert peak.get_ylabel() == "largest half peak-to-peak\nof $x$ [-]"
@@ -86,10 +86,10 @@ def test_numbers_against_parameters(hard):
 
 
 def test_only_what_was_computed_is_drawn(linear, hard):
-    assert list(plot_cases.figures(linear)) == ["envelope"]
-    assert list(plot_cases.figures(hard)) == ["envelope", "jump_distribution", "against_parameters"]
+    assert list(plot.figures(linear)) == ["envelope"]
+    assert list(plot.figures(hard)) == ["envelope", "jump_distribution", "against_parameters"]
     with pytest.raises(ValueError, match=r"compute=\('jumps',\)"):
-        plot_cases.jump_distribution(linear)
+        plot.jump_distribution(linear)
 
 
 def folded():
@@ -120,7 +120,7 @@ def test_every_percentile_across_a_fold_is_a_motion_of_some_case(hard):
     Omega = np.linspace(0.5, 2.0, 301)
     for direction in (1, -1):
         each = swept_cases(hard, Omega, direction).amplitude
-        for row in plot_cases.percentiles(hard, Omega, direction):
+        for row in plot.percentiles(hard, Omega, direction):
             gap = np.nanmin(abs(each - row), axis=0)
             assert np.nanmax(gap) == 0.0
     up, down = (swept_cases(hard, Omega, direction).amplitude for direction in (1, -1))
@@ -128,7 +128,7 @@ def test_every_percentile_across_a_fold_is_a_motion_of_some_case(hard):
 
 
 def test_envelope_of_cases_that_jump_says_so(hard):
-    ax = plot_cases.envelope(hard, points=301)
+    ax = plot.envelope(hard, points=301)
     words = " ".join(text.get_text() for text in ax.get_legend().get_texts())
     assert r"while $\Omega$ rises" in words and r"while $\Omega$ falls" in words
     (share,) = (child for child in ax.child_axes if child.get_label() == "share")
