@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import brentq
@@ -25,8 +25,8 @@ EPS = np.finfo(float).eps
 
 
 def few(count):
-    """The same cases in every run, no clock."""
-    return settings(max_examples=count, derandomize=True, deadline=None, database=None)
+    """The same cases in every run, no clock; one that fails is shown as it was drawn, for shrinking takes minutes."""
+    return settings(max_examples=count, derandomize=True, deadline=None, database=None, phases=[Phase.generate])
 
 
 coefficient = st.floats(-2.0, 2.0, allow_subnormal=False).map(lambda x: round(x, 6))
@@ -167,9 +167,8 @@ def test_algebra_of_coefficients(row, nu, H, theta):
     np.testing.assert_allclose(evaluate(wide, phases), evaluate(row, nu * phases), rtol=0, atol=tolerance)
     np.testing.assert_allclose(derivative(wide), nu * stretch(derivative(row), nu), rtol=1e-15, atol=0)
     A = np.arange(row.size**2, dtype=float).reshape(row.size, -1) / row.size
-    np.testing.assert_allclose(
-        after_derivative(A) @ row, A @ derivative(row), rtol=0, atol=1e-12 * own * size * row.size
-    )
+    tolerance = 40 * EPS * own * size * row.size**2
+    np.testing.assert_allclose(after_derivative(A) @ row, A @ derivative(row), rtol=0, atol=tolerance)
     c = to_complex(row)
     two_sided = np.concatenate([c[:1], c[1:] / 2])
     np.testing.assert_array_equal(one_sided(two_sided), c)
@@ -208,13 +207,8 @@ def test_a_saved_branch_comes_back_bit_for_bit(tmp_path_factory, data, nu, H):
     X[0, :4] = data.draw(st.lists(finite, min_size=4, max_size=4))
     fixed = data.draw(st.dictionaries(st.text(min_size=1, max_size=8), finite, max_size=3))
     text = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
-    one = replace(
-        one,
-        X=X,
-        fixed=fixed,
-        message=data.draw(text),
-        error=data.draw(st.sampled_from([X[:, 0], np.full(len(X), np.nan), -0.0 * X[:, 0]])),
-    )
+    error = data.draw(st.sampled_from([X[:, 0], np.full(len(X), np.nan), np.full(len(X), -0.0)]))
+    one = replace(one, X=X, fixed=fixed, message=data.draw(text), error=error)
     path = tmp_path_factory.mktemp("round") / "branch.npz"
     one.save(path)
     again = load(path)

@@ -1,4 +1,4 @@
-"""Tests of single lines that could be wrong unnoticed: each names the change that it must not survive."""
+"""Single lines that could be wrong unnoticed: each test names the changes of the program that it must not survive."""
 
 from dataclasses import replace
 
@@ -210,8 +210,8 @@ def inside(p):
 )
 @pytest.mark.parametrize("span", [(0.0, 1.0), (1.0, 0.0)])
 def test_a_neimark_sacker_point_is_a_pair_that_nothing_else_explains(of, expected, span):
-    """Mutants: three multipliers must pass; those of a period doubling are counted off twice; pairs that are outside
-    at both ends are not counted."""
+    """Mutants: three multipliers must pass; those of a period doubling are counted off twice; those that
+    are outside at both ends are taken for those that pass."""
     curve = trace(Multipliers(*of), "p", span, np.array([span[0]]), events=[NeimarkSacker(), Doubling()])
     found = {}
     for point in curve.special:
