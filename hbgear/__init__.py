@@ -8,6 +8,7 @@ import warnings
 from types import ModuleType
 
 from hbgear._version import __version__
+from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import Range
 from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
@@ -70,6 +71,8 @@ __all__ = [
     "PeriodDoubling",
     "PiecewiseLinear",
     "Point",
+    "Progress",
+    "ProgressCallback",
     "Range",
     "Reduction",
     "Series",

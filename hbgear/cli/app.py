@@ -38,6 +38,7 @@ from hbgear.cli.support import (
     Model,
     OwnModel,
     Within,
+    bar,
     chosen_model,
     defaults_text,
     element_of,
@@ -53,7 +54,6 @@ from hbgear.cli.support import (
     print_table,
     problem_in,
     problem_of,
-    progress_bar,
     ranges_of,
     say,
     show_branch,
@@ -293,7 +293,7 @@ def extend(
     branch, which = loaded(file, measure, element)
     problem = problem_in(branch, model, harmonics, samples)
     span = longer_span(branch, within, first, last)
-    with one_thread(), progress_bar(branch.parameter, float(branch.values[-1]), span[1]) as progress:
+    with one_thread(), bar(branch.parameter) as progress:
         steps = hb.StepControl(max_points=max_points)
         whole = hb.extend(branch, span, problem=problem, steps=steps, progress=progress)
     with outputs() as out:

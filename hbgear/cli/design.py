@@ -20,6 +20,7 @@ from hbgear.cli.support import (
     Measure,
     Model,
     OwnModel,
+    bar,
     chosen_model,
     digits_of,
     element_of,
@@ -30,7 +31,6 @@ from hbgear.cli.support import (
     problem_in,
     problem_of,
     range_of,
-    reporting,
     rounded,
     show_branch,
     span_of,
@@ -76,8 +76,8 @@ def map_command(
     parameter, span = range_of(within, first, last)
     problem = problem_of(chosen_model(model, changes), harmonics)
     frequencies = span_of(problem.model, first, last)
-    with one_thread(), reporting() as report:
-        found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, report=report)
+    with one_thread(), bar("map") as progress:
+        found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress)
     digits = min((digits_of(fold, 6) for fold in found.folds), default=6)
     rows = [
         [f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
@@ -116,8 +116,8 @@ def critical(
     """
     problem = problem_of(chosen_model(model, changes), harmonics)
     problem.check_parameter(parameter)
-    with one_thread(), reporting() as report:
-        found = hb.critical(problem, parameter, frequencies=span_of(problem.model, first, last), report=report)
+    with one_thread(), bar("critical") as progress:
+        found = hb.critical(problem, parameter, frequencies=span_of(problem.model, first, last), progress=progress)
     own = problem.parameters.get(parameter, float("nan"))
     side = "below" if found.jump_below else "above"
     digits = digits_of(found.point)
@@ -191,8 +191,8 @@ def survey(
         check_writable(folder / "branch1.npz", BRANCHES)
     problem = problem_of(machine, harmonics, nu=nu)
     span = span_of(problem.model, first, last)
-    with one_thread(), reporting() as report:
-        found = hb.trace_all(problem, span, frequencies=places, guesses=guesses, report=report)
+    with one_thread(), bar("survey") as progress:
+        found = hb.trace_all(problem, span, frequencies=places, guesses=guesses, progress=progress)
     with outputs() as out:
         for number, branch in enumerate(found.branches, 1):
             out.branch(folder / f"branch{number}.npz" if folder else None, branch)

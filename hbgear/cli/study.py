@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hbgear.cli.files import wrote
-from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, say
-from hbgear.design.study import MANY, CaseProgress, Cases, Outcome, cases
+from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, bar, say
+from hbgear.design.study import MANY, Cases, Outcome, cases
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -71,7 +71,7 @@ def study(
             raise ValueError(f"{file} asks for {count:,} cases; give --yes if that is meant")
         typer.confirm(f"{file} asks for {count:,} cases. Go on?", abort=True)
     folder = output or file.with_suffix("")
-    with dask_executor(dask, tls_ca_file, tls_cert, tls_key) as executor, case_bar() as progress:
+    with dask_executor(dask, tls_ca_file, tls_cert, tls_key) as executor, bar("designs") as progress:
         found = cases(
             asked.model, asked.vary, work.compute, critical=work.critical, harmonics=work.harmonics, span=work.span,
             measure=work.measure, element=work.element, store=folder, executor=executor, processes=processes,
@@ -188,22 +188,3 @@ def _watch(client: Any, ended: threading.Event) -> None:
         if not workers:
             say("warning", "no worker is left; the study waits for new ones, Ctrl-C ends it and keeps what is done")
             return
-
-
-@contextmanager
-def case_bar() -> Iterator[CaseProgress | None]:
-    """A bar on a terminal: cases done, failed, time left; nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[failed]}"), TimeRemainingColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=None, failed="")
-
-        def show(done: int, total: int, failed: int) -> None:
-            bar.update(task, completed=done, total=total, failed=f"{failed} failed" if failed else "")
-
-        yield show

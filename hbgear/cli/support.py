@@ -7,7 +7,7 @@ import math
 import re
 import sys
 import typing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,7 +17,8 @@ import typer
 
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
-from hbgear.continuation.tracer import Progress
+from hbgear.common.progress import Progress, ProgressCallback
+from hbgear.continuation.passing import passings
 from hbgear.harmonic import catalogue
 from hbgear.harmonic.events import named
 from hbgear.harmonic.landings import landings
@@ -270,14 +271,12 @@ def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
         value = float(text)
     except ValueError:
         return branch[text]
-    x = branch.values - value
     low, high = float(branch.values.min()), float(branch.values.max())
     if not low <= value <= high:
         raise ValueError(
             f"{option} {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there"
         )
-    passes = np.flatnonzero(x[:-1] * x[1:] <= 0)
-    near = [int(i if abs(x[i]) <= abs(x[i + 1]) else i + 1) for i in passes] or [int(np.argmin(abs(x)))]
+    near = [place.nearest for place in passings(branch, value)] or [0]  # of a single point
     return branch[min(near, key=lambda i: branch[i].stable is not True)]
 
 
@@ -323,15 +322,24 @@ def one_thread() -> Iterator[None]:
 
 
 @contextmanager
-def reporting() -> Iterator[Callable[[str], None] | None]:
-    """Shows lines of progress on a terminal, the last one beside a spinner; nothing elsewhere."""
+def bar(what: str) -> Iterator[ProgressCallback | None]:
+    """Shows progress on a terminal: a bar where the share done is known, the time gone, the text; nothing elsewhere."""
     if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Display
 
-    with Console(stderr=True).status("starting") as status:
-        yield lambda line: status.update(line)
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[text]}")
+    with Display(*columns, console=Console(stderr=True), transient=True) as display:
+        task = display.add_task(what, total=None, text="")
+
+        def show(now: Progress) -> None:
+            known = not math.isnan(now.done)
+            display.update(task, total=1.0 if known else None, completed=now.done if known else 0.0, text=now.text)
+
+        yield show
 
 
 def exit_code(branch: hb.Branch) -> int:
@@ -354,29 +362,8 @@ def end_of(result: Any, *parts: Any) -> None:
 
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
     """A curve, traced with a progress bar and one thread for linear algebra."""
-    with one_thread(), progress_bar(parameter, *span) as progress:
+    with one_thread(), bar(parameter) as progress:
         return hb.trace(problem, parameter, span, progress=progress, **options)
-
-
-@contextmanager
-def progress_bar(parameter: str, a: float, b: float) -> Iterator[Progress | None]:
-    """A bar on a terminal: position in the parameter, points, step; nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[points]}")
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(f"{parameter} = {a:.5g}", total=1.0, points="")
-
-        def show(value: float, rows: int, step: float) -> None:
-            done = min(max((value - a) / (b - a), 0.0), 1.0)
-            points = f"{rows} points, step {step:.1e}"
-            bar.update(task, completed=done, description=f"{parameter} = {value:.5f}", points=points)
-
-        yield show
 
 
 # ---- output

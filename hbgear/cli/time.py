@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,6 +22,7 @@ from hbgear.cli.support import (
     Model,
     OwnModel,
     Within,
+    bar,
     chosen_model,
     element_of,
     one_thread,
@@ -160,24 +158,3 @@ def _show(s: Any, measure: str, element: int | str) -> None:
         odd.append([f"{s.values[i]:.6g}", f"period {s.period[i]}" if s.period[i] else lost, f"{size[i]:.5g}"])
     if odd:
         print_table([s.parameter, "motion", measure], odd, "motions that do not have the period of the excitation")
-
-
-@contextmanager
-def bar(what: str) -> Iterator[Any]:
-    """A progress bar with the time left on a terminal, as ``progress(share, text)``; nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, TextColumn("{task.fields[text]}"), console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task(what, total=1.0, text="")
-        yield lambda share, text: shown.update(task, completed=share, text=text)

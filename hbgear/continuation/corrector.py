@@ -5,6 +5,7 @@
 References
 ----------
 Keller, in: Applications of Bifurcation Theory, ed. Rabinowitz (1977), 359-384.
+Allgower & Georg, Introduction to Numerical Continuation Methods (2003), https://doi.org/10.1137/1.9780898719154.
 """
 
 from __future__ import annotations

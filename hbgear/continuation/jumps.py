@@ -8,6 +8,7 @@ import numpy as np
 
 from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, solve
+from hbgear.continuation.passing import passings
 from hbgear.continuation.problem import as_problem, observe_all
 
 # A fold of the truncated equations and the multiplier +1 of the true motion differ by the truncation error: that many
@@ -83,16 +84,13 @@ def motions_at(branch: Branch, value: float, settings: Settings, *, skip: range 
 
     ``skip`` holds rows after which it is not looked for.
     """
-    x = branch.values - value
     found = []
-    for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
-        if i in skip:
+    for place in passings(branch, value):
+        if place.index in skip:
             continue
-        s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
-        here = {**branch.parameters_at(int(i)), branch.parameter: value}
-        start = (1 - s) * branch.X[i] + s * branch.X[i + 1]
+        here = {**branch.parameters_at(place.index), branch.parameter: value}
         try:
-            found.append(solve(as_problem(branch.problem), start, here, branch.parameter, settings))
+            found.append(solve(as_problem(branch.problem), place.between(branch.X), here, branch.parameter, settings))
         except NoConvergence:
             continue
     return found

@@ -1,6 +1,10 @@
 """Newton's method with step halving at fixed parameters.
 
 X <- X - t J^-1 R,   t = 1, 1/2, 1/4, ...   the first that lowers |R|
+
+References
+----------
+Allgower & Georg, Introduction to Numerical Continuation Methods (2003), https://doi.org/10.1137/1.9780898719154.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Predictor: Hermite extrapolation through the last points of a curve with their tangents."""
+"""Predictor: Hermite extrapolation through the last points of a curve with their tangents.
+
+References
+----------
+Allgower & Georg, Introduction to Numerical Continuation Methods (2003), https://doi.org/10.1137/1.9780898719154.
+"""
 
 from __future__ import annotations
 

@@ -406,8 +406,8 @@ class FullProblem:
 class _Asked(FullProblem):
     """A problem of a user, asked once which abilities it has; the rest is answered by `FullProblem`."""
 
-    parameters: dict[str, float] = {}  # noqa: RUF012 (not properties here: to be set)
-    layout: Any = None
+    parameters: dict[str, float] = {}  # noqa: RUF012  not properties here, so that those of the user take their place
+    layout: Reader | None = None
 
     def __init__(self, problem: Problem) -> None:
         self._original = problem

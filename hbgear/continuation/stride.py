@@ -6,6 +6,10 @@
 The extrapolation is good far beyond the next row where the curve is smooth, and a problem that evaluates many points
 in one set of arrays does so for little more than the price of one. Rows are judged in their order as if they had been
 found one by one; those behind the first that is refused are dropped.
+
+References
+----------
+Allgower & Georg, Introduction to Numerical Continuation Methods (2003), https://doi.org/10.1137/1.9780898719154.
 """
 
 from __future__ import annotations

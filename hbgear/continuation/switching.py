@@ -1,4 +1,10 @@
-"""Branch switching: onto the other curve that passes a special point."""
+"""Branch switching: onto the other curve that passes a special point.
+
+References
+----------
+Keller, in: Applications of Bifurcation Theory, ed. Rabinowitz (1977), 359-384.
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
+"""
 
 from __future__ import annotations
 

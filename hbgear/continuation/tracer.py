@@ -5,12 +5,17 @@ are one. The step follows the number of Newton steps, the angle the tangent turn
 missed the curve; a step that turns too far, lands too far from where it was sent or runs back over the curve is taken
 again at half its length. The tangent passes folds without a change of parameter. Special points are looked for between
 the rows, the curve's ends at every row.
+
+References
+----------
+Keller, in: Applications of Bifurcation Theory, ed. Rabinowitz (1977), 359-384.
+Allgower & Georg, Introduction to Numerical Continuation Methods (2003), https://doi.org/10.1137/1.9780898719154.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,6 +23,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.given import given, need, number, two_numbers
+from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import Range
 from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.branch import Branch, Point, Status
@@ -32,8 +38,6 @@ from hbgear.continuation.segment import CurvePoint, Departure, Segment, cosine, 
 from hbgear.continuation.stepsize import Pace, StepControl
 from hbgear.continuation.stride import Strider
 
-Progress = Callable[[float, int, float], None]
-
 
 def trace(
     problem: Any,
@@ -47,7 +51,7 @@ def trace(
     stability: bool = True,
     special: bool = True,
     events: Sequence[Event] = (),
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Branch:
     """Follow the solutions of a problem from one end of a span of a parameter to the other.
 
@@ -65,7 +69,7 @@ def trace(
     stability : ask the problem for multipliers at every point.
     special : locate the special points that the problem knows (folds, branch points, ...) and insert them as rows.
     events : special points of your own, located and inserted as well; see `Event`.
-    progress : called as ``progress(value, rows, step)`` after every row. An exception it raises ends the trace and
+    progress : called with a `Progress` after every point, such as ``print``. An exception it raises ends the trace and
         comes out of it as it is, with the branch traced so far as its attribute ``branch``.
 
     Returns
@@ -113,7 +117,7 @@ class _Tracer:
     def __init__(
         self, problem: FullProblem, parameter: str, span: tuple[float, float], start: Point | Departure | Array | None,
         at: Mapping[str, float] | None, steps: StepControl, settings: Settings,
-        stability: bool, special: bool, events: Sequence[Event], progress: Progress | None,
+        stability: bool, special: bool, events: Sequence[Event], progress: ProgressCallback | None,
     ) -> None:  # fmt: skip
         _check_kinds(start, at, steps, settings)
         self.problem, self.name, self.largest = problem, parameter, problem
@@ -377,14 +381,20 @@ class _Tracer:
             return Status.LEFT_SPAN, f"the curve turned back to {self.name} = {end:.6g}"
         return (Status.CLOSED, f"the curve closed after {len(self.rows)} points") if closed else None
 
-    def _tell(self, row: CurvePoint, progress: Progress) -> None:
+    def _tell(self, row: CurvePoint, progress: ProgressCallback) -> None:
         """Call the user's progress; an exception of theirs is told from all others."""
         try:
-            progress(row.value, len(self.rows), row.step)
+            progress(self._progress(row))
         except KeyboardInterrupt:
             raise
         except BaseException as error:
             raise _InProgress(error) from error
+
+    def _progress(self, row: CurvePoint) -> Progress:
+        """How far the trace is at a point."""
+        done = min(max((row.value - self.a) / (self.b - self.a), 0.0), 1.0)
+        text = f"{self.name} = {row.value:.5f}, {len(self.rows)} points, step {row.step:.1e}"
+        return Progress(done, text, {"value": row.value, "points": len(self.rows), "step": row.step})
 
     def _end_at(self, last: CurvePoint, stop: Found) -> tuple[Status, str]:
         """Go on to the point of a terminal event."""

@@ -4,6 +4,10 @@
     Monte Carlo       u_ij independent and uniform in (0, 1)
 
 F_j is the cumulative distribution of parameter j. A longer Monte Carlo sample starts with the cases of a shorter one.
+
+References
+----------
+McKay, Beckman & Conover (1979), Technometrics 21(2), https://doi.org/10.1080/00401706.1979.10489755.
 """
 
 from __future__ import annotations

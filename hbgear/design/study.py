@@ -30,6 +30,7 @@ from threadpoolctl import threadpool_limits
 from hbgear.common.arrays import Array
 from hbgear.common.given import given, need, two_numbers
 from hbgear.common.messages import did_you_mean
+from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.replacing import replacing
 from hbgear.continuation.branch import Branch, Status
 from hbgear.continuation.ending import whole
@@ -54,9 +55,6 @@ KINDS = ("peak", "jumps", "curve", "branch")
 
 
 _AHEAD = 256  # cases handed to the executor before the first of them is done
-
-
-CaseProgress = Callable[[int, int, int], None]
 
 
 class Outcome(StrEnum):
@@ -207,7 +205,7 @@ def cases(
     processes: int | None = None,
     retry: bool = False,
     most: int = MANY,
-    progress: CaseProgress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Cases:
     """Compute every case of a grid or sample.
 
@@ -222,7 +220,7 @@ def cases(
     executor : where the cases run (it is not shut down); by default ``processes`` processes, one for each core.
     retry : compute stored cases that failed once more.
     most : largest number of cases.
-    progress : called as ``progress(done, total, failed)``.
+    progress : called with a `Progress`, such as ``print``.
 
     Raises
     ------
@@ -423,7 +421,7 @@ class _Run:
     """State of one study while it runs: results by key, and where they are stored."""
 
     def __init__(
-        self, study: Mapping[str, Any], folder: Store | None, total: int, progress: CaseProgress | None
+        self, study: Mapping[str, Any], folder: Store | None, total: int, progress: ProgressCallback | None
     ) -> None:
         self.study, self.folder, self.total, self.progress = study, folder, total, progress
         self.done: dict[str, Result] = {}
@@ -501,7 +499,10 @@ class _Run:
 
     def _show(self) -> None:
         if self.progress:
-            self.progress(len(self.done), self.total, len(self.failed))
+            finished, failed = len(self.done), len(self.failed)
+            text = f"{finished} of {self.total}" + (f", {failed} failed" if failed else "")
+            numbers = {"finished": finished, "total": self.total, "failed": failed}
+            self.progress(Progress(finished / max(self.total, 1), text, numbers))
 
 
 def _submitted(pool: Executor, cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> Future[Result]:

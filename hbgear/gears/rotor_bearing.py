@@ -1,4 +1,9 @@
-"""Spur gear pair on flexible shafts and rolling bearings with clearance: three degrees of freedom."""
+"""Spur gear pair on flexible shafts and rolling bearings with clearance: three degrees of freedom.
+
+References
+----------
+Kahraman & Singh (1991), J. Sound Vib. 144(3), 469-506.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""One spur gear pair as an oscillator of one degree of freedom, and the mesh series all gear models share."""
+"""One spur gear pair as an oscillator of one degree of freedom, and the mesh series all gear models share.
+
+References
+----------
+Kahraman & Singh (1990), J. Sound Vib. 142(1), 49-75, https://doi.org/10.1016/0022-460X(90)90582-K.
+"""
 
 from __future__ import annotations
 

@@ -5,6 +5,11 @@
 The unknowns are the m (2H + 1) real coefficients of the element coordinates, element after element; the number of
 coordinates of the structure does not appear. Z and g come from `receptance`, the force harmonics f_k from `contact`
 (piecewise-linear laws, exact) or from N samples per period by fast Fourier transform (any law).
+
+References
+----------
+Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https://doi.org/10.1007/978-3-030-14023-6.
+Cameron & Griffin (1989), J. Appl. Mech. 56(1), https://doi.org/10.1115/1.3176036, for sampled laws.
 """
 
 from __future__ import annotations

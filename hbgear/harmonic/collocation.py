@@ -3,6 +3,10 @@
     z(c h) = e^{lambda c h} z_0 + int_0^{c h} e^{lambda (c h - x)} u(x) dx,   u a polynomial through s Gauss points
 
 The integrals of its monomials are phi functions, phi_0(z) = e^z, phi_{p+1}(z) = (phi_p(z) - 1/p!) / z.
+
+References
+----------
+Hochbruck & Ostermann (2010), Acta Numerica 19, https://doi.org/10.1017/S0962492910000048.
 """
 
 from __future__ import annotations

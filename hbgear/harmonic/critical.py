@@ -1,6 +1,10 @@
 """Critical values: for which design a jump appears or vanishes.
 
 The two folds of a jump meet at a cusp of the fold curve in the design parameter.
+
+References
+----------
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
 """
 
 from __future__ import annotations
@@ -10,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hbgear.common.progress import ProgressCallback
 from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, SpecialPoint, Status
 from hbgear.continuation.ending import Ending, whole
@@ -18,7 +23,6 @@ from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.fold_curves import (
-    Report,
     check_frequencies,
     check_parameter,
     on_fold_curve,
@@ -88,7 +92,7 @@ def critical(
     *,
     frequencies: tuple[float, float] | None = None,
     harmonics: int = 16,
-    report: Report | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Critical:
     """The value of a parameter at which a jump appears or vanishes, nearest to the model's own value.
 
@@ -102,7 +106,7 @@ def critical(
     parameter : float field of the model.
     frequencies : range of Omega; the model's by default.
     harmonics : used if a model is given.
-    report : called with a line of text as work goes on.
+    progress : called with a `Progress` as work goes on, such as ``print``; how far it is cannot be told.
 
     Returns
     -------
@@ -141,13 +145,13 @@ def critical(
             curve = response_curve(problem, parameter, value, frequencies)
         except NoConvergence:
             continue
-        say(report, f"response curve at {parameter} = {value:.5g}: {_count_folds(curve)}")
+        say(progress, f"response curve at {parameter} = {value:.5g}: {_count_folds(curve)}")
         tried.append(value)
         slope = slope or _steepest(curve)
         found: list[tuple[SpecialPoint, Branch, bool]] = []
         ending = Ending()
         try:
-            _cusps_from(problem, parameter, curve, followed, found, report)
+            _cusps_from(problem, parameter, curve, followed, found, progress)
         except KeyboardInterrupt as error:
             if not found:
                 raise
@@ -181,7 +185,7 @@ def _count_folds(curve: Branch) -> str:
 
 def _cusps_from(
     problem: HarmonicBalance, parameter: str, curve: Branch, followed: list[Branch],
-    found: list[tuple[SpecialPoint, Branch, bool]], report: Report | None,
+    found: list[tuple[SpecialPoint, Branch, bool]], progress: ProgressCallback | None,
 ) -> None:  # fmt: skip
     """Add to found the cusps reached from the folds of a curve, with the fold curve and whether the jump lies below.
 
@@ -198,7 +202,7 @@ def _cusps_from(
             end = allowed.clipped(value + side * reach, value)
             if end == value:
                 continue
-            say(report, f"fold at Omega = {point.parameters['Omega']:.5g} followed in {parameter} towards {end:.4g}")
+            say(progress, f"fold at Omega = {point.parameters['Omega']:.5g} followed in {parameter} towards {end:.4g}")
             fold = whole(trace(Fold(problem), parameter, (value, end), point, steps=_CAREFUL))
             followed.append(fold)
             cusp = next((p for p in fold.special if p.kind == "CP" and p.located), None)

@@ -1,4 +1,9 @@
-"""Instants at which a periodic motion crosses the corners of a law."""
+"""Instants at which a periodic motion crosses the corners of a law.
+
+References
+----------
+Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868, for contact projected exactly.
+"""
 
 from __future__ import annotations
 

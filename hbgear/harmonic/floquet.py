@@ -23,6 +23,11 @@ A, R, B belong to a piece, D to a step; steps of all motions that share the mode
 is large, several equal parts with a polynomial each make one step, for products of large matrices cost least.
 
 Free motions (rigid rotation) carry the trivial multipliers +1 and are left out.
+
+References
+----------
+Friedmann, Hammond & Woo (1977), Int. J. Numer. Meth. Eng. 11, https://doi.org/10.1002/nme.1620110708.
+Hsu (1974), J. Math. Anal. Appl. 45, https://doi.org/10.1016/0022-247X(74)90112-X.
 """
 
 from __future__ import annotations

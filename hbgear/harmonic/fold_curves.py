@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from hbgear.common.given import two_numbers
+from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, Point
 from hbgear.continuation.ending import whole
 from hbgear.continuation.newton import NoConvergence, solve
+from hbgear.continuation.passing import passings
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.mechanics.model import Model
 
-Report = Callable[[str], None]
-"""Called with a line of text as work goes on."""
 
-
-def say(report: Report | None, text: str) -> None:
+def say(progress: ProgressCallback | None, text: str) -> None:
     """Pass a line of progress on."""
-    if report:
-        report(text)
+    if progress:
+        progress(Progress(text=text))
 
 
 def problem_of(model: Model | HarmonicBalance, harmonics: int) -> HarmonicBalance:
@@ -72,15 +69,13 @@ def response_curve(
 def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:
     """Whether a fold lies on a fold curve already traced: solve for the curve's fold at the same value and compare."""
     value = point.parameters[parameter]
-    x = fold.values - value
-    for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
-        s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
-        Omega = (1 - s) * fold.tracked["Omega"][i] + s * fold.tracked["Omega"][i + 1]
+    for place in passings(fold, value):
+        Omega = float(place.between(fold.tracked["Omega"]))
         if abs(Omega - point.parameters["Omega"]) > 0.05 * Omega:
             continue
-        U = np.append((1 - s) * fold.X[i] + s * fold.X[i + 1], Omega)
+        U = np.append(place.between(fold.X), Omega)
         try:
-            there = solve(Fold(problem), U, {**fold.parameters_at(int(i)), parameter: value}).X
+            there = solve(Fold(problem), U, {**fold.parameters_at(place.index), parameter: value}).X
         except NoConvergence:
             continue
         if abs(there[-1] - point.parameters["Omega"]) < 1e-6 * Omega:

@@ -2,6 +2,10 @@
 
 A jump is a fold of the response curve. Its frequency as a function of a design parameter is a fold curve; where the two
 folds of a jump meet, at a cusp of that curve, the jump appears or vanishes.
+
+References
+----------
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.given import two_numbers
+from hbgear.common.progress import ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.common.replacing import replacing
 from hbgear.continuation.bordered import Fold
@@ -25,7 +30,6 @@ from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.fold_curves import (
-    Report,
     check_frequencies,
     check_parameter,
     on_fold_curve,
@@ -140,7 +144,7 @@ def jump_map(
     harmonics: int = 16,
     seeds: int = 3,
     steps: StepControl = StepControl(),
-    report: Report | None = None,
+    progress: ProgressCallback | None = None,
 ) -> JumpMap:
     """Jump-up and jump-down frequencies against a design parameter.
 
@@ -155,7 +159,7 @@ def jump_map(
     frequencies : range of Omega of the response curves; the model's by default.
     harmonics : used if a model is given.
     seeds : number of response curves, at least 2.
-    report : called with a line of text as work goes on.
+    progress : called with a `Progress` as work goes on, such as ``print``; how far it is cannot be told.
 
     Returns
     -------
@@ -191,12 +195,12 @@ def jump_map(
     ending, value = Ending(), low
     try:
         for value in _spread(low, high, seeds):
-            say(report, f"response curve at {parameter} = {value:.5g}")
+            say(progress, f"response curve at {parameter} = {value:.5g}")
             curve = response_curve(problem, parameter, value, frequencies)
             ending.also(curve, f"the response curve at {parameter} = {value:.5g}")
             for point in (p for p in curve.special if p.kind == "LP" and p.located):
                 if not any(on_fold_curve(problem, fold, point, parameter) for fold, _ in folds):
-                    say(report, f"fold at Omega = {point.parameters['Omega']:.5g}, followed in {parameter}")
+                    say(progress, f"fold at Omega = {point.parameters['Omega']:.5g}, followed in {parameter}")
                     fold = _fold_curve(problem, parameter, (low, high), point, steps)
                     folds += [(fold, _arms(problem, fold))]
                     ending.also(fold, f"the curve of the fold at Omega = {point.parameters['Omega']:.5g}")

@@ -16,6 +16,7 @@ import numpy as np
 from hbgear.continuation.branch import Branch, Jump, Point
 from hbgear.continuation.jumps import motions_at, seen_points
 from hbgear.continuation.newton import Settings
+from hbgear.continuation.passing import passings
 from hbgear.harmonic.observables import Layout, layout_of
 
 _SAMPLES = 128  # of one period of the excitation, where motions are compared
@@ -70,12 +71,10 @@ def _stable_points(branch: Branch, value: float) -> list[Point]:
         return [point for point in seen_points(branch, [motions_at(branch, value, Settings())])[0] if point.stable]
     if branch.stable is None:
         return []
-    x, found = branch.values - value, []
-    for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
-        if branch.stable[i] and branch.stable[i + 1]:
-            s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
-            near = branch[int(i if s < 0.5 else i + 1)]
-            X = (1 - s) * branch.X[i] + s * branch.X[i + 1]
+    found = []
+    for place in passings(branch, value):
+        if all(branch.stable[i] for i in place.points):
+            near, X = branch[place.nearest], place.between(branch.X)
             found.append(replace(near, X=X, parameters={**near.parameters, branch.parameter: value}, label=""))
     return found
 

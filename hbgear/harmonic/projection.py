@@ -14,6 +14,10 @@ A law that is a sum of such springs with different stiffness series has the sum 
 
 No boundary term appears in the derivative because g is continuous. Nothing is sampled: the only discrete
 decision is which roots exist, and it is checked at the extrema between grid points.
+
+References
+----------
+Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868, for contact projected exactly.
 """
 
 from __future__ import annotations

@@ -14,6 +14,10 @@ where neither kr nor the number of coordinates appears in the result. One eigen-
 
 gives every harmonic and the derivative in omega without a solve. Free motions (rigid motions r with
 W^T r = 0) are split off first; a constant load on one of them is refused, for no periodic motion exists.
+
+References
+----------
+Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https://doi.org/10.1007/978-3-030-14023-6.
 """
 
 from __future__ import annotations

@@ -7,6 +7,10 @@
 | PeriodDoubling | bordered determinant of the half-integer block: a multiplier is -1 |
 | Grazing | extremum of an element minus a corner of its law: the impact regime changes |
 | Peak | derivative of an amplitude along the curve |
+
+References
+----------
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
 """
 
 from __future__ import annotations

@@ -9,30 +9,30 @@ and by following known ones in a second parameter and back. What is new is trace
 
 References
 ----------
-Farrell, Birkisson & Funke (2015), SIAM J. Sci. Comput. 37(4), A2026, for deflation.
+Farrell, Birkisson & Funke (2015), SIAM J. Sci. Comput. 37(4), A2026, https://doi.org/10.1137/140984798.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.given import given, need, two_numbers
+from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.branch import Branch, Point, Status
 from hbgear.continuation.deflation import deflated_newton, same_solution
 from hbgear.continuation.ending import Ending, Interrupted, whole
 from hbgear.continuation.newton import NoConvergence, solve
+from hbgear.continuation.passing import passings
 from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.mechanics.fourier import to_complex, to_real
-
-Report = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def trace_all(
     seed: int = 0,
     steps: StepControl = StepControl(),
     stability: bool = True,
-    report: Report | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Survey:
     """Every branch of periodic motions in a span of Omega that the searches below find.
 
@@ -89,7 +89,7 @@ def trace_all(
     second : ``(name, (low, high))`` of a model parameter to go through and back.
     seed : of the random starts; the same seed finds the same branches.
     steps, stability : as for `trace`.
-    report : called with a line of text as work goes on.
+    progress : called with a `Progress` as work goes on, such as ``print``; how far it is cannot be told.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def trace_all(
         raise TypeError(f"second: got {given(second)}; need a name and its range, such as ('zeta', (0.05, 0.2))")
     counted("guesses", guesses, 100_000, least=0)
     places = _places(frequencies, low, high)
-    search = _Search(problem, (float(span[0]), float(span[1])), steps, stability, report)
+    search = _Search(problem, (float(span[0]), float(span[1])), steps, stability, progress)
     ending, place = Ending(), "on the branches from the linear response"
     try:
         search.main()
@@ -161,17 +161,17 @@ class _Search:
         span: tuple[float, float],
         steps: StepControl,
         stability: bool,
-        report: Report | None,
+        progress: ProgressCallback | None,
     ) -> None:
-        self.problem, self.span, self.steps, self.stability, self.report = problem, span, steps, stability, report
+        self.problem, self.span, self.steps, self.stability, self.progress = problem, span, steps, stability, progress
         self.branches: list[Branch] = []
         self.log: list[str] = []
 
     def say(self, text: str) -> None:
         """Keep a line of the log and pass it on."""
         self.log.append(text)
-        if self.report:
-            self.report(text)
+        if self.progress:
+            self.progress(Progress(text=text))
 
     def main(self) -> None:
         """The branches that start from the linear response at either end of the span."""
@@ -191,11 +191,9 @@ class _Search:
         """Motions of all branches at a frequency, with their copies shifted by periods of the excitation."""
         out = []
         for branch in self.branches:
-            x = branch.values - Omega
-            for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
-                s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
+            for place in passings(branch, Omega):
                 try:
-                    X = solve(self.problem, (1 - s) * branch.X[i] + s * branch.X[i + 1], self._at(Omega)).X
+                    X = solve(self.problem, place.between(branch.X), self._at(Omega)).X
                 except NoConvergence:
                     continue
                 out += shifts(self.problem, X)
@@ -204,12 +202,10 @@ class _Search:
     def _on_a_branch(self, X: Array, Omega: float) -> bool:
         """Whether a motion, or a copy of it shifted by periods of the excitation, lies on a branch already traced."""
         for branch in self.branches:
-            x = branch.values - Omega
-            for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
-                s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
-                between = (1 - s) * branch.X[i] + s * branch.X[i + 1]
+            for place in passings(branch, Omega):
+                between, (a, b) = place.between(branch.X), branch.X[place.index : place.index + 2]
                 # rows turn by at most 20 degrees, so that the curve stays this close to its chord
-                near = 0.15 * float(np.linalg.norm(branch.X[i + 1] - branch.X[i])) + 1e-6 * float(np.linalg.norm(X))
+                near = 0.15 * float(np.linalg.norm(b - a)) + 1e-6 * float(np.linalg.norm(X))
                 if any(float(np.linalg.norm(Y - between)) <= near for Y in shifts(self.problem, X)):
                     return True
         return False

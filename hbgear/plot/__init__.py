@@ -31,7 +31,20 @@ from hbgear.plot.study import (
     jump_distribution,
     percentiles,
 )
-from hbgear.plot.style import BRANCHES, COLOURS, FONT, GREY, LINES, MARKERS, MEASURES, STYLE, WIDTHS, State, save
+from hbgear.plot.style import (
+    BRANCHES,
+    COLOURS,
+    FONT,
+    GREY,
+    LINES,
+    MARKERS,
+    MEASURES,
+    STYLE,
+    WIDTHS,
+    State,
+    legend_entry,
+    save,
+)
 
 __all__ = [
     "BASINS",
@@ -59,6 +72,7 @@ __all__ = [
     "figures",
     "jump_distribution",
     "jump_map",
+    "legend_entry",
     "percentiles",
     "phase_diagram",
     "portrait",

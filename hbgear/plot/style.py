@@ -39,7 +39,14 @@ LINES: dict[bool | None, tuple[Any, float]] = {True: ("-", 1.4), False: ("--", 1
 
 
 def legend_entry(event: Event | SpecialPoint) -> str:
-    """What a legend says of a kind of special points: its meaning as far as a colon, and the kind."""
+    """What a legend says of a kind of special points: its meaning as far as a colon, and the kind.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> hb.plot.legend_entry(hb.Event("limit", lambda point: 1.0, "too large: stop"))
+    'too large (limit)'
+    """
     what = event.meaning.partition(":")[0]
     return what if what == event.kind else f"{what} ({event.kind})"
 

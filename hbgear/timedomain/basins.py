@@ -9,6 +9,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.given import need
+from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.branch import Status
 from hbgear.continuation.ending import Ending
@@ -17,7 +18,7 @@ from hbgear.mechanics.fourier import evaluate
 from hbgear.mechanics.model import Model
 from hbgear.timedomain.exponential import Flight, Stepper
 from hbgear.timedomain.settle import OBSERVED, Settling, settle_into, unsettled
-from hbgear.timedomain.sweep import Observation, Progress, observe
+from hbgear.timedomain.sweep import Observation, observe
 
 _MOST_STARTS = 250_000  # integrated at once
 
@@ -62,7 +63,7 @@ def basins(
     shape: tuple[int, int] = (60, 60),
     *,
     settling: Settling = Settling(tolerance=1e-6),
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Basins:
     """Basins of attraction of a model with one coordinate, all starts integrated at once.
 
@@ -73,7 +74,7 @@ def basins(
     d, v : ranges of the element coordinate and its rate at tau = 0.
     shape : numbers of starts along d and v.
     settling : when a motion counts as settled; those that never are form one attractor of period 0.
-    progress : called as ``progress(share done, text)``.
+    progress : called with a `Progress`, such as ``print``.
 
     Returns
     -------
@@ -116,7 +117,7 @@ def basins(
 
     def report(periods: int, settled: int) -> None:
         if progress:
-            progress(settled / count, f"{settled} of {count} motions settled after {periods} periods")
+            progress(Progress(settled / count, f"{settled} of {count} motions settled after {periods} periods"))
 
     how, ending, done = unsettled(count, settling), Ending(message="all starts were followed"), np.arange(count)
     try:

@@ -8,6 +8,10 @@ In a step of length h the linear part and the loads are exact; w = p - kr d is a
 Gauss points, found with the displacements there, d(c_i h) = d_linear(c_i h) - sum_j A_ij w_j. Neither stiff supports
 nor fast modes limit the step. The order is 2s where |poles| h is small, and falls towards s + 1 for what stiff modes
 contribute; steps end at corners of the laws, which therefore do not lower it.
+
+References
+----------
+Hochbruck & Ostermann (2010), Acta Numerica 19, https://doi.org/10.1017/S0962492910000048.
 """
 
 from __future__ import annotations

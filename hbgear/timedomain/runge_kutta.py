@@ -2,6 +2,10 @@
 
 Each step ends where an element reaches a corner of its law. On its piece a piecewise-linear law is a straight line,
 which a step may overshoot without harm; the step is then taken again up to the corner.
+
+References
+----------
+Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I (1993), https://doi.org/10.1007/978-3-540-78862-1.
 """
 
 from __future__ import annotations

@@ -7,6 +7,10 @@ rho^p is still
 
 away; it is settled when that is below a tolerance. The smallest such k is the period. A motion that never settles is
 called not periodic and gets its largest Lyapunov exponent.
+
+References
+----------
+Benettin, Galgani, Giorgilli & Strelcyn (1980), Meccanica 15, https://doi.org/10.1007/BF02128236, for the exponent.
 """
 
 from __future__ import annotations

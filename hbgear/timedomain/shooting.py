@@ -5,6 +5,11 @@
 Phi = dy(nu T)/dy0 comes from the variational equation integrated along (DOP853, with the corners of the laws met
 exactly): no harmonics, no collocation. The drift of free motions (a rotation that nothing holds) is not closed: y is
 compared in the modal coordinates, which leave it out, and its multipliers +1 are left out too.
+
+References
+----------
+Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https://doi.org/10.1007/978-3-030-14023-6.
+Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I (1993), https://doi.org/10.1007/978-3-540-78862-1.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -24,6 +24,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.given import need
 from hbgear.common.messages import did_you_mean
+from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, checked
 from hbgear.common.replacing import replacing
 from hbgear.continuation.branch import Status
@@ -34,9 +35,6 @@ from hbgear.mechanics.fourier import to_real
 from hbgear.mechanics.model import Model
 from hbgear.timedomain.exponential import Flight, Stepper, modal_state
 from hbgear.timedomain.settle import OBSERVED, WINDOW, Settled, Settling, lyapunov, mode_weights, settle
-
-Progress = Callable[[float, str], None]
-
 
 HARMONICS = 16
 """Harmonics of the excitation that are kept of each settled motion."""
@@ -215,7 +213,7 @@ def sweep(
     settling: Settling = Settling(),
     disturbance: float = 1e-4,
     steps: int | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Sweep:
     """Slow sweep over a grid of a parameter with the state carried over from value to value.
 
@@ -231,7 +229,7 @@ def sweep(
     disturbance : size, relative to the state, of a random disturbance given at each value. Without one, a symmetric
         model (two equal helices) stays on a symmetric motion even where that is unstable; it must exceed the tolerance.
     steps : of the integration per excitation period; chosen by default.
-    progress : called as ``progress(share done, text)``.
+    progress : called with a `Progress`, such as ``print``.
 
     A change between neighbouring values that is much larger than the one before is a jump if the sweep does not find
     back when the parameter is turned back by one value; a steep but single curve is none.
@@ -272,7 +270,7 @@ class _Sweeper:
     settling: Settling
     disturbance: float
     steps: int | None
-    progress: Progress | None
+    progress: ProgressCallback | None
     found: list[tuple[float, Observation, Settled, float]] = field(default_factory=list)
     jumps: list[SweepJump] = field(default_factory=list)
 
@@ -314,7 +312,7 @@ class _Sweeper:
                 state = self._settle(value, state)
                 self._look_for_jump(i, before, state)
                 if self.progress:
-                    self.progress((i + 1) / len(self.values), self._text())
+                    self.progress(Progress((i + 1) / len(self.values), self._text()))
         except (Exception, KeyboardInterrupt) as error:
             if isinstance(error, Exception) and not self.found:
                 raise

@@ -22,7 +22,7 @@ from __future__ import annotations
 import csv
 import os
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
@@ -32,6 +32,7 @@ import scipy
 from hbgear._version import __version__
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.given import need, number
+from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.replacing import replacing
 from hbgear.continuation.algebra import norm
 from hbgear.continuation.branch import NEUTRAL, Branch
@@ -46,9 +47,6 @@ from hbgear.timedomain.exponential import modal_state, physical_state
 from hbgear.timedomain.integrate import state_of
 from hbgear.timedomain.runge_kutta import Flow
 from hbgear.timedomain.shooting import Orbit, shoot
-
-Progress = Callable[[float, str], None]
-
 
 LEAST = 1e-9
 """Smallest tolerance that time integration can decide on."""
@@ -192,7 +190,7 @@ def validate(
     *,
     multiplier_tolerance: float | None = None,
     problem: Any = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Report:
     """Hold points of a branch against time integration.
 
@@ -205,7 +203,7 @@ def validate(
         two single values.
     multiplier_tolerance : largest difference of multipliers; by default 100 times the tolerance.
     problem : `HarmonicBalance` of the branch, if its model is not in the catalogue.
-    progress : called as ``progress(share done, text)``.
+    progress : called with a `Progress`, such as ``print``.
 
     Returns
     -------
@@ -242,7 +240,7 @@ def validate(
     try:
         for done, (i, reason) in enumerate(chosen):
             if progress:
-                progress(done / len(chosen), f"{branch.parameter} = {branch.values[i]:.5g} ({reason})")
+                progress(Progress(done / len(chosen), f"{branch.parameter} = {branch.values[i]:.5g} ({reason})"))
             rows.append(_check(branch, problem, i, reason, tolerance, limit))
     except KeyboardInterrupt:
         complete = False

@@ -19,6 +19,7 @@ import hbgear as hb
 from hbgear import plot as draw
 from hbgear.common.arrays import Array
 from hbgear.continuation.newton import solve
+from hbgear.continuation.passing import passings
 from hbgear.mechanics.fourier import evaluate
 from hbgear.timedomain.basins import Basins
 from studies import study
@@ -52,9 +53,7 @@ def motions(harmonics: int) -> tuple[Array, Array, Array]:
     problem = hb.HarmonicBalance(PAIR, harmonics)
     curve = hb.trace(problem, "Omega", (1.0, 0.4), stability=False)
     here = {**problem.parameters, "Omega": OMEGA}
-    x = curve.values - OMEGA
-    crossed = np.flatnonzero(x[:-1] * x[1:] < 0)
-    X = [solve(problem, curve.X[i], here).X for i in crossed]
+    X = [solve(problem, place.between(curve.X), here).X for place in passings(curve, OMEGA)]
     points = [(float(evaluate(row, 0.0)[0]), OMEGA * float(evaluate(row, 0.0, 1)[0])) for row in X]
     rms = [np.sqrt(0.5 * np.sum(row[1:] ** 2)) for row in X]
     stable = [bool(np.abs(problem.multipliers(row, **here)).max() < 1) for row in X]

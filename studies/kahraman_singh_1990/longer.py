@@ -15,6 +15,7 @@ import hbgear as hb
 from hbgear.common.arrays import Array
 from hbgear.continuation.branch import Status
 from hbgear.continuation.newton import solve
+from hbgear.continuation.passing import passings
 from hbgear.harmonic import observables as measures
 from hbgear.harmonic.survey import whole_branch
 from hbgear.mechanics.fourier import evaluate, to_complex, to_real
@@ -84,13 +85,12 @@ def family(branch: hb.Branch, span: tuple[float, float], longest: int) -> list[h
 
 def motions_at(branch: hb.Branch, Omega: float) -> list[Array]:
     """Unknowns of every stable motion of a branch at exactly this frequency."""
-    x, stable, here = branch.values - Omega, np.asarray(branch.stable), {**branch.problem.parameters, "Omega": Omega}
+    stable, here = np.asarray(branch.stable), {**branch.problem.parameters, "Omega": Omega}
     found = []
-    for j in np.flatnonzero(x[:-1] * x[1:] <= 0):
-        s = x[j] / (x[j] - x[j + 1]) if x[j] != x[j + 1] else 0.0
-        if stable[j] or stable[j + 1]:
+    for place in passings(branch, Omega):
+        if stable[place.index : place.index + 2].any():
             try:
-                found.append(solve(branch.problem, (1 - s) * branch.X[j] + s * branch.X[j + 1], here).X)
+                found.append(solve(branch.problem, place.between(branch.X), here).X)
             except hb.NoConvergence:
                 continue
     return found

@@ -210,8 +210,8 @@ def test_sweep_in_another_parameter(pair):
 
 
 def test_interrupted_it_keeps_what_it_has():
-    def stop(share, text):
-        if share > 0.5:
+    def stop(now):
+        if now.done > 0.5:
             raise KeyboardInterrupt
 
     found = sweep(hb.SpurPair(), [0.4, 0.42, 0.44, 0.46], progress=stop)
@@ -220,7 +220,7 @@ def test_interrupted_it_keeps_what_it_has():
 
 def test_progress_is_reported():
     seen = []
-    sweep(hb.SpurPair(), [0.4, 0.45], progress=lambda share, text: seen.append((share, text)))
+    sweep(hb.SpurPair(), [0.4, 0.45], progress=lambda now: seen.append((now.done, now.text)))
     assert [share for share, _ in seen] == [0.5, 1.0] and "Omega = 0.45" in seen[1][1] and "period 1" in seen[1][1]
 
 

@@ -231,8 +231,8 @@ def test_table_file_and_figure(pair, report, tmp_path):
 
 
 def test_interrupted_it_keeps_what_it_has(pair):
-    def stop(share, text):
-        if share > 0.4:
+    def stop(now):
+        if now.done > 0.4:
             raise KeyboardInterrupt
 
     found = validate(pair, [3, 20, 40, 60], 1e-5, progress=stop)

@@ -98,7 +98,7 @@ def test_numbers_of_a_case_are_those_of_its_curve(run):
 
 def test_a_failing_case_is_a_row_and_is_retried_only_if_asked(run, monkeypatch):
     told = []
-    found = run(grid(zeta=[0.05, -0.05]), progress=lambda *numbers: told.append(numbers))
+    found = run(grid(zeta=[0.05, -0.05]), progress=lambda now: told.append(tuple(now.numbers.values())))
     assert told[0] == (0, 2, 0) and told[-1] == (2, 2, 1)
     assert list(found.failed) == [1] and "must not be negative" in found.failed[1]
     calls = []
@@ -205,7 +205,7 @@ def test_branches_are_kept_whole(run, tmp_path):
 
 
 def test_an_error_that_is_not_of_the_store_is_not_called_one(run):
-    def broken(done, total, failed):
+    def broken(now):
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
     with pytest.raises(BrokenPipeError):
@@ -260,11 +260,11 @@ from contextlib import contextmanager
 from hbgear.cli import app, study
 
 @contextmanager
-def stopping():
-    yield lambda done, total, failed: {} if done == 3 else None
+def stopping(what):
+    yield lambda now: {} if now.numbers["finished"] == 3 else None
 
 if __name__ == "__main__":
-    study.case_bar = stopping
+    study.bar = stopping
     app.main(["study", "a.toml", "--processes", "1"])
 """
 

@@ -183,14 +183,14 @@ def test_early_stop_saves_and_returns_3(run):
 
 def test_interrupt_saves_and_returns_3(run, monkeypatch):
     @contextmanager
-    def impatient(parameter, a, b):
-        def show(value, rows, step):
-            if rows == 8:
+    def impatient(what):
+        def show(now):
+            if now.numbers["points"] == 8:
                 raise KeyboardInterrupt
 
         yield show
 
-    monkeypatch.setattr(cli_support, "progress_bar", impatient)
+    monkeypatch.setattr(cli_support, "bar", impatient)
     code, out, _ = run(*QUICK, "-o", "d.npz")
     assert code == 3 and hb.load("d.npz").status is hb.Status.INTERRUPTED and len(hb.load("d.npz")) == 8
     assert "interrupted" in out
@@ -256,9 +256,8 @@ def test_linear_algebra_has_one_thread_while_tracing(run, monkeypatch):
 
 
 def test_help_is_quick_to_import():
-    lines = ["import sys", "from hbgear.cli.app import main", "try:", "    main([])", "finally:"]
-    code = "\n".join([*lines, "    print('matplotlib' in sys.modules)"])
-    out = shell("-c", code)
+    program = "import sys\nfrom hbgear.cli.app import main\ntry:\n    main([])\nfinally:\n    "
+    out = shell("-c", program + "print('matplotlib' in sys.modules)")
     assert out.returncode == 0 and "trace" in out.stdout and out.stdout.endswith("False\n")
 
 

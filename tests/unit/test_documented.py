@@ -22,7 +22,7 @@ DRAWN = sorted(
 def example_of(name: str, thing: object) -> doctest.DocTest | None:
     """The example in a docstring, if it has one that says so."""
     text = inspect.getdoc(thing) or ""
-    found = doctest.DocTestParser().get_doctest(text, {}, name, None, 0)
+    found = doctest.DocTestParser().get_doctest(text, {"__name__": "example"}, name, None, 0)
     return found if found.examples and "Examples\n--------" in text else None
 
 

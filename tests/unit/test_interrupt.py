@@ -254,8 +254,8 @@ def test_errors_in_what_is_located_leave_the_curve(monkeypatch, name):
 
 
 def test_what_progress_raises_comes_out_with_the_branch():
-    def show(value, rows, step):
-        if rows == 12:
+    def show(now):
+        if now.numbers["points"] == 12:
             raise Bug("enough")
 
     with pytest.raises(Bug, match="enough") as raised:

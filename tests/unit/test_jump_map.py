@@ -83,7 +83,7 @@ def test_a_map_of_no_jumps():
 
 def test_a_map_backwards_is_the_same_and_reports_what_it_does(problem, jumps):
     said = []
-    other = jump_map(problem, "zeta", SPAN[::-1], seeds=2, report=said.append, **NEAR)
+    other = jump_map(problem, "zeta", SPAN[::-1], seeds=2, progress=lambda now: said.append(now.text), **NEAR)
     assert other.span == SPAN
     np.testing.assert_allclose(other.jumps_at(0.114), jumps.jumps_at(0.114), rtol=0, atol=1e-5)
     assert said[0] == "response curve at zeta = 0.112"
@@ -131,7 +131,9 @@ def test_the_jump_is_below_and_not_above(problem, in_zeta, factor, count):
 def test_found_from_a_model_without_a_jump(in_zeta):
     """The response has no fold; those of other dampings are looked at, away from the model's own."""
     said = []
-    found = critical(HarmonicBalance(SpurPair(zeta=0.13), 5), "zeta", report=said.append, **NEAR)
+    found = critical(
+        HarmonicBalance(SpurPair(zeta=0.13), 5), "zeta", progress=lambda now: said.append(now.text), **NEAR
+    )
     assert said[0].endswith("no fold")
     assert found.value == pytest.approx(in_zeta.value, abs=1e-8) and found.jump_below
 
@@ -209,7 +211,9 @@ def test_a_search_keeps_within_the_range_and_is_given_up(monkeypatch):
     monkeypatch.setattr("hbgear.harmonic.critical._CAREFUL", Steps(first=0.002, longest=0.02, max_points=10))
     said = []
     with pytest.raises(NoFold, match="no jump that appears or vanishes with b"):
-        critical(SpurPair(zeta=0.09), "b", frequencies=(0.95, 0.7), harmonics=3, report=said.append)
+        critical(
+            SpurPair(zeta=0.09), "b", frequencies=(0.95, 0.7), harmonics=3, progress=lambda now: said.append(now.text)
+        )
     ends = [float(line.rpartition(" ")[2]) for line in said if "followed" in line]
     assert ends and min(ends) == 0.0 and len(ends) <= 8
 

@@ -311,8 +311,8 @@ def test_max_points():
 
 
 def test_interruption_keeps_the_rows():
-    def stop(value, rows, step):
-        if rows == 7:
+    def stop(now):
+        if now.numbers["points"] == 7:
             raise KeyboardInterrupt
 
     curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), progress=stop)
@@ -321,9 +321,11 @@ def test_interruption_keeps_the_rows():
 
 def test_progress_is_told_of_every_row():
     seen = []
-    curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), special=False, progress=lambda *x: seen.append(x))
-    assert [rows for _, rows, _ in seen] == list(range(2, len(curve) + 1))
-    np.testing.assert_array_equal([value for value, *_ in seen], curve.values[1:])
+    curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), special=False, progress=seen.append)
+    assert [now.numbers["points"] for now in seen] == list(range(2, len(curve) + 1))
+    np.testing.assert_array_equal([now.numbers["value"] for now in seen], curve.values[1:])
+    np.testing.assert_allclose([now.done for now in seen], (curve.values[1:] + 2) / 4, atol=1e-12)
+    assert f"p = {curve.values[1]:.5f}, 2 points" in str(seen[0])
 
 
 def test_a_trace_goes_on_from_any_row():

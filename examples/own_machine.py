@@ -1,0 +1,37 @@
+"""A machine of your own as a model: a rotor that rubs in its casing, followed in its clearance.
+
+    x'' + 2 zeta x' + x + p(x) = mu Omega^2 cos(Omega t),   p(x) = k max(|x| - gap, 0) sign x
+
+    python examples/own_machine.py [--quick]
+
+Prints:
+
+    the rotor jumps as long as its clearance is below 1.487
+"""
+
+import sys
+from dataclasses import dataclass
+
+import hbgear as hb
+
+
+@dataclass(frozen=True)
+class Rub(hb.Model):
+    """An unbalanced rotor in a casing with clearance."""
+
+    zeta: float = 0.05
+    gap: float = 1.0
+    k: float = 4.0
+    mu: float = 0.15
+
+    def system(self) -> hb.System:
+        """Matrices, the casing as an element, and the unbalance, which grows with Omega^2."""
+        casing = hb.Element([1.0], hb.Backlash(b=self.gap, k=self.k), name="casing")
+        unbalance = hb.Load(cosine={1: [self.mu]}, power=2)
+        return hb.System([[1.0]], [[2 * self.zeta]], [[1.0]], [casing], unbalance)
+
+
+problem = hb.HarmonicBalance(Rub(), 7 if "--quick" in sys.argv else 15)
+curve = hb.trace(problem, "Omega", (0.6, 2.4))
+folds = hb.trace(hb.Fold(problem, "Omega"), "gap", (1.0, 3.0), start=curve["LP1"])
+print(f"the rotor jumps as long as its clearance is below {folds['CP1'].parameters['gap']:.3f}")
