@@ -123,6 +123,7 @@ class _Tracer:
         self.problem, self.name, self.largest = problem, parameter, problem
         self.steps, self.settings, self.special, self.progress = steps, settings, special, progress
         self.stability = stability
+        self.whole = not isinstance(start, Departure) or start.away  # else the rest of a curve, see `extend`
         for name in (parameter, *(at or {})):
             problem.check_parameter(name)
         if parameter in (at or {}):
@@ -327,7 +328,8 @@ class _Tracer:
         self.made = self._branch()
         if self.special:
             self.made = replace(self.made, jump_records=find_jumps(self.made, self.settings))
-            self.made = self.largest.finished(self.made, [row.observed for row in self.rows])
+            if self.whole:
+                self.made = self.largest.finished(self.made, [row.observed for row in self.rows])
 
     def _branch(self) -> Branch:
         meta = {

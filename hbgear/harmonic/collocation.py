@@ -21,7 +21,11 @@ from hbgear.common.arrays import Array, ComplexArray
 
 @lru_cache(maxsize=16)
 def gauss(s: int) -> tuple[Array, Array]:
-    """Gauss points on (0, 1) and monomial coefficients L[j, p] of the Lagrange polynomials on them."""
+    """Gauss points on (0, 1) and monomial coefficients L[j, p] of the Lagrange polynomials on them.
+
+    The coefficients grow with s and cancel each other, so that what is made of them is exact to about 1e-13 with s = 6,
+    7e-11 with 10 and 2e-9 with 12.
+    """
     x = 0.5 * (np.polynomial.legendre.leggauss(s)[0] + 1.0)
     return x, np.linalg.inv(np.vander(x, increasing=True)).T
 
