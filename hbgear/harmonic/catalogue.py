@@ -135,10 +135,14 @@ _MOST_SAMPLES = 2**22  # no trace that anybody waited for had more
 
 def _settings(balance: Any) -> dict[str, Any]:
     """Settings of `HarmonicBalance` as `HarmonicBalance.describe` gives them, "auto" among them."""
-    kinds = {"harmonics": int, "samples": int, "nu": int, "sampled": bool}
-    if not isinstance(balance, Mapping) or any(type(balance.get(name)) is not kind for name, kind in kinds.items()):
+    kinds = {"harmonics": (int, str), "samples": (int, type(None)), "nu": (int,), "sampled": (bool,)}
+    if not isinstance(balance, Mapping) or any(
+        name not in balance or type(balance[name]) not in kind for name, kind in kinds.items()
+    ):
         raise ValueError(f"the balance is described by {', '.join(kinds)} and auto, got {str(balance)[:80]}")
-    auto, samples = balance.get("auto"), balance["samples"]
-    if samples > _MOST_SAMPLES or not (auto is None or (type(auto) is float and auto > 0)):
+    auto, samples, harmonics = balance.get("auto"), balance["samples"], balance["harmonics"]
+    if isinstance(harmonics, str) and harmonics != "auto":
+        raise ValueError(f"harmonics are a whole number or 'auto', got {harmonics[:40]!r}")
+    if (samples or 0) > _MOST_SAMPLES or not (auto is None or (type(auto) is float and auto > 0)):
         raise ValueError(f"no balance has {samples} samples and the tolerance {str(auto)[:40]}")
     return {**{name: balance[name] for name in kinds}, "auto": auto}
