@@ -291,6 +291,7 @@ def extend(
     for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
         check_writable(path, allowed)
     branch, which = loaded(file, measure, element)
+    branch = dataclasses.replace(branch, problem=problem_in(branch, model))
     problem = problem_in(branch, model, harmonics, samples)
     span = longer_span(branch, within, first, last)
     with one_thread(), bar(branch.parameter) as progress:
