@@ -7,6 +7,7 @@ when it is needed.
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import sys
 import time
