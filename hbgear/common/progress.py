@@ -40,4 +40,14 @@ class Progress:
 
 
 ProgressCallback = Callable[[Progress], None]
-"""What ``progress=`` may be: ``print``, or any function of a `Progress`. What it raises ends the computation."""
+"""What ``progress=`` may be: ``print``, or any function of a `Progress`. What it raises ends the computation.
+
+Examples
+--------
+>>> import hbgear as hb
+>>> def tell(progress: hb.Progress) -> None:
+...     if progress.done == 1.0:
+...         print(progress.text.split(",")[0])
+>>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 0.6), progress=tell)
+Omega = 0.60000
+"""

@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 import hbgear as hb
 from hbgear import plot as draw
 from hbgear.common.arrays import Array
+from hbgear.harmonic.observables import REGIMES
 from studies import study
 from studies.dong_2022 import base
 from studies.dong_2022.claims import Case, case, motion, near
@@ -164,7 +165,7 @@ def plot(results: dict[str, Any]) -> Figure:
     for ax in axes.flat[len(found) :]:
         ax.axis("off")
     handles = [plt.Line2D([], [], color=draw.COLOURS[r], label=r.replace("_sided", "-sided").replace("_", " "))
-               for r in draw.REGIMES if any(r in reading["curve"].regimes for reading in found.values())]  # fmt: skip
+               for r in REGIMES if any(r in reading["curve"].regimes for reading in found.values())]  # fmt: skip
     handles.append(plt.Line2D([], [], color="#555555", ls="--", label="unstable"))
     handles += [plt.Line2D([], [], ls="", marker=marker, label=text, **MARK)
                 for marker, text in (draw.MARKERS[kind] for kind in KINDS)]  # fmt: skip

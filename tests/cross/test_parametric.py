@@ -49,10 +49,10 @@ def shot_doubled(shot):
 
 
 def places(special):
-    """(kind, Omega) of all but grazing points, in order."""
+    """(kind, Omega) of all but grazing points and ends of branches, in order."""
     out = []
     for p in special:
-        if p.kind != "GR":
+        if p.kind not in ("GR", "EP"):
             out.append((p.kind, p.Omega if hasattr(p, "Omega") else p.parameters["Omega"]))
     return out
 

@@ -10,7 +10,9 @@ import pytest
 import hbgear as hb
 from hbgear.plot import curves, simulation, study
 
-NAMES = sorted(name for name in hb.__all__ if callable(getattr(hb, name)))
+NAMES = sorted(
+    name for name in hb.__all__ if isinstance(getattr(hb, name), type) or inspect.isroutine(getattr(hb, name))
+)
 DRAWN = sorted(
     f"{module.__name__.rpartition('.')[2]}.{name}"
     for module in (curves, simulation, study)
