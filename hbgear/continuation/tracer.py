@@ -123,7 +123,8 @@ class _Tracer:
         self.problem, self.name, self.largest = problem, parameter, problem
         self.steps, self.settings, self.special, self.progress = steps, settings, special, progress
         self.stability = stability
-        self.whole = not isinstance(start, Departure) or start.away  # else the rest of a curve, see `extend`
+        # else it goes on from a point of another curve, and what it is not is no surprise
+        self.whole = start is None or (isinstance(start, Departure) and start.away)
         for name in (parameter, *(at or {})):
             problem.check_parameter(name)
         if parameter in (at or {}):

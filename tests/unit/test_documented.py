@@ -56,7 +56,7 @@ def test_example_of_a_figure(name):
 
 
 def test_public_names_that_are_no_functions_or_classes():
-    assert set(hb.__all__) - set(NAMES) == {"__version__", "plot"}
+    assert set(hb.__all__) - set(NAMES) == {"__version__", "plot", "ProgressCallback"}
     assert inspect.getdoc(hb.plot)
 
 
