@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
+from hbgear.common.messages import quoted
+
 _INSIDE = 1e-3  # how far from an end that does not belong to the range searches stop, as a share of the way to it
 
 
@@ -63,7 +65,7 @@ def counted(name: str, number: Any, most: int | None = None, least: int = 1) -> 
     ValueError
     """
     if isinstance(number, bool) or not isinstance(number, Integral) or int(number) < least:
-        raise ValueError(f"{name} = {number!r} must be a whole number of at least {least}")
+        raise ValueError(f"{name} = {quoted(number)} must be a whole number of at least {least}")
     if most is not None and int(number) > most:
         raise ValueError(f"{name} = {int(number):,} is more than {most:,}, which is the most there can be")
     return int(number)
@@ -85,7 +87,14 @@ def checked(owner: str, name: str, value: Any, allowed: Range = ANY) -> None:
     ------
     ValueError
     """
-    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
-        raise ValueError(f"{owner}: {name} = {value!r} must be a finite number")
+    if isinstance(value, bool) or not isinstance(value, Real) or not _is_finite(value):
+        raise ValueError(f"{owner}: {name} = {quoted(value)} must be a finite number")
     if float(value) not in allowed:
         raise ValueError(f"{owner}: {name} = {value} must {allowed}")
+
+
+def _is_finite(value: Real) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond every float
+        return False

@@ -36,12 +36,12 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import scipy  # its parts are imported when they are first used
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import need
 from hbgear.common.ranges import Range
 from hbgear.continuation.algebra import Factors, Matrix, bordered, dense, norm, slogdet
 from hbgear.continuation.branch import Point
-from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise, linearise_all
+from hbgear.continuation.problem import AnyProblem, Evaluation, FullProblem, as_problem, linearise, linearise_all
 
 STEP = 1e-5
 """Relative step of the directional differences."""
@@ -124,8 +124,8 @@ class Augmented(FullProblem):
 
     smooth = False
 
-    def __init__(self, problem: Any, parameter: str = "") -> None:
-        need(f"{type(self).__name__}(problem)", problem, "problem")
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "") -> None:
         self.problem = as_problem(problem)
         parameter = parameter or self.problem.usual_parameter
         if not parameter:
@@ -377,7 +377,8 @@ class Level(Augmented):
     True
     """
 
-    def __init__(self, problem: Any, parameter: str, test: Callable[[Point], float]) -> None:
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str, test: Callable[[Point], float]) -> None:
         super().__init__(problem, parameter)
         self.test = test
 

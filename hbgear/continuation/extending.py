@@ -7,15 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.given import need
+from hbgear.common.arguments import checked_arguments
 from hbgear.continuation.branch import Branch, Status, continued
 from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import Settings
+from hbgear.continuation.problem import AnyProblem
 from hbgear.continuation.segment import Departure
 from hbgear.continuation.tracer import trace
 
 
-def extend(branch: Branch, span: tuple[float, float] | None = None, *, problem: Any = None, **options: Any) -> Branch:
+@checked_arguments()
+def extend(
+    branch: Branch, span: tuple[float, float] | None = None, *, problem: AnyProblem | None = None, **options: Any
+) -> Branch:
     """Follow a curve on from its last row, the way it was going; the rows that were there and the new ones in one.
 
     Special points are numbered on and jumps sought on the whole. The new part does not know the old one: a closed
@@ -38,7 +42,6 @@ def extend(branch: Branch, span: tuple[float, float] | None = None, *, problem: 
     NoConvergence
         If its last row is no solution of the problem.
     """
-    need("extend(branch)", branch, "Branch")
     if (problem := branch.problem if problem is None else problem) is None:
         raise ValueError("extending needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     if len(branch) < 2:

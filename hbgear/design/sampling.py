@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.common.messages import did_you_mean
+from hbgear.common.messages import did_you_mean, quoted, shortened
 from hbgear.common.ranges import counted
 
 METHODS = ("latin-hypercube", "monte-carlo")
@@ -137,9 +137,9 @@ def distribution(given: Sequence[Any]) -> Any:
     from scipy import stats
 
     if not isinstance(given, list | tuple):
-        raise ValueError(f"a distribution is given as ('uniform', low, high) or the like, not as {given!r}")
-    if not given or given[0] not in DISTRIBUTIONS:
-        name = str(given[0]) if given else ""
+        raise ValueError(f"a distribution is given as ('uniform', low, high) or the like, not as {quoted(given)}")
+    if not given or not isinstance(given[0], str) or given[0] not in DISTRIBUTIONS:
+        name = shortened(str(given[0])) if given else ""
         raise KeyError(f"there is no distribution '{name}'{did_you_mean(name, DISTRIBUTIONS)}")
     name, *numbers = given
     meaning, make = DISTRIBUTIONS[name]

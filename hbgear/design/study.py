@@ -27,8 +27,8 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import given, need, two_numbers
 from hbgear.common.messages import did_you_mean
 from hbgear.common.replacing import replacing
 from hbgear.continuation.branch import Branch, Status
@@ -179,6 +179,7 @@ class Cases:
             raise ValueError(f"'{path}' must end in .csv or .npz")
 
 
+@checked_arguments(vary="what varies, such as grid(zeta=[0.05, 0.06])")
 def cases(
     model: Model,
     vary: Grid | Sample,
@@ -224,11 +225,6 @@ def cases(
     -----
     Stored cases that cannot be read are computed anew, with a warning.
     """
-    need("cases(model)", model, "Model")
-    if not isinstance(vary, Grid | Sample):
-        raise TypeError(f"vary: got {given(vary)}; need what varies, such as grid(zeta=[0.05, 0.06])")
-    if span is not None:
-        two_numbers("span", span)
     work = Work(tuple(compute), tuple(critical), harmonics, tuple(span or model.default_span), measure, element)  # type: ignore[arg-type]
     _check(model, vary, work, most)
     study = {"model": describe(model), **json.loads(json.dumps(asdict(work)))}

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from hbgear.common.messages import did_you_mean
+from hbgear.common.messages import did_you_mean, quoted, shortened
 from hbgear.design.sampling import METHODS, Grid, Sample, distribution, grid
 from hbgear.design.study import KINDS, Work
 from hbgear.harmonic.catalogue import MODELS
+from hbgear.io.archive import too_deep
 from hbgear.mechanics.model import Model
 
 Place = tuple[str | int, ...]
@@ -62,13 +63,18 @@ def _parsed(path: str | os.PathLike[str]) -> tuple[str, dict[str, Any]]:
     """Text of the file, and what TOML reads in it."""
     try:
         text = Path(path).read_text(encoding="utf-8")
-        return text, tomllib.loads(text)
+        data = tomllib.loads(text)
+        if not too_deep(data):
+            return text, data
+        reason = "a value in it is nested too deeply"
     except OSError as error:
         reason = str(error.strerror)
     except UnicodeDecodeError:
         reason = "it is no text (UTF-8)"
     except tomllib.TOMLDecodeError as error:
-        reason = str(error).replace("at end of document", f"at the end, line {len(text.splitlines())}")
+        reason = shortened(str(error), 200).replace("at end of document", f"at the end, line {len(text.splitlines())}")
+    except RecursionError:
+        reason = "a value in it is nested too deeply"
     raise StudyFileError([f"'{path}' cannot be read as a study: {reason}"])
 
 
@@ -150,7 +156,7 @@ def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
     schema = _schema(cls)
     problems: list[tuple[Place, str]] = []
     if isinstance(name, str) and cls is None:
-        problems.append((("model",), f"there is no model '{name}'{did_you_mean(name, MODELS)}"))
+        problems.append((("model",), f"there is no model '{shortened(name)}'{did_you_mean(name, MODELS)}"))
     if ("grid" in data) == ("sample" in data):
         need = "need [grid] or [sample], and not both"
         problems.append((("sample",), need))
@@ -171,10 +177,13 @@ def _told(schema: Any, error: Any) -> tuple[Place, str]:
     if error["type"] == "extra_forbidden":
         for key in place[:-1]:
             schema = schema.model_fields[key].annotation
-        return place, f"unknown key '{name}'{did_you_mean(str(place[-1]), schema.model_fields)}"
+        return place, f"unknown key '{shortened(name)}'{did_you_mean(str(place[-1]), schema.model_fields)}"
     if error["type"] == "missing":
-        return place, f"'{name}' is missing"
-    return place, f"{name} = {error['input']!r}: {error['msg'].removeprefix('Value error, ')}"
+        return place, f"'{shortened(name)}' is missing"
+    return (
+        place,
+        f"{shortened(name)} = {quoted(error['input'])}: {shortened(error['msg'].removeprefix('Value error, '), 300)}",
+    )
 
 
 def _schema(cls: type[Model] | None) -> Any:

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.given import need
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.common.recent import Recent
@@ -54,6 +54,9 @@ _UNKNOWNS = 4_000  # of the dense Jacobians, several of which are held at once
 
 
 _SAMPLES = 1_000_000  # of all elements together
+
+
+_FREQUENCIES = Range(above=0, high=1e60)  # so that powers of Omega are numbers
 
 
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
@@ -139,11 +142,11 @@ class HarmonicBalance(FullProblem):
     What an evaluation gives depends on nothing that was asked before, and threads may share a problem.
     """
 
+    @checked_arguments()
     def __init__(
         self, model: Model, harmonics: int | str = 16, samples: int | None = None, nu: int = 1,
         sampled: bool = False, tolerance: float = 1e-6,
     ) -> None:  # fmt: skip
-        need("HarmonicBalance(model)", model, "Model")
         counted("nu", nu)
         if harmonics != "auto":
             counted("harmonics", harmonics)
@@ -234,6 +237,7 @@ class HarmonicBalance(FullProblem):
             },
         }
 
+    @checked_arguments()
     def check_parameter(self, name: str) -> None:
         """Refuse a parameter that neither is Omega nor a float field of the model."""
         known = ("Omega", *self._own)
@@ -263,6 +267,7 @@ class HarmonicBalance(FullProblem):
         """Folds, branch points, period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonics."""
         return events_of(self)
 
+    @checked_arguments()
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
         """The same model with another subharmonic order; by default harmonics reach the same frequency."""
         H = harmonics or self.H * nu // self.nu
@@ -294,6 +299,7 @@ class HarmonicBalance(FullProblem):
             )
         return resize(stretch(X.reshape(self.m, -1), self.nu // layout.nu), self.H).ravel()
 
+    @checked_arguments()
     def with_tolerance(self, tolerance: float) -> HarmonicBalance:
         """The same problem, harmonics included, with ``harmonics="auto"`` from here on."""
         out = copy.copy(self)
@@ -467,8 +473,12 @@ class HarmonicBalance(FullProblem):
             return self.linearise_all(X, values, **parameters)
         return super().linearise_many(X, name, values, **parameters)
 
+    @checked_arguments()
     def residual(self, X: Array, **parameters: float) -> Array:
         """R alone (n,)."""
+        X = self._given(X, parameters)
+        if X.size != self.size:
+            raise ValueError(f"X has {X.size} unknowns; this problem has {self.size}, with H = {self.H}")
         return self.linearise(X, "", **parameters).R
 
     def _difference(self, X: Array, name: str, parameters: dict[str, float]) -> Array:
@@ -478,14 +488,15 @@ class HarmonicBalance(FullProblem):
         sides: list[tuple[float, Array]] = []
         for v in (value + h, value - h):
             try:
-                sides.append((v, self.residual(X, **{**parameters, name: v})))
+                sides.append((v, self.linearise(X, "", **{**parameters, name: v}).R))
             except ValueError:
-                sides.append((value, self.residual(X, **{**parameters, name: value})))
+                sides.append((value, self.linearise(X, "", **{**parameters, name: value}).R))
         (a, Ra), (b, Rb) = sides
         return (Ra - Rb) / (a - b)
 
     # ---- starting points
 
+    @checked_arguments()
     def start(self, Omega: float, **parameters: float) -> Array:  # type: ignore[override]
         """A periodic motion at Omega, found from the static state and the linear response about it.
 
@@ -494,6 +505,7 @@ class HarmonicBalance(FullProblem):
         NoConvergence
             If Newton finds no periodic motion from any of the guesses.
         """
+        checked("start", "Omega", Omega, _FREQUENCIES)
         here = {**parameters, "Omega": float(Omega)}
         failure: NoConvergence | None = None
         for method in (solve, solve_from_afar):
@@ -516,6 +528,7 @@ class HarmonicBalance(FullProblem):
         c = to_complex(X.reshape(self.m, -1))
         return crossings(c, compiled.corner, compiled.element, self._transform.samples(c))
 
+    @checked_arguments()
     def regime(self, X: Array, **parameters: float) -> np.ndarray:
         """Impact regime of each element (m,): 0 no impact, 1 single-sided, 2 double-sided.
 
@@ -523,6 +536,7 @@ class HarmonicBalance(FullProblem):
         """
         return self._reach(X[None], self.compiled(parameters))[1][0]
 
+    @checked_arguments()
     def clearance(self, X: Array, **parameters: float) -> Array:
         """Signed distances of the extrema of each element from each corner of its law: zero where contact grazes.
 
@@ -552,25 +566,41 @@ class HarmonicBalance(FullProblem):
         compiled, Omega = self.compiled(parameters), np.array([parameters["Omega"]])
         return self.forces(rows[None], to_complex(rows)[None], Omega, compiled).f[0]
 
+    @checked_arguments()
     def mesh_forces(self, X: Array, **parameters: float) -> Array:
         """Whole force of each element, law and damper, as real rows (m, 2H + 1): f_k + i k omega c d_k."""
+        X = self._given(X, parameters)
         compiled = self.compiled(parameters)
         omega = parameters["Omega"] / self.nu
         rows = X.reshape(self.m, -1)
         return self.force_rows(X, **parameters) + omega * compiled.structure.c[:, None] * derivative(rows)
 
+    @checked_arguments()
     def motion(self, X: Array, **parameters: float) -> Array:
         """Motion of every coordinate of the structure as real rows (n, 2H + 1)."""
+        X = self._given(X, parameters)
         compiled = self.compiled(parameters)
         f = to_complex(self.force_rows(X, **parameters)).T
         q = compiled.receptance.motion(parameters["Omega"], to_complex(X.reshape(self.m, -1)).T, f)
         return to_real(q.T)
 
+    @checked_arguments()
     def multipliers(
         self, X: Array, points: int | None = None, width: float | None = None, **parameters: float
     ) -> ComplexArray:
         """Floquet multipliers of the motion, largest first; see `stability.multipliers`."""
-        return multipliers(self, X, points=points, width=width, **parameters)
+        return multipliers(self, self._given(X, parameters), points=points, width=width, **parameters)
+
+    def _given(self, X: Array, parameters: dict[str, float]) -> Array:
+        """Unknowns of one motion, of any number of harmonics; ``parameters`` hold a frequency that can be meant."""
+        X = np.asarray(X, dtype=float)
+        if X.ndim != 1 or X.size % self.m or X.size // self.m % 2 == 0:
+            raise ValueError(f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x (2H + 1) numbers")
+        if "Omega" not in parameters:
+            raise ValueError("a motion needs its frequency: give Omega=...")
+        checked(type(self).__name__, "Omega", parameters["Omega"], _FREQUENCIES)
+        parameters["Omega"] = float(parameters["Omega"])
+        return X
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """What a trace stores beside the unknowns: multipliers (if asked for), regime, clearance, error."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, SpecialPoint, Status
 from hbgear.continuation.ending import Ending, whole
@@ -22,7 +23,6 @@ from hbgear.harmonic.jump_map import (
     _REACH,
     Report,
     _check,
-    _checked_range,
     _curve,
     _known,
     _problem,
@@ -58,6 +58,7 @@ class Critical:
     message: str = ""
 
 
+@checked_arguments(parameter="the name of a parameter, such as 'zeta'")
 def critical(
     model: Model | HarmonicBalance,
     parameter: str,
@@ -96,7 +97,6 @@ def critical(
     """
     problem = _problem(model, harmonics)
     _check(problem, parameter)
-    _checked_range(frequencies)
     own, allowed = problem.parameters[parameter], problem.range_of(parameter)
     followed: list[Branch] = []
     tried: list[float] = []

@@ -15,8 +15,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import two_numbers
 from hbgear.common.ranges import counted
 from hbgear.common.replacing import replacing
 from hbgear.continuation.bordered import Fold
@@ -119,6 +119,7 @@ class JumpMap:
         return list(found.values())
 
 
+@checked_arguments(parameter="the name of a parameter, such as 'zeta'")
 def jump_map(
     model: Model | HarmonicBalance,
     parameter: str,
@@ -161,10 +162,9 @@ def jump_map(
     """
     problem = _problem(model, harmonics)
     _check(problem, parameter)
-    low, high = sorted(two_numbers("span", span))
+    low, high = sorted(map(float, span))
     if not (math.isfinite(low) and math.isfinite(high)) or low == high:
         raise ValueError(f"span = {span}: need two different finite values of {parameter}")
-    _checked_range(frequencies)
     if low not in (allowed := problem.range_of(parameter)) or high not in allowed:
         raise ValueError(f"span = {span}: {parameter} must {allowed}")
     counted("seeds", seeds, 1000, least=2)
@@ -207,6 +207,7 @@ def say(report: Report | None, text: str) -> None:
 
 
 def _problem(model: Model | HarmonicBalance, harmonics: int) -> HarmonicBalance:
+    counted("harmonics", harmonics)
     return model if isinstance(model, HarmonicBalance) else HarmonicBalance(model, harmonics)
 
 
@@ -218,11 +219,6 @@ def _check(problem: HarmonicBalance, parameter: str) -> None:
             "the design parameter must differ from Omega, which is the frequency of the jumps; choose one of: "
             + ", ".join(problem.parameters)
         )
-
-
-def _checked_range(frequencies: tuple[float, float] | None) -> None:
-    if frequencies is not None:
-        two_numbers("frequencies", frequencies)
 
 
 def _spread(low: float, high: float, count: int) -> list[float]:

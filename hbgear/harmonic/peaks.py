@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import scipy
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import need
 from hbgear.continuation.branch import Branch, SpecialPoint
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, solution_at, solve
 from hbgear.continuation.problem import linearise
@@ -17,6 +17,7 @@ from hbgear.harmonic.observables import measure as measured
 from hbgear.harmonic.special import Peak
 
 
+@checked_arguments()
 def peaks(
     branch: Branch, measure: str = "rms", element: int | str = 0, *, share: float = 0.0
 ) -> tuple[SpecialPoint, ...]:
@@ -38,7 +39,6 @@ def peaks(
     ValueError
         If the branch has lost its problem, or there is no such measure.
     """
-    need("peaks(branch)", branch, "Branch")
     if branch.problem is None or branch.layout is None:
         raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     A = branch.amplitude(measure, element)

@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 import scipy
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import bordered, norm
 from hbgear.continuation.bordered import STEP, Augmented, Base, Extra, Fold, bends, null_vectors, sides
 from hbgear.continuation.events import Event
-from hbgear.continuation.problem import FullProblem, linearise, linearise_all
+from hbgear.continuation.problem import AnyProblem, FullProblem, linearise, linearise_all
 from hbgear.mechanics.fourier import waves
 
 
@@ -38,7 +39,8 @@ class PeriodDoubling(Fold):
     parameter : the parameter of the curve.
     """
 
-    def __init__(self, problem: Any, parameter: str = "") -> None:
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "") -> None:
         super().__init__(problem, parameter)
         self.doubled = problem.with_order(2 * problem.nu, 2 * problem.H + 1)
         k = np.arange(self.doubled.H + 1)
@@ -99,7 +101,8 @@ class Grazing(Augmented):
 
     problem: Any  # a HarmonicBalance
 
-    def __init__(self, problem: Any, parameter: str = "", which: int = 0) -> None:
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "", which: int = 0) -> None:
         super().__init__(problem, parameter)
         self.which = which
 
@@ -152,7 +155,8 @@ class Peak(Augmented):
 
     problem: Any  # a HarmonicBalance
 
-    def __init__(self, problem: Any, parameter: str = "", measure: str = "rms", element: int = 0) -> None:
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "", measure: str = "rms", element: int = 0) -> None:
         super().__init__(problem, parameter)
         self.measure, self.element = measure, element
         S = np.zeros((problem.m, 2 * problem.H + 1))

@@ -21,6 +21,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from hbgear.common.arguments import check, check_fields
 from hbgear.common.arrays import Array
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked
@@ -49,8 +50,14 @@ class Model(ABC):
     """Values a field usually has (every entry of a tuple), by name: beyond them a problem warns of the unit."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name, value in self.parameters.items():
             checked(type(self).__name__, name, value, self.ranges.get(name, ANY))
+            if abs(float(value)) > _LARGEST:
+                raise ValueError(f"{type(self).__name__}: {name} = {value:g} is beyond {_LARGEST:g}: check its unit")
+            if not isinstance(value, int | float) or (isinstance(value, int) and abs(value) > 2**53):
+                # a fraction, another type of NumPy, an integer that NumPy has no type for
+                object.__setattr__(self, name, float(value))
 
     @abstractmethod
     def system(self) -> System:
@@ -76,6 +83,9 @@ class Model(ABC):
             if name not in names:
                 raise KeyError(f"{type(self).__name__} has no parameter '{name}'{did_you_mean(name, names)}")
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+
+
+_LARGEST = 1e60  # of a parameter, so that products of several are numbers
 
 
 @dataclass(frozen=True)
@@ -107,6 +117,7 @@ class Element:
     name: str = ""
 
     def __post_init__(self) -> None:
+        check("Element", "name", self.name, str)
         owner = f"element '{self.name}'"
         w = real_numbers(f"{owner}: direction", self.direction, "a vector of numbers")
         if w.ndim != 1 or not np.all(np.isfinite(w)) or not np.any(w):

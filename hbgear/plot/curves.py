@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.replacing import replacing
 from hbgear.continuation.branch import Branch, Jump, Point
@@ -82,6 +83,7 @@ STYLE: Any = {
 }  # fmt: skip
 
 
+@checked_arguments()
 def response(
     branch: Branch,
     measure: str = "pp2",
@@ -133,6 +135,7 @@ def response(
     return ax
 
 
+@checked_arguments()
 def responses(
     branches: Sequence[Branch],
     measure: str = "pp2",
@@ -221,6 +224,7 @@ def _heighten(ax: Axes) -> None:
     figure.set_figheight(figure.get_figheight() + 0.6)
 
 
+@checked_arguments()
 def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> Axes:
     """Jump frequencies against a design parameter, several motions shaded, cusps marked with their value.
 
@@ -268,6 +272,7 @@ def _shade(ax: Axes, jumps: JumpMap) -> None:
                         label="several motions")  # fmt: skip
 
 
+@checked_arguments()
 def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
     """Motion of an element over its period, in periods of the excitation; thin lines at the corners of its law."""
     layout, periods, d = _cycle(point, element)
@@ -282,6 +287,7 @@ def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -
     return ax
 
 
+@checked_arguments()
 def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
     """Velocity against displacement, d' = (Omega / nu) dd/dtheta, with a dot once per period of the excitation.
 
@@ -307,6 +313,7 @@ def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) 
     return ax
 
 
+@checked_arguments()
 def spectrum(
     point: Point,
     element: int | str = 0,
@@ -372,6 +379,7 @@ def _decibels(ax: Axes, top: float, floor: float) -> None:
     right.tick_params(direction="in", width=0.6, labelsize=8, labelfontfamily=FONT[0])
 
 
+@checked_arguments()
 def portrait(point: Point, element: int | str = 0, model: Model | None = None) -> Figure:
     """Time history, phase diagram and spectrum of a point side by side.
 
@@ -390,6 +398,7 @@ def portrait(point: Point, element: int | str = 0, model: Model | None = None) -
     return figure
 
 
+@checked_arguments()
 def save(drawing: Axes | Figure, path: str | os.PathLike[str], dpi: int = 200) -> None:
     """Write the figure of these axes as .png, .pdf or .svg, whole or not at all; the same figure as the same bytes.
 

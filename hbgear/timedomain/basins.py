@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import need
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.branch import Status
 from hbgear.continuation.ending import Ending
@@ -54,6 +54,7 @@ class Basins:
     message: str = ""
 
 
+@checked_arguments()
 def basins(
     model: Model,
     Omega: float,
@@ -87,7 +88,6 @@ def basins(
     KeyboardInterrupt
         If Ctrl-C comes before any motion has settled.
     """
-    need("basins(model)", model, "Model")
     system = model.system()
     if system.n != 1 or len(system.elements) != 1:
         raise ValueError(

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.given import need
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.newton import NoConvergence
 from hbgear.harmonic.receptance import Structure
@@ -88,6 +88,7 @@ def _reduced(structure: Structure, Phi: Array) -> ComplexArray:
     return modal_state(structure, (Phi @ R).T).T
 
 
+@checked_arguments()
 def shoot(
     model: Model,
     Omega: float,
@@ -114,7 +115,6 @@ def shoot(
     NoConvergence
         If Newton does not close the period; it carries the last state and the closures.
     """
-    need("shoot(model)", model, "Model")
     counted("nu", nu, 1000)
     counted("max_iterations", max_iterations)
     checked("shoot", "Omega", Omega, POSITIVE)

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import need
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, checked
 from hbgear.common.replacing import replacing
@@ -197,6 +197,7 @@ def export(sweeps: Sequence[Sweep], path: str | os.PathLike[str]) -> None:
             writer.writerows(zip(*columns.values(), strict=True))
 
 
+@checked_arguments()
 def sweep(
     model: Model,
     grid: Sequence[float] | Array,
@@ -240,7 +241,6 @@ def sweep(
         If the grid is empty or not finite, the direction or a parameter unknown, Omega missing or not positive, or the
         disturbance negative.
     """
-    need("sweep(model)", model, "Model")
     held = dict(at or {})
     return _Sweeper(model, grid, direction, parameter, held, start, settling, disturbance, steps, progress).run()
 

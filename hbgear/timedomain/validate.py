@@ -30,13 +30,13 @@ import numpy as np
 import scipy
 
 from hbgear._version import __version__
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.given import need, number
 from hbgear.common.replacing import replacing
 from hbgear.continuation.algebra import norm
 from hbgear.continuation.branch import NEUTRAL, Branch
 from hbgear.continuation.newton import NoConvergence, solve
-from hbgear.continuation.problem import linearise
+from hbgear.continuation.problem import AnyProblem, linearise
 from hbgear.harmonic import observables as measures
 from hbgear.harmonic.catalogue import is_description, problem_of
 from hbgear.harmonic.receptance import Structure
@@ -185,13 +185,14 @@ def _texts(row: Check) -> list[str]:
             f"{row.verdict} to {row.refined_error:.1e}" if row.refined else row.verdict]  # fmt: skip
 
 
+@checked_arguments(points="a number, or rows and labels in a list, such as ['LP1', 10]")
 def validate(
     branch: Branch,
     points: int | Sequence[int | str] = 12,
     tolerance: float = 1e-4,
     *,
     multiplier_tolerance: float | None = None,
-    problem: Any = None,
+    problem: AnyProblem | None = None,
     progress: Progress | None = None,
 ) -> Report:
     """Hold points of a branch against time integration.
@@ -220,10 +221,7 @@ def validate(
         If the branch is no curve of motions, its model is unknown or does not fit it, a point is not on it, or the
         tolerance is below `LEAST`.
     """
-    need("validate(branch)", branch, "Branch")
-    if isinstance(points, str):
-        raise TypeError(f"points: got {points!r}; need a number, or rows and labels in a list, such as ['LP1', 10]")
-    if not LEAST <= number("tolerance", tolerance) < 1:
+    if not LEAST <= tolerance < 1:
         raise ValueError(
             f"tolerance = {tolerance:g} cannot be met: time integration itself decides to about {LEAST:g}; give more"
         )
