@@ -65,6 +65,7 @@ from hbgear.cli.support import (
 )
 from hbgear.common.signals import sigterm_like_ctrl_c
 from hbgear.harmonic import catalogue
+from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.speeds import model_of
 
 RENAMED = {
@@ -199,7 +200,8 @@ def trace(
     point, nu = None, 1
     if start is not None:
         curve, point = start_of(start)
-        machine, nu = model_at(curve, point, model, changes), curve.layout.nu if curve.layout else 1
+        layout = layout_of(curve)
+        machine, nu = model_at(curve, point, model, changes), layout.nu if layout else 1
     problem = problem_of(machine, harmonics, nu=nu, samples=samples, sampled=sampled, tolerance=tolerance)
     parameter, span, held = path_of(machine, within, first, last, at, known=point is not None)
     if point is not None:  # its values of the parameters would count before those of --set

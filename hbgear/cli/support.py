@@ -22,6 +22,7 @@ from hbgear.common.messages import did_you_mean
 from hbgear.continuation.tracer import Progress
 from hbgear.harmonic import catalogue
 from hbgear.harmonic.landings import landings
+from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.speeds import model_of, speeds_at
 
 if TYPE_CHECKING:
@@ -492,7 +493,8 @@ def what_happens(branch: hb.Branch, point: hb.SpecialPoint) -> str:
 
 def regime_of(point: hb.Point) -> str:
     """Regime in words; laws without corners have none."""
-    corners = point.layout is None or any(point.layout.breakpoints)
+    layout = layout_of(point)
+    corners = layout is None or any(layout.breakpoints)
     return point.regime_name.replace("_sided", "-sided").replace("_", " ") if corners else "-"
 
 

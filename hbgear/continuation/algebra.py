@@ -33,7 +33,8 @@ def norms(x: Array) -> Array:
     flat = x.reshape(len(x), math.prod(x.shape[1:]))
     if flat.dtype == complex:
         flat = flat.view(float)
-    return np.sqrt(np.einsum("ij,ij->i", flat, flat))
+    lengths: Array = np.sqrt(np.einsum("ij,ij->i", flat, flat))
+    return lengths
 
 
 def dense(A: Matrix) -> bool:
@@ -43,13 +44,15 @@ def dense(A: Matrix) -> bool:
 
 def as_dense(A: Matrix) -> Array:
     """A matrix as a numpy array."""
-    return A if dense(A) else A.toarray()
+    full: Array = A if dense(A) else A.toarray()
+    return full
 
 
 def solve_linear(A: Matrix, b: Array) -> Array:
     """A^-1 b; a singular or non-finite matrix raises `numpy.linalg.LinAlgError`."""
     if not dense(A):
         return Factors(A).solve(b)
+    x: Array
     *_, x, info = scipy.linalg.lapack.dgesv(A, b)  # the checks of scipy.linalg.solve cost more than the solution
     if info or not math.isfinite(x.sum()):
         raise np.linalg.LinAlgError("singular matrix")
@@ -85,8 +88,9 @@ class Factors:
     def solve(self, b: Array, transposed: bool = False) -> Array:
         """A^-1 b, or A^-T b."""
         if isinstance(self._lu, tuple):
-            return scipy.linalg.lu_solve(self._lu, b, trans=int(transposed))
-        x = self._lu.solve(b, "T" if transposed else "N")
+            dense_x: Array = scipy.linalg.lu_solve(self._lu, b, trans=int(transposed))
+            return dense_x
+        x: Array = self._lu.solve(b, "T" if transposed else "N")
         if not math.isfinite(x.sum()):
             raise np.linalg.LinAlgError("singular matrix")
         return x

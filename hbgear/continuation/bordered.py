@@ -42,6 +42,7 @@ from hbgear.common.ranges import Range
 from hbgear.continuation.algebra import Factors, Matrix, bordered, dense, norm, slogdet
 from hbgear.continuation.branch import Point
 from hbgear.continuation.problem import AnyProblem, Evaluation, FullProblem, as_problem, linearise, linearise_all
+from hbgear.continuation.reading import Reader
 
 STEP = 1e-5
 """Relative step of the directional differences."""
@@ -176,7 +177,7 @@ class Augmented(FullProblem):
         return None if self.problem.size is None else self.problem.size + 1
 
     @property
-    def layout(self) -> Any:
+    def layout(self) -> Reader | None:
         """How X, the solution's part of the unknowns, is to be read."""
         return self.problem.layout
 
@@ -302,10 +303,7 @@ class Fold(Augmented):
     True
     """
 
-    def events(self, parameter: str) -> tuple[Any, ...]:
-        from hbgear.continuation.events import BranchPoint, Turning
-
-        return Turning("CP", "cusp: two folds meet", "P"), BranchPoint()
+    turning_kind = "CP"
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         A, size = self.matrix(X, here)

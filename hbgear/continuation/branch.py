@@ -20,7 +20,7 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import counted
-from hbgear.continuation.problem import Moving, Reader
+from hbgear.continuation.reading import Moving, Reader
 
 NEUTRAL = 1e-6
 """A multiplier within this distance outside the unit circle counts as on it (free rotations have mu = 1)."""
@@ -109,7 +109,7 @@ class Point:
     multipliers: ComplexArray | None
     regime: NDArray[np.int8]
     error: float
-    layout: Any  # a `Reader`, or None; rooms above know more of theirs
+    layout: Reader | None
     label: str = ""
 
     def __repr__(self) -> str:
@@ -224,7 +224,7 @@ class Branch:
     jump_records: tuple[Jump, ...]
     status: Status
     message: str
-    layout: Any  # a `Reader`, or None; rooms above know more of theirs
+    layout: Reader | None
     meta: dict[str, Any]
     problem: Any = None
 

@@ -147,15 +147,20 @@ class Event:
 class Turning(Event):
     """The curve turns back in the parameter: a fold (LP); on a curve of folds a cusp (CP)."""
 
-    def __init__(self, kind: str = "LP", meaning: str = "fold: the curve turns back", marker: str = "o") -> None:
-        self.kind, self.meaning, self.marker = kind, meaning, marker
+    def __init__(self, kind: str = "LP") -> None:
+        self.kind = kind
+        self.meaning, self.marker = {
+            "LP": ("fold: the curve turns back", "o"),
+            "CP": ("cusp: two folds meet", "P"),
+        }[kind]
 
     def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
         return np.zeros((len(rows), 0))
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         heading = np.array([row.heading for row in rows])
-        return heading[1:] * heading[:-1] < 0
+        turned: Array = heading[1:] * heading[:-1] < 0
+        return turned
 
     def find(self, segment: Segment) -> list[Found]:
         """Newton on {R, g} from where the tangent's component vanishes; bracketed where forces are sampled."""
@@ -188,7 +193,8 @@ class BranchPoint(Event):
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         orientation = np.array([row.orientation for row in rows])
-        return orientation[1:] != orientation[:-1]
+        changed: Array = orientation[1:] != orientation[:-1]
+        return changed
 
     def find(self, segment: Segment) -> list[Found]:
         if segment.a.orientation == segment.b.orientation:
@@ -214,11 +220,17 @@ def _across(branch: Branch, point: SpecialPoint) -> Array:
     along = np.append(branch.X[after] - branch.X[before], branch.values[after] - branch.values[before]) / scale
     inside = null @ along
     inside = inside / np.linalg.norm(inside)
-    return scale * (np.array([-inside[1], inside[0]]) @ null)
+    out: Array = scale * (np.array([-inside[1], inside[0]]) @ null)
+    return out
 
 
 RESERVED = ("LP", "CP", "BP", "PD", "NS", "GR", "PK", "EP")
 """Kinds of hbgear itself."""
+
+
+def events_of(problem: FullProblem, parameter: str) -> tuple[Event, ...]:
+    """Everything that is looked for along a curve of a problem: turning points, branch points, events of its own."""
+    return Turning(problem.turning_kind), BranchPoint(), *problem.events(parameter)
 
 
 # ---- looking along a curve

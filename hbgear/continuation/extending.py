@@ -75,7 +75,7 @@ def _unknowns(problem: Any, branch: Branch, i: int) -> Any:
     if hasattr(problem, "join"):
         return problem.join(branch.X[i], branch.parameters_at(i))
     if branch.layout is not None and hasattr(problem, "converted"):
-        return problem.converted(branch.X[i], branch.layout)
+        return problem.converted(branch[i])
     return branch.X[i]
 
 

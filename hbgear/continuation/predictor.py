@@ -35,7 +35,8 @@ def predict(rows: Sequence[CurvePoint], unit: Array, scale: Array, distance: Arr
     change = np.sqrt(np.square((guesses[1:] - guesses[:-1]) / scale).sum(axis=2))
     before = np.concatenate([_STRAIGHT * distance[None], change])
     better = np.logical_and.accumulate(change < before[:-1], axis=0).sum(axis=0)
-    return guesses[better, np.arange(len(distance))]
+    chosen: Array = guesses[better, np.arange(len(distance))]
+    return chosen
 
 
 def _hermite(x: Array, at: Array) -> tuple[Array, Array]:

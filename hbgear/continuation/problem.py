@@ -18,16 +18,15 @@ speaks to `FullProblem` only, which answers for what is not offered.
 | `Rough` | whether dR/dX is continuous | it is |
 | `Readable` | how X is read: names, measures of amplitude | X as it is |
 | `Observed` | what is stored beside X: stability, error, ... | nothing |
-| `Eventful` | special points of its own | folds and branch points |
+| `Eventful` | special points of its own | folds and branch points only |
 | `Remeshed` | another number of unknowns where a point asks for it | the same everywhere |
 | `Extended` | parameters among the unknowns; equations that refer to a point nearby | none |
-| `Finished` | what is said of a whole curve | its jumps |
+| `Finished` | what it says of a whole curve | nothing |
 | `Described` | model and settings, for files | nothing |
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol, Self, runtime_checkable
 
@@ -37,11 +36,11 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, Range
 from hbgear.continuation.algebra import Matrix, norm
+from hbgear.continuation.branch import Branch, Point
+from hbgear.continuation.reading import Reader
 
 if TYPE_CHECKING:
-    from hbgear.continuation.branch import Branch, Point
     from hbgear.continuation.events import Event
-    from hbgear.continuation.newton import Settings
 
 
 class Evaluation(NamedTuple):
@@ -149,45 +148,6 @@ class Rough(Protocol):
 
 
 @runtime_checkable
-class Reader(Protocol):
-    """How unknowns are read: `Readable.layout`."""
-
-    elements: tuple[str, ...]
-    regimes: tuple[str, ...]
-
-    @property
-    def width(self) -> int:
-        """Number of unknowns n."""
-
-    def rows(self, X: Array, element: int | str) -> Array:
-        """The unknowns of an element, by number or name, out of X (..., n)."""
-
-    def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
-        """Measure of amplitude of an element, for each row of X (..., n)."""
-
-    def samples(self, X: Array, element: int | str, count: int, order: int) -> tuple[Array, Array]:
-        """Phase and values of an element, or of its derivative of that order."""
-
-    def in_time(self, rows: Array, parameters: Mapping[str, Array], order: int) -> Array:
-        """Unknowns of the derivative in time of rows (P, ...), whose parameters are (P,) each."""
-
-    def measure_rows(self, name: str, rows: Array) -> Array:
-        """Measure of amplitude of rows that are already those of one element."""
-
-
-@runtime_checkable
-class Moving(Protocol):
-    """Knows more coordinates than its unknowns; asked by `Branch.amplitude`."""
-
-    @property
-    def dof_names(self) -> Sequence[str]:
-        """Names of the coordinates."""
-
-    def motion(self, X: Array, **parameters: float) -> Array:
-        """All coordinates, (dofs, ...), each in the form of the rows of an element."""
-
-
-@runtime_checkable
 class Readable(Protocol):
     """Knows how its unknowns are read."""
 
@@ -213,7 +173,7 @@ class Eventful(Protocol):
     """Has special points of its own."""
 
     def events(self, parameter: str) -> tuple[Event, ...]:
-        """What is looked for along a curve in that parameter."""
+        """What is looked for along a curve in that parameter besides folds and branch points."""
 
 
 @runtime_checkable
@@ -258,7 +218,7 @@ class Extended(Protocol):
 class Finished(Protocol):
     """Adds to a finished curve."""
 
-    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]], settings: Settings) -> Branch:
+    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
         """The branch with what the problem has to say of the whole of it; ``observed`` is what it said on the way."""
 
 
@@ -289,6 +249,8 @@ class FullProblem:
     unknown_parameters: Sequence[str] = ()
     smooth: bool = True
     size: int | None = None
+    turning_kind: str = "LP"
+    """Label of a turning point of a curve: a fold, or on a curve of folds a cusp."""
     usual_parameter: str = ""
     """What curves are traced in if nothing else is said."""
     undetermined: str = "an unknown that no equation holds"
@@ -304,7 +266,7 @@ class FullProblem:
         return {}
 
     @property
-    def layout(self) -> Any:
+    def layout(self) -> Reader | None:
         return None
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Matrix]:
@@ -362,9 +324,7 @@ class FullProblem:
         ]
 
     def events(self, parameter: str) -> tuple[Event, ...]:
-        from hbgear.continuation.events import BranchPoint, Turning
-
-        return Turning(), BranchPoint()
+        return ()
 
     def remeshed(self, observed: Mapping[str, Any]) -> Any:
         return None
@@ -384,10 +344,8 @@ class FullProblem:
     def based(self, X: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
         return self
 
-    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]], settings: Settings) -> Branch:
-        from hbgear.continuation.jumps import find_jumps
-
-        return dataclasses.replace(branch, jump_records=find_jumps(branch, settings))
+    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
+        return branch
 
     def describe(self) -> dict[str, Any]:
         return {}

@@ -10,7 +10,8 @@ import numpy as np
 
 from hbgear._version import __version__
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status
-from hbgear.continuation.problem import FullProblem, Reader
+from hbgear.continuation.problem import FullProblem
+from hbgear.continuation.reading import Reader
 from hbgear.continuation.segment import CurvePoint
 
 if TYPE_CHECKING:

@@ -57,7 +57,8 @@ class Departure:
 
 def normal_of(direction: Array, scale: Array) -> Array:
     """Normal, in unscaled unknowns, of the plane across a direction in scaled ones."""
-    return direction / scale**2
+    scaled: Array = direction / scale**2
+    return scaled
 
 
 @dataclass(frozen=True)

@@ -133,4 +133,5 @@ class Strider:
         by_angle = 0.5 * self.steps.max_turn_deg / max(angle, 0.1)
         by_miss = (0.5 * self.miss / max(missed, 1e-9)) ** 0.5
         factor = min(2.0, max(0.5, min(by_newton, by_angle, by_miss)))
-        return min(self.steps.longest, max(self.steps.shortest, factor * step))
+        length: float = min(self.steps.longest, max(self.steps.shortest, factor * step))
+        return length

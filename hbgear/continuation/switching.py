@@ -7,6 +7,7 @@ from typing import Any
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.messages import article
 from hbgear.continuation.branch import Branch, SpecialPoint
+from hbgear.continuation.events import events_of
 from hbgear.continuation.problem import as_problem
 from hbgear.continuation.tracer import trace
 
@@ -45,7 +46,7 @@ def switch(
         raise ValueError("switching needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     if span is None:
         span = (float(branch.values.min()), float(branch.values.max()))
-    for event in as_problem(branch.problem).events(branch.parameter):
+    for event in events_of(as_problem(branch.problem), branch.parameter):
         left = event.departure(branch, point, side) if event.kind == point.kind else None
         if left is not None:
             problem, start = left

@@ -23,7 +23,8 @@ from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.branch import Branch, Point, Status
 from hbgear.continuation.corrector import correct
 from hbgear.continuation.ending import Ending
-from hbgear.continuation.events import Event, Found, Turning, Watch
+from hbgear.continuation.events import Event, Found, Turning, Watch, events_of
+from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import NoConvergence, Settings, solve
 from hbgear.continuation.problem import AnyProblem, FullProblem, as_problem, observe_all
 from hbgear.continuation.record import Mark, branch_of
@@ -140,7 +141,7 @@ class _Tracer:
         self.made: Branch | None = None
         self.first = self._first_row(start)
         self.rows = [self.first]
-        own = problem.events(parameter)
+        own = events_of(problem, parameter)
         self.watch = Watch([*(own if special else [e for e in own if e.terminal]), *events], problem, parameter,
                            self.fixed)  # fmt: skip
 
@@ -312,7 +313,8 @@ class _Tracer:
         """Let the problem say what there is to say of the whole curve: its jumps, and what is hardly meant."""
         self.made = self._branch()
         if self.special:
-            self.made = self.largest.finished(self.made, [row.observed for row in self.rows], self.settings)
+            self.made = replace(self.made, jump_records=find_jumps(self.made, self.settings))
+            self.made = self.largest.finished(self.made, [row.observed for row in self.rows])
 
     def _branch(self) -> Branch:
         meta = {

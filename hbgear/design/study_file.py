@@ -209,7 +209,7 @@ def _schema(cls: type[Model] | None) -> Any:
         several = table("grid", {n: (Annotated[list[k], Field(min_length=1)], None) for n, k in kinds.items()})  # type: ignore[valid-type]
         random = table("parameters", {n: (drawn, None) for n, k in kinds.items() if k is float})
     sample = table("sample", {
-        "method": (Literal[METHODS], METHODS[0]), "count": (Annotated[int, Field(ge=1)], ...),  # type: ignore[valid-type]
+        "method": (Literal[METHODS], METHODS[0]), "count": (Annotated[int, Field(ge=1)], ...),
         "seed": (Annotated[int, Field(ge=0)], 0), "parameters": (random, ...),
     })  # fmt: skip
     compute = table("compute", {
@@ -249,5 +249,5 @@ def _study(checked: Any) -> Study:
     with _within("compute"):
         if span[0] == span[1]:
             raise ValueError(f"span = {list(span)} is empty; give two different frequencies")
-        work = Work(tuple(asked.what), tuple(asked.critical), asked.harmonics, span, asked.measure, asked.element)  # type: ignore[arg-type]
+        work = Work(tuple(asked.what), tuple(asked.critical), asked.harmonics, span, asked.measure, asked.element)
     return Study(model, vary, work)

@@ -25,15 +25,15 @@ from hbgear.continuation.algebra import norms
 from hbgear.continuation.branch import Branch, Point
 from hbgear.continuation.events import Event
 from hbgear.continuation.homotopy import solve_from_afar
-from hbgear.continuation.newton import NoConvergence, Settings, solve
+from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.problem import Evaluation, Evaluations, FullProblem
+from hbgear.harmonic.compiled import Compiled
 from hbgear.harmonic.crossings import Crossings, crossings
-from hbgear.harmonic.events import events_of
-from hbgear.harmonic.floquet import multipliers, multipliers_of
+from hbgear.harmonic.events import motion_events
+from hbgear.harmonic.floquet import multipliers_of
 from hbgear.harmonic.observables import Layout
-from hbgear.harmonic.projection import ContactProjector
 from hbgear.harmonic.realbasis import Toeplitz, after_derivative, derivative, one_sided, real_blocks
-from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
+from hbgear.harmonic.receptance import Structure
 from hbgear.harmonic.starts import guesses
 from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, tell
 from hbgear.mechanics.fourier import (
@@ -47,7 +47,6 @@ from hbgear.mechanics.fourier import (
     to_complex,
     to_real,
 )
-from hbgear.mechanics.laws import Law, PiecewiseLinear
 from hbgear.mechanics.model import Model, System, describe
 
 _UNKNOWNS = 4_000  # of the dense Jacobians, several of which are held at once
@@ -71,47 +70,6 @@ class Forces(NamedTuple):
     f: Array
     stiffness: Array
     damping: Array | None
-
-
-class _Compiled:
-    """A model at one parameter set, ready to be evaluated."""
-
-    def __init__(self, system: System, structure: Structure, H: int, nu: int, sampled: bool, transform: Transform):
-        self.system, self.structure = system, structure
-        self.receptance = Receptance(structure, system, H, nu)
-        self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
-        exact = [not sampled and isinstance(law, PiecewiseLinear) for law in self.laws]
-        self.exact, self.sampled = np.flatnonzero(exact), np.flatnonzero(~np.array(exact))
-        self._piecewise: list[PiecewiseLinear] = [law for law, x in zip(self.laws, exact, strict=True) if x]  # type: ignore[misc]
-        self.nu = nu
-        self._projectors: dict[int, ContactProjector] = {}
-        # corners of all laws, and the element each belongs to
-        self.corner = np.concatenate([law.breakpoints for law in self.laws])
-        self.element = np.repeat(np.arange(len(self.laws)), [len(law.breakpoints) for law in self.laws])
-        self.rated = any(self.laws[j].rated for j in self.sampled)
-        self._tau = nu * 2 * np.pi * np.arange(transform.N) / transform.N
-        self._bound: dict[int, list[Any]] = {}
-        self._linear: tuple[bytes, LinearPart] | None = None
-
-    def projector_of(self, P: int) -> ContactProjector:
-        """Projector of P motions at once, motion after motion."""
-        if P not in self._projectors:
-            self._projectors[P] = ContactProjector(self._piecewise * P, self.nu)
-        return self._projectors[P]
-
-    def bound(self, P: int) -> list[Any]:
-        """The sampled laws, each on the samples of P motions one after the other."""
-        if P not in self._bound:
-            tau = np.tile(self._tau, P)
-            self._bound[P] = [self.laws[j].bind(tau) for j in self.sampled]
-        return self._bound[P]
-
-    def linear(self, Omega: Array) -> LinearPart:
-        """Linear part at Omega (P,); the last one is kept, for Newton at fixed Omega asks for it again and again."""
-        key, last = Omega.tobytes(), self._linear
-        if last is None or last[0] != key:
-            self._linear = last = (key, self.receptance.at_all(Omega))
-        return last[1]  # not of self._linear, which another thread may have set meanwhile
 
 
 class HarmonicBalance(FullProblem):
@@ -175,7 +133,7 @@ class HarmonicBalance(FullProblem):
         self._check_size()
         self._transform = Transform(H, self.N)
         self._toeplitz = Toeplitz(H)
-        self._compiled: Recent[_Compiled] = Recent(8)
+        self._compiled: Recent[Compiled] = Recent(8)
 
     def __repr__(self) -> str:
         kind = ", sampled" if self.is_sampled else ""
@@ -256,16 +214,16 @@ class HarmonicBalance(FullProblem):
         """Omega is given with every evaluation."""
         return () if "Omega" in known else ("Omega",)
 
-    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]], settings: Settings) -> Branch:
-        """The branch with its jumps; warns where nothing ever comes near a corner of a law."""
+    def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
+        """The branch as it is; warns where nothing ever comes near a corner of a law."""
         clearances = [seen["clearance"] for seen in observed if "clearance" in seen]
         if branch.parameter == "Omega" and branch.status.complete:
             of_gaps(self.clearance_names, np.array(clearances), branch.amplitude("pp2"))
-        return super().finished(branch, observed, settings)
+        return branch
 
     def events(self, parameter: str) -> tuple[Event, ...]:
-        """Folds, branch points, period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonics."""
-        return events_of(self)
+        """Period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonic branches."""
+        return motion_events(self.nu)
 
     @checked_arguments()
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
@@ -362,16 +320,16 @@ class HarmonicBalance(FullProblem):
 
     # ---- evaluation
 
-    def compiled(self, parameters: dict[str, float]) -> _Compiled:
+    def compiled(self, parameters: dict[str, float]) -> Compiled:
         """The model at the given parameters (Omega among them or not), from a small cache."""
         changed = {k: v for k, v in parameters.items() if k != "Omega" and v != self._own.get(k)}
         for name in changed:
             self.check_parameter(name)
         return self._compiled.get(tuple(sorted(changed.items())), lambda: self._compile(changed))
 
-    def _compile(self, changed: dict[str, float]) -> _Compiled:
+    def _compile(self, changed: dict[str, float]) -> Compiled:
         system = (self.model.replace(**changed) if changed else self.model).system()
-        return _Compiled(system, self._structure(system), self.H, self.nu, self.is_sampled, self._transform)
+        return Compiled(system, self._structure(system), self.H, self.nu, self.is_sampled, self._transform)
 
     def _structure(self, system: System) -> Structure:
         """Eigen-decompositions are shared between parameter sets that differ in laws and loads only."""
@@ -383,7 +341,7 @@ class HarmonicBalance(FullProblem):
         key = (*(A.tobytes() for A in dense), system.W.tobytes(), *fresh, *loads)
         return self._structures.get(key, lambda: Structure(system))
 
-    def forces(self, rows: Array, c: ComplexArray, Omega: Array, compiled: _Compiled) -> Forces:
+    def forces(self, rows: Array, c: ComplexArray, Omega: Array, compiled: Compiled) -> Forces:
         """Forces of all laws on P motions given by their rows (P, m, 2H + 1) and complex form c (P, m, H + 1)."""
         exact, sampled = compiled.exact, compiled.sampled
         if not sampled.size:
@@ -399,7 +357,7 @@ class HarmonicBalance(FullProblem):
             damping[:, sampled] = part
         return Forces(f, stiffness, damping)
 
-    def _projected(self, rows: Array, c: ComplexArray, compiled: _Compiled) -> Forces:
+    def _projected(self, rows: Array, c: ComplexArray, compiled: Compiled) -> Forces:
         """Exact forces kappa * d + chi of the piecewise-linear laws, from the motions of their elements."""
         flat = c.reshape(-1, self.H + 1)
         kappa, chi = compiled.projector_of(len(c)).project(flat, self._transform.samples(flat), 2 * self.H)
@@ -407,7 +365,7 @@ class HarmonicBalance(FullProblem):
         held = to_real(one_sided(chi[:, : self.H + 1])).reshape(rows.shape)
         return Forces((stiffness @ rows[..., None])[..., 0] + held, stiffness, None)
 
-    def _sampled(self, c: ComplexArray, Omega: Array, compiled: _Compiled) -> Forces:
+    def _sampled(self, c: ComplexArray, Omega: Array, compiled: Compiled) -> Forces:
         """Forces of the other laws, from the motions of their elements."""
         P, m, n = len(c), c.shape[1], 2 * self.H + 1
         waves = [c, (Omega / self.nu)[:, None, None] * derive(c)] if compiled.rated else [c]
@@ -509,7 +467,7 @@ class HarmonicBalance(FullProblem):
         here = {**parameters, "Omega": float(Omega)}
         failure: NoConvergence | None = None
         for method in (solve, solve_from_afar):
-            for guess in guesses(self, here):
+            for guess in guesses(self.compiled(here), here["Omega"]):
                 try:
                     return method(self, guess, here).X
                 except NoConvergence as error:
@@ -534,7 +492,8 @@ class HarmonicBalance(FullProblem):
 
         It is the number of corners of the law that the motion crosses, at most 2.
         """
-        return self._reach(X[None], self.compiled(parameters))[1][0]
+        regime: np.ndarray = self._reach(X[None], self.compiled(parameters))[1][0]
+        return regime
 
     @checked_arguments()
     def clearance(self, X: Array, **parameters: float) -> Array:
@@ -542,7 +501,8 @@ class HarmonicBalance(FullProblem):
 
         Order: for each element and each of its corners, lowest value minus corner, highest value minus corner.
         """
-        return self._reach(X[None], self.compiled(parameters))[0][0]
+        clearance: Array = self._reach(X[None], self.compiled(parameters))[0][0]
+        return clearance
 
     def graze(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
         """One entry of `clearance`, and the phase at which its extremum lies."""
@@ -550,7 +510,7 @@ class HarmonicBalance(FullProblem):
         value, theta = highest(sign * X.reshape(self.m, -1)[compiled.element[corner]])
         return float(sign * value - compiled.corner[corner]), float(theta)
 
-    def _reach(self, X: Array, compiled: _Compiled) -> tuple[Array, np.ndarray]:
+    def _reach(self, X: Array, compiled: Compiled) -> tuple[Array, np.ndarray]:
         """Clearances and regimes of many motions (P, n)."""
         if not compiled.corner.size:
             return np.zeros((len(X), 0)), np.zeros((len(X), self.m), dtype=np.int8)
@@ -564,7 +524,8 @@ class HarmonicBalance(FullProblem):
         """Law forces of each element (without its damper) as real rows (m, 2H + 1)."""
         rows = X.reshape(self.m, -1)
         compiled, Omega = self.compiled(parameters), np.array([parameters["Omega"]])
-        return self.forces(rows[None], to_complex(rows)[None], Omega, compiled).f[0]
+        forces: Array = self.forces(rows[None], to_complex(rows)[None], Omega, compiled).f[0]
+        return forces
 
     @checked_arguments()
     def mesh_forces(self, X: Array, **parameters: float) -> Array:
@@ -588,8 +549,12 @@ class HarmonicBalance(FullProblem):
     def multipliers(
         self, X: Array, points: int | None = None, width: float | None = None, **parameters: float
     ) -> ComplexArray:
-        """Floquet multipliers of the motion, largest first; see `stability.multipliers`."""
-        return multipliers(self, self._given(X, parameters), points=points, width=width, **parameters)
+        """Floquet multipliers of the motion over its period, largest first; see `floquet.multipliers_of`."""
+        X = self._given(X, parameters)
+        Omega = np.array([parameters.pop("Omega")])
+        compiled = self.compiled(parameters)
+        mu: ComplexArray = multipliers_of(compiled, X[None], Omega, points=points, width=width)[0]
+        return mu
 
     def _given(self, X: Array, parameters: dict[str, float]) -> Array:
         """Unknowns of one motion, of any number of harmonics; ``parameters`` hold a frequency that can be meant."""
@@ -615,7 +580,7 @@ class HarmonicBalance(FullProblem):
         columns = zip(clearance, regime, error, strict=True)
         seen: list[dict[str, Any]] = [{"clearance": c, "regime": r, "error": float(e)} for c, r, e in columns]
         if stability:
-            for one, mu in zip(seen, multipliers_of(self, X, Omega, **parameters), strict=True):  # type: ignore[arg-type]
+            for one, mu in zip(seen, multipliers_of(compiled, X, Omega), strict=True):
                 one["multipliers"] = mu
         return seen
 
@@ -660,15 +625,16 @@ class HarmonicBalance(FullProblem):
         """
         return float(self._truncation(X[None], np.array([parameters["Omega"]]), self.compiled(parameters))[0])
 
-    def _truncation(self, X: Array, Omega: Array, compiled: _Compiled) -> Array:
+    def _truncation(self, X: Array, Omega: Array, compiled: Compiled) -> Array:
         """`truncation` of many motions X (P, n) at frequencies Omega (P,)."""
         f = self._neglected(X, Omega / self.nu, compiled)
         w = (Omega / self.nu)[:, None] * np.arange(self.H + 1, 2 * self.H + 1)
         G = compiled.structure.receptances(w)[0]
         delta = G @ f.transpose(0, 2, 1)[..., None]
-        return np.sqrt(0.5 * np.sum(np.abs(delta) ** 2, axis=(1, 2, 3)))
+        rms: Array = np.sqrt(0.5 * np.sum(np.abs(delta) ** 2, axis=(1, 2, 3)))
+        return rms
 
-    def _neglected(self, X: Array, omega: Array, compiled: _Compiled) -> ComplexArray:
+    def _neglected(self, X: Array, omega: Array, compiled: Compiled) -> ComplexArray:
         """One-sided force harmonics H+1..2H, (P, m, H): in closed form, or as far as N samples of a law reach."""
         H, P = self.H, len(X)
         c = to_complex(X.reshape(P, self.m, -1))

@@ -78,7 +78,8 @@ def _toward(x: Array, row: np.ndarray, i: np.ndarray) -> np.ndarray:
     """
     here, left, right = x[row, i], x[row, np.where(i, i, x.shape[1] - 1) - 1], x[row, i + 1]
     toward = ((left - here) * here >= 0) & ((right - here) * here >= 0) & (here != 0)
-    return toward & (np.abs(here) <= np.abs(left - 2 * here + right))
+    near: Array = toward & (np.abs(here) <= np.abs(left - 2 * here + right))
+    return near
 
 
 def _roots(

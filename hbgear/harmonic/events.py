@@ -20,21 +20,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.bordered import Augmented
 from hbgear.continuation.branch import NEUTRAL, Branch, SpecialPoint, Status
-from hbgear.continuation.events import BranchPoint, Event, Found, Turning, newton, root, singular
+from hbgear.continuation.events import BranchPoint, Event, Found, newton, root, singular
 from hbgear.continuation.newton import NoConvergence, refine, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment
 from hbgear.harmonic.special import Grazing, PeriodDoubling
-
-if TYPE_CHECKING:
-    from hbgear.harmonic.balance import HarmonicBalance
 
 
 class Doubling(Event):
@@ -93,7 +90,8 @@ class NeimarkSacker(Event):
         if mu is None:
             return np.zeros(len(rows) - 1, dtype=bool)
         unstable, _ = _verdicts(mu)
-        return unstable[1:] != unstable[:-1]
+        changed: Array = unstable[1:] != unstable[:-1]
+        return changed
 
     def find(self, segment: Segment) -> list[Found]:
         """Where more multipliers pass than folds, branch points and period doublings explain."""
@@ -230,10 +228,10 @@ def _at_doubling(segment: Segment, row: CurvePoint) -> CurvePoint:
     return singular(segment, np.append(X, value), row)
 
 
-def events_of(problem: HarmonicBalance) -> tuple[Event, ...]:
-    """Everything that is looked for along a curve of periodic motions."""
-    ends = (Merging(),) if problem.nu > 1 else ()
-    return Turning(), BranchPoint(), Doubling(), NeimarkSacker(), GrazingContact(), *ends
+def motion_events(nu: int) -> tuple[Event, ...]:
+    """What is looked for along a curve of periodic motions of subharmonic order nu, besides folds and branch points."""
+    ends = (Merging(),) if nu > 1 else ()
+    return Doubling(), NeimarkSacker(), GrazingContact(), *ends
 
 
 # ---- multipliers
@@ -241,7 +239,8 @@ def events_of(problem: HarmonicBalance) -> tuple[Event, ...]:
 
 def _multipliers(rows: Sequence[CurvePoint]) -> ComplexArray | None:
     """Multipliers (rows, r), if any are known."""
-    return _of_rows(rows, "multipliers")
+    mu: ComplexArray | None = _of_rows(rows, "multipliers")
+    return mu
 
 
 def _of_rows(rows: Sequence[CurvePoint], name: str) -> Any:
@@ -255,11 +254,13 @@ def _of_rows(rows: Sequence[CurvePoint], name: str) -> Any:
 
 def _known(segment: Segment, row: CurvePoint) -> ComplexArray:
     """Multipliers of a row, computed coarsely if they are not known."""
-    known = row.observed.get("multipliers")
+    known: ComplexArray | None = row.observed.get("multipliers")
     if known is not None:
         return known
     here = {**segment.parameters, segment.name: row.value}
-    return segment.problem.multipliers(row.solution.X, points=8, width=1.0, **here)  # type: ignore[attr-defined]
+    problem: Any = segment.problem  # a HarmonicBalance: these are its events
+    coarse: ComplexArray = problem.multipliers(row.solution.X, points=8, width=1.0, **here)
+    return coarse
 
 
 def _verdicts(mu: ComplexArray) -> tuple[np.ndarray, Array]:
@@ -269,7 +270,8 @@ def _verdicts(mu: ComplexArray) -> tuple[np.ndarray, Array]:
 
 def _pairs(mu: ComplexArray) -> ComplexArray:
     """The multipliers that are not real."""
-    return mu[np.abs(mu.imag) > 1e-8 * np.abs(mu)]
+    complex_pairs: ComplexArray = mu[np.abs(mu.imag) > 1e-8 * np.abs(mu)]
+    return complex_pairs
 
 
 def _modulus(mu: ComplexArray, k: int) -> float:

@@ -29,18 +29,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.collocation import gauss, moments
+from hbgear.harmonic.compiled import Compiled
 from hbgear.harmonic.crossings import crossings
 from hbgear.mechanics.fourier import derive, samples_of, to_complex, to_real, waves
-
-if TYPE_CHECKING:
-    from hbgear.harmonic.balance import HarmonicBalance
-
 
 _SHARE = 0.2  # longest step as a share of the excitation period, whatever the structure
 
@@ -57,61 +54,44 @@ _ROOM = 1_000_000  # numbers that the matrices of the motions computed at once m
 _CACHE = 16_000  # numbers in matrices of steps that stay close to the processor
 
 
-def multipliers(
-    problem: HarmonicBalance, X: Array, *, points: int | None = None, width: float | None = None, **parameters: float
+def multipliers_of(
+    compiled: Compiled, X: Array, Omega: Array, *, points: int | None = None, width: float | None = None
 ) -> ComplexArray:
-    """Floquet multipliers of the motion X over its period 2 pi nu / Omega, largest magnitude first.
+    """Floquet multipliers of P motions over their periods 2 pi nu / Omega, largest magnitude first.
+
+    They share the parameters of the model, and are computed together: far cheaper than one by one.
 
     Parameters
     ----------
-    problem : `HarmonicBalance` whose unknowns X are.
-    X : (m (2H + 1),) coefficients of a periodic motion.
+    compiled : the model with its parameters.
+    X : (P, m (2H + 1)) coefficients of periodic motions.
+    Omega : (P,) excitation frequencies.
     points : s, Gauss points per step; the scheme has order 2s. By default 6, or 10 where the period is long beside the
         motions the springs of the elements would excite, for fewer steps are then worth more points.
     width : longest step (of a large structure: part of a step), in units of the time in which the stiffest spring of
         the elements would turn the structure's inertia by one radian; by default s / 5, or with these 10 points 3.5.
         None is longer than a fifth of the excitation period.
-    parameters : ``Omega`` and any model parameters that differ.
 
     Returns
     -------
-    (r,) complex, r twice the number of coordinates that are not free motions.
+    (P, r) complex, r twice the number of coordinates that are not free motions.
 
     Raises
     ------
     ValueError
         If the structure is too large for its modes to be computed.
     """
-    Omega = np.array([parameters.pop("Omega")])
-    return multipliers_of(problem, X[None], Omega, points=points, width=width, **parameters)[0]
-
-
-def multipliers_of(
-    problem: HarmonicBalance, X: Array, Omega: Array, *, points: int | None = None, width: float | None = None,
-    **parameters: float,
-) -> ComplexArray:  # fmt: skip
-    """Multipliers (P, r) of P motions X (P, m (2H + 1)) at the frequencies Omega (P,); see `multipliers`.
-
-    They share the parameters of the model, and are computed together: far cheaper than one by one.
-    """
-    mu = np.linalg.eigvals(monodromies(problem, X, Omega, points=points, width=width, **parameters)).astype(complex)
+    mu = np.linalg.eigvals(monodromies(compiled, X, Omega, points=points, width=width)).astype(complex)
     return mu[np.arange(len(mu))[:, None], np.argsort(-np.abs(mu), axis=-1, kind="stable")]
 
 
-def monodromy(
-    problem: HarmonicBalance, X: Array, *, points: int | None = None, width: float | None = None, **parameters: float
-) -> Array:
-    """Real matrix (r, r) that carries a disturbance over one period, in real modal coordinates; see `multipliers`."""
-    Omega = np.array([parameters.pop("Omega")])
-    return monodromies(problem, X[None], Omega, points=points, width=width, **parameters)[0]
-
-
 def monodromies(
-    problem: HarmonicBalance, X: Array, Omega: Array, *, points: int | None = None, width: float | None = None,
-    **parameters: float,
-) -> Array:  # fmt: skip
-    """The matrices (P, r, r) of P motions; see `multipliers_of` and `monodromy`."""
-    compiled = problem.compiled(parameters)
+    compiled: Compiled, X: Array, Omega: Array, *, points: int | None = None, width: float | None = None
+) -> Array:
+    """Real matrices (P, r, r) that carry a disturbance over one period, in real modal coordinates.
+
+    Parameters as of `multipliers_of`.
+    """
     if compiled.structure.modes is None:
         raise ValueError(
             f"stability needs the modes of the structure; {compiled.structure.n} coordinates are too many: "
@@ -121,19 +101,17 @@ def monodromies(
     together = 1 + _ROOM // (4 * modes.size**2 + 20_000)
     out = np.empty((len(X), modes.size, modes.size))
     for some in (slice(i, i + together) for i in range(0, len(X), together)):
-        motions = _motions(problem, compiled, X[some], Omega[some])
+        motions = _motions(compiled, X[some], Omega[some])
         period, pace = 2 * np.pi / motions.omega, _pace(motions, modes, kr)
         long = pace * period > (_LONG if points is None else np.inf)
         if long.any() and not long.all():  # each part by its own scheme, so that no motion depends on its company
             for part in (long, ~long):
-                out[some][part] = monodromies(
-                    problem, X[some][part], Omega[some][part], points=None, width=width, **parameters
-                )
+                out[some][part] = monodromies(compiled, X[some][part], Omega[some][part], width=width)
             continue
         s = points or (10 if long.any() else 6)
         widest = width or (3.5 if long.any() else s / 5.0)
-        parts = max(1, modes.size // (2 * s * problem.m))  # about half as many nodes in a step as states
-        longest = np.minimum(widest / pace, _SHARE * period / problem.nu)
+        parts = max(1, modes.size // (2 * s * compiled.m))  # about half as many nodes in a step as states
+        longest = np.minimum(widest / pace, _SHARE * period / compiled.nu)
         out[some] = _carried(motions, _steps(motions, parts * longest), modes, kr, s, parts)
     return out
 
@@ -164,22 +142,22 @@ class _Motions:
         return np.array(slopes).reshape(m, 2, *shape).transpose(1, 2, 3, 0)
 
 
-def _motions(problem: HarmonicBalance, compiled: Any, X: Array, Omega: Array) -> _Motions:
-    P, omega = len(X), Omega / problem.nu
-    rows = X.reshape(P, problem.m, -1)
+def _motions(compiled: Compiled, X: Array, Omega: Array) -> _Motions:
+    P, omega = len(X), Omega / compiled.nu
+    rows = X.reshape(P, compiled.m, -1)
     c = to_complex(rows)
     both = np.concatenate([rows, to_real(omega[:, None, None] * derive(c))], axis=1)
-    return _Motions(both, omega, problem.nu, compiled.laws, *_switching(problem, compiled, c))
+    return _Motions(both, omega, compiled.nu, compiled.laws, *_switching(compiled, c))
 
 
-def _switching(problem: HarmonicBalance, compiled: Any, c: ComplexArray) -> tuple[np.ndarray, Array]:
+def _switching(compiled: Compiled, c: ComplexArray) -> tuple[np.ndarray, Array]:
     """Motion and phase of every instant at which an element of the motions c (P, m, H + 1) crosses a corner."""
     P, corners = len(c), len(compiled.corner)
     if not corners:
         return np.zeros(0, dtype=int), np.empty(0)
-    c = c.reshape(P * problem.m, -1)
-    rows = problem.m * np.arange(P)[:, None] + compiled.element
-    found = crossings(c, np.tile(compiled.corner, P), rows.ravel(), samples_of(c, problem.N))
+    c = c.reshape(P * compiled.m, -1)
+    rows = compiled.m * np.arange(P)[:, None] + compiled.element
+    found = crossings(c, np.tile(compiled.corner, P), rows.ravel(), samples_of(c, compiled.N))
     return found.row // corners, np.mod(found.theta, 2 * np.pi)
 
 

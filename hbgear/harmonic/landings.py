@@ -16,6 +16,7 @@ import numpy as np
 from hbgear.continuation.branch import Branch, Jump, Point
 from hbgear.continuation.jumps import motions_at, seen_points
 from hbgear.continuation.newton import Settings
+from hbgear.harmonic.observables import Layout, layout_of
 
 _SAMPLES = 128  # of one period of the excitation, where motions are compared
 
@@ -58,7 +59,8 @@ def _comparable(one: Branch, other: Branch) -> bool:
     """Whether both are curves in the same parameter of the same machine, the other parameters equal."""
     if one.parameter != other.parameter or one.fixed.keys() != other.fixed.keys() or one.tracked or other.tracked:
         return False
-    known = one.layout is not None and other.layout is not None and one.layout.elements == other.layout.elements
+    mine, others = layout_of(one), layout_of(other)
+    known = mine is not None and others is not None and mine.elements == others.elements
     return known and bool(np.allclose([*one.fixed.values()], [*other.fixed.values()], rtol=1e-12, atol=0.0))
 
 
@@ -80,15 +82,19 @@ def _stable_points(branch: Branch, value: float) -> list[Point]:
 
 def _distance(one: Point, other: Point) -> float:
     """Rms distance of two motions of any periods, the least over shifts by whole periods of the excitation."""
-    assert one.layout is not None and other.layout is not None
-    nu = math.lcm(one.layout.nu, other.layout.nu)
+    nu = math.lcm(_layout(one).nu, _layout(other).nu)
     a, b = _sampled(one, nu), _sampled(other, nu)
     return min(float(np.sqrt(np.mean((a - np.roll(b, k * _SAMPLES, axis=1)) ** 2))) for k in range(nu))
 
 
 def _sampled(point: Point, nu: int) -> np.ndarray:
     """Values of every element over nu periods of the excitation, (m, nu * samples)."""
-    layout = point.layout
-    assert layout is not None
+    layout = _layout(point)
     rows = [point.samples(j, _SAMPLES * layout.nu)[1] for j in range(len(layout.elements))]
     return np.tile(rows, (1, nu // layout.nu))
+
+
+def _layout(point: Point) -> Layout:
+    layout = layout_of(point)
+    assert layout is not None  # else the branches are not comparable
+    return layout

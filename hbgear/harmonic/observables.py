@@ -20,12 +20,14 @@ from numpy.typing import ArrayLike
 
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
+from hbgear.continuation.branch import Branch, Point
 from hbgear.mechanics.fourier import evaluate, extrema, harmonics_of, to_complex, to_real
 
 
 def rms(X: Array) -> Array:
     """Root mean square of the alternating part."""
-    return np.sqrt(0.5 * np.sum(X[..., 1:] ** 2, axis=-1))
+    rms: Array = np.sqrt(0.5 * np.sum(X[..., 1:] ** 2, axis=-1))
+    return rms
 
 
 def half_peak_to_peak(X: Array) -> Array:
@@ -155,3 +157,8 @@ class Layout:
         if "Omega" not in parameters:
             raise ValueError(f"derivative={order} needs Omega; this branch has no parameter of that name")
         return derivative(rows, parameters["Omega"] / self.nu, order)
+
+
+def layout_of(found: Branch | Point) -> Layout | None:
+    """How the unknowns of a curve or a point are read; None if they are not coefficients of periodic motions."""
+    return found.layout if isinstance(found.layout, Layout) else None

@@ -13,6 +13,7 @@ from hbgear.continuation.branch import Branch, SpecialPoint
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, solution_at, solve
 from hbgear.continuation.problem import linearise
 from hbgear.continuation.segment import CurvePoint, Segment, normal_of, row_of
+from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.observables import measure as measured
 from hbgear.harmonic.special import Peak
 
@@ -39,13 +40,14 @@ def peaks(
     ValueError
         If the branch has lost its problem, or there is no such measure.
     """
-    if branch.problem is None or branch.layout is None:
+    layout = layout_of(branch)
+    if branch.problem is None or layout is None:
         raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     A = branch.amplitude(measure, element)
     tops = [i for i in range(1, len(branch) - 1) if A[i - 1] <= A[i] > A[i + 1] and A[i] >= share * A.max()]
     found = []
     for number, i in enumerate(tops, 1):
-        row, located = _refine(branch, i, measure, branch.layout.index(element))
+        row, located = _refine(branch, i, measure, layout.index(element))
         here = {**branch.parameters_at(i), branch.parameter: row.value}
         seen = branch.problem.observe(row.solution.X, stability=branch.multipliers is not None, **here)
         found.append(
@@ -57,7 +59,7 @@ def peaks(
                 seen.get("multipliers"),
                 seen["regime"],
                 seen["error"],
-                branch.layout,
+                layout,
                 f"PK{number}",
                 "PK",
                 i,
@@ -72,7 +74,7 @@ def peaks(
 def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[CurvePoint, bool]:
     """The row of the largest amplitude between rows i - 1 and i + 1."""
     arc = _arc(branch, i)
-    layout = branch.layout
+    layout = layout_of(branch)
     assert layout is not None
 
     def low(s: float) -> float:

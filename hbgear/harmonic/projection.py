@@ -10,6 +10,8 @@ stiffness,
 
     P_k = sum_m kappa_{k-m} d_m + chi_k,        dP/dd = Toeplitz(kappa)      (two-sided coefficients)
 
+A law that is a sum of such springs with different stiffness series has the sum of their kappa and chi.
+
 No boundary term appears in the derivative because g is continuous. Nothing is sampled: the only discrete
 decision is which roots exist, and it is checked at the extrema between grid points.
 """
@@ -24,7 +26,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.crossings import crossings
 from hbgear.mechanics.fourier import Series, stretch, to_complex
-from hbgear.mechanics.laws import PiecewiseLinear
+from hbgear.mechanics.laws import Law
 
 
 def modulate(series: ComplexArray, s: ComplexArray, order: int, shifts: Sequence[int]) -> ComplexArray:
@@ -50,44 +52,51 @@ class ContactProjector:
 
     Parameters
     ----------
-    laws : the laws, one per element.
+    laws : the laws, one per element, each the sum of the springs that `Law.piecewise` gives.
     nu : subharmonic order (a stiffness harmonic l is basis harmonic l nu).
     """
 
-    def __init__(self, laws: list[PiecewiseLinear], nu: int) -> None:
+    def __init__(self, laws: Sequence[Law], nu: int) -> None:
         self.laws = laws
-        ramps = [law.ramps for law in laws]
-        self.rows = np.repeat(np.arange(len(laws)), [len(changes) for _, changes, _ in ramps])
-        self.level = np.concatenate([corners for *_, corners in ramps]) if ramps else np.empty(0)
+        each = [law.piecewise or () for law in laws]
+        springs = [spring for several in each for spring in several]
+        self.first = np.cumsum([0, *(len(several) for several in each[:-1])])  # spring of each element
+        ramps = [spring.ramps for spring in springs]
+        corners = [len(changes) for _, changes, _ in ramps]
+        self.springs = np.repeat(np.arange(len(springs)), corners)  # of each corner
+        self.rows = np.repeat(np.arange(len(laws)), [len(several) for several in each]).repeat(corners)
+        self.level = np.concatenate([levels for *_, levels in ramps]) if ramps else np.empty(0)
         change = np.concatenate([changes for _, changes, _ in ramps]) if ramps else np.empty(0)
-        weights = np.zeros((2, len(laws), len(change)))  # of the indicators of the corners in kappa and chi
+        weights = np.zeros((2, len(springs), len(change)))  # of the indicators of the corners in kappa and chi
         self.own = np.array([change, -change * self.level])
-        weights[:, self.rows, np.arange(len(change))] = self.own
+        weights[:, self.springs, np.arange(len(change))] = self.own
         self.weights = weights
-        self.base = np.array([[law.slopes[0] for law in laws], [g0 for g0, *_ in ramps]])
-        series = [_two_sided(law.stiffness, nu) for law in laws]
+        self.base = np.array([[spring.slopes[0] for spring in springs], [g0 for g0, *_ in ramps]])
+        series = [_two_sided(spring.stiffness, nu) for spring in springs]
         self.reach = max((len(row) - 1 for row in series), default=0)
         self.series = np.array([np.pad(row, (0, self.reach + 1 - len(row))) for row in series])
         self.shifts = [k for k in range(1, self.reach + 1) if any(len(row) > k and row[k] for row in series)]
 
     def project(self, c: ComplexArray, samples: Array, order: int) -> tuple[ComplexArray, ComplexArray]:
         """kappa and chi, two-sided coefficients 0..order of each element, (m, order + 1) each."""
-        found = crossings(c, self.level, self.rows, samples)
+        found, count = crossings(c, self.level, self.rows, samples), len(self.series)
         turns, kernel = _orders(order + self.reach)
         # fraction of the period above: sum of (falling - rising) instants, plus a turn if the period starts above
         share = found.above - np.bincount(found.row, found.sign * found.theta, len(self.level)) / (2 * np.pi)
-        both = np.empty((2, len(c), len(turns) + 1), dtype=complex)
+        both = np.empty((2, count, len(turns) + 1), dtype=complex)
         both[:, :, 0] = self.base + self.weights @ share
         if found.row.size:
-            # sums over the instants of each element, which lie side by side, as differences of one running sum
+            # sums over the instants of each spring, which lie side by side, as differences of one running sum
             each = (self.own[:, found.row] * found.sign)[..., None] * np.exp(found.theta[:, None] * turns)
             running = np.zeros((2, len(found.row) + 1, len(turns)), dtype=complex)
             np.cumsum(each, axis=1, out=running[:, 1:])
-            edge = np.searchsorted(self.rows[found.row], np.arange(len(c) + 1))
+            edge = np.searchsorted(self.springs[found.row], np.arange(count + 1))
             np.multiply(running[:, edge[1:]] - running[:, edge[:-1]], kernel, out=both[:, :, 1:])
         else:
             both[:, :, 1:] = 0.0
         kappa, chi = modulate(self.series, both, order, self.shifts)
+        if count > len(c):
+            kappa, chi = np.add.reduceat(kappa, self.first), np.add.reduceat(chi, self.first)
         return kappa, chi
 
 

@@ -31,7 +31,8 @@ class Toeplitz:
         r = np.concatenate([kappa.real, kappa.imag], axis=-1)
         parts = r.take(self._index, axis=1)
         parts *= self._sign
-        return parts[:, 0] + parts[:, 1]
+        both: Array = parts[:, 0] + parts[:, 1]
+        return both
 
 
 def real_blocks(Z: ComplexArray) -> Array:

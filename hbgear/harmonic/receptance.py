@@ -80,22 +80,26 @@ class LinearPart:
     @property
     def Z(self) -> ComplexArray:
         """Dynamic stiffness (P, H+1, m, m) seen from the elements, without their reference springs."""
-        return self.matrices[0]
+        M: Array = self.matrices[0]
+        return M
 
     @property
     def g(self) -> ComplexArray:
         """Constant terms (P, H+1, m): loads and prescribed displacements."""
-        return self.constants[0]
+        C: Array = self.constants[0]
+        return C
 
     @property
     def dZ(self) -> ComplexArray:
         """dZ/dOmega (P, H+1, m, m)."""
-        return self.matrices[1]
+        K: Array = self.matrices[1]
+        return K
 
     @property
     def dg(self) -> ComplexArray:
         """dg/dOmega (P, H+1, m)."""
-        return self.constants[1]
+        G: Array = self.constants[1]
+        return G
 
 
 def _inverse(G: ComplexArray) -> ComplexArray:
@@ -120,7 +124,8 @@ def _null_space(A: Array) -> Array:
     _, s, vt = scipy.linalg.svd(A)
     largest = s.max(initial=0.0)
     rank = int(np.sum(s > _FREE * largest)) if largest > 0 else 0
-    return vt[rank:].T
+    null: Array = vt[rank:].T
+    return null
 
 
 class Structure:
@@ -276,18 +281,22 @@ class Structure:
         felt = (C @ free) * self._scale[:, None] / (np.abs(C) * np.outer(self._scale, self._scale)).max()
         _, s, vt = scipy.linalg.svd(felt / np.linalg.norm(free / self._scale[:, None], axis=0))
         held = np.concatenate([s, np.zeros(vt.shape[0] - s.size)]) > 1e-9
-        return free @ vt[~held].T
+        undamped: Array = free @ vt[~held].T
+        return undamped
 
     def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
         """D(w)^-1 rhs; at w = 0 the solution without free motion."""
+        x: ComplexArray
         if self.large:
             D = self.K + 1j * w * self.C - w**2 * self.M
-            return scipy.sparse.linalg.splu(D.tocsc()).solve(rhs.astype(complex))
-        if w == 0.0:
+            x = scipy.sparse.linalg.splu(D.tocsc()).solve(rhs.astype(complex))
+        elif w == 0.0:
             s = self._scale
             scaled = self.K * np.outer(s, s)
-            return s[:, None] * (scipy.linalg.pinv(scaled, rtol=_FREE) @ (s[:, None] * rhs))
-        return scipy.linalg.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
+            x = s[:, None] * (scipy.linalg.pinv(scaled, rtol=_FREE) @ (s[:, None] * rhs))
+        else:
+            x = scipy.linalg.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
+        return x
 
     def resolvent(self, w: Array) -> ComplexArray | None:
         """1 / (i w - pole) of every pole, (..., r), at frequencies w (...); None unless `modal`."""

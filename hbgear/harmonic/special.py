@@ -21,8 +21,7 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import bordered, norm
 from hbgear.continuation.bordered import STEP, Augmented, Base, Extra, Fold, bends, null_vectors, sides
-from hbgear.continuation.events import Event
-from hbgear.continuation.problem import AnyProblem, FullProblem, linearise, linearise_all
+from hbgear.continuation.problem import AnyProblem, linearise, linearise_all
 from hbgear.mechanics.fourier import waves
 
 
@@ -38,6 +37,8 @@ class PeriodDoubling(Fold):
     problem : a `HarmonicBalance`.
     parameter : the parameter of the curve.
     """
+
+    turning_kind = "LP"
 
     @checked_arguments()
     def __init__(self, problem: AnyProblem, parameter: str = "") -> None:
@@ -60,10 +61,6 @@ class PeriodDoubling(Fold):
         out = np.zeros(self.doubled.size)
         out[self.odd] = scipy.linalg.svd(A)[2][-1]
         return out
-
-    def events(self, parameter: str) -> tuple[Event, ...]:
-        """Where the curve turns, doublings meet and vanish; it is no cusp."""
-        return FullProblem.events(self, parameter)
 
     def matrix(self, X: Array, here: dict[str, float]) -> tuple[Array, float]:
         """The half-integer block, and the size of the terms of R."""

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.harmonic.compiled import Compiled
 from hbgear.mechanics.fourier import to_real
 
 
-def guesses(problem: Any, here: dict[str, float]) -> Iterator[Array]:
+def guesses(compiled: Compiled, Omega: float) -> Iterator[Array]:
     """Linear responses about the static states that Newton finds with harmonic 0 alone, from several sides."""
-    compiled = problem.compiled(here)
-    linear = compiled.receptance.at(here["Omega"])
+    linear = compiled.receptance.at(Omega)
     reach = np.array([max(np.abs(law.breakpoints), default=1.0) or 1.0 for law in compiled.laws])
     reach *= _pushed(compiled.laws, linear)
     for side in (1.5, -1.5, 0.0, 4.0, -4.0):
@@ -34,7 +34,7 @@ def guesses(problem: Any, here: dict[str, float]) -> Iterator[Array]:
             try:
                 d = np.linalg.solve(linear.Z + np.diag(k), -linear.g[..., None])[..., 0].T
             except np.linalg.LinAlgError:
-                d = np.zeros((problem.m, problem.H + 1), dtype=complex)
+                d = np.zeros((compiled.m, len(linear.Z)), dtype=complex)
         d[:, 0] = d0
         yield to_real(d).ravel()
         yield to_real(np.concatenate([d[:, :1], 0 * d[:, 1:]], axis=1)).ravel()

@@ -16,7 +16,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
-from hbgear.harmonic.observables import Layout
+from hbgear.harmonic.observables import Layout, layout_of
 from hbgear.io.archive import Archive
 
 Form = Callable[[Archive, Any, str], Any]
@@ -60,16 +60,18 @@ def _flag(archive: Archive, value: Any, place: str) -> bool:
 def _number(archive: Archive, value: Any, place: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or (isinstance(value, int) and abs(value) > _MOST):
         raise _wrong(place, value, "a number")
-    return value
+    number: float = value
+    return number
 
 
 _MOST = 2**63  # whole numbers beyond it are no numbers of a computation
 
 
 def _finite(archive: Archive, value: Any, place: str) -> float:
-    if not math.isfinite(_number(archive, value, place)):
+    number = _number(archive, value, place)
+    if not math.isfinite(number):
         raise _wrong(place, value, "a finite number")
-    return value
+    return number
 
 
 def _whole(least: int, most: int = _MOST) -> Form:
@@ -178,7 +180,7 @@ _FORMS: dict[type, dict[str, Form]] = {
              "labels": _table(_text)},
     Point: _POINT,
     SpecialPoint: {**_POINT, "kind": _text, "index": _whole(-1), "located": _flag, "interval": _tuple(_number, 2),
-                   "note": _text},
+                   "note": _text, "meaning": _text, "marker": _text},
     Jump: {"label": _text, "parameter": _text, "value": _finite, "direction": _whole(-1, 1),
            "before": _object(Point, SpecialPoint), "after": _optional(_object(Point, SpecialPoint))},
     Branch: {"parameter": _text, "values": _array("f", 1, finite=True), "X": _array("f", 2, finite=True),
@@ -196,7 +198,7 @@ _FORMS: dict[type, dict[str, Form]] = {
 def _check(branch: Branch) -> None:
     if not len(branch):
         raise ValueError("it has no points")
-    _check_motion(branch.layout, branch.X, branch.regime, "branch")
+    _check_motion(layout_of(branch), branch.X, branch.regime, "branch")
     _check_balance(branch)
     for point in branch.special:
         place = f"special point '{point.label}'"
@@ -207,18 +209,18 @@ def _check(branch: Branch) -> None:
                 raise ValueError(f"{place} has no {name}")
         if point.layout and branch.layout and point.layout.elements != branch.layout.elements:
             raise ValueError(f"{place} is of other elements than the branch")
-        _check_motion(point.layout, point.X, point.regime, place)
+        _check_motion(layout_of(point), point.X, point.regime, place)
     for jump in branch.jump_records:
         if not jump.direction:
             raise ValueError(f"the jump at {jump.label} has no direction")
         for end in (jump.before, jump.after):
             if end is not None:
-                _check_motion(end.layout, end.X, end.regime, f"the jump at {jump.label}")
+                _check_motion(layout_of(end), end.X, end.regime, f"the jump at {jump.label}")
 
 
 def _check_balance(branch: Branch) -> None:
     """The settings a problem would be built with again are those of the rows."""
-    balance, layout = branch.meta.get("balance"), branch.layout
+    balance, layout = branch.meta.get("balance"), layout_of(branch)
     if not isinstance(balance, dict) or layout is None:
         return
     for name, value in (("harmonics", layout.harmonics), ("nu", layout.nu)):

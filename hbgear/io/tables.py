@@ -12,7 +12,7 @@ import numpy as np
 
 from hbgear.common.replacing import checked_suffix, replacing
 from hbgear.continuation.branch import Branch, SpecialPoint, Status, is_stable, name_of_regime
-from hbgear.harmonic import observables as measures
+from hbgear.harmonic.observables import MEASURES, layout_of
 from hbgear.io.npz import encode
 
 
@@ -40,13 +40,14 @@ def _table(branch: Branch) -> dict[str, Any]:
         columns["stable"] = is_stable(branch.multipliers).astype(int)
         columns["multiplier_max"] = np.abs(branch.multipliers).max(axis=-1, initial=0.0)
     columns |= {name: getattr(branch, name) for name in ("residual", "iterations", "error")}
-    if branch.layout is None:
+    layout = layout_of(branch)
+    if layout is None:
         return columns | {f"X{i}": column for i, column in enumerate(branch.X.T)}
-    terms = ["a0", *(f"{letter}{k + 1}" for k in range(branch.layout.harmonics) for letter in "ab")]
-    for j, name in enumerate(branch.layout.elements):
-        columns[f"regime_{name}"] = [name_of_regime(codes[j : j + 1], branch.layout) for codes in branch.regime]
-        columns |= {f"{measure}_{name}": branch.amplitude(measure, j) for measure in measures.MEASURES}
-        columns |= {f"{term}_{name}": x for term, x in zip(terms, branch.layout.rows(branch.X, j).T, strict=True)}
+    terms = ["a0", *(f"{letter}{k + 1}" for k in range(layout.harmonics) for letter in "ab")]
+    for j, name in enumerate(layout.elements):
+        columns[f"regime_{name}"] = [name_of_regime(codes[j : j + 1], layout) for codes in branch.regime]
+        columns |= {f"{measure}_{name}": branch.amplitude(measure, j) for measure in MEASURES}
+        columns |= {f"{term}_{name}": x for term, x in zip(terms, layout.rows(branch.X, j).T, strict=True)}
     return columns
 
 
@@ -67,10 +68,10 @@ def _matlab(branch: Branch) -> dict[str, Any]:
             return cells
         return str(value) if isinstance(value, Status) else value
 
-    out = convert(branch) | {"meta": json.dumps(encode(branch.meta, "meta", {}))}
+    out: dict[str, Any] = convert(branch) | {"meta": json.dumps(encode(branch.meta, "meta", {}))}
     out["jumps"] = out.pop("jump_records")
     if branch.layout:
         each = range(len(branch.layout.elements))
-        rows = {name: [branch.amplitude(name, j) for j in each] for name in measures.MEASURES}
+        rows = {name: [branch.amplitude(name, j) for j in each] for name in MEASURES}
         out["amplitude"] = {name: np.stack(columns, axis=-1) for name, columns in rows.items()}
     return out if branch.stable is None else out | {"stable": branch.stable}

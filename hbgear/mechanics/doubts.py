@@ -16,7 +16,6 @@ import scipy
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
 from hbgear.mechanics.fourier import extrema
-from hbgear.mechanics.laws import Cubic, Law, Parallel, PiecewiseLinear
 from hbgear.mechanics.model import Model, System
 
 _FAR_ABOVE = 30.0  # Omega over the highest natural frequency that is hardly meant
@@ -73,9 +72,9 @@ def of_model(model: Model, system: System) -> None:
         _of_values(model, name, np.atleast_1d(np.asarray(getattr(model, name), dtype=float)), usual)
     _of_matrices(system)
     for element in system.elements:
-        for law in _parts(element.law):
-            if isinstance(law, PiecewiseLinear) and extrema(law.stiffness.row())[0] < 0:
-                tell(f"the stiffness of {element.name} is negative over part of the period: see its amplitudes")
+        springs = (spring for part in element.law.parts for spring in part.piecewise or ())
+        if any(extrema(spring.stiffness.row())[0] < 0 for spring in springs):
+            tell(f"the stiffness of {element.name} is negative over part of the period: see its amplitudes")
     if not _excited(system):
         tell(
             f"nothing excites this {type(model).__name__}: no load, prescribed displacement or stiffness varies with "
@@ -118,21 +117,11 @@ def _of_matrices(system: System) -> None:
             tell(f"{name} has a negative eigenvalue: {what}; is a sign wrong?")
 
 
-def _parts(law: Law) -> tuple[Law, ...]:
-    return tuple(part for each in law.laws for part in _parts(each)) if isinstance(law, Parallel) else (law,)
-
-
 def _excited(system: System) -> bool:
     """Whether anything varies with tau, as far as can be told of the laws."""
     for element in system.elements:
-        if np.any(element.displacement.row()[1:]):
+        if np.any(element.displacement.row()[1:]) or not element.law.steady:
             return True
-        for law in _parts(element.law):
-            steady = isinstance(law, Cubic) or (
-                isinstance(law, PiecewiseLinear) and not np.any(law.stiffness.row()[1:])
-            )
-            if not steady:
-                return True
     return any(np.any(v) for load in system.loads for v in [*load.cosine.values(), *load.sine.values()])
 
 

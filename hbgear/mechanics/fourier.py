@@ -25,7 +25,7 @@ from hbgear.common.ranges import counted
 
 def harmonics_of(X: Array) -> int:
     """Number of harmonics H of rows of length 2H + 1."""
-    size = X.shape[-1]
+    size: int = X.shape[-1]
     if size % 2 == 0:
         raise ValueError(f"a row of {size} coefficients has no order H; need an odd length 2H + 1")
     return size // 2
@@ -284,7 +284,8 @@ class Transform:
         np.multiply(c, 0.5, out=s[:rows, : self.H + 1])
         s[:rows, 0] = c[:, 0]
         plans.inverse.execute()
-        return plans.values[:rows].copy()
+        copied: Array = plans.values[:rows].copy()
+        return copied
 
     def spectrum(self, samples: Array) -> ComplexArray:
         """Two-sided coefficients ``x_k, k = 0..2H`` of samples ``(rows, N)`` (``x_-k`` is the conjugate).

@@ -10,13 +10,43 @@ Contract for a new law
 3. ``reference`` is a typical positive stiffness; it only conditions the linear algebra and never changes a result.
 4. ``breakpoints`` lists the values of ``d`` at which a derivative jumps: the period is cut there for stability.
 5. ``rated`` may be False if ``p`` does not depend on ``v``: then no velocity is computed for it, and v is all zeros.
+6. ``piecewise`` may give the law as a sum of piecewise-linear springs, p = sum_i k_i(tau) g_i(d), whose forces add up
+   to ``force``. Then harmonic balance projects it exactly instead of sampling it, folds are found by Newton, and where
+   the sum is a single spring, time integration takes its straight pieces. Rules 4 and 5 then need not be stated.
+7. ``parts`` lists the laws it is the sum of, if it is one; ``steady`` is whether ``p`` is known not to depend on
+   ``tau``. They serve warnings and the choice of a time step, and change no result.
+
+A law of your own that is projected exactly:
+
+>>> import hbgear as hb
+>>> from dataclasses import dataclass
+>>> @dataclass(frozen=True)
+... class TwoStage(hb.Law):
+...     "A spring of stiffness k that a stiffer one joins beyond a gap."
+...     k: float
+...     gap: float
+...
+...     @property
+...     def reference(self):
+...         return self.k
+...
+...     @property
+...     def piecewise(self):
+...         return (hb.PiecewiseLinear((self.gap,), (self.k, 10 * self.k)),)
+...
+...     def force(self, d, v, tau):
+...         return self.piecewise[0].force(d, v, tau)
+>>> TwoStage(1.0, 0.5).breakpoints
+(0.5,)
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -51,14 +81,29 @@ class Law(ABC):
         """Typical stiffness, > 0."""
 
     @property
+    def piecewise(self) -> tuple[PiecewiseLinear, ...] | None:
+        """Piecewise-linear springs whose sum the law is, p = sum_i k_i(tau) g_i(d); None if it is not such a sum."""
+        return None
+
+    @property
     def breakpoints(self) -> tuple[float, ...]:
         """Values of d, ascending, at which dp/dd or dp/dv jumps."""
-        return ()
+        return tuple(sorted({x for spring in self.piecewise or () for x in spring.corners}))
 
     @property
     def rated(self) -> bool:
         """Whether p may depend on v."""
-        return True
+        return self.piecewise is None
+
+    @property
+    def parts(self) -> tuple[Law, ...]:
+        """The laws it is the sum of; itself if it is none."""
+        return (self,)
+
+    @property
+    def steady(self) -> bool:
+        """Whether p is known not to depend on tau."""
+        return self.piecewise is not None and not any(spring.stiffness.row()[1:].any() for spring in self.piecewise)
 
     def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
         """The law on a fixed grid of phases, so that what depends on tau alone is evaluated once."""
@@ -91,6 +136,10 @@ class Cubic(Law):
     @property
     def rated(self) -> bool:
         return False
+
+    @property
+    def steady(self) -> bool:
+        return True
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         d2 = d * d
@@ -148,12 +197,12 @@ class PiecewiseLinear(Law):
         return max((abs(s) for s in self.slopes), default=0.0) * (abs(self.stiffness.mean) or 1.0) or 1.0
 
     @property
-    def breakpoints(self) -> tuple[float, ...]:
-        return self.corners
+    def piecewise(self) -> tuple[PiecewiseLinear, ...]:
+        return (self,)
 
     @property
-    def rated(self) -> bool:
-        return False
+    def breakpoints(self) -> tuple[float, ...]:
+        return self.corners
 
     @property
     def ramps(self) -> tuple[float, Array, Array]:
@@ -234,7 +283,29 @@ def Unilateral(k: float = 1.0, gap: float = 0.0, stiffness: Series = _ONE) -> Pi
 
 @dataclass(frozen=True)
 class Parallel(Law):
-    """Several laws acting side by side on one element: p = sum_i laws[i]."""
+    """Several laws acting side by side on one element.
+
+        p(d, v, tau) = sum_i laws[i](d, v, tau)
+
+    If each of them is piecewise linear, so is the sum, and it is projected exactly; springs whose stiffness varies in
+    the same way are one spring. With any other law among them all of it is sampled.
+
+    Parameters
+    ----------
+    laws : one or more.
+
+    Raises
+    ------
+    ValueError
+        If there are none, or one is no law.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> teeth_and_stop = hb.Parallel((hb.Backlash(b=1.0), hb.Unilateral(k=3.0, gap=2.0)))
+    >>> teeth_and_stop.piecewise[0].corners, teeth_and_stop.piecewise[0].slopes
+    ((-1.0, 1.0, 2.0), (1.0, 0.0, 1.0, 4.0))
+    """
 
     laws: tuple[Law, ...]
 
@@ -255,6 +326,15 @@ class Parallel(Law):
     def reference(self) -> float:
         return sum(law.reference for law in self.laws)
 
+    @cached_property
+    def piecewise(self) -> tuple[PiecewiseLinear, ...] | None:
+        springs: list[PiecewiseLinear] = []
+        for law in self.laws:
+            if law.piecewise is None:
+                return None
+            springs += law.piecewise
+        return _merged(springs)
+
     @property
     def breakpoints(self) -> tuple[float, ...]:
         return tuple(sorted({x for law in self.laws for x in law.breakpoints}))
@@ -262,6 +342,14 @@ class Parallel(Law):
     @property
     def rated(self) -> bool:
         return any(law.rated for law in self.laws)
+
+    @property
+    def parts(self) -> tuple[Law, ...]:
+        return tuple(part for law in self.laws for part in law.parts)
+
+    @property
+    def steady(self) -> bool:
+        return all(law.steady for law in self.laws)
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         return self.bind(tau)(d, v)
@@ -274,3 +362,36 @@ class Parallel(Law):
             return sum(p[0] for p in parts), sum(p[1] for p in parts), sum(p[2] for p in parts)  # type: ignore[return-value]
 
         return forces
+
+
+def _merged(springs: Iterable[PiecewiseLinear]) -> tuple[PiecewiseLinear, ...]:
+    """The same sum with the springs of one stiffness variation as one spring each."""
+    found: list[PiecewiseLinear] = []
+    for spring in springs:
+        for i, other in enumerate(found):
+            ratio = _ratio(spring.stiffness, other.stiffness)
+            if ratio is not None:
+                found[i] = _added(other, spring, ratio)
+                break
+        else:
+            found.append(spring)
+    return tuple(found)
+
+
+def _ratio(a: Series, b: Series) -> float | None:
+    """The number r with a = r b to rounding; None if there is none."""
+    L = max(a.order, b.order)
+    x, y = (np.pad(series.row(), (0, 2 * (L - series.order))) for series in (a, b))
+    largest = int(np.argmax(np.abs(y)))
+    ratio = float(x[largest] / y[largest]) if y[largest] else 0.0
+    return ratio if np.allclose(x, ratio * y, rtol=0, atol=4 * np.finfo(float).eps * np.abs(x).max()) else None
+
+
+def _added(a: PiecewiseLinear, b: PiecewiseLinear, ratio: float) -> PiecewiseLinear:
+    """stiffness_a (g_a + ratio g_b) as one spring."""
+    corners = tuple(sorted({*a.corners, *b.corners}))
+    slopes = [a.slopes[0] + ratio * b.slopes[0]]
+    for x in corners:
+        i, j = (bisect_right(spring.corners, x) for spring in (a, b))  # the pieces to the right of x
+        slopes.append(a.slopes[i] + ratio * b.slopes[j])
+    return PiecewiseLinear(corners, tuple(slopes), a.force_at_zero + ratio * b.force_at_zero, a.stiffness)

@@ -189,7 +189,7 @@ def _closed(system: System) -> tuple[Any, Any, Any]:
 
 def _orthonormal(shapes: Array, extra: Array, M: Any) -> Array:
     """Modes and what else there is in the extra vectors, orthonormal in M; what adds nothing is dropped."""
-    basis = shapes / np.sqrt(np.einsum("ij,ij->j", shapes, M @ shapes))
+    basis: Array = shapes / np.sqrt(np.einsum("ij,ij->j", shapes, M @ shapes))
     for vector in (extra / np.sqrt(np.einsum("ij,ij->j", extra, M @ extra))).T:
         for _ in range(2):  # once more for what rounding left
             vector = vector - basis @ (basis.T @ (M @ vector))

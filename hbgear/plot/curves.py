@@ -20,7 +20,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.replacing import replacing
 from hbgear.continuation.branch import Branch, Jump, Point
 from hbgear.harmonic.landings import landings
-from hbgear.harmonic.observables import REGIMES, Layout
+from hbgear.harmonic.observables import REGIMES, Layout, layout_of
 from hbgear.harmonic.speeds import MESH, PINION, common_scales, model_of, same_scales, scales, speeds_at
 
 if TYPE_CHECKING:
@@ -456,7 +456,7 @@ def _regime(layout: Layout | None, codes: NDArray[np.int8], element: int | str) 
 
 
 def _colour(point: Point, element: int | str) -> str:
-    return COLOURS[_regime(point.layout, point.regime, element)]
+    return COLOURS[_regime(layout_of(point), point.regime, element)]
 
 
 def _words(regime: str) -> str:
@@ -465,7 +465,7 @@ def _words(regime: str) -> str:
 
 def _title(point: Point, element: int | str) -> str:
     """What a point is: label, Omega, stability, regime."""
-    regime = _regime(point.layout, point.regime, element)
+    regime = _regime(layout_of(point), point.regime, element)
     parts = [point.label, {True: "stable", False: "unstable", None: ""}[point.stable]]
     parts += [_words(regime) if regime != "unknown" else ""]
     if "Omega" in point.parameters:
@@ -479,7 +479,8 @@ def _states(branch: Branch, element: int | str) -> list[State]:
     if branch.multipliers is not None and branch.stable is not None:
         failed = np.asarray(np.isnan(branch.multipliers).any(axis=1))
         stable = [None if failed[i] else bool(ok) for i, ok in enumerate(branch.stable)]
-    return [(_regime(branch.layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]
+    layout = layout_of(branch)
+    return [(_regime(layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]
 
 
 def _runs(branch: Branch, element: int | str) -> list[tuple[State, int, int]]:
@@ -521,9 +522,10 @@ def _curve(
 
 
 def _name_axes(ax: Axes, branch: Branch, measure: str, element: int | str) -> None:
-    names = branch.layout.labels if branch.layout else {}
+    layout = layout_of(branch)
+    names = layout.labels if layout else {}
     ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))
-    ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {_gap(branch.layout, element)}")
+    ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {_gap(layout, element)}")
     _dress(ax)
 
 
@@ -664,7 +666,7 @@ def _frame(ax: Axes, corner: tuple[float, float]) -> Any:
 def _cycle(point: Point, element: int | str, order: int = 0) -> tuple[Layout, Array, Array]:
     """Layout, time in excitation periods, and motion or its derivative in theta, the end joined to the start."""
     theta, d = point.samples(element, order=order)
-    layout = point.layout
+    layout = layout_of(point)
     assert layout is not None  # else there are no samples
     return layout, np.append(theta / (2 * np.pi), 1.0) * layout.nu, np.append(d, d[0])
 

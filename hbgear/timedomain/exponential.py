@@ -24,7 +24,6 @@ from hbgear.common.ranges import counted
 from hbgear.harmonic.collocation import gauss, moments
 from hbgear.harmonic.receptance import Modes, Structure
 from hbgear.mechanics.fourier import to_complex, waves
-from hbgear.mechanics.laws import PiecewiseLinear
 from hbgear.mechanics.model import Model, System
 from hbgear.timedomain.segments import FINE, Bools, Integers, Pieces, first_exit, stiffness_row
 
@@ -38,7 +37,8 @@ def modal_state(structure: Structure, y: Array) -> ComplexArray:
     """z (..., r) of states y (..., 2n): z = left (C q + M q') + poles left M q; free motions drop out."""
     modes = _modes(structure)
     q, v = y[..., : structure.n], y[..., structure.n :]
-    return (q @ structure.C.T + v @ structure.M.T) @ modes.left.T + modes.poles * (q @ structure.M.T @ modes.left.T)
+    z: Array = (q @ structure.C.T + v @ structure.M.T) @ modes.left.T + modes.poles * (q @ structure.M.T @ modes.left.T)
+    return z
 
 
 def physical_state(structure: Structure, z: ComplexArray) -> Array:
@@ -117,7 +117,8 @@ def _dense(s: int) -> tuple[Array, Array, Array, Array]:
 
 def _chebyshev(x: Array, k: Integers) -> Array:
     """T_k(2x - 1), (..., K)."""
-    return np.cos(k * np.arccos(np.clip(2 * x - 1, -1.0, 1.0))[..., None])
+    T: Array = np.cos(k * np.arccos(np.clip(2 * x - 1, -1.0, 1.0))[..., None])
+    return T
 
 
 def _chebyshev_slope(x: Array, k: Integers) -> Array:
@@ -197,7 +198,8 @@ class Stepper:
             pace = np.sqrt((mobility * np.maximum(structure.kr, [e.law.reference for e in system.elements])).max())
             count = max(count, 2 * np.pi * pace / (0.6 * self.Omega[self.of == i].min()))
             orders = [e.displacement.order for e in system.elements] + [load.order for load in system.loads]
-            orders += [e.law.stiffness.order for e in system.elements if isinstance(e.law, PiecewiseLinear)]
+            parts = [part for e in system.elements for part in e.law.parts]
+            orders += [spring.stiffness.order for part in parts for spring in part.piecewise or ()]
             count = max(count, 5.0 * max(orders))
         return int(np.ceil(count))
 
@@ -319,7 +321,8 @@ class Stepper:
 
     def _steady_state(self, tau: float) -> ComplexArray:
         w = waves(tau, self.z.shape[2] - 1)[0]
-        return w @ self.z[:, 0] + w.conj() @ self.z[:, 1]
+        d: Array = w @ self.z[:, 0] + w.conj() @ self.z[:, 1]
+        return d
 
     # ---- steps
 
@@ -425,7 +428,8 @@ class Stepper:
     def _of_piece(self, x: Array, piece: Integers) -> Array:
         """x (rows, m, pieces) at the piece of each motion and element (B, m)."""
         every = np.arange(self.m)
-        return x[0][every, piece] if self.rows == 1 else x[np.arange(len(piece))[:, None], every, piece]
+        taken: Array = x[0][every, piece] if self.rows == 1 else x[np.arange(len(piece))[:, None], every, piece]
+        return taken
 
     def _data(self, flight: Flight, y: Array, h: Array) -> Array:
         """d and h v at 0, the Gauss points and 1: (B, 2 s + 4, m)."""

@@ -185,7 +185,8 @@ class Flow:
         solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **extra)
         while solver.status == "running":
             solver.step()
-        return solver.y
+        y: Array = solver.y
+        return y
 
     def _exit(self, solver: Any, before: Array, piece: Integers) -> tuple[Array, Integers]:
         """Instant in the step just made at which each element first leaves its piece (inf), and through which end."""

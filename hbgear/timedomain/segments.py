@@ -43,19 +43,21 @@ class Pieces:
     @staticmethod
     def of(laws: Sequence[Law]) -> Pieces:
         """Of the laws in order."""
-        count = max(len(law.breakpoints) for law in laws) + 1
+        springs = [spring_of(law) for law in laws]
+        edges_of = [law.breakpoints if s is None else s.corners for law, s in zip(laws, springs, strict=True)]
+        count = max(map(len, edges_of)) + 1
         slope, offset = np.zeros((2, len(laws), count))
         low, high = np.full((2, len(laws), count), np.inf)
-        for j, law in enumerate(laws):
-            corners = np.array(law.breakpoints, dtype=float)
+        for j, spring in enumerate(springs):
+            corners = np.array(edges_of[j], dtype=float)
             edges = np.concatenate([[-np.inf], corners, np.full(count - len(corners), np.inf)])
             low[j], high[j] = edges[:-1], edges[1:]
-            if isinstance(law, PiecewiseLinear):
-                g0, changes, _ = law.ramps
+            if spring is not None:
+                g0, changes, _ = spring.ramps
                 used = slice(0, len(corners) + 1)
-                slope[j, used] = law.slopes
+                slope[j, used] = spring.slopes
                 offset[j, used] = g0 - np.concatenate([[0.0], np.cumsum(changes * corners)])
-        return Pieces(slope, offset, low, high, np.array([isinstance(law, PiecewiseLinear) for law in laws]))
+        return Pieces(slope, offset, low, high, np.array([spring is not None for spring in springs]))
 
     def numbers(self) -> tuple[Array, Array, Array, Array]:
         """slope, offset, low, high."""
@@ -64,12 +66,20 @@ class Pieces:
     def at(self, d: Array, v: Array) -> Integers:
         """Piece of each element at d (..., m); on a corner the one the rate v leads to."""
         ahead = d + np.where(np.abs(v) > 0, np.sign(v), 1.0) * ON * (1 + np.abs(d))
-        return np.sum(ahead[..., None] > self.high, axis=-1)
+        piece: Array = np.sum(ahead[..., None] > self.high, axis=-1)
+        return piece
+
+
+def spring_of(law: Law) -> PiecewiseLinear | None:
+    """The law as one piecewise-linear spring, straight on its pieces; None if it is not one."""
+    springs = law.piecewise or ()
+    return springs[0] if len(springs) == 1 else None
 
 
 def stiffness_row(law: Law) -> Array:
     """Real row of the stiffness that multiplies the lines of a law."""
-    return law.stiffness.row() if isinstance(law, PiecewiseLinear) else np.ones(1)
+    spring = spring_of(law)
+    return np.ones(1) if spring is None else spring.stiffness.row()
 
 
 def first_exit(

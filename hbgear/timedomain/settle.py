@@ -137,7 +137,8 @@ def _weights(stepper: Stepper) -> Array:
     for structure in stepper.structures:
         assert structure.modes is not None
         each.append(np.linalg.norm(np.sqrt(np.abs(np.diag(structure.M)))[:, None] * structure.modes.right, axis=0))
-    return np.array(each)[stepper.of]
+    of_each: Array = np.array(each)[stepper.of]
+    return of_each
 
 
 def _gaps(x: ComplexArray, past: Sequence[ComplexArray], periods: int) -> Array:

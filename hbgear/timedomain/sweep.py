@@ -89,7 +89,8 @@ def _extremum(d: Array, v: Array, h: float, sign: int) -> Array:
     rows, count = np.arange(len(d)), d.shape[1]
     bend = (v[rows, (i + 1) % count] - v[rows, (i - 1) % count]) / (2 * h)
     gain = np.divide(-(v[rows, i] ** 2), 2 * bend, out=np.zeros(len(d)), where=sign * bend < 0)
-    return d[rows, i] + gain
+    met: Array = d[rows, i] + gain
+    return met
 
 
 # ---- sweeps
@@ -320,7 +321,8 @@ class _Sweeper:
         period = int(how.period[0])
         seen = observe(stepper, flight, period or _LONG)
         self.found.append((float(value), seen, how, exponent))
-        return stepper.states(flight)[0]
+        states: Array = stepper.states(flight)[0]
+        return states
 
     def _disturbed(self, stepper: Stepper, flight: Flight) -> Flight:
         """The motion a little beside; the same little in every run."""

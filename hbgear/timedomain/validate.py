@@ -251,7 +251,7 @@ def problem_for(branch: Branch, problem: Any = None) -> Any:
     ValueError, KeyError
         If the branch does not hold motions, or the problem does not fit it.
     """
-    layout = branch.layout
+    layout = measures.layout_of(branch)
     if layout is None or "Omega" not in branch.parameters_at(0):
         raise ValueError(
             "only curves of periodic motions can be validated, with harmonics and a frequency; this is none"
@@ -465,7 +465,7 @@ def _finer(problem: Any, X: Array, mu: ComplexArray | None, here: dict[str, floa
     rows = np.array([layout.rows(X, j) for j in range(len(layout.elements))])
     used = (int(np.flatnonzero(rows.any(axis=0)).max(initial=1)) + 1) // 2  # fewer in places, if H varies on the curve
     own = problem if used == problem.H else problem.with_order(problem.nu, used)
-    X = own.converted(X, layout)
+    X = own.in_basis(X, layout)
     now = linearise(own, X, "", here)
     if not norm(now.R) <= _SOLVED * now.size:
         return
@@ -474,7 +474,7 @@ def _finer(problem: Any, X: Array, mu: ComplexArray | None, here: dict[str, floa
     for _ in range(_DOUBLINGS):
         finer = own.with_order(own.nu, 2 * own.H)
         try:
-            X = solve(finer, finer.converted(X, own.layout), here).X
+            X = solve(finer, finer.in_basis(X, own.layout), here).X
         except NoConvergence:
             return
         own = finer

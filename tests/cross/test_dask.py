@@ -31,14 +31,14 @@ span = [0.5, 2.0]
 KILLING = """
 import os, signal, sys
 from contextlib import contextmanager
-from hbgear import cli, cli_study
+from hbgear.cli import app, study
 
 @contextmanager
 def killing():
     yield lambda done, total, failed: [os.kill(int(pid), signal.SIGKILL) for pid in sys.argv[2:] if done == 3]
 
-cli_study.case_bar = killing
-cli.main(["study", "a.toml", "--dask", sys.argv[1]])
+study.case_bar = killing
+app.main(["study", "a.toml", "--dask", sys.argv[1]])
 """
 """The command; when three cases are stored, processes are killed."""
 

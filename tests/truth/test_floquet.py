@@ -25,7 +25,7 @@ from hbgear import (
     trace,
 )
 from hbgear.harmonic import floquet as stability
-from hbgear.harmonic.floquet import monodromies, multipliers, multipliers_of
+from hbgear.harmonic.floquet import monodromies, multipliers_of
 from hbgear.mechanics.fourier import evaluate
 
 
@@ -232,8 +232,8 @@ def test_many_at_once_are_those_one_by_one(name):
     count = {len(problem.switching(x, Omega=w).theta) for x, w in zip(X, Omega, strict=True)}
     if name == "all regimes":
         assert {0, 2, 4} <= count
-    together = multipliers_of(problem, X, Omega)
-    single = np.array([multipliers(problem, x, Omega=w) for x, w in zip(X, Omega, strict=True)])
+    together = multipliers_of(problem.compiled({}), X, Omega)
+    single = np.array([problem.multipliers(x, Omega=w) for x, w in zip(X, Omega, strict=True)])
     assert together.shape == (len(X), single.shape[1]) and together.dtype == complex
     assert np.all(np.diff(np.abs(together)) <= 1e-12)
     scale = np.abs(single).max(axis=1, keepdims=True)
@@ -242,18 +242,20 @@ def test_many_at_once_are_those_one_by_one(name):
 
 def test_many_at_once_in_several_lots(monkeypatch):
     problem, X, Omega = CURVES["all regimes"]()
-    whole = monodromies(problem, X, Omega)
+    whole = monodromies(problem.compiled({}), X, Omega)
     monkeypatch.setattr(stability, "_ROOM", 50_000)
-    np.testing.assert_allclose(monodromies(problem, X, Omega), whole, rtol=0, atol=1e-12 * np.abs(whole).max())
-    assert monodromies(problem, X[:0], Omega[:0]).shape == (0, 2, 2)
+    np.testing.assert_allclose(
+        monodromies(problem.compiled({}), X, Omega), whole, rtol=0, atol=1e-12 * np.abs(whole).max()
+    )
+    assert monodromies(problem.compiled({}), X[:0], Omega[:0]).shape == (0, 2, 2)
 
 
 def test_steps_of_several_parts():
     """Of 24 coordinates with 6 nodes two parts make a step, with 4 three; with 12 a step is one part."""
     problem, X, Omega = CURVES["long steps"]()
-    whole = monodromies(problem, X, Omega, points=12, width=1.5)
+    whole = monodromies(problem.compiled({}), X, Omega, points=12, width=1.5)
     for points in (4, 6):
-        parts = monodromies(problem, X, Omega, points=points, width=0.2)
+        parts = monodromies(problem.compiled({}), X, Omega, points=points, width=0.2)
         np.testing.assert_allclose(parts, whole, rtol=0, atol=1e-9)
 
 
@@ -261,6 +263,9 @@ def test_without_modes_it_says_what_to_do():
     problem = HarmonicBalance(Duffing(), 3)
     X = problem.start(0.7)
     problem.compiled({}).structure.modes = None
-    for call in (lambda: multipliers(problem, X, Omega=0.7), lambda: multipliers_of(problem, X[None], np.array([0.7]))):
+    for call in (
+        lambda: problem.multipliers(X, Omega=0.7),
+        lambda: multipliers_of(problem.compiled({}), X[None], np.array([0.7])),
+    ):
         with pytest.raises(ValueError, match="reduce the model"):
             call()

@@ -103,7 +103,7 @@ def test_a_failing_case_is_a_row_and_is_retried_only_if_asked(run, monkeypatch):
     assert list(found.failed) == [1] and "must not be negative" in found.failed[1]
     calls = []
     monkeypatch.setattr(
-        sys.modules["hbgear.cases"], "run_case", lambda cls, fields, work: calls.append(fields) or found_result()
+        "hbgear.design.study.run_case", lambda cls, fields, work: calls.append(fields) or found_result()
     )
     run(grid(zeta=[0.05, -0.05]))
     assert calls == []
@@ -257,15 +257,15 @@ def stopped(folder, signal_to_send):
 STOPPED = """
 import os, signal
 from contextlib import contextmanager
-from hbgear import cli, cli_study
+from hbgear.cli import app, study
 
 @contextmanager
 def stopping():
     yield lambda done, total, failed: {} if done == 3 else None
 
 if __name__ == "__main__":
-    cli_study.case_bar = stopping
-    cli.main(["study", "a.toml", "--processes", "1"])
+    study.case_bar = stopping
+    app.main(["study", "a.toml", "--processes", "1"])
 """
 
 
@@ -309,8 +309,9 @@ def test_ctrl_c_twice_waits_for_nothing(tmp_path):
 
 
 ENDLESS = """
-import os, signal, sys, threading, time
+import os, signal, threading, time
 import hbgear as hb
+from hbgear.design import study
 
 def endless(cls, fields, work):
     time.sleep(600)
@@ -321,7 +322,7 @@ def interrupt():
         os.kill(os.getpid(), signal.SIGINT)
 
 if __name__ == "__main__":
-    sys.modules["hbgear.cases"].run_case = endless
+    study.run_case = endless
     threading.Thread(target=interrupt, daemon=True).start()
     found = hb.cases(hb.Duffing(), hb.grid(zeta=[0.1, 0.2]), processes=2)
     print(found.outcome, len(found))
@@ -491,7 +492,7 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(run, tmp_pat
         raise OSError(errno.EROFS, "Read-only file system")
 
     monkeypatch.setattr("hbgear.design.store.TemporaryFile", full)
-    monkeypatch.setattr(sys.modules["hbgear.cases"], "run_case", None)
+    monkeypatch.setattr("hbgear.design.study.run_case", None)
     assert np.array_equal(run(grid(zeta=[0.5])).table["peak"], found.table["peak"])  # nothing to write
     with pytest.raises(OSError, match="Read-only"):
         run(grid(zeta=[0.5, 0.6]))

@@ -256,9 +256,7 @@ def test_linear_algebra_has_one_thread_while_tracing(run, monkeypatch):
 
 
 def test_help_is_quick_to_import():
-    code = (
-        "import sys\ntry:\n    from hbgear.cli import main; main([])\nfinally:\n    print('matplotlib' in sys.modules)"
-    )
+    code = "import sys\ntry:\n    from hbgear.cli.app import main; main([])\nfinally:\n    print('matplotlib' in sys.modules)"
     out = shell("-c", code)
     assert out.returncode == 0 and "trace" in out.stdout and out.stdout.endswith("False\n")
 

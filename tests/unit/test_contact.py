@@ -1,16 +1,39 @@
 """The exact projection of piecewise-linear laws against quadrature and against samples."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hbgear import Backlash, Element, HarmonicBalance, PiecewiseLinear, Series, System, Unilateral
+from hbgear import Backlash, Element, HarmonicBalance, Law, Parallel, PiecewiseLinear, Series, System, Unilateral
 from hbgear.harmonic.crossings import crossings
 from hbgear.harmonic.projection import ContactProjector
 from hbgear.harmonic.realbasis import Toeplitz, one_sided
 from hbgear.mechanics.fourier import evaluate, to_complex, to_real
 
 WAVY = Series(mean=1.0, cosine=(-0.2, 0.07), sine=(0.1, 0.0, 0.05))
+
+
+@dataclass(frozen=True)
+class TwoStage(Law):
+    """A user's own law: a spring that a stiffer, pulsating one joins beyond a gap."""
+
+    gap: float = 0.3
+
+    @property
+    def reference(self):
+        return 1.0
+
+    @property
+    def piecewise(self):
+        return PiecewiseLinear((), (1.0,)), Unilateral(2.0, self.gap, WAVY)
+
+    def force(self, d, v, tau):
+        k = WAVY(tau)
+        return d + 2 * k * np.maximum(d - self.gap, 0), 1 + 2 * k * (d > self.gap), 0 * d
+
+
 LAWS = {
     "backlash": Backlash(0.8),
     "backlash, varying stiffness": Backlash(0.8, 2.0, WAVY),
@@ -18,6 +41,9 @@ LAWS = {
     "preloaded, varying stiffness": Unilateral(3.0, -0.4, WAVY),
     "asymmetrical gaps": PiecewiseLinear((-0.3, 1.1), (2.0, 0.0, 0.7), stiffness=WAVY),
     "three stages": PiecewiseLinear((-1.0, 0.2, 0.9), (0.5, 1.0, 0.2, 3.0), 0.4, WAVY),
+    "teeth and a stop": Parallel((Backlash(0.8, 2.0), Unilateral(3.0, 0.4))),
+    "two variations": Parallel((Backlash(0.8, 2.0, WAVY), Unilateral(3.0, -0.2), Unilateral(1.0, 0.5, WAVY))),
+    "a user's own": TwoStage(),
 }
 GAUSS = np.polynomial.legendre.leggauss(30)
 

@@ -1,6 +1,7 @@
 """Files of branches that were damaged or made up: read as they were meant, or refused in one sentence."""
 
 import copy
+import dataclasses
 import io
 import json
 import os
@@ -16,6 +17,8 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app as cli
+from hbgear.continuation.branch import Branch
+from hbgear.io.forms import _FORMS
 
 MB = 2**20
 JUNK = [
@@ -261,6 +264,12 @@ def test_what_is_wrong_is_named(whole, tmp_path, place, value, words):
     (tmp_path / "b.npz").write_bytes(with_header(whole, header))
     with pytest.raises(ValueError, match=words):
         hb.load(tmp_path / "b.npz")
+
+
+def test_every_field_that_is_written_is_read():
+    stored = {Branch: {"problem"}}  # made again from the model in meta
+    for kind, forms in _FORMS.items():
+        assert set(forms) == {field.name for field in dataclasses.fields(kind)} - stored.get(kind, set())
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ def limited(code, size=LIMIT):
 
 
 def command(args):
-    return f"from hbgear.cli import main; main({args!r})"
+    return f"from hbgear.cli.app import main; main({args!r})"
 
 
 def run(capsys, *args):

@@ -182,7 +182,7 @@ def test_an_error_ends_a_survey_with_its_branches(monkeypatch):
     def broken(*_):
         raise Bug("in the search")
 
-    monkeypatch.setattr("hbgear.continuation.deflation.deflated_newton", broken)
+    monkeypatch.setattr("hbgear.harmonic.survey.deflated_newton", broken)
     found = hb.trace_all(hb.HarmonicBalance(DUFFING, 2), (0.9, 1.3), frequencies=1)
     assert len(found) == 1 and found.branches[0].status.complete
     assert found.status is Status.FAILED and "Bug: in the search" in found.message and "Omega = 1.1" in found.message
@@ -243,12 +243,12 @@ def test_a_first_row_that_cannot_be_observed_is_refused():
         hb.trace(Odd(DUFFING, 3), "Omega", (1.02, 1.6))
 
 
-@pytest.mark.parametrize("name", ["find", "find_jumps", "suspects"])
+@pytest.mark.parametrize("name", ["events.Watch.find", "tracer.find_jumps", "events.Watch.suspects"])
 def test_errors_in_what_is_located_leave_the_curve(monkeypatch, name):
     def broken(*_):
         raise Bug("while looking")
 
-    monkeypatch.setattr(sys.modules["hbgear.trace"], name, broken)  # hbgear.trace itself is the function
+    monkeypatch.setattr(f"hbgear.continuation.{name}", broken)
     part = hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6))
     assert part.status is Status.FAILED and "Bug: while looking" in part.message and len(part) > 30
 
@@ -310,7 +310,7 @@ COMMANDS = {
     "map": ["map", "spur-pair", "--in", "zeta", "--from", "0.03", "--to", "0.1", "-o", "out.csv"],
     "critical": ["critical", "spur-pair", "zeta"],
 }
-SCRIPT = "import sys; from hbgear.cli import main; print('ready', flush=True); main(sys.argv[1:])"
+SCRIPT = "import sys; from hbgear.cli.app import main; print('ready', flush=True); main(sys.argv[1:])"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")

@@ -1,0 +1,52 @@
+"""How unknowns are read: what a curve can say of its points without knowing what they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol, runtime_checkable
+
+from hbgear.common.arrays import Array
+
+
+@runtime_checkable
+class Reader(Protocol):
+    """How unknowns are read: `Readable.layout`."""
+
+    @property
+    def elements(self) -> tuple[str, ...]:
+        """Names of the elements."""
+
+    @property
+    def regimes(self) -> tuple[str, ...]:
+        """Names of the regime codes."""
+
+    @property
+    def width(self) -> int:
+        """Number of unknowns n."""
+
+    def rows(self, X: Array, element: int | str) -> Array:
+        """The unknowns of an element, by number or name, out of X (..., n)."""
+
+    def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
+        """Measure of amplitude of an element, for each row of X (..., n)."""
+
+    def samples(self, X: Array, element: int | str, count: int, order: int) -> tuple[Array, Array]:
+        """Phase and values of an element, or of its derivative of that order."""
+
+    def in_time(self, rows: Array, parameters: Mapping[str, Array], order: int) -> Array:
+        """Unknowns of the derivative in time of rows (P, ...), whose parameters are (P,) each."""
+
+    def measure_rows(self, name: str, rows: Array) -> Array:
+        """Measure of amplitude of rows that are already those of one element."""
+
+
+@runtime_checkable
+class Moving(Protocol):
+    """Knows more coordinates than its unknowns; asked by `Branch.amplitude`."""
+
+    @property
+    def dof_names(self) -> Sequence[str]:
+        """Names of the coordinates."""
+
+    def motion(self, X: Array, **parameters: float) -> Array:
+        """All coordinates, (dofs, ...), each in the form of the rows of an element."""
