@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.messages import did_you_mean
+from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.ranges import counted
 from hbgear.continuation.reading import Moving, Reader
 
@@ -283,6 +283,8 @@ class Branch:
     @checked_arguments()
     def parameters_at(self, i: int) -> dict[str, float]:
         """All parameters of a row."""
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"there is no row {quoted(i)}; the branch has {len(self)}")
         tracked = {name: float(x[i]) for name, x in self.tracked.items()}
         return {**self.fixed, **tracked, self.parameter: float(self.values[i])}
 
@@ -308,6 +310,7 @@ class Branch:
         ValueError, KeyError
             If there is no such measure, element or degree of freedom, or no problem where one is needed.
         """
+        counted("derivative", derivative, 10, least=0)
         layout = _known(self.layout)
         rows = layout.rows(self.X, element) if dof is None else self._motion(dof)
         if derivative:

@@ -46,7 +46,9 @@ def extend(
         raise ValueError("extending needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     if len(branch) < 2:
         raise ValueError(f"the branch has {len(branch)} rows; need two, which tell which way it goes: trace it anew")
-    first, last = span or branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
+    if span is None:
+        span = branch.meta.get("trace", {}).get("span") or (float(branch.values[0]), float(branch.values[-1]))
+    first, last = span
     _check_end(branch, float(first), float(last))
     before, here = (_unknowns(problem, branch, i) for i in (-2, -1))
     direction = np.append(here - before, branch.values[-1] - branch.values[-2])

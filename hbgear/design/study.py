@@ -225,7 +225,8 @@ def cases(
     -----
     Stored cases that cannot be read are computed anew, with a warning.
     """
-    work = Work(tuple(compute), tuple(critical), harmonics, tuple(span or model.default_span), measure, element)  # type: ignore[arg-type]
+    low, high = model.default_span if span is None else span
+    work = Work(tuple(compute), tuple(critical), harmonics, (float(low), float(high)), measure, element)
     _check(model, vary, work, most)
     study = {"model": describe(model), **json.loads(json.dumps(asdict(work)))}
     folder = None if store is None else Store(store, study)

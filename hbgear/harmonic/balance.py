@@ -105,9 +105,9 @@ class HarmonicBalance(FullProblem):
         self, model: Model, harmonics: int | str = 16, samples: int | None = None, nu: int = 1,
         sampled: bool = False, tolerance: float = 1e-6,
     ) -> None:  # fmt: skip
-        counted("nu", nu)
+        counted("nu", nu, _SAMPLES)
         if harmonics != "auto":
-            counted("harmonics", harmonics)
+            counted("harmonics", harmonics, _SAMPLES)
         checked("HarmonicBalance", "tolerance", tolerance, POSITIVE)
         self.auto = harmonics == "auto"
         self.tolerance = float(tolerance)
@@ -116,7 +116,7 @@ class HarmonicBalance(FullProblem):
         system = model.system()
         self.m = len(system.elements)
         if samples is not None:
-            counted("samples", samples)
+            counted("samples", samples, _SAMPLES)
         self._structures: Recent[Structure] = Recent(6)
         self._own = model.parameters
         self._prepare(samples)
@@ -229,8 +229,8 @@ class HarmonicBalance(FullProblem):
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
         """The same model with another subharmonic order; by default harmonics reach the same frequency."""
         H = harmonics or self.H * nu // self.nu
-        counted("nu", nu)
-        counted("harmonics", H)
+        counted("nu", nu, _SAMPLES)
+        counted("harmonics", H, _SAMPLES)
         out = copy.copy(self)
         out.nu, out.H = int(nu), int(H)
         out._prepare(None)
@@ -435,8 +435,6 @@ class HarmonicBalance(FullProblem):
     def residual(self, X: Array, **parameters: float) -> Array:
         """R alone (n,)."""
         X = self._given(X, parameters)
-        if X.size != self.size:
-            raise ValueError(f"X has {X.size} unknowns; this problem has {self.size}, with H = {self.H}")
         return self.linearise(X, "", **parameters).R
 
     def _difference(self, X: Array, name: str, parameters: dict[str, float]) -> Array:
@@ -464,7 +462,7 @@ class HarmonicBalance(FullProblem):
             If Newton finds no periodic motion from any of the guesses.
         """
         checked("start", "Omega", Omega, _FREQUENCIES)
-        here = {**parameters, "Omega": float(Omega)}
+        here = {name: float(value) for name, value in (parameters | {"Omega": Omega}).items()}
         failure: NoConvergence | None = None
         for method in (solve, solve_from_afar):
             for guess in guesses(self.compiled(here), here["Omega"]):
@@ -551,16 +549,22 @@ class HarmonicBalance(FullProblem):
     ) -> ComplexArray:
         """Floquet multipliers of the motion over its period, largest first; see `floquet.multipliers_of`."""
         X = self._given(X, parameters)
+        if points is not None:
+            counted("points", points, 50)
+        if width is not None:
+            checked("multipliers", "width", width, POSITIVE)
         Omega = np.array([parameters.pop("Omega")])
         compiled = self.compiled(parameters)
         mu: ComplexArray = multipliers_of(compiled, X[None], Omega, points=points, width=width)[0]
         return mu
 
     def _given(self, X: Array, parameters: dict[str, float]) -> Array:
-        """Unknowns of one motion, of any number of harmonics; ``parameters`` hold a frequency that can be meant."""
+        """Unknowns of one motion; ``parameters`` hold a frequency that can be meant."""
         X = np.asarray(X, dtype=float)
-        if X.ndim != 1 or X.size % self.m or X.size // self.m % 2 == 0:
-            raise ValueError(f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x (2H + 1) numbers")
+        if X.shape != (self.size,):
+            raise ValueError(
+                f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x (2H + 1) = {self.size} numbers"
+            )
         if "Omega" not in parameters:
             raise ValueError("a motion needs its frequency: give Omega=...")
         checked(type(self).__name__, "Omega", parameters["Omega"], _FREQUENCIES)

@@ -228,7 +228,7 @@ def _spread(low: float, high: float, count: int) -> list[float]:
 
 
 def _curve(problem: HarmonicBalance, parameter: str, value: float, frequencies: tuple[float, float] | None) -> Branch:
-    span = frequencies or problem.model.default_span
+    span = problem.model.default_span if frequencies is None else frequencies
     return whole(trace(problem, "Omega", span, at={parameter: value}, stability=False))
 
 

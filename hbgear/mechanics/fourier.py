@@ -10,6 +10,7 @@ are ``c_k / 2`` for ``k >= 1`` and their conjugates for ``k <= -1``.
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -170,6 +171,11 @@ def real_numbers(what: str, value: Any, need: str) -> Array:
     return np.array(given, dtype=float)
 
 
+def is_listed(value: Any) -> bool:
+    """Whether a value is several; an array without dimensions calls itself iterable and is not."""
+    return isinstance(value, Iterable) and getattr(value, "ndim", 1) > 0
+
+
 @dataclass(frozen=True)
 class Series:
     """A prescribed periodic function of the phase tau, given by its Fourier coefficients.
@@ -221,6 +227,8 @@ class Series:
 
     def __call__(self, tau: ArrayLike) -> Array:
         tau = real_numbers("Series: tau", tau, "a number or an array of numbers")
+        if not np.isfinite(tau).all():
+            raise ValueError(f"Series: tau = {quoted(tau)} must be finite")
         return evaluate(self.row(), tau.ravel()).reshape(tau.shape)
 
     @checked_arguments()

@@ -53,7 +53,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
-from hbgear.mechanics.fourier import Series, real_numbers
+from hbgear.mechanics.fourier import Series, is_listed, real_numbers
 
 Forces = tuple[Array, Array, Array]
 
@@ -310,7 +310,7 @@ class Parallel(Law):
     laws: tuple[Law, ...]
 
     def __post_init__(self) -> None:
-        if not isinstance(self.laws, Iterable):
+        if not is_listed(self.laws):
             raise ValueError(
                 f"Parallel: laws = {quoted(self.laws)} must be several laws, such as (Backlash(), Cubic(1.0))"
             )

@@ -13,7 +13,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self, TypeAlias
 
@@ -23,9 +23,9 @@ from numpy.typing import ArrayLike
 
 from hbgear.common.arguments import check, check_fields
 from hbgear.common.arrays import Array
-from hbgear.common.messages import did_you_mean
+from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked
-from hbgear.mechanics.fourier import Series, real_numbers
+from hbgear.mechanics.fourier import Series, is_listed, real_numbers
 from hbgear.mechanics.laws import Law
 
 Matrix: TypeAlias = Any
@@ -155,6 +155,7 @@ class Load:
     power: int = 0
 
     def __post_init__(self) -> None:
+        check("Load", "power", self.power, int)
         checked("Load", "power", self.power, Range(-20, 20))
         if self.constant is not None:
             object.__setattr__(self, "constant", real_numbers("Load: constant", self.constant, "a vector of numbers"))
@@ -239,16 +240,17 @@ class System(Model):
         n = self.M.shape[0]
         set_(self, "C", _matrix("C", np.zeros((n, n)) if self.C is None else self.C))
         set_(self, "K", _matrix("K", self.K))
-        if not isinstance(self.elements, Iterable):
+        if not is_listed(self.elements):
             raise ValueError("a System takes its elements in a list: elements=[...]")
         elements = tuple(self.elements)
         for i, element in enumerate(elements):
             if not isinstance(element, Element):
                 raise ValueError(f"element {i} is a {type(element).__name__}; need an Element(direction, law)")
-        if not isinstance(self.load, Load | Iterable) or not all(isinstance(load, Load) for load in self.loads):
-            raise ValueError(f"load = {self.load!r}: need a Load, or a list of them")
+        one = isinstance(self.load, Load)
+        if not one and not (is_listed(self.load) and all(isinstance(load, Load) for load in self.loads)):
+            raise ValueError(f"load = {quoted(self.load)}: need a Load, or a list of them")
         loads = self.loads
-        if not isinstance(self.dof_names, Iterable) or not all(isinstance(name, str) for name in self.dof_names):
+        if not is_listed(self.dof_names) or not all(isinstance(name, str) for name in self.dof_names):
             raise ValueError(f"dof_names = {self.dof_names!r} must be a list of names, one for each coordinate")
         names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(n))
         for name in ("C", "K"):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
+from hbgear.common.messages import quoted
 from hbgear.common.replacing import replacing
 from hbgear.continuation.branch import Branch, Jump, Point
 from hbgear.harmonic.landings import landings
@@ -115,6 +116,10 @@ def response(
     ValueError, KeyError
         If there is no such measure or element.
     """
+    from matplotlib.colors import is_color_like
+
+    if color is not None and not is_color_like(color):
+        raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
     amplitude = branch.amplitude(measure, element)
     own = ax is None
     with _style():

@@ -628,7 +628,7 @@ def refused(target: Target, nasty: dict[str, Any], error: BaseException) -> pool
     words = pool.raw_words(text)
     if words and not any(words in repr(value) for value in nasty.values()):  # what was given may be quoted
         return pool.Wrong("raw", f"{pool.place(error)}: {words}", text[:300])
-    if isinstance(error, IndexError) and target.name != "Branch.__getitem__":
+    if isinstance(error, IndexError) and target.name not in ("Branch.__getitem__", "Branch.parameters_at"):
         return pool.Wrong("raw", pool.place(error), text[:300])
     quoted = sum(len(repr(value)) for value in nasty.values())
     if len(text) < 15 or len(text) > 1000 + quoted:
