@@ -67,7 +67,8 @@ def counted(name: str, number: Any, most: int | None = None, least: int = 1) -> 
     if isinstance(number, bool) or not isinstance(number, Integral) or int(number) < least:
         raise ValueError(f"{name} = {quoted(number)} must be a whole number of at least {least}")
     if most is not None and int(number) > most:
-        raise ValueError(f"{name} = {int(number):,} is more than {most:,}, which is the most there can be")
+        told = f"{int(number):,}" if number < 10**15 else quoted(int(number))
+        raise ValueError(f"{name} = {told} is more than {most:,}, which is the most there can be")
     return int(number)
 
 

@@ -18,6 +18,7 @@ from typing import IO, Any
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.common.messages import shortened
 
 _SPARE, _TIMES = 2**24, 4  # bytes that may be declared: this, and so many times the size of the file (if compressed)
 
@@ -66,7 +67,7 @@ class Archive:
         """The array of that name."""
         with _refusing():
             if f"{name}.npy" not in self._members:
-                raise Damaged(f"it has no array '{name}'")
+                raise Damaged(f"it has no array '{shortened(name)}'")
             info = self._members[f"{name}.npy"]
             if info.compress_type not in _PACKED:
                 raise Damaged(f"array '{name}' is compressed in a way that NumPy does not write")
