@@ -12,6 +12,7 @@ from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
 from hbgear.continuation.events import Event
 from hbgear.continuation.extending import extend
+from hbgear.continuation.following import follow
 from hbgear.continuation.newton import NoConvergence, Settings
 from hbgear.continuation.problem import Evaluation, Evaluations
 from hbgear.continuation.stepsize import StepControl, Steps
@@ -29,6 +30,7 @@ from hbgear.harmonic.survey import Survey, trace_all
 from hbgear.io.npz import load
 from hbgear.mechanics.doubts import Unlikely
 from hbgear.mechanics.fourier import Series
+from hbgear.mechanics.functions import model
 from hbgear.mechanics.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
 from hbgear.mechanics.model import Element, Load, Model, System
 from hbgear.mechanics.oscillators import Duffing
@@ -85,11 +87,13 @@ __all__ = [
     "cases",
     "critical",
     "extend",
+    "follow",
     "grid",
     "integrate",
     "jump_map",
     "latin_hypercube",
     "load",
+    "model",
     "monte_carlo",
     "peaks",
     "plot",

@@ -17,7 +17,7 @@ python3 -m venv .venv && .venv/bin/pip install . && .venv/bin/python -m studies
 
 which runs as many at once as there are cores, and skips what is there and unchanged. This page is written by
 `python -m studies --gallery`. Each study is a short script on the public interface of hbgear: `run(quick=False)`
-computes, `plot(results)` draws. Figures are also there as .pdf.
+computes, `plot(results)` draws. `python -m studies.dong_2022.fig04 --pdf` writes the figure as .pdf too.
 """
 
 

@@ -15,7 +15,7 @@ import importlib
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType, ModuleType
@@ -47,14 +47,15 @@ def folder(module: ModuleType) -> Path:
     return Path(module.__file__).parent / "figures"
 
 
-def make(name: str, out: Path | None = None, quick: bool = False) -> list[Path]:
-    """Run a study and write its figure (.png, .pdf) and its report (.md).
+def make(name: str, out: Path | None = None, quick: bool = False, kinds: Sequence[str] = ("png",)) -> list[Path]:
+    """Run a study and write its figure (.png) and its report (.md).
 
     Parameters
     ----------
     name : of its module, ``studies.dong_2022.fig04``.
     out : folder to write to, by default `folder`.
     quick : see `run` of the study.
+    kinds : of figures, "png", "pdf" or "svg".
 
     Returns
     -------
@@ -65,7 +66,7 @@ def make(name: str, out: Path | None = None, quick: bool = False) -> list[Path]:
     out.mkdir(parents=True, exist_ok=True)
     with threadpool_limits(1), ended_by_ctrl_c():
         results = module.run(quick=quick)
-    written = [] if not hasattr(module, "plot") else draw(module.plot, results, out / stem)
+    written = [] if not hasattr(module, "plot") else draw(module.plot, results, out / stem, kinds)
     if hasattr(module, "report"):
         path = out / f"{stem}.md"
         path.write_text(module.report(results), encoding="utf-8")
@@ -90,15 +91,15 @@ def _end(number: int, frame: FrameType | None) -> None:
     raise SystemExit(3)
 
 
-def draw(plot: Any, results: Any, stem: Path) -> list[Path]:
-    """Write the figure of these results as .png and .pdf."""
+def draw(plot: Any, results: Any, stem: Path, kinds: Sequence[str] = ("png",)) -> list[Path]:
+    """Write the figure of these results in files of these kinds."""
     with journal():
         import matplotlib.pyplot as plt
 
         from hbgear.plot.curves import save
 
         figure = plot(results)
-        paths = [stem.with_suffix(f".{kind}") for kind in ("png", "pdf")]
+        paths = [stem.with_suffix(f".{kind}") for kind in kinds]
         for path in paths:
             save(figure, path, dpi=160)
         plt.close(figure)
@@ -114,8 +115,9 @@ def main() -> None:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
     parser.add_argument("-o", "--out", type=Path, help="folder for the figure (default: figures beside the study)")
     parser.add_argument("--quick", action="store_true", help="a smaller form, as the tests run it")
+    parser.add_argument("--pdf", action="store_true", help="the figure as .pdf too; git ignores it beside the study")
     given = parser.parse_args()
-    for path in make(name, given.out, given.quick):
+    for path in make(name, given.out, given.quick, ("png", "pdf") if given.pdf else ("png",)):
         if path.suffix == ".md":
             print(path.read_text(encoding="utf-8"))
         print(f"wrote {path}")

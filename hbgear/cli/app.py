@@ -7,7 +7,6 @@ when it is needed.
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import sys
 import time
@@ -37,8 +36,10 @@ from hbgear.cli.support import (
     Last,
     Measure,
     Model,
+    OwnModel,
     Within,
     chosen_model,
+    defaults_text,
     element_of,
     equation_of,
     exit_code,
@@ -50,23 +51,23 @@ from hbgear.cli.support import (
     path_of,
     point_of,
     print_table,
+    problem_in,
     problem_of,
     progress_bar,
     ranges_of,
-    retold,
     say,
     show_branch,
     show_jumps,
     start_of,
     summary_of,
     text_at,
-    text_of,
     traced,
 )
 from hbgear.common.signals import sigterm_like_ctrl_c
 from hbgear.harmonic import catalogue
 from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.speeds import model_of
+from hbgear.mechanics.named import installed
 
 RENAMED = {
     "--parameter": "--parameter F --from A --to B is now --in F=A:B, as --from and --to are always in Omega",
@@ -149,12 +150,27 @@ def _version(version: Annotated[bool, typer.Option("--version", help="Print the 
 
 
 @app.command()
-def models() -> None:
-    """List the models, their equations and their parameters with defaults."""
+def models(
+    model: Annotated[
+        str | None, typer.Argument(metavar="[MODEL]", help="Only this one, such as FILE.py:NAME of your own.")
+    ] = None,
+) -> None:
+    """List the models, their equations and their parameters with defaults; VALUE where one has to be given.
+
+    Beside those of hbgear there are the models of installed packages with entry points hbgear.models.
+    """
     rows = []
-    for name, cls in catalogue.MODELS.items():
-        values = ", ".join(f"{f.name}={text_of(f.default)}" for f in dataclasses.fields(cls))  # type: ignore[arg-type]
-        rows.append([f"{name}\n{cls.__name__}", f"{summary_of(cls)}\n{equation_of(cls)}\n{values}\n{ranges_of(cls)}\n"])
+    for name in [*catalogue.MODELS, *installed()] if model is None else [model]:
+        try:
+            cls = catalogue.class_of(name)
+        except ValueError as error:
+            if model is not None:
+                raise
+            say("warning", error)  # one broken package leaves the others
+            continue
+        lines = [summary_of(cls), equation_of(cls), defaults_text(cls), ranges_of(cls)]
+        about = "\n".join(line for line in lines if line or cls.__module__.startswith("hbgear."))
+        rows.append([f"{name}\n{cls.__name__}", f"{about}\n"])
     print_table(["model", "equation, parameters with defaults (change them with --set)"], rows)
 
 
@@ -236,9 +252,23 @@ def trace(
 @app.command()
 def extend(
     file: File,
-    first: First = None,
-    last: Last = None,
-    within: Within = None,
+    model: OwnModel = None,
+    first: Annotated[
+        float | None,
+        typer.Option("--from", help="Omega at which a longer span begins.", show_default="that of the curve"),
+    ] = None,
+    last: Annotated[
+        float | None, typer.Option("--to", help="Omega at which a longer span ends.", show_default="that of the curve")
+    ] = None,
+    within: Annotated[
+        str | None,
+        typer.Option(
+            "--in",
+            metavar="NAME=FROM:TO",
+            help="A longer span of a curve in another parameter than Omega.",
+            show_default="that of the curve",
+        ),
+    ] = None,
     harmonics: Annotated[
         str | None, typer.Option(help="H to go on with, or auto.", show_default="that of the curve")
     ] = None,
@@ -261,7 +291,7 @@ def extend(
     for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
         check_writable(path, allowed)
     branch, which = loaded(file, measure, element)
-    problem = catalogue.problem_of(retold(branch.meta, harmonics, samples))
+    problem = problem_in(branch, model, harmonics, samples)
     span = longer_span(branch, within, first, last)
     with one_thread(), progress_bar(branch.parameter, float(branch.values[-1]), span[1]) as progress:
         steps = hb.StepControl(max_points=max_points)

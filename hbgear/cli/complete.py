@@ -5,30 +5,31 @@ Whatever fails here is nothing to offer: the command itself says what is wrong.
 
 from __future__ import annotations
 
-import dataclasses
 import os
 
 import hbgear as hb
 from hbgear.harmonic import catalogue
 from hbgear.harmonic import observables as measures
+from hbgear.mechanics.fields import kinds_of, parameters_of
+from hbgear.mechanics.named import installed
 
 
 def models(incomplete: str) -> list[str]:
     """Names of models."""
-    return [name for name in catalogue.MODELS if name.startswith(incomplete)]
+    return [name for name in [*catalogue.MODELS, *installed()] if name.startswith(incomplete)]
 
 
 def fields(incomplete: str) -> list[str]:
     """Fields of the model that was named, each with the = that follows."""
     model = _model()
-    names = [f.name for f in dataclasses.fields(model)] if model else []  # type: ignore[arg-type]
+    names = kinds_of(model) if model else ()
     return [f"{name}=" for name in names if name.startswith(incomplete)]
 
 
 def parameters(incomplete: str) -> list[str]:
     """Parameters of the model that was named."""
     model = _model()
-    return [name for name in (model().parameters if model else ()) if name.startswith(incomplete)]
+    return [name for name in (parameters_of(model) if model else ()) if name.startswith(incomplete)]
 
 
 def assigned(incomplete: str) -> list[str]:
@@ -57,6 +58,7 @@ def _words() -> list[str]:
 
 
 def _model() -> type[hb.Model] | None:
+    """The class of hbgear that was named; no code of others is run while a command is typed."""
     return next((catalogue.MODELS[word] for word in _words() if word in catalogue.MODELS), None)
 
 

@@ -19,6 +19,7 @@ from hbgear.cli.support import (
     Last,
     Measure,
     Model,
+    OwnModel,
     chosen_model,
     digits_of,
     element_of,
@@ -26,6 +27,7 @@ from hbgear.cli.support import (
     exit_code,
     one_thread,
     print_table,
+    problem_in,
     problem_of,
     range_of,
     reporting,
@@ -34,7 +36,6 @@ from hbgear.cli.support import (
     span_of,
     text_at,
 )
-from hbgear.harmonic import catalogue
 
 Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
 
@@ -140,6 +141,7 @@ def switch(
             metavar="LABEL", help="A PD or BP of the curve, such as PD1.", autocompletion=cli_complete.crossings
         ),
     ],
+    model: OwnModel = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")] = None,
     plot: Figure = None,
     measure: Measure = "pp2",
@@ -149,7 +151,7 @@ def switch(
     check_writable(output, BRANCHES)
     check_writable(plot, FIGURES)
     branch, which = hb.load(file), element_of(element)
-    branch = hb.load(file, problem=catalogue.problem_of(branch.meta))
+    branch = hb.load(file, problem=problem_in(branch, model))
     with one_thread():
         new = hb.switch(branch, label)
     names = [str(file), f"from {label}"]

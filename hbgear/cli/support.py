@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import math
 import re
@@ -18,12 +17,13 @@ import typer
 
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
-from hbgear.common.messages import did_you_mean
 from hbgear.continuation.tracer import Progress
 from hbgear.harmonic import catalogue
+from hbgear.harmonic.events import named
 from hbgear.harmonic.landings import landings
 from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.speeds import model_of, speeds_at
+from hbgear.mechanics.fields import check_names, defaults_of, kinds_of, made, required_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -35,19 +35,23 @@ BAD_INPUT = 2
 STOPPED_EARLY = 3
 
 
-MEANINGS = {
-    "LP": "fold: the curve turns back",
-    "CP": "cusp: two folds meet",
-    "PD": "period doubling",
-    "NS": "Neimark-Sacker: a second frequency sets in",
-    "BP": "branch point: two curves cross",
-    "GR": "grazing contact: the impact regime changes",
-}
-
-
 Model = Annotated[
     str,
-    typer.Argument(metavar="MODEL", help=f"One of: {', '.join(catalogue.MODELS)}.", autocompletion=cli_complete.models),
+    typer.Argument(
+        metavar="MODEL",
+        help=f"One of: {', '.join(catalogue.MODELS)}; of your own FILE.py:NAME or MODULE:NAME, whose code is run.",
+        autocompletion=cli_complete.models,
+    ),
+]
+
+
+OwnModel = Annotated[
+    str | None,
+    typer.Option(
+        "--model",
+        metavar="FILE.py:NAME",
+        help="The model of the curve if it is none of hbgear; its code is run. Loading a curve runs no code.",
+    ),
 ]
 
 
@@ -127,16 +131,12 @@ def assignments(option: str, texts: list[str]) -> list[tuple[str, str]]:
     return pairs
 
 
-def fields_of(cls: type[hb.Model] | None, changes: list[str]) -> dict[str, Any]:
-    """Values of --set, by the types of the fields of the model; an unknown model has none and is refused later."""
-    if cls is None:
-        return {}
-    types, known = typing.get_type_hints(cls), [f.name for f in dataclasses.fields(cls)]  # type: ignore[arg-type]
+def fields_of(cls: type[hb.Model], changes: list[str]) -> dict[str, Any]:
+    """Values of --set, by the types of the fields of the model."""
     values = {}
     for name, text in assignments("--set", changes):
-        if name not in known:
-            raise KeyError(f"{cls.__name__} has no parameter '{name}'{did_you_mean(name, known)}")
-        values[name] = value_of(f"--set {name}", text, types[name])
+        check_names(cls, [name])
+        values[name] = value_of(f"--set {name}", text, kinds_of(cls)[name])
     return values
 
 
@@ -256,9 +256,10 @@ def start_of(text: str) -> tuple[hb.Branch, hb.Point]:
 
 def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] | None) -> hb.Model:
     """The model of a saved curve at one of its points, with the values of --set; it must be the one that is named."""
-    model = catalogue.rebuild(branch.meta.get("model", {}))
-    if type(model) is not (cls := catalogue.MODELS[name]):
-        raise ValueError(f"the curve of --start is of {type(model).__name__}; '{name}' is {cls.__name__}")
+    about, cls = branch.meta.get("model", {}), catalogue.class_of(name)
+    if catalogue.is_description(about) and about["class"] != cls.__name__:
+        raise ValueError(f"the curve of --start is of {about['class']}; '{name}' is {cls.__name__}")
+    model = catalogue.rebuild(about, cls)
     here = {name: value for name, value in point.parameters.items() if name in model.parameters}
     return model.replace(**{**here, **fields_of(cls, changes or [])})
 
@@ -282,7 +283,19 @@ def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
 
 def chosen_model(name: str, changes: list[str] | None) -> hb.Model:
     """The model of MODEL with the values of --set."""
-    return catalogue.build(name, **fields_of(catalogue.MODELS.get(name), changes or []))
+    cls = catalogue.class_of(name)
+    fields = fields_of(cls, changes or [])
+    missing = [field for field in required_of(cls) if field not in fields]
+    if missing:
+        needed = " ".join(f"--set {field}=VALUE" for field in missing)
+        raise ValueError(f"the model '{name}' needs {', '.join(missing)}, which have no default: {needed}")
+    return made(cls, fields)
+
+
+def problem_in(branch: hb.Branch, name: str | None, harmonics: str | None = None, samples: int | None = None) -> Any:
+    """The problem a saved curve was traced with, its model that of --model, with other harmonics or samples."""
+    cls = None if name is None else catalogue.class_of(name)
+    return catalogue.problem_of(retold(branch.meta, harmonics, samples), cls)
 
 
 def problem_of(model: hb.Model, harmonics: str, **settings: Any) -> hb.HarmonicBalance:
@@ -370,8 +383,10 @@ def progress_bar(parameter: str, a: float, b: float) -> Iterator[Progress | None
 
 
 def digits_of(motions: hb.Point | hb.Branch, most: int = 8) -> int:
-    """Significant digits that hold: the last is of the size of the error made by the harmonics left out, relative to
-    the motion. What is located, such as a fold, is located to about that error or better. The worst of many motions.
+    """Significant digits that hold, from the error made by the harmonics left out, relative to the motion.
+
+    The last digit is of the size of that error. What is located, such as a fold, is located to about that error or
+    better. The worst of many motions.
     """
     if motions.layout is None:
         return min(_UNKNOWN, most)
@@ -483,7 +498,7 @@ def show_jumps(
 
 def what_happens(branch: hb.Branch, point: hb.SpecialPoint) -> str:
     """A special point in words, with what it does to stability."""
-    text = MEANINGS.get(point.kind, point.kind)
+    text = named(point).meaning
     if point.kind in ("PD", "NS") and branch.stable is not None and 0 < point.index < len(branch) - 1:
         before, after = branch.stable[point.index - 1], branch.stable[point.index + 1]
         text += "" if before == after else "; stability is lost" if before else "; stability is regained"
@@ -535,10 +550,10 @@ def described(branch: hb.Branch) -> str:
     about: Any = branch.meta.get("model")
     if model is None:
         name = about["class"] if catalogue.is_description(about) else "unknown"
-        return f"{name} (not one of hbgear models)"
-    usual = type(model)()
-    fields = [f.name for f in dataclasses.fields(model)]  # type: ignore[arg-type]
-    changed = [f"{f}={text_of(getattr(model, f))}" for f in fields if getattr(model, f) != getattr(usual, f)]
+        source = about.get("from") if catalogue.is_description(about) else None
+        return f"{name} (not one of hbgear models{f'; from {source}' if isinstance(source, str) else ''})"
+    usual, fields = defaults_of(type(model)), kinds_of(type(model))
+    changed = [f"{f}={text_of(getattr(model, f))}" for f in fields if f not in usual or getattr(model, f) != usual[f]]
     return f"{type(model).__name__}({', '.join(changed)}){'' if changed else ', all defaults'}"
 
 
@@ -551,7 +566,13 @@ def text_of(value: Any) -> str:
 
 def summary_of(cls: type) -> str:
     """First line of the docstring of a class, up to a semicolon."""
-    return (inspect.getdoc(cls) or "").splitlines()[0].partition(";")[0].rstrip(".")
+    return next(iter((inspect.getdoc(cls) or "").splitlines()), "").partition(";")[0].rstrip(".")
+
+
+def defaults_text(cls: type[hb.Model]) -> str:
+    """Fields as --set takes them, with their defaults; without one it has to be given."""
+    usual = defaults_of(cls)
+    return ", ".join(f"{name}={text_of(usual[name]) if name in usual else 'VALUE'}" for name in kinds_of(cls))
 
 
 def ranges_of(cls: type[hb.Model]) -> str:
@@ -563,8 +584,9 @@ def ranges_of(cls: type[hb.Model]) -> str:
 
 
 def equation_of(cls: type) -> str:
-    """First indented line of the docstring of the class, or of its module."""
-    for text in (inspect.getdoc(cls), inspect.getdoc(inspect.getmodule(cls))):
+    """First indented line of the docstring of the class, or of its module if that is of hbgear."""
+    module = inspect.getmodule(cls) if cls.__module__.startswith("hbgear.") else None
+    for text in (inspect.getdoc(cls), inspect.getdoc(module) if module else None):
         for line in (text or "").partition("\nParameters\n")[0].splitlines():
             if line.startswith("    "):
                 return re.sub(r"\s+", " ", line.strip())

@@ -23,12 +23,14 @@ from hbgear.cli.support import (
     Last,
     Measure,
     Model,
+    OwnModel,
     Within,
     chosen_model,
     element_of,
     one_thread,
     path_of,
     print_table,
+    problem_in,
 )
 
 DISAGREES = 1
@@ -48,6 +50,7 @@ def register(app: typer.Typer) -> None:
 
 def validate(
     file: File,
+    model: OwnModel = None,
     points: Annotated[int, typer.Option(min=1, help="How many points, the most interesting first.")] = 12,
     tolerance: Annotated[float, typer.Option(help="Largest relative difference that agrees.")] = 1e-4,
     output: Table = None,
@@ -66,8 +69,9 @@ def validate(
     check_writable(plot, FIGURES)
     branch, which = hb.load(file), element_of(element)
     branch[0].amplitude("rms", which)
+    problem = None if model is None else problem_in(branch, model)
     with one_thread(), bar("points") as progress:
-        report = hold(branch, points, tolerance, progress=progress)
+        report = hold(branch, points, tolerance, problem=problem, progress=progress)
     headers, rows = report.table()
     with outputs() as out:
         out.write(output, report.export)

@@ -23,6 +23,15 @@ class Range:
     ----------
     low, high : ends that belong to it.
     above, below : ends that do not.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> share = hb.Range(low=0.0, high=1.0)
+    >>> 0.5 in share, 1.5 in share
+    (True, False)
+    >>> f"it must {share}"
+    'it must be at least 0 and at most 1'
     """
 
     low: float = -math.inf

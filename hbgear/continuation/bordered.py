@@ -28,6 +28,7 @@ Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), htt
 from __future__ import annotations
 
 import copy
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -41,11 +42,9 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
 from hbgear.continuation.algebra import Factors, Matrix, bordered, dense, norm, slogdet
 from hbgear.continuation.branch import Point
+from hbgear.continuation.differences import STEP, in_parameter
 from hbgear.continuation.problem import AnyProblem, Evaluation, FullProblem, as_problem, linearise, linearise_all
 from hbgear.continuation.reading import Reader
-
-STEP = 1e-5
-"""Relative step of the directional differences."""
 
 
 class Extra(NamedTuple):
@@ -59,38 +58,10 @@ class Extra(NamedTuple):
     g_name: float
 
 
-class Sides(NamedTuple):
-    """R and dR/dX a small step above and below in one parameter, and the distance between the two."""
-
-    R: tuple[Array, Array]
-    J: tuple[Matrix, Matrix]
-    distance: float
-
-    @property
-    def dR(self) -> Array:
-        """Central difference of R."""
-        return (self.R[0] - self.R[1]) / self.distance
-
-    @property
-    def dJ(self) -> Matrix:
-        """Central difference of dR/dX."""
-        return (self.J[0] - self.J[1]) / self.distance
-
-
-def sides(problem: FullProblem, X: Array, here: Mapping[str, float], name: str) -> Sides:
-    """R and dR/dX on both sides of a parameter; one-sided where its range ends."""
-    h = STEP * problem.unit_of(name, here[name])
-    values, R, J = [], [], []
-    for value in (here[name] + h, here[name] - h):
-        try:
-            r, j = problem.evaluate(X, **{**here, name: value})
-        except ValueError:
-            value = here[name]
-            r, j = problem.evaluate(X, **here)
-        values.append(value)
-        R.append(r)
-        J.append(j)
-    return Sides((R[0], R[1]), (J[0], J[1]), values[0] - values[1])
+def sides(problem: FullProblem, X: Array, here: Mapping[str, float], name: str) -> tuple[Array, Matrix]:
+    """Derivatives of R and dR/dX in a parameter."""
+    dR, dJ = in_parameter(problem, name, here, lambda at: problem.evaluate(X, **at))
+    return dR, dJ
 
 
 def bends(problem: FullProblem, X: Array, v: Array, here: Mapping[str, float], name: str) -> tuple[Matrix, Matrix]:
@@ -98,8 +69,8 @@ def bends(problem: FullProblem, X: Array, v: Array, here: Mapping[str, float], n
     h = STEP * max(1e-3, norm(X)) / norm(v)
     if name not in problem.batched:
         plus, minus = (problem.evaluate(X + s * h * v, **here)[1] for s in (1, -1))
-        return (plus - minus) / (2 * h), sides(problem, X, here, name).dJ
-    e = STEP * (abs(here[name]) or 1.0)
+        return (plus - minus) / (2 * h), sides(problem, X, here, name)[1]
+    e = STEP * problem.unit_of(name, here[name])
     U = np.column_stack([np.array([X + h * v, X - h * v, X, X]), here[name] + e * np.array([0.0, 0.0, 1.0, -1.0])])
     J = linearise_all(problem, U, name, here).dR_dX
     return (J[0] - J[1]) / (2 * h), (J[2] - J[3]) / (2 * e)
@@ -124,16 +95,25 @@ class Augmented(FullProblem):
     """
 
     smooth = False
+    problem: FullProblem
+    parameter: str
+    base: Base | None = None
 
     @checked_arguments()
     def __init__(self, problem: AnyProblem, parameter: str = "") -> None:
-        self.problem = as_problem(problem)
-        parameter = parameter or self.problem.usual_parameter
+        problem = as_problem(problem)
+        parameter = parameter or problem.usual_parameter
         if not parameter:
             raise ValueError(f"{type(self).__name__} needs the parameter of the curve its points lie on, such as 'p'")
-        self.problem.check_parameter(parameter)
-        self.parameter = parameter
-        self.base: Base | None = None
+        problem.check_parameter(parameter)
+        self._fixed(problem=problem, parameter=parameter)
+
+    def _fixed(self, **values: Any) -> None:
+        """Attributes of a problem that is being made: the only way to set them."""
+        vars(self).update(values)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"{type(self).__name__} cannot be changed; make another one with another {name}")
 
     # ---- the added equation
 
@@ -152,7 +132,7 @@ class Augmented(FullProblem):
         X, own = self.split(U)
         here = {**parameters, **own}
         out = copy.copy(self)
-        out.base = self.base_at(X, here) if self.base is None else self.renewed(self.base, X, here)
+        out._fixed(base=self.base_at(X, here) if self.base is None else self.renewed(self.base, X, here))
         return out
 
     def renewed(self, base: Base, X: Array, here: dict[str, float]) -> Base:
@@ -259,20 +239,48 @@ class Augmented(FullProblem):
 def borders_of(A: Matrix) -> tuple[Array, Array, float]:
     """Borders b and c for a matrix that is nearly singular, and its size.
 
-    The left and right singular vectors of the least singular value, of signs for which g has the sign of det A; of a
-    sparse matrix by iteration from its bordered inverse, which converges fast where it is wanted.
+    The left and right singular vectors of the least singular value, of signs for which g has the sign of det A. Of a
+    sparse matrix by inverse iteration, b ~ A^-T c and c ~ A^-1 b, each solved for in a bordered matrix, which is
+    regular where A is not.
     """
     sign = -1.0 if slogdet(A)[0] > 0 else 1.0
     if dense(A):
         u, s, vt = scipy.linalg.svd(A)
         return sign * u[:, -1], vt[-1], float(s[0])
-    n = A.shape[0]
-    b = c = np.full(n, n**-0.5) * np.where(np.arange(n) % 2, 0.6, 1.0)
-    for _ in range(4):
-        v, w, _ = null_vectors(A, b, c)
-        b, c = w / norm(w), v / norm(v)
+    b, c = _least_singular_vectors(A)
     g = null_vectors(A, b, c)[2]
     return (-b if g * sign > 0 else b), c, float(abs(A).sum(axis=0).max())
+
+
+def _least_singular_vectors(A: Matrix) -> tuple[Array, Array]:
+    """Left and right singular vector of the least singular value of a sparse matrix, whatever their signs.
+
+    With A v = -g b and c^T v = 1, and x, s from the same bordered matrix with A x + s b = y and c^T x = 0,
+    A (g x - s v) = g y: the direction of A^-1 y without division by g, which is zero where A is singular.
+    """
+    n = A.shape[0]
+    first = np.random.default_rng(0).normal(size=(2, n))  # not orthogonal to the null vectors, whatever they are
+    b, c = first[0] / norm(first[0]), first[1] / norm(first[1])
+    lu = Factors(bordered(A, b, c))
+    corner = np.zeros(n + 1)
+    corner[-1] = 1.0
+    right, left = lu.solve(corner), lu.solve(corner, transposed=True)
+    g = right[-1]
+    for _ in range(_ITERATIONS):
+        x, y = lu.solve(np.append(b, 0.0)), lu.solve(np.append(c, 0.0), transposed=True)
+        new_c, new_b = g * x[:-1] - x[-1] * right[:-1], g * y[:-1] - y[-1] * left[:-1]
+        new_b, new_c = new_b / norm(new_b), new_c / norm(new_c)
+        turned = max(1.0 - abs(new_b @ b), 1.0 - abs(new_c @ c))
+        b, c = new_b, new_c
+        if turned < _STEADY:
+            break
+    return b, c
+
+
+_ITERATIONS = 200  # enough where two singular values differ by 5 %; a few near a fold
+
+
+_STEADY = 1e-15  # one minus the cosine of the angle by which the vectors still turn
 
 
 def null_vectors(A: Matrix, b: Array, c: Array) -> tuple[Array, Array, float]:
@@ -335,10 +343,10 @@ class Fold(Augmented):
         v, w, g = null_vectors(now.dR_dX, base.b, base.c)
         k = base.weight
         along, across = bends(self.problem, X, v, here, self.parameter)
-        there = sides(self.problem, X, here, name) if name else None
+        dR, dJ = sides(self.problem, X, here, name) if name else (None, None)
         return Extra(
-            now, there and there.dR, k * g, -k * (w @ along),
-            -k * float(w @ (across @ v)), -k * float(w @ (there.dJ @ v)) if there else 0.0,
+            now, dR, k * g, -k * (w @ along),
+            -k * float(w @ (across @ v)), 0.0 if dJ is None else -k * float(w @ (dJ @ v)),
         )  # fmt: skip
 
     def direction(self, U: Array, **parameters: float) -> int:
@@ -375,17 +383,29 @@ class Level(Augmented):
     True
     """
 
+    test: Callable[[Point], float]
+
     @checked_arguments()
     def __init__(self, problem: AnyProblem, parameter: str, test: Callable[[Point], float]) -> None:
         super().__init__(problem, parameter)
-        self.test = test
+        self._fixed(test=test)
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         return Base(linearise(self.problem, X, "", here).size)
 
-    def _value(self, X: Array, here: dict[str, float]) -> float:
+    def value(self, X: Array, here: dict[str, float]) -> float:
+        """The function at X with all parameters.
+
+        Raises
+        ------
+        ValueError
+            If it is not finite.
+        """
         point = Point(X, here, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"), self.problem.layout)
-        return float(self.test(point))
+        value = float(self.test(point))
+        if not math.isfinite(value):
+            raise ValueError(f"the function of the level is {value} at {point}; it must be finite")
+        return value
 
     def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
         """See `Augmented.extra`."""
@@ -395,13 +415,13 @@ class Level(Augmented):
         for i in range(len(X)):
             e = np.zeros(len(X))
             e[i] = h
-            gradient[i] = (self._value(X + e, here) - self._value(X - e, here)) / (2 * h)
+            gradient[i] = (self.value(X + e, here) - self.value(X - e, here)) / (2 * h)
         R_name = linearise(self.problem, X, name, here).dR_dp if name else None
         k = base.weight
-        return Extra(now, R_name, k * self._value(X, here), k * gradient, k * self._moved(X, here, self.parameter),
+        return Extra(now, R_name, k * self.value(X, here), k * gradient, k * self._moved(X, here, self.parameter),
                      k * self._moved(X, here, name) if name else 0.0)  # fmt: skip
 
     def _moved(self, X: Array, here: dict[str, float], name: str) -> float:
-        h = STEP * self.problem.unit_of(name, here[name])
-        above, below = (self._value(X, {**here, name: here[name] + s * h}) for s in (1, -1))
-        return (above - below) / (2 * h)
+        """Derivative of the function in a parameter."""
+        (moved,) = in_parameter(self.problem, name, here, lambda at: (self.value(X, at),))
+        return float(moved)

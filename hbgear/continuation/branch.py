@@ -27,7 +27,16 @@ NEUTRAL = 1e-6
 
 
 class Status(StrEnum):
-    """Why a trace ended."""
+    """Why a trace ended.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6), steps=hb.StepControl(max_points=10))
+    >>> curve.status is hb.Status.MAX_POINTS, curve.status.complete
+    (True, False)
+    """
 
     REACHED_END = "reached_end"
     LEFT_SPAN = "left_span"
@@ -100,6 +109,15 @@ class Point:
     multipliers : (r,) multipliers of small disturbances (Floquet), None if they were not computed.
     regime : (m,) code of each element, named by ``layout.regimes``; -1 is unknown.
     error : estimated error of the solution, nan if unknown.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> point = curve[3]
+    >>> point.stable, bool(point.amplitude("H1") == curve.amplitude("H1")[3])
+    (True, True)
     """
 
     X: Array
@@ -153,7 +171,16 @@ class SpecialPoint(Point):
 
     ``index`` is the row of the branch that holds it, ``interval`` the parameter values of the rows that bracketed it.
     If it was not ``located``, that is solved for, it is only known to lie in the interval. ``meaning`` says what
-    happens there, ``marker`` is what figures draw.
+    happens there, ``marker`` is what figures draw, ``event`` what located it; that is not saved.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> fold = curve["LP1"]
+    >>> fold.kind, fold.located, round(fold.parameters["Omega"], 3)
+    ('LP', True, 1.103)
     """
 
     kind: str = ""
@@ -163,6 +190,11 @@ class SpecialPoint(Point):
     note: str = ""
     meaning: str = ""
     marker: str = ""
+    event: Any = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For pickle: an event may hold any function."""
+        return {**vars(self), "event": None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +203,17 @@ class Jump:
 
     The direction is +1 while the parameter increases and -1 while it decreases; ``after`` is None if the curve has no
     stable solution at that value.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> jump = curve.jumps()[0]
+    >>> jump.label, jump.direction, round(jump.value, 3)
+    ('LP1', 1, 1.103)
+    >>> jump.before.amplitude("H1") > jump.after.amplitude("H1")
+    True
     """
 
     label: str
@@ -179,6 +222,12 @@ class Jump:
     direction: int
     before: Point
     after: Point | None
+
+
+def saved_fields(value: Any) -> dict[str, Any]:
+    """Fields of a point, jump or branch that are written to files: all but what is code."""
+    fields = dataclasses.fields(value)
+    return {field.name: getattr(value, field.name) for field in fields if field.name not in ("problem", "event")}
 
 
 _ARRAYS: dict[str, tuple[Any, int]] = {
@@ -207,6 +256,18 @@ class Branch:
     ------
     ValueError
         If an array does not have P rows, or two special points have the same label.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> curve.message
+    'Omega = 1.6 reached'
+    >>> curve.values.shape == curve.stable.shape == curve.amplitude("pp2").shape
+    True
+    >>> curve.special
+    (<LP1 at Omega = 1.10338, stable, no_impact>, <LP2 at Omega = 1.10016, stable, no_impact>)
     """
 
     parameter: str

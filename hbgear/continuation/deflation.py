@@ -17,7 +17,8 @@ from hbgear.continuation.newton import Settings
 from hbgear.continuation.problem import FullProblem
 
 
-def _same(X: Array, Y: Array) -> bool:
+def same_solution(X: Array, Y: Array) -> bool:
+    """Whether two solutions (n,) are one: they differ by less than 1e-6 of their size."""
     return float(np.linalg.norm(X - Y)) < 1e-6 * (1e-3 + float(np.linalg.norm(Y)))
 
 
@@ -30,7 +31,7 @@ def deflated_newton(
     now = problem.linearise(X, "", **parameters)
     for _ in range(iterations):
         if float(np.linalg.norm(now.R)) <= settings.tolerance * now.size:
-            return None if any(_same(X, Y) for Y in known) else X
+            return None if any(same_solution(X, Y) for Y in known) else X
         try:
             step = -solve_linear(now.dR_dX, now.R)
         except np.linalg.LinAlgError:

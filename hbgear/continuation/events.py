@@ -62,35 +62,35 @@ class Event:
     kind : letters, the stem of the labels.
     test : a continuous function of a `Point`, whose unknowns, parameters and observations it may use.
     meaning : what happens there, for tables and legends.
-    marker : of matplotlib, for figures.
+    marker : one letter or sign of matplotlib's markers, for figures.
     terminal : whether the trace ends at the first one.
 
     Raises
     ------
     ValueError
-        If the kind is not made of letters, or is one of those that hbgear uses itself.
+        If the kind is not made of letters, or is one of those that hbgear uses itself, or there is no such marker.
     TypeError
         If the test cannot be called.
 
     Examples
     --------
     >>> import hbgear as hb
-    >>> limit = hb.Event("limit", lambda point: point.amplitude("max") - 2.0, "two half backlashes")
-    >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.2, 0.8), events=[limit])
+    >>> limit = hb.Event("limit", lambda point: point.amplitude("max") - 1.3, "the largest deflection is 1.3")
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.2, 0.6), events=[limit])
     >>> [round(point.amplitude("max"), 9) for point in curve.special if point.kind == "limit"]
-    [2.0, 2.0]
+    [1.3, 1.3]
     """
 
     kind: str
     meaning: str
-    marker: str = "*"
+    marker: str = "v"
     terminal: bool = False
     alone: bool = False
     """Whether nothing else is looked for on the segment that a terminal event ends."""
 
     @checked_arguments()
     def __init__(
-        self, kind: str, test: Callable[[Point], float], meaning: str = "", marker: str = "*", terminal: bool = False
+        self, kind: str, test: Callable[[Point], float], meaning: str = "", marker: str = "v", terminal: bool = False
     ) -> None:
         if not isinstance(kind, str) or not re.fullmatch(r"[A-Za-z_]*[A-Za-z]", kind):
             raise ValueError(f"Event: kind = {kind!r} must be letters, such as 'limit'; labels add the number")
@@ -102,6 +102,8 @@ class Event:
                 "Event: test must be a function of a point, such as lambda point: point.amplitude('max') - 2.0; got "
                 f"{type(test).__name__}"
             )
+        if not is_marker(marker):
+            raise ValueError(f"Event: marker = {marker!r} must be one of {' '.join(MARKERS)}")
         self.kind, self._test, self.meaning = kind, test, meaning or kind
         self.marker, self.terminal = marker, terminal
 
@@ -132,8 +134,22 @@ class Event:
         return [root(segment, self, test)] if test(segment.a) * test(segment.b) < 0 else []
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
-        """The event as a problem of its own, to be followed in a second parameter; None if it is no equation."""
-        return Level(problem, parameter, self.test)
+        """The event as a problem of its own, to be followed in a second parameter; None if it is no equation.
+
+        Raises
+        ------
+        ValueError
+            If the test uses more of a point than its unknowns and parameters, such as its multipliers.
+        """
+        level = Level(problem, parameter, self.test)
+        try:
+            level.value(point.X, point.parameters)
+        except Exception as error:
+            raise ValueError(
+                f"the event '{self.kind}' cannot be followed: its test must use no more of a point than its unknowns "
+                f"and parameters ({type(error).__name__}: {error})"
+            ) from error
+        return level
 
     def departure(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[FullProblem, Departure] | None:
         """The problem of another branch that leaves at the point, and where it begins; None if none does."""
@@ -144,15 +160,22 @@ class Event:
         return Status.EVENT, f"{self.meaning} at {name} = {value:.6g}"
 
 
-class Turning(Event):
-    """The curve turns back in the parameter: a fold (LP); on a curve of folds a cusp (CP)."""
+MARKERS = ".,ov^<>12348spP*hH+xXdD|_"
+"""Markers of matplotlib that are one character."""
 
-    def __init__(self, kind: str = "LP") -> None:
-        self.kind = kind
-        self.meaning, self.marker = {
-            "LP": ("fold: the curve turns back", "o"),
-            "CP": ("cusp: two folds meet", "P"),
-        }[kind]
+
+def is_marker(text: str) -> bool:
+    """Whether figures can draw it."""
+    return isinstance(text, str) and len(text) == 1 and text in MARKERS
+
+
+class Turning(Event):
+    """The curve turns back in the parameter: a fold."""
+
+    kind, meaning, marker = "LP", "fold: the curve turns back", "o"
+
+    def __init__(self) -> None:
+        pass
 
     def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
         return np.zeros((len(rows), 0))
@@ -177,13 +200,22 @@ class Turning(Event):
         return [root(segment, self, lambda row: float(row.tangent[-1]), fine=1e-9)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
-        return Fold(problem, parameter) if self.kind == "LP" else None
+        return Fold(problem, parameter)
+
+
+class Cusp(Turning):
+    """A curve of folds turns back in its parameter."""
+
+    kind, meaning, marker = "CP", "cusp: two folds meet", "*"
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
+        return None
 
 
 class BranchPoint(Event):
     """Two curves cross: the determinant of [J R_lambda; t^T] changes sign."""
 
-    kind, meaning, marker = "BP", "branch point: two curves cross", "^"
+    kind, meaning, marker = "BP", "branch point: two curves cross", "P"
 
     def __init__(self) -> None:
         pass
@@ -225,12 +257,20 @@ def _across(branch: Branch, point: SpecialPoint) -> Array:
 
 
 RESERVED = ("LP", "CP", "BP", "PD", "NS", "GR", "PK", "EP")
-"""Kinds of hbgear itself."""
+"""Kinds of hbgear itself, which users' events may not have."""
+
+
+def event_of(branch: Branch, point: SpecialPoint) -> Event | None:
+    """The event a special point of the branch is one of: that it was located by; of a loaded one the problem's."""
+    known = [] if point.event is None else [point.event]
+    own = events_of(as_problem(branch.problem), branch.parameter)
+    return next((event for event in (*known, *own) if event.kind == point.kind), None)
 
 
 def events_of(problem: FullProblem, parameter: str) -> tuple[Event, ...]:
     """Everything that is looked for along a curve of a problem: turning points, branch points, events of its own."""
-    return Turning(problem.turning_kind), BranchPoint(), *problem.events(parameter)
+    turning = Cusp() if problem.turning_kind == "CP" else Turning()
+    return turning, BranchPoint(), *problem.events(parameter)
 
 
 # ---- looking along a curve

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arguments import checked_arguments
+from hbgear.common.arrays import Array
 from hbgear.continuation.branch import Branch, Status, continued
 from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import Settings
-from hbgear.continuation.problem import AnyProblem
+from hbgear.continuation.problem import AnyProblem, as_problem
 from hbgear.continuation.segment import Departure
 from hbgear.continuation.tracer import trace
 
@@ -41,6 +42,15 @@ def extend(
         If the branch has lost its problem, has fewer than two rows, closed, or leaves the span where it ends.
     NoConvergence
         If its last row is no solution of the problem.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> part = hb.trace(problem, "Omega", (0.8, 1.6), steps=hb.StepControl(max_points=10))
+    >>> whole = hb.extend(part)
+    >>> len(part), whole.message
+    (10, 'Omega = 1.6 reached')
     """
     if (problem := branch.problem if problem is None else problem) is None:
         raise ValueError("extending needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
@@ -72,13 +82,10 @@ def _check_end(branch: Branch, first: float, last: float) -> None:
         )
 
 
-def _unknowns(problem: Any, branch: Branch, i: int) -> Any:
+def _unknowns(problem: Any, branch: Branch, i: int) -> Array:
     """Unknowns of a row as the problem has them."""
-    if hasattr(problem, "join"):
-        return problem.join(branch.X[i], branch.parameters_at(i))
-    if branch.layout is not None and hasattr(problem, "converted"):
-        return problem.converted(branch[i])
-    return branch.X[i]
+    asked = as_problem(problem)
+    return asked.join(asked.converted(branch[i]), branch.parameters_at(i))
 
 
 def _widest(*branches: Branch) -> Any:

@@ -19,7 +19,20 @@ from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, lin
 
 
 class NoConvergence(RuntimeError):
-    """Newton's method failed; carries the last iterate ``X``, ``parameters`` and relative ``residuals``."""
+    """Newton's method failed; carries the last iterate ``X``, ``parameters`` and relative ``residuals``.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> try:
+    ...     hb.trace(problem, "Omega", (0.8, 1.6), np.full(11, 1e6), settings=hb.Settings(max_iterations=1))
+    ... except hb.NoConvergence as error:
+    ...     print(len(error.residuals) > 0, error.parameters["Omega"])
+    ...
+    True 0.8
+    """
 
     def __init__(self, message: str, X: Array, parameters: Mapping[str, float], residuals: list[float]) -> None:
         super().__init__(message)
@@ -39,6 +52,15 @@ class Settings:
     ------
     ValueError
         If a number is not positive, or max_iterations no whole number.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> exact = hb.Settings(tolerance=1e-12)
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 0.9), settings=exact)
+    >>> bool(curve.residual.max() <= 1e-12)
+    True
     """
 
     tolerance: float = 1e-10

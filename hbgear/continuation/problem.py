@@ -37,6 +37,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, Range
 from hbgear.continuation.algebra import Matrix, norm
 from hbgear.continuation.branch import Branch, Point
+from hbgear.continuation.differences import in_parameter
 from hbgear.continuation.reading import Reader
 
 if TYPE_CHECKING:
@@ -44,7 +45,23 @@ if TYPE_CHECKING:
 
 
 class Evaluation(NamedTuple):
-    """R (n,), dR_dX (n, n), dense or sparse, dR_dp (n,) and the size of the terms of R, against which R is judged."""
+    """R (n,), dR_dX (n, n), dense or sparse, dR_dp (n,) and the size of the terms of R, against which R is judged.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> class Circle:
+    ...     def evaluate(self, X, p):
+    ...         now = self.linearise(X, "p", p)
+    ...         return now.R, now.dR_dX
+    ...
+    ...     def linearise(self, X, name, p):
+    ...         return hb.Evaluation(np.array([X[0] ** 2 + p**2 - 1]), np.array([[2 * X[0]]]), np.array([2 * p]), 1.0)
+    ...
+    >>> hb.trace(Circle(), "p", (0.0, 2.0), np.array([1.0])).special[0].parameters["p"] == 1.0
+    True
+    """
 
     R: Array
     dR_dX: Matrix
@@ -53,7 +70,27 @@ class Evaluation(NamedTuple):
 
 
 class Evaluations(NamedTuple):
-    """Evaluations of k points: R (k, n), dR_dX (k, n, n) or k sparse matrices, dR_dp (k, n) and sizes (k,)."""
+    """Evaluations of k points: R (k, n), dR_dX (k, n, n) or k sparse matrices, dR_dp (k, n) and sizes (k,).
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> class Cubics:
+    ...     batched = ("p",)
+    ...
+    ...     def evaluate(self, X, p):
+    ...         R, J, *_ = self.linearise_many(X[None], "p", np.array([p]))
+    ...         return R[0], J[0]
+    ...
+    ...     def linearise_many(self, X, name, values):
+    ...         R = X**3 - X + values[:, None]
+    ...         return hb.Evaluations(R, (3 * X**2 - 1)[:, :, None], np.ones_like(X), np.ones(len(X)))
+    ...
+    >>> curve = hb.trace(Cubics(), "p", (-1.0, 1.0), np.array([1.3]))
+    >>> [round(point.parameters["p"], 6) for point in curve.special]
+    [0.3849, -0.3849]
+    """
 
     R: Array
     dR_dX: Any
@@ -239,9 +276,6 @@ ABILITIES = (
 # ---- the problem this room speaks to
 
 
-_DIFFERENCE = 1e-6  # relative step of dR/dp by a central difference
-
-
 class FullProblem:
     """A problem with an answer to everything; derive from it, or let `as_problem` fill in what is missing."""
 
@@ -263,26 +297,29 @@ class FullProblem:
 
     @property
     def parameters(self) -> dict[str, float]:
+        """`Parametrised.parameters`: none."""
         return {}
 
     @property
     def layout(self) -> Reader | None:
+        """`Readable.layout`: X is read as it is."""
         return None
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Matrix]:
+        """`Problem.evaluate`, from `linearise`."""
         now = self.linearise(X, "", **parameters)
         return now.R, now.dR_dX
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        """`Linearised.linearise`, with dR/dp by a central difference."""
         R, J = self.evaluate(X, **parameters)
         dR = np.zeros(len(X))
         if name:
-            h = _DIFFERENCE * max(abs(parameters[name]), 1e-2)
-            plus, minus = (self.evaluate(X, **{**parameters, name: parameters[name] + s * h})[0] for s in (1, -1))
-            dR = (plus - minus) / (2 * h)
+            (dR,) = in_parameter(self, name, parameters, lambda at: (np.asarray(self.evaluate(X, **at)[0]),))
         return Evaluation(np.asarray(R), J, dR, 1.0 + float(np.linalg.norm(X)))
 
     def linearise_many(self, X: Array, name: str, values: Array, **parameters: float) -> Evaluations:
+        """`Batched.linearise_many`, one point after the other."""
         each = [
             self.linearise(x, name, **{**parameters, name: float(value)}) for x, value in zip(X, values, strict=True)
         ]
@@ -291,28 +328,39 @@ class FullProblem:
         return Evaluations(np.array(R), np.array(J) if dense else list(J), np.array(dR), np.array(size))
 
     def start(self, **parameters: float) -> Array:
+        """`Started.start`: none, ValueError."""
         raise ValueError("this problem finds no start of its own; give start=")
 
     def check_parameter(self, name: str) -> None:
+        """`Checked.check_parameter`: any name."""
         pass
 
     def range_of(self, name: str) -> Range:
+        """`Checked.range_of`: any value."""
         return ANY
 
     def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
+        """`Checked.check_trace`: no warning."""
         pass
 
     def unit_of(self, name: str, value: float) -> float:
-        """Size against which a change of a parameter is small: its value, near zero a thousandth of the usual one."""
-        return max(abs(value), 1e-3 * abs(self.parameters.get(name, 0.0))) or 1.0
+        """Size against which a change of a parameter is small.
+
+        Its value; near zero a thousandth of the usual one, or a hundredth where that is zero or not known.
+        """
+        usual = abs(self.parameters.get(name, 0.0))
+        return max(abs(value), 1e-3 * usual if usual else 1e-2)
 
     def missing(self, known: Sequence[str]) -> Sequence[str]:
+        """`Checked.missing`: nothing."""
         return ()
 
     def motion_size(self, X: Array) -> float:
+        """`Sized.motion_size`: the norm of X."""
         return norm(X)
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
+        """`Observed.observe`: nothing."""
         return {}
 
     def observe_many(
@@ -324,35 +372,47 @@ class FullProblem:
         ]
 
     def events(self, parameter: str) -> tuple[Event, ...]:
+        """`Eventful.events`: folds and branch points."""
         return ()
 
     def remeshed(self, observed: Mapping[str, Any]) -> Any:
+        """`Remeshed.remeshed`: never."""
         return None
 
     def fitted(self, X: Array) -> Array:
+        """`Remeshed.fitted`: X as it is."""
         return X
 
     def converted(self, point: Point) -> Array:
+        """`Remeshed.converted`: X as it is."""
         return point.X
 
     def split(self, X: Array) -> tuple[Array, dict[str, float]]:
+        """`Extended.split`: no parameter is among the unknowns."""
         return self.fitted(X), {}
 
     def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
+        """`Extended.join`: X as it is."""
         return X
 
     def based(self, X: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
+        """`Extended.based`: the equations refer to no point."""
         return self
 
     def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
+        """`Finished.finished`: its jumps are sought."""
         return branch
 
     def describe(self) -> dict[str, Any]:
+        """`Described.describe`: nothing."""
         return {}
 
 
 class _Asked(FullProblem):
     """A problem of a user, asked once which abilities it has; the rest is answered by `FullProblem`."""
+
+    parameters: dict[str, float] = {}  # noqa: RUF012 (not properties here: to be set)
+    layout: Any = None
 
     def __init__(self, problem: Problem) -> None:
         self._original = problem

@@ -59,6 +59,7 @@ def branch_of(
                 note=mark.note,
                 meaning=mark.event.meaning,
                 marker=mark.event.marker,
+                event=mark.event,
             )
         )
     return Branch(

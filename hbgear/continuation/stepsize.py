@@ -28,6 +28,15 @@ class StepControl:
     ------
     ValueError
         If lengths are not positive and in order, or a limit is out of range.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> short = hb.trace(problem, "Omega", (0.8, 0.9), steps=hb.StepControl(longest=0.01))
+    >>> usual = hb.trace(problem, "Omega", (0.8, 0.9))
+    >>> len(short) > len(usual)
+    True
     """
 
     first: float = 0.01

@@ -7,8 +7,7 @@ from typing import Any
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.messages import article
 from hbgear.continuation.branch import Branch, SpecialPoint
-from hbgear.continuation.events import events_of
-from hbgear.continuation.problem import as_problem
+from hbgear.continuation.events import event_of
 from hbgear.continuation.tracer import trace
 
 
@@ -39,6 +38,15 @@ def switch(
         If there is no such label.
     ValueError
         If no other branch leaves there, or the branch has lost its problem.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 5)
+    >>> curve = hb.trace(pair, "Omega", (2.1, 1.8))
+    >>> doubled = hb.switch(curve, "PD1", steps=hb.StepControl(max_points=6))
+    >>> doubled.problem.nu
+    2
     """
     point = branch[label]
     assert isinstance(point, SpecialPoint)
@@ -46,9 +54,9 @@ def switch(
         raise ValueError("switching needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     if span is None:
         span = (float(branch.values.min()), float(branch.values.max()))
-    for event in events_of(as_problem(branch.problem), branch.parameter):
-        left = event.departure(branch, point, side) if event.kind == point.kind else None
-        if left is not None:
-            problem, start = left
-            return trace(problem, branch.parameter, span, start, **options)
+    event = event_of(branch, point)
+    left = event.departure(branch, point, side) if event else None
+    if left is not None:
+        problem, start = left
+        return trace(problem, branch.parameter, span, start, **options)
     raise ValueError(f"{label} is {article(point.kind)}; no other branch leaves there: choose a PD or BP")

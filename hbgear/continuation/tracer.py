@@ -93,6 +93,16 @@ def trace(
         If no solution is found at the start.
     KeyboardInterrupt
         If Ctrl-C comes before the first point is found.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> [point.label for point in curve.special]
+    ['LP1', 'LP2']
+    >>> [round(jump.value, 3) for jump in curve.jumps()]
+    [1.103, 1.1]
     """
     full = as_problem(problem)
     return _Tracer(full, parameter, span, start, at, steps, settings, stability, special, events, progress).run()
@@ -204,6 +214,7 @@ class _Tracer:
     def _depart(self, start: Departure) -> CurvePoint:
         """First row of another branch, a short way along the direction that leaves the point; or the point itself."""
         u = np.append(start.X, start.parameters[self.name])
+        self.problem = self.problem.based(start.X, {**self.fixed, self.name: start.parameters[self.name]})
         self.top = self._motion_size(start.X)
         self.scale = self._scale(start.X)
         direction = start.direction / np.linalg.norm(start.direction / self.scale)
@@ -224,10 +235,11 @@ class _Tracer:
 
     def _scale(self, X: Array) -> Array:
         """Scales of (X, lambda): the largest solution so far, and the span."""
-        floor = 1e-2 * norm(X) or 1.0
+        own = len(self.problem.unknown_parameters)
+        floor = 1e-2 * norm(X[: len(X) - own]) or 1.0
         scale = np.full(len(X) + 1, max(self.top, floor))
         scale[-1] = abs(self.b - self.a)
-        for i in range(len(self.problem.unknown_parameters)):  # parameters among the unknowns: the largest value so far
+        for i in range(own):  # parameters among the unknowns: the largest value so far
             past = [abs(row.solution.X[-1 - i]) for row in self.rows]
             scale[-2 - i] = max([*past, abs(X[-1 - i])]) or 1.0
         return scale
@@ -659,6 +671,5 @@ def _checked_span(parameter: str, span: tuple[float, float], allowed: Range) -> 
     if a == b:
         raise ValueError(f"span = ({a}, {b}) is empty; give two different values of {parameter}")
     if a not in allowed or b not in allowed:
-        what = "Omega must stay positive" if parameter == "Omega" else f"{parameter} must {allowed}"
-        raise ValueError(f"span = ({a}, {b}): {what}")
+        raise ValueError(f"span = ({a}, {b}): {parameter} must {allowed}")
     return a, b

@@ -42,6 +42,7 @@ class Grid:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Parameters that vary."""
         return tuple(self.values)
 
     @property
@@ -65,6 +66,7 @@ class Sample:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Parameters that vary."""
         return tuple(self.distributions)
 
     def uniform(self) -> Array:
@@ -89,6 +91,13 @@ def grid(**values: Sequence[Any]) -> Grid:
     ------
     ValueError
         If there is no parameter, or one has no value or the same value twice.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> two = hb.grid(zeta=[0.05, 0.06], F_m=[0.1, 0.2, 0.3])
+    >>> [row["F_m"] for row in two.rows()], two.names
+    ([0.1, 0.2, 0.3, 0.1, 0.2, 0.3], ('zeta', 'F_m'))
     """
     if not values:
         raise ValueError("a grid needs at least one parameter: grid(zeta=[0.04, 0.05])")
@@ -107,12 +116,28 @@ def latin_hypercube(count: int, seed: int = 0, /, **distributions: Sequence[Any]
     ------
     ValueError, KeyError
         If the count is below 1, there is no such distribution, or its numbers do not fit.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> drawn = hb.latin_hypercube(4, zeta=("uniform", 0.04, 0.06))
+    >>> len(list(drawn.rows())), all(0.04 <= row["zeta"] <= 0.06 for row in drawn.rows())
+    (4, True)
     """
     return _sample("latin-hypercube", count, seed, distributions)
 
 
 def monte_carlo(count: int, seed: int = 0, /, **distributions: Sequence[Any]) -> Sample:
-    """Independent random cases, such as manufacturing tolerances; arguments and errors as of `latin_hypercube`."""
+    """Independent random cases, such as manufacturing tolerances; arguments and errors as of `latin_hypercube`.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> drawn = hb.monte_carlo(3, 7, zeta=("normal", 0.05, 0.001))
+    >>> again = hb.monte_carlo(3, 7, zeta=("normal", 0.05, 0.001))
+    >>> list(drawn.rows()) == list(again.rows())
+    True
+    """
     return _sample("monte-carlo", count, seed, distributions)
 
 

@@ -24,6 +24,7 @@ import numpy as np
 
 from hbgear._version import __version__
 from hbgear.common.arrays import Array
+from hbgear.common.messages import quoted
 from hbgear.common.replacing import replacing
 from hbgear.io.archive import archive_of
 
@@ -114,6 +115,7 @@ class Store:
             pass
 
     def path(self, key: str) -> Path:
+        """File of the case of this key."""
         return self.folder / "cases" / key[:2] / f"{key}.npz"
 
     def read(self, key: str) -> Result | None:
@@ -195,5 +197,7 @@ def _check_same(file: Path, there: dict[str, Any], head: dict[str, Any]) -> None
         )
     names = [name for name in head["study"] if before.get(name) != head["study"][name]]
     if names:
-        changed = ", ".join(f"{name} = {before.get(name)} there, {head['study'][name]} now" for name in names)
+        changed = ", ".join(
+            f"{name} = {quoted(before.get(name))} there, {quoted(head['study'][name])} now" for name in names
+        )
         raise ValueError(f"the folder of '{file}' holds another study ({changed}); give another folder")

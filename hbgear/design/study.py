@@ -42,7 +42,9 @@ from hbgear.harmonic.critical import NoFold, critical
 from hbgear.harmonic.peaks import peaks
 from hbgear.io.npz import packed, unpacked
 from hbgear.mechanics.doubts import Unlikely
+from hbgear.mechanics.fields import made
 from hbgear.mechanics.model import Model, describe
+from hbgear.mechanics.named import named, reference_of
 
 MANY = 1_000_000
 """More cases than this are refused unless asked for."""
@@ -107,6 +109,17 @@ class Cases:
     total, outcome, message : cases there are, and why the study ended.
     values : by case, the values that vary, as the model takes them.
     packed : of a case, the bytes of its branch; see `branch`.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> two = hb.grid(zeta=[0.05, 0.2])
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.cases(hb.Duffing(), two, ("peak",), harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> found.table["zeta"].tolist()
+    [0.05, 0.2]
     """
 
     model: Model
@@ -224,11 +237,23 @@ def cases(
     Notes
     -----
     Stored cases that cannot be read are computed anew, with a warning.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> two = hb.grid(zeta=[0.05, 0.2])
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.cases(hb.Duffing(), two, ("jumps",), harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> found.failed
+    {}
     """
     low, high = model.default_span if span is None else span
     work = Work(tuple(compute), tuple(critical), harmonics, (float(low), float(high)), measure, element)
     _check(model, vary, work, most)
-    study = {"model": describe(model), **json.loads(json.dumps(asdict(work)))}
+    described = {name: describe(model)[name] for name in ("class", "fields")}
+    study = {"model": described, **json.loads(json.dumps(asdict(work)))}
     folder = None if store is None else Store(store, study)
     rows = list(vary.rows())
     keys = [key_of(_inputs(study, row)) for row in rows]
@@ -244,20 +269,23 @@ def cases(
     if waiting:
         try:
             with executor_of(executor, processes, len(waiting)) as pool:
-                outcome, message = run.compute(pool, type(model), waiting, work)
+                outcome, message = run.compute(pool, reference_of(type(model)), waiting, work)
         except KeyboardInterrupt:  # once more, while the last cases were waited for, or before the first
             outcome, message = Outcome.INTERRUPTED, f"interrupted; {run.kept}"
     branch_of = partial(_packed_of, folder, run.done, keys)
     return _collect(model, work, vary.names, rows, keys, run.done, outcome, message, branch_of)
 
 
-def run_case(cls: type[Model], fields: Mapping[str, Any], work: Work) -> Result:
-    """One case, in whatever process: its numbers, or the reason why there are none."""
+def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> Result:
+    """One case, in whatever process: its numbers, or the reason why there are none.
+
+    cls : the class of the model, or the name of a file and it, as of `reference_of`.
+    """
     started = time.perf_counter()
     try:
         with threadpool_limits(1), warnings.catch_warnings():
             warnings.simplefilter("ignore", Unlikely)  # what is to be said of the model was said before the first case
-            model = cls().replace(**_as_fields(fields))
+            model = made(named(cls) if isinstance(cls, str) else cls, _as_fields(fields))
             result = _computed(model, work)
         return replace(result, seconds=time.perf_counter() - started)
     except Exception as error:  # whatever is wrong with one case must not end the others
@@ -410,7 +438,7 @@ class _Run:
         return "everything done is kept; run it again to go on" if self.folder else "what is done is in the result"
 
     def compute(
-        self, pool: Executor, cls: type[Model], waiting: Mapping[str, dict[str, Any]], work: Work
+        self, pool: Executor, cls: type[Model] | str, waiting: Mapping[str, dict[str, Any]], work: Work
     ) -> tuple[Outcome, str]:
         """Run what is waiting, values by key, and store each case as it finishes; how that ended.
 
@@ -433,7 +461,7 @@ class _Run:
             return Outcome.CANNOT_STORE, f"{failure}; what was stored before is kept; run it again to go on"
 
     def _compute(
-        self, pool: Executor, cls: type[Model], waiting: Mapping[str, dict[str, Any]], work: Work,
+        self, pool: Executor, cls: type[Model] | str, waiting: Mapping[str, dict[str, Any]], work: Work,
         running: dict[Future[Result], str],
     ) -> None:  # fmt: skip
         """Every case, a few hundred handed out ahead; ``running`` holds those that are not done yet."""
@@ -473,7 +501,7 @@ class _Run:
             self.progress(len(self.done), self.total, len(self.failed))
 
 
-def _submitted(pool: Executor, cls: type[Model], fields: Mapping[str, Any], work: Work) -> Future[Result]:
+def _submitted(pool: Executor, cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> Future[Result]:
     try:
         return pool.submit(run_case, cls, fields, work)
     except Exception as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import tomllib
 import typing
@@ -15,8 +14,9 @@ from typing import Annotated, Any, Literal
 from hbgear.common.messages import did_you_mean, quoted, shortened
 from hbgear.design.sampling import METHODS, Grid, Sample, distribution, grid
 from hbgear.design.study import KINDS, Work
-from hbgear.harmonic.catalogue import MODELS
+from hbgear.harmonic.catalogue import class_of
 from hbgear.io.archive import too_deep
+from hbgear.mechanics.fields import made, plain_kinds_of, required_of
 from hbgear.mechanics.model import Model
 
 Place = tuple[str | int, ...]
@@ -152,11 +152,19 @@ def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
     import pydantic
 
     name = data.get("model")
-    cls = MODELS.get(name) if isinstance(name, str) else None
-    schema = _schema(cls)
     problems: list[tuple[Place, str]] = []
-    if isinstance(name, str) and cls is None:
-        problems.append((("model",), f"there is no model '{shortened(name)}'{did_you_mean(name, MODELS)}"))
+    cls = None
+    if isinstance(name, str):
+        try:
+            cls = class_of(name)
+        except (KeyError, ValueError) as error:
+            problems.append((("model",), shortened(str(error.args[0]), 300)))
+    schema = _schema(cls)
+    base = data.get("base", {})
+    missing = [field for field in (required_of(cls) if cls else ()) if isinstance(base, dict) and field not in base]
+    if missing:
+        text = f"the model '{name}' needs {', '.join(missing)}: no default, so give a value in [base]"
+        problems.append((("base",) if "base" in data else ("model",), text))
     if ("grid" in data) == ("sample" in data):
         need = "need [grid] or [sample], and not both"
         problems.append((("sample",), need))
@@ -197,9 +205,7 @@ def _schema(cls: type[Model] | None) -> Any:
 
     kinds: dict[str, Any] = {}
     if cls is not None:
-        hints = typing.get_type_hints(cls)
-        names = [f.name for f in dataclasses.fields(cls)]  # type: ignore[arg-type]
-        kinds = {n: list[float] if typing.get_origin(hints[n]) is tuple else hints[n] for n in names}
+        kinds = {n: list[float] if typing.get_origin(k) is tuple else k for n, k in plain_kinds_of(cls).items()}
     loose = ConfigDict(extra="allow")
     drawn = Annotated[list[str | float], AfterValidator(_distribution)]
     if cls is None:
@@ -234,7 +240,7 @@ def _study(checked: Any) -> Study:
     data = checked.model_dump(exclude_unset=True)
     with _within("base"):
         base = {name: tuple(v) if isinstance(v, list) else v for name, v in data.get("base", {}).items()}
-        model = MODELS[data["model"]]().replace(**base)
+        model = made(class_of(data["model"]), base)
     if "grid" in data:
         with _within("grid"):
             vary: Grid | Sample = grid(**data["grid"])

@@ -118,6 +118,13 @@ class DoubleHelicalPair(Model):
     ------
     ValueError
         If a value is out of its range or not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.DoubleHelicalPair(zeta=0.05)
+    >>> round(pair.pinion_speed(1.0)), round(pair.mesh_frequency(1.0))
+    (12279, 5116)
     """
 
     teeth_p: int = 25

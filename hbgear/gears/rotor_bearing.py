@@ -72,6 +72,15 @@ class GearRotorBearing(Model):
     References
     ----------
     Kahraman & Singh (1991), J. Sound Vib. 144(3), 469-506, and 146(1), 135-156.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> pair = hb.GearRotorBearing(F_m=0.2)
+    >>> system = pair.system()
+    >>> np.shape(system.K), [element.name for element in system.elements]
+    ((3, 3), ['gap', 'bearing 1', 'bearing 2'])
     """
 
     zeta: float = 0.05

@@ -108,6 +108,13 @@ class SpurPair(Model):
     References
     ----------
     Kahraman & Singh (1990), J. Sound Vib. 142(1), 49-75.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.SpurPair(e=(0.1, 0.02))
+    >>> pair.e_scale, pair.replace(zeta=0.1).zeta
+    (1.0, 0.1)
     """
 
     zeta: float = 0.05

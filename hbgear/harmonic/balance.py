@@ -23,6 +23,7 @@ from hbgear.common.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.common.recent import Recent
 from hbgear.continuation.algebra import norms
 from hbgear.continuation.branch import Branch, Point
+from hbgear.continuation.differences import in_parameter
 from hbgear.continuation.events import Event
 from hbgear.continuation.homotopy import solve_from_afar
 from hbgear.continuation.newton import NoConvergence, solve
@@ -61,7 +62,7 @@ _FREQUENCIES = Range(above=0, high=1e60)  # so that powers of Omega are numbers
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
 
 
-class Forces(NamedTuple):
+class ForceHarmonics(NamedTuple):
     """Law forces of P motions as real rows f (P, m, 2H+1), with matrices (P, m, 2H+1, 2H+1) of their derivatives.
 
     stiffness: of the rows of f in those of d; damping: in those of d' (None if no law depends on it).
@@ -98,6 +99,15 @@ class HarmonicBalance(FullProblem):
     that differ from the model's.
 
     What an evaluation gives depends on nothing that was asked before, and threads may share a problem.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.SpurPair(), harmonics=8)
+    >>> X = pair.start(Omega=0.9)
+    >>> R, J = pair.evaluate(X, Omega=0.9)
+    >>> R.shape, J.shape
+    ((17,), (17, 17))
     """
 
     @checked_arguments()
@@ -341,7 +351,7 @@ class HarmonicBalance(FullProblem):
         key = (*(A.tobytes() for A in dense), system.W.tobytes(), *fresh, *loads)
         return self._structures.get(key, lambda: Structure(system))
 
-    def forces(self, rows: Array, c: ComplexArray, Omega: Array, compiled: Compiled) -> Forces:
+    def forces(self, rows: Array, c: ComplexArray, Omega: Array, compiled: Compiled) -> ForceHarmonics:
         """Forces of all laws on P motions given by their rows (P, m, 2H + 1) and complex form c (P, m, H + 1)."""
         exact, sampled = compiled.exact, compiled.sampled
         if not sampled.size:
@@ -355,17 +365,17 @@ class HarmonicBalance(FullProblem):
         if part is not None:
             damping = np.zeros_like(stiffness)
             damping[:, sampled] = part
-        return Forces(f, stiffness, damping)
+        return ForceHarmonics(f, stiffness, damping)
 
-    def _projected(self, rows: Array, c: ComplexArray, compiled: Compiled) -> Forces:
+    def _projected(self, rows: Array, c: ComplexArray, compiled: Compiled) -> ForceHarmonics:
         """Exact forces kappa * d + chi of the piecewise-linear laws, from the motions of their elements."""
         flat = c.reshape(-1, self.H + 1)
         kappa, chi = compiled.projector_of(len(c)).project(flat, self._transform.samples(flat), 2 * self.H)
         stiffness = self._toeplitz(kappa).reshape(*rows.shape, -1)
         held = to_real(one_sided(chi[:, : self.H + 1])).reshape(rows.shape)
-        return Forces((stiffness @ rows[..., None])[..., 0] + held, stiffness, None)
+        return ForceHarmonics((stiffness @ rows[..., None])[..., 0] + held, stiffness, None)
 
-    def _sampled(self, c: ComplexArray, Omega: Array, compiled: Compiled) -> Forces:
+    def _sampled(self, c: ComplexArray, Omega: Array, compiled: Compiled) -> ForceHarmonics:
         """Forces of the other laws, from the motions of their elements."""
         P, m, n = len(c), c.shape[1], 2 * self.H + 1
         waves = [c, (Omega / self.nu)[:, None, None] * derive(c)] if compiled.rated else [c]
@@ -380,7 +390,9 @@ class HarmonicBalance(FullProblem):
         parts = np.concatenate([*p, *dp_dd, *dp_dv] if damped else [*p, *dp_dd]).reshape(-1, self.N)
         spectra = self._transform.spectrum(parts).reshape(-1, m, P, n).swapaxes(1, 2)
         slopes = self._toeplitz(spectra[1:].reshape(-1, n)).reshape(-1, P, m, n, n)
-        return Forces(to_real(one_sided(spectra[0, ..., : self.H + 1])), slopes[0], slopes[1] if damped else None)
+        return ForceHarmonics(
+            to_real(one_sided(spectra[0, ..., : self.H + 1])), slopes[0], slopes[1] if damped else None
+        )
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
         """Residual (n,) and Jacobian (n, n) at X (n,), n = m (2H + 1); ``Omega`` must be among the parameters."""
@@ -390,14 +402,17 @@ class HarmonicBalance(FullProblem):
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """R, dR/dX, dR/dname and the size of the forces that R is the sum of.
 
-        dR/dOmega is analytic; the derivative in a model parameter is a central difference of the residual, with a step
-        of 1e-6 of its value (of 1e-6 at zero).
+        dR/dOmega is analytic; the derivative in a model parameter is a difference of the residual
+        (`hbgear.continuation.differences`).
         """
         rest = {key: value for key, value in parameters.items() if key != "Omega"}
         now = self.linearise_all(X[None], np.array([parameters["Omega"]]), **rest)
         R, J, dR, size = now.R[0], now.dR_dX[0], now.dR_dp[0], now.size[0]
         if name != "Omega":
-            dR = self._difference(X, name, parameters) if name else np.zeros(len(R))
+            here = {name: self.parameters.get(name, 0.0), **parameters} if name else {}
+            (dR,) = (
+                in_parameter(self, name, here, lambda at: (self.residual(X, **at),)) if name else (np.zeros(len(R)),)
+            )
         return Evaluation(R, J, dR, float(size))
 
     def linearise_all(self, X: Array, Omega: Array, **parameters: float) -> Evaluations:
@@ -436,19 +451,6 @@ class HarmonicBalance(FullProblem):
         """R alone (n,)."""
         X = self._given(X, parameters)
         return self.linearise(X, "", **parameters).R
-
-    def _difference(self, X: Array, name: str, parameters: dict[str, float]) -> Array:
-        """dR/dname by central difference; one-sided where the model's range ends."""
-        value = parameters.get(name, self.parameters.get(name, 0.0))
-        h = 1e-6 * self.unit_of(name, value)
-        sides: list[tuple[float, Array]] = []
-        for v in (value + h, value - h):
-            try:
-                sides.append((v, self.linearise(X, "", **{**parameters, name: v}).R))
-            except ValueError:
-                sides.append((value, self.linearise(X, "", **{**parameters, name: value}).R))
-        (a, Ra), (b, Rb) = sides
-        return (Ra - Rb) / (a - b)
 
     # ---- starting points
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import typing
 from collections.abc import Mapping
 from typing import Any
 
 from hbgear.common.messages import did_you_mean
 from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
 from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.mechanics.fields import check_names, made, plain_kinds_of
 from hbgear.mechanics.model import Model
+from hbgear.mechanics.named import installed, named
 from hbgear.mechanics.oscillators import Duffing
 
 MODELS: dict[str, type[Model]] = {
@@ -20,39 +21,76 @@ MODELS: dict[str, type[Model]] = {
 }
 
 
+def class_of(name: str) -> type[Model]:
+    """The class of models of that name: of the catalogue, of an installed package, FILE.py:NAME or MODULE:NAME.
+
+    The code of the last three is run; see `hbgear.mechanics.named`.
+
+    Raises
+    ------
+    KeyError, ValueError
+        If there is no such model, or its code cannot be loaded.
+
+    Examples
+    --------
+    >>> class_of("duffing")
+    <class 'hbgear.mechanics.oscillators.Duffing'>
+    """
+    if name in MODELS:
+        return MODELS[name]
+    if ":" in name:
+        return named(name)
+    known = [*MODELS, *installed()]
+    if name not in known:
+        raise KeyError(f"there is no model '{name}'{did_you_mean(name, known)}")
+    return named(name)
+
+
 def build(name: str, /, **fields: Any) -> Model:
-    """The model of that name, with its defaults except for the given fields.
+    """The model of that name, as of `class_of`, with its defaults except for the given fields.
 
     Raises
     ------
     KeyError
         If there is no such model, or it has no such field.
     ValueError
-        If a value is out of its range.
+        If a value is out of its range, or one without a default is missing.
     """
-    if name not in MODELS:
-        raise KeyError(f"there is no model '{name}'{did_you_mean(name, MODELS)}")
-    return MODELS[name]().replace(**fields)
+    return made(class_of(name), fields)
 
 
-def rebuild(meta: Any) -> Model:
+def rebuild(meta: Any, cls: type[Model] | None = None) -> Model:
     """The model that `hbgear.mechanics.model.describe` was given; lists become tuples.
+
+    No code is loaded for it: a class that is not in the catalogue must be given.
 
     Raises
     ------
     KeyError
-        If the class is not in the catalogue or has no such field.
+        If the class is not in the catalogue and none is given, or has no such field.
     ValueError
-        If ``meta`` is not of the form `describe` returns, or a value is of another type or out of its range.
+        If ``meta`` is not of the form `describe` returns, is of another class than the one given, or a value is of
+        another type, out of its range or missing.
     """
     if not is_description(meta):
         raise ValueError(f"a model is described by {{'class': name, 'fields': {{...}}}}, got {str(meta)[:80]}")
-    classes = {cls.__name__: cls for cls in MODELS.values()}
-    if meta["class"] not in classes:
-        raise KeyError(f"the catalogue has no class '{meta['class']}'{did_you_mean(meta['class'], classes)}")
+    classes = {each.__name__: each for each in MODELS.values()}
+    if cls is not None:
+        if meta["class"] != cls.__name__:
+            raise ValueError(f"it is of a {meta['class']}; the model given is {cls.__name__}")
+    elif meta["class"] not in classes:
+        raise KeyError(f"the catalogue has no class '{meta['class']}'{_advice(meta, classes)}")
+    cls = cls or classes[meta["class"]]
     fields = {name: tuple(v) if isinstance(v, list) else v for name, v in meta["fields"].items()}
-    _check_types(classes[meta["class"]], fields)
-    return classes[meta["class"]]().replace(**fields)
+    _check_types(cls, fields)
+    return made(cls, fields)
+
+
+def _advice(meta: Mapping[str, Any], classes: Mapping[str, type[Model]]) -> str:
+    """How to go on with a file of a class that is not in the catalogue."""
+    if not isinstance(meta.get("from"), str):
+        return did_you_mean(meta["class"], classes)
+    return f"; it was in {meta['from'][:100]}: name it again if you trust it, by --model FILE.py:NAME or problem=..."
 
 
 def is_description(meta: Any) -> bool:
@@ -65,7 +103,8 @@ def _check_types(cls: type[Model], fields: Mapping[str, Any]) -> None:
     """Refuse values that are not of the types of their fields; the model itself refuses unknown fields."""
     import pydantic
 
-    hints = typing.get_type_hints(cls)
+    check_names(cls, fields)
+    hints = plain_kinds_of(cls)
     for name in fields.keys() & hints.keys():
         try:
             pydantic.TypeAdapter(hints[name]).validate_python(fields[name], strict=True)
@@ -74,8 +113,8 @@ def _check_types(cls: type[Model], fields: Mapping[str, Any]) -> None:
             raise ValueError(f"{cls.__name__}: {name} = {str(fields[name])[:40]}: {reason}") from None
 
 
-def problem_of(meta: Mapping[str, Any]) -> HarmonicBalance:
-    """The harmonic balance a branch was traced with, from the header of its file (``Branch.meta``).
+def problem_of(meta: Mapping[str, Any], cls: type[Model] | None = None) -> HarmonicBalance:
+    """The harmonic balance a branch was traced with, from the header of its file (``Branch.meta``); see `rebuild`.
 
     Raises
     ------
@@ -87,7 +126,7 @@ def problem_of(meta: Mapping[str, Any]) -> HarmonicBalance:
         raise ValueError("the file does not say which model and balance it was traced with; load it with problem=...")
     settings = _settings(meta["balance"])
     auto = settings.pop("auto")
-    out = HarmonicBalance(rebuild(meta["model"]), **settings)
+    out = HarmonicBalance(rebuild(meta["model"], cls), **settings)
     return out if auto is None else out.with_tolerance(auto)
 
 

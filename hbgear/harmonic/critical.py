@@ -15,24 +15,41 @@ from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, SpecialPoint, Status
 from hbgear.continuation.ending import Ending, whole
 from hbgear.continuation.newton import NoConvergence
+from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
-from hbgear.harmonic.jump_map import (
-    _BARREN,
-    _CAREFUL,
-    _REACH,
+from hbgear.harmonic.fold_curves import (
     Report,
-    _check,
-    _curve,
-    _known,
-    _problem,
+    check_parameter,
+    on_fold_curve,
+    problem_of,
+    response_curve,
     say,
 )
 from hbgear.mechanics.model import Model
 
+_REACH = 5.0  # how far a fold is followed, in the model's own value of the parameter
+
+
+_CAREFUL = StepControl(first=0.002, longest=0.02, max_points=300)
+
+
+_BARREN = 6  # fold curves without a cusp after which the search is given up
+
 
 class NoFold(ValueError):
-    """A critical value was asked for, but no jump was found at any value tried."""
+    """A critical value was asked for, but no jump was found at any value tried.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> try:
+    ...     hb.critical(hb.Duffing(), "zeta", frequencies=(0.5, 0.55), harmonics=1)
+    ... except hb.NoFold:
+    ...     print("far below its resonance a Duffing oscillator does not jump")
+    ...
+    far below its resonance a Duffing oscillator does not jump
+    """
 
 
 @dataclass(frozen=True)
@@ -45,6 +62,13 @@ class Critical:
     jump_below : whether the jump exists below the value (else above).
     others : further cusps met, as (value, Omega).
     status, message : whether all folds of the response curve were followed; if not, another cusp may be nearer.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> found = hb.critical(hb.Duffing(), "zeta", frequencies=(0.9, 1.4), harmonics=1)
+    >>> found.point.kind, found.point.parameters["zeta"] == found.value
+    ('CP', True)
     """
 
     parameter: str
@@ -94,9 +118,16 @@ def critical(
         If the model has no such parameter, or it is Omega.
     KeyboardInterrupt
         If Ctrl-C comes before a cusp is found.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> found = hb.critical(hb.Duffing(), "zeta", frequencies=(0.9, 1.4), harmonics=1)
+    >>> bool(0.05 < found.value < 0.1), found.jump_below
+    (True, True)
     """
-    problem = _problem(model, harmonics)
-    _check(problem, parameter)
+    problem = problem_of(model, harmonics)
+    check_parameter(problem, parameter)
     own, allowed = problem.parameters[parameter], problem.range_of(parameter)
     followed: list[Branch] = []
     tried: list[float] = []
@@ -107,7 +138,7 @@ def critical(
         if value not in allowed:
             continue
         try:
-            curve = _curve(problem, parameter, value, frequencies)
+            curve = response_curve(problem, parameter, value, frequencies)
         except NoConvergence:
             continue
         say(report, f"response curve at {parameter} = {value:.5g}: {_count_folds(curve)}")
@@ -159,7 +190,7 @@ def _cusps_from(
     own, allowed = problem.parameters[parameter], problem.range_of(parameter)
     reach = _REACH * (abs(own) or 1.0)
     for point in (p for p in curve.special if p.kind == "LP" and p.located):
-        if any(_known(problem, fold, point, parameter) for fold in followed):
+        if any(on_fold_curve(problem, fold, point, parameter) for fold in followed):
             continue
         value = point.parameters[parameter]
         first = -1 if own < value else 1  # towards the model's own value

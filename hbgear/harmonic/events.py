@@ -27,11 +27,11 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.bordered import Augmented
 from hbgear.continuation.branch import NEUTRAL, Branch, SpecialPoint, Status
-from hbgear.continuation.events import BranchPoint, Event, Found, newton, root, singular
+from hbgear.continuation.events import BranchPoint, Cusp, Event, Found, Turning, newton, root, singular
 from hbgear.continuation.newton import NoConvergence, refine, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment
-from hbgear.harmonic.special import Grazing, PeriodDoubling
+from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
 
 
 class Doubling(Event):
@@ -127,6 +127,9 @@ class NeimarkSacker(Event):
             return []
         return [replace(real, event=BranchPoint() if first.real > 0 else Doubling())]
 
+    def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
+        return None
+
 
 _DOUBLE = 1e-6  # distance at which two multipliers on the unit circle are one
 
@@ -134,7 +137,7 @@ _DOUBLE = 1e-6  # distance at which two multipliers on the unit circle are one
 class GrazingContact(Event):
     """An extremum of an element passes a corner of its law; elements that graze together are one point."""
 
-    kind, meaning, marker = "GR", "grazing contact: the impact regime changes", "v"
+    kind, meaning, marker = "GR", "grazing contact: the impact regime changes", "x"
 
     def __init__(self) -> None:
         pass
@@ -184,7 +187,7 @@ class GrazingContact(Event):
 class Merging(Event):
     """A subharmonic branch meets the one of shorter period: its subharmonic part passes zero and changes sign."""
 
-    kind, meaning, marker, terminal, alone = "EP", "end: the branch joins the one it came from", "x", True, True
+    kind, meaning, marker, terminal, alone = "EP", "end: the branch joins the one it came from", "+", True, True
 
     def __init__(self) -> None:
         pass
@@ -228,10 +231,47 @@ def _at_doubling(segment: Segment, row: CurvePoint) -> CurvePoint:
     return singular(segment, np.append(X, value), row)
 
 
+class AmplitudePeak(Event):
+    """An amplitude is largest: found by `hbgear.peaks` on a finished curve, not while it is traced."""
+
+    kind, meaning, marker = "PK", "peak of an amplitude", "^"
+
+    def __init__(self, measure: str = "rms", element: int = 0) -> None:
+        self.measure, self.element = measure, element
+
+    def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
+        return np.zeros(len(rows) - 1, dtype=bool)
+
+    def find(self, segment: Segment) -> list[Found]:
+        return []
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
+        """See `Peak`; "max", "pp2" and "mean" have none."""
+        return None if self.measure in ("max", "pp2", "mean") else Peak(problem, parameter, self.measure, self.element)
+
+
 def motion_events(nu: int) -> tuple[Event, ...]:
     """What is looked for along a curve of periodic motions of subharmonic order nu, besides folds and branch points."""
     ends = (Merging(),) if nu > 1 else ()
     return Doubling(), NeimarkSacker(), GrazingContact(), *ends
+
+
+KINDS: dict[str, Event] = {
+    event.kind: event
+    for event in (
+        Turning(), Doubling(), NeimarkSacker(), BranchPoint(), GrazingContact(), Cusp(), Merging(), AmplitudePeak()
+    )
+}  # fmt: skip
+"""Every kind of special point that hbgear knows itself, in the order of legends."""
+
+
+def named(point: SpecialPoint) -> SpecialPoint:
+    """The point with what it means and its marker, if it is of an old file that did not tell."""
+    if point.meaning and point.marker:
+        return point
+    known = KINDS.get(point.kind)
+    meaning, marker = (known.meaning, known.marker) if known else (point.kind, Event.marker)
+    return replace(point, meaning=point.meaning or meaning, marker=point.marker or marker)
 
 
 # ---- multipliers

@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import math
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -22,13 +21,18 @@ from hbgear.common.replacing import replacing
 from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status, joined
 from hbgear.continuation.ending import Ending, whole
-from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.fold_curves import (
+    Report,
+    check_parameter,
+    on_fold_curve,
+    problem_of,
+    response_curve,
+    say,
+)
 from hbgear.mechanics.model import Model
-
-Report = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,13 @@ class JumpMap:
     arms : their monotonic pieces.
     labels : axis labels of the model.
     status, message : whether everything was traced as far as it goes, and what was not.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> jumps = hb.jump_map(hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2)
+    >>> sorted({arm.direction for arm in jumps.arms})
+    [-1, 1]
     """
 
     parameter: str
@@ -159,9 +170,16 @@ def jump_map(
         If the model has no such parameter.
     KeyboardInterrupt, NoConvergence
         If it ends before the first fold curve is whole.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> jumps = hb.jump_map(hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2)
+    >>> len(jumps.folds) > 0, jumps.status.complete
+    (True, True)
     """
-    problem = _problem(model, harmonics)
-    _check(problem, parameter)
+    problem = problem_of(model, harmonics)
+    check_parameter(problem, parameter)
     low, high = sorted(map(float, span))
     if not (math.isfinite(low) and math.isfinite(high)) or low == high:
         raise ValueError(f"span = {span}: need two different finite values of {parameter}")
@@ -173,10 +191,10 @@ def jump_map(
     try:
         for value in _spread(low, high, seeds):
             say(report, f"response curve at {parameter} = {value:.5g}")
-            curve = _curve(problem, parameter, value, frequencies)
+            curve = response_curve(problem, parameter, value, frequencies)
             ending.also(curve, f"the response curve at {parameter} = {value:.5g}")
             for point in (p for p in curve.special if p.kind == "LP" and p.located):
-                if not any(_known(problem, fold, point, parameter) for fold, _ in folds):
+                if not any(on_fold_curve(problem, fold, point, parameter) for fold, _ in folds):
                     say(report, f"fold at Omega = {point.parameters['Omega']:.5g}, followed in {parameter}")
                     fold = _fold_curve(problem, parameter, (low, high), point, steps)
                     folds += [(fold, _arms(problem, fold))]
@@ -191,64 +209,10 @@ def jump_map(
     )  # fmt: skip
 
 
-_REACH = 5.0  # how far a fold is followed, in the model's own value of the parameter
-
-
-_CAREFUL = StepControl(first=0.002, longest=0.02, max_points=300)
-
-
-_BARREN = 6  # fold curves without a cusp after which the search is given up
-
-
-def say(report: Report | None, text: str) -> None:
-    """Pass a line of progress on."""
-    if report:
-        report(text)
-
-
-def _problem(model: Model | HarmonicBalance, harmonics: int) -> HarmonicBalance:
-    counted("harmonics", harmonics)
-    return model if isinstance(model, HarmonicBalance) else HarmonicBalance(model, harmonics)
-
-
-def _check(problem: HarmonicBalance, parameter: str) -> None:
-    problem.check_fixed("following folds")
-    problem.check_parameter(parameter)
-    if parameter == "Omega":
-        raise ValueError(
-            "the design parameter must differ from Omega, which is the frequency of the jumps; choose one of: "
-            + ", ".join(problem.parameters)
-        )
-
-
 def _spread(low: float, high: float, count: int) -> list[float]:
     """Both ends first, then the values between."""
     inner = list(np.linspace(low, high, count)[1:-1])
     return [low, high, *map(float, inner)]
-
-
-def _curve(problem: HarmonicBalance, parameter: str, value: float, frequencies: tuple[float, float] | None) -> Branch:
-    span = problem.model.default_span if frequencies is None else frequencies
-    return whole(trace(problem, "Omega", span, at={parameter: value}, stability=False))
-
-
-def _known(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:
-    """Whether a fold lies on a fold curve already traced: solve for the curve's fold at the same value and compare."""
-    value = point.parameters[parameter]
-    x = fold.values - value
-    for i in np.flatnonzero(x[:-1] * x[1:] <= 0):
-        s = x[i] / (x[i] - x[i + 1]) if x[i] != x[i + 1] else 0.0
-        Omega = (1 - s) * fold.tracked["Omega"][i] + s * fold.tracked["Omega"][i + 1]
-        if abs(Omega - point.parameters["Omega"]) > 0.05 * Omega:
-            continue
-        U = np.append((1 - s) * fold.X[i] + s * fold.X[i + 1], Omega)
-        try:
-            there = solve(Fold(problem), U, {**fold.parameters_at(int(i)), parameter: value}).X
-        except NoConvergence:
-            continue
-        if abs(there[-1] - point.parameters["Omega"]) < 1e-6 * Omega:
-            return True
-    return False
 
 
 def _fold_curve(

@@ -13,6 +13,7 @@ from hbgear.continuation.branch import Branch, SpecialPoint
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, solution_at, solve
 from hbgear.continuation.problem import linearise
 from hbgear.continuation.segment import CurvePoint, Segment, normal_of, row_of
+from hbgear.harmonic.events import AmplitudePeak
 from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.observables import measure as measured
 from hbgear.harmonic.special import Peak
@@ -26,7 +27,7 @@ def peaks(
 
     Between the neighbours of each highest row the amplitude is maximised along the curve itself; for "rms" and
     harmonics Newton on `Peak` then gives all digits, and the point can be followed in a second parameter with
-    ``trace(Peak(problem, "Omega", measure, element), "zeta", span, start=peak)``.
+    ``follow(branch, peak, "zeta", span)``.
 
     Parameters
     ----------
@@ -39,15 +40,25 @@ def peaks(
     ------
     ValueError
         If the branch has lost its problem, or there is no such measure.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> top = hb.peaks(curve, "rms")[0]
+    >>> top.label, bool(top.amplitude("rms") >= curve.amplitude("rms").max())
+    ('PK1', True)
     """
     layout = layout_of(branch)
     if branch.problem is None or layout is None:
         raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     A = branch.amplitude(measure, element)
     tops = [i for i in range(1, len(branch) - 1) if A[i - 1] <= A[i] > A[i + 1] and A[i] >= share * A.max()]
+    event = AmplitudePeak(measure, layout.index(element))
     found = []
     for number, i in enumerate(tops, 1):
-        row, located = _refine(branch, i, measure, layout.index(element))
+        row, located = _refine(branch, i, measure, event.element)
         here = {**branch.parameters_at(i), branch.parameter: row.value}
         seen = branch.problem.observe(row.solution.X, stability=branch.multipliers is not None, **here)
         found.append(
@@ -66,6 +77,9 @@ def peaks(
                 located,
                 (float(branch.values[i - 1]), float(branch.values[i + 1])),
                 f"peak of {measure}",
+                event.meaning,
+                event.marker,
+                event,
             )
         )
     return tuple(found)

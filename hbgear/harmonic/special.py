@@ -16,11 +16,13 @@ from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import bordered, norm
-from hbgear.continuation.bordered import STEP, Augmented, Base, Extra, Fold, bends, null_vectors, sides
+from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, bends, null_vectors, sides
+from hbgear.continuation.differences import STEP, in_parameter
 from hbgear.continuation.problem import AnyProblem, linearise, linearise_all
 from hbgear.mechanics.fourier import waves
 
@@ -36,18 +38,30 @@ class PeriodDoubling(Fold):
     ----------
     problem : a `HarmonicBalance`.
     parameter : the parameter of the curve.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 5)
+    >>> curve = hb.trace(pair, "Omega", (2.1, 1.8))
+    >>> few = hb.StepControl(max_points=4)
+    >>> doublings = hb.trace(hb.PeriodDoubling(pair, "Omega"), "zeta", (0.05, 0.06), start=curve["PD1"], steps=few)
+    >>> doublings.parameter, bool(doublings.tracked["Omega"][0] == curve["PD1"].parameters["Omega"])
+    ('zeta', True)
     """
 
     turning_kind = "LP"
+    doubled: Any
+    odd: NDArray[np.int_]
+    even: NDArray[np.int_]
 
     @checked_arguments()
     def __init__(self, problem: AnyProblem, parameter: str = "") -> None:
         super().__init__(problem, parameter)
-        self.doubled = problem.with_order(2 * problem.nu, 2 * problem.H + 1)
-        k = np.arange(self.doubled.H + 1)
+        doubled = problem.with_order(2 * problem.nu, 2 * problem.H + 1)
+        k = np.arange(doubled.H + 1)
         harmonic = np.tile(np.concatenate([[0], np.repeat(k[1:], 2)]), problem.m)
-        self.odd = np.flatnonzero(harmonic % 2)
-        self.even = np.flatnonzero(harmonic % 2 == 0)
+        self._fixed(doubled=doubled, odd=np.flatnonzero(harmonic % 2), even=np.flatnonzero(harmonic % 2 == 0))
 
     def embed(self, X: Array) -> Array:
         """The motion in the basis of twice the period."""
@@ -77,11 +91,11 @@ class PeriodDoubling(Fold):
         direction[self.odd] = v
         odd, even = self.odd, self.even
         along, across = bends(self.doubled, wide, direction, here, self.parameter)
-        there = sides(self.doubled, wide, here, name) if name else None
+        dR, dJ = sides(self.doubled, wide, here, name) if name else (None, None)
         return Extra(
-            now, None if there is None else there.dR[even], k * g, -k * (w @ along[np.ix_(odd, even)]),
+            now, None if dR is None else dR[even], k * g, -k * (w @ along[np.ix_(odd, even)]),
             -k * float(w @ across[np.ix_(odd, odd)] @ v),
-            -k * float(w @ there.dJ[np.ix_(odd, odd)] @ v) if there else 0.0,
+            0.0 if dJ is None else -k * float(w @ dJ[np.ix_(odd, odd)] @ v),
         )  # fmt: skip
 
 
@@ -94,14 +108,26 @@ class Grazing(Augmented):
     ----------
     problem, parameter : as for `Augmented`.
     which : index into ``problem.clearance``: which extremum of which element at which corner.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.SpurPair(), 8)
+    >>> curve = hb.trace(pair, "Omega", (1.0, 0.6))
+    >>> first = curve["GR1"]
+    >>> few = hb.StepControl(max_points=4)
+    >>> grazing = hb.trace(hb.Grazing(pair, "Omega", which=2), "zeta", (0.05, 0.06), start=first, steps=few)
+    >>> first.kind, bool(grazing.tracked["Omega"][0] == first.parameters["Omega"])
+    ('GR', True)
     """
 
     problem: Any  # a HarmonicBalance
+    which: int
 
     @checked_arguments()
     def __init__(self, problem: AnyProblem, parameter: str = "", which: int = 0) -> None:
         super().__init__(problem, parameter)
-        self.which = which
+        self._fixed(which=which)
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         return Base(linearise(self.problem, X, "", here).size / (1.0 + norm(X)))
@@ -123,14 +149,8 @@ class Grazing(Augmented):
         """Derivative of the clearance in a parameter that moves the corner."""
         if name == "Omega":
             return 0.0
-        h = STEP * self.problem.unit_of(name, here[name])
-        ends: list[tuple[float, float]] = []
-        for value in (here[name] + h, here[name] - h):
-            try:
-                ends.append((value, self.problem.graze(X, self.which, **{**here, name: value})[0]))
-            except ValueError:
-                ends.append((here[name], self.problem.graze(X, self.which, **here)[0]))
-        return (ends[0][1] - ends[1][1]) / (ends[0][0] - ends[1][0])
+        (moved,) = in_parameter(self.problem, name, here, lambda at: self.problem.graze(X, self.which, **at)[:1])
+        return float(moved)
 
 
 class Peak(Augmented):
@@ -148,31 +168,34 @@ class Peak(Augmented):
     ------
     ValueError
         For another measure, or a harmonic the problem does not keep.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> top = hb.peaks(curve, "rms")[0]
+    >>> few = hb.StepControl(max_points=4)
+    >>> ridge = hb.trace(hb.Peak(problem, "Omega"), "zeta", (0.05, 0.06), start=top, steps=few)
+    >>> bool(ridge.amplitude("rms")[-1] < ridge.amplitude("rms")[0])
+    True
     """
 
     problem: Any  # a HarmonicBalance
+    measure: str
+    element: int
+    S: Array
 
     @checked_arguments()
     def __init__(self, problem: AnyProblem, parameter: str = "", measure: str = "rms", element: int = 0) -> None:
         super().__init__(problem, parameter)
-        self.measure, self.element = measure, element
         S = np.zeros((problem.m, 2 * problem.H + 1))
         if measure == "rms":
             S[element, 1:] = 1.0
         else:
-            k = self._harmonic(measure)
+            k = _harmonic(measure, self.problem)
             S[element, 2 * k - 1 : 2 * k + 1] = 1.0
-        self.S = S.ravel()
-
-    def _harmonic(self, measure: str) -> int:
-        """Basis harmonic of "H2" or, for nu = 2, "H1/2"."""
-        nu, H = self.problem.nu, self.problem.H
-        found = re.fullmatch(r"H(\d+)(?:/(\d+))?", measure)
-        k = int(found[1]) * nu / int(found[2] or 1) if found and found[2] != "0" else 0
-        if k != int(k) or not 1 <= k <= H:
-            fractions = f", also H1/{nu}, ..." if nu > 1 else ""
-            raise ValueError(f"peak of {measure!r}: need 'rms' or 'H1' to 'H{H // nu}'{fractions}")
-        return int(k)
+        self._fixed(measure=measure, element=element, S=S.ravel())
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         return Base(linearise(self.problem, X, "", here).size / (1.0 + abs(float(self.S @ (X * X)))))
@@ -200,10 +223,22 @@ class Peak(Augmented):
         return Extra(now, R_name, weight * g, g_X, g_p, -weight * moved)
 
     def _along(self, X: Array, here: dict[str, float], name: str, z: Array, t: Array) -> tuple[Array, float]:
-        """dR/dname, and z^T d[J R_p]/dname t by central difference."""
-        h = STEP * self.problem.unit_of(name, here[name])
-        values = []
-        for value in (here[name] + h, here[name] - h):
-            side = linearise(self.problem, X, self.parameter, {**here, name: value})
-            values.append((side.R, float(z @ (side.dR_dX @ t[:-1] + side.dR_dp * t[-1]))))
-        return (values[0][0] - values[1][0]) / (2 * h), (values[0][1] - values[1][1]) / (2 * h)
+        """dR/dname, and z^T d[J R_p]/dname t."""
+
+        def parts(at: dict[str, float]) -> tuple[Array, float]:
+            side = linearise(self.problem, X, self.parameter, at)
+            return side.R, float(z @ (side.dR_dX @ t[:-1] + side.dR_dp * t[-1]))
+
+        dR, moved = in_parameter(self.problem, name, here, parts)
+        return dR, float(moved)
+
+
+def _harmonic(measure: str, problem: Any) -> int:
+    """Basis harmonic of "H2" or, for nu = 2, "H1/2"."""
+    nu, H = problem.nu, problem.H
+    found = re.fullmatch(r"H(\d+)(?:/(\d+))?", measure)
+    k = int(found[1]) * nu / int(found[2] or 1) if found and found[2] != "0" else 0
+    if k != int(k) or not 1 <= k <= H:
+        fractions = f", also H1/{nu}, ..." if nu > 1 else ""
+        raise ValueError(f"peak of {measure!r}: need 'rms' or 'H1' to 'H{H // nu}'{fractions}")
+    return int(k)

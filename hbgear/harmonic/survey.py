@@ -24,7 +24,7 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
 from hbgear.continuation.branch import Branch, Point, Status
-from hbgear.continuation.deflation import _same, deflated_newton
+from hbgear.continuation.deflation import deflated_newton, same_solution
 from hbgear.continuation.ending import Ending, Interrupted, whole
 from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.stepsize import StepControl
@@ -37,7 +37,16 @@ Report = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Survey:
-    """What `trace_all` found: branches, how it looked, line by line, and whether it looked everywhere."""
+    """What `trace_all` found: branches, how it looked, line by line, and whether it looked everywhere.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 3)
+    >>> found = hb.trace_all(problem, (0.8, 1.2), frequencies=[1.0], guesses=2)
+    >>> found.status.complete, len(found.log) > 0
+    (True, True)
+    """
 
     branches: tuple[Branch, ...]
     log: tuple[str, ...]
@@ -98,6 +107,14 @@ def trace_all(
         If no frequency lies within the span, or the number of harmonics varies.
     KeyboardInterrupt
         If Ctrl-C comes before anything is traced.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> isola = hb.HarmonicBalance(hb.Duffing(zeta=0.01, k3=1, F=3), 5, nu=3)
+    >>> found = hb.trace_all(isola, (4.5, 3.5), frequencies=[4.0], guesses=4)
+    >>> len(found.branches) >= 1
+    True
     """
     problem.check_fixed("a survey")
     low, high = sorted(map(float, span))
@@ -204,7 +221,7 @@ class _Search:
         start = len(known)
         for guess in random_motions(self.problem, known, guesses, rng):
             X = deflated_newton(self.problem, guess, self._at(Omega), [])
-            if X is None or any(_same(X, Y) for Y in known):
+            if X is None or any(same_solution(X, Y) for Y in known):
                 X = deflated_newton(self.problem, guess, self._at(Omega), known)
             if X is not None:
                 known += shifts(self.problem, X)
@@ -225,7 +242,7 @@ class _Search:
                 ))  # fmt: skip
                 back = curve.X[-1]
                 # it came back to the model's own value as another motion
-                if curve.status == Status.LEFT_SPAN and not any(_same(back, Y) for Y in pending):
+                if curve.status == Status.LEFT_SPAN and not any(same_solution(back, Y) for Y in pending):
                     pending.append(back)
                     self._take(back, Omega, f"following {name} to {_farthest(curve.values, own):.4g} and back")
         self.say(f"Omega = {Omega:.5g}: known motions followed in {name} over ({span[0]:g}, {span[1]:g})")
@@ -303,7 +320,7 @@ def shifts(problem: HarmonicBalance, X: Array) -> list[Array]:
 def _distinct(motions: list[Array]) -> list[Array]:
     out: list[Array] = []
     for X in motions:
-        if not any(_same(X, Y) for Y in out):
+        if not any(same_solution(X, Y) for Y in out):
             out.append(X)
     return out
 

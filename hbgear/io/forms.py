@@ -16,6 +16,8 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
+from hbgear.continuation.events import MARKERS, is_marker
+from hbgear.harmonic.events import named
 from hbgear.harmonic.observables import Layout, layout_of
 from hbgear.io.archive import Archive
 
@@ -49,6 +51,12 @@ def _text(archive: Archive, value: Any, place: str) -> str:
         raise _wrong(place, value, "a text")
     value.encode()  # halves of characters cannot be printed
     return value
+
+
+def _marker(archive: Archive, value: Any, place: str) -> str:
+    if (text := _text(archive, value, place)) and not is_marker(text):
+        raise _wrong(place, value, f"one of {' '.join(MARKERS)}")
+    return text
 
 
 def _flag(archive: Archive, value: Any, place: str) -> bool:
@@ -145,7 +153,8 @@ def _object(*classes: type) -> Form:
         for name in given:
             if name not in forms:
                 raise ValueError(f"{place} has a field '{name}' that a {kind} does not have")
-        return names[kind](**{name: forms[name](archive, x, f"{place}.{name}") for name, x in given.items()})
+        made = names[kind](**{name: forms[name](archive, x, f"{place}.{name}") for name, x in given.items()})
+        return named(made) if isinstance(made, SpecialPoint) and "meaning" not in given else made
 
     return form
 
@@ -180,7 +189,7 @@ _FORMS: dict[type, dict[str, Form]] = {
              "labels": _table(_text)},
     Point: _POINT,
     SpecialPoint: {**_POINT, "kind": _text, "index": _whole(-1), "located": _flag, "interval": _tuple(_number, 2),
-                   "note": _text, "meaning": _text, "marker": _text},
+                   "note": _text, "meaning": _text, "marker": _marker},
     Jump: {"label": _text, "parameter": _text, "value": _finite, "direction": _whole(-1, 1),
            "before": _object(Point, SpecialPoint), "after": _optional(_object(Point, SpecialPoint))},
     Branch: {"parameter": _text, "values": _array("f", 1, finite=True), "X": _array("f", 2, finite=True),

@@ -1,6 +1,6 @@
 """Branches as .npz files: a JSON header with everything but the arrays, which lie beside it under their path.
 
-header.npy    {"format": "hbgear branch", "schema": 1, "branch": {"__class__": "Branch", "X": {"__array__": "X"}, ...}}
+header.npy    {"format": "hbgear branch", "schema": 2, "branch": {"__class__": "Branch", "X": {"__array__": "X"}, ...}}
 X.npy, ...    the arrays
 """
 
@@ -17,13 +17,16 @@ import numpy as np
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.replacing import checked_suffix, replacing
-from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
+from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, saved_fields
 from hbgear.harmonic.observables import Layout
 from hbgear.io import forms
 from hbgear.io.archive import Archive, archive_of
 
-SCHEMA = 1
-"""Number of the file format `Branch.save` writes; `load` reads this and all earlier ones."""
+SCHEMA = 2
+"""Number of the file format `Branch.save` writes; `load` reads this and all earlier ones.
+
+1: special points without meaning and marker. 2: with them.
+"""
 
 
 _FORMAT = "hbgear branch"
@@ -60,6 +63,19 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
         If there is no such file.
     ValueError
         If it cannot be read, is no branch, or was written by a newer hbgear.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> import os, tempfile
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     curve.save(os.path.join(folder, "curve.npz"))
+    ...     again = hb.load(os.path.join(folder, "curve.npz"))
+    ...
+    >>> bool(np.array_equal(again.X, curve.X))
+    True
     """
     if not Path(path).exists():
         raise FileNotFoundError(f"there is no file '{path}'; give the .npz of a branch saved before")
@@ -105,8 +121,7 @@ def _branch_in(archive: Archive) -> Branch:
 def encode(value: Any, key: str, arrays: dict[str, Any]) -> Any:
     """A value in the words of JSON; arrays go to ``arrays`` under their path in the tree."""
     if type(value) in _CLASSES.values():
-        names = [f.name for f in dataclasses.fields(value) if f.name != "problem"]
-        value = {"__class__": type(value).__name__, **{name: getattr(value, name) for name in names}}
+        value = {"__class__": type(value).__name__, **saved_fields(value)}
     if isinstance(value, np.ndarray):
         arrays[key] = value
         return {"__array__": key}

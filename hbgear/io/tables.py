@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.replacing import checked_suffix, replacing
-from hbgear.continuation.branch import Branch, SpecialPoint, Status, is_stable, name_of_regime
+from hbgear.continuation.branch import Branch, SpecialPoint, Status, is_stable, name_of_regime, saved_fields
 from hbgear.harmonic.observables import MEASURES, layout_of
 from hbgear.io.npz import encode
 
@@ -56,7 +56,7 @@ def _matlab(branch: Branch) -> dict[str, Any]:
 
     def convert(value: Any) -> Any:
         if dataclasses.is_dataclass(value):
-            pairs = {f.name: getattr(value, f.name) for f in dataclasses.fields(value) if f.name != "problem"}
+            pairs = saved_fields(value)
             if isinstance(value, SpecialPoint):
                 pairs["row"] = pairs.pop("index") + 1
             return {name: convert(x) for name, x in pairs.items() if x is not None}

@@ -34,7 +34,19 @@ _ROUNDING = 1e-9
 
 
 class Unlikely(UserWarning):
-    """Input that can be computed and is hardly meant."""
+    """Input that can be computed and is hardly meant.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import warnings
+    >>> with warnings.catch_warnings(record=True) as said:
+    ...     warnings.simplefilter("always")
+    ...     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (9000.0, 9000.1))
+    ...
+    >>> said[0].category is hb.Unlikely
+    True
+    """
 
 
 def tell(text: str) -> None:

@@ -191,6 +191,14 @@ class Series:
     ------
     ValueError
         If a coefficient is no finite number.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> stiffness = hb.Series(mean=1.0, cosine=(0.2,))
+    >>> stiffness(np.array([0.0, np.pi])).round(12).tolist()
+    [1.2, 0.8]
     """
 
     mean: float = 0.0

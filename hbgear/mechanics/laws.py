@@ -69,7 +69,26 @@ def _series(owner: str, stiffness: Series) -> None:
 
 
 class Law(ABC):
-    """Scalar law p(d, v, tau); see the module's contract."""
+    """Scalar law p(d, v, tau); see the module's contract.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True)
+    ... class Quintic(hb.Law):
+    ...     k5: float = 1.0
+    ...
+    ...     reference = 1.0
+    ...
+    ...     def force(self, d, v, tau):
+    ...         return self.k5 * d**5, 5 * self.k5 * d**4, 0 * d
+    ...
+    >>> bar = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], Quintic())], hb.Load(cosine={1: [0.2]}))
+    >>> curve = hb.trace(hb.HarmonicBalance(bar, 5), "Omega", (0.5, 0.7))
+    >>> curve.message
+    'Omega = 0.7 reached'
+    """
 
     @abstractmethod
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
@@ -120,6 +139,14 @@ class Cubic(Law):
     ----------
     k3 : cubic coefficient [force / length^3], of either sign.
     k1 : linear coefficient [force / length].
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> force, slope, _ = hb.Cubic(k3=2.0, k1=1.0).force(np.array([0.5]), np.zeros(1), 0.0)
+    >>> float(force[0]), float(slope[0])
+    (0.75, 2.5)
     """
 
     k3: float
@@ -166,6 +193,14 @@ class PiecewiseLinear(Law):
     ------
     ValueError
         If the corners do not ascend, the numbers do not fit or are not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> law = hb.PiecewiseLinear(corners=(0.0, 1.0), slopes=(0.0, 1.0, 3.0))
+    >>> law.force(np.array([-1.0, 0.5, 2.0]), 0.0, 0.0)[0].tolist()
+    [0.0, 0.5, 4.0]
     """
 
     corners: tuple[float, ...]
@@ -252,6 +287,14 @@ def Backlash(b: float = 1.0, k: float = 1.0, stiffness: Series = _ONE) -> Piecew
     References
     ----------
     Kahraman & Singh (1990), J. Sound Vib. 142(1), eq. (4).
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> law = hb.Backlash(b=1.0, k=2.0)
+    >>> law.force(np.array([-1.5, 0.5, 1.5]), 0.0, 0.0)[0].tolist()
+    [-1.0, 0.0, 1.0]
     """
     checked("Backlash", "k", k, POSITIVE)
     checked("Backlash", "half backlash b", b, NOT_NEGATIVE)
@@ -275,6 +318,14 @@ def Unilateral(k: float = 1.0, gap: float = 0.0, stiffness: Series = _ONE) -> Pi
     ------
     ValueError
         If k is not positive or gap not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> stop = hb.Unilateral(k=2.0, gap=1.0)
+    >>> stop.force(np.array([0.5, 1.5]), 0.0, 0.0)[0].tolist()
+    [0.0, 1.0]
     """
     checked("Unilateral", "k", k, POSITIVE)
     checked("Unilateral", "gap", gap)

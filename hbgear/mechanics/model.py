@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
@@ -23,8 +25,9 @@ from numpy.typing import ArrayLike
 
 from hbgear.common.arguments import check, check_fields
 from hbgear.common.arrays import Array
-from hbgear.common.messages import did_you_mean, quoted
+from hbgear.common.messages import quoted
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked
+from hbgear.mechanics.fields import check_names, parameters_of
 from hbgear.mechanics.fourier import Series, is_listed, real_numbers
 from hbgear.mechanics.laws import Law
 
@@ -35,8 +38,29 @@ class Model(ABC):
     """A frozen dataclass that describes a machine and builds its `System`.
 
     Its float fields are its parameters: each can be continued in, set on the command line, and is checked for being
-    a finite number within its range in `ranges`. What depends on several fields a subclass checks in ``__post_init__``
-    after calling this one's.
+    a finite number within its range in `ranges`. A field counts as one however its type is written, such as
+    ``Annotated[float, "damping ratio"]``. What depends on several fields a subclass checks in ``__post_init__`` after
+    calling this one's.
+
+    A function that returns a `System` becomes a model by the decorator `hbgear.model`; a class is the way if the
+    machine has more to it, such as units of its own.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True)
+    ... class Stop(hb.Model):
+    ...     "A mass on a spring that meets a stop."
+    ...     zeta: float = 0.05
+    ...     gap: float = 1.0
+    ...     ranges = {"zeta": hb.Range(low=0)}
+    ...
+    ...     def system(self):
+    ...         element = hb.Element([1.0], hb.Unilateral(k=5.0, gap=self.gap), name="stop")
+    ...         return hb.System([[1.0]], [[2 * self.zeta]], [[1.0]], [element], hb.Load(cosine={1: [0.2]}))
+    >>> Stop(gap=0.5).replace(zeta=0.1).parameters
+    {'zeta': 0.1, 'gap': 0.5}
     """
 
     labels: ClassVar[Mapping[str, str]] = {}
@@ -68,7 +92,7 @@ class Model(ABC):
         """Float fields by name: what a curve can be traced in besides Omega."""
         if not dataclasses.is_dataclass(self):
             return {}
-        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.type in ("float", float)}
+        return {name: getattr(self, name) for name in parameters_of(type(self))}
 
     def replace(self, /, **changes: Any) -> Self:
         """A copy with other field values; unknown names are refused.
@@ -78,10 +102,7 @@ class Model(ABC):
         KeyError
             If a name is not a field of the model.
         """
-        names = [f.name for f in dataclasses.fields(self) if f.init]  # type: ignore[arg-type]
-        for name in changes:
-            if name not in names:
-                raise KeyError(f"{type(self).__name__} has no parameter '{name}'{did_you_mean(name, names)}")
+        check_names(type(self), changes)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
 
@@ -108,6 +129,13 @@ class Element:
         If the direction is zero or not finite, or damping negative.
     TypeError
         If the law is no `Law`.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> stop = hb.Element(direction=[1, 0], law=hb.Unilateral(k=1.0, gap=1.0), name="stop")
+    >>> stop.name, stop.law.breakpoints
+    ('stop', (1.0,))
     """
 
     direction: ArrayLike
@@ -147,6 +175,14 @@ class Load:
     ------
     ValueError
         If a harmonic number is not a positive integer or a vector is not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> torque = hb.Load(constant=[1.0, 0.0], cosine={1: [0.2, 0.0]})
+    >>> unbalance = hb.Load(cosine={1: [1.0, 0.0]}, power=2)
+    >>> unbalance.power
+    2
     """
 
     constant: ArrayLike | None = None
@@ -225,6 +261,16 @@ class System(Model):
     ------
     ValueError
         If shapes do not fit or an entry is not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> stop = hb.Element([1, 0], hb.Unilateral(k=1.0, gap=1.0), name="stop")
+    >>> M, C, K = np.eye(2), 0.05 * np.eye(2), [[2, -1], [-1, 2]]
+    >>> two = hb.System(M, C, K, [stop], hb.Load(cosine={1: [0, 0.2]}), dof_names=["x", "y"])
+    >>> hb.HarmonicBalance(two, 8).size
+    17
     """
 
     M: Any
@@ -273,7 +319,7 @@ class System(Model):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Empty: a System is fixed; write a Model to continue in something else than Omega."""
+        """Empty: a System is fixed; a function that returns one is a model with parameters, see `hbgear.model`."""
         return {}
 
     def system(self) -> System:
@@ -298,7 +344,8 @@ class System(Model):
 def describe(model: Model) -> dict[str, Any]:
     """``{"class": name, "fields": {...}}`` of plain numbers, strings and lists, fit for JSON.
 
-    Fields that JSON cannot hold (the matrices of a `System`) are left out: such a model cannot be rebuilt.
+    Fields that JSON cannot hold (the matrices of a `System`) are left out: such a model cannot be rebuilt. Of a model
+    that is not of hbgear ``"from"`` says where it was written, for the eye of whoever reads the file.
     """
     fields: dict[str, Any] = {}
     for each in dataclasses.fields(model):  # type: ignore[arg-type]
@@ -309,4 +356,18 @@ def describe(model: Model) -> dict[str, Any]:
             fields[each.name] = json.loads(json.dumps(value))
         except TypeError:
             continue
-    return {"class": type(model).__name__, "fields": fields}
+    source = source_of(type(model))
+    return {"class": type(model).__name__, "fields": fields, **({"from": source} if source else {})}
+
+
+def source_of(cls: type) -> str:
+    """Where a class of models was written, as the command line takes it: FILE.py:NAME or MODULE:NAME; "" in hbgear.
+
+    Of a file its name without the folders, which are nobody else's business.
+    """
+    if cls.__module__.partition(".")[0] == "hbgear":
+        return ""
+    module = cls.__module__
+    if module == "__main__" or module.endswith(".py"):  # a script, or a file that was named on the command line
+        module = Path(getattr(sys.modules.get(module), "__file__", None) or module).name
+    return f"{module}:{cls.__qualname__}"

@@ -31,6 +31,13 @@ class Duffing(Model):
     ------
     ValueError
         If a value is not finite or zeta is negative.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(zeta=0.03), 5), "Omega", (0.8, 1.6))
+    >>> len(curve.jumps())
+    2
     """
 
     zeta: float = 0.05

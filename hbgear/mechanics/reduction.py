@@ -41,6 +41,18 @@ class Reduction:
     basis : (n, r) B, orthonormal in M.
     frequencies : (modes,) angular frequencies of the modes kept; those left out lie above the last.
     flexibility : (m, m) static flexibility between the elements of all modes left out, sum phi phi^T / w^2.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> n = 30
+    >>> K = n * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    >>> stop = hb.Element(np.eye(n)[n // 2], hb.Unilateral(k=0.5, gap=1.0))
+    >>> chain = hb.System(np.eye(n) / n, 0.001 * K, K, [stop], hb.Load(cosine={1: np.eye(n)[n // 2]}))
+    >>> small = hb.reduce(chain, modes=8)
+    >>> small.basis.shape[0], bool(small.error([1.0]).max() < 1e-3)
+    (30, True)
     """
 
     system: System
@@ -123,6 +135,18 @@ def reduce(model: Model, modes: int = 40) -> Reduction:
     ------
     ValueError
         If ``modes`` is out of its range, or M is not positive definite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> n = 30
+    >>> K = n * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    >>> stop = hb.Element(np.eye(n)[n // 2], hb.Unilateral(k=0.5, gap=1.0))
+    >>> chain = hb.System(np.eye(n) / n, 0.001 * K, K, [stop], hb.Load(cosine={1: np.eye(n)[n // 2]}))
+    >>> small = hb.reduce(chain, modes=8)
+    >>> len(small.system.M) < n
+    True
     """
     full = model.system()
     if isinstance(modes, bool) or not isinstance(modes, int | np.integer) or not 1 <= modes < full.n:

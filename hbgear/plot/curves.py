@@ -19,7 +19,9 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.replacing import replacing
-from hbgear.continuation.branch import Branch, Jump, Point
+from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
+from hbgear.continuation.events import Event
+from hbgear.harmonic.events import KINDS, named
 from hbgear.harmonic.landings import landings
 from hbgear.harmonic.observables import REGIMES, Layout, layout_of
 from hbgear.harmonic.speeds import MESH, PINION, common_scales, model_of, same_scales, scales, speeds_at
@@ -41,8 +43,14 @@ COLOURS = {"no_impact": "#1f4e8c", "single_sided": "#d9730d", "double_sided": "#
 LINES: dict[bool | None, tuple[Any, float]] = {True: ("-", 1.4), False: ("--", 1.2), None: ("-", 0.7)}
 
 
-MARKERS = {"LP": ("o", "fold (LP)"), "PD": ("D", "period doubling (PD)"), "NS": ("s", "Neimark-Sacker (NS)"),
-           "BP": ("P", "branch point (BP)"), "GR": ("x", "grazing (GR)"), "CP": ("*", "cusp (CP)")}  # fmt: skip
+def legend_entry(event: Event | SpecialPoint) -> str:
+    """What a legend says of a kind of special points: its meaning as far as a colon, and the kind."""
+    what = event.meaning.partition(":")[0]
+    return what if what == event.kind else f"{what} ({event.kind})"
+
+
+MARKERS = {kind: (event.marker, legend_entry(event)) for kind, event in KINDS.items()}
+"""Marker and entry of a legend of every kind of special point that hbgear knows itself; users' events bring theirs."""
 
 
 MEASURES = {"rms": "alternating rms", "pp2": "half peak-to-peak", "max": "largest magnitude", "mean": "mean"}
@@ -54,9 +62,6 @@ BRANCHES = ("#0072b2", "#d55e00", "#009e73", "#b3478c", "#000000", "#e69f00", "#
 
 WIDTHS = {"no_impact": 1.1, "single_sided": 2.0, "double_sided": 3.0, "unknown": 1.3}
 """Line widths of the regimes where the colour is the branch."""
-
-
-LABELLED = ("LP", "PD", "NS", "BP", "CP")
 
 
 FLOOR = 1e-6
@@ -115,6 +120,15 @@ def response(
     ------
     ValueError, KeyError
         If there is no such measure or element.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.response(curve, "pp2")
+    >>> len(axes.lines) > 0
+    True
     """
     from matplotlib.colors import is_color_like
 
@@ -167,6 +181,13 @@ def responses(
     ------
     ValueError, KeyError
         If there is no branch, not a name for each, or no such measure or element.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curves = [hb.trace(problem, "Omega", (0.8, 0.9), at={"F": F}) for F in (0.1, 0.2)]
+    >>> axes = hb.plot.responses(curves, names=["F = 0.1", "F = 0.2"])
     """
     if not branches:
         raise ValueError("no branch to draw")
@@ -198,6 +219,15 @@ def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
     """Axes above these of the speed of the pinion [r/min] and the mesh frequency [Hz].
 
     None are added if the model does not know its units, or the branches differ in what Omega = 1 is.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.DoubleHelicalPair(), 4)
+    >>> curve = hb.trace(pair, "Omega", (1.6, 1.5))
+    >>> axes = hb.plot.response(curve, speeds=False)
+    >>> [axis.get_xlabel() for axis in hb.plot.speed_axes(axes, [curve])]
+    ['speed of the pinion [r/min]', 'mesh frequency [Hz]']
     """
     return _scaled_axes(ax, common_scales(branches))
 
@@ -234,6 +264,12 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
     """Jump frequencies against a design parameter, several motions shaded, cusps marked with their value.
 
     Solid: the jump a sweep meets while Omega rises; dash-dotted: while it falls.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> jumps = hb.jump_map(hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2)
+    >>> axes = hb.plot.jump_map(jumps)
     """
     names = {1: (r"jump while $\Omega$ rises", "-"), -1: (r"jump while $\Omega$ falls", "-.")}
     own = ax is None
@@ -245,8 +281,8 @@ def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> 
             ax.plot(arm.values, arm.Omega, style, color=COLOURS["no_impact"], label=name)
         for cusp in jumps.cusps:
             x, y = cusp.parameters[jumps.parameter], cusp.parameters["Omega"]
-            marker, name = MARKERS["CP"]
-            ax.plot(x, y, marker, markersize=8, color="black", markerfacecolor="white", label=name, gid=cusp.label)
+            ax.plot(x, y, cusp.marker, markersize=8, color="black", markerfacecolor="white", label=legend_entry(cusp),
+                    gid=cusp.label)  # fmt: skip
             place = (x - jumps.span[0]) / (jumps.span[1] - jumps.span[0])
             side = "left" if place < 0.1 else "right" if place > 0.9 else "center"
             ax.annotate(f"{x:.5g}, {y:.4g}", (x, y), (0, 8), textcoords="offset points", fontsize=8, ha=side)
@@ -279,7 +315,15 @@ def _shade(ax: Axes, jumps: JumpMap) -> None:
 
 @checked_arguments()
 def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
-    """Motion of an element over its period, in periods of the excitation; thin lines at the corners of its law."""
+    """Motion of an element over its period, in periods of the excitation; thin lines at the corners of its law.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.time_history(curve["LP1"])
+    """
     layout, periods, d = _cycle(point, element)
     with _style():
         ax = _axes(ax, (4.2, 2.8))
@@ -300,6 +344,13 @@ def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) 
     ------
     ValueError
         If the point has no parameter Omega.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.phase_diagram(curve["LP1"])
     """
     layout, periods, d = _cycle(point, element)
     if "Omega" not in point.parameters:
@@ -336,6 +387,13 @@ def spectrum(
     log : amplitudes on a logarithmic axis, with decibels of the largest line on the right; else linear.
     floor : share of the largest line below which none is drawn on the logarithmic axis; the figure says so.
     model : if it knows its mesh frequency, axes above give the frequencies in Hz.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.spectrum(curve["LP1"])
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -389,6 +447,15 @@ def portrait(point: Point, element: int | str = 0, model: Model | None = None) -
     """Time history, phase diagram and spectrum of a point side by side.
 
     With the model the title tells the mesh frequency and the speed of the pinion too, if the model knows them.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> figure = hb.plot.portrait(curve["LP1"])
+    >>> len(figure.axes)
+    3
     """
     import matplotlib.pyplot as plt
 
@@ -411,6 +478,15 @@ def save(drawing: Axes | Figure, path: str | os.PathLike[str], dpi: int = 200) -
     ------
     ValueError
         If the path ends in something else.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import os, tempfile
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     hb.plot.save(hb.plot.response(curve), os.path.join(folder, "curve.png"))
+    ...
     """
     import matplotlib
 
@@ -549,24 +625,26 @@ def _marks(ax: Axes, branch: Branch, measure: str, element: int | str, numbered:
 
     labels = labels_of(ax)
     labels.curves += 1
-    for point in branch.special:
-        marker, name = MARKERS.get(point.kind, ("+", point.kind))
+    for point in map(named, branch.special):
         x, height = point.parameters[branch.parameter], point.amplitude(measure, element)
         (line,) = ax.plot(
-            x, height, marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black", markeredgewidth=0.9,
-            label=name, zorder=4, gid=point.label,
+            x, height, point.marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black",
+            markeredgewidth=0.9, label=legend_entry(point), zorder=4, gid=point.label,
         )  # fmt: skip
         around = branch.values[max(point.index - 1, 0) : point.index + 2]
         side = (1 if point.kind != "LP" or x >= around.mean() else -1, 0)
         text = f"{point.label} ({labels.curves})" if numbered else point.label
-        labels.add(line, labels.curves, point.kind, text, point.kind in LABELLED, side)
+        labels.add(line, labels.curves, point.kind, text, point.kind != "GR", side)
 
 
 def _legend(ax: Axes, outside: bool = False) -> None:
     """One entry for each colour, width, style and symbol that occurs on the axes; if so asked, beside them."""
     from matplotlib.lines import Line2D
 
-    ranks = [*map(_words, REGIMES), "unstable", *(name for _, name in MARKERS.values())]
+    from hbgear.plot.labels import labels_of
+
+    events = [str(mark.line.get_label()) for mark in labels_of(ax).marks]
+    ranks = [*map(_words, REGIMES), "unstable", *(name for _, name in MARKERS.values()), *events]
     entries: dict[str, Line2D] = {}
     for line in ax.lines:
         curve, label = str(line.get_gid()).startswith("branch"), str(line.get_label())
@@ -610,9 +688,9 @@ def _enlarge(ax: Axes, branch: Branch, amplitude: Array, element: int | str, col
     ax.add_patch(_frame(ax, spot))  # legends keep clear of patches
     zoomed = ax.inset_axes((*spot, *_INSET), label="inset")
     _curve(zoomed, branch, amplitude, element, color, None)
-    for point in branch.special:
+    for point in map(named, branch.special):
         at = (point.parameters[branch.parameter], float(amplitude[point.index]))
-        zoomed.plot(*at, MARKERS.get(point.kind, ("+", ""))[0], markersize=4.0, markerfacecolor="white",
+        zoomed.plot(*at, point.marker, markersize=4.0, markerfacecolor="white",
                     markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
     rows = slice(first, last + 1)
     for values, limits in ((branch.values[rows], zoomed.set_xlim), (amplitude[rows], zoomed.set_ylim)):

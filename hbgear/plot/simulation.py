@@ -70,6 +70,13 @@ def sweeps(
     ------
     ValueError, KeyError
         If there is nothing to draw, the parameters differ, or there is no such measure or element.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from hbgear.plot import simulation
+    >>> up = hb.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
+    >>> axes = simulation.sweeps([up])
     """
     if not found:
         raise ValueError("no sweep to draw")
@@ -132,6 +139,13 @@ def bifurcation(
     ------
     ValueError, KeyError
         If there is nothing to draw, or no such element.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from hbgear.plot import simulation
+    >>> up = hb.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
+    >>> axes = simulation.bifurcation([up])
     """
     if not found:
         raise ValueError("no sweep to draw")
@@ -164,7 +178,14 @@ def bifurcation(
 
 @checked_arguments()
 def basins(found: Basins, ax: Axes | None = None) -> Axes:
-    """Starts coloured by the attractor they lead to, with the Poincare points of the attractors."""
+    """Starts coloured by the attractor they lead to, with the Poincare points of the attractors.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from hbgear.plot import simulation
+    >>> axes = simulation.basins(hb.basins(hb.Duffing(zeta=0.2), 1.0, shape=(2, 2)))
+    """
     from matplotlib.colors import ListedColormap
 
     count = len(found.attractors)
@@ -198,6 +219,13 @@ def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure
     """The checked points on the curve, numbered along it, and below the differences of each from time integration.
 
     Points that agree only with more harmonics than the curve has are told apart, and so is how well they do then.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from hbgear.plot import simulation
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 7), "Omega", (0.8, 0.9))
+    >>> figure = simulation.validation(hb.validate(curve, 1), curve)
     """
     import matplotlib.pyplot as plt
 

@@ -50,6 +50,18 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
     ------
     ValueError
         If no curve was kept.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from hbgear.plot import study
+    >>> scatter = hb.grid(zeta=[0.04, 0.05, 0.06])
+    >>> what = ("peak", "jumps", "curve")
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> axes = study.envelope(found)
     """
     Omega = np.linspace(min(found.work.span), max(found.work.span), points)
     swept = {direction: swept_cases(found, Omega, direction) for direction in (1, -1)}
@@ -92,6 +104,20 @@ def percentiles(found: Cases, Omega: Array, direction: int = 1) -> Array:
     ------
     ValueError
         If no curve was kept.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from hbgear.plot import study
+    >>> scatter = hb.grid(zeta=[0.04, 0.05, 0.06])
+    >>> what = ("peak", "jumps", "curve")
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> study.percentiles(found, np.array([0.9, 1.0])).shape
+    (5, 2)
     """
     return _percentiles(swept_cases(found, Omega, direction).amplitude)
 
@@ -167,6 +193,18 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
     ------
     ValueError
         If jumps were not computed.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from hbgear.plot import study
+    >>> scatter = hb.grid(zeta=[0.04, 0.05, 0.06])
+    >>> what = ("peak", "jumps", "curve")
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> axes = study.jump_distribution(found)
     """
     if "jump_rising" not in found.table:
         raise ValueError("there are no jump frequencies; compute them: compute=('jumps',)")
@@ -205,6 +243,18 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
     ------
     ValueError
         If no parameter that varies is a number, or there is nothing to draw.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from hbgear.plot import study
+    >>> scatter = hb.grid(zeta=[0.04, 0.05, 0.06])
+    >>> what = ("peak", "jumps", "curve")
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> figure = study.against_parameters(found)
     """
     names = [name for name in found.names if np.issubdtype(found.table[name].dtype, np.number)]
     rows = _rows(found)
@@ -233,7 +283,21 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
 
 @checked_arguments()
 def figures(found: Cases) -> dict[str, Any]:
-    """Each figure there is something to draw for, by name: envelope, jump_distribution, against_parameters."""
+    """Each figure there is something to draw for, by name: envelope, jump_distribution, against_parameters.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from hbgear.plot import study
+    >>> scatter = hb.grid(zeta=[0.04, 0.05, 0.06])
+    >>> what = ("peak", "jumps", "curve")
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> sorted(study.figures(found))
+    ['against_parameters', 'envelope', 'jump_distribution']
+    """
     drawn: dict[str, Any] = {}
     for draw in (envelope, jump_distribution, against_parameters):
         try:

@@ -16,7 +16,7 @@ from hbgear.mechanics.doubts import of_model
 from hbgear.mechanics.fourier import evaluate
 from hbgear.mechanics.model import Model
 from hbgear.timedomain.exponential import Flight, Stepper
-from hbgear.timedomain.settle import _LONG, Settling, _settle_into, _unsettled
+from hbgear.timedomain.settle import OBSERVED, Settling, settle_into, unsettled
 from hbgear.timedomain.sweep import Observation, Progress, observe
 
 _MOST_STARTS = 250_000  # integrated at once
@@ -87,6 +87,13 @@ def basins(
         If the model has more coordinates, a range is empty or not finite, or there are no starts or too many.
     KeyboardInterrupt
         If Ctrl-C comes before any motion has settled.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> found = hb.basins(hb.Duffing(zeta=0.2), 1.0, shape=(2, 2))
+    >>> found.label.shape
+    (2, 2)
     """
     system = model.system()
     if system.n != 1 or len(system.elements) != 1:
@@ -111,9 +118,9 @@ def basins(
         if progress:
             progress(settled / count, f"{settled} of {count} motions settled after {periods} periods")
 
-    how, ending, done = _unsettled(count, settling), Ending(message="all starts were followed"), np.arange(count)
+    how, ending, done = unsettled(count, settling), Ending(message="all starts were followed"), np.arange(count)
     try:
-        _settle_into(how, stepper, flight, settling, report)
+        settle_into(how, stepper, flight, settling, report)
     except (Exception, KeyboardInterrupt) as error:
         done = np.flatnonzero(how.period)
         if not done.size:
@@ -147,7 +154,7 @@ def _sort(stepper: Stepper, flight: Flight, period: np.ndarray) -> tuple[np.ndar
         if number[i] >= 0:
             continue
         k = int(period[i])
-        seen = observe(stepper, flight.select(np.array([i])), k or _LONG)
+        seen = observe(stepper, flight.select(np.array([i])), k or OBSERVED)
         near = np.abs((y[:, None] - seen.points[:, 0]) / scale).max(axis=-1).min(axis=1) < 1e-3
         number[np.where(k > 0, near & (period == k), period == 0)] = len(found)
         number[i] = len(found)

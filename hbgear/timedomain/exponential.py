@@ -137,9 +137,11 @@ class Flight:
     piece: Integers
 
     def select(self, rows: Integers) -> Flight:
+        """Some of the motions."""
         return Flight(self.zeta[rows], self.d[rows], self.v[rows], self.piece[rows])
 
     def put(self, rows: Integers, other: Flight) -> None:
+        """Replace some of the motions."""
         for name in ("zeta", "d", "v", "piece"):
             getattr(self, name)[rows] = getattr(other, name)
 

@@ -103,6 +103,13 @@ def integrate(
     ------
     ValueError
         If there is no such method, a number is out of its range, or the states do not fit the model.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> motion = hb.integrate(hb.Duffing(), [0.0, 0.0], 2, 1.0)
+    >>> motion.d.shape
+    (1, 512)
     """
     if method != "exponential" and method not in METHODS:
         raise ValueError(f"no method '{method}'{did_you_mean(method, (*METHODS, 'exponential'))}")

@@ -20,16 +20,11 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import checked, counted
 from hbgear.timedomain.exponential import Flight, Stepper, modal_state
 
-_WINDOW = 8  # periods over which the rate of approach is judged, twice
+WINDOW = 8
+"""Periods over which the rate of approach is judged, twice."""
 
-
-_LONG = 128  # periods a motion that is not periodic is observed for
-
-
-_PATIENCE = 400  # periods after which a motion that has not settled is tested for chaos
-
-
-_CHAOTIC = 0.02  # growth of a disturbance per period, as a logarithm, above which a motion is called chaotic
+OBSERVED = 128
+"""Periods a motion that is not periodic is observed for."""
 
 
 @dataclass(frozen=True)
@@ -84,31 +79,32 @@ def settle(
 
     ``progress(periods, settled)`` is called now and then.
     """
-    out = _unsettled(len(flight.d), settling)
-    _settle_into(out, stepper, flight, settling, progress)
+    out = unsettled(len(flight.d), settling)
+    settle_into(out, stepper, flight, settling, progress)
     return out
 
 
-def _unsettled(count: int, settling: Settling) -> Settled:
+def unsettled(count: int, settling: Settling) -> Settled:
+    """What is known of motions before they are integrated."""
     none = np.zeros(count, dtype=int)
     return Settled(none, np.full(count, settling.longest), np.full(count, np.nan), none.copy())
 
 
-def _settle_into(
+def settle_into(
     out: Settled, stepper: Stepper, flight: Flight, settling: Settling, progress: Callable[[int, int], None] | None
 ) -> None:
     """`settle`, noting each motion in out once it is settled: if this is interrupted, those and their places hold."""
     B = len(flight.d)
-    weights = _weights(stepper)
+    weights = mode_weights(stepper)
     going, part, here = np.arange(B), stepper, flight
     past: list[ComplexArray] = []  # strobed states, the latest first
     gaps: list[Array] = []  # D_k (K, B) of the last periods, the latest first
     size = np.linalg.norm(weights * stepper.land(flight), axis=-1)
     for p in range(settling.longest + 1):
         x = weights * here.zeta
-        gaps = [_gaps(x, past, settling.periods), *gaps[: 2 * _WINDOW - 1]]
+        gaps = [_gaps(x, past, settling.periods), *gaps[: 2 * WINDOW - 1]]
         past = [x, *past[: settling.periods - 1]]
-        if p % 4 == 0 and p >= 2 * _WINDOW + 1:
+        if p % 4 == 0 and p >= 2 * WINDOW + 1:
             if p < 50:  # a start at rest says nothing of the size
                 size = np.maximum(size, np.linalg.norm(weights * part.land(here), axis=-1))
             period, left, guess = _judge(np.array(gaps), size, settling)
@@ -131,7 +127,7 @@ def _settle_into(
     flight.put(going, here)
 
 
-def _weights(stepper: Stepper) -> Array:
+def mode_weights(stepper: Stepper) -> Array:
     """Size of the motion each mode stands for, in coordinates scaled by the root of their mass: (rows or 1, r)."""
     each = []
     for structure in stepper.structures:
@@ -155,9 +151,9 @@ def _judge(gaps: Array, size: Array, settling: Settling) -> tuple[np.ndarray, Ar
     gaps (2 windows, K, B), the latest first.
     """
     k = np.arange(1, gaps.shape[1] + 1)[:, None]
-    new, old = gaps[:_WINDOW].max(axis=0), gaps[_WINDOW:].max(axis=0)
+    new, old = gaps[:WINDOW].max(axis=0), gaps[WINDOW:].max(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        rho = np.minimum((new / old) ** (1.0 / _WINDOW), 1.0)
+        rho = np.minimum((new / old) ** (1.0 / WINDOW), 1.0)
         left = np.where(np.isfinite(new) & (rho < 1), new / (1 - rho**k), np.inf) / size
     left[new <= 1e-14 * size] = 0.0
     settled = left <= settling.tolerance
@@ -179,7 +175,7 @@ def lyapunov(stepper: Stepper, flight: Flight, periods: int = 400) -> float:
     The first quarter of the periods, in which the disturbance turns to the direction that grows fastest, is left out.
     The flight itself is not changed.
     """
-    weights, structure = _weights(stepper), stepper.structures[0]
+    weights, structure = mode_weights(stepper), stepper.structures[0]
     pair = flight.select(np.array([0, 0]))
     small = 1e-8 * (float(np.linalg.norm(weights * stepper.land(flight)[0])) or 1.0)
     delta = modal_state(structure, np.ones(2 * structure.n))

@@ -114,6 +114,13 @@ def shoot(
         If nu is below 1, the guess does not fit, or the tolerance is beyond the integrator.
     NoConvergence
         If Newton does not close the period; it carries the last state and the closures.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> orbit = hb.shoot(hb.Duffing(), 0.5, [0.2, 0.0])
+    >>> orbit.multipliers.shape
+    (2,)
     """
     counted("nu", nu, 1000)
     counted("max_iterations", max_iterations)

@@ -33,13 +33,19 @@ from hbgear.mechanics.doubts import of_model
 from hbgear.mechanics.fourier import to_real
 from hbgear.mechanics.model import Model
 from hbgear.timedomain.exponential import Flight, Stepper, modal_state
-from hbgear.timedomain.settle import _CHAOTIC, _LONG, _PATIENCE, _WINDOW, Settled, Settling, _weights, lyapunov, settle
+from hbgear.timedomain.settle import OBSERVED, WINDOW, Settled, Settling, lyapunov, mode_weights, settle
 
 Progress = Callable[[float, str], None]
 
 
 HARMONICS = 16
 """Harmonics of the excitation that are kept of each settled motion."""
+
+
+_PATIENCE = 400  # periods after which a motion that has not settled is tested for chaos
+
+
+_CHAOTIC = 0.02  # growth of a disturbance per period, as a logarithm, above which a motion is called chaotic
 
 
 _JUMP_IN_CHAOS = 0.2  # the same where a motion is not periodic, its amplitude then fluctuates
@@ -241,6 +247,13 @@ def sweep(
     ValueError, KeyError
         If the grid is empty or not finite, the direction or a parameter unknown, Omega missing or not positive, or the
         disturbance not from 0 to 1.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> up = hb.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
+    >>> up.values.tolist(), len(up.jumps)
+    ([0.5, 0.6], 0)
     """
     held = dict(at or {})
     return _Sweeper(model, grid, direction, parameter, held, start, settling, disturbance, steps, progress).run()
@@ -319,16 +332,16 @@ class _Sweeper:
         flight = self._disturbed(stepper, stepper.start(state))
         how, exponent = self._wait(stepper, flight)
         period = int(how.period[0])
-        seen = observe(stepper, flight, period or _LONG)
+        seen = observe(stepper, flight, period or OBSERVED)
         self.found.append((float(value), seen, how, exponent))
         states: Array = stepper.states(flight)[0]
         return states
 
     def _disturbed(self, stepper: Stepper, flight: Flight) -> Flight:
         """The motion a little beside; the same little in every run."""
-        weights, structure = _weights(stepper), stepper.structures[0]
+        weights, structure = mode_weights(stepper), stepper.structures[0]
         if not self.found:  # a start at rest has no size yet
-            stepper.advance(flight, _WINDOW)
+            stepper.advance(flight, WINDOW)
         z = stepper.land(flight)
         beside = modal_state(structure, self.random.standard_normal(2 * structure.n))
         size = np.linalg.norm(weights * z) / np.linalg.norm(weights * beside)
@@ -361,7 +374,7 @@ class _Sweeper:
         stepper = self._stepper(self.values[i - 1])
         flight = stepper.start(state)
         how = settle(stepper, flight, self.settling)
-        back = observe(stepper, flight, int(how.period[0]) or _LONG)
+        back = observe(stepper, flight, int(how.period[0]) or OBSERVED)
         if np.abs(back.rms - rms[-2]).max() > 0.2 * change[-1]:
             interval = (float(self.values[i - 1]), float(self.values[i]))
             self.jumps.append(SweepJump(self.parameter, interval, rms[-2], rms[-1]))

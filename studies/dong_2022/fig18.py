@@ -24,8 +24,10 @@ Results = dict[str, Any]
 
 
 def run(quick: bool = False) -> Results:
-    """``speeds``, ``lengths``, and ``gaps`` by (mapping, entry): motions with each backlash, with the error kept in um
-    with the first and the last only. The quick form has two backlashes and three speeds."""
+    """``speeds``, ``lengths``, and ``gaps`` by (mapping, entry): motions with each backlash.
+
+    With the error kept in um those of the first and the last only. The quick form has two backlashes and three speeds.
+    """
     steep = np.arange(1055.0, 1075.0, 0.5)  # the rise beside the cusp
     full = np.unique(np.concatenate([np.arange(400.0, 1400.1, 10.0), steep]))
     speeds = np.array([400.0, 500.0, 600.0]) if quick else full

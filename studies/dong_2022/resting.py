@@ -8,7 +8,7 @@ import numpy as np
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.continuation.branch import REGIMES
+from hbgear.harmonic.observables import REGIMES
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import hbgear as hb
-from hbgear.continuation import newton
+from hbgear.continuation.algebra import all_bordered
 from studies import study
 from studies.speed.batched import Batch
 from studies.speed.profile import TOGETHER, Counted
@@ -88,7 +88,7 @@ def jobs(name: str, sizes: tuple[int, ...]) -> dict[tuple[int, str], Callable[[f
     each = [(alone.linearise_all(X[some], Omega[some]), normal[some], rhs[some, :, None]) for some in strides]
     out: dict[tuple[int, str], Callable[[float], Any]] = {
         (0, "evaluation"): lambda f: [alone.linearise_all(X[some], f * Omega[some]) for some in strides],
-        (0, "solution"): lambda f: [np.linalg.solve(newton.all_bordered(now, n), b) for now, n, b in each],
+        (0, "solution"): lambda f: [np.linalg.solve(all_bordered(now.dR_dX, now.dR_dp, n), b) for now, n, b in each],
     }
     for B in sizes:
         batch, turns = Batch(problems[:B]), range(count // B)
@@ -96,7 +96,7 @@ def jobs(name: str, sizes: tuple[int, ...]) -> dict[tuple[int, str], Callable[[f
         x, w = X[:B], Omega[:B]
         out[B, "evaluation"] = partial(_repeat, turns, lambda f, batch=batch, x=x, w=w: batch.linearise(x, f * w))
         out[B, "solution"] = partial(
-            _repeat, turns, lambda f, now=now, n=n, b=b: np.linalg.solve(newton.all_bordered(now, n), b)
+            _repeat, turns, lambda f, now=now, n=n, b=b: np.linalg.solve(all_bordered(now.dR_dX, now.dR_dp, n), b)
         )
     return out
 

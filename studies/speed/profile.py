@@ -33,7 +33,7 @@ CASES = {"duffing": "Duffing\n$H=7$", "spur": "spur pair\n$H=10$", "chain10": "c
 PARTS = {"receptances": study.PURPLE, "forces of the laws": study.ORANGE, "assembly of the equations": "#e8c27a",
          "corrector": study.BLUE, "predictor, step control": "#9db9dd", "truncation, regime": "#9fcbb0",
          "stability": study.GREEN, "special points, jumps": "#b8423a", "all else": study.GREY}  # fmt: skip
-TOGETHER = hb.Steps().ahead
+TOGETHER = hb.StepControl().batch
 """Rows of one problem that a trace seeks together."""
 
 SUPPORTS = (1, 2, 3, 4, 5)
@@ -139,7 +139,8 @@ def iteration(name: str, branch: hb.Branch, together: int) -> tuple[float, float
     evaluation, solution = [], []
     for first in range(0, len(branch) - together, together):
         X, Omega = branch.X[first : first + together], branch.values[first : first + together]
-        A = all_bordered(balance.linearise_all(X, Omega), np.append(0 * X[0], 1.0))
+        now = balance.linearise_all(X, Omega)
+        A = all_bordered(now.dR_dX, now.dR_dp, np.append(0 * X[0], 1.0))
         fresh = iter(1 + 1e-12 * np.arange(5))  # a frequency that is not kept from the last call
         evaluation.append(seconds(lambda X=X, w=Omega, f=fresh: balance.linearise_all(X, next(f) * w), 4) / together)
         solution.append(seconds(lambda A=A[0]: solve_linear(A, A[:, 0]), 4))

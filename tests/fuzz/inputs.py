@@ -108,7 +108,7 @@ SYSTEM: Pool = {
 
 RECORDS = {
     "Branch", "Cases", "Critical", "Jump", "JumpMap", "Point", "Reduction", "SpecialPoint", "Survey", "Law", "Model",
-    "NoConvergence", "NoFold", "Status", "plot", "__version__",
+    "NoConvergence", "NoFold", "Evaluation", "Evaluations", "Unlikely", "model", "Status", "plot", "__version__",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
 
@@ -179,7 +179,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target("System", hb.System, SYSTEM, 3, _traced),
         Target("Settings", hb.Settings, {}),
-        Target("Steps", hb.StepControl, {}, 2),
+        Target("StepControl", hb.StepControl, {}, 2),
         Target("Settling", Settling, {}),
         *(Target(cls.__name__, cls, {}, 4, _traced) for cls in (hb.Duffing, hb.SpurPair, hb.GearRotorBearing)),
         Target("DoubleHelicalPair", hb.DoubleHelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),
@@ -267,6 +267,20 @@ def targets() -> tuple[Target, ...]:
             },
             2,
         ),
+        Target(
+            "follow",
+            hb.follow,
+            {"branch": [gears], "point": _is("LP1", "GR1"), "parameter": _is("zeta"), "span": _is((0.05, 0.06))},
+            1,
+        ),
+        Target("extend", hb.extend, {"branch": [curve, gears], "span": _is((0.5, 1.6)), "problem": _is(None)}, 1),
+        Target(
+            "Event",
+            hb.Event,
+            {"kind": _is("limit"), "test": _is(lambda point: point.amplitude("max") - 2.0), "terminal": _is(False)},
+            0.5,
+        ),
+        Target("Range", hb.Range, {"low": _is(0.0), "high": _is(1.0)}, 0.3, free=frozenset({"low", "high"})),
         Target(
             "peaks",
             hb.peaks,

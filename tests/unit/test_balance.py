@@ -342,7 +342,7 @@ def evaluated(**parameters):
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: HarmonicBalance("duffing"), TypeError, r"needs a model .* got str"),
+        (lambda: HarmonicBalance("duffing"), TypeError, r"needs a model, .*; got 'duffing'"),
         (lambda: HarmonicBalance(Duffing(), 0), ValueError, "harmonics = 0 must be a whole number of at least 1"),
         (lambda: HarmonicBalance(Duffing(), 2.5), ValueError, "harmonics = 2.5"),
         (lambda: HarmonicBalance(Duffing(), 3, nu=0), ValueError, "nu = 0"),

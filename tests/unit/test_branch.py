@@ -30,7 +30,7 @@ def make(nu=1, H=3, **changes):
     error[2] = NAN
 
     def fields(i, label=""):
-        parameters = {"zeta": 0.1 + 0.2, "Omega": 1 / 3 + i, "F_m": 0.1 * i}
+        parameters = {"zeta": 0.1 + 0.2, "F_m": 0.1 * i, "Omega": 1 / 3 + i}
         row = None if mu is None else mu[i]
         return X[i].copy(), parameters, 1e-13 / 3, 4, row, np.array([1, 0], np.int8), NAN, layout, label
 
@@ -364,7 +364,7 @@ def test_newer_schema_says_upgrade(tmp_path, monkeypatch):
     monkeypatch.setattr(npz, "SCHEMA", npz.SCHEMA + 1)
     make().save(tmp_path / "b.npz")
     monkeypatch.undo()
-    with pytest.raises(ValueError, match=r"has schema 2, this hbgear reads up to 1; upgrade"):
+    with pytest.raises(ValueError, match=r"has schema 3, this hbgear reads up to 2; upgrade"):
         load(tmp_path / "b.npz")
 
 

@@ -256,7 +256,8 @@ def test_linear_algebra_has_one_thread_while_tracing(run, monkeypatch):
 
 
 def test_help_is_quick_to_import():
-    code = "import sys\ntry:\n    from hbgear.cli.app import main; main([])\nfinally:\n    print('matplotlib' in sys.modules)"
+    lines = ["import sys", "from hbgear.cli.app import main", "try:", "    main([])", "finally:"]
+    code = "\n".join([*lines, "    print('matplotlib' in sys.modules)"])
     out = shell("-c", code)
     assert out.returncode == 0 and "trace" in out.stdout and out.stdout.endswith("False\n")
 
@@ -326,11 +327,11 @@ def refused(run, args, *words):
         ("trace duffing --set zeta=0.1 --set zeta=0.2", ["already given as 0.1"]),
         ("trace spur-pair --set eps=0.1,x", ["eps=x", "finite number"]),
         ("trace spur-pair --set e=0.1,,0.2", ["e=0.1,,0.2", "a number is missing between two commas"]),
-        ("trace spur-pair --parameter b --at Omega=0.6 --from 1 --to -1", ["b must not be negative"]),
+        ("trace spur-pair --in b=1:-1 --at Omega=0.6", ["b must not be negative"]),
         ("trace duffing --harmonics 1000000000", ["unknowns", "at most"]),
         ("trace duffing --samples 1000000000000", ["samples", "at most"]),
-        ("map spur-pair --in b --from -1 --to 1", ["b must not be negative"]),
-        ("map spur-pair --in b --from 0.5 --to 1 --seeds 1000000000", ["seeds", "more than 1,000"]),
+        ("map spur-pair --in b=-1:1", ["b must not be negative"]),
+        ("map spur-pair --in b=0.5:1 --seeds 1000000000", ["seeds", "more than 1,000"]),
         ("survey duffing --places 1000000000000", ["frequencies", "more than"]),
         ("survey duffing --guesses 1000000000000", ["guesses", "more than"]),
         ("trace spur-pair --set phase=tan", ["'tan'", "'cos' or 'sin'"]),
@@ -343,7 +344,7 @@ def refused(run, args, *words):
         ("trace duffing --samples 0", ["--samples", "1"]),
         ("trace duffing --samples many", ["--samples", "integer"]),
         ("trace duffing --from 1 --to 1", ["is empty", "two different values of Omega"]),
-        ("trace duffing --from 1.2 --to -0.5", ["Omega must stay positive"]),
+        ("trace duffing --from 1.2 --to -0.5", ["Omega must be positive"]),
         ("trace duffing --from nan", ["must be finite"]),
         ("trace duffing --parameter F --at Omega=1 --to 1", ["--parameter F --from A --to B is now --in F=A:B"]),
         ("trace duffing --in F --at Omega=1", ["--in F", "such as --in F=0.02:0.08"]),

@@ -1,11 +1,22 @@
 """Events of users: located, labelled, saved, listed, drawn, usable as starts and followed in a second parameter."""
 
+import csv
+import pickle
+import re
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.io import loadmat
 
 import hbgear as hb
+from hbgear.cli.app import main
+from hbgear.continuation.events import RESERVED, BranchPoint, Cusp, is_marker
+from hbgear.harmonic.events import KINDS, Merging, NeimarkSacker
 
-LIMIT = hb.Event("limit", lambda point: point.amplitude("max") - 2.0, "two half backlashes", marker="*")
+LIMIT = hb.Event("limit", lambda point: point.amplitude("max") - 1.3, "the largest deflection is 1.3", marker="*")
 
 
 @pytest.fixture(scope="module")
@@ -17,8 +28,8 @@ def test_located_and_labelled(curve):
     points = [point for point in curve.special if point.kind == "limit"]
     assert [point.label for point in points] == ["limit1", "limit2"]
     for point in points:
-        assert point.located and point.meaning == "two half backlashes" and point.marker == "*"
-        assert point.amplitude("max") == pytest.approx(2.0, abs=1e-9)
+        assert point.located and point.meaning == "the largest deflection is 1.3" and point.marker == "*"
+        assert point.amplitude("max") == pytest.approx(1.3, abs=1e-9)
         low, high = sorted(point.interval)
         assert low <= point.parameters["Omega"] <= high
     alone = hb.trace(curve.problem, "Omega", (1.2, 0.6))
@@ -26,7 +37,7 @@ def test_located_and_labelled(curve):
 
 
 def test_every_crossing_between_rows_is_found(curve):
-    size = curve.amplitude("max") - 2.0
+    size = curve.amplitude("max") - 1.3
     assert sum(size[:-1] * size[1:] < 0) <= 2 == sum(point.kind == "limit" for point in curve.special)
 
 
@@ -34,7 +45,7 @@ def test_saved_and_loaded(curve, tmp_path):
     curve.save(tmp_path / "curve.npz")
     again = hb.load(tmp_path / "curve.npz")
     point = again["limit1"]
-    assert (point.meaning, point.marker) == ("two half backlashes", "*")
+    assert (point.meaning, point.marker) == ("the largest deflection is 1.3", "*")
     assert point.amplitude("max") == curve["limit1"].amplitude("max")
 
 
@@ -44,20 +55,192 @@ def test_a_start(curve):
 
 
 def test_followed_in_a_second_parameter(curve):
-    """Where the largest deflection stays two: the frequency as a function of the damping, against fresh traces."""
-    problem = curve.problem
-    level = LIMIT.equations(problem, "Omega", curve["limit1"])
-    held = hb.trace(level, "zeta", (0.05, 0.06), start=curve["limit1"])
+    """Where the largest deflection stays 1.3: the frequency as a function of the damping, against fresh traces."""
+    held = hb.follow(curve, "limit1", "zeta", (0.05, 0.052))
     assert held.status is hb.Status.REACHED_END
-    np.testing.assert_allclose(held.amplitude("max"), 2.0, atol=1e-9)
-    fresh = hb.trace(problem, "Omega", (1.2, 0.6), at={"zeta": 0.06}, events=[LIMIT])
-    nearest = min((p.parameters["Omega"] for p in fresh.special if p.kind == "limit"),
-                  key=lambda Omega: abs(Omega - held.tracked["Omega"][-1]))  # fmt: skip
-    assert held.tracked["Omega"][-1] == pytest.approx(nearest, abs=1e-9)
+    np.testing.assert_allclose(held.amplitude("max"), 1.3, atol=1e-9)
+    fresh = hb.trace(curve.problem, "Omega", (1.2, 0.6), at={"zeta": 0.052}, events=[LIMIT])
+    assert held.tracked["Omega"][-1] == pytest.approx(fresh["limit1"].parameters["Omega"], abs=1e-9)
+
+
+def values_of(branch):
+    return branch.values, branch.tracked["Omega"], branch.X
+
+
+@pytest.mark.parametrize(
+    ("label", "equations"),
+    [
+        ("LP1", lambda p, curve: hb.Fold(p, "Omega")),
+        ("GR1", lambda p, curve: hb.Grazing(p, "Omega", p.clearance_names.index(curve["GR1"].note))),
+    ],
+)
+def test_follow_is_the_trace_of_the_equations(curve, label, equations):
+    span = (0.05, 0.055)
+    followed = hb.follow(curve, label, "zeta", span)
+    traced = hb.trace(equations(curve.problem, curve), "zeta", span, start=curve[label])
+    for one, other in zip(values_of(followed), values_of(traced), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_follow_a_doubling_and_a_peak(curve):
+    problem = hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 6)
+    doubled = hb.trace(problem, "Omega", (2.2, 1.7))
+    followed = hb.follow(doubled, "PD1", "zeta", (0.05, 0.052))
+    mu = problem.multipliers(followed.X[-1], **followed.parameters_at(-1))
+    assert abs(mu + 1).min() < 1e-3
+    for measure in ("rms", "H2"):
+        peak = hb.peaks(curve, measure)[0]
+        held = hb.follow(curve, peak, "zeta", (0.05, 0.055))
+        fresh = hb.trace(curve.problem, "Omega", (1.2, 0.6), at={"zeta": 0.055})
+        top = hb.peaks(fresh, measure)[0].parameters["Omega"]
+        assert held.tracked["Omega"][-1] == pytest.approx(top, abs=1e-9)
+
+
+def test_what_cannot_be_followed(curve, tmp_path):
+    flip = hb.Event("flip", lambda point: abs(point.multipliers[0]) - 1.0)
+    with pytest.raises(ValueError, match="'flip' cannot be followed: its test must use no more of a point than"):
+        flip.equations(curve.problem, "Omega", curve["LP1"])
+    with pytest.raises(ValueError, match=r"PK1 \(peak of an amplitude\) cannot be followed"):
+        hb.follow(curve, hb.peaks(curve, "pp2")[0], "zeta", (0.05, 0.06))
+    for kind in (BranchPoint, NeimarkSacker, Cusp, Merging):
+        point = replace(curve["LP1"], kind=kind.kind, label=f"{kind.kind}1", meaning=kind.meaning, event=kind())
+        with pytest.raises(ValueError, match=f"{kind.kind}1 .* cannot be followed in a second parameter"):
+            hb.follow(curve, point, "zeta", (0.05, 0.06))
+    folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.051))
+    with pytest.raises(ValueError, match="the branch is one of special points already"):
+        hb.follow(folds, curve["LP1"], "F_m", (0.1, 0.11))
+    with pytest.raises(TypeError, match="need the label of a special point"):
+        hb.follow(curve, 3, "zeta", (0.05, 0.06))
+    with pytest.raises(ValueError, match="event 'other' did not locate limit1"):
+        hb.follow(curve, "limit1", "zeta", (0.05, 0.06), event=hb.Event("other", LIMIT.test))
+
+
+def test_a_loaded_curve_knows_the_events_of_its_problem_and_needs_yours(curve, tmp_path):
+    curve.save(tmp_path / "curve.npz")
+    with pytest.raises(ValueError, match="following needs the problem"):
+        hb.follow(hb.load(tmp_path / "curve.npz"), "LP1", "zeta", (0.05, 0.051))
+    again = hb.load(tmp_path / "curve.npz", curve.problem)
+    for label, options in (("LP1", {}), ("limit1", {"event": LIMIT})):
+        one, other = (hb.follow(c, label, "zeta", (0.05, 0.051), **options) for c in (curve, again))
+        np.testing.assert_array_equal(one.X, other.X)
+    with pytest.raises(ValueError, match=r"limit1 has lost the event that located it.*give event="):
+        hb.follow(again, "limit1", "zeta", (0.05, 0.051))
+
+
+OLD = Path(__file__).parents[1] / "data" / "schema1.npz"  # hbgear at d546e19: no meanings, no markers
+
+
+def test_a_file_of_schema_1(tmp_path):
+    old = hb.load(OLD)
+    assert [(p.label, p.meaning, p.marker) for p in old.special] == [("LP1", "fold: the curve turns back", "o")]
+    assert old["LP1"].parameters["Omega"] == pytest.approx(0.708030808011212, abs=1e-9)
+    old.save(tmp_path / "new.npz")
+    assert hb.load(tmp_path / "new.npz")["LP1"].meaning == old["LP1"].meaning
+    with np.load(OLD) as archive:
+        arrays = dict(archive)
+    assert '"schema": 1' in str(arrays["header"]) and "meaning" not in str(arrays["header"])
+    strange = np.array(str(arrays["header"]).replace('"kind": "LP"', '"kind": "XY"'))
+    np.savez(tmp_path / "strange.npz", **{**arrays, "header": strange})
+    point = hb.load(tmp_path / "strange.npz").special[0]
+    assert (point.meaning, point.marker) == ("XY", hb.Event.marker)
+
+
+def test_a_marker_in_a_file_that_cannot_be_drawn(curve, tmp_path):
+    curve.save(tmp_path / "curve.npz")
+    with np.load(tmp_path / "curve.npz") as archive:
+        arrays = dict(archive)
+    header = np.array(str(arrays["header"]).replace('"marker": "*"', '"marker": "$\\\\frac$"'))
+    np.savez(tmp_path / "wrong.npz", **{**arrays, "header": header})
+    with pytest.raises(ValueError, match=r"special\.0\.marker is .*; need one of \. , o v"):
+        hb.load(tmp_path / "wrong.npz")
+
+
+def test_one_table_of_kinds():
+    """What is reserved is what there is, and no two kinds look alike."""
+    assert set(RESERVED) == set(KINDS)
+    markers = [event.marker for event in KINDS.values()]
+    assert len({*markers, hb.Event.marker}) == len(markers) + 1
+    assert all(event.meaning and is_marker(event.marker) for event in KINDS.values())
+
+
+def test_the_table_of_labels_in_the_readme():
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| ([A-Z]{2}) \| ([^|]+) \|", readme, re.MULTILINE))
+    assert {kind: rows.get(kind) for kind in KINDS} == {
+        kind: event.meaning.partition(":")[0] for kind, event in KINDS.items()
+    }
+
+
+def test_drawn_with_marker_label_and_entry(curve):
+    ax = hb.plot.response(curve, "max")
+    drawn = {line.get_gid(): line for line in ax.lines}
+    assert drawn["limit1"].get_marker() == "*" and drawn["LP1"].get_marker() == KINDS["LP"].marker
+    assert any(text.get_text() == "limit1" for text in ax.texts)
+    entries = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert entries[-1] == "the largest deflection is 1.3 (limit)" and entries.count(entries[-1]) == 1
+
+
+def test_exported(curve, tmp_path):
+    curve.export(tmp_path / "curve.csv")
+    with (tmp_path / "curve.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [i for i, row in enumerate(rows) if row["special"] == "limit1"] == [curve["limit1"].index]
+    curve.export(tmp_path / "curve.mat")
+    points = loadmat(tmp_path / "curve.mat", simplify_cells=True)["special"]
+    found = next(point for point in points if point["label"] == "limit1")
+    assert (found["meaning"], found["marker"], found["row"]) == (LIMIT.meaning, "*", curve["limit1"].index + 1)
+
+
+def exit_of(words):
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    return end.value.code
+
+
+def test_on_the_command_line(curve, tmp_path, capsys):
+    file, figure = tmp_path / "curve.npz", tmp_path / "point.png"
+    curve.save(file)
+    assert exit_of(["info", str(file)]) == 0
+    assert re.search(r"limit1 .* the largest deflection is 1\.3", capsys.readouterr().out)
+    assert exit_of(["plot", str(file), "--point", "limit1", "-o", str(figure)]) == 0 and figure.stat().st_size > 1000
+    line = ["trace", "spur-pair", "--start", f"{file}:limit1", "--from", "1.2", "--to", "0.6", "--harmonics", "8"]
+    assert exit_of([*line, "--max-points", "2", "-o", str(tmp_path / "more.npz")]) == 3
+    more = hb.load(tmp_path / "more.npz")
+    assert more.values[0] == pytest.approx(curve["limit1"].parameters["Omega"], abs=1e-12)
+
+
+def test_the_equations_cannot_be_changed(curve):
+    """Nor does asking change them: any number of threads may share them."""
+    problem = curve.problem
+    every = (hb.Fold(problem), hb.PeriodDoubling(problem), hb.Grazing(problem), hb.Peak(problem),
+             LIMIT.equations(problem, "Omega", curve["limit1"]))  # fmt: skip
+    points = [np.append(curve.X[i], curve.values[i]) for i in range(0, len(curve), 12)]
+    zeta = curve.fixed
+    for equations in every:
+        for name in ("parameter", "base", "anything"):
+            with pytest.raises(AttributeError, match=f"{type(equations).__name__} cannot be changed"):
+                setattr(equations, name, None)
+        based = equations.based(points[0], zeta)
+        assert equations.base is None and based.base is not None and based.problem is equations.problem
+        for one in (equations, based):
+            before = dict(vars(one))
+            alone = [one.evaluate(U, **zeta) for U in points]
+            with ThreadPoolExecutor(4) as pool:
+                together = list(pool.map(lambda U, one=one: one.evaluate(U, **zeta), reversed(points)))
+            for (R, J), (R2, J2) in zip(alone, reversed(together), strict=True):
+                np.testing.assert_array_equal(R, R2)
+                np.testing.assert_array_equal(J, J2)
+            assert vars(one).keys() == before.keys() and all(vars(one)[k] is x for k, x in before.items())
+
+
+def test_pickled_without_the_event(curve):
+    again = pickle.loads(pickle.dumps(curve))
+    assert again["limit1"].meaning == LIMIT.meaning and again["limit1"].event is None
+    assert curve["limit1"].event is LIMIT
 
 
 def test_a_terminal_event_ends_the_trace(curve):
-    stop = hb.Event("stop", lambda point: point.amplitude("max") - 2.0, terminal=True)
+    stop = hb.Event("stop", lambda point: point.amplitude("max") - 1.3, terminal=True)
     cut = hb.trace(curve.problem, "Omega", (1.2, 0.6), events=[stop])
     assert cut.status is hb.Status.EVENT and cut.status.complete
     assert cut.special[-1].label == "stop1" and cut.special[-1].index == len(cut) - 1
@@ -76,6 +259,7 @@ def test_without_special_points_only_own_events():
         (lambda: hb.Event("two words", abs), "must be letters"),
         (lambda: hb.Event("", abs), "must be letters"),
         (lambda: hb.Event("limit", 2.0), "must be a function of a point"),
+        (lambda: hb.Event("limit", abs, marker="star"), "marker = 'star' must be one of"),
     ],
 )
 def test_bad_input(make, words):

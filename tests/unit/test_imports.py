@@ -1,4 +1,4 @@
-"""Imports run one way: the table below is held against the code."""
+"""Imports run one way, between rooms (sub-packages) and between the files of a room: the tables are held exactly."""
 
 import ast
 import subprocess
@@ -12,93 +12,157 @@ import hbgear
 
 ROOT = Path(hbgear.__file__).parent
 
-# One line per module, or package of modules: which others of hbgear it may import when it is itself imported.
-TABLE = {
-    "_version": "",
-    "fourier": "",
-    "given": "",
-    "ranges": "",
-    "recent": "",
-    "processes": "",
-    "signals": "",
-    "archive": "fourier",
-    "basis": "fourier",
-    "collocation": "fourier",
-    "plot_labels": "fourier",
-    "start": "fourier",
-    "laws": "fourier ranges",
-    "measures": "fourier ranges",
-    "newton": "fourier ranges",
-    "replacing": "signals",
-    "contact": "fourier laws",
-    "model": "fourier laws ranges",
-    "pieces": "fourier laws",
-    "arc": "fourier newton",
-    "augmented": "fourier given newton ranges",
-    "store": "_version archive fourier replacing",
-    "stability": "collocation contact fourier",
-    "branch": "fourier measures model ranges",
-    "doubts": "fourier laws model ranges",
-    "gears": "fourier laws model ranges",
-    "oscillators": "laws model ranges",
-    "receptance": "fourier model",
-    "reduction": "fourier given model",
-    "sampling": "fourier model ranges",
-    "flow": "fourier model pieces",
-    "stride": "arc fourier newton ranges",
-    "ending": "branch",
-    "forms": "archive branch fourier measures",
-    "jumps": "branch newton",
-    "peaks": "arc augmented branch fourier given measures newton",
-    "record": "_version arc branch fourier",
-    "special": "arc augmented branch fourier newton",
-    "balance": "basis branch contact doubts fourier given laws model newton ranges recent receptance stability start",
-    "stepper": "collocation fourier laws model pieces ranges receptance",
-    "npz": "archive branch forms measures replacing",
-    "landings": "branch jumps newton",
-    "trace": "arc branch doubts ending fourier given jumps newton ranges record special stride",
-    "catalogue": "balance gears model oscillators",
-    "sweep": "branch doubts ending fourier given measures model ranges replacing stepper",
-    "timedomain": "flow fourier given model pieces ranges stepper",
-    "export": "branch measures npz replacing",
-    "extend": "arc branch given jumps newton trace",
-    "isolated": "balance branch ending fourier given newton ranges stride trace",
-    "maps": "augmented balance branch ending fourier given model newton ranges replacing stride trace",
-    "switch": "arc augmented branch given newton trace",
-    "speeds": "branch catalogue model",
-    "shooting": "flow fourier given model newton ranges receptance stepper timedomain",
-    "cases": "balance branch doubts ending fourier given maps model npz peaks processes replacing sampling store trace",
-    "plot": "branch fourier landings replacing speeds",
-    "validate": "_version branch catalogue flow fourier given measures "
-    "model newton receptance replacing shooting stepper timedomain",
-    "study_file": "cases catalogue model sampling",
-    "swept": "cases fourier",
-    "plot_time": "branch model plot speeds sweep validate",
-    "plot_cases": "cases fourier plot speeds swept",
-}
-# may import anything, and none of the above may import them
-FREE = {"__init__", "__main__", "cli", "cli_complete", "cli_design", "cli_files", "cli_study", "cli_support"}
-FREE |= {"cli_time"}
+# Each room may import those above it. Continuation and mechanics know nothing of each other.
+ROOMS = ("common", "continuation", "mechanics", "gears", "harmonic", "timedomain", "io", "design", "plot", "cli")
+APART = {("continuation", "mechanics"), ("mechanics", "continuation")}
 
-# Libraries that only some modules may import, anywhere in them.
+# Imports of higher rooms, all inside of functions: what a branch can be asked to do with files is done by io.
+UPWARD = {("continuation.branch", "io.npz"), ("continuation.branch", "io.tables")}
+
+# Files of each room, lowest first: which others of the room each imports when it is itself imported.
+FILES = {
+    "common": {
+        "__init__": "",
+        "arrays": "",
+        "given": "",
+        "messages": "",
+        "ranges": "",
+        "recent": "",
+        "signals": "",
+        "replacing": "signals",
+    },
+    "continuation": {
+        "__init__": "",
+        "algebra": "",
+        "reading": "",
+        "stepsize": "",
+        "branch": "reading",
+        "ending": "branch",
+        "problem": "algebra branch reading",
+        "bordered": "algebra branch problem reading",
+        "newton": "algebra problem",
+        "corrector": "algebra newton problem",
+        "deflation": "algebra newton problem",
+        "jumps": "branch newton problem",
+        "homotopy": "algebra corrector newton problem",
+        "segment": "algebra corrector newton problem",
+        "predictor": "algebra segment",
+        "record": "branch problem reading segment",
+        "events": "algebra bordered branch newton problem record segment",
+        "stride": "algebra corrector newton predictor problem segment stepsize",
+        "tracer": "algebra branch corrector ending events jumps newton problem record segment stepsize stride",
+        "extending": "branch jumps newton problem segment tracer",
+        "switching": "branch events problem tracer",
+    },
+    "mechanics": {
+        "__init__": "",
+        "fourier": "",
+        "laws": "fourier",
+        "model": "fourier laws",
+        "doubts": "fourier model",
+        "oscillators": "laws model",
+        "reduction": "model",
+    },
+    "gears": {
+        "geometry": "",
+        "spur": "",
+        "double_helical": "geometry spur",
+        "rotor_bearing": "spur",
+        "__init__": "double_helical rotor_bearing spur",
+    },
+    "harmonic": {
+        "__init__": "",
+        "collocation": "",
+        "crossings": "",
+        "observables": "",
+        "realbasis": "",
+        "receptance": "",
+        "special": "",
+        "events": "special",
+        "landings": "observables",
+        "peaks": "observables special",
+        "projection": "crossings",
+        "compiled": "projection receptance",
+        "floquet": "collocation compiled crossings",
+        "starts": "compiled",
+        "balance": "compiled crossings events floquet observables realbasis receptance starts",
+        "catalogue": "balance",
+        "fold_curves": "balance",
+        "survey": "balance",
+        "critical": "balance fold_curves",
+        "jump_map": "balance fold_curves",
+        "speeds": "catalogue",
+    },
+    "timedomain": {
+        "__init__": "",
+        "segments": "",
+        "exponential": "segments",
+        "runge_kutta": "segments",
+        "integrate": "exponential runge_kutta segments",
+        "settle": "exponential",
+        "shooting": "exponential integrate runge_kutta",
+        "sweep": "exponential settle",
+        "basins": "exponential settle sweep",
+        "validate": "exponential integrate runge_kutta shooting",
+    },
+    "io": {
+        "__init__": "",
+        "archive": "",
+        "forms": "archive",
+        "npz": "archive forms",
+        "tables": "npz",
+    },
+    "design": {
+        "__init__": "",
+        "sampling": "",
+        "store": "",
+        "workers": "",
+        "study": "sampling store workers",
+        "study_file": "sampling study",
+        "swept": "study",
+    },
+    "plot": {
+        "curves": "",
+        "labels": "",
+        "__init__": "curves",
+        "simulation": "curves",
+        "study": "curves",
+    },
+    "cli": {
+        "__init__": "",
+        "complete": "",
+        "support": "complete",
+        "files": "support",
+        "design": "complete files support",
+        "study": "files support",
+        "time": "files support",
+        "app": "complete design files study support time",
+    },
+}
+
+# Libraries that only some rooms or files may import, anywhere in them.
 ONLY_IN = {
-    "matplotlib": {"plot", "plot_cases", "plot_time", "cli_study", "cli_files"},
-    "pyfftw": {"fourier"},
-    "typer": {"cli", "cli_complete", "cli_design", "cli_files", "cli_study", "cli_support", "cli_time"},
-    "pydantic": {"catalogue", "study_file"},
-    "distributed": {"cli_study"},
-    "rich": {"cli_study", "cli_support", "cli_time"},
+    "matplotlib": {"plot", "cli.files", "cli.study"},
+    "pyfftw": {"mechanics.fourier"},
+    "typer": {"cli"},
+    "rich": {"cli"},
+    "pydantic": {"harmonic.catalogue", "design.study_file"},
+    "distributed": {"cli.study"},
 }
 
-FILES = sorted(ROOT.rglob("*.py"))
+PATHS = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in sorted(ROOT.rglob("*.py"))}
+INSIDE = [name for name in PATHS if "." in name]
 
 
-def module_of(path: Path) -> str:
-    """Line of the table a file belongs to: its own name, or that of its folder."""
-    return path.relative_to(ROOT).with_suffix("").parts[0]
+def source(name: str) -> str:
+    return PATHS[name].read_text(encoding="utf-8")
 
 
-def names(node: ast.stmt | ast.AST, package: tuple[str, ...]) -> list[str]:
+def room_of(name: str) -> str:
+    return name.split(".")[0]
+
+
+def names(node: ast.AST, package: tuple[str, ...]) -> list[str]:
     """Dotted names an import statement asks for; relative ones from the package of the file."""
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
@@ -126,64 +190,113 @@ def at_import(body: list[ast.stmt]) -> list[ast.stmt]:
     return out
 
 
-def imported(text: str, package: tuple[str, ...]) -> set[str]:
-    """Modules of hbgear that a source imports when it is imported."""
-    found = set()
-    for node in at_import(ast.parse(text).body):
-        for name in names(node, package):
-            parts = name.split(".")
-            if parts[0] == "hbgear":
-                found.add(parts[1] if len(parts) > 1 and (parts[1] in TABLE or parts[1] in FREE) else "__init__")
-    return found
+def file_of(name: str) -> str:
+    """The file of hbgear that a dotted name is found in: "hbgear.plot.curves.response" in "plot.curves"."""
+    parts = name.split(".")[1:]
+    for k in range(len(parts), 0, -1):
+        for file in (".".join(parts[:k]), ".".join([*parts[:k], "__init__"])):
+            if file in PATHS:
+                return file
+    return "__init__"
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_module_imports_only_what_the_table_allows(path):
-    module = module_of(path)
-    if module in FREE:
-        return
-    assert module in TABLE, f"'{module}' is not in the import table; add a line for it"
-    package = ("hbgear", *path.relative_to(ROOT).parts[:-1])
-    extra = imported(path.read_text(encoding="utf-8"), package) - set(TABLE[module].split()) - {module}
-    assert not extra, f"{module} imports {', '.join(sorted(extra))}, which the import table does not allow"
+def asked(nodes: list[ast.AST], package: tuple[str, ...]) -> set[str]:
+    """Files of hbgear that import statements ask for."""
+    return {file_of(name) for node in nodes for name in names(node, package) if name.split(".")[0] == "hbgear"}
 
 
-def test_table_has_no_circle_and_no_dead_line():
-    graph = {module: allowed.split() for module, allowed in TABLE.items()}
-    order = list(TopologicalSorter(graph).static_order())  # raises CycleError
-    assert set(order) == set(graph), "the table allows imports of modules that have no line"
-    assert set(graph) == {module_of(path) for path in FILES} - FREE
+def imported(text: str, package: tuple[str, ...] = ("hbgear",)) -> set[str]:
+    """Files of hbgear that a source imports when it is imported."""
+    return asked(at_import(ast.parse(text).body), package)
+
+
+def mentioned(text: str, package: tuple[str, ...] = ("hbgear",)) -> set[str]:
+    """Files of hbgear that a source imports anywhere, for type checkers too."""
+    return asked(list(ast.walk(ast.parse(text))), package)
+
+
+@pytest.mark.parametrize("name", INSIDE)
+def test_files_import_what_the_table_says(name):
+    room, _, stem = name.partition(".")
+    assert room in FILES and stem in FILES[room], f"'{name}' is not in the import table; add a line for it"
+    package = ("hbgear", *name.split(".")[:-1])
+    inside = {file for file in imported(source(name), package) if room_of(file) == room}
+    assert inside == {f"{room}.{other}" for other in FILES[room][stem].split()}
+
+
+@pytest.mark.parametrize("name", INSIDE)
+def test_rooms_import_downward(name):
+    """In functions and for type checkers too; `cli` alone may import hbgear as a whole, as its users do."""
+    room = room_of(name)
+    below = {"_version", *ROOMS[: ROOMS.index(room) + 1]} | ({"__init__"} if room == "cli" else set())
+    up = {
+        file
+        for file in mentioned(source(name), ("hbgear", *name.split(".")[:-1]))
+        if room_of(file) not in below or (room, room_of(file)) in APART
+    }
+    assert up == {file for here, file in UPWARD if here == name}
+
+
+def test_what_goes_upward_does_so_late():
+    for name, file in UPWARD:
+        assert file not in imported(source(name), ("hbgear", room_of(name)))
+
+
+def test_tables_have_no_circle_and_no_dead_line():
+    assert set(FILES) == set(ROOMS) == {room_of(name) for name in INSIDE}
+    for room, files in FILES.items():
+        graph = {stem: others.split() for stem, others in files.items()}
+        order = list(TopologicalSorter(graph).static_order())  # raises CycleError
+        assert set(order) == {name.partition(".")[2] for name in INSIDE if room_of(name) == room}
+    assert {room for pair in APART for room in pair} <= set(ROOMS)
 
 
 @pytest.mark.parametrize("library", ONLY_IN)
-def test_library_stays_in_its_modules(library):
-    users = set()
-    for path in FILES:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if any(name.split(".")[0] == library for name in names(node, ("hbgear",))):
-                users.add(module_of(path))
-    assert users <= ONLY_IN[library]
+def test_library_stays_in_its_places(library):
+    users = {
+        name
+        for name in PATHS
+        if any(stem.split(".")[0] == library for node in ast.walk(ast.parse(source(name))) for stem in names(node, ()))
+    }
+    assert users
+    assert not [name for name in users if not {name, room_of(name)} & ONLY_IN[library]]
+    assert all(any(place in (name, room_of(name)) for name in users) for place in ONLY_IN[library])
+
+
+def test_no_name_with_an_underscore_is_imported():
+    """What two files share has a public name, and a docstring or a comment says what it is."""
+    for name in PATHS:
+        for node in ast.walk(ast.parse(source(name))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "hbgear":
+                private = [a.name for a in node.names if a.name.startswith("_") and not a.name.endswith("__")]
+                assert private in ([], ["_version"]), f"{name} imports {', '.join(private)} from {node.module}"
 
 
 @pytest.mark.parametrize(
     "text, found",
     [
-        ("from hbgear.plot import response", {"plot"}),
-        ("import hbgear.plot as p", {"plot"}),
-        ("from hbgear import plot, trace", {"plot", "trace"}),
+        ("from hbgear.plot.curves import response", {"plot.curves"}),
+        ("import hbgear.plot.curves as p", {"plot.curves"}),
+        ("from hbgear import plot, trace", {"plot.__init__", "__init__"}),
+        ("from hbgear.plot import curves", {"plot.curves"}),
         ("import hbgear", {"__init__"}),
         ("from hbgear import HarmonicBalance", {"__init__"}),
-        ("from . import plot", {"plot"}),
-        ("from .plot import response", {"plot"}),
-        ("try:\n    import hbgear.plot\nexcept ImportError:\n    import hbgear.cli", {"plot", "cli"}),
-        ("class A:\n    from hbgear import plot", {"plot"}),
-        ("if TYPE_CHECKING:\n    from hbgear import plot\nelse:\n    from hbgear import cli", {"cli"}),
+        ("from . import plot", {"plot.__init__"}),
+        ("from .plot.labels import labels_of", {"plot.labels"}),
+        ("try:\n    import hbgear.plot\nexcept ImportError:\n    import hbgear.cli", {"plot.__init__", "cli.__init__"}),
+        ("class A:\n    from hbgear.io import npz", {"io.npz"}),
+        ("if TYPE_CHECKING:\n    from hbgear import plot\nelse:\n    from hbgear import cli", {"cli.__init__"}),
         ("def f():\n    from hbgear import plot", set()),
         ("import numpy\nfrom numpy import fft", set()),
     ],
 )
 def test_imports_are_seen(text, found):
-    assert imported(text, ("hbgear",)) == found
+    assert imported(text) == found
+
+
+def test_imports_in_functions_are_seen():
+    assert mentioned("def f():\n    from hbgear.plot.curves import response\nimport numpy") == {"plot.curves"}
+    assert mentioned("if TYPE_CHECKING:\n    from hbgear.io import npz") == {"io.npz"}
 
 
 def test_import_of_hbgear_leaves_what_is_slow_alone():

@@ -307,7 +307,7 @@ def test_sigterm_is_heard_like_ctrl_c():
 
 COMMANDS = {
     "trace": ["trace", "spur-pair", "-o", "out.npz", "--harmonics", "32"],
-    "map": ["map", "spur-pair", "--in", "zeta", "--from", "0.03", "--to", "0.1", "-o", "out.csv"],
+    "map": ["map", "spur-pair", "--in", "zeta=0.03:0.1", "-o", "out.csv"],
     "critical": ["critical", "spur-pair", "zeta"],
 }
 SCRIPT = "import sys; from hbgear.cli.app import main; print('ready', flush=True); main(sys.argv[1:])"

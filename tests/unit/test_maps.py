@@ -191,14 +191,22 @@ def test_a_number_of_harmonics_that_varies_is_refused():
     ):
         with pytest.raises(ValueError, match=r"one number of harmonics throughout, not 'auto'; give harmonics="):
             call()
-    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.9, 1.3), stability=False)
+
+
+def test_a_fold_of_another_number_of_harmonics_is_a_start():
+    problems = [hb.HarmonicBalance(hb.Duffing(), H) for H in (5, 7)]
+    starts = [hb.trace(problem, "Omega", (0.9, 1.3), stability=False)["LP1"] for problem in problems]
+    folds = [hb.trace(hb.Fold(problems[1], "Omega"), "zeta", (0.05, 0.04), start) for start in starts]
+    assert folds[0].layout.harmonics == 7 and folds[0].values[-1] == 0.04
+    for i in (0, -1):
+        assert folds[0].tracked["Omega"][i] == pytest.approx(folds[1].tracked["Omega"][i], abs=1e-10)
     with pytest.raises(ValueError, match=r"the start has 11 coefficients, this problem 15: .* Fold\(curve.problem"):
-        hb.trace(hb.Fold(hb.HarmonicBalance(hb.Duffing(), 7), "Omega"), "zeta", (0.04, 0.05), curve["LP1"])
+        hb.Fold(problems[1], "Omega").join(starts[0].X, starts[0].parameters)
 
 
 def test_a_search_keeps_within_the_range_and_is_given_up(monkeypatch):
     """Every half backlash has the folds of the pair, none has a cusp: the search says so and ends."""
-    monkeypatch.setattr("hbgear.harmonic.jump_map._CAREFUL", Steps(first=0.002, longest=0.02, max_points=10))
+    monkeypatch.setattr("hbgear.harmonic.critical._CAREFUL", Steps(first=0.002, longest=0.02, max_points=10))
     said = []
     with pytest.raises(NoFold, match="no jump that appears or vanishes with b"):
         critical(SpurPair(zeta=0.09), "b", frequencies=(0.95, 0.7), harmonics=3, report=said.append)

@@ -188,7 +188,7 @@ def test_legend_names_only_what_occurs():
         return [text.get_text() for text in ax.get_legend().get_texts()]
 
     assert names(plot.response(resonance())) == [
-        "no impact", "single-sided", "unstable", "fold (LP)", "grazing (GR)"
+        "no impact", "single-sided", "unstable", "fold (LP)", "grazing contact (GR)"
     ]  # fmt: skip
     assert names(plot.response(resonance(corners=((),)))) == ["unstable", "fold (LP)"]
     assert names(plot.response(resonance(multipliers=False), special=False)) == ["no impact", "single-sided"]

@@ -1,0 +1,61 @@
+"""Derivatives in a parameter by differences.
+
+    df/dp = (f(p + h) - f(p - h)) / 2h + O(h^2),   h = STEP * unit,   unit the size of p (`FullProblem.unit_of`)
+
+At the end of the parameter's range, where f exists on one side only, f(p) takes the place of the other: O(h).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hbgear.continuation.problem import FullProblem
+
+STEP = 1e-5
+"""Relative step: rounding (1e-16 / STEP) and truncation (STEP^2) are both about 1e-11 of what is differentiated."""
+
+
+def in_parameter(
+    problem: FullProblem, name: str, here: Mapping[str, float], of: Callable[[dict[str, float]], tuple[Any, ...]]
+) -> tuple[Any, ...]:
+    """Derivatives of several quantities in a parameter.
+
+    Parameters
+    ----------
+    problem : says how large a small step is.
+    name, here : the parameter, and the values of all.
+    of : the quantities at given values of all parameters, each a number, an array or a matrix; it refuses a value
+        outside the range of the parameter with ValueError.
+
+    Returns
+    -------
+    tuple
+        The derivative of each.
+
+    Raises
+    ------
+    ValueError
+        If it refuses both sides.
+
+    Examples
+    --------
+    >>> from hbgear.continuation.problem import FullProblem
+    >>> in_parameter(FullProblem(), "p", {"p": 2.0}, lambda at: (round(at["p"] ** 2, 12),))
+    (4.0,)
+    """
+    value = here[name]
+    h = STEP * problem.unit_of(name, value)
+    ends: list[tuple[float, tuple[Any, ...]]] = []
+    refused: ValueError | None = None
+    for there in (value + h, value - h):
+        try:
+            ends.append((there, of({**here, name: there})))
+        except ValueError as error:
+            if refused is not None:
+                raise
+            refused = error
+            ends.append((value, of({**here, name: value})))
+    (a, above), (b, below) = ends
+    return tuple((x - y) / (a - b) for x, y in zip(above, below, strict=True))

@@ -1,0 +1,127 @@
+"""The fields of a model class: their types, which of them are parameters, and instances made of given values.
+
+parameter:  a field whose values are real numbers, however its type is written: float, Annotated[float, ...],
+            float | numpy.floating, a name for one of these, or any of them as a string
+"""
+
+from __future__ import annotations
+
+import builtins
+import dataclasses
+import types
+import typing
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, TypeVar
+
+import numpy as np
+
+from hbgear.common.messages import did_you_mean
+
+_T = TypeVar("_T")
+
+
+@lru_cache(maxsize=256)
+def kinds_of(cls: type) -> Mapping[str, Any]:
+    """Types of the fields of a dataclass by name, as `plain` writes them; those that ``__init__`` takes.
+
+    A type that is a string with names known only where the class was written, inside a function say, stays a string.
+    """
+    try:
+        hints = typing.get_type_hints(cls, include_extras=True)
+    except (NameError, AttributeError):
+        hints = {}
+    kinds = {}
+    for field in dataclasses.fields(cls):
+        written = hints.get(field.name, field.type)
+        if isinstance(written, str):
+            written = vars(builtins).get(written, written)
+        if field.init:
+            kinds[field.name] = plain(written)
+    return types.MappingProxyType(kinds)
+
+
+def plain(kind: Any) -> Any:
+    """A type without what does not matter to its values: ``float`` for every way to write a real number.
+
+    >>> plain(typing.Annotated[float, "over 2 m omega"]), plain(float | np.floating), plain(int | np.integer)
+    (<class 'float'>, <class 'float'>, <class 'int'>)
+    """
+    while True:
+        if typing.get_origin(kind) is typing.Annotated:
+            kind = typing.get_args(kind)[0]
+        elif isinstance(kind, typing.NewType):
+            kind = kind.__supertype__
+        elif type(kind).__name__ == "TypeAliasType":  # a `type` statement, of Python 3.12
+            kind = kind.__value__
+        else:
+            break
+    options = [kind]
+    if typing.get_origin(kind) in (typing.Union, types.UnionType):
+        options = [plain(option) for option in typing.get_args(kind)]
+    if all(isinstance(option, type) and issubclass(option, int | np.integer) for option in options):
+        return kind if kind is bool else int
+    if all(isinstance(option, type) and issubclass(option, float | int | np.number) for option in options):
+        return kind if any(issubclass(option, np.complexfloating) for option in options) else float
+    return kind
+
+
+def plain_kinds_of(cls: type) -> dict[str, Any]:
+    """`kinds_of` with Any for every type that is no number, text, truth value, choice of those, or tuple."""
+    kinds = kinds_of(cls)
+    return {name: kind if is_plain(kind) else Any for name, kind in kinds.items()}
+
+
+def is_plain(kind: Any) -> bool:
+    """Whether values of a type can be written to a file and read again: numbers, texts, choices of them, tuples."""
+    return kind in (float, int, bool, str) or typing.get_origin(kind) in (typing.Literal, tuple)
+
+
+def parameters_of(cls: type) -> tuple[str, ...]:
+    """Names of the fields that are real numbers."""
+    return tuple(name for name, kind in kinds_of(cls).items() if kind is float)
+
+
+def defaults_of(cls: type) -> dict[str, Any]:
+    """Default values by name, of the fields that have one."""
+    found = {}
+    for field in dataclasses.fields(cls):
+        if field.init and field.default is not dataclasses.MISSING:
+            found[field.name] = field.default
+        elif field.init and field.default_factory is not dataclasses.MISSING:
+            found[field.name] = field.default_factory()
+    return found
+
+
+def required_of(cls: type) -> tuple[str, ...]:
+    """Names of the fields that have no default."""
+    return tuple(name for name in kinds_of(cls) if name not in defaults_of(cls))
+
+
+def check_names(cls: type, names: typing.Iterable[str]) -> None:
+    """Refuse names that are no fields.
+
+    Raises
+    ------
+    KeyError
+    """
+    for name in names:
+        if name not in kinds_of(cls):
+            raise KeyError(f"{cls.__name__} has no parameter '{name}'{did_you_mean(name, kinds_of(cls))}")
+
+
+def made(cls: type[_T], values: Mapping[str, Any]) -> _T:
+    """An instance with these values and the defaults of the other fields.
+
+    Raises
+    ------
+    KeyError
+        If a name is no field.
+    ValueError
+        If a field has neither a value nor a default, or the class refuses a value.
+    """
+    check_names(cls, values)
+    missing = [name for name in required_of(cls) if name not in values]
+    if missing:
+        raise ValueError(f"{cls.__name__} needs {', '.join(missing)}: no default, so give a value")
+    return cls(**values)

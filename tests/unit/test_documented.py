@@ -1,0 +1,99 @@
+"""Every public name has a docstring with an example, and the example runs; whatever is public has a docstring."""
+
+import doctest
+import importlib
+import inspect
+import pkgutil
+
+import pytest
+
+import hbgear as hb
+from hbgear.plot import curves, simulation, study
+
+NAMES = sorted(name for name in hb.__all__ if callable(getattr(hb, name)))
+DRAWN = sorted(
+    f"{module.__name__.rpartition('.')[2]}.{name}"
+    for module in (curves, simulation, study)
+    for name, value in vars(module).items()
+    if inspect.isfunction(value) and value.__module__ == module.__name__ and not name.startswith("_")
+)
+
+
+def example_of(name: str, thing: object) -> doctest.DocTest | None:
+    """The example in a docstring, if it has one that says so."""
+    text = inspect.getdoc(thing) or ""
+    found = doctest.DocTestParser().get_doctest(text, {}, name, None, 0)
+    return found if found.examples and "Examples\n--------" in text else None
+
+
+def run(name: str, thing: object) -> None:
+    found = example_of(name, thing)
+    assert found, f"the docstring of {name} needs an example, in a section Examples"
+    said: list[str] = []
+    doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE).run(found, out=said.append)
+    assert not said, "".join(said)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_example_of_a_public_name(name):
+    run(f"hb.{name}", getattr(hb, name))
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_example_of_a_figure(name):
+    import matplotlib.pyplot as plt
+
+    module, _, function = name.partition(".")
+    before = plt.get_backend()
+    plt.switch_backend("Agg")
+    try:
+        run(f"hb.plot.{name}", getattr({"curves": curves, "simulation": simulation, "study": study}[module], function))
+    finally:
+        plt.close("all")
+        plt.switch_backend(before)
+
+
+def test_public_names_that_are_no_functions_or_classes():
+    assert set(hb.__all__) - set(NAMES) == {"__version__", "plot"}
+    assert inspect.getdoc(hb.plot)
+
+
+@pytest.mark.parametrize("text", ["", "Nothing to see.", "Examples\n--------\nNone yet.", ">>> 1 + 1\n2"])
+def test_a_docstring_without_an_example_is_seen(text):
+    def undocumented() -> None: ...
+
+    undocumented.__doc__ = text
+    with pytest.raises(AssertionError, match="needs an example"):
+        run("undocumented", undocumented)
+
+
+def test_an_example_that_is_wrong_is_seen():
+    def wrong() -> None: ...
+
+    wrong.__doc__ = "Examples\n--------\n>>> 1 + 1\n3\n"
+    with pytest.raises(AssertionError, match=r"Expected:\s+3\s+Got:\s+2"):
+        run("wrong", wrong)
+
+
+MODULES = [info.name for info in pkgutil.walk_packages(hb.__path__, "hbgear.") if not info.name.endswith("__main__")]
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_whatever_is_public_has_a_docstring(module):
+    """Methods too, those that override have the docstring of what they override."""
+    found = importlib.import_module(module)
+    bare = [] if found.__doc__ else [module]
+    for name, thing in vars(found).items():
+        if name.startswith("_") or getattr(thing, "__module__", None) != module:
+            continue
+        if inspect.isfunction(thing) or inspect.isclass(thing):
+            bare += [] if inspect.getdoc(thing) else [name]
+        if inspect.isclass(thing):
+            bare += [
+                f"{name}.{part}"
+                for part, method in vars(thing).items()
+                if not part.startswith("_")
+                and (inspect.isfunction(method) or isinstance(method, property | classmethod | staticmethod))
+                and not inspect.getdoc(getattr(thing, part))
+            ]
+    assert not bare, f"without a docstring in {module}: {', '.join(bare)}"

@@ -1,0 +1,296 @@
+"""Tests of single lines that could be wrong unnoticed: each names the change that it must not survive."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hbgear import Cubic, Element, Fold, HarmonicBalance, Load, PiecewiseLinear, Point, SpurPair, Status, Steps, System
+from hbgear.continuation.corrector import correct
+from hbgear.continuation.jumps import _nearest, find_jumps
+from hbgear.continuation.newton import Settings, solve
+from hbgear.continuation.problem import FullProblem, as_problem
+from hbgear.continuation.segment import CurvePoint
+from hbgear.continuation.tracer import _Tracer, trace
+from hbgear.harmonic.events import Doubling, NeimarkSacker
+from hbgear.harmonic.receptance import Structure, UnbalancedLoad
+from hbgear.mechanics.fourier import resize
+from hbgear.timedomain.settle import Settling, _judge
+
+
+def point_at(x, **parameters):
+    return Point(np.atleast_1d(np.array(x, dtype=float)), parameters, 0.0, 0, None, np.zeros(0, np.int8), np.nan, None)
+
+
+# ---- continuation: jumps
+
+
+class Stairs:
+    """p = f(x), f' = x (x - 1) (x - 3) (x - 5): x is stable where f rises."""
+
+    rise = np.poly([0.0, 1.0, 3.0, 5.0])
+    f = np.polyint(rise)
+
+    def __init__(self, sense=1.0):
+        self.sense = sense
+
+    def evaluate(self, X, p):
+        x = self.sense * X[0]
+        return np.array([np.polyval(self.f, x) - p]), np.array([[self.sense * np.polyval(self.rise, x)]])
+
+    def observe(self, X, stability, p):
+        return {"multipliers": np.exp([-0.01 * np.polyval(self.rise, self.sense * X[0]) + 0j])}
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_jump_lands_on_the_nearest_stable_motion(sense):
+    """Where x = 0 loses its stability, two other motions are stable. Mutant: `_nearest` takes the farthest."""
+    curve = trace(Stairs(sense), "p", (-20.0, 20.0), point_at(-0.9 * sense, p=np.polyval(Stairs.f, -0.9)))
+    assert [round(sense * point.X[0], 6) for point in curve.special if point.kind == "LP"] == [0, 1, 3, 5]
+    jump = next(jump for jump in find_jumps(curve) if jump.label == "LP1")
+    landings = [x.real for x in np.roots(Stairs.f) if abs(x.imag) < 1e-9 and x.real > 0.1]
+    stable = sorted(x for x in landings if np.polyval(Stairs.rise, x) > 0)
+    assert len(stable) == 2 and len(landings) == 3
+    assert jump.direction == 1 and jump.value == pytest.approx(0.0, abs=1e-9)
+    assert sense * jump.after.X[0] == pytest.approx(stable[0], abs=1e-7)
+
+
+def test_a_jump_never_lands_on_an_unstable_motion():
+    """However near it is. Mutant: `_nearest` does not ask for stability."""
+    found = [replace(point_at(x), multipliers=np.array([mu + 0j])) for x, mu in ((0.1, 1.5), (3.0, 0.5), (-2.0, 0.9))]
+    assert _nearest(point_at(0.0), found) is found[2]
+    assert _nearest(point_at(0.0), found[:1]) is None
+
+
+# ---- continuation: borders
+
+
+class Turning(FullProblem):
+    """A fold at p = s / 10 whose right null vector turns by the angle s: (y_1 - 1)^2 = p - s / 10, y_2 = 2, y = Q x."""
+
+    size = 2
+
+    def evaluate(self, X, p, s):
+        Q = np.array([[np.cos(s), np.sin(s)], [-np.sin(s), np.cos(s)]])
+        y = Q @ X
+        return np.array([(y[0] - 1) ** 2 - p + s / 10, y[1] - 2]), np.diag([2 * (y[0] - 1), 1.0]) @ Q
+
+
+def test_a_curve_that_goes_far_renews_its_borders():
+    """Borders that stay what they were are orthogonal to the null vector after a quarter of a turn: g has a pole there,
+    and changes its sign as at a branch point. Mutants: `based(..., renew=True)` returns itself; `Fold.renewed` the old
+    base."""
+    fold = Fold(Turning(), "p")
+    curve = trace(fold, "s", (0.0, 2 * np.pi), np.array([1.0, 2.0, 0.0]))
+    assert curve.status is Status.REACHED_END and curve.special == ()
+    np.testing.assert_allclose(curve.tracked["p"], curve.values / 10, rtol=0, atol=1e-9)
+
+
+# ---- continuation: corrector and tracer
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+def test_the_corrector_obeys_its_step_tolerance(tolerance):
+    """At a triple root the residual is small long before the error is: the last step tells. Newton takes a third of
+    the error off, so the last step is half of the error that is left. Mutant: the residual alone decides."""
+
+    class Flat:
+        def evaluate(self, X, p):
+            return np.array([(X[0] - 1) ** 3]), np.array([[3 * (X[0] - 1) ** 2]])
+
+    settings = Settings(step_tolerance=tolerance, max_iterations=100)
+    found = correct(Flat(), np.array([1.2, 0.0]), np.array([0.0, 1.0]), "p", {}, settings)
+    error = found.X[0] - 1
+    assert 1.33 * tolerance < error < 2.001 * tolerance
+
+
+def test_a_curve_closes_in_its_own_direction_only():
+    """The same piece of the curve, run through the other way, passes the first row as well and does not close it.
+    Mutant: `_closes` ignores the direction."""
+
+    class Circle:
+        def evaluate(self, X, p):
+            return np.array([X[0] ** 2 + p**2 - 1]), np.array([[2 * X[0]]])
+
+    start = point_at(0.8, p=0.6)
+    tracer = _Tracer(as_problem(Circle()), "p", (-2.0, 2.0), start, None, Steps(), Settings(), True, True, (), None)
+    assert tracer.run().status is Status.CLOSED
+    last, first = tracer.rows[-2], tracer.rows[1]
+    assert tracer._closes(last, first)
+
+    def turned(row):
+        return CurvePoint(row.solution, row.u, -row.tangent, row.orientation, row.step, -row.heading)
+
+    assert not tracer._closes(turned(first), turned(last))
+
+
+class Cusp:
+    """x^3 - a x - (b - 1) / unit = 0: the folds are at a parameter b of any size."""
+
+    def __init__(self, unit):
+        self.unit = unit
+
+    def evaluate(self, X, a, b):
+        x, y = X
+        return np.array([x**3 - a * x - b / self.unit + 1, y - x]), np.array([[3 * x * x - a, 0.0], [-1.0, 1.0]])
+
+
+@pytest.mark.parametrize("unit", [1e-4, 1e4])
+def test_the_unit_of_an_unknown_parameter_does_not_matter(unit):
+    """A curve of folds in b, which is an unknown there, takes the same steps whatever b is measured in. Mutant: an
+    unknown parameter is scaled like the unknowns beside it."""
+    curves = []
+    for size in (1.0, unit):
+        x, a = 3**-0.5, 1.0
+        start = np.array([x, x, size * (1 + x**3 - a * x)])
+        curves.append(trace(Fold(Cusp(size), "b"), "a", (1.0, -1.0), start, steps=Steps(max_points=60)))
+    one, other = curves
+    assert len(one) == len(other) > 20 and one.status == other.status
+    np.testing.assert_allclose(other.values, one.values, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(other.tracked["b"] / unit, one.tracked["b"], rtol=0, atol=1e-6)
+    np.testing.assert_allclose((one.tracked["b"] - 1) ** 2, 4 * (one.values / 3) ** 3, rtol=0, atol=1e-9)
+
+
+# ---- harmonic: events by multipliers
+
+
+class Multipliers(FullProblem):
+    """x = p with multipliers that are given functions of p."""
+
+    size = 1
+
+    def __init__(self, *of):
+        self.of = of
+
+    def evaluate(self, X, p):
+        return np.array([X[0] - p]), np.array([[1.0]])
+
+    def observe(self, X, stability=True, **parameters):
+        return {"multipliers": self.multipliers(X, **parameters)}
+
+    def multipliers(self, X, points=None, width=None, *, p):
+        return np.concatenate([np.atleast_1d(f(p)) for f in self.of]).astype(complex)
+
+    smooth = False  # by bracket
+
+
+def pair(p0, angle=1.0):
+    """A complex pair that leaves the unit circle at p0."""
+    return lambda p: np.exp(p - p0) * np.exp([1j * angle, -1j * angle])
+
+
+def doubling(p0):
+    """A real multiplier that passes -1 at p0."""
+    return lambda p: -np.exp(p - p0)
+
+
+def twice(p0):
+    """Two equal real multipliers that pass +1 at p0."""
+    return lambda p: np.exp(p - p0) * np.ones(2)
+
+
+def inside(p):
+    return 0.3
+
+
+@pytest.mark.parametrize(
+    ("of", "expected"),
+    [
+        ([pair(0.41), inside], {"NS": [0.41]}),
+        ([pair(0.31), pair(0.63, 2.0)], {"NS": [0.31, 0.63]}),
+        ([doubling(0.41), inside], {"PD": [0.41]}),
+        ([doubling(0.401), pair(0.404)], {"PD": [0.401], "NS": [0.404]}),  # in one step: three leave, one is explained
+        ([lambda p: np.exp(p - 0.41), inside], {}),  # one by +1: a fold nearby, and none of a pair
+        ([lambda p: np.exp(p - 0.402), doubling(0.405)], {"PD": [0.405]}),  # two leave, one is explained
+        ([lambda p: pair(0.41)(0.82 - p), inside], {"NS": [0.41]}),  # one that comes back in
+        ([pair(-0.7, 2.0), pair(0.41)], {"NS": [0.41]}),  # a second pair beside one that is outside already
+        ([pair(-0.7, 2.0), twice(0.41)], {"BP": [0.41]}),  # two at +1 by symmetry, beside a pair
+        ([lambda p: -twice(0.41)(p), pair(-0.7, 2.0)], {"PD": [0.41]}),  # two at -1
+    ],
+)
+@pytest.mark.parametrize("span", [(0.0, 1.0), (1.0, 0.0)])
+def test_a_neimark_sacker_point_is_a_pair_that_nothing_else_explains(of, expected, span):
+    """Mutants: three multipliers must pass; those of a period doubling are counted off twice; pairs that are outside
+    at both ends are not counted."""
+    curve = trace(Multipliers(*of), "p", span, np.array([span[0]]), events=[NeimarkSacker(), Doubling()])
+    found = {}
+    for point in curve.special:
+        found.setdefault(point.kind, []).append(point.parameters["p"])
+        assert point.located
+    assert set(found) == set(expected)
+    for kind, places in expected.items():
+        np.testing.assert_allclose(sorted(found[kind]), places, rtol=0, atol=1e-8)
+
+
+# ---- harmonic: Floquet multipliers
+
+
+@pytest.mark.parametrize("nu", [2, 3])
+def test_the_longest_floquet_step_is_a_share_of_the_excitation_period(nu):
+    """Seen over nu periods, the period is cut into nu times as many of the same steps: the multipliers are powers to
+    rounding, though each is only as good as the steps. Mutants: the share of the basis period; over nu^2."""
+    base = HarmonicBalance(SpurPair(zeta=0.1, eps=(0.0,) * 5 + (0.4,), e=(0.02,)), 10)
+    X, here = base.start(3.0), {"Omega": 3.0, "points": 3, "width": 100.0}
+    wide = base.with_order(nu)
+    mu, powers = (np.sort_complex(x) for x in (
+        wide.multipliers(wide.in_basis(X, base.layout), **here), base.multipliers(X, **here) ** nu))  # fmt: skip
+    fine = np.sort_complex(base.multipliers(X, Omega=3.0, points=8, width=0.05) ** nu)
+    np.testing.assert_allclose(mu, powers, rtol=0, atol=1e-12)
+    assert np.abs(powers - fine).max() > 1e-9  # the error of the steps shows, so that other steps would
+
+
+# ---- harmonic: balanced loads and the truncation
+
+
+def chain(stiff, load):
+    """Three free masses, a stiff spring and a soft one between them; the gap is beside the soft one."""
+    K = np.array([[stiff, -stiff, 0.0], [-stiff, stiff + 1.0, -1.0], [0.0, -1.0, 1.0]])
+    gap = Element([0.0, 1.0, -1.0], Cubic(1.0))
+    return System(np.eye(3), None, K, [gap], Load(load))
+
+
+@pytest.mark.parametrize("stiff", [1.0, 1e4, 1e9])
+def test_a_balanced_load_is_told_from_one_that_is_not(stiff):
+    """By as much as the stiffnesses leave open, about eps times their ratio, and not by more. Mutants: `_BALANCED`
+    is 1e-2, or 0; the rounding of the free motion is 0, or a million times as much."""
+    Structure(chain(stiff, [1.0, 1.0, -2.0]))
+    Structure(chain(stiff, [1 / 3, 1 / 3, -2 / 3]))
+    Structure(chain(stiff, [0.1, 0.2, -0.3]))
+    Structure(chain(stiff, [1 / 3, 1 / 3, -0.666666667]))  # given to nine digits
+    open_ = max(1e-7, 1e4 * np.finfo(float).eps * stiff)
+    assert open_ < 5e-3
+    for sign in (1, -1):
+        with pytest.raises(UnbalancedLoad, match="the constant load does work"):
+            Structure(chain(stiff, [1.0, 1.0, -2.0 + sign * open_]))
+
+
+@pytest.mark.parametrize("law", [Cubic(1e-3), PiecewiseLinear((0.3,), (0.0, 1e-3))], ids=["sampled", "exact"])
+def test_the_truncation_estimate_is_the_error_of_a_weak_law(law):
+    """A weak law does not act back: what the harmonics H+1..2H of its force do is the error, up to the share of the
+    law in the stiffness. Mutant: the estimate times sqrt 2 or over it (mean square of a cosine forgotten)."""
+    system = System([[1.0]], [[0.1]], [[1.0]], [Element([1.0], law)], Load([0.2], {1: [1.0]}))
+    H, Omega = 2, 0.7
+    coarse, fine = HarmonicBalance(system, H), HarmonicBalance(system, 2 * H)
+    X = solve(coarse, coarse.start(Omega), {"Omega": Omega}, settings=Settings(tolerance=1e-13)).X
+    x = solve(fine, resize(X, 2 * H), {"Omega": Omega}, settings=Settings(tolerance=1e-13)).X
+    difference = x - resize(X, 2 * H)
+    error = np.sqrt(0.5 * np.sum(difference[1:] ** 2))
+    assert error > 1e-6
+    assert coarse.truncation(X, Omega=Omega) == pytest.approx(error, rel=0.02)
+
+
+# ---- time domain
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 5])
+@pytest.mark.parametrize("rho", [0.9, 0.99])
+def test_what_is_still_to_go_of_a_motion_of_several_periods(k, rho):
+    """x_p of period k plus a part that dies like rho^p: D_k / (1 - rho^k) is what that part was k periods ago, and the
+    largest D_k is the one at the other end of the window. Mutant: 1 - rho instead of 1 - rho^k."""
+    periods, window, last = 6, 8, 400
+    p = np.arange(last - 2 * window - periods, last + 1)
+    x = np.exp(2j * np.pi * (p % k) / k) + 1e-3 * rho ** (p - float(last))
+    gaps = np.array([[[abs(x[-1 - i] - x[-1 - i - j])] for j in range(1, periods + 1)] for i in range(2 * window)])
+    period, left, guess = _judge(gaps, np.ones(1), Settling(tolerance=1e-12, periods=periods))
+    assert period[0] == 0 and guess[0] == k
+    assert left[0] == pytest.approx(1e-3 * rho ** -(window - 1 + k), rel=1e-8)
