@@ -39,6 +39,12 @@ class Range:
     above: float = -math.inf
     below: float = math.inf
 
+    def __post_init__(self) -> None:
+        for name in ("low", "high", "above", "below"):
+            end = getattr(self, name)
+            if isinstance(end, bool) or not isinstance(end, Real) or end != end:
+                raise ValueError(f"Range: {name} = {quoted(end)} must be a number, math.inf for no end")
+
     def __contains__(self, value: float) -> bool:
         return self.low <= value <= self.high and self.above < value < self.below
 

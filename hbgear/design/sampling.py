@@ -9,7 +9,7 @@ F_j is the cumulative distribution of parameter j. A longer Monte Carlo sample s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -102,8 +102,9 @@ def grid(**values: Sequence[Any]) -> Grid:
     if not values:
         raise ValueError("a grid needs at least one parameter: grid(zeta=[0.04, 0.05])")
     for name, each in values.items():
-        if isinstance(each, str) or not hasattr(each, "__len__") or not len(each):
-            raise ValueError(f"grid: {name} = {each!r}: need a list of at least one value")
+        listed = isinstance(each, Collection) and not isinstance(each, str) and getattr(each, "ndim", 1) == 1
+        if not listed or not len(each):
+            raise ValueError(f"grid: {name} = {quoted(each)}: need a list of at least one value")
         if len({repr(x) for x in each}) < len(each):
             raise ValueError(f"grid: {name} has a value twice; give each once")
     return Grid({name: tuple(x.item() if isinstance(x, np.generic) else x for x in v) for name, v in values.items()})
