@@ -269,7 +269,7 @@ def event_of(branch: Branch, point: SpecialPoint) -> Event | None:
 
 def events_of(problem: FullProblem, parameter: str) -> tuple[Event, ...]:
     """Everything that is looked for along a curve of a problem: turning points, branch points, events of its own."""
-    turning = Cusp() if problem.turning_kind == "CP" else Turning()
+    turning = Cusp() if problem.turning_kind == Cusp.kind else Turning()
     return turning, BranchPoint(), *problem.events(parameter)
 
 

@@ -11,6 +11,7 @@ import itertools
 import os
 import re
 import shlex
+import sys
 import tokenize
 from dataclasses import replace
 from pathlib import Path
@@ -38,6 +39,8 @@ SHORTER = {
 """Options that are added to a command, to the same work with less of it."""
 CASES = 3
 """Cases of a study instead of those in its file."""
+RUN = ("hbgear models", "hbgear study designs.toml", "hbgear trace mine.py:two")
+"""What is in the blocks of commands that tests of this file run."""
 ADDRESS = "tcp://127.0.0.1:8786"
 
 
@@ -227,11 +230,22 @@ def test_the_other_commands_study_the_file_that_is_shown(folder, capsys):
     assert (code, err) == (0, "") and Path("by_dask/table.csv").exists(), out
 
 
+def test_commands_with_a_machine_of_your_own(folder, capsys, monkeypatch):
+    """Those that name mine.py, which is the block of Python that says so."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (mine,) = [block for block in blocks("python") if "@hb.model" in block]
+    (folder / "mine.py").write_text(mine[: mine.index("two(zeta=0.06)")], encoding="utf-8")
+    for words in block_with("mine.py:two"):
+        code, out, err = run(shorter(words, folder), capsys)
+        assert (code, err) == (0, ""), f"hbgear {' '.join(words)}: {err}"
+    assert "4 of 4 points agree" in out
+
+
 def test_every_block_of_commands_is_run():
     """The two that install are run by .ci/run: the tests as they are, the figure by its command."""
-    ran = [block for block in blocks("sh") if "hbgear models" in block or "hbgear study designs.toml" in block]
+    ran = [block for block in blocks("sh") if any(text in block for text in RUN)]
     others = [block for block in blocks("sh") if block not in ran]
-    assert len(ran) == 2 and len(others) == 2 and all(block.startswith("python3 -m venv ") for block in others)
+    assert len(ran) == len(RUN) and len(others) == 2 and all(block.startswith("python3 -m venv ") for block in others)
 
 
 def test_the_first_command_draws_the_figure(folder, capsys):
