@@ -122,7 +122,7 @@ class _Worker:
         self.folder.mkdir()
         self.what, self.left = "", _LIFE
         self.pipe, theirs = multiprocessing.Pipe()
-        args = self.attempt, theirs, self.folder, self.memory
+        args = self.attempt, theirs, self.pipe, self.folder, self.memory
         self.process = multiprocessing.get_context("fork").Process(target=_work, args=args)
         self.process.start()
         theirs.close()
@@ -193,7 +193,8 @@ class _Worker:
         self.pipe.close()
 
 
-def _work(attempt: Attempt, pipe: Connection, folder: Path, memory: int) -> None:
+def _work(attempt: Attempt, pipe: Connection, parents: Connection, folder: Path, memory: int) -> None:
+    parents.close()  # so that the pipe ends when the parent is killed
     os.setsid()  # so that the parent can kill it with its children
     with open(folder / "stuck.txt", "w") as stuck:
         faulthandler.register(signal.SIGUSR1, stuck)

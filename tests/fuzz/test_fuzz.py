@@ -5,7 +5,7 @@ import os
 import pytest
 from fuzz import commands, files, inputs, pool
 
-SHORT = {"files": (files, 120), "inputs": (inputs, 300), "commands": (commands, 40)}
+SHORT = {"files": (files, 70), "inputs": (inputs, 180), "commands": (commands, 24)}
 
 
 @pytest.mark.parametrize(("fuzzer", "count"), SHORT.values(), ids=SHORT)
