@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -13,3 +14,27 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     if close:
         return f"; did you mean '{close[0]}'?"
     return f"; it has: {', '.join(known)}" if known else "; it has none"
+
+
+def article(word: str) -> str:
+    """The word or abbreviation with a or an, as it is spoken: an LP, a PD, an element."""
+    spelt = word[:2].isupper()
+    return f"{'an' if word[:1] in ('AEFHILMNORSX' if spelt else 'AEIOaeio') else 'a'} {word}"
+
+
+def quoted(value: Any) -> str:
+    """A value in one short line: as Python writes it, or what it is if that is long."""
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if isinstance(value, int) and abs(value) >= 10**60:  # Python refuses to write the longest
+        return "a number of more than 60 digits"
+    if isinstance(value, str):
+        return repr(shortened(value))
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 and " at 0x" not in text else article(type(value).__name__)
+
+
+def shortened(text: str, most: int = 80) -> str:
+    """A text in one line of at most that many characters, the middle left out."""
+    text = " ".join(text.split()) if "\n" in text else text
+    return text if len(text) <= most else f"{text[: most - 13]}...{text[-10:]}"

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
+from hbgear.common.messages import quoted
+
 _INSIDE = 1e-3  # how far from an end that does not belong to the range searches stop, as a share of the way to it
 
 
@@ -36,6 +38,12 @@ class Range:
     high: float = math.inf
     above: float = -math.inf
     below: float = math.inf
+
+    def __post_init__(self) -> None:
+        for name in ("low", "high", "above", "below"):
+            end = getattr(self, name)
+            if isinstance(end, bool) or not isinstance(end, Real) or end != end:
+                raise ValueError(f"Range: {name} = {quoted(end)} must be a number, math.inf for no end")
 
     def __contains__(self, value: float) -> bool:
         return self.low <= value <= self.high and self.above < value < self.below
@@ -72,9 +80,10 @@ def counted(name: str, number: Any, most: int | None = None, least: int = 1) -> 
     ValueError
     """
     if isinstance(number, bool) or not isinstance(number, Integral) or int(number) < least:
-        raise ValueError(f"{name} = {number!r} must be a whole number of at least {least}")
+        raise ValueError(f"{name} = {quoted(number)} must be a whole number of at least {least}")
     if most is not None and int(number) > most:
-        raise ValueError(f"{name} = {int(number):,} is more than {most:,}, which is the most there can be")
+        told = f"{int(number):,}" if number < 10**15 else quoted(int(number))
+        raise ValueError(f"{name} = {told} is more than {most:,}, which is the most there can be")
     return int(number)
 
 
@@ -94,7 +103,14 @@ def checked(owner: str, name: str, value: Any, allowed: Range = ANY) -> None:
     ------
     ValueError
     """
-    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
-        raise ValueError(f"{owner}: {name} = {value!r} must be a finite number")
+    if isinstance(value, bool) or not isinstance(value, Real) or not _is_finite(value):
+        raise ValueError(f"{owner}: {name} = {quoted(value)} must be a finite number")
     if float(value) not in allowed:
         raise ValueError(f"{owner}: {name} = {value} must {allowed}")
+
+
+def _is_finite(value: Real) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond every float
+        return False

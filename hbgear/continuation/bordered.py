@@ -37,13 +37,13 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import scipy  # its parts are imported when they are first used
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import need
 from hbgear.common.ranges import Range
 from hbgear.continuation.algebra import Factors, Matrix, bordered, dense, norm, slogdet
 from hbgear.continuation.branch import Point
 from hbgear.continuation.differences import STEP, in_parameter
-from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise, linearise_all
+from hbgear.continuation.problem import AnyProblem, Evaluation, FullProblem, as_problem, linearise, linearise_all
 from hbgear.continuation.reading import Reader
 
 
@@ -99,8 +99,8 @@ class Augmented(FullProblem):
     parameter: str
     base: Base | None = None
 
-    def __init__(self, problem: Any, parameter: str = "") -> None:
-        need(f"{type(self).__name__}(problem)", problem, "problem")
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "") -> None:
         problem = as_problem(problem)
         parameter = parameter or problem.usual_parameter
         if not parameter:
@@ -385,7 +385,8 @@ class Level(Augmented):
 
     test: Callable[[Point], float]
 
-    def __init__(self, problem: Any, parameter: str, test: Callable[[Point], float]) -> None:
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str, test: Callable[[Point], float]) -> None:
         super().__init__(problem, parameter)
         self._fixed(test=test)
 

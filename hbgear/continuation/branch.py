@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.messages import did_you_mean
+from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.ranges import counted
 from hbgear.continuation.reading import Moving, Reader
 
@@ -146,14 +147,17 @@ class Point:
         """The most severe regime among the elements."""
         return name_of_regime(self.regime, self.layout)
 
+    @checked_arguments()
     def coefficients(self, element: int | str = 0) -> Array:
         """The unknowns of an element: for harmonics the row ``(a0, a1, b1, ..., aH, bH)``."""
         return _known(self.layout).rows(self.X, element).copy()
 
+    @checked_arguments()
     def amplitude(self, measure: str = "rms", element: int | str = 0) -> float:
         """A measure of an element: for harmonics "rms", "pp2", "max", "mean", "H1", "H2", ..."""
         return float(_known(self.layout).measure(measure, self.X, element))
 
+    @checked_arguments()
     def samples(self, element: int | str = 0, count: int = 1024, order: int = 0) -> tuple[Array, Array]:
         """``(theta, values)`` of an element over one period, 0 <= theta < 2 pi; order is that of d/dtheta."""
         counted("order", order, least=0)
@@ -337,8 +341,11 @@ class Branch:
         """Most severe regime among the elements, for each row."""
         return [name_of_regime(codes, self.layout) for codes in self.regime]
 
+    @checked_arguments()
     def parameters_at(self, i: int) -> dict[str, float]:
         """All parameters of a row."""
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"there is no row {quoted(i)}; the branch has {len(self)}")
         tracked = {name: float(x[i]) for name, x in self.tracked.items()}
         return {**self.fixed, **tracked, self.parameter: float(self.values[i])}
 
@@ -346,6 +353,7 @@ class Branch:
         """Where slow sweeps leave the branch, and where they land."""
         return self.jump_records
 
+    @checked_arguments()
     def amplitude(
         self, measure: str = "rms", element: int | str = 0, dof: int | str | None = None, derivative: int = 0
     ) -> Array:
@@ -363,6 +371,7 @@ class Branch:
         ValueError, KeyError
             If there is no such measure, element or degree of freedom, or no problem where one is needed.
         """
+        counted("derivative", derivative, 10, least=0)
         layout = _known(self.layout)
         rows = layout.rows(self.X, element) if dof is None else self._motion(dof)
         if derivative:
@@ -384,16 +393,19 @@ class Branch:
             raise KeyError(f"the model has no degree of freedom {dof}; there are {q.shape[1]}, from 0")
         return q[:, dof]
 
+    @checked_arguments()
     def peak(self, measure: str = "rms", element: int | str = 0) -> Point:
         """The row with the largest measure."""
         return self[int(np.nanargmax(self.amplitude(measure, element)))]
 
+    @checked_arguments()
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write to an .npz with a JSON header, whole or not at all; `load` gives back the same numbers."""
         from hbgear.io import npz
 
         npz.save(self, path)
 
+    @checked_arguments()
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all."""
         from hbgear.io import tables as export

@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 import scipy  # its parts are imported when they are first used
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import as_dense, bordered, slogdet
 from hbgear.continuation.bordered import Augmented, Fold, Level
@@ -87,6 +88,7 @@ class Event:
     alone: bool = False
     """Whether nothing else is looked for on the segment that a terminal event ends."""
 
+    @checked_arguments()
     def __init__(
         self, kind: str, test: Callable[[Point], float], meaning: str = "", marker: str = "v", terminal: bool = False
     ) -> None:

@@ -7,17 +7,20 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import need
 from hbgear.continuation.branch import Branch, Status, continued
 from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import Settings
-from hbgear.continuation.problem import as_problem
+from hbgear.continuation.problem import AnyProblem, as_problem
 from hbgear.continuation.segment import Departure
 from hbgear.continuation.tracer import trace
 
 
-def extend(branch: Branch, span: tuple[float, float] | None = None, *, problem: Any = None, **options: Any) -> Branch:
+@checked_arguments()
+def extend(
+    branch: Branch, span: tuple[float, float] | None = None, *, problem: AnyProblem | None = None, **options: Any
+) -> Branch:
     """Follow a curve on from its last row, the way it was going; the rows that were there and the new ones in one.
 
     Special points are numbered on and jumps sought on the whole. The new part does not know the old one: a closed
@@ -49,12 +52,13 @@ def extend(branch: Branch, span: tuple[float, float] | None = None, *, problem: 
     >>> len(part), whole.message
     (10, 'Omega = 1.6 reached')
     """
-    need("extend(branch)", branch, "Branch")
     if (problem := branch.problem if problem is None else problem) is None:
         raise ValueError("extending needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     if len(branch) < 2:
         raise ValueError(f"the branch has {len(branch)} rows; need two, which tell which way it goes: trace it anew")
-    first, last = span or branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
+    if span is None:
+        span = branch.meta.get("trace", {}).get("span") or (float(branch.values[0]), float(branch.values[-1]))
+    first, last = span
     _check_end(branch, float(first), float(last))
     before, here = (_unknowns(problem, branch, i) for i in (-2, -1))
     direction = np.append(here - before, branch.values[-1] - branch.values[-2])

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from hbgear.common.given import given, need
+from hbgear.common.arguments import checked_arguments
 from hbgear.continuation.branch import Branch, SpecialPoint
 from hbgear.continuation.events import Event, event_of
 from hbgear.continuation.problem import as_problem
 from hbgear.continuation.tracer import trace
 
 
+@checked_arguments(
+    point="the label of a special point of the branch, such as 'LP1'",
+    parameter="the name of a parameter, such as 'zeta'",
+)
 def follow(
     branch: Branch,
     point: str | SpecialPoint,
@@ -53,9 +57,6 @@ def follow(
     >>> bool(folds["CP1"].parameters["zeta"] > 0.1)
     True
     """
-    need("follow(branch)", branch, "Branch")
-    if not isinstance(point, str | SpecialPoint):
-        raise TypeError(f"point: got {given(point)}; need the label of a special point of the branch, such as 'LP1'")
     here = branch[point] if isinstance(point, str) else point
     assert isinstance(here, SpecialPoint)
     if branch.problem is None:

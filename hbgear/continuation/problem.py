@@ -28,10 +28,11 @@ speaks to `FullProblem` only, which answers for what is not offered.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, Range
 from hbgear.continuation.algebra import Matrix, norm
@@ -106,6 +107,10 @@ class Problem(Protocol):
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Matrix]:
         """R (n,) and dR/dX (n, n), a dense array or a scipy.sparse matrix."""
+
+
+AnyProblem = Annotated[Any, Problem]
+"""A `Problem`, whose ``evaluate`` may name its parameters."""
 
 
 @runtime_checkable
@@ -425,7 +430,8 @@ def _members(ability: type) -> list[str]:
     return [name for name in {**vars(ability), **ability.__annotations__} if not name.startswith("_")]
 
 
-def as_problem(problem: Any) -> FullProblem:
+@checked_arguments()
+def as_problem(problem: AnyProblem) -> FullProblem:
     """The problem with an answer to everything.
 
     Raises
@@ -435,11 +441,6 @@ def as_problem(problem: Any) -> FullProblem:
     """
     if isinstance(problem, FullProblem):
         return problem
-    if not isinstance(problem, Problem):
-        raise TypeError(
-            f"need a problem, such as hb.HarmonicBalance(model, harmonics=16), or any object with "
-            f"evaluate(X, **parameters) -> (R, dR_dX); got {type(problem).__name__}"
-        )
     return _Asked(problem)
 
 

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from hbgear.common.given import article, given, need
+from hbgear.common.arguments import checked_arguments
+from hbgear.common.messages import article
 from hbgear.continuation.branch import Branch, SpecialPoint
 from hbgear.continuation.events import event_of
 from hbgear.continuation.tracer import trace
 
 
+@checked_arguments(label="the label of a PD or BP of the branch, such as 'PD1'")
 def switch(
     branch: Branch, label: str, span: tuple[float, float] | None = None, *, side: int = 1, **options: Any
 ) -> Branch:
@@ -52,9 +54,6 @@ def switch(
     >>> doubled.problem.nu
     2
     """
-    need("switch(branch)", branch, "Branch")
-    if not isinstance(label, str):
-        raise TypeError(f"label: got {given(label)}; need the label of a PD or BP of the branch, such as 'PD1'")
     point = branch[label]
     assert isinstance(point, SpecialPoint)
     if branch.problem is None:

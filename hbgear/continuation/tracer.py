@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import given, need, number, two_numbers
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import Range
 from hbgear.continuation.algebra import norm, norms
@@ -32,15 +32,20 @@ from hbgear.continuation.ending import Ending
 from hbgear.continuation.events import Event, Found, Turning, Watch, events_of
 from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import NoConvergence, Settings, solve
-from hbgear.continuation.problem import FullProblem, as_problem, observe_all
+from hbgear.continuation.problem import AnyProblem, FullProblem, as_problem, observe_all
 from hbgear.continuation.record import Mark, branch_of
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, cosine, normal_of, row_of, without_evaluation
 from hbgear.continuation.stepsize import Pace, StepControl
 from hbgear.continuation.stride import Strider
 
 
+@checked_arguments(
+    parameter="the name of a parameter, such as 'Omega'",
+    start="a Point such as curve['LP1'] or curve[-1], or unknowns (n,)",
+    at="values by name, such as at={'zeta': 0.05}",
+)
 def trace(
-    problem: Any,
+    problem: AnyProblem,
     parameter: str,
     span: tuple[float, float],
     start: Point | Departure | Array | None = None,
@@ -103,7 +108,6 @@ def trace(
     >>> [round(jump.value, 3) for jump in curve.jumps()]
     [1.103, 1.1]
     """
-    need("trace(problem)", problem, "problem")
     full = as_problem(problem)
     return _Tracer(full, parameter, span, start, at, steps, settings, stability, special, events, progress).run()
 
@@ -119,7 +123,6 @@ class _Tracer:
         at: Mapping[str, float] | None, steps: StepControl, settings: Settings,
         stability: bool, special: bool, events: Sequence[Event], progress: ProgressCallback | None,
     ) -> None:  # fmt: skip
-        _check_kinds(start, at, steps, settings)
         self.problem, self.name, self.largest = problem, parameter, problem
         self.steps, self.settings, self.special, self.progress = steps, settings, special, progress
         self.stability = stability
@@ -165,7 +168,7 @@ class _Tracer:
         fixed = dict(self.problem.parameters)
         if isinstance(start, Point | Departure):
             fixed.update(start.parameters)
-        fixed.update({k: number(f"at: {k}", v) for k, v in (at or {}).items()})
+        fixed.update({name: float(value) for name, value in (at or {}).items()})
         own = self.problem.unknown_parameters
         for name in (self.name, *own):
             fixed.pop(name, None)
@@ -666,17 +669,6 @@ _TURNED = 0.9  # least cosine of the turn on the last step to the end of a param
 _NEAR = 1.3  # squared distance from its end, in its length squared, that what lies beside a piece may have
 
 
-def _check_kinds(start: Any, at: Any, steps: Any, settings: Any) -> None:
-    if isinstance(start, str | Branch | Mapping):
-        raise TypeError(f"start: got {given(start)}; need a Point such as curve['LP1'] or curve[-1], or unknowns (n,)")
-    if at is not None and not isinstance(at, Mapping):
-        raise TypeError(f"at: got {given(at)}; need values by name, such as at={{'zeta': 0.05}}")
-    if not isinstance(steps, StepControl):
-        raise TypeError(f"steps: got {given(steps)}; need StepControl(...), such as StepControl(max_points=100)")
-    if not isinstance(settings, Settings):
-        raise TypeError(f"settings: got {given(settings)}; need Settings(...), such as Settings(tolerance=1e-12)")
-
-
 def _check_start(problem: FullProblem, X: Array) -> None:
     if not np.all(np.isfinite(X)):
         raise ValueError("the start has entries that are not finite")
@@ -688,9 +680,7 @@ def _check_start(problem: FullProblem, X: Array) -> None:
 
 
 def _checked_span(parameter: str, span: tuple[float, float], allowed: Range) -> tuple[float, float]:
-    a, b = two_numbers("span", span)
-    if not (math.isfinite(a) and math.isfinite(b)):
-        raise ValueError(f"span = ({a}, {b}) must be finite")
+    a, b = map(float, span)
     if a == b:
         raise ValueError(f"span = ({a}, {b}) is empty; give two different values of {parameter}")
     if a not in allowed or b not in allowed:

@@ -13,7 +13,7 @@ McKay, Beckman & Conover (1979), Technometrics 21(2), https://doi.org/10.1080/00
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.common.messages import did_you_mean
+from hbgear.common.messages import did_you_mean, quoted, shortened
 from hbgear.common.ranges import counted
 
 METHODS = ("latin-hypercube", "monte-carlo")
@@ -106,8 +106,9 @@ def grid(**values: Sequence[Any]) -> Grid:
     if not values:
         raise ValueError("a grid needs at least one parameter: grid(zeta=[0.04, 0.05])")
     for name, each in values.items():
-        if isinstance(each, str) or not hasattr(each, "__len__") or not len(each):
-            raise ValueError(f"grid: {name} = {each!r}: need a list of at least one value")
+        listed = isinstance(each, Collection) and not isinstance(each, str) and getattr(each, "ndim", 1) == 1
+        if not listed or not len(each):
+            raise ValueError(f"grid: {name} = {quoted(each)}: need a list of at least one value")
         if len({repr(x) for x in each}) < len(each):
             raise ValueError(f"grid: {name} has a value twice; give each once")
     return Grid({name: tuple(x.item() if isinstance(x, np.generic) else x for x in v) for name, v in values.items()})
@@ -166,9 +167,9 @@ def distribution(given: Sequence[Any]) -> Any:
     from scipy import stats
 
     if not isinstance(given, list | tuple):
-        raise ValueError(f"a distribution is given as ('uniform', low, high) or the like, not as {given!r}")
-    if not given or given[0] not in DISTRIBUTIONS:
-        name = str(given[0]) if given else ""
+        raise ValueError(f"a distribution is given as ('uniform', low, high) or the like, not as {quoted(given)}")
+    if not given or not isinstance(given[0], str) or given[0] not in DISTRIBUTIONS:
+        name = shortened(str(given[0])) if given else ""
         raise KeyError(f"there is no distribution '{name}'{did_you_mean(name, DISTRIBUTIONS)}")
     name, *numbers = given
     meaning, make = DISTRIBUTIONS[name]

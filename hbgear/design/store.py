@@ -24,6 +24,7 @@ import numpy as np
 
 from hbgear._version import __version__
 from hbgear.common.arrays import Array
+from hbgear.common.messages import quoted
 from hbgear.common.replacing import replacing
 from hbgear.io.archive import archive_of
 
@@ -74,6 +75,8 @@ class Store:
         file = self.folder / "study.json"
         head = {"schema": SCHEMA, "hbgear": __version__, "study": json.loads(json.dumps(study))}
         self._versions_known = True
+        if file.exists() and not file.is_file():
+            raise ValueError(f"'{file}' is no regular file; move it away, it is where the study is described")
         if file.exists():
             there = _read_study(file)
             if there is not None:
@@ -87,7 +90,10 @@ class Store:
             raise ValueError(f"cannot make '{folder}': there is no folder '{self.folder.parent}'; create it first")
         if self.folder.is_dir() and any(not path.name.startswith(".") for path in self.folder.iterdir()):
             raise ValueError(f"the folder '{folder}' is not empty and holds no study; give another one")
-        self.folder.mkdir(exist_ok=True)
+        try:
+            self.folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise OSError(f"cannot make '{folder}' ({error.strerror}); give another folder for the cases") from error
         _write(file, head)
 
     def _write_again(self, file: Path, head: dict[str, Any]) -> None:
@@ -191,5 +197,7 @@ def _check_same(file: Path, there: dict[str, Any], head: dict[str, Any]) -> None
         )
     names = [name for name in head["study"] if before.get(name) != head["study"][name]]
     if names:
-        changed = ", ".join(f"{name} = {before.get(name)} there, {head['study'][name]} now" for name in names)
+        changed = ", ".join(
+            f"{name} = {quoted(before.get(name))} there, {quoted(head['study'][name])} now" for name in names
+        )
         raise ValueError(f"the folder of '{file}' holds another study ({changed}); give another folder")

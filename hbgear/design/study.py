@@ -27,8 +27,8 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import given, need, two_numbers
 from hbgear.common.messages import did_you_mean
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.replacing import replacing
@@ -190,6 +190,7 @@ class Cases:
             raise ValueError(f"'{path}' must end in .csv or .npz")
 
 
+@checked_arguments(vary="what varies, such as grid(zeta=[0.05, 0.06])")
 def cases(
     model: Model,
     vary: Grid | Sample,
@@ -246,12 +247,8 @@ def cases(
     >>> found.failed
     {}
     """
-    need("cases(model)", model, "Model")
-    if not isinstance(vary, Grid | Sample):
-        raise TypeError(f"vary: got {given(vary)}; need what varies, such as grid(zeta=[0.05, 0.06])")
-    if span is not None:
-        two_numbers("span", span)
-    work = Work(tuple(compute), tuple(critical), harmonics, tuple(span or model.default_span), measure, element)  # type: ignore[arg-type]
+    low, high = model.default_span if span is None else span
+    work = Work(tuple(compute), tuple(critical), harmonics, (float(low), float(high)), measure, element)
     _check(model, vary, work, most)
     described = {name: describe(model)[name] for name in ("class", "fields")}
     study = {"model": described, **json.loads(json.dumps(asdict(work)))}

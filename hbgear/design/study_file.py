@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from hbgear.common.messages import did_you_mean
+from hbgear.common.messages import did_you_mean, quoted, shortened
 from hbgear.design.sampling import METHODS, Grid, Sample, distribution, grid
 from hbgear.design.study import KINDS, Work
 from hbgear.harmonic.catalogue import class_of
+from hbgear.io.archive import too_deep
 from hbgear.mechanics.fields import made, plain_kinds_of, required_of
 from hbgear.mechanics.model import Model
 
@@ -62,13 +63,18 @@ def _parsed(path: str | os.PathLike[str]) -> tuple[str, dict[str, Any]]:
     """Text of the file, and what TOML reads in it."""
     try:
         text = Path(path).read_text(encoding="utf-8")
-        return text, tomllib.loads(text)
+        data = tomllib.loads(text)
+        if not too_deep(data):
+            return text, data
+        reason = "a value in it is nested too deeply"
     except OSError as error:
         reason = str(error.strerror)
     except UnicodeDecodeError:
         reason = "it is no text (UTF-8)"
     except tomllib.TOMLDecodeError as error:
-        reason = str(error).replace("at end of document", f"at the end, line {len(text.splitlines())}")
+        reason = shortened(str(error), 200).replace("at end of document", f"at the end, line {len(text.splitlines())}")
+    except RecursionError:
+        reason = "a value in it is nested too deeply"
     raise StudyFileError([f"'{path}' cannot be read as a study: {reason}"])
 
 
@@ -152,7 +158,7 @@ def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
         try:
             cls = class_of(name)
         except (KeyError, ValueError) as error:
-            problems.append((("model",), str(error.args[0])))
+            problems.append((("model",), shortened(str(error.args[0]), 300)))
     schema = _schema(cls)
     base = data.get("base", {})
     missing = [field for field in (required_of(cls) if cls else ()) if isinstance(base, dict) and field not in base]
@@ -179,10 +185,13 @@ def _told(schema: Any, error: Any) -> tuple[Place, str]:
     if error["type"] == "extra_forbidden":
         for key in place[:-1]:
             schema = schema.model_fields[key].annotation
-        return place, f"unknown key '{name}'{did_you_mean(str(place[-1]), schema.model_fields)}"
+        return place, f"unknown key '{shortened(name)}'{did_you_mean(str(place[-1]), schema.model_fields)}"
     if error["type"] == "missing":
-        return place, f"'{name}' is missing"
-    return place, f"{name} = {error['input']!r}: {error['msg'].removeprefix('Value error, ')}"
+        return place, f"'{shortened(name)}' is missing"
+    return (
+        place,
+        f"{shortened(name)} = {quoted(error['input'])}: {shortened(error['msg'].removeprefix('Value error, '), 300)}",
+    )
 
 
 def _schema(cls: type[Model] | None) -> Any:

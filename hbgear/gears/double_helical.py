@@ -37,6 +37,7 @@ from typing import ClassVar, Literal, TypeVar
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.gears.geometry import (
@@ -338,21 +339,25 @@ class DoubleHelicalPair(Model):
 
     # Units
 
+    @checked_arguments()
     def mesh_frequency(self, Omega: Numbers) -> Numbers:
         """Mesh frequency Omega omega_n / (2 pi) [Hz]."""
-        return Omega * (self.omega_n / (2 * pi))
+        return _times(Omega, self.omega_n / (2 * pi))
 
+    @checked_arguments()
     def from_mesh_frequency(self, frequency: Numbers) -> Numbers:
         """Omega at a mesh frequency [Hz]."""
-        return frequency / (self.omega_n / (2 * pi))
+        return _times(frequency, 2 * pi / self.omega_n)
 
+    @checked_arguments()
     def pinion_speed(self, Omega: Numbers) -> Numbers:
         """Pinion speed 60 mesh_frequency / teeth_p [r/min]."""
-        return self.mesh_frequency(Omega) * (60 / self.teeth_p)
+        return _times(self.mesh_frequency(Omega), 60 / self.teeth_p)
 
+    @checked_arguments()
     def from_pinion_speed(self, speed: Numbers) -> Numbers:
         """Omega at a pinion speed [r/min]."""
-        return self.from_mesh_frequency(speed * (self.teeth_p / 60))
+        return self.from_mesh_frequency(_times(speed, self.teeth_p / 60))
 
     @property
     def units(self) -> Array:
@@ -446,3 +451,9 @@ class DoubleHelicalPair(Model):
             load=Load(constant=S * self.torques() / (self.k_mean * self.b_c)),
             dof_names=[f"{axis}_{node}" for node in NODES for axis in AXES],
         )
+
+
+def _times(values: Numbers, factor: float) -> Numbers:
+    """Values times a factor, those of a list too."""
+    product: Numbers = np.multiply(values, factor)
+    return product

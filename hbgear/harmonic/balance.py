@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.given import need
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.common.recent import Recent
@@ -59,6 +59,9 @@ _UNKNOWNS = 4_000  # of the dense Jacobians, several of which are held at once
 
 
 _SAMPLES = 1_000_000  # of all elements together
+
+
+_FREQUENCIES = Range(above=0, high=1e60)  # so that powers of Omega are numbers
 
 
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
@@ -112,14 +115,14 @@ class HarmonicBalance(FullProblem):
     ((17,), (17, 17))
     """
 
+    @checked_arguments()
     def __init__(
         self, model: Model, harmonics: int | str = 16, samples: int | None = None, nu: int = 1,
         sampled: bool = False, tolerance: float = 1e-6,
     ) -> None:  # fmt: skip
-        need("HarmonicBalance(model)", model, "Model")
-        counted("nu", nu)
+        counted("nu", nu, _SAMPLES)
         if harmonics != "auto":
-            counted("harmonics", harmonics)
+            counted("harmonics", harmonics, _SAMPLES)
         checked("HarmonicBalance", "tolerance", tolerance, POSITIVE)
         self.auto = harmonics == "auto"
         self.tolerance = float(tolerance)
@@ -128,7 +131,7 @@ class HarmonicBalance(FullProblem):
         system = model.system()
         self.m = len(system.elements)
         if samples is not None:
-            counted("samples", samples)
+            counted("samples", samples, _SAMPLES)
         self._structures: Recent[Structure] = Recent(6)
         self._own = model.parameters
         self._prepare(samples)
@@ -207,6 +210,7 @@ class HarmonicBalance(FullProblem):
             },
         }
 
+    @checked_arguments()
     def check_parameter(self, name: str) -> None:
         """Refuse a parameter that neither is Omega nor a float field of the model."""
         known = ("Omega", *self._own)
@@ -236,11 +240,12 @@ class HarmonicBalance(FullProblem):
         """Period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonic branches."""
         return motion_events(self.nu)
 
+    @checked_arguments()
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
         """The same model with another subharmonic order; by default harmonics reach the same frequency."""
         H = harmonics or self.H * nu // self.nu
-        counted("nu", nu)
-        counted("harmonics", H)
+        counted("nu", nu, _SAMPLES)
+        counted("harmonics", H, _SAMPLES)
         out = copy.copy(self)
         out.nu, out.H = int(nu), int(H)
         out._prepare(None)
@@ -267,6 +272,7 @@ class HarmonicBalance(FullProblem):
             )
         return resize(stretch(X.reshape(self.m, -1), self.nu // layout.nu), self.H).ravel()
 
+    @checked_arguments()
     def with_tolerance(self, tolerance: float) -> HarmonicBalance:
         """The same problem, harmonics included, with ``harmonics="auto"`` from here on."""
         out = copy.copy(self)
@@ -445,12 +451,15 @@ class HarmonicBalance(FullProblem):
             return self.linearise_all(X, values, **parameters)
         return super().linearise_many(X, name, values, **parameters)
 
+    @checked_arguments()
     def residual(self, X: Array, **parameters: float) -> Array:
         """R alone (n,)."""
+        X = self._given(X, parameters)
         return self.linearise(X, "", **parameters).R
 
     # ---- starting points
 
+    @checked_arguments()
     def start(self, Omega: float, **parameters: float) -> Array:  # type: ignore[override]
         """A periodic motion at Omega, found from the static state and the linear response about it.
 
@@ -459,7 +468,8 @@ class HarmonicBalance(FullProblem):
         NoConvergence
             If Newton finds no periodic motion from any of the guesses.
         """
-        here = {**parameters, "Omega": float(Omega)}
+        checked("start", "Omega", Omega, _FREQUENCIES)
+        here = {name: float(value) for name, value in (parameters | {"Omega": Omega}).items()}
         failure: NoConvergence | None = None
         for method in (solve, solve_from_afar):
             for guess in guesses(self.compiled(here), here["Omega"]):
@@ -481,6 +491,7 @@ class HarmonicBalance(FullProblem):
         c = to_complex(X.reshape(self.m, -1))
         return crossings(c, compiled.corner, compiled.element, self._transform.samples(c))
 
+    @checked_arguments()
     def regime(self, X: Array, **parameters: float) -> np.ndarray:
         """Impact regime of each element (m,): 0 no impact, 1 single-sided, 2 double-sided.
 
@@ -489,6 +500,7 @@ class HarmonicBalance(FullProblem):
         regime: np.ndarray = self._reach(X[None], self.compiled(parameters))[1][0]
         return regime
 
+    @checked_arguments()
     def clearance(self, X: Array, **parameters: float) -> Array:
         """Signed distances of the extrema of each element from each corner of its law: zero where contact grazes.
 
@@ -520,28 +532,51 @@ class HarmonicBalance(FullProblem):
         forces: Array = self.forces(rows[None], to_complex(rows)[None], Omega, compiled).f[0]
         return forces
 
+    @checked_arguments()
     def mesh_forces(self, X: Array, **parameters: float) -> Array:
         """Whole force of each element, law and damper, as real rows (m, 2H + 1): f_k + i k omega c d_k."""
+        X = self._given(X, parameters)
         compiled = self.compiled(parameters)
         omega = parameters["Omega"] / self.nu
         rows = X.reshape(self.m, -1)
         return self.force_rows(X, **parameters) + omega * compiled.structure.c[:, None] * derivative(rows)
 
+    @checked_arguments()
     def motion(self, X: Array, **parameters: float) -> Array:
         """Motion of every coordinate of the structure as real rows (n, 2H + 1)."""
+        X = self._given(X, parameters)
         compiled = self.compiled(parameters)
         f = to_complex(self.force_rows(X, **parameters)).T
         q = compiled.receptance.motion(parameters["Omega"], to_complex(X.reshape(self.m, -1)).T, f)
         return to_real(q.T)
 
+    @checked_arguments()
     def multipliers(
         self, X: Array, points: int | None = None, width: float | None = None, **parameters: float
     ) -> ComplexArray:
         """Floquet multipliers of the motion over its period, largest first; see `floquet.multipliers_of`."""
+        X = self._given(X, parameters)
+        if points is not None:
+            counted("points", points, 50)
+        if width is not None:
+            checked("multipliers", "width", width, POSITIVE)
         Omega = np.array([parameters.pop("Omega")])
         compiled = self.compiled(parameters)
         mu: ComplexArray = multipliers_of(compiled, X[None], Omega, points=points, width=width)[0]
         return mu
+
+    def _given(self, X: Array, parameters: dict[str, float]) -> Array:
+        """Unknowns of one motion; ``parameters`` hold a frequency that can be meant."""
+        X = np.asarray(X, dtype=float)
+        if X.shape != (self.size,):
+            raise ValueError(
+                f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x (2H + 1) = {self.size} numbers"
+            )
+        if "Omega" not in parameters:
+            raise ValueError("a motion needs its frequency: give Omega=...")
+        checked(type(self).__name__, "Omega", parameters["Omega"], _FREQUENCIES)
+        parameters["Omega"] = float(parameters["Omega"])
+        return X
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """What a trace stores beside the unknowns: multipliers (if asked for), regime, clearance, error."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.progress import ProgressCallback
 from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, SpecialPoint, Status
@@ -23,7 +24,6 @@ from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.fold_curves import (
-    check_frequencies,
     check_parameter,
     on_fold_curve,
     problem_of,
@@ -86,6 +86,7 @@ class Critical:
     message: str = ""
 
 
+@checked_arguments(parameter="the name of a parameter, such as 'zeta'")
 def critical(
     model: Model | HarmonicBalance,
     parameter: str,
@@ -131,7 +132,6 @@ def critical(
     """
     problem = problem_of(model, harmonics)
     check_parameter(problem, parameter)
-    check_frequencies(frequencies)
     own, allowed = problem.parameters[parameter], problem.range_of(parameter)
     followed: list[Branch] = []
     tried: list[float] = []

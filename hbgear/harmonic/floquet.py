@@ -50,6 +50,9 @@ _SHARE = 0.2  # longest step as a share of the excitation period, whatever the s
 _COARSE = 32  # phases of an excitation period at which the modulations are looked at for their size
 
 
+_MOST_STEPS = 10_000  # of one period
+
+
 _LONG = 12.0  # periods in which the springs turn the inertia by more radians are cut into fewer steps of more points
 
 
@@ -84,7 +87,7 @@ def multipliers_of(
     Raises
     ------
     ValueError
-        If the structure is too large for its modes to be computed.
+        If the structure is too large for its modes to be computed, or a period takes too many steps.
     """
     mu = np.linalg.eigvals(monodromies(compiled, X, Omega, points=points, width=width)).astype(complex)
     return mu[np.arange(len(mu))[:, None], np.argsort(-np.abs(mu), axis=-1, kind="stable")]
@@ -117,6 +120,12 @@ def monodromies(
         widest = width or (3.5 if long.any() else s / 5.0)
         parts = max(1, modes.size // (2 * s * compiled.m))  # about half as many nodes in a step as states
         longest = np.minimum(widest / pace, _SHARE * period / compiled.nu)
+        count = float(np.max(period / (parts * longest)))
+        if count > _MOST_STEPS:
+            raise ValueError(
+                f"stability would take {count:.2g} steps a period, for the springs are so fast beside Omega: give "
+                "another Omega, or trace with stability=False"
+            )
         out[some] = _carried(motions, _steps(motions, parts * longest), modes, kr, s, parts)
     return out
 

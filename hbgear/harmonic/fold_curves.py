@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hbgear.common.given import two_numbers
 from hbgear.common.progress import Progress, ProgressCallback
+from hbgear.common.ranges import counted
 from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, Point
 from hbgear.continuation.ending import whole
@@ -24,6 +24,7 @@ def say(progress: ProgressCallback | None, text: str) -> None:
 
 def problem_of(model: Model | HarmonicBalance, harmonics: int) -> HarmonicBalance:
     """The harmonic balance of a model; one that is given as it is."""
+    counted("harmonics", harmonics)
     return model if isinstance(model, HarmonicBalance) else HarmonicBalance(model, harmonics)
 
 
@@ -46,23 +47,11 @@ def check_parameter(problem: HarmonicBalance, parameter: str) -> None:
         )
 
 
-def check_frequencies(frequencies: tuple[float, float] | None) -> None:
-    """Refuse what is no range of Omega; None is the model's own.
-
-    Raises
-    ------
-    ValueError
-        If it is not two numbers.
-    """
-    if frequencies is not None:
-        two_numbers("frequencies", frequencies)
-
-
 def response_curve(
     problem: HarmonicBalance, parameter: str, value: float, frequencies: tuple[float, float] | None
 ) -> Branch:
     """Response curve at a value of a parameter, over a range of Omega or the model's own, without stability."""
-    span = frequencies or problem.model.default_span
+    span = problem.model.default_span if frequencies is None else frequencies
     return whole(trace(problem, "Omega", span, at={parameter: value}, stability=False))
 
 

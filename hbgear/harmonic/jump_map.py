@@ -18,8 +18,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import two_numbers
 from hbgear.common.progress import ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.common.replacing import replacing
@@ -30,7 +30,6 @@ from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.fold_curves import (
-    check_frequencies,
     check_parameter,
     on_fold_curve,
     problem_of,
@@ -135,6 +134,7 @@ class JumpMap:
         return list(found.values())
 
 
+@checked_arguments(parameter="the name of a parameter, such as 'zeta'")
 def jump_map(
     model: Model | HarmonicBalance,
     parameter: str,
@@ -184,10 +184,9 @@ def jump_map(
     """
     problem = problem_of(model, harmonics)
     check_parameter(problem, parameter)
-    low, high = sorted(two_numbers("span", span))
+    low, high = sorted(map(float, span))
     if not (math.isfinite(low) and math.isfinite(high)) or low == high:
         raise ValueError(f"span = {span}: need two different finite values of {parameter}")
-    check_frequencies(frequencies)
     if low not in (allowed := problem.range_of(parameter)) or high not in allowed:
         raise ValueError(f"span = {span}: {parameter} must {allowed}")
     counted("seeds", seeds, 1000, least=2)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import scipy
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import need
 from hbgear.continuation.branch import Branch, SpecialPoint
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, solution_at, solve
 from hbgear.continuation.problem import linearise
@@ -19,6 +19,7 @@ from hbgear.harmonic.observables import measure as measured
 from hbgear.harmonic.special import Peak
 
 
+@checked_arguments()
 def peaks(
     branch: Branch, measure: str = "rms", element: int | str = 0, *, share: float = 0.0
 ) -> tuple[SpecialPoint, ...]:
@@ -49,7 +50,6 @@ def peaks(
     >>> top.label, bool(top.amplitude("rms") >= curve.amplitude("rms").max())
     ('PK1', True)
     """
-    need("peaks(branch)", branch, "Branch")
     layout = layout_of(branch)
     if branch.problem is None or layout is None:
         raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")

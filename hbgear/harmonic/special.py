@@ -22,11 +22,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import bordered, norm
 from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, bends, null_vectors, sides
 from hbgear.continuation.differences import STEP, in_parameter
-from hbgear.continuation.problem import linearise, linearise_all
+from hbgear.continuation.problem import AnyProblem, linearise, linearise_all
 from hbgear.mechanics.fourier import waves
 
 
@@ -58,7 +59,8 @@ class PeriodDoubling(Fold):
     odd: NDArray[np.int_]
     even: NDArray[np.int_]
 
-    def __init__(self, problem: Any, parameter: str = "") -> None:
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "") -> None:
         super().__init__(problem, parameter)
         doubled = problem.with_order(2 * problem.nu, 2 * problem.H + 1)
         k = np.arange(doubled.H + 1)
@@ -126,7 +128,8 @@ class Grazing(Augmented):
     problem: Any  # a HarmonicBalance
     which: int
 
-    def __init__(self, problem: Any, parameter: str = "", which: int = 0) -> None:
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "", which: int = 0) -> None:
         super().__init__(problem, parameter)
         self._fixed(which=which)
 
@@ -187,7 +190,8 @@ class Peak(Augmented):
     element: int
     S: Array
 
-    def __init__(self, problem: Any, parameter: str = "", measure: str = "rms", element: int = 0) -> None:
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "", measure: str = "rms", element: int = 0) -> None:
         super().__init__(problem, parameter)
         S = np.zeros((problem.m, 2 * problem.H + 1))
         if measure == "rms":

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import given, need, two_numbers
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.branch import Branch, Point, Status
@@ -60,6 +60,10 @@ class Survey:
         return self.branches[i]
 
 
+@checked_arguments(
+    frequencies="how many places to look at, or a list of frequencies",
+    second="a name and its range, such as ('zeta', (0.05, 0.2))",
+)
 def trace_all(
     problem: HarmonicBalance,
     span: tuple[float, float],
@@ -112,11 +116,8 @@ def trace_all(
     >>> len(found.branches) >= 1
     True
     """
-    need("trace_all(problem)", problem, "HarmonicBalance")
     problem.check_fixed("a survey")
-    low, high = sorted(two_numbers("span", span))
-    if second is not None and not (isinstance(second, tuple) and len(second) == 2):
-        raise TypeError(f"second: got {given(second)}; need a name and its range, such as ('zeta', (0.05, 0.2))")
+    low, high = sorted(map(float, span))
     counted("guesses", guesses, 100_000, least=0)
     places = _places(frequencies, low, high)
     search = _Search(problem, (float(span[0]), float(span[1])), steps, stability, progress)

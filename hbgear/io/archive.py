@@ -18,6 +18,7 @@ from typing import IO, Any
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.common.messages import shortened
 
 _SPARE, _TIMES = 2**24, 4  # bytes that may be declared: this, and so many times the size of the file (if compressed)
 
@@ -66,7 +67,7 @@ class Archive:
         """The array of that name."""
         with _refusing():
             if f"{name}.npy" not in self._members:
-                raise Damaged(f"it has no array '{name}'")
+                raise Damaged(f"it has no array '{shortened(name)}'")
             info = self._members[f"{name}.npy"]
             if info.compress_type not in _PACKED:
                 raise Damaged(f"array '{name}' is compressed in a way that NumPy does not write")
@@ -79,10 +80,33 @@ class Archive:
             text = self.array("header")
             if text.dtype.kind != "U" or text.shape:
                 raise Damaged("its header is no text")
-            found = json.loads(str(text))
+            try:
+                found = json.loads(str(text))
+            except ValueError:
+                raise Damaged("its header is no JSON") from None
+            except RecursionError:
+                raise Damaged("its header is nested too deeply") from None
             if not isinstance(found, dict):
-                raise Damaged(f"its header is a {type(found).__name__}, not an object")
+                raise Damaged(f"its header is {_JSON[type(found)]}, not an object")
+            if too_deep(found):
+                raise Damaged("its header is nested too deeply")
             return found
+
+
+def too_deep(tree: Any, most: int = 100) -> bool:
+    """Whether lists and objects lie in each other more than so many levels deep; no recursion can follow those."""
+    level = [tree]
+    for _ in range(most):
+        level = [
+            inner
+            for each in level
+            if isinstance(each, list | dict)
+            for inner in (each.values() if isinstance(each, dict) else each)
+        ]
+    return bool(level)
+
+
+_JSON = {type(None): "null", bool: "true or false", int: "a number", float: "a number", str: "a text", list: "a list"}
 
 
 @contextmanager
@@ -98,7 +122,7 @@ def archive_of(path: str | os.PathLike[str]) -> Iterator[Archive]:
     """
     if not Path(path).is_file():
         os.stat(path)  # tells of a missing one
-        raise Damaged("it is no regular file")
+        raise Damaged("it is a folder" if Path(path).is_dir() else "it is no regular file")
     with open(path, "rb") as handle:
         yield Archive(handle)
 
@@ -129,5 +153,7 @@ def _refusing() -> Iterator[None]:
         yield
     except Damaged:
         raise
+    except MemoryError as error:
+        raise Damaged("it does not fit into the memory") from error
     except Exception as error:
-        raise Damaged(" ".join(str(error).split()) or type(error).__name__) from error
+        raise Damaged("it is damaged") from error

@@ -239,6 +239,9 @@ def _check_balance(branch: Branch) -> None:
 
 def _check_motion(layout: Layout | None, X: Array, regime: Array, place: str) -> None:
     """Unknowns (..., m (2H + 1)) and regimes (..., m), or none, of a layout."""
+    largest = float(np.abs(X.astype(float)).max(initial=0.0))
+    if largest > 1e100:
+        raise ValueError(f"{place} has unknowns of {largest:.0e}")
     if layout is None:
         return
     m = len(layout.elements)

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.replacing import checked_suffix, replacing
 from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, saved_fields
 from hbgear.harmonic.observables import Layout
@@ -52,6 +53,7 @@ def _arrays_of(branch: Branch) -> dict[str, Any]:
     return {"header": np.array(json.dumps(header)), **arrays}
 
 
+@checked_arguments()
 def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
     """Read a branch written by `Branch.save`; give the problem too if degrees of freedom are wanted.
 
@@ -83,6 +85,7 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
     except _Newer as newer:
         raise ValueError(f"'{path}' {newer}") from None
     except (OSError, ValueError, MemoryError) as error:
+        error = ValueError(error.strerror) if isinstance(error, OSError) and error.strerror else error
         raise ValueError(
             f"'{path}' cannot be read as a branch ({error}); need an .npz written by Branch.save or hbgear trace -o"
         ) from error

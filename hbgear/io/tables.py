@@ -60,6 +60,8 @@ def _matlab(branch: Branch) -> dict[str, Any]:
             if isinstance(value, SpecialPoint):
                 pairs["row"] = pairs.pop("index") + 1
             return {name: convert(x) for name, x in pairs.items() if x is not None}
+        if isinstance(value, dict):  # MATLAB has no field without a name
+            return {name or "unnamed": convert(x) for name, x in value.items()}
         if isinstance(value, tuple) and not all(isinstance(x, float) for x in value):
             cells = np.empty(len(value), dtype=object)
             cells[:] = [convert(x) for x in value]

@@ -10,6 +10,7 @@ are ``c_k / 2`` for ``k >= 1`` and their conjugates for ``k <= -1``.
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -17,7 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.messages import quoted
+from hbgear.common.ranges import counted
 
 
 def harmonics_of(X: Array) -> int:
@@ -163,8 +167,13 @@ def real_numbers(what: str, value: Any, need: str) -> Array:
     except ValueError:  # lists of different lengths
         given = np.asarray(None)
     if given.dtype.kind not in "iufb":
-        raise ValueError(f"{what} = {value!r} must be {need}")
+        raise ValueError(f"{what} = {quoted(value)} must be {need}")
     return np.array(given, dtype=float)
+
+
+def is_listed(value: Any) -> bool:
+    """Whether a value is several; an array without dimensions calls itself iterable and is not."""
+    return isinstance(value, Iterable) and getattr(value, "ndim", 1) > 0
 
 
 @dataclass(frozen=True)
@@ -198,12 +207,12 @@ class Series:
 
     def __post_init__(self) -> None:
         if real_numbers("Series: mean", self.mean, "a number").ndim:
-            raise ValueError(f"Series: mean = {self.mean!r} must be a number")
+            raise ValueError(f"Series: mean = {quoted(self.mean)} must be a number")
         for name in ("cosine", "sine"):
             given = getattr(self, name)
             row = real_numbers(f"Series: {name}", given, "a sequence of numbers such as (0.1, 0.05)")
             if row.ndim != 1:
-                raise ValueError(f"Series: {name} = {given!r} must be a sequence of numbers such as (0.1, 0.05)")
+                raise ValueError(f"Series: {name} = {quoted(given)} must be a sequence of numbers such as (0.1, 0.05)")
             object.__setattr__(self, name, tuple(row.tolist()))
         if not np.all(np.isfinite([self.mean, *self.cosine, *self.sine])):
             raise ValueError(f"Series needs finite coefficients, got {self}")
@@ -213,8 +222,11 @@ class Series:
         """Highest harmonic with a coefficient."""
         return max(len(self.cosine), len(self.sine))
 
+    @checked_arguments()
     def row(self, H: int | None = None) -> Array:
         """Real row ``(2H + 1,)``; harmonics above H are left out, H = None keeps all."""
+        if H is not None:
+            counted("H", H, 1_000_000, least=0)
         out = np.zeros(2 * self.order + 1)
         out[0] = self.mean
         out[1 : 2 * len(self.cosine) : 2] = self.cosine
@@ -222,14 +234,18 @@ class Series:
         return out if H is None else resize(out, H)
 
     def __call__(self, tau: ArrayLike) -> Array:
-        tau = np.asarray(tau, dtype=float)
+        tau = real_numbers("Series: tau", tau, "a number or an array of numbers")
+        if not np.isfinite(tau).all():
+            raise ValueError(f"Series: tau = {quoted(tau)} must be finite")
         return evaluate(self.row(), tau.ravel()).reshape(tau.shape)
 
+    @checked_arguments()
     def shifted(self, phase: float) -> Series:
         """The function delayed by a phase: ``s(tau - phase)``."""
         c = to_complex(self.row()) * np.exp(-1j * phase * np.arange(self.order + 1))
         return Series(self.mean, tuple(c.real[1:]), tuple(-c.imag[1:]))
 
+    @checked_arguments()
     def scaled(self, factor: float) -> Series:
         """The function times a factor."""
         return Series(factor * self.mean, tuple(factor * x for x in self.cosine), tuple(factor * x for x in self.sine))

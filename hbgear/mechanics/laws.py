@@ -51,8 +51,9 @@ from functools import cached_property
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.common.messages import quoted
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
-from hbgear.mechanics.fourier import Series, real_numbers
+from hbgear.mechanics.fourier import Series, is_listed, real_numbers
 
 Forces = tuple[Array, Array, Array]
 
@@ -62,7 +63,9 @@ _ONE = Series(mean=1.0)
 
 def _series(owner: str, stiffness: Series) -> None:
     if not isinstance(stiffness, Series):
-        raise ValueError(f"{owner}: stiffness = {stiffness!r} must be a Series such as Series(mean=1.0, cosine=(0.1,))")
+        raise ValueError(
+            f"{owner}: stiffness = {quoted(stiffness)} must be a Series such as Series(mean=1.0, cosine=(0.1,))"
+        )
 
 
 class Law(ABC):
@@ -209,7 +212,9 @@ class PiecewiseLinear(Law):
         for name in ("corners", "slopes"):
             row = real_numbers(f"PiecewiseLinear: {name}", getattr(self, name), "a sequence of numbers")
             if row.ndim != 1:
-                raise ValueError(f"PiecewiseLinear: {name} = {getattr(self, name)!r} must be a sequence of numbers")
+                raise ValueError(
+                    f"PiecewiseLinear: {name} = {quoted(getattr(self, name))} must be a sequence of numbers"
+                )
             object.__setattr__(self, name, tuple(row.tolist()))
         checked("PiecewiseLinear", "force_at_zero", self.force_at_zero)
         _series("PiecewiseLinear", self.stiffness)
@@ -356,11 +361,15 @@ class Parallel(Law):
     laws: tuple[Law, ...]
 
     def __post_init__(self) -> None:
-        if not isinstance(self.laws, Iterable):
-            raise ValueError(f"Parallel: laws = {self.laws!r} must be several laws, such as (Backlash(), Cubic(1.0))")
+        if not is_listed(self.laws):
+            raise ValueError(
+                f"Parallel: laws = {quoted(self.laws)} must be several laws, such as (Backlash(), Cubic(1.0))"
+            )
         object.__setattr__(self, "laws", tuple(self.laws))
         if not all(isinstance(law, Law) for law in self.laws):
-            raise ValueError(f"Parallel: laws = {self.laws!r} must all be laws, such as Backlash() and Cubic(1.0)")
+            raise ValueError(
+                f"Parallel: laws = {quoted(self.laws)} must all be laws, such as Backlash() and Cubic(1.0)"
+            )
         if not self.laws:
             raise ValueError("Parallel needs at least one law")
 

@@ -14,7 +14,7 @@ import dataclasses
 import json
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Self, TypeAlias
@@ -23,10 +23,12 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from hbgear.common.arguments import check, check_fields
 from hbgear.common.arrays import Array
+from hbgear.common.messages import quoted
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked
 from hbgear.mechanics.fields import check_names, parameters_of
-from hbgear.mechanics.fourier import Series, real_numbers
+from hbgear.mechanics.fourier import Series, is_listed, real_numbers
 from hbgear.mechanics.laws import Law
 
 Matrix: TypeAlias = Any
@@ -72,8 +74,14 @@ class Model(ABC):
     """Values a field usually has (every entry of a tuple), by name: beyond them a problem warns of the unit."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name, value in self.parameters.items():
             checked(type(self).__name__, name, value, self.ranges.get(name, ANY))
+            if abs(float(value)) > _LARGEST:
+                raise ValueError(f"{type(self).__name__}: {name} = {value:g} is beyond {_LARGEST:g}: check its unit")
+            if not isinstance(value, int | float) or (isinstance(value, int) and abs(value) > 2**53):
+                # a fraction, another type of NumPy, an integer that NumPy has no type for
+                object.__setattr__(self, name, float(value))
 
     @abstractmethod
     def system(self) -> System:
@@ -96,6 +104,9 @@ class Model(ABC):
         """
         check_names(type(self), changes)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+
+
+_LARGEST = 1e60  # of a parameter, so that products of several are numbers
 
 
 @dataclass(frozen=True)
@@ -134,6 +145,7 @@ class Element:
     name: str = ""
 
     def __post_init__(self) -> None:
+        check("Element", "name", self.name, str)
         owner = f"element '{self.name}'"
         w = real_numbers(f"{owner}: direction", self.direction, "a vector of numbers")
         if w.ndim != 1 or not np.all(np.isfinite(w)) or not np.any(w):
@@ -179,6 +191,7 @@ class Load:
     power: int = 0
 
     def __post_init__(self) -> None:
+        check("Load", "power", self.power, int)
         checked("Load", "power", self.power, Range(-20, 20))
         if self.constant is not None:
             object.__setattr__(self, "constant", real_numbers("Load: constant", self.constant, "a vector of numbers"))
@@ -273,16 +286,17 @@ class System(Model):
         n = self.M.shape[0]
         set_(self, "C", _matrix("C", np.zeros((n, n)) if self.C is None else self.C))
         set_(self, "K", _matrix("K", self.K))
-        if not isinstance(self.elements, Iterable):
+        if not is_listed(self.elements):
             raise ValueError("a System takes its elements in a list: elements=[...]")
         elements = tuple(self.elements)
         for i, element in enumerate(elements):
             if not isinstance(element, Element):
                 raise ValueError(f"element {i} is a {type(element).__name__}; need an Element(direction, law)")
-        if not isinstance(self.load, Load | Iterable) or not all(isinstance(load, Load) for load in self.loads):
-            raise ValueError(f"load = {self.load!r}: need a Load, or a list of them")
+        one = isinstance(self.load, Load)
+        if not one and not (is_listed(self.load) and all(isinstance(load, Load) for load in self.loads)):
+            raise ValueError(f"load = {quoted(self.load)}: need a Load, or a list of them")
         loads = self.loads
-        if not isinstance(self.dof_names, Iterable) or not all(isinstance(name, str) for name in self.dof_names):
+        if not is_listed(self.dof_names) or not all(isinstance(name, str) for name in self.dof_names):
             raise ValueError(f"dof_names = {self.dof_names!r} must be a list of names, one for each coordinate")
         names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(n))
         for name in ("C", "K"):

@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 import scipy
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import need
 from hbgear.mechanics.model import Load, Model, System
 
 
@@ -116,6 +116,7 @@ class Reduction:
         return np.array(out)
 
 
+@checked_arguments()
 def reduce(model: Model, modes: int = 40) -> Reduction:
     """Reduce a model with many coordinates.
 
@@ -147,7 +148,6 @@ def reduce(model: Model, modes: int = 40) -> Reduction:
     >>> len(small.system.M) < n
     True
     """
-    need("reduce(model)", model, "Model")
     full = model.system()
     if isinstance(modes, bool) or not isinstance(modes, int | np.integer) or not 1 <= modes < full.n:
         raise ValueError(f"modes = {modes!r} must be a whole number from 1 to n - 1 = {full.n - 1}")

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
+from hbgear.common.messages import quoted
 from hbgear.continuation.branch import Branch, Jump
 from hbgear.harmonic.events import named
 from hbgear.harmonic.landings import landings
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
     from hbgear.harmonic.jump_map import JumpMap
 
 
+@checked_arguments()
 def response(
     branch: Branch,
     measure: str = "pp2",
@@ -80,6 +83,10 @@ def response(
     >>> len(axes.lines) > 0
     True
     """
+    from matplotlib.colors import is_color_like
+
+    if color is not None and not is_color_like(color):
+        raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
     amplitude = branch.amplitude(measure, element)
     own = ax is None
     with styled():
@@ -100,6 +107,7 @@ def response(
     return ax
 
 
+@checked_arguments()
 def responses(
     branches: Sequence[Branch],
     measure: str = "pp2",
@@ -177,6 +185,7 @@ def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
     return scaled_axes(ax, common_scales(branches))
 
 
+@checked_arguments()
 def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True) -> Axes:
     """Jump frequencies against a design parameter, several motions shaded, cusps marked with their value.
 

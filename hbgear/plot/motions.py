@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.branch import Point
 from hbgear.harmonic.observables import Layout, layout_of
@@ -34,6 +35,7 @@ FLOOR = 1e-6
 """Lines of a spectrum below this share of the largest are not drawn (-120 dB)."""
 
 
+@checked_arguments()
 def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
     """Motion of an element over its period, in periods of the excitation; thin lines at the corners of its law.
 
@@ -56,6 +58,7 @@ def time_history(point: Point, element: int | str = 0, ax: Axes | None = None) -
     return ax
 
 
+@checked_arguments()
 def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) -> Axes:
     """Velocity against displacement, d' = (Omega / nu) dd/dtheta, with a dot once per period of the excitation.
 
@@ -88,6 +91,7 @@ def phase_diagram(point: Point, element: int | str = 0, ax: Axes | None = None) 
     return ax
 
 
+@checked_arguments()
 def spectrum(
     point: Point,
     element: int | str = 0,
@@ -160,6 +164,7 @@ def _decibels(ax: Axes, top: float, floor: float) -> None:
     right.tick_params(direction="in", width=0.6, labelsize=8, labelfontfamily=FONT[0])
 
 
+@checked_arguments()
 def portrait(point: Point, element: int | str = 0, model: Model | None = None) -> Figure:
     """Time history, phase diagram and spectrum of a point side by side.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.continuation.branch import Branch
 from hbgear.harmonic.speeds import model_of, scales
 from hbgear.mechanics.model import Model
@@ -43,6 +44,7 @@ REFINED = "agrees with more harmonics"
 _MANY = 1000  # dots in one drawing that are kept as pixels
 
 
+@checked_arguments()
 def sweeps(
     found: Sequence[Sweep], branch: Branch | None = None, measure: str = "pp2", element: int | str = 0,
     ax: Axes | None = None, *, legend: bool = True, model: Model | None = None,
@@ -112,6 +114,7 @@ def _dots(ax: Axes, s: Sweep, height: Any) -> None:
                     markeredgewidth=0.7, label=label, zorder=5, gid=label, **look)  # fmt: skip
 
 
+@checked_arguments()
 def bifurcation(
     found: Sequence[Sweep], element: int | str = 0, rate: bool = False, ax: Axes | None = None, *,
     model: Model | None = None,
@@ -162,6 +165,7 @@ def bifurcation(
     return ax
 
 
+@checked_arguments()
 def basins(found: Basins, ax: Axes | None = None) -> Axes:
     """Starts coloured by the attractor they lead to, with the Poincare points of the attractors.
 
@@ -199,6 +203,7 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
     return ax
 
 
+@checked_arguments()
 def validation(report: Report, branch: Branch, element: int | str = 0) -> Figure:
     """The checked points on the curve, numbered along it, and below the differences of each from time integration.
 

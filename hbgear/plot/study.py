@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.design.study import Cases
 from hbgear.design.swept import Swept, swept_cases
@@ -36,6 +37,7 @@ PERCENTILES = (0, 5, 50, 95, 100)
 _MANY = 2000  # dots in one panel that are kept as pixels
 
 
+@checked_arguments()
 def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend: bool = True) -> Axes:
     """Response of slow sweeps over Omega in all cases: least to largest, 5 to 95 percent, median.
 
@@ -94,6 +96,7 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
     return ax
 
 
+@checked_arguments()
 def percentiles(found: Cases, Omega: Array, direction: int = 1) -> Array:
     """`PERCENTILES` of the response of slow sweeps over the cases, (5, Omega), each that of one of the cases.
 
@@ -182,6 +185,7 @@ def _common(found: Cases) -> dict[str, float]:
     return same_scales([scales(found.model_of(int(case)), {}) for case in found.table["case"]])
 
 
+@checked_arguments()
 def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -> Axes:
     """Number of cases over the frequency of their greatest jump, for each direction of a slow sweep.
 
@@ -231,6 +235,7 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
     return ax
 
 
+@checked_arguments()
 def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -> Figure | SubFigure:
     """Largest peak, jump frequencies and critical values of each case, against each parameter that varies.
 
@@ -276,6 +281,7 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
     return figure
 
 
+@checked_arguments()
 def figures(found: Cases) -> dict[str, Any]:
     """Each figure there is something to draw for, by name: envelope, jump_distribution, against_parameters.
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.replacing import replacing
 from hbgear.continuation.branch import SpecialPoint
 from hbgear.continuation.events import Event
@@ -118,6 +119,7 @@ def heighten(ax: Axes) -> None:
     figure.set_figheight(figure.get_figheight() + 0.6)
 
 
+@checked_arguments()
 def save(drawing: Axes | Figure, path: str | os.PathLike[str], dpi: int = 200) -> None:
     """Write the figure of these axes as .png, .pdf or .svg, whole or not at all; the same figure as the same bytes.
 

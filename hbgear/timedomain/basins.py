@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import need
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.branch import Status
@@ -55,6 +55,7 @@ class Basins:
     message: str = ""
 
 
+@checked_arguments()
 def basins(
     model: Model,
     Omega: float,
@@ -95,7 +96,6 @@ def basins(
     >>> found.label.shape
     (2, 2)
     """
-    need("basins(model)", model, "Model")
     system = model.system()
     if system.n != 1 or len(system.elements) != 1:
         raise ValueError(

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import need
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import POSITIVE, Range, checked, counted
 from hbgear.mechanics.fourier import derive, evaluate, to_complex, to_real
@@ -49,6 +49,7 @@ class Motion:
     steps: int
 
 
+@checked_arguments()
 def state_of(problem: Any, X: Array, theta: float = 0.0, **parameters: float) -> Array:
     """State (q, q') at the phase theta of a motion found by harmonic balance.
 
@@ -71,6 +72,7 @@ def state_of(problem: Any, X: Array, theta: float = 0.0, **parameters: float) ->
 _MOST_SAMPLES = 10_000_000
 
 
+@checked_arguments(model="a model, such as SpurPair() or a System, or a list of them")
 def integrate(
     model: Model | Sequence[Model],
     state: Array,
@@ -109,8 +111,6 @@ def integrate(
     >>> motion.d.shape
     (1, 512)
     """
-    for one in [model] if isinstance(model, Model) or not isinstance(model, Sequence) else model:
-        need("integrate(model)", one, "Model")
     if method != "exponential" and method not in METHODS:
         raise ValueError(f"no method '{method}'{did_you_mean(method, (*METHODS, 'exponential'))}")
     counted("periods", periods)

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.given import need
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.newton import NoConvergence
 from hbgear.harmonic.receptance import Structure
@@ -93,6 +93,7 @@ def _reduced(structure: Structure, Phi: Array) -> ComplexArray:
     return modal_state(structure, (Phi @ R).T).T
 
 
+@checked_arguments()
 def shoot(
     model: Model,
     Omega: float,
@@ -126,7 +127,6 @@ def shoot(
     >>> orbit.multipliers.shape
     (2,)
     """
-    need("shoot(model)", model, "Model")
     counted("nu", nu, 1000)
     counted("max_iterations", max_iterations)
     checked("shoot", "Omega", Omega, POSITIVE)

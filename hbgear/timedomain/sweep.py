@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.given import need
 from hbgear.common.messages import did_you_mean
 from hbgear.common.progress import Progress, ProgressCallback
-from hbgear.common.ranges import ANY, NOT_NEGATIVE, checked
+from hbgear.common.ranges import ANY, Range, checked
 from hbgear.common.replacing import replacing
 from hbgear.continuation.branch import Status
 from hbgear.continuation.ending import Ending
@@ -202,6 +202,7 @@ def export(sweeps: Sequence[Sweep], path: str | os.PathLike[str]) -> None:
             writer.writerows(zip(*columns.values(), strict=True))
 
 
+@checked_arguments()
 def sweep(
     model: Model,
     grid: Sequence[float] | Array,
@@ -243,7 +244,7 @@ def sweep(
     ------
     ValueError, KeyError
         If the grid is empty or not finite, the direction or a parameter unknown, Omega missing or not positive, or the
-        disturbance negative.
+        disturbance not from 0 to 1.
 
     Examples
     --------
@@ -252,7 +253,6 @@ def sweep(
     >>> up.values.tolist(), len(up.jumps)
     ([0.5, 0.6], 0)
     """
-    need("sweep(model)", model, "Model")
     held = dict(at or {})
     return _Sweeper(model, grid, direction, parameter, held, start, settling, disturbance, steps, progress).run()
 
@@ -281,7 +281,7 @@ class _Sweeper:
         if values.size == 0 or not np.all(np.isfinite(values)):
             raise ValueError(f"a sweep needs at least one value, all finite; got {self.grid!r}")
         self.values = values if self.direction == "up" else values[::-1]
-        checked("sweep", "disturbance", self.disturbance, NOT_NEGATIVE)
+        checked("sweep", "disturbance", self.disturbance, Range(0, 1))
         self.random = np.random.default_rng(1)
         known = ("Omega", *self.model.parameters)
         for name in (self.parameter, *self.at):

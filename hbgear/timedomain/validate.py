@@ -30,14 +30,14 @@ import numpy as np
 import scipy
 
 from hbgear._version import __version__
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.given import need, number
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.replacing import replacing
 from hbgear.continuation.algebra import norm
 from hbgear.continuation.branch import NEUTRAL, Branch
 from hbgear.continuation.newton import NoConvergence, solve
-from hbgear.continuation.problem import linearise
+from hbgear.continuation.problem import AnyProblem, linearise
 from hbgear.harmonic import observables as measures
 from hbgear.harmonic.catalogue import is_description, problem_of
 from hbgear.harmonic.receptance import Structure
@@ -183,13 +183,14 @@ def _texts(row: Check) -> list[str]:
             f"{row.verdict} to {row.refined_error:.1e}" if row.refined else row.verdict]  # fmt: skip
 
 
+@checked_arguments(points="a number, or rows and labels in a list, such as ['LP1', 10]")
 def validate(
     branch: Branch,
     points: int | Sequence[int | str] = 12,
     tolerance: float = 1e-4,
     *,
     multiplier_tolerance: float | None = None,
-    problem: Any = None,
+    problem: AnyProblem | None = None,
     progress: ProgressCallback | None = None,
 ) -> Report:
     """Hold points of a branch against time integration.
@@ -225,10 +226,7 @@ def validate(
     >>> hb.validate(curve, 1)
     <Report: 1 of 1 points agree within 0.0001 with time integration>
     """
-    need("validate(branch)", branch, "Branch")
-    if isinstance(points, str):
-        raise TypeError(f"points: got {points!r}; need a number, or rows and labels in a list, such as ['LP1', 10]")
-    if not LEAST <= number("tolerance", tolerance) < 1:
+    if not LEAST <= tolerance < 1:
         raise ValueError(
             f"tolerance = {tolerance:g} cannot be met: time integration itself decides to about {LEAST:g}; give more"
         )

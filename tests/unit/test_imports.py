@@ -24,10 +24,10 @@ FILES = {
     "common": {
         "__init__": "",
         "arrays": "",
-        "given": "",
         "messages": "",
+        "arguments": "messages",
         "progress": "",
-        "ranges": "",
+        "ranges": "messages",
         "recent": "",
         "signals": "",
         "replacing": "signals",

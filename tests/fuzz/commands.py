@@ -1,0 +1,250 @@
+"""Command lines of hbgear: every command and option of the real application, with values good and bad.
+
+    python -m tests.fuzz.commands --count 3000 --seed 0 --processes 2
+
+A command ends with 0, 2 or 3 (``validate`` with 1 too), never with a traceback. With 2 it says why in lines that begin
+with ``hbgear: error:``, one for each thing that is wrong.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import os
+import re
+import shlex
+import shutil
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+import numpy as np
+
+from . import pool
+
+Random = np.random.Generator
+
+MODELS = ["spur-pair", "duffing", "duffing", "rotor-bearing", "double-helical", "no-such", "", "Spur-Pair", "spur pair"]
+NAMES = ["zeta", "F_m", "b", "e", "eps", "k3", "F", "Omega", "phase", "nope", "", "e_scale", "torque", "b_c", "k_mean"]
+NUMBERS = [
+    "0.05", "0.1", "1", "0.3", "1.5", "2", "0", "-1", "-0.5", "1e-300", "1e300", "inf", "nan", "-inf", "x", "",
+    "1,2", "0.05,0.02", "0.1,,0.2", "12000", "80", "1_000", "٣", "0x10", "1e", "True", "1" * 400,
+]  # fmt: skip
+COUNTS = ["1", "2", "3", "0", "-1", "1.5", "x", "", "99999999", "1" * 30, "+2", "²", "inf"]
+SPANS = {"--from": ["0.8", "0.5", "1.5", "0.05"], "--to": ["1.1", "0.3", "0.9", "0.2"]}
+TEXTS = [
+    "", "x", "LP1", "GR1", "PD1", "0.9", "1.0", "rms", "H1", "H0", "H99999999999", "'", "a\nb", "é", "--",
+    "../x",
+]  # fmt: skip
+MEASURES = ["pp2", "rms", "max", "mean", "H1", "H2", "H1/2", "H0", "H99", "h1", "", "pp", "H1/0", "H" + "9" * 5000]
+ELEMENTS = ["0", "1", "-1", "mesh", "spring", "x", "", "9" * 30, "²", "0.0"]
+FIXED = {
+    "trace": ["--max-points", "12", "--harmonics", "3"], "map": ["--harmonics", "3", "--seeds", "2"],
+    "critical": ["--harmonics", "3"], "survey": ["--harmonics", "3", "--places", "1", "--guesses", "1"],
+    "sweep": ["--count", "2", "--longest", "20", "--tolerance", "1e-2"], "validate": ["--points", "1"],
+    "study": ["--processes", "1"],
+}  # fmt: skip
+"""What keeps a good command short; an option drawn at random may come after it and win."""
+
+WEIGHTS = {
+    "trace": 8, "info": 3, "jumps": 2, "plot": 1, "validate": 1, "switch": 2, "sweep": 2, "critical": 1, "map": 1,
+    "survey": 1, "study": 1, "models": 0.2,
+}  # fmt: skip
+
+
+def run_command(args: list[str], folder: Path) -> tuple[int | None, str, str, BaseException | None]:
+    """Exit code, standard output, standard error, and what was raised instead of an exit."""
+    from hbgear.cli import app
+
+    out, err = io.StringIO(), io.StringIO()
+    here = os.getcwd()
+    os.chdir(folder)
+    try:
+        with redirect_stdout(out), redirect_stderr(err):
+            app.main(args)
+    except SystemExit as end:
+        return int(end.code or 0) if isinstance(end.code, int | None) else 99, out.getvalue(), err.getvalue(), None
+    except BaseException as error:
+        return None, out.getvalue(), err.getvalue(), error
+    finally:
+        os.chdir(here)
+        _close_figures()
+    return None, out.getvalue(), err.getvalue(), RuntimeError("the command did not exit")
+
+
+def absurd(args: list[str]) -> str:
+    """What in a command line cannot be meant: another unit, an empty number in a list, one harmonic of a contact."""
+    given = {(a, b) for a, b in itertools.pairwise(args)}
+    if args[0] in ("trace", "sweep", "survey", "critical", "map"):
+        frequency = {"--omega-from", "--omega-to"} | (
+            set() if {"--parameter", "--in"} & set(args) else {"--from", "--to"}
+        )
+        for option, value in given:
+            if option in frequency and value in ("12000", "1e300", "1" * 400):
+                return f"{option} {value[:9]}"
+            if option == "--set" and (
+                "=0.1,,0.2" in value or value in ("b_c=80", "b=12000", "b=1e300", "zeta=1e300", "b_c=1")
+            ):
+                return f"{option} {value}"
+    return ""
+
+
+def _close_figures() -> None:
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
+
+
+def judged(args: list[str], folder: Path) -> pool.Wrong | None:
+    """Run a command; what is wrong with how it ended."""
+    code, out, err, error = run_command(args, folder)
+    name = args[0] if args else ""
+    if error is not None:
+        return pool.Wrong("traceback", pool.place(error), repr(error)[:300])
+    lines = err.splitlines()
+    errors = [line for line in lines if line.startswith("hbgear: error: ")]
+    if code not in (0, 2, 3) and not (code == 1 and name == "validate"):
+        return pool.Wrong("exit", name, f"exit code {code}: {err[-300:]}")
+    if strange := [line for line in lines if not line.startswith(("hbgear: error: ", "hbgear: warning: ", "hbgear: "))]:
+        return pool.Wrong("stderr", name, strange[0][:300])
+    if code == 2 and not (errors if name == "study" else len(errors) == 1):
+        return pool.Wrong("exit", name, f"exit code 2 with {len(errors)} errors: {err[:300]!r}")
+    if code == 2 and out and name not in ("study",) and "wrote" in out:
+        return pool.Wrong("exit", name, f"exit code 2 after it said that it wrote: {out[-200:]!r}")
+    for line in lines:
+        if words := pool.raw_words(line):
+            return pool.Wrong("raw", f"{name}: {words}", line[:300])
+        if len(line) > 2000:
+            return pool.Wrong("raw", f"{name}: a line of {len(line)} characters", line[:300])
+    if code in (0, 3) and not lines and (meant := absurd(args)):
+        return pool.Wrong("nonsense", f"{name} takes {meant} without a word", out[:200])
+    if code == 0 and not lines and (found := re.search(r".*\b(nan|inf)\b.*", out)):
+        return pool.Wrong("nonsense", f"{name} prints {found[1]}", found[0].strip()[:300])
+    return None
+
+
+def value_for(rng: Random, command: str, option: str, files: list[str]) -> str:
+    """A value of an option or argument, by its name."""
+    pick: Callable[[list[str]], str] = lambda words: words[rng.integers(len(words))]  # noqa: E731
+    good = rng.random() < 0.6
+    table: dict[str, list[str]] = {
+        "model": MODELS[:4] if good else MODELS,
+        "file": files if command != "study" else ["good.toml", *files, "no.toml"],
+        "over": files,
+        "parameter": ["zeta", "zeta", "F_m", "k3", "F", "b"] if good else NAMES,
+        "--parameter": ["Omega", "zeta", "F_m", "F", "b", "e_scale"] if good else NAMES,
+        "--in": ["zeta=0.05:0.08", "F=0.17:0.2", "b=1:0.8", "zeta"] if good else [*NAMES, "zeta=1:x", "b=-1:1", "=1:2"],
+        "--harmonics": ["2", "3", "4", "auto"] if good else [*COUNTS, "AUTO"],
+        "--measure": MEASURES[:6] if good else MEASURES,
+        "--element": ["0", "spring", "mesh"] if good else ELEMENTS,
+        "--output": ["out.npz", "out.csv", "out.mat"]
+        if good
+        else [
+            "",
+            "x",
+            "no/out.npz",
+            ".",
+            "out.NPZ",
+            "o" * 300 + ".npz",
+            "o" * 248 + ".npz",
+            "/proc/x.npz",
+        ],
+        "--plot": ["out.svg"] if good else ["out.jpg", "", "no/out.png", ".png", "p" * 250 + ".png", "/proc/x.png"],
+        "--point": ["LP1", "GR1", "0.9", "1.0"] if good else [*TEXTS, *NUMBERS],
+        "label": ["LP1", "PD1", "BP1", "GR1", *TEXTS],
+    }
+    table["--bifurcation"] = table["--plot"]
+    if option in ("--set", "--at"):
+        if not good and rng.random() < 0.3:
+            return pick(
+                ["", "=", "zeta", "zeta=", "=1", "zeta==1", " zeta = 0.05 ", "phase=sin", "e=(0.1,0.2)", "tilt=maybe"]
+            )
+        known = (
+            ["Omega=0.9", "Omega=1.1"]
+            if option == "--at"
+            else ["zeta=0.05", "e=0.05,0.02", "F=0.18", "k3=0.1", "b=0.5"]
+        )
+        return pick(known) if good else f"{pick(NAMES)}={pick(NUMBERS)}"
+    if option in ("--omega-from", "--omega-to", *SPANS):
+        usual = SPANS.get(option.replace("omega-", ""), NUMBERS)
+        return pick(usual) if good else pick(NUMBERS)
+    if option in table:
+        return pick(table[option])
+    if option in (
+        "--count",
+        "--longest",
+        "--seeds",
+        "--places",
+        "--guesses",
+        "--points",
+        "--max-points",
+        "--nu",
+        "--samples",
+        "--processes",
+    ):
+        return pick(["1", "2", "3", "10"]) if good else pick(COUNTS)
+    return pick(NUMBERS if good else [*NUMBERS, *TEXTS])
+
+
+def drawn(rng: Random, files: list[str]) -> list[str]:
+    """A command line."""
+    import typer
+
+    from hbgear.cli import app
+
+    commands = typer.main.get_command(app.app).commands  # type: ignore[attr-defined]
+    names = [*commands]
+    weights = np.array([WEIGHTS.get(name, 1.0) for name in names])
+    name = str(rng.choice(names, p=weights / weights.sum()))
+    args: list[str] = []
+    options = []
+    for each in commands[name].params:
+        if each.param_type_name == "argument":
+            if rng.random() < 0.97:
+                args.append(value_for(rng, name, each.name, files))
+        else:
+            options.append(each)
+    args += FIXED.get(name, [])
+    required = [o for o in options if o.required and rng.random() < 0.95]
+    others = [o for o in options if not o.required]
+    count = min(int(rng.geometric(0.35)) - 1, len(others))
+    chosen = [*required, *(others[i] for i in rng.choice(len(others), count, replace=False))] if others else required
+    for option in chosen:
+        flag = option.opts[-1] if rng.random() < 0.97 else option.opts[-1][: len(option.opts[-1]) // 2]
+        args.append(flag)
+        if not option.is_flag and rng.random() < 0.98:
+            args.append(value_for(rng, name, option.opts[-1], files))
+    args = [name, *args]
+    if rng.random() < 0.04:  # anything anywhere
+        junk = ["--nope", "-x", "extra", "", "--", "--help", "-h", "@", "\u202e", "--set", "--from=1", "-o"]
+        args.insert(int(rng.integers(len(args) + 1)), str(rng.choice(junk)))
+    return args
+
+
+def make() -> pool.Attempt:
+    """The attempt of this fuzzer."""
+    from .files import small_files
+
+    saved = small_files()
+
+    def attempt(seed: int, folder: Path, note: pool.Note) -> pool.Wrong | None:
+        rng = np.random.default_rng([3, seed])
+        work = folder / "work"
+        work.mkdir(exist_ok=True)
+        for name, content in saved.items():
+            (work / name).write_bytes(content)
+        args = drawn(rng, [*saved, *saved, *saved, *saved, "no.npz", ".", ""])
+        note("hbgear " + shlex.join(args)[:600])
+        wrong = judged(args, work)
+        for path in work.iterdir():
+            if path.is_file():
+                path.unlink()
+            else:
+                shutil.rmtree(path)
+        return wrong
+
+    return attempt
+
+
+if __name__ == "__main__":
+    pool.main("commands", make)

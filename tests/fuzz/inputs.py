@@ -1,0 +1,661 @@
+"""Calls of every public function, model and method, with one or two arguments that are nasty.
+
+    python -m tests.fuzz.inputs --count 10000 --seed 0 --processes 2
+
+A call gives a result that is no nonsense, or raises what its docstring promises with a sentence of hbgear's own: never
+what NumPy or Python says of a wrong type, never an IndexError from deep inside.
+"""
+
+from __future__ import annotations
+
+import inspect
+import itertools
+import math
+import os
+import traceback
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+import hbgear as hb
+from hbgear import plot
+from hbgear.plot import simulation
+from hbgear.timedomain.settle import Settling
+
+from . import pool
+from .files import _Here
+
+Random = np.random.Generator
+
+NASTY: list[Callable[[], Any]] = [
+    lambda: math.inf, lambda: -math.inf, lambda: math.nan, lambda: 0, lambda: 0.0, lambda: -1, lambda: -0.5,
+    lambda: 0.5, lambda: 1, lambda: 2, lambda: 7, lambda: 1e300, lambda: -1e300, lambda: 1e-300, lambda: 10**30,
+    lambda: 10**9, lambda: 10**400, lambda: True, lambda: False, lambda: None, lambda: "", lambda: "x",
+    lambda: "0.05", lambda: "nan", lambda: "Omega", lambda: b"x", lambda: [], lambda: [[]], lambda: (), lambda: {},
+    lambda: {"a": 1}, lambda: {1: 2}, lambda: [1.0, 2.0], lambda: (1.0, 1.0), lambda: (math.nan, 1.0),
+    lambda: (0.5, math.inf), lambda: [[1.0, 2.0], [3.0, 4.0]], lambda: [[1], [2, 3]], lambda: ["a", "b"],
+    lambda: [None], lambda: (1.0, 2.0, 3.0), lambda: (-1.0, 1.0), lambda: [1j], lambda: np.array([]),
+    lambda: np.zeros((2, 3)), lambda: np.array([math.nan]), lambda: np.array(["a"]), lambda: np.array(1.0),
+    lambda: np.array([1.0, 2.0]), lambda: np.eye(2) * 1j, lambda: np.array([object()]), lambda: np.zeros(10**6),
+    lambda: np.float32(0.5), lambda: np.int64(3), lambda: np.bool_(True), lambda: np.float64("nan"),
+    lambda: np.ma.masked, lambda: np.array([1.0, math.inf]), lambda: np.datetime64("2020-01-01"),
+    lambda: Fraction(1, 3), lambda: Decimal("0.1"), lambda: 1j, lambda: complex(0.5, 0), lambda: object(),
+    lambda: int, lambda: hb, lambda: hb.SpurPair, lambda: hb.Duffing, lambda: hb.Duffing(), lambda: hb.Backlash(),
+    lambda: hb.Series(1.0), lambda: lambda *a: 0, lambda: range(3), lambda: (x for x in (1, 2)), lambda: {1.0, 2.0},
+    lambda: Path("x"), lambda: print, lambda: ..., lambda: slice(2), lambda: hb.StepControl(), lambda: hb.Settings(),
+    lambda: hb.Load(), lambda: hb.Status.CLOSED, lambda: curve(), lambda: point(), lambda: balance(),
+    lambda: sparse.eye_array(2), lambda: NotImplementedError, lambda: "x" * 5000, lambda: "é", lambda: "\x00",
+]  # fmt: skip
+
+
+@cache
+def balance() -> hb.HarmonicBalance:
+    return hb.HarmonicBalance(hb.Duffing(), 3)
+
+
+@cache
+def spur() -> hb.HarmonicBalance:
+    return hb.HarmonicBalance(hb.SpurPair(), 3)
+
+
+@cache
+def curve() -> hb.Branch:
+    return hb.trace(balance(), "Omega", (0.7, 1.4))
+
+
+@cache
+def gears() -> hb.Branch:
+    return hb.trace(spur(), "Omega", (1.5, 0.3))
+
+
+def point() -> hb.Point:
+    return curve()["LP1"]
+
+
+@cache
+def swept() -> Any:
+    return hb.sweep(hb.Duffing(), [0.9, 1.0], settling=SHORT)
+
+
+@cache
+def system() -> hb.System:
+    return hb.System(**{name: values[0]() for name, values in SYSTEM.items()})
+
+
+SHORT = Settling(1e-2, 20, 4)
+FEW = hb.StepControl(max_points=8)
+Pool = Mapping[str, list[Callable[[], Any]]]
+
+
+def _is(*values: Any) -> list[Callable[[], Any]]:
+    return [lambda value=value: value for value in values]
+
+
+SYSTEM: Pool = {
+    "M": [lambda: np.eye(2), lambda: [[1, 0], [0, 1]], lambda: sparse.eye_array(2)],
+    "C": [lambda: 0.1 * np.eye(2), lambda: None], "K": [lambda: np.array([[2.0, -1.0], [-1.0, 2.0]])],
+    "elements": [lambda: [hb.Element([1.0, 0.0], hb.Unilateral(gap=1.0))]],
+    "load": [lambda: hb.Load(cosine={1: [0.0, 0.2]})], "dof_names": _is((), ("a", "b")),
+}  # fmt: skip
+
+RECORDS = {
+    "Branch", "Cases", "Critical", "Jump", "JumpMap", "Point", "Reduction", "SpecialPoint", "Survey", "Law", "Model",
+    "NoConvergence", "NoFold", "Evaluation", "Evaluations", "Unlikely",
+    "model", "Steps", "Status", "plot", "__version__",
+}  # fmt: skip
+"""Public names that are not called by users: what is returned, raised or derived from."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """Something to call: good values by parameter, and how often it is drawn; with ``use`` the result is used."""
+
+    name: str
+    call: Callable[..., Any]
+    good: Pool
+    weight: float = 1.0
+    use: Callable[[Any], Any] | None = None
+    free: frozenset[str] = frozenset()  # parameters that may be anything, a nan too
+
+
+def _traced(model: hb.Model) -> Any:
+    """A short curve of a model that was accepted."""
+    return hb.trace(hb.HarmonicBalance(model, 3), "Omega", model.default_span, steps=FEW)
+
+
+@cache
+def targets() -> tuple[Target, ...]:
+    """Everything public."""
+    row = np.array([0.1, 1.0, 0.2, 0.0, 0.0, 0.0, 0.0])
+    span = _is((0.8, 1.0), (1.2, 0.9))
+    problem, measure = [balance, spur], _is("rms", "pp2", "max", "mean", "H1")
+    element, model = _is(0), [hb.Duffing, hb.SpurPair]
+    with_Omega = {"Omega": _is(0.9)}
+    series = _is(hb.Series(1.0), hb.Series(1.0, (0.1,)))
+    out = [
+        Target("Backlash", hb.Backlash, {"b": _is(1.0, 0.0), "k": _is(1.0), "stiffness": series}, 2),
+        Target("Unilateral", hb.Unilateral, {"k": _is(1.0), "gap": _is(0.5), "stiffness": series}),
+        Target("Cubic", hb.Cubic, {"k3": _is(0.1), "k1": _is(0.0)}),
+        Target(
+            "PiecewiseLinear",
+            hb.PiecewiseLinear,
+            {
+                "corners": _is((-1.0, 1.0)),
+                "slopes": _is((1.0, 0.0, 1.0)),
+                "force_at_zero": _is(0.0),
+                "stiffness": series,
+            },
+        ),
+        Target("Parallel", hb.Parallel, {"laws": _is((hb.Backlash(), hb.Cubic(0.1)))}),
+        Target("Series", hb.Series, {"mean": _is(1.0), "cosine": _is((0.1,)), "sine": _is((0.1, 0.2))}),
+        Target("Series.__call__", hb.Series(1.0, (0.1,)), {"tau": _is(0.3, np.zeros(3))}, 0.5),
+        Target("Series.row", hb.Series(1.0, (0.1,)).row, {"H": _is(3, None)}, 0.5),
+        Target("Series.shifted", hb.Series(1.0, (0.1,)).shifted, {"phase": _is(0.3)}, 0.5),
+        Target("Series.scaled", hb.Series(1.0, (0.1,)).scaled, {"factor": _is(0.3)}, 0.5),
+        Target(
+            "Element",
+            hb.Element,
+            {
+                "direction": _is([1.0, 0.0]),
+                "law": _is(hb.Backlash()),
+                "displacement": series,
+                "damping": _is(0.0, 0.1),
+                "name": _is("mesh", ""),
+            },
+            2,
+        ),
+        Target(
+            "Load",
+            hb.Load,
+            {"constant": _is(None, [0.1, 0.0]), "cosine": _is({1: [0.0, 0.2]}), "sine": _is({}), "power": _is(0, 2)},
+            2,
+        ),
+        Target("System", hb.System, SYSTEM, 3, _traced),
+        Target("Settings", hb.Settings, {}),
+        Target("StepControl", hb.StepControl, {}, 2),
+        Target("Settling", Settling, {}),
+        *(Target(cls.__name__, cls, {}, 4, _traced) for cls in (hb.Duffing, hb.SpurPair, hb.GearRotorBearing)),
+        Target("DoubleHelicalPair", hb.DoubleHelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),
+        Target("Model.replace", hb.Duffing().replace, {"zeta": _is(0.05), "k3": _is(0.1)}),
+        Target("DoubleHelicalPair.mesh_frequency", hb.DoubleHelicalPair().mesh_frequency, with_Omega, 0.5),
+        Target("DoubleHelicalPair.pinion_speed", hb.DoubleHelicalPair().pinion_speed, with_Omega, 0.5),
+        Target(
+            "HarmonicBalance",
+            hb.HarmonicBalance,
+            {
+                "model": model,
+                "harmonics": _is(3, "auto"),
+                "samples": _is(None, 32),
+                "nu": _is(1, 2),
+                "sampled": _is(False, True),
+                "tolerance": _is(1e-6),
+            },
+            5,
+        ),
+        Target("HarmonicBalance.start", balance().start, {**with_Omega, "zeta": _is(0.05)}),
+        Target("HarmonicBalance.residual", balance().residual, {"X": _is(row), **with_Omega}),
+        Target("HarmonicBalance.multipliers", balance().multipliers, {"X": _is(row), **with_Omega}),
+        Target("HarmonicBalance.motion", balance().motion, {"X": _is(row), **with_Omega}),
+        Target("HarmonicBalance.mesh_forces", balance().mesh_forces, {"X": _is(row), **with_Omega}),
+        Target("HarmonicBalance.with_order", balance().with_order, {"nu": _is(2), "harmonics": _is(None, 4)}, 0.5),
+        Target("HarmonicBalance.check_parameter", balance().check_parameter, {"name": _is("zeta")}, 0.5),
+        Target(
+            "trace",
+            hb.trace,
+            {
+                "problem": problem,
+                "parameter": _is("Omega"),
+                "span": span,
+                "start": _is(None, row),
+                "at": _is(None, {"zeta": 0.1}),
+                "steps": _is(FEW),
+                "settings": _is(hb.Settings()),
+                "stability": _is(True, False),
+                "special": _is(True, False),
+            },
+            8,
+        ),
+        Target(
+            "trace in F",
+            hb.trace,
+            {
+                "problem": _is(balance()),
+                "parameter": _is("F"),
+                "span": _is((0.1, 0.2)),
+                "at": _is({"Omega": 0.9}),
+                "steps": _is(FEW),
+                "start": _is(None),
+            },
+            3,
+        ),
+        *(
+            Target(
+                f"trace of {cls.__name__}",
+                cls,
+                {
+                    "problem": _is(spur()),
+                    "parameter": _is("Omega"),
+                    "which": _is(0),
+                    "measure": measure,
+                    "element": element,
+                },
+                1,
+            )
+            for cls in (hb.Fold, hb.Grazing, hb.Peak, hb.PeriodDoubling)
+        ),
+        Target(
+            "trace a Fold",
+            lambda second, span, start: hb.trace(hb.Fold(spur(), "Omega"), second, span, start, steps=FEW),
+            {"second": _is("zeta"), "span": _is((0.05, 0.06)), "start": [lambda: gears()["LP1"]]},
+            2,
+        ),
+        Target(
+            "switch",
+            hb.switch,
+            {
+                "branch": [curve, gears],
+                "label": _is("LP1", "GR1", "PD1"),
+                "span": _is(None, (0.5, 1.5)),
+                "side": _is(1, -1),
+            },
+            2,
+        ),
+        Target(
+            "follow",
+            hb.follow,
+            {"branch": [gears], "point": _is("LP1", "GR1"), "parameter": _is("zeta"), "span": _is((0.05, 0.06))},
+            1,
+        ),
+        Target("extend", hb.extend, {"branch": [curve, gears], "span": _is((0.5, 1.6)), "problem": _is(None)}, 1),
+        Target(
+            "Event",
+            hb.Event,
+            {"kind": _is("limit"), "test": _is(lambda point: point.amplitude("max") - 2.0), "terminal": _is(False)},
+            0.5,
+        ),
+        Target("Range", hb.Range, {"low": _is(0.0), "high": _is(1.0)}, 0.3, free=frozenset({"low", "high"})),
+        Target(
+            "peaks",
+            hb.peaks,
+            {"branch": [curve, gears], "measure": measure, "element": element, "share": _is(0.0, 0.9)},
+            2,
+        ),
+        Target(
+            "trace_all",
+            hb.trace_all,
+            {
+                "problem": _is(balance()),
+                "span": span,
+                "frequencies": _is(1, [0.9]),
+                "guesses": _is(1),
+                "second": _is(None),
+                "seed": _is(0),
+                "steps": _is(FEW),
+                "stability": _is(True),
+            },
+            2,
+        ),
+        Target(
+            "critical",
+            hb.critical,
+            {"model": _is(balance()), "parameter": _is("F"), "frequencies": _is((0.8, 1.3)), "harmonics": _is(3)},
+            1,
+        ),
+        Target(
+            "jump_map",
+            hb.jump_map,
+            {
+                "model": _is(balance()),
+                "parameter": _is("F"),
+                "span": _is((0.17, 0.2)),
+                "frequencies": _is((0.8, 1.3)),
+                "harmonics": _is(3),
+                "seeds": _is(2),
+                "steps": _is(hb.StepControl(max_points=200)),
+            },
+            1,
+        ),
+        Target("grid", lambda zeta, F: hb.grid(zeta=zeta, F=F), {"zeta": _is([0.04, 0.05]), "F": _is([0.1])}),
+        Target(
+            "latin_hypercube",
+            lambda count, seed, zeta: list(hb.latin_hypercube(count, seed, zeta=zeta).rows()),
+            {"count": _is(3), "seed": _is(0), "zeta": _is(("uniform", 0.04, 0.06))},
+        ),
+        Target(
+            "monte_carlo",
+            lambda count, seed, zeta: list(hb.monte_carlo(count, seed, zeta=zeta).rows()),
+            {"count": _is(3), "seed": _is(0), "zeta": _is(("normal", 0.05, 0.01), ("triangular", 0.1, 0.2, 0.3))},
+        ),
+        *(
+            Target(
+                "monte_carlo",
+                lambda a, b, name=name: list(hb.monte_carlo(3, 0, zeta=(name, a, b)).rows()),
+                {"a": _is(0.1), "b": _is(0.2)},
+                0.5,
+            )
+            for name in ("uniform", "normal", "lognormal")
+        ),
+        Target(
+            "cases",
+            lambda **given: hb.cases(**given, executor=_Here()),
+            {
+                "model": _is(hb.Duffing()),
+                "vary": _is(hb.grid(F=[0.1])),
+                "compute": _is(("peak",), ("jumps", "curve")),
+                "critical": _is(()),
+                "harmonics": _is(2),
+                "span": _is((0.7, 0.9)),
+                "measure": measure,
+                "element": element,
+                "retry": _is(False),
+                "most": _is(10),
+            },
+            3,
+        ),
+        Target(
+            "integrate",
+            hb.integrate,
+            {
+                "model": model[:1],
+                "state": _is([0.1, 0.0]),
+                "periods": _is(2),
+                "Omega": _is(0.9),
+                "method": _is("DOP853"),
+                "tolerance": _is(1e-6),
+                "samples": _is(16),
+                "steps": _is(None),
+                "phase": _is(0.0),
+            },
+            2,
+        ),
+        Target(
+            "shoot",
+            hb.shoot,
+            {
+                "model": model[:1],
+                "Omega": _is(0.9),
+                "guess": _is([0.1, 0.0]),
+                "nu": _is(1),
+                "tolerance": _is(1e-8),
+                "max_iterations": _is(20),
+            },
+            2,
+        ),
+        Target(
+            "sweep",
+            hb.sweep,
+            {
+                "model": model[:1],
+                "grid": _is([0.9, 1.0]),
+                "direction": _is("up", "down"),
+                "parameter": _is("Omega"),
+                "at": _is(None),
+                "start": _is(None, [0.1, 0.0]),
+                "settling": _is(SHORT),
+                "disturbance": _is(1e-4),
+                "steps": _is(None),
+            },
+            3,
+        ),
+        Target(
+            "basins",
+            hb.basins,
+            {
+                "model": model[:1],
+                "Omega": _is(1.1),
+                "d": _is((-1.0, 1.0)),
+                "v": _is((-1.0, 1.0)),
+                "shape": _is((2, 2)),
+                "settling": _is(SHORT),
+            },
+            2,
+        ),
+        Target(
+            "validate",
+            hb.validate,
+            {
+                "branch": [curve],
+                "points": _is(1, [3], ["LP1"]),
+                "tolerance": _is(1e-3),
+                "multiplier_tolerance": _is(None),
+                "problem": _is(None),
+            },
+            1,
+        ),
+        Target("reduce", hb.reduce, {"model": [system, hb.SpurPair], "modes": _is(1, 2)}, 2),
+        Target("load", hb.load, {"path": _is("no.npz"), "problem": _is(None)}, free=frozenset({"problem"})),
+        Target("Branch.__getitem__", lambda key: curve()[key], {"key": _is(0, "LP1", -1)}),
+        Target(
+            "Branch.amplitude",
+            curve().amplitude,
+            {"measure": measure, "element": element, "dof": _is(None, 0), "derivative": _is(0, 1, 2)},
+            3,
+        ),
+        Target("Branch.peak", curve().peak, {"measure": measure, "element": element}),
+        Target("Branch.parameters_at", curve().parameters_at, {"i": _is(0)}, 0.5),
+        Target("Branch.save", curve().save, {"path": _is("a.npz")}, 0.5),
+        Target("Branch.export", curve().export, {"path": _is("a.csv", "a.mat")}, 0.5),
+        Target("Point.amplitude", point().amplitude, {"measure": measure, "element": element}),
+        Target("Point.coefficients", point().coefficients, {"element": element}, 0.5),
+        Target("Point.samples", point().samples, {"element": element, "count": _is(16), "order": _is(0, 1)}),
+        Target(
+            "plot.response",
+            plot.response,
+            {
+                "branch": [curve, gears],
+                "measure": measure,
+                "element": element,
+                "ax": _is(None),
+                "color": _is(None, "r"),
+                "label": _is(None, "a"),
+            },
+            0.5,
+            free=frozenset({"label"}),
+        ),
+        Target(
+            "plot.responses",
+            plot.responses,
+            {"branches": [lambda: [curve()]], "measure": measure, "element": element},
+            0.5,
+        ),
+        Target("plot.portrait", plot.portrait, {"point": [point], "element": element}, 0.3),
+        Target("plot.spectrum", plot.spectrum, {"point": [point], "element": element}, 0.3),
+        Target(
+            "plot.sweeps",
+            simulation.sweeps,
+            {"found": [lambda: [swept()]], "branch": _is(None), "measure": measure},
+            0.3,
+        ),
+    ]
+    return tuple(out)
+
+
+# ---- which values cannot be meant
+
+
+def parameters(target: Target) -> dict[str, Any]:
+    """Parameters by name with their annotation as text."""
+    return {
+        p.name: str(p.annotation) if p.annotation is not p.empty else ""
+        for p in inspect.signature(target.call).parameters.values()
+        if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)
+        and p.name not in ("progress", "report", "executor", "store", "processes", "ax")
+    } | {name: "" for name in target.good if _takes_any(target.call)}
+
+
+def _takes_any(call: Callable[..., Any]) -> bool:
+    return any(p.kind == p.VAR_KEYWORD for p in inspect.signature(call).parameters.values())
+
+
+def cannot_be_meant(annotation: str, value: Any) -> str:
+    """Why a value is no value of the annotation at all, or nothing."""
+    kinds = {part.strip() for part in annotation.split("|")}
+    if not kinds <= {"float", "int", "str", "bool", "None"} or not kinds:
+        return "a nan" if _holds_nan(value) and annotation != "" else ""
+    if value is None:
+        return "" if "None" in kinds else "None"
+    if isinstance(value, str | bytes):
+        return "" if "str" in kinds and isinstance(value, str) else "a text"
+    if isinstance(value, bool | np.bool_):
+        return "" if kinds & {"bool", "int", "float"} else "a truth value"
+    if isinstance(value, int | float | np.integer | np.floating | Fraction | Decimal):
+        if not kinds & {"float", "int"}:
+            return "" if "bool" in kinds else "a number"
+        if isinstance(value, float) and not math.isfinite(value):
+            return "not finite"
+        return "no whole number" if "float" not in kinds and value != int(value) else ""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        return ""
+    return f"a {type(value).__name__}"
+
+
+def _holds_nan(value: Any) -> bool:
+    try:
+        array = np.asarray(value)
+        return array.dtype.kind in "fc" and bool(np.isnan(array).any())
+    except (TypeError, ValueError):
+        return False
+
+
+def nonsense(value: Any, depth: int = 0) -> str:
+    """What a result holds that is no result: rows that are not finite, or amplitudes below zero."""
+    if isinstance(value, hb.Branch):
+        if not (np.isfinite(value.values).all() and np.isfinite(value.X).all()):
+            return "rows that are not finite"
+        if len(value) == 0:
+            return "a branch without rows"
+        if np.nanmax(value.residual) > 1e-3:
+            return f"a residual of {np.nanmax(value.residual):.1e}"
+        if value.layout and len(value) > 2 and not np.any(value.X.reshape(len(value), -1)):
+            return "a branch of zeros"
+        return ""
+    if isinstance(value, float | np.floating):
+        return "" if math.isfinite(value) else f"{value}"
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fc":
+        return "" if np.isfinite(value).all() else "numbers that are not finite"
+    if isinstance(value, tuple | list) and depth < 3:
+        return next((text for x in value if (text := nonsense(x, depth + 1))), "")
+    if isinstance(value, hb.Survey):
+        return nonsense(list(value.branches))
+    if isinstance(value, hb.SpurPair | hb.Duffing | hb.GearRotorBearing | hb.DoubleHelicalPair):
+        return "" if all(math.isfinite(x) for x in value.parameters.values()) else "parameters that are not finite"
+    return ""
+
+
+ALLOWED = (ValueError, KeyError, TypeError, IndexError, hb.NoConvergence, hb.NoFold, OSError)
+
+
+def ours(error: BaseException) -> bool:
+    """Whether the error was raised by a statement of hbgear's own, not inside NumPy, SciPy or Python."""
+    frames = traceback.extract_tb(error.__traceback__)
+    last = frames[-1]
+    if "hbgear" not in Path(last.filename).parts:
+        return isinstance(error, hb.NoConvergence | OSError)
+    return (last.line or "").startswith("raise") or last.line is None or _within_raise(last)
+
+
+def _within_raise(frame: Any) -> bool:
+    """Whether the line is part of a raise statement of several lines."""
+    lines = Path(frame.filename).read_text().splitlines()
+    above = [line.strip() for line in lines[max(0, frame.lineno - 6) : frame.lineno]]
+    return any(line.startswith("raise") for line in above)
+
+
+def told(value: Any, limit: int = 60) -> str:
+    """A value in a few words."""
+    text = repr(value).replace("\n", " ")
+    return text if len(text) <= limit else f"{text[:limit]}... ({type(value).__name__})"
+
+
+def make() -> pool.Attempt:
+    """The attempt of this fuzzer."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot
+
+    all_targets = targets()
+    weights = np.array([t.weight for t in all_targets])
+    shares = weights / weights.sum()
+    swept()
+
+    def attempt(seed: int, folder: Path, note: pool.Note) -> pool.Wrong | None:
+        rng = np.random.default_rng([2, seed])
+        target = all_targets[int(rng.choice(len(all_targets), p=shares))]
+        work = folder / "work"
+        work.mkdir(exist_ok=True)
+        os.chdir(work)
+        try:
+            return tried(target, rng, note)
+        finally:
+            matplotlib.pyplot.close("all")
+            for path in work.iterdir():
+                path.unlink()
+
+    return attempt
+
+
+def tried(target: Target, rng: Random, note: pool.Note) -> pool.Wrong | None:
+    """One call with one or two nasty arguments."""
+    annotations = parameters(target)
+    given = {
+        name: values[int(rng.integers(len(values)))]() for name, values in target.good.items() if name in annotations
+    }
+    names = list(annotations)
+    count = min(int(rng.choice([1, 2], p=[0.8, 0.2])), len(names))
+    nasty = {str(n): NASTY[int(rng.integers(len(NASTY)))]() for n in rng.choice(names, count, replace=False)}
+    note(f"{target.name}({', '.join(f'{n}={told(v)}' for n, v in nasty.items())}), the rest as usual")
+    given |= nasty
+    positional = [p.name for p in inspect.signature(target.call).parameters.values() if p.kind == p.POSITIONAL_ONLY]
+    args = [given.pop(name) for name in positional if name in given]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            result = target.call(*args, **given)
+            used = result
+            reasons = [f"{n} = {cannot_be_meant(annotations[n], v)}" for n, v in nasty.items() if n not in target.free]
+            if (reasons := [text for text in reasons if not text.endswith(" = ")]) and not caught:
+                return pool.Wrong("accepted", f"{target.name}: {reasons[0]}", f"gave {told(result, 200)}")
+            if target.use is not None:
+                used = target.use(result)
+        except ALLOWED as error:
+            return refused(target, nasty, error)
+    if loud := [str(w.message) for w in caught if "encountered in" in str(w.message)]:
+        return pool.Wrong("numpy warns", f"{target.name}: {loud[0][:60]}", f"{loud}"[:300])
+    if (text := nonsense(used)) and not caught:
+        return pool.Wrong("nonsense", f"{target.name}: {text}", f"{told(used, 200)}")
+    return None
+
+
+def refused(target: Target, nasty: dict[str, Any], error: BaseException) -> pool.Wrong | None:
+    """What is wrong with how a call was refused."""
+    text = str(error.args[0]) if error.args else ""
+    if not ours(error):
+        return pool.Wrong("raw", pool.place(error), f"{type(error).__name__}: {text}"[:300])
+    words = pool.raw_words(text)
+    if words and not any(words in repr(value) for value in nasty.values()):  # what was given may be quoted
+        return pool.Wrong("raw", f"{pool.place(error)}: {words}", text[:300])
+    if isinstance(error, IndexError) and target.name not in ("Branch.__getitem__", "Branch.parameters_at"):
+        return pool.Wrong("raw", pool.place(error), text[:300])
+    quoted = sum(len(repr(value)) for value in nasty.values())
+    if len(text) < 15 or len(text) > 1000 + quoted:
+        return pool.Wrong("raw", f"{pool.place(error)}: {len(text)} characters", text[:300])
+    return None
+
+
+def uncovered() -> set[str]:
+    """Public names that are neither called here nor records."""
+    called = {name for t in targets() for name in itertools.chain([t.name.split(".")[0]], t.name.split())}
+    return set(hb.__all__) - called - RECORDS
+
+
+if __name__ == "__main__":
+    pool.main("inputs", make)

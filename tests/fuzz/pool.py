@@ -1,0 +1,266 @@
+"""Many inputs, each tried in a worker that may hang, take too much memory or die without ending the run.
+
+An input is a seed. A fuzzer is a function ``attempt(seed, folder, note)`` that makes the input of that seed, tells
+``note`` what it is, tries it, and returns what is wrong with the outcome: a `Wrong`, or None. Seed 17 is the same input
+in every run, so ``--seed 17 --count 1`` tries a failure once more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import faulthandler
+import gc
+import multiprocessing
+import os
+import re
+import resource
+import shutil
+import signal
+import tempfile
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Any
+
+SECONDS = 20.0
+"""An input that takes longer hangs: of processor time, or three times as long by the clock, whatever else runs."""
+
+MEMORY = 1 << 30
+"""Bytes above what the worker had that an input may take."""
+
+_CEILING = 3 << 30  # bytes at which the system refuses: above MEMORY, so that an input that takes too much is seen
+_LIFE = 400  # inputs after which a worker is replaced, so that what one leaves behind does not add up
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """What is wrong: a kind of failure (traceback, raw, nonsense, exit, hang, memory, died), where, and the text."""
+
+    kind: str
+    where: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A seed whose input failed."""
+
+    seed: int
+    what: str
+    wrong: Wrong
+
+
+Note = Callable[[str], None]
+Attempt = Callable[[int, Path, Note], Wrong | None]
+
+
+def place(error: BaseException) -> str:
+    """Where an error comes from: the last two functions of hbgear on the way, and what it was raised in."""
+    frames = traceback.extract_tb(error.__traceback__)
+    ours = [
+        f"{Path(f.filename).name}:{f.name}"
+        for f in frames
+        if "hbgear" in Path(f.filename).parts and Path(f.filename).name != "arguments.py"
+    ]
+    final = [] if not frames or "hbgear" in Path(frames[-1].filename).parts else [Path(frames[-1].filename).name]
+    return f"{type(error).__name__} in {' > '.join([*ours[-2:], *final]) or 'the test'}"
+
+
+RAW = re.compile(
+    r"object has no attribute|object is not|not supported between|unsupported operand|positional argument"
+    r"|unexpected keyword|NoneType|indices must be|unhashable|cannot be interpreted as|could not convert"
+    r"|invalid literal|could not be broadcast|setting an array element|inhomogeneous|must be real number"
+    r"|ufunc '|numpy\.ndarray|object at 0x|\[Errno|Traceback|__\w+__\(|missing \d+ required|Expecting \w+|<class '"
+    r"|index out of|out of bounds|truth value|mismatch in its core|not iterable|can't multiply|must be str"
+    r"|argument must be|bad operand|embedded null|cannot unpack|too many values to|int too large|Errno \d"
+)
+"""Words of Python and NumPy that are no sentence for a user."""
+
+
+def raw_words(text: str) -> str:
+    """The words of a message that no user should have to read, or nothing."""
+    found = RAW.search(text)
+    return found[0] if found else ""
+
+
+def run(
+    attempt: Attempt, seeds: range, processes: int = 1, seconds: float = SECONDS, memory: int = MEMORY
+) -> Iterator[Failure]:
+    """Try every seed, and give those that failed."""
+    waiting = iter(seeds)
+    with tempfile.TemporaryDirectory(prefix="fuzz") as folder:
+        workers = [_Worker(attempt, Path(folder) / str(i), seconds, memory) for i in range(processes)]
+        try:
+            busy = [w for w in workers if w.give(next(waiting, None))]
+            while busy:
+                ready = wait([w.pipe for w in busy], timeout=0.2)
+                for w in list(busy):
+                    if (failed := w.look(w.pipe in ready)) is not None:
+                        yield failed
+                    if w.seed is None and not w.give(next(waiting, None)):
+                        busy.remove(w)
+        finally:
+            for w in workers:
+                w.end()
+
+
+class _Worker:
+    """A process that tries one seed after the other, and is replaced when it hangs or dies."""
+
+    def __init__(self, attempt: Attempt, folder: Path, seconds: float, memory: int) -> None:
+        self.attempt, self.folder, self.seconds, self.memory = attempt, folder, seconds, memory
+        self.seed: int | None = None
+        self.begin()
+
+    def begin(self) -> None:
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.folder.mkdir()
+        self.what, self.left = "", _LIFE
+        self.pipe, theirs = multiprocessing.Pipe()
+        args = self.attempt, theirs, self.pipe, self.folder, self.memory
+        self.process = multiprocessing.get_context("fork").Process(target=_work, args=args)
+        self.process.start()
+        theirs.close()
+
+    def give(self, seed: int | None) -> bool:
+        """Hand out a seed; False if there is none left."""
+        if seed is None:
+            return False
+        if self.left == 0:
+            self.end()
+            self.begin()
+        self.seed, self.what, self.started = seed, "", time.monotonic()
+        self.left -= 1
+        self.cpu = self.spent()
+        self.pipe.send(seed)
+        return True
+
+    def look(self, ready: bool) -> Failure | None:
+        """What has come back, if anything has; ``seed`` is None once the seed is done with."""
+        wrong: Wrong | None
+        if ready:
+            try:
+                kind, value = self.pipe.recv()
+            except (EOFError, ConnectionResetError):
+                self.process.join(5)
+                kind, value = "done", Wrong("died", "", f"the process ended with {self.process.exitcode}")
+                self.left = 0
+            if kind == "what":
+                self.what = value
+                return None
+            wrong = value
+        elif self.spent() - self.cpu > self.seconds or time.monotonic() - self.started > 3 * self.seconds:
+            wrong, self.left = Wrong("hang", self.stuck(), f"not done after {self.seconds:g} s"), 0
+        else:
+            return None
+        seed, self.seed = self.seed, None
+        assert seed is not None
+        if wrong is not None and wrong.kind == "memory":
+            self.left = 0  # what was taken may still be held
+        return None if wrong is None else Failure(seed, self.what, wrong)
+
+    def spent(self) -> float:
+        """Seconds of processor time the worker has taken."""
+        try:
+            fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            return 0.0
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    def stuck(self) -> str:
+        """The functions of hbgear that a worker that hangs is in."""
+        with suppress(ProcessLookupError):
+            os.kill(self.process.pid or 0, signal.SIGUSR1)
+        time.sleep(0.5)
+        text = (self.folder / "stuck.txt").read_text()
+        return (
+            " > ".join(reversed(re.findall(r'hbgear/(\w+\.py)", line \d+ in \w+', text)[:3]))
+            + " "
+            + " < ".join(re.findall(r'File ".*?", line \d+ in (\w+)', text)[:4])
+        )
+
+    def end(self) -> None:
+        """Kill the worker and what it started."""
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.process.pid or 0, signal.SIGKILL)
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+
+def _work(attempt: Attempt, pipe: Connection, parents: Connection, folder: Path, memory: int) -> None:
+    parents.close()  # so that the pipe ends when the parent is killed
+    os.setsid()  # so that the parent can kill it with its children
+    with open(folder / "stuck.txt", "w") as stuck:
+        faulthandler.register(signal.SIGUSR1, stuck)
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + _CEILING,) * 2)
+        while True:
+            try:
+                seed = pipe.recv()
+            except EOFError:
+                return
+            wrong = _tried(attempt, seed, folder, lambda text: pipe.send(("what", text)), memory)
+            pipe.send(("done", wrong))
+            gc.collect(0)
+
+
+def _tried(attempt: Attempt, seed: int, folder: Path, note: Note, memory: int) -> Wrong | None:
+    before = _peak_memory()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("always")
+            warnings.showwarning = lambda *_, **__: None  # type: ignore[assignment]
+            wrong = attempt(seed, folder, note)
+    except BaseException as error:
+        wrong = Wrong("traceback", place(error), f"{error!r}"[:400])
+    taken = _peak_memory(reset=False) - before
+    if taken > memory:
+        return Wrong("memory", wrong.where if wrong else "", f"{taken / 2**20:.0f} MB")
+    return wrong
+
+
+def _peak_memory(reset: bool = True) -> int:
+    """Most memory the process ever held; if reset, what it holds now."""
+    if reset:
+        Path("/proc/self/clear_refs").write_text("5")
+    found = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
+    assert found is not None
+    return int(found[1]) * 1024
+
+
+def main(name: str, make: Callable[[], Any]) -> None:
+    """The command line of a fuzzer; ``make()`` gives its attempt."""
+    parser = argparse.ArgumentParser(prog=f"python -m tests.fuzz.{name}")
+    parser.add_argument("--count", type=int, default=1000, help="how many inputs")
+    parser.add_argument("--seed", type=int, default=0, help="the first; the others are the numbers after it")
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="an input that takes longer hangs")
+    asked = parser.parse_args()
+    started, failures = time.monotonic(), []
+    for failure in run(make(), range(asked.seed, asked.seed + asked.count), asked.processes, asked.seconds):
+        failures.append(failure)
+        wrong = failure.wrong
+        print(f"seed {failure.seed}: {wrong.kind}: {wrong.where}: {wrong.text}\n    {failure.what}", flush=True)
+    print(report(failures))
+    took = time.monotonic() - started
+    print(f"{name}: {asked.count} inputs in {took:.0f} s, {len(failures)} failed")
+    raise SystemExit(1 if failures else 0)
+
+
+def report(failures: list[Failure]) -> str:
+    """Distinct causes, the most frequent first, each with one input."""
+    causes: dict[tuple[str, str], list[Failure]] = {}
+    for failure in failures:
+        causes.setdefault((failure.wrong.kind, failure.wrong.where), []).append(failure)
+    lines = [
+        f"{len(each)} x {kind}: {where}\n    seed {each[0].seed}: {each[0].what}\n    {each[0].wrong.text}"
+        for (kind, where), each in sorted(causes.items(), key=lambda item: -len(item[1]))
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,122 @@
+"""Arguments that are not what is annotated are refused in one sentence; those that are, pass."""
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.common.arguments import check, checked_arguments, fits, words
+
+HBM = hb.HarmonicBalance(hb.Duffing(), 3)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: hb.trace(hb.Duffing(), "Omega", (0.5, 1.0)), "needs a HarmonicBalance, .*; got a Duffing: give Harm"),
+        (lambda: hb.trace(hb.HarmonicBalance, "Omega", (0.5, 1.0)), "; got the class HarmonicBalance: call it"),
+        (lambda: hb.trace(HBM, 3, (0.5, 1.0)), "needs the name of a parameter, such as 'Omega'; got 3"),
+        (lambda: hb.trace(HBM, "Omega", 0.5), r"trace: span = 0.5 must be two numbers"),
+        (lambda: hb.trace(HBM, "Omega", (0.5, "1")), r"trace: span = \(0.5, '1'\) must be two numbers"),
+        (lambda: hb.trace(HBM, "Omega", (0.5, np.nan)), r"trace: span = \(0.5, nan\) must be finite"),
+        (lambda: hb.trace(HBM, "Omega", (0.5, 1.0), at={"F": "x"}), "trace: at: F = 'x' must be a finite number"),
+        (lambda: hb.trace(HBM, "Omega", (0.5, 1.0), at={"F": np.inf}), "trace: at = {'F': inf} must be finite"),
+        (lambda: hb.trace(HBM, "Omega", (0.5, 1.0), steps=3), r"trace\(steps\) needs StepControl.*; got 3"),
+        (lambda: hb.trace(HBM, "Omega", (0.5, 1.0), stability="no"), "stability = 'no' must be True or False"),
+        (lambda: hb.HarmonicBalance(hb.SpurPair), r"needs a model.*; got the class SpurPair: call it: SpurPair\(\)"),
+        (lambda: hb.HarmonicBalance(HBM), "needs a model, .*; got a HarmonicBalance: give its model: problem.model"),
+        (lambda: hb.HarmonicBalance(hb.Duffing(), 2.5), "harmonics = 2.5 must be a whole number or a text"),
+        (lambda: hb.HarmonicBalance(hb.Duffing(), True), "harmonics = True must be a whole number or a text"),
+        (lambda: hb.validate(hb.Duffing()), r"validate\(branch\) needs a Branch, .*; got a Duffing: trace it"),
+        (lambda: hb.trace_all(hb.Duffing(), (0.5, 1.0)), "needs a HarmonicBalance, .*; got a Duffing: give Harm"),
+        (lambda: hb.peaks(3), r"peaks\(branch\) needs a Branch, .*; got 3$"),
+        (lambda: HBM.start(Omega="fast"), "HarmonicBalance.start: Omega = 'fast' must be a finite number"),
+        (lambda: HBM.motion(np.zeros(8), Omega=1.0), r"X of shape \(8,\): need the unknowns of one motion"),
+        (lambda: hb.Steps(max_points="many"), "StepControl: max_points = 'many' must be a whole number"),
+        (lambda: hb.validate(HBM, problem=3), "needs a Branch, .*; got a HarmonicBalance: trace it first"),
+        (lambda: hb.HarmonicBalance(hb.Duffing(), 3, tolerance="fine"), "tolerance = 'fine' must be a finite number"),
+        (lambda: hb.load(3), "load: path = 3 must be a text or a path"),
+    ],
+)  # fmt: skip
+def test_an_argument_is_refused_where_it_is_given(call, message):
+    with pytest.raises((ValueError, TypeError), match=message) as caught:
+        call()
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("value", "kind", "good"),
+    [
+        (1, float, True), (np.float32(1), float, True), (np.array(1.0), float, True), (True, float, False),
+        (1j, float, False), (10**400, int, True), (np.int64(3), int, True), (3.0, int, False), (True, int, False),
+        (np.bool_(True), bool, True), (1, bool, False), ("x", str, True), (None, str | None, True),
+        ([0.1, 0.2], tuple[float, float], True), (np.array([0.1, 0.2]), tuple[float, float], True),
+        ((0.1, 0.2, 0.3), tuple[float, float], False), ((1, 2, 3), tuple[float, ...], True),
+        ("12", tuple[str, ...], False),
+    ],
+)  # fmt: skip
+def test_what_fits(value, kind, good):
+    assert fits(value, kind) is good
+
+
+def test_numbers_too_large_for_a_float_are_refused():
+    with pytest.raises(ValueError, match="must be a finite number"):
+        check("f", "x", 10**400, float)
+
+
+def test_defaults_are_not_looked_at():
+    @checked_arguments()
+    def f(x: float = "any", *, y: "Nowhere" = None, **others: float) -> object:  # noqa: F821
+        return x, y, others
+
+    assert f() == ("any", None, {})
+    assert f(2, z=3) == (2, None, {"z": 3})
+    with pytest.raises(ValueError, match="z = 'a' must be a finite number"):
+        f(z="a")
+    with pytest.raises(TypeError, match="missing"):
+        checked_arguments()(lambda x: x)()
+
+
+def test_words():
+    assert words(float | int | None) == "a finite number, a whole number or None"
+    assert words(tuple[float, ...]) == "a sequence of numbers"
+    assert words(tuple[int, int]) == "two whole numbers"
+    assert words(tuple[float, float]) == "two numbers (from, to)"
+
+
+def test_classes_imported_for_type_checkers_are_known_by_name():
+    @checked_arguments()
+    def f(x: "Nowhere | None" = None) -> object:
+        return x
+
+    class Nowhere:
+        pass
+
+    class Inner(Nowhere):
+        pass
+
+    assert isinstance(f(Inner()), Nowhere)
+    with pytest.raises(TypeError, match=r"f\(x\) needs a Nowhere or None; got 'what'"):
+        f("what")
+
+
+def test_what_a_function_needs_in_its_own_words():
+    @checked_arguments(at="values by name, such as at={'zeta': 0.05}")
+    def f(at: dict[str, float] | None) -> object:
+        return at
+
+    assert f({"zeta": 1}) == {"zeta": 1}
+    with pytest.raises(TypeError, match=r"^f\(at\) needs values by name, such as at={'zeta': 0.05}; got a tuple$"):
+        f(("zeta", 1))
+    with pytest.raises(ValueError, match=r"^f: at: zeta = '1' must be a finite number$"):
+        f({"zeta": "1"})
+
+
+def test_long_values_are_cut():
+    @checked_arguments()
+    def f(x: float) -> object:
+        return x
+
+    for value in ("x" * 5000, 10**4000, [1.0] * 5000):
+        with pytest.raises(ValueError) as caught:
+            f(value)
+        assert len(str(caught.value)) < 200
