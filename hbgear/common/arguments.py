@@ -125,12 +125,15 @@ def check(owner: str, name: str, value: Any, kind: Any, need: str = "") -> None:
 
 def _check_finite(owner: str, name: str, value: Any) -> None:
     """Refuse numbers that are not finite, also within a sequence or dict."""
-    values = list(value.values()) if isinstance(value, Mapping) else value
-    if isinstance(values, float):
-        finite, need = np.isfinite(values), "a finite number"
-    elif isinstance(values, list | tuple | np.ndarray | np.generic):
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            _check_finite(owner, f"{name}: {shortened(str(key))}", inner)
+        return
+    if isinstance(value, float):
+        finite, need = np.isfinite(value), "a finite number"
+    elif isinstance(value, list | tuple | np.ndarray | np.generic):
         try:
-            array = np.asarray(values)
+            array = np.asarray(value)
         except ValueError:  # of several lengths, where that is allowed
             return
         finite, need = array.dtype.kind not in "fc" or np.isfinite(array).all(), "finite"
@@ -158,6 +161,8 @@ def fits(value: Any, kind: Any) -> bool:
         value = value.item()
     if kind in _FITS:
         return _FITS[kind](value)
+    if isinstance(kind, type) and issubclass(kind, np.floating | np.integer):
+        return _FITS[float if issubclass(kind, np.floating) else int](value)
     if origin is np.ndarray:
         return np.asarray(value).dtype.kind in "biuf"
     if origin in (tuple, Sequence):

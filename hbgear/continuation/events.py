@@ -88,7 +88,7 @@ class Event:
     alone: bool = False
     """Whether nothing else is looked for on the segment that a terminal event ends."""
 
-    @checked_arguments()
+    @checked_arguments(test="a function of a point, such as lambda point: point.amplitude('max') - 2.0")
     def __init__(
         self, kind: str, test: Callable[[Point], float], meaning: str = "", marker: str = "v", terminal: bool = False
     ) -> None:
@@ -97,11 +97,6 @@ class Event:
         if kind in RESERVED:
             taken = ", ".join(RESERVED)
             raise ValueError(f"Event: kind = {kind!r} is one that hbgear uses itself ({taken}); choose another")
-        if not callable(test):
-            raise TypeError(
-                "Event: test must be a function of a point, such as lambda point: point.amplitude('max') - 2.0; got "
-                f"{type(test).__name__}"
-            )
         if not is_marker(marker):
             raise ValueError(f"Event: marker = {marker!r} must be one of {' '.join(MARKERS)}")
         self.kind, self._test, self.meaning = kind, test, meaning or kind

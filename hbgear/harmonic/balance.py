@@ -61,6 +61,9 @@ _UNKNOWNS = 4_000  # of the dense Jacobians, several of which are held at once
 _SAMPLES = 1_000_000  # of all elements together
 
 
+_COUNTABLE = 10**15  # larger numbers are refused before anything is computed with them
+
+
 _FREQUENCIES = Range(above=0, high=1e60)  # so that powers of Omega are numbers
 
 
@@ -120,9 +123,9 @@ class HarmonicBalance(FullProblem):
         self, model: Model, harmonics: int | str = 16, samples: int | None = None, nu: int = 1,
         sampled: bool = False, tolerance: float = 1e-6,
     ) -> None:  # fmt: skip
-        counted("nu", nu, _SAMPLES)
+        counted("nu", nu, _COUNTABLE)
         if harmonics != "auto":
-            counted("harmonics", harmonics, _SAMPLES)
+            counted("harmonics", harmonics, _COUNTABLE)
         checked("HarmonicBalance", "tolerance", tolerance, POSITIVE)
         self.auto = harmonics == "auto"
         self.tolerance = float(tolerance)
@@ -131,7 +134,7 @@ class HarmonicBalance(FullProblem):
         system = model.system()
         self.m = len(system.elements)
         if samples is not None:
-            counted("samples", samples, _SAMPLES)
+            counted("samples", samples, _COUNTABLE)
         self._structures: Recent[Structure] = Recent(6)
         self._own = model.parameters
         self._prepare(samples)
@@ -244,8 +247,8 @@ class HarmonicBalance(FullProblem):
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
         """The same model with another subharmonic order; by default harmonics reach the same frequency."""
         H = harmonics or self.H * nu // self.nu
-        counted("nu", nu, _SAMPLES)
-        counted("harmonics", H, _SAMPLES)
+        counted("nu", nu, _COUNTABLE)
+        counted("harmonics", H, _COUNTABLE)
         out = copy.copy(self)
         out.nu, out.H = int(nu), int(H)
         out._prepare(None)

@@ -19,7 +19,7 @@ HBM = hb.HarmonicBalance(hb.Duffing(), 3)
         (lambda: hb.trace(HBM, "Omega", (0.5, "1")), r"trace: span = \(0.5, '1'\) must be two numbers"),
         (lambda: hb.trace(HBM, "Omega", (0.5, np.nan)), r"trace: span = \(0.5, nan\) must be finite"),
         (lambda: hb.trace(HBM, "Omega", (0.5, 1.0), at={"F": "x"}), "trace: at: F = 'x' must be a finite number"),
-        (lambda: hb.trace(HBM, "Omega", (0.5, 1.0), at={"F": np.inf}), "trace: at = {'F': inf} must be finite"),
+        (lambda: hb.trace(HBM, "Omega", (0.5, 1.0), at={"F": np.inf}), "trace: at: F = inf must be a finite number"),
         (lambda: hb.trace(HBM, "Omega", (0.5, 1.0), steps=3), r"trace\(steps\) needs StepControl.*; got 3"),
         (lambda: hb.trace(HBM, "Omega", (0.5, 1.0), stability="no"), "stability = 'no' must be True or False"),
         (lambda: hb.HarmonicBalance(hb.SpurPair), r"needs a model.*; got the class SpurPair: call it: SpurPair\(\)"),

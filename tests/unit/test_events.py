@@ -109,7 +109,7 @@ def test_what_cannot_be_followed(curve, tmp_path):
     folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.051))
     with pytest.raises(ValueError, match="the branch is one of special points already"):
         hb.follow(folds, curve["LP1"], "F_m", (0.1, 0.11))
-    with pytest.raises(TypeError, match="need the label of a special point"):
+    with pytest.raises(TypeError, match="needs the label of a special point"):
         hb.follow(curve, 3, "zeta", (0.05, 0.06))
     with pytest.raises(ValueError, match="event 'other' did not locate limit1"):
         hb.follow(curve, "limit1", "zeta", (0.05, 0.06), event=hb.Event("other", LIMIT.test))
@@ -258,7 +258,7 @@ def test_without_special_points_only_own_events():
         (lambda: hb.Event("LP", abs), "one that hbgear uses itself"),
         (lambda: hb.Event("two words", abs), "must be letters"),
         (lambda: hb.Event("", abs), "must be letters"),
-        (lambda: hb.Event("limit", 2.0), "must be a function of a point"),
+        (lambda: hb.Event("limit", 2.0), "needs a function of a point"),
         (lambda: hb.Event("limit", abs, marker="star"), "marker = 'star' must be one of"),
     ],
 )

@@ -207,7 +207,7 @@ def test_wrong_values_are_refused():
         ({"zeta": -0.1}, "two: zeta = -0.1 must not be negative"),
         ({"zeta": "a"}, "two: zeta = 'a' must be a finite number"),
         ({"n": 1.5}, "two: n = 1.5 must be a whole number"),
-        ({"kind": "c"}, "two: kind = 'c' must be one of 'a', 'b'"),
+        ({"kind": "c"}, "two: kind = 'c' must be 'a' or 'b'"),
     ]:
         with pytest.raises(ValueError, match=message):
             two(**fields)

@@ -161,7 +161,7 @@ def test_free_motion_stays_free():
 
 @pytest.mark.parametrize("modes", [0, 12, -3, 2.5, True])
 def test_number_of_modes_is_checked(modes):
-    with pytest.raises(ValueError, match="whole number from 1 to n - 1 = 11"):
+    with pytest.raises(ValueError, match="must be a whole number"):
         reduce(chain(12), modes)
 
 

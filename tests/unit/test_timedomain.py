@@ -274,7 +274,7 @@ def test_monodromy_is_the_derivative_of_the_map(rng):
         (lambda: integrate(VARYING, np.zeros(3), 1, 0.8, method="exponential"), "do not fit"),
         (lambda: integrate(VARYING, np.zeros(2), 0, 0.8), "at least 1"),
         (lambda: integrate(VARYING, np.zeros(2), 1, -0.8), "must be positive"),
-        (lambda: integrate(VARYING, np.zeros(2), 1, np.nan, method="exponential"), "must be positive"),
+        (lambda: integrate(VARYING, np.zeros(2), 1, np.nan, method="exponential"), "must be a finite number"),
         (lambda: integrate([VARYING, VARYING], np.zeros((2, 2)), 1, 0.8), "one model"),
         (lambda: integrate(VARYING, np.zeros(2), 1, 0.8, method="exponential", phase=1.0), "whole periods"),
         (lambda: Stepper([SpurPair(), Duffing()], 0.8), "same"),
