@@ -191,5 +191,7 @@ def test_every_ability_is_described():
 def test_what_is_no_problem():
     with pytest.raises(TypeError, match=r"problem with evaluate; got a SpurPair: give HarmonicBalance\(model\)"):
         hb.trace(hb.SpurPair(), "Omega", (1.0, 0.5))
-    with pytest.raises(TypeError, match=r"needs a HarmonicBalance, .* or another problem with evaluate; got a SpurPair"):
+    with pytest.raises(
+        TypeError, match=r"needs a HarmonicBalance, .* or another problem with evaluate; got a SpurPair"
+    ):
         as_problem(hb.SpurPair())
