@@ -11,7 +11,7 @@ import pytest
 
 import hbgear as hb
 
-ROOT = Path(hb.__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
 BLOCKS = [
     pytest.param(block, id=f"{page.stem}-{number}")

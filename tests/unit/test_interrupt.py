@@ -18,7 +18,6 @@ from hbgear import Status
 from hbgear.common.replacing import replacing
 from hbgear.common.signals import held, sigterm_like_ctrl_c
 from hbgear.timedomain.settle import Settling
-from studies import study
 
 ROOT = str(Path(hb.__file__).parent)
 DUFFING = hb.Duffing()
@@ -339,7 +338,9 @@ def test_commands_stop_at_any_moment(tmp_path, name, stop):
             assert curve.status.complete or (curve.status is Status.INTERRUPTED and command.returncode == 3)
 
 
-def test_ctrl_c_ends_a_study_and_leaves_no_figure_of_half_a_curve(tmp_path, monkeypatch):
+def test_ctrl_c_ends_a_study_and_leaves_no_figure_of_half_a_curve(tmp_path, monkeypatch, on_path):
+    from studies import study
+
     def run(quick):
         def stop(*_):
             signal.raise_signal(signal.SIGINT)
