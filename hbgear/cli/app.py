@@ -91,6 +91,7 @@ app = typer.Typer(
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command and exit."""
     with sigterm_like_ctrl_c(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # those of libraries are not for users of a command
         warnings.showwarning = lambda message, *_, **__: say("warning", message)
         sys.exit(_printed(_run(list(sys.argv[1:] if args is None else args) or ["--help"])))
 

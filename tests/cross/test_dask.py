@@ -34,10 +34,10 @@ from contextlib import contextmanager
 from hbgear.cli import app, study
 
 @contextmanager
-def killing():
-    yield lambda done, total, failed: [os.kill(int(pid), signal.SIGKILL) for pid in sys.argv[2:] if done == 3]
+def killing(what):
+    yield lambda at: [os.kill(int(pid), signal.SIGKILL) for pid in sys.argv[2:] if at.numbers["finished"] == 3]
 
-study.case_bar = killing
+study.bar = killing
 app.main(["study", "a.toml", "--dask", sys.argv[1]])
 """
 """The command; when three cases are stored, processes are killed."""

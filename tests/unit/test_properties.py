@@ -73,7 +73,8 @@ def roots(row, level):
     """Places where a function crosses a level, by brackets on a grid that misses no wave."""
     grid = np.linspace(0, 2 * np.pi, 1501)
     x = evaluate(row, grid) - level
-    cells = np.flatnonzero((x[:-1] > 0) != (x[1:] > 0))
+    ends = np.array([evaluate(row, t)[0] - level for t in grid])  # one by one, as the brackets are looked at
+    cells = np.flatnonzero(ends[:-1] * ends[1:] < 0)
     return [brentq(lambda t: evaluate(row, t)[0] - level, grid[i], grid[i + 1], xtol=1e-15) for i in cells], x
 
 
