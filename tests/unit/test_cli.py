@@ -546,7 +546,7 @@ def test_help_names_only_options_of_its_own_command(name):
     [
         ("spur-pair --from 12000 --to 9000", ["Omega = 12000", "r/min"]),
         ("double-helical --set b_c=80 --from 1.6 --to 1.5", ["b_c = 80.0", "unit (m)"]),
-        ("spur-pair --harmonics 1 --from 1.5 --to 1.4", ["1 harmonics", "contact"]),
+        ("spur-pair --harmonics 1 --from 1.5 --to 1.4", ["1 harmonic of", "contact"]),
     ],
 )
 def test_unlikely_input_is_computed_with_a_warning(run, args, words):
