@@ -63,8 +63,7 @@ def of_problem(model: Model, system: System, harmonics: int) -> None:
     cornered = [e.name for e in system.elements if e.law.breakpoints]
     if harmonics <= _COARSE and cornered:
         tell(
-            f"{harmonics} harmonic{'s' if harmonics > 1 else ''} of the excitation cannot describe a contact that opens "
-            "and closes "
+            f"{harmonics} harmonic of the excitation cannot describe a contact that opens and closes "
             f"({', '.join(cornered)}): use 8 or more, or 'auto'"
         )
 
