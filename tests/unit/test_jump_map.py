@@ -98,7 +98,7 @@ def test_outside_of_its_values_an_arm_has_no_jump():
 
 @pytest.mark.parametrize("span", [(0.1, 0.1), (0.1, np.inf), (np.nan, 0.1)])
 def test_an_empty_or_infinite_span(problem, span):
-    with pytest.raises(ValueError, match="need two different finite values of zeta|span = .* must be finite"):
+    with pytest.raises(ValueError, match=r"need two different finite values of zeta|span = .* must be finite"):
         jump_map(problem, "zeta", span)
 
 
