@@ -40,7 +40,7 @@ EYE = np.eye(2)
         (lambda: balance(hb.SpurPair(0.05, 200)), "F_m = 200 .* usual"),
         (lambda: balance(hb.SpurPair(zeta=5.0)), "zeta = 5.0 .* usual"),
         (lambda: balance(hb.SpurPair(eps=(0.9, 0.8))), "stiffness of gap is negative"),
-        (lambda: balance(hb.SpurPair(), 1), "1 harmonics .* cannot describe a contact"),
+        (lambda: balance(hb.SpurPair(), 1), "1 harmonic .* cannot describe a contact"),
         (lambda: response(hb.SpurPair(), (12000, 9000)), "Omega = 12000 .* highest natural frequency .* r/min"),
         (lambda: hb.trace(balance(hb.SpurPair()), "zeta", (0.05, 0.06), at={"Omega": 3000.0}), "Omega = 3000 "),
         (lambda: response(oscillator()), "nothing ever comes near a corner"),
