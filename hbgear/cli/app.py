@@ -37,6 +37,7 @@ from hbgear.cli.support import (
     Last,
     Measure,
     Model,
+    Output,
     OwnModel,
     Within,
     bar,
@@ -137,9 +138,6 @@ cli_time.register(app)
 
 
 # ---- commands
-
-Output = Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")]
-
 
 Plot = Annotated[Path | None, typer.Option(help="Draw the curve to a .png, .pdf or .svg.")]
 

@@ -13,12 +13,14 @@ from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli.support import (
     Changes,
     Element,
+    Figure,
     File,
     First,
     Harmonics,
     Last,
     Measure,
     Model,
+    Output,
     OwnModel,
     bar,
     chosen_model,
@@ -36,8 +38,6 @@ from hbgear.cli.support import (
     span_of,
     text_at,
 )
-
-Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -142,7 +142,7 @@ def switch(
         ),
     ],
     model: OwnModel = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")] = None,
+    output: Output = None,
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",

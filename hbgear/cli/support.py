@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import os
 import re
 import sys
 import typing
@@ -57,6 +58,12 @@ OwnModel = Annotated[
 
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A curve saved as .npz by hbgear trace -o or Branch.save.")]
+
+
+Output = Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")]
+
+
+Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
 
 
 Measure = Annotated[
@@ -250,7 +257,7 @@ def retold(meta: dict[str, Any], harmonics: str | None, samples: int | None) -> 
 
 def start_of(text: str) -> tuple[hb.Branch, hb.Point]:
     """A saved curve and the point of it that --start means: a label, a value of its parameter, or the last row."""
-    file, colon, place = (text, "", "") if Path(text).exists() else text.rpartition(":")
+    file, colon, place = (text, "", "") if os.path.exists(text) else text.rpartition(":")
     branch = hb.load(file if colon else text)
     return branch, point_of(branch, place, "--start") if colon else branch[-1]
 

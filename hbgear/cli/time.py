@@ -15,6 +15,7 @@ from hbgear.cli.support import (
     At,
     Changes,
     Element,
+    Figure,
     File,
     First,
     Last,
@@ -32,9 +33,6 @@ from hbgear.cli.support import (
 )
 
 DISAGREES = 1
-
-
-Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
 
 
 Table = Annotated[Path | None, typer.Option("-o", "--output", help="Save all numbers as .csv.")]

@@ -10,7 +10,6 @@ import dataclasses
 import io
 import json
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -77,7 +76,7 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
     >>> bool(np.array_equal(again.X, curve.X))
     True
     """
-    if not Path(path).exists():
+    if not os.path.exists(path):  # Path.exists raises at a name that is too long
         raise FileNotFoundError(f"there is no file '{path}'; give the .npz of a branch saved before")
     try:
         with archive_of(path) as archive:

@@ -318,6 +318,8 @@ def test_missing_foreign_and_damaged_files(tmp_path):
     whole = good.read_bytes()
     with pytest.raises(FileNotFoundError, match=r"there is no file .*none\.npz"):
         load(tmp_path / "none.npz")
+    with pytest.raises(FileNotFoundError, match="there is no file '111"):
+        load("1" * 400)  # longer than a file's name may be
     for content in (b"", b"Omega,rms\n1,2\n", b"\x93NUMPY", whole[: len(whole) // 2], whole[:100], whole[200:-300]):
         bad.write_bytes(content)
         with pytest.raises(ValueError, match=r"bad\.npz' cannot be read as a branch .*need an \.npz written by"):

@@ -51,6 +51,18 @@ def moments(count, many):
     return sorted({int(n) for n in np.linspace(1, count, many)} | {count - i for i in range(3)})
 
 
+def parts(work, count):
+    """What work() gives if it is interrupted at moments spread over all its calls; None where there is nothing yet."""
+    for n in moments(count, 7):
+        try:
+            part, reached = at_call(n, work)
+        except KeyboardInterrupt:
+            yield None
+            continue
+        if reached >= n:
+            yield part
+
+
 def within(part, whole):
     """Whether each row of a branch is a row of another."""
     rows = {(float(value), X.tobytes()) for value, X in zip(whole.values, whole.X, strict=True)}
@@ -109,13 +121,9 @@ def test_a_jump_map_keeps_fold_curves_that_are_whole():
     whole, count = at_call(0, work)
     assert whole.status.complete and len(whole.arms) == 2
     seen = set()
-    for n in moments(count, 7):
-        try:
-            part, reached = at_call(n, work)
-        except KeyboardInterrupt:
+    for part in parts(work, count):
+        if part is None:
             seen.add(0)
-            continue
-        if reached < n:
             continue
         assert part.status is Status.INTERRUPTED and "interrupted" in part.message
         assert len(part.folds) == len(part.arms) and all(fold.status.complete for fold in part.folds)
@@ -141,12 +149,8 @@ def test_critical_does_not_take_half_a_curve_for_a_whole_one():
     whole, count = at_call(0, work)
     assert whole.status.complete
     known = [whole.value, *(value for value, _ in whole.others)]
-    for n in moments(count, 7):
-        try:
-            part, reached = at_call(n, work)
-        except KeyboardInterrupt:
-            continue
-        if reached < n:
+    for part in parts(work, count):
+        if part is None:
             continue
         assert part.status is Status.INTERRUPTED and part.value in known
 
@@ -160,13 +164,9 @@ def test_a_survey_keeps_its_branches():
     whole, count = at_call(0, work)
     assert whole.status.complete
     seen = set()
-    for n in moments(count, 7):
-        try:
-            part, reached = at_call(n, work)
-        except KeyboardInterrupt:
+    for part in parts(work, count):
+        if part is None:
             seen.add(0)
-            continue
-        if reached < n:
             continue
         assert part.status is Status.INTERRUPTED and "interrupted" in part.message
         early = [branch.status is Status.INTERRUPTED for branch in part.branches]
