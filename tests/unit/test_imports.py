@@ -29,6 +29,7 @@ FILES = {
         "progress": "",
         "ranges": "messages",
         "recent": "",
+        "compiling": "",
         "signals": "",
         "replacing": "signals",
     },
@@ -157,6 +158,8 @@ ONLY_IN = {
     "rich": {"cli"},
     "pydantic": {"harmonic.catalogue", "design.study_file"},
     "distributed": {"cli.study"},
+    "numba": {"common.compiling"},
+    "platformdirs": {"common.compiling"},
 }
 
 PATHS = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in sorted(ROOT.rglob("*.py"))}
@@ -309,7 +312,7 @@ def test_imports_in_functions_are_seen():
 
 
 def test_import_of_hbgear_leaves_what_is_slow_alone():
-    slow = ["matplotlib", "pydantic", "distributed", "dask", "pyfftw", "typer", "rich", "PIL"]
+    slow = ["matplotlib", "pydantic", "distributed", "dask", "pyfftw", "typer", "rich", "PIL", "numba"]
     slow += [f"scipy.{part}" for part in ("fft", "integrate", "io", "linalg", "optimize", "signal", "sparse", "stats")]
     code = f"import sys, hbgear; print([name for name in {slow} if name in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT.parent)

@@ -1,0 +1,87 @@
+"""Kernels: functions in plain loops over numbers and arrays, compiled by Numba when they are first called.
+
+What is compiled is kept in the user's cache folder (or below NUMBA_CACHE_DIR) and loaded by later processes. It stands
+in a folder of its own for every state of the sources, for a kernel holds the code of those it calls, in whichever file
+they stand. Without Numba the same functions run as they are written, some hundred times slower.
+
+A module of kernels imports Numba, and is therefore imported inside of the functions that need it.
+
+References
+----------
+Lam, Pitrou & Seibert (2015), LLVM-HPC, https://doi.org/10.1145/2833157.2833162.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_LOG = logging.getLogger("hbgear")
+
+
+def kernel(function: Function) -> Function:
+    """The function compiled: no bounds are checked, division by zero gives inf or nan, and threads may run it at once.
+
+    Fused products and sums may be used; the order of sums is kept, so that results differ between processors in the
+    last digits only.
+    """
+    numba = _numba()
+    if numba is None:
+        return function
+    before, folder = numba.config.CACHE_DIR, _folder(numba.config.CACHE_DIR)
+    numba.config.CACHE_DIR = str(folder or before)  # read by the decorator, for this function only
+    try:
+        compiled: Function = numba.njit(
+            cache=folder is not None, nogil=True, error_model="numpy", fastmath={"contract"}
+        )(function)
+    finally:
+        numba.config.CACHE_DIR = before
+    return compiled
+
+
+@cache
+def _numba() -> Any:
+    try:
+        import numba
+    except ImportError as error:
+        _LOG.warning("Numba cannot be imported (%s): hbgear works without it, a hundred times slower", error)
+        return None
+    return numba
+
+
+@cache
+def _folder(given: str) -> Path | None:
+    """Where compiled code of the sources as they are now is kept; None if nothing can be written there."""
+    import platformdirs
+
+    parent = Path(given) if given else Path(platformdirs.user_cache_dir("hbgear"))
+    folder = parent / f"kernels-{_state()}"
+    try:
+        if not folder.is_dir():
+            folder.mkdir(parents=True, exist_ok=True)
+            _LOG.warning("hbgear compiles its core for this processor: once, for some seconds")
+        if not os.access(folder, os.W_OK):
+            raise PermissionError(f"no permission to write in {folder}")
+    except OSError as error:
+        _LOG.warning(
+            "hbgear compiles its core anew in every process, for it cannot be kept (%s): let the environment variable "
+            "NUMBA_CACHE_DIR name a folder that can be written",
+            error,
+        )
+        return None
+    return folder
+
+
+def _state() -> str:
+    """A name for the sources of the package as they are now."""
+    root = Path(__file__).parents[1]
+    files = sorted((path.relative_to(root).as_posix(), path.stat()) for path in root.rglob("*.py"))
+    told = [f"{name} {seen.st_size} {seen.st_mtime_ns}" for name, seen in files]
+    return hashlib.sha256("\n".join([str(root), *told]).encode()).hexdigest()[:16]
