@@ -16,7 +16,7 @@ from hbgear.continuation.events import Event
 from hbgear.continuation.extending import extend
 from hbgear.continuation.following import follow
 from hbgear.continuation.newton import NoConvergence, Settings
-from hbgear.continuation.problem import Evaluation, Evaluations
+from hbgear.continuation.problem import Evaluation
 from hbgear.continuation.stepsize import StepControl, Steps
 from hbgear.continuation.switching import switch
 from hbgear.continuation.tracer import trace
@@ -53,7 +53,6 @@ __all__ = [
     "Duffing",
     "Element",
     "Evaluation",
-    "Evaluations",
     "Event",
     "Fold",
     "GearRotorBearing",

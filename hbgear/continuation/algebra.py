@@ -59,11 +59,26 @@ def solve_linear(A: Matrix, b: Array) -> Array:
     return x
 
 
-def solve_linear_all(A: Any, b: Array) -> Array:
-    """A[k]^-1 b[k] of stacked dense matrices (k, n, n), or of a sequence of sparse ones; b (k, n, r)."""
-    if dense(A):
-        return np.linalg.solve(A, b)
-    return np.array([solve_linear(one, rhs) for one, rhs in zip(A, b, strict=True)])
+def solve_signed(A: Matrix, b: Array) -> tuple[Array, int]:
+    """A^-1 b for columns b (n, r), and the sign of det A, +1 or -1.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If A is singular.
+    """
+    if dense(A) and len(A) <= _SMALL:
+        from hbgear.continuation.elimination import eliminate
+
+        x = b.copy()
+        sign = eliminate(A.copy(), x)
+        if not sign or not math.isfinite(x.sum()):
+            raise np.linalg.LinAlgError("singular matrix")
+        return x, sign
+    return solve_linear(A, b), -1 if slogdet(A)[0] < 0 else 1
+
+
+_SMALL = 100  # rows up to which plain loops are as fast as LAPACK
 
 
 class Factors:
@@ -119,13 +134,6 @@ def slogdet(A: Matrix) -> tuple[float, float]:
     return Factors(A).slogdet()
 
 
-def orientations(A: Any) -> list[int]:
-    """Signs of the determinants of matrices (k, n, n), or of a sequence of sparse ones; +1 for none."""
-    together = dense(A) or all(map(dense, A))
-    signs = np.linalg.slogdet(np.asarray(A))[0].tolist() if together else [slogdet(one)[0] for one in A]
-    return [-1 if sign < 0 else 1 for sign in signs]
-
-
 def is_singular(A: Matrix) -> bool:
     """Whether a finite matrix is singular up to rounding, once its rows are of one size; sparse ones exactly."""
     if not dense(A):
@@ -151,15 +159,4 @@ def bordered(A: Matrix, column: Array, row: Array, corner: float = 0.0) -> Matri
         return scipy.sparse.block_array([[A, column[:, None]], [row[None], np.array([[corner]])]], format="csc")
     B = np.empty((n + 1, n + 1))
     B[:n, :n], B[:n, n], B[n, :n], B[n, n] = A, column, row, corner
-    return B
-
-
-def all_bordered(A: Any, columns: Array, normal: Array) -> Any:
-    """`bordered` of stacked matrices (k, n, n), columns (k, n), with one normal (n + 1,) or one each (k, n + 1)."""
-    if not dense(A):
-        rows = np.broadcast_to(normal, (len(columns), columns.shape[1] + 1))
-        return [bordered(one, column, row) for one, column, row in zip(A, columns, rows, strict=True)]
-    k, n = columns.shape
-    B = np.empty((k, n + 1, n + 1))
-    B[:, :n, :n], B[:, :n, n], B[:, n] = A, columns, normal
     return B

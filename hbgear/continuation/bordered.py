@@ -43,7 +43,7 @@ from hbgear.common.ranges import Range
 from hbgear.continuation.algebra import Factors, Matrix, bordered, dense, norm, slogdet
 from hbgear.continuation.branch import Point
 from hbgear.continuation.differences import STEP, in_parameter
-from hbgear.continuation.problem import AnyProblem, Evaluation, FullProblem, as_problem, linearise, linearise_all
+from hbgear.continuation.problem import AnyProblem, Evaluation, FullProblem, as_problem, linearise
 from hbgear.continuation.reading import Reader
 
 
@@ -67,13 +67,8 @@ def sides(problem: FullProblem, X: Array, here: Mapping[str, float], name: str) 
 def bends(problem: FullProblem, X: Array, v: Array, here: Mapping[str, float], name: str) -> tuple[Matrix, Matrix]:
     """Derivatives (n, n) of dR/dX along v and in a parameter, by central differences."""
     h = STEP * max(1e-3, norm(X)) / norm(v)
-    if name not in problem.batched:
-        plus, minus = (problem.evaluate(X + s * h * v, **here)[1] for s in (1, -1))
-        return (plus - minus) / (2 * h), sides(problem, X, here, name)[1]
-    e = STEP * problem.unit_of(name, here[name])
-    U = np.column_stack([np.array([X + h * v, X - h * v, X, X]), here[name] + e * np.array([0.0, 0.0, 1.0, -1.0])])
-    J = linearise_all(problem, U, name, here).dR_dX
-    return (J[0] - J[1]) / (2 * h), (J[2] - J[3]) / (2 * e)
+    plus, minus = (problem.evaluate(X + s * h * v, **here)[1] for s in (1, -1))
+    return (plus - minus) / (2 * h), sides(problem, X, here, name)[1]
 
 
 @dataclass(frozen=True)

@@ -408,7 +408,7 @@ def _between(segment: Segment, a: CurvePoint, b: CurvePoint, share: float) -> Cu
 def singular(segment: Segment, u: Array, near: CurvePoint) -> CurvePoint:
     """Point at u, where the equations are singular, with tangent and orientation of one nearby."""
     point = solution_at(segment.problem, u, segment.name, segment.parameters)
-    return CurvePoint(point, u, near.tangent, near.orientation)
+    return CurvePoint(u, near.tangent, near.orientation, point.residual, point.iterations)
 
 
 _AT_THE_END = 1e-6  # how far beyond the ends of its arc a point may come to lie: farther, it belongs to another arc
@@ -450,10 +450,8 @@ def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:
     """Signed bordered determinant, relative to its size at the first row."""
 
     def logdet(row: CurvePoint) -> tuple[float, float]:
-        now = row.solution.evaluation
-        if not now.R.size:  # dropped, see `without_evaluation`
-            here = {**segment.parameters, segment.name: row.value}
-            now = linearise(segment.problem, row.solution.X, segment.name, here)
+        here = {**segment.parameters, segment.name: row.value}
+        now = linearise(segment.problem, row.X, segment.name, here)
         return slogdet(bordered(now.dR_dX, now.dR_dp, row.tangent / segment.scale**2))
 
     reference = logdet(segment.a)[1]

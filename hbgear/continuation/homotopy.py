@@ -61,7 +61,7 @@ def solve_from_afar(
             t = solve_linear(bordered(now.dR_dX, now.dR_dp, normal), np.append(np.zeros(len(X)), 1.0))
             t = t / np.linalg.norm(t / scale)
             across = t / scale**2 / np.linalg.norm(t / scale**2)
-            found = correct(path, u + h * t, across, "s", {"s": 0.0}, Settings(1e-6, 1e-2, 6))
+            found = correct(path, u + h * t, across, "s", {"s": 0.0}, Settings(1e-6, 1e-2, 6)).solution
         except (NoConvergence, np.linalg.LinAlgError):
             h *= 0.5
             if h < 1e-6:

@@ -10,7 +10,7 @@ speaks to `FullProblem` only, which answers for what is not offered.
 |---|---|---|
 | `Problem` | ``evaluate`` | |
 | `Linearised` | R, dR/dX, dR/dp in one go, the size of the terms of R | dR/dp by a difference, size 1 + norm(X) |
-| `Batched` | many points at once, in some parameters | one after the other |
+| `Pursued` | a loop of its own along the curve in some parameters | point after point |
 | `Started` | a first solution | ``start=`` must be given |
 | `Parametrised` | its parameters with their values | all must be given |
 | `Checked` | checks of names and ranges of parameters | any name, any value |
@@ -27,8 +27,8 @@ speaks to `FullProblem` only, which answers for what is not offered.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol, Self, runtime_checkable
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol, Self, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -69,35 +69,6 @@ class Evaluation(NamedTuple):
     size: float
 
 
-class Evaluations(NamedTuple):
-    """Evaluations of k points: R (k, n), dR_dX (k, n, n) or k sparse matrices, dR_dp (k, n) and sizes (k,).
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> import numpy as np
-    >>> class Cubics:
-    ...     batched = ("p",)
-    ...
-    ...     def evaluate(self, X, p):
-    ...         R, J, *_ = self.linearise_many(X[None], "p", np.array([p]))
-    ...         return R[0], J[0]
-    ...
-    ...     def linearise_many(self, X, name, values):
-    ...         R = X**3 - X + values[:, None]
-    ...         return hb.Evaluations(R, (3 * X**2 - 1)[:, :, None], np.ones_like(X), np.ones(len(X)))
-    ...
-    >>> curve = hb.trace(Cubics(), "p", (-1.0, 1.0), np.array([1.3]))
-    >>> [round(point.parameters["p"], 6) for point in curve.special]
-    [0.3849, -0.3849]
-    """
-
-    R: Array
-    dR_dX: Any
-    dR_dp: Array
-    size: Array
-
-
 # ---- abilities
 
 
@@ -121,16 +92,17 @@ class Linearised(Protocol):
         """R, dR/dX, dR/dname (zeros if name is empty) and the size of the terms of R."""
 
 
+Pursuit: TypeAlias = Callable[[Array, Array, int, Array, float, Array, Array, Array, Array], tuple[int, float, int, float]]
+"""Follows a curve row after row by the rules of `hbgear.continuation.stepping`; arguments as of
+`hbgear.harmonic.pursuit.pursue` without the first."""
+
+
 @runtime_checkable
-class Batched(Protocol):
-    """Evaluates many points at once."""
+class Pursued(Protocol):
+    """Follows stretches of its curves itself, by a compiled loop."""
 
-    @property
-    def batched(self) -> Sequence[str]:
-        """Parameters in which points may differ that are evaluated together."""
-
-    def linearise_many(self, X: Array, name: str, values: Array, **parameters: float) -> Evaluations:
-        """`Linearised.linearise` of points X (k, n) at values (k,) of the parameter name."""
+    def pursuit(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
+        """The loop in a parameter, the others fixed; None where there is none."""
 
 
 @runtime_checkable
@@ -268,7 +240,7 @@ class Described(Protocol):
 
 
 ABILITIES = (
-    Problem, Linearised, Batched, Started, Parametrised, Checked, Sized, Rough, Readable, Observed, Eventful, Remeshed,
+    Problem, Linearised, Pursued, Started, Parametrised, Checked, Sized, Rough, Readable, Observed, Eventful, Remeshed,
     Extended, Finished, Described,
 )  # fmt: skip
 
@@ -279,9 +251,10 @@ ABILITIES = (
 class FullProblem:
     """A problem with an answer to everything; derive from it, or let `as_problem` fill in what is missing."""
 
-    batched: Sequence[str] = ()
     unknown_parameters: Sequence[str] = ()
     smooth: bool = True
+    changes: bool = False
+    """Whether `Remeshed.remeshed` may give another problem."""
     size: int | None = None
     turning_kind: str = "LP"
     """Label of a turning point of a curve: a fold, or on a curve of folds a cusp."""
@@ -318,14 +291,9 @@ class FullProblem:
             (dR,) = in_parameter(self, name, parameters, lambda at: (np.asarray(self.evaluate(X, **at)[0]),))
         return Evaluation(np.asarray(R), J, dR, 1.0 + float(np.linalg.norm(X)))
 
-    def linearise_many(self, X: Array, name: str, values: Array, **parameters: float) -> Evaluations:
-        """`Batched.linearise_many`, one point after the other."""
-        each = [
-            self.linearise(x, name, **{**parameters, name: float(value)}) for x, value in zip(X, values, strict=True)
-        ]
-        R, J, dR, size = zip(*each, strict=True)
-        dense = isinstance(J[0], np.ndarray)
-        return Evaluations(np.array(R), np.array(J) if dense else list(J), np.array(dR), np.array(size))
+    def pursuit(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
+        """`Pursued.pursuit`: none."""
+        return None
 
     def start(self, **parameters: float) -> Array:
         """`Started.start`: none, ValueError."""
@@ -450,12 +418,6 @@ def as_problem(problem: AnyProblem) -> FullProblem:
 def linearise(problem: FullProblem, X: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:
     """R, dR/dX, dR/dname (zeros without a name) and the size of the terms of R."""
     return problem.linearise(X, name, **parameters)
-
-
-def linearise_all(problem: FullProblem, U: Array, name: str, parameters: Mapping[str, float]) -> Evaluations:
-    """`linearise` at points U (k, n + 1) of unknowns and parameter."""
-    rest = {key: value for key, value in parameters.items() if key != name}
-    return problem.linearise_many(U[:, :-1], name, U[:, -1], **rest)
 
 
 def observe_all(

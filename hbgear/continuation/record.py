@@ -105,13 +105,13 @@ def point_of(problem: FullProblem, name: str, fixed: dict[str, float], row: Curv
 def _fields(
     problem: FullProblem, layout: Reader | None, name: str, fixed: dict[str, float], row: CurvePoint
 ) -> dict[str, Any]:
-    X, own = problem.split(row.solution.X)
+    X, own = problem.split(row.X)
     mu, regime = row.observed.get("multipliers"), row.observed.get("regime", ())
     return {
         "X": X,
         "parameters": {**fixed, **own, name: row.value},
-        "residual": row.solution.residual,
-        "iterations": row.solution.iterations,
+        "residual": row.residual,
+        "iterations": row.iterations,
         "multipliers": None if mu is None else np.asarray(mu, dtype=complex),
         "regime": np.asarray(regime, dtype=np.int8),
         "error": row.observed.get("error", math.nan),

@@ -7,34 +7,41 @@ and a distance mean the same whatever the units of X and lambda.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.algebra import norm, orientations
-from hbgear.continuation.corrector import correct, corrected
+from hbgear.continuation.algebra import norm
+from hbgear.continuation.corrector import Corrected, correct, corrected
 from hbgear.continuation.newton import NoConvergence, Settings, Solution
-from hbgear.continuation.problem import Evaluation, FullProblem
+from hbgear.continuation.problem import FullProblem
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class CurvePoint:
     """A converged point of a curve with what the curve does there.
 
     u (n + 1,) unknowns and parameter; tangent (n + 1,), unit in the scaled unknowns but given unscaled; orientation:
     sign of the determinant of [J R_lambda; tangent], which changes at branch points and not at folds. heading: whether
-    lambda rises (+1) or falls (-1) along the curve, or last did before a stretch on which it stands still.
+    lambda rises (+1) or falls (-1) along the curve, or last did before a stretch on which it stands still. residual and
+    iterations of the corrector; step: distance to the prediction it came from; observed: what the problem says of it.
     """
 
-    solution: Solution
     u: Array
     tangent: Array
     orientation: int
+    residual: float
+    iterations: int
     step: float = 0.0
     heading: int = 0
     observed: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def X(self) -> Array:
+        """Unknowns without the parameter."""
+        return self.u[:-1]
 
     @property
     def value(self) -> float:
@@ -104,8 +111,7 @@ class Segment:
         chord = self.b.u - self.a.u
         u = u + chord * (normal @ (along - u)) / (normal @ chord)
         normal = normal / np.linalg.norm(normal)
-        solution = correct(self.problem, u, normal, self.name, self.parameters, self.settings)
-        return row_of(solution, normal, self.scale)
+        return row_along(correct(self.problem, u, normal, self.name, self.parameters, self.settings), self.scale)
 
     def passes(self, known: CurvePoint) -> bool:
         """Whether the curve from a to b contains a row already known: the points nearest to it are compared."""
@@ -142,22 +148,18 @@ def row_of(
     numpy.linalg.LinAlgError
         If the curve has no direction there.
     """
-    point = corrected(solution, normal)
-    unit = point.direction / norm(point.direction / scale)
+    return row_along(corrected(solution, normal), scale, step, before)
+
+
+def row_along(point: Corrected, scale: Array, step: float = 0.0, before: CurvePoint | None = None) -> CurvePoint:
+    """Point of a solution whose direction is known."""
+    solution, unit = point.solution, point.direction / norm(point.direction / scale)
     u = np.append(solution.X, solution.value)
-    return row_along(solution, u, unit, orientations([point.A])[0], scale, step, before)
+    heading = heading_of(unit, scale, before.heading if before else 0)
+    return CurvePoint(u, unit, point.orientation, solution.residual, solution.iterations, step, heading)
 
 
-def without_evaluation(row: CurvePoint) -> CurvePoint:
-    """The row without the matrices it was corrected with, which take far more room than all else."""
-    nothing = Evaluation(np.empty(0), np.empty((0, 0)), np.empty(0), row.solution.evaluation.size)
-    return replace(row, solution=replace(row.solution, evaluation=nothing))
-
-
-def row_along(
-    solution: Solution, u: Array, unit: Array, orientation: int, scale: Array, step: float, before: CurvePoint | None
-) -> CurvePoint:
-    """Point of a solution whose tangent is known."""
+def heading_of(unit: Array, scale: Array, before: int) -> int:
+    """Whether lambda rises or falls along a unit tangent; as before where it stands still."""
     moves = float(unit[-1] / scale[-1])
-    heading = (1 if moves > 0 else -1) if abs(moves) > _STILL else before.heading if before else 0
-    return CurvePoint(solution, u, unit, orientation, step, heading)
+    return (1 if moves > 0 else -1) if abs(moves) > _STILL else before

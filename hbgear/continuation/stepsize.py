@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from hbgear.common.ranges import checked, counted
 
@@ -20,8 +19,6 @@ class StepControl:
         that its last points do not tell, a small loop for instance, is looked at in smaller steps. Not used with
         sampled corners.
     history : points the predictor extrapolates from, at most; 1 is the tangent alone.
-    batch : points predicted and corrected together, at most, in parameters in which the problem evaluates many points
-        at once and has no corners. They obey the same limits as one after the other.
     max_points : points after which the trace stops.
 
     Raises
@@ -46,13 +43,12 @@ class StepControl:
     newton: int = 3
     max_prediction_error: float = 0.02
     history: int = 4
-    batch: int = 8
     max_points: int = 5000
 
     def __post_init__(self) -> None:
         for name in ("first", "longest", "shortest", "max_turn_deg", "max_prediction_error"):
             checked("StepControl", name, getattr(self, name))
-        for name, least in (("newton", 1), ("history", 1), ("batch", 1), ("max_points", 2)):
+        for name, least in (("newton", 1), ("history", 1), ("max_points", 2)):
             counted(f"StepControl: {name}", getattr(self, name), least=least)
         if not 0 < self.shortest <= self.first <= self.longest < math.inf:
             raise ValueError(
@@ -67,10 +63,3 @@ class StepControl:
 
 Steps = StepControl
 """The name of the first releases."""
-
-
-class Pace(NamedTuple):
-    """Length of the next step, and how many rows are sought together."""
-
-    step: float
-    rows: int = 1

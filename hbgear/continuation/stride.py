@@ -1,61 +1,46 @@
-"""Strides along a solution curve: some rows predicted and corrected together, and how far the next ones may go.
+"""Strides along a solution curve: the next rows behind the last ones, and how far the next step may go.
 
-    predictor   u_p = Hermite extrapolation through the last rows with their tangents, u = (X, lambda)
-    corrector   R(u) = 0,  n^T (u - u_p) = 0    Newton with the bordered matrix [J R_lambda; n^T]
-
-The extrapolation is good far beyond the next row where the curve is smooth, and a problem that evaluates many points
-in one set of arrays does so for little more than the price of one. Rows are judged in their order as if they had been
-found one by one; those behind the first that is refused are dropped.
-
-References
-----------
-Allgower & Georg, Introduction to Numerical Continuation Methods (2003), https://doi.org/10.1137/1.9780898719154.
+Problems that bring a compiled loop of their own (`problem.Pursued`) are followed by it for many rows at once, all
+others one row after the other. The rules are the same, and stand in `stepping`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.algebra import norm, norms, orientations
-from hbgear.continuation.corrector import Corrected, correct_all
-from hbgear.continuation.newton import Settings
-from hbgear.continuation.predictor import predict
+from hbgear.continuation.corrector import correct
+from hbgear.continuation.newton import NoConvergence, Settings
 from hbgear.continuation.problem import FullProblem
-from hbgear.continuation.segment import CurvePoint, normal_of, row_along
-from hbgear.continuation.stepsize import Pace, StepControl
+from hbgear.continuation.segment import CurvePoint, heading_of
+from hbgear.continuation.stepsize import StepControl
 
 
 class Stride(NamedTuple):
-    """Rows found, the pace of the next stride, and why not more were found."""
+    """Rows found, the next step, and why the last attempt failed if there are none."""
 
     rows: list[CurvePoint]
-    pace: Pace
+    step: float
     reason: str
 
 
-_HASTE = 1e3  # steps below so many of the shortest are not shortened for the sake of the prediction
+_MOST = 64  # rows of one call of a compiled loop
 
 
-_FAR = 1.5  # distance of two rows, in steps, that is too large
-
-
-_BENT = 0.8  # cosine of the turn of a stride at which it ends
-
-
-_FURTHER = 2  # rows sought together beyond those of the last stride: those that are refused cost little
+_WORK = 3e8  # multiplications of one call, so that Ctrl-C is heard within a second
 
 
 @dataclass(frozen=True)
 class Strider:
     """Finds rows of the curve of a problem in a parameter, the others fixed.
 
-    miss : as `StepControl.max_prediction_error`; infinite where the curve itself has corners.
-    bounds : the span of the parameter; a stride ends with the first row predicted outside.
+    bounds : the span of the parameter; a stride ends with the first row outside.
+    single : one row at a time, whatever the problem offers.
     """
 
     problem: FullProblem
@@ -63,79 +48,78 @@ class Strider:
     fixed: Mapping[str, float]
     bounds: tuple[float, float]
     steps: StepControl
-    miss: float
     settings: Settings
+    single: bool = False
 
-    def stride(self, rows: Sequence[CurvePoint], scale: Array, pace: Pace) -> Stride:
-        """The next rows behind the last ones, which are given with the newest first; none if the step is too long."""
-        unit = rows[0].tangent / norm(rows[0].tangent / scale)
-        normal = normal_of(unit, scale)
-        predicted = self._ahead(rows, unit, scale, pace)
-        try:
-            points, reason = correct_all(
-                self.problem, predicted, normal / norm(normal), self.name, self.fixed, self.settings
+    def stride(self, rows: Sequence[CurvePoint], scale: Array, top: float, step: float, most: int) -> Stride:
+        """The next rows, at most so many, behind the last ones, which are given with the newest first.
+
+        scale : of u; top : size of the largest motion so far. Without rows the shortest step has failed.
+        """
+        steps, settings, history = self.steps, self.settings, self.steps.history
+        count, width = min(len(rows), history), len(scale)
+        u, t = np.zeros((2, history, width))
+        for i, row in enumerate(rows[:count]):
+            u[i], t[i] = row.u, row.tangent
+        miss = steps.max_prediction_error if self.problem.smooth else math.inf
+        control = np.array([steps.shortest, steps.longest, steps.max_turn_deg, steps.newton, miss])
+        tolerances = np.array([settings.tolerance, settings.step_tolerance, settings.max_iterations])
+        pursue = None if self.problem.unknown_parameters else self.problem.pursuit(self.name, self.fixed)
+        if pursue is None:
+            found, step, reason = self._one(u, t, count, scale, step, control)
+        else:
+            most = 1 if self.single else max(1, min(most, _MOST, int(_WORK / width**3)))
+            out = np.empty((most, 2 * width + 4))
+            made, step, why, number = pursue(
+                u, t, count, np.array([top, scale[-1]]), step, np.array(self.bounds), control, tolerances, out
             )
-        except (ValueError, np.linalg.LinAlgError) as error:  # out of the range of a model, or a singular matrix
-            return Stride([], Pace(pace.step) if pace.rows > 1 else self.shorter(pace.step), str(error))
-        found, reason_of, turns, misses = self._judged(rows, predicted, points, scale, pace.step)
-        reason = reason_of or reason
-        if not found:
-            return Stride([], self.shorter(pace.step), reason)
-        together = min(self.steps.batch, len(found) + _FURTHER)
-        step = self._next_step(found[0].solution.iterations, max(turns), misses[0], pace.step)
-        return Stride(found, Pace(step, together), reason)
+            found, reason = out[:made], _REASONS[why].format(number=number)
+        return Stride(self._rows(found, rows[0], scale), step, reason)
 
-    def _ahead(self, rows: Sequence[CurvePoint], unit: Array, scale: Array, pace: Pace) -> Array:
-        """Predictions, as far as the curve they tell of neither turns much nor leaves the span."""
-        predicted = predict(rows, unit, scale, pace.step * np.arange(1, pace.rows + 1))
-        if len(predicted) == 1:
-            return predicted
-        last = np.concatenate([rows[0].u[None], predicted[:-1]])
-        length = norms((predicted - last) / scale)
-        outside = (predicted[:, -1] < self.bounds[0]) | (predicted[:, -1] > self.bounds[1])
-        bent = ~(length * _BENT < pace.step)
-        bent[0] = False
-        ends = np.flatnonzero(bent | np.concatenate([[False], outside[:-1]]))
-        return predicted[: ends[0]] if ends.size else predicted
+    def _rows(self, found: Array, before: CurvePoint, scale: Array) -> list[CurvePoint]:
+        """Rows of a table of u, tangent, step, orientation, iterations, residual."""
+        out, n, heading = [], len(scale), before.heading
+        for row, (step, sign, iterations, residual) in zip(found, found[:, 2 * n :].tolist(), strict=True):
+            heading = heading_of(row[n : 2 * n], scale, heading)
+            out.append(CurvePoint(row[:n], row[n : 2 * n], int(sign), residual, int(iterations), step, heading))
+        return out
 
-    def _judged(
-        self, rows: Sequence[CurvePoint], predicted: Array, points: Sequence[Corrected], scale: Array, step: float
-    ) -> tuple[list[CurvePoint], str, list[float], list[float]]:
-        """Rows up to the first that is refused, why it was, and turns [deg] and misses of all that were looked at."""
-        if not points:
-            return [], "", [], []
-        u = np.array([rows[0].u, *(np.append(p.solution.X, p.solution.value) for p in points)])
-        t = np.array([rows[0].tangent, *(p.direction for p in points)]) / scale
-        t /= norms(t)[:, None]
-        turns = np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", t[1:], t[:-1]), -1.0, 1.0))).tolist()
-        gaps = (norms((u[1:] - u[:-1]) / scale) / step).tolist()
-        misses = (norms((u[1:] - predicted[: len(points)]) / scale) / step).tolist()
-        signs = orientations([p.A for p in points])
-        missing = len(rows) > 1 and step > _HASTE * self.steps.shortest
-        found: list[CurvePoint] = []
-        for i, point in enumerate(points):
-            reason = ""
-            if gaps[i] > _FAR:
-                reason = "the corrector landed far from the prediction"
-            elif turns[i] > self.steps.max_turn_deg:
-                reason = f"the tangent turned by {turns[i]:.0f} degrees"
-            elif missing and misses[i] > self.miss:
-                reason = f"the prediction missed the curve by {misses[i]:.0%} of the step"
-            if reason:
-                return found, reason, turns[: i + 1], misses[: i + 1]
-            found.append(row_along(point.solution, u[i + 1], scale * t[i + 1], signs[i], scale, step,
-                                   found[-1] if found else rows[0]))  # fmt: skip
-        return found, "", turns, misses
+    def _one(
+        self, u: Array, t: Array, count: int, scale: Array, step: float, control: Array
+    ) -> tuple[Array, float, str]:
+        """The next row of any problem, with shorter and shorter steps; none if the shortest fails."""
+        from hbgear.continuation.stepping import GOOD, HASTE, SHARP, next_step, planes_normal, predict, verdict
 
-    def shorter(self, step: float) -> Pace:
-        """The pace after a step that was too long."""
-        return Pace(max(0.5 * step, self.steps.shortest))
+        normal, predicted, limits = np.empty(len(scale)), np.empty(len(scale)), np.array([control[2], math.inf])
+        planes_normal(t[0], scale, normal)
+        while True:
+            predict(u, t, count, scale, step, predicted)
+            limits[1] = control[4] if count > 1 and step > HASTE * control[0] else math.inf
+            try:
+                point = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings, SHARP)
+                solution, direction = point.solution, np.array(point.direction)
+                found = np.append(solution.X, solution.value)
+                why, turn, missed = verdict(found, direction, predicted, u[0], t[0], scale, step, limits)
+                reason = _REASONS[why].format(number=missed if why == _MISSED else turn)
+            except (ValueError, NoConvergence, np.linalg.LinAlgError) as error:  # out of the range of a model, ...
+                why, reason = -1, str(error)
+            if why == GOOD:
+                told = [step, point.orientation, solution.iterations, solution.residual]
+                step = next_step(step, solution.iterations, turn, missed, control)
+                return np.concatenate([found, direction, told])[None], step, ""
+            if step <= control[0]:
+                return np.empty((0, 2 * len(scale) + 4)), step, reason
+            step = max(0.5 * step, float(control[0]))
 
-    def _next_step(self, iterations: int, angle: float, missed: float, step: float) -> float:
-        """Next step from the Newton count, the turning angle and the prediction, at most doubled or halved."""
-        by_newton = 2.0 ** ((self.steps.newton - iterations) / 2)
-        by_angle = 0.5 * self.steps.max_turn_deg / max(angle, 0.1)
-        by_miss = (0.5 * self.miss / max(missed, 1e-9)) ** 0.5
-        factor = min(2.0, max(0.5, min(by_newton, by_angle, by_miss)))
-        length: float = min(self.steps.longest, max(self.steps.shortest, factor * step))
-        return length
+
+_MISSED = 3
+
+_REASONS: dict[int, Any] = {
+    0: "",
+    1: "the corrector landed far from the prediction",
+    2: "the tangent turned by {number:.0f} degrees",
+    _MISSED: "the prediction missed the curve by {number:.0%} of the step",
+    4: "the corrector stopped at a relative residual of {number:.2e}",
+    5: "the corrector met a singular matrix",
+}
+"""What the verdicts of `stepping` and of compiled loops mean."""

@@ -34,8 +34,8 @@ from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import NoConvergence, Settings, solve
 from hbgear.continuation.problem import AnyProblem, FullProblem, as_problem, observe_all
 from hbgear.continuation.record import Mark, branch_of
-from hbgear.continuation.segment import CurvePoint, Departure, Segment, cosine, normal_of, row_of, without_evaluation
-from hbgear.continuation.stepsize import Pace, StepControl
+from hbgear.continuation.segment import CurvePoint, Departure, Segment, cosine, normal_of, row_along, row_of
+from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.stride import Strider
 
 
@@ -142,14 +142,8 @@ class _Tracer:
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
         self.waiting: list[Segment] = []  # the last pieces of the curve, not yet looked at
         self.stop: Found | None = None  # the terminal event the trace stopped at
-        many = parameter in problem.batched
-        self.together = _TOGETHER if many else 1
-        # where dR/dX jumps the curve itself has corners: not worth small steps, nor to be told ahead
-        rough = not problem.smooth and not problem.unknown_parameters
-        self.ahead, self.miss = (
-            steps.batch if many and not rough else 1,
-            math.inf if rough else steps.max_prediction_error,
-        )
+        # a problem that changes its unknowns from row to row is looked at row by row
+        self.together = 1 if problem.changes else _TOGETHER
         self.turned = False  # whether the curve has changed its heading
         self.path, self.kept = np.empty((0, 0)), 0  # u of the first rows, and how many of them; see _earlier
         self.ending = Ending()
@@ -229,8 +223,9 @@ class _Tracer:
         h = self.steps.first if start.away else 0.0
         while True:
             try:
-                solution = correct(self.problem, u + h * direction, normal, self.name, self.fixed, self.settings)
-                return row_of(solution, normal, self.scale)
+                return row_along(
+                    correct(self.problem, u + h * direction, normal, self.name, self.fixed, self.settings), self.scale
+                )
             except (NoConvergence, np.linalg.LinAlgError):
                 h *= 0.5
                 if h < 1e-3 * self.steps.first:
@@ -246,7 +241,7 @@ class _Tracer:
         scale = np.full(len(X) + 1, max(self.top, floor))
         scale[-1] = abs(self.b - self.a)
         for i in range(own):  # parameters among the unknowns: the largest value so far
-            past = [abs(row.solution.X[-1 - i]) for row in self.rows]
+            past = [abs(row.X[-1 - i]) for row in self.rows]
             scale[-2 - i] = max([*past, abs(X[-1 - i])]) or 1.0
         return scale
 
@@ -318,7 +313,7 @@ class _Tracer:
             self._settle()
         self._adapt()
         self.first = self.rows[0]
-        self.pace = Pace(self.steps.first)
+        self.step = self.steps.first
         self.ending.reached(*self._loop())
 
     def _complete(self) -> None:
@@ -359,8 +354,8 @@ class _Tracer:
                 ended = self._take(row)
                 if ended is not None:
                     return ended
-            self.top = max(self.top, *(self._motion_size(row.solution.X) for row in rows))
-            self.scale = self._scale(self.rows[-1].solution.X)
+            self.top = max(self.top, *(self._motion_size(row.X) for row in rows))
+            self.scale = self._scale(self.rows[-1].X)
             self._adapt()
 
     def _take(self, row: CurvePoint) -> tuple[Status, str] | None:
@@ -415,18 +410,20 @@ class _Tracer:
     def _advance(self) -> tuple[list[CurvePoint], str]:
         """The next rows, or none and the reason why even the shortest step failed."""
         low, high = sorted((self.a, self.b))
-        strider = Strider(self.problem, self.name, self.fixed, (low, high), self.steps, self.miss, self.settings)
+        single = self.together == 1
+        strider = Strider(self.problem, self.name, self.fixed, (low, high), self.steps, self.settings, single)
         last = [self.rows[-1], *(self._as_now(row) for row in self.rows[-2 : -1 - self.steps.history : -1])]
+        most = self.steps.max_points - len(self.rows)
         while True:
-            step, count = self.pace
-            count = min(count, self.ahead, self.steps.max_points - len(self.rows))
-            rows, self.pace, reason = strider.stride(last, self.scale, Pace(step, count))
+            tried = self.step
+            rows, self.step, reason = strider.stride(last, self.scale, self.top, tried, most)
             kept = self._before_running_back(rows)
             if kept < len(rows):
-                rows, reason, self.pace = rows[:kept], _BACK, strider.shorter(step)
-            if not rows and (row := self._at_the_range_end(step)):
+                shorter = max(0.5 * rows[kept].step, self.steps.shortest)
+                rows, reason, self.step = rows[:kept], _BACK, shorter
+            if not rows and (row := self._at_the_range_end(tried)):
                 return [row], ""
-            if rows or (step <= self.steps.shortest and count == 1):
+            if rows or tried <= self.steps.shortest or reason != _BACK:
                 return rows, reason
 
     def _at_the_range_end(self, step: float) -> CurvePoint | None:
@@ -459,7 +456,7 @@ class _Tracer:
         self.rows += [row]
         if len(self.waiting) >= self.together:
             self._settle()
-        self.problem = self.problem.based(row.solution.X, {**self.fixed, self.name: row.value}, renew=True)
+        self.problem = self.problem.based(row.X, {**self.fixed, self.name: row.value}, renew=True)
 
     def _settle(self) -> None:
         """Observe the rows that wait and find the special points between them."""
@@ -475,7 +472,6 @@ class _Tracer:
         if self.together == 1:  # the problem may be another one at the next row
             located = self._observed([point.row for _, point in found])
             found = [(i, replace(point, row=row)) for (i, point), row in zip(found, located, strict=True)]
-        path = [*(without_evaluation(row) for row in path[:-1]), path[-1]]
         self.rows[start:], self.waiting, self.found = path, [], self.found + found
 
     def _located(self, arc: Segment) -> list[Found]:
@@ -541,13 +537,13 @@ class _Tracer:
     def _to(self, problem: FullProblem) -> bool:
         """Solve the last row again with other unknowns and go on with that problem; False if that fails."""
         last = self.rows[-1]
-        X, direction = problem.fitted(last.solution.X), np.append(problem.fitted(last.tangent[:-1]), last.tangent[-1])
+        X, direction = problem.fitted(last.X), np.append(problem.fitted(last.tangent[:-1]), last.tangent[-1])
         scale = np.append(np.full(len(X), self.scale[0]), self.scale[-1])
         normal = normal_of(direction, scale)
         normal = normal / np.linalg.norm(normal)
         try:
-            solution = correct(problem, np.append(X, last.value), normal, self.name, self.fixed, self.settings)
-            row = row_of(solution, normal, scale, last.step, last)
+            point = correct(problem, np.append(X, last.value), normal, self.name, self.fixed, self.settings)
+            row = row_along(point, scale, last.step, last)
         except (NoConvergence, np.linalg.LinAlgError):
             return False
         self.problem, self.scale = problem, scale

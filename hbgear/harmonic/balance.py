@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 import scipy
@@ -26,29 +27,24 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.common.recent import Recent
-from hbgear.continuation.algebra import norms
 from hbgear.continuation.branch import Branch, Point
 from hbgear.continuation.differences import in_parameter
 from hbgear.continuation.events import Event
 from hbgear.continuation.homotopy import solve_from_afar
 from hbgear.continuation.newton import NoConvergence, solve
-from hbgear.continuation.problem import Evaluation, Evaluations, FullProblem
-from hbgear.harmonic.compiled import Compiled
-from hbgear.harmonic.crossings import Crossings, crossings
+from hbgear.continuation.problem import Evaluation, FullProblem, Pursuit
+from hbgear.harmonic.compiled import Compiled, Crossings
 from hbgear.harmonic.events import motion_events
 from hbgear.harmonic.floquet import multipliers_of
 from hbgear.harmonic.observables import Layout
-from hbgear.harmonic.realbasis import Toeplitz, after_derivative, derivative, one_sided, real_blocks
+from hbgear.harmonic.realbasis import derivative
 from hbgear.harmonic.receptance import Structure
 from hbgear.harmonic.starts import guesses
 from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, tell
 from hbgear.mechanics.fourier import (
     Transform,
-    derive,
-    extrema,
     highest,
     resize,
-    samples_of,
     stretch,
     to_complex,
     to_real,
@@ -68,17 +64,6 @@ _FREQUENCIES = Range(above=0, high=1e60)  # so that powers of Omega are numbers
 
 
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
-
-
-class ForceHarmonics(NamedTuple):
-    """Law forces of P motions as real rows f (P, m, 2H+1), with matrices (P, m, 2H+1, 2H+1) of their derivatives.
-
-    stiffness: of the rows of f in those of d; damping: in those of d' (None if no law depends on it).
-    """
-
-    f: Array
-    stiffness: Array
-    damping: Array | None
 
 
 class HarmonicBalance(FullProblem):
@@ -150,7 +135,6 @@ class HarmonicBalance(FullProblem):
         self.N = int(samples or usual)
         self._check_size()
         self._transform = Transform(H, self.N)
-        self._toeplitz = Toeplitz(H)
         self._compiled: Recent[Compiled] = Recent(8)
 
     def __repr__(self) -> str:
@@ -163,9 +147,9 @@ class HarmonicBalance(FullProblem):
     undetermined = "a gap that stays open without load: load the system"
 
     @property
-    def batched(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Many motions are evaluated together that differ in Omega, unless their numbers of harmonics differ."""
-        return () if self.auto else ("Omega",)
+    def changes(self) -> bool:  # type: ignore[override]
+        """Whether the number of harmonics may change along a curve."""
+        return self.auto
 
     @property
     def size(self) -> int:  # type: ignore[override]
@@ -180,8 +164,8 @@ class HarmonicBalance(FullProblem):
     @property
     def smooth(self) -> bool:  # type: ignore[override]
         """Whether dR/dX is differentiable, so that folds can be found by Newton: no sampled corner in any law."""
-        c = self.compiled({})
-        return not any(c.laws[j].breakpoints for j in c.sampled)
+        sampled = self.compiled({}).sampled
+        return sampled is None or not any(law.breakpoints for law in sampled.laws)
 
     @property
     def layout(self) -> Layout:
@@ -359,49 +343,6 @@ class HarmonicBalance(FullProblem):
         key = (*(A.tobytes() for A in dense), system.W.tobytes(), *fresh, *loads)
         return self._structures.get(key, lambda: Structure(system))
 
-    def forces(self, rows: Array, c: ComplexArray, Omega: Array, compiled: Compiled) -> ForceHarmonics:
-        """Forces of all laws on P motions given by their rows (P, m, 2H + 1) and complex form c (P, m, H + 1)."""
-        exact, sampled = compiled.exact, compiled.sampled
-        if not sampled.size:
-            return self._projected(rows, c, compiled)
-        if not exact.size:
-            return self._sampled(c, Omega, compiled)
-        f, stiffness = np.empty_like(rows), np.empty((*rows.shape, rows.shape[-1]))
-        f[:, exact], stiffness[:, exact], _ = self._projected(rows[:, exact], c[:, exact], compiled)
-        f[:, sampled], stiffness[:, sampled], part = self._sampled(c[:, sampled], Omega, compiled)
-        damping = None
-        if part is not None:
-            damping = np.zeros_like(stiffness)
-            damping[:, sampled] = part
-        return ForceHarmonics(f, stiffness, damping)
-
-    def _projected(self, rows: Array, c: ComplexArray, compiled: Compiled) -> ForceHarmonics:
-        """Exact forces kappa * d + chi of the piecewise-linear laws, from the motions of their elements."""
-        flat = c.reshape(-1, self.H + 1)
-        kappa, chi = compiled.projector_of(len(c)).project(flat, self._transform.samples(flat), 2 * self.H)
-        stiffness = self._toeplitz(kappa).reshape(*rows.shape, -1)
-        held = to_real(one_sided(chi[:, : self.H + 1])).reshape(rows.shape)
-        return ForceHarmonics((stiffness @ rows[..., None])[..., 0] + held, stiffness, None)
-
-    def _sampled(self, c: ComplexArray, Omega: Array, compiled: Compiled) -> ForceHarmonics:
-        """Forces of the other laws, from the motions of their elements."""
-        P, m, n = len(c), c.shape[1], 2 * self.H + 1
-        waves = [c, (Omega / self.nu)[:, None, None] * derive(c)] if compiled.rated else [c]
-        flat = np.concatenate([x[:, j] for x in waves for j in range(m)])
-        samples = self._transform.samples(flat).reshape(len(waves), m, P * self.N)
-        at_rest = np.zeros(0 if compiled.rated else P * self.N)
-        found = []
-        for j, law in enumerate(compiled.bound(P)):
-            found.append(law(samples[0, j], samples[1, j] if compiled.rated else at_rest))
-        p, dp_dd, dp_dv = zip(*found, strict=True)
-        damped = compiled.rated and any(x.any() for x in dp_dv)
-        parts = np.concatenate([*p, *dp_dd, *dp_dv] if damped else [*p, *dp_dd]).reshape(-1, self.N)
-        spectra = self._transform.spectrum(parts).reshape(-1, m, P, n).swapaxes(1, 2)
-        slopes = self._toeplitz(spectra[1:].reshape(-1, n)).reshape(-1, P, m, n, n)
-        return ForceHarmonics(
-            to_real(one_sided(spectra[0, ..., : self.H + 1])), slopes[0], slopes[1] if damped else None
-        )
-
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
         """Residual (n,) and Jacobian (n, n) at X (n,), n = m (2H + 1); ``Omega`` must be among the parameters."""
         R, J, *_ = self.linearise(X, "", **parameters)
@@ -413,46 +354,23 @@ class HarmonicBalance(FullProblem):
         dR/dOmega is analytic; the derivative in a model parameter is a difference of the residual
         (`hbgear.continuation.differences`).
         """
-        rest = {key: value for key, value in parameters.items() if key != "Omega"}
-        now = self.linearise_all(X[None], np.array([parameters["Omega"]]), **rest)
-        R, J, dR, size = now.R[0], now.dR_dX[0], now.dR_dp[0], now.size[0]
+        Omega = float(parameters["Omega"])
+        R, J, dR, size = self.compiled(parameters).linearise(X, Omega)
         if name != "Omega":
             here = {name: self.parameters.get(name, 0.0), **parameters} if name else {}
             (dR,) = (
                 in_parameter(self, name, here, lambda at: (self.residual(X, **at),)) if name else (np.zeros(len(R)),)
             )
-        return Evaluation(R, J, dR, float(size))
+        return Evaluation(R, J, dR, size)
 
-    def linearise_all(self, X: Array, Omega: Array, **parameters: float) -> Evaluations:
-        """`linearise` in Omega of many motions X (P, n) at frequencies Omega (P,), all other parameters equal.
+    def pursuit(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
+        """A compiled loop along curves in Omega, if every law is known to it and no pair of poles is too close."""
+        compiled = self.compiled({key: value for key, value in parameters.items() if key != "Omega"})
+        if name != "Omega" or not compiled.whole:
+            return None
+        from hbgear.harmonic.pursuit import pursue
 
-        Eight motions cost little more than one.
-        """
-        compiled = self.compiled(parameters)
-        linear = compiled.linear(Omega)
-        matrices, constants = linear.matrices, linear.constants
-        P, m, n = len(X), self.m, 2 * self.H + 1
-        rows = X.reshape(P, m, n)
-        c = to_complex(rows)
-        f, own, slip = self.forces(rows, c, Omega, compiled)
-        moved = (matrices @ c.swapaxes(1, 2)[..., None])[..., 0]  # Z d and dZ/dOmega d, (2, P, H + 1, m)
-        R, dR = to_real((moved + constants).swapaxes(2, 3))
-        R += f
-        if slip is not None:
-            own = own + after_derivative(slip) * (Omega / self.nu)[:, None, None, None]
-            dR += (slip @ derivative(rows)[..., None])[..., 0] / self.nu
-        J = real_blocks(matrices[0])
-        for j in range(m):
-            J[:, j, :, j, :] += own[:, j]
-        size = norms(f) + norms(moved[0]) + norms(constants[0])
-        size[size == 0] = 1.0
-        return Evaluations(R.reshape(P, -1), J.reshape(P, m * n, m * n), dR.reshape(P, -1), size)
-
-    def linearise_many(self, X: Array, name: str, values: Array, **parameters: float) -> Evaluations:
-        """`linearise` of motions X (P, n) at values (P,) of a parameter."""
-        if name == "Omega":
-            return self.linearise_all(X, values, **parameters)
-        return super().linearise_many(X, name, values, **parameters)
+        return partial(pursue, compiled.numbers)
 
     @checked_arguments()
     def residual(self, X: Array, **parameters: float) -> Array:
@@ -490,9 +408,7 @@ class HarmonicBalance(FullProblem):
 
         ``row`` of the result counts the corners of all elements in order.
         """
-        compiled = self.compiled(parameters)
-        c = to_complex(X.reshape(self.m, -1))
-        return crossings(c, compiled.corner, compiled.element, self._transform.samples(c))
+        return self.compiled(parameters).crossings(X)
 
     @checked_arguments()
     def regime(self, X: Array, **parameters: float) -> np.ndarray:
@@ -500,7 +416,7 @@ class HarmonicBalance(FullProblem):
 
         It is the number of corners of the law that the motion crosses, at most 2.
         """
-        regime: np.ndarray = self._reach(X[None], self.compiled(parameters))[1][0]
+        regime: np.ndarray = self.compiled(parameters).reach(X[None])[1][0]
         return regime
 
     @checked_arguments()
@@ -509,7 +425,7 @@ class HarmonicBalance(FullProblem):
 
         Order: for each element and each of its corners, lowest value minus corner, highest value minus corner.
         """
-        clearance: Array = self._reach(X[None], self.compiled(parameters))[0][0]
+        clearance: Array = self.compiled(parameters).reach(X[None])[0][0]
         return clearance
 
     def graze(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
@@ -518,22 +434,9 @@ class HarmonicBalance(FullProblem):
         value, theta = highest(sign * X.reshape(self.m, -1)[compiled.element[corner]])
         return float(sign * value - compiled.corner[corner]), float(theta)
 
-    def _reach(self, X: Array, compiled: Compiled) -> tuple[Array, np.ndarray]:
-        """Clearances and regimes of many motions (P, n)."""
-        if not compiled.corner.size:
-            return np.zeros((len(X), 0)), np.zeros((len(X), self.m), dtype=np.int8)
-        low, _, high, _ = extrema(X.reshape(len(X), self.m, -1))
-        ends = np.stack([low, high], axis=-1)[:, compiled.element] - compiled.corner[:, None]
-        passed = (ends[..., 0] < 0) & (ends[..., 1] > 0)
-        count = passed @ (compiled.element[:, None] == np.arange(self.m)).astype(np.int8)
-        return ends.reshape(len(X), -1), np.minimum(count, 2).astype(np.int8)
-
     def force_rows(self, X: Array, **parameters: float) -> Array:
         """Law forces of each element (without its damper) as real rows (m, 2H + 1)."""
-        rows = X.reshape(self.m, -1)
-        compiled, Omega = self.compiled(parameters), np.array([parameters["Omega"]])
-        forces: Array = self.forces(rows[None], to_complex(rows)[None], Omega, compiled).f[0]
-        return forces
+        return self.compiled(parameters).forces(X, parameters["Omega"])
 
     @checked_arguments()
     def mesh_forces(self, X: Array, **parameters: float) -> Array:
@@ -583,28 +486,22 @@ class HarmonicBalance(FullProblem):
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """What a trace stores beside the unknowns: multipliers (if asked for), regime, clearance, error."""
-        Omega = np.array([parameters.pop("Omega")])
-        return self.observe_all(X[None], Omega, stability, **parameters)[0]
-
-    def observe_all(self, X: Array, Omega: Array, stability: bool = True, **parameters: float) -> list[dict[str, Any]]:
-        """`observe` for many motions X (P, n) at frequencies Omega (P,), all other parameters equal: far less work."""
-        compiled = self.compiled(parameters)
-        clearance, regime = self._reach(X, compiled)
-        error = self._truncation(X, Omega, compiled)
-        columns = zip(clearance, regime, error, strict=True)
-        seen: list[dict[str, Any]] = [{"clearance": c, "regime": r, "error": float(e)} for c, r, e in columns]
-        if stability:
-            for one, mu in zip(seen, multipliers_of(compiled, X, Omega), strict=True):
-                one["multipliers"] = mu
-        return seen
+        return self.observe_many(X[None], "Omega", np.array([parameters.pop("Omega")]), stability, **parameters)[0]
 
     def observe_many(
-        self, X: Array, name: str, values: Array, stability: bool, **parameters: float
+        self, X: Array, name: str, values: Array, stability: bool = True, **parameters: float
     ) -> list[dict[str, Any]]:
         """`observe` of motions X (P, n) at values (P,) of a parameter."""
-        if name == "Omega":
-            return self.observe_all(X, values, stability, **parameters)
-        return super().observe_many(X, name, values, stability, **parameters)
+        if name != "Omega":
+            return super().observe_many(X, name, values, stability, **parameters)
+        compiled = self.compiled(parameters)
+        clearance, regime = compiled.reach(X)
+        columns = zip(clearance, regime, compiled.truncation(X, values).tolist(), strict=True)
+        seen: list[dict[str, Any]] = [{"clearance": c, "regime": r, "error": e} for c, r, e in columns]
+        if stability:
+            for one, mu in zip(seen, multipliers_of(compiled, X, values), strict=True):
+                one["multipliers"] = mu
+        return seen
 
     @property
     def clearance_names(self) -> tuple[str, ...]:
@@ -637,35 +534,4 @@ class HarmonicBalance(FullProblem):
 
         The neglected force harmonics H < k <= 2H drive the closed structure: delta d_k = G_k f_k.
         """
-        return float(self._truncation(X[None], np.array([parameters["Omega"]]), self.compiled(parameters))[0])
-
-    def _truncation(self, X: Array, Omega: Array, compiled: Compiled) -> Array:
-        """`truncation` of many motions X (P, n) at frequencies Omega (P,)."""
-        f = self._neglected(X, Omega / self.nu, compiled)
-        w = (Omega / self.nu)[:, None] * np.arange(self.H + 1, 2 * self.H + 1)
-        G = compiled.structure.receptances(w)[0]
-        delta = G @ f.transpose(0, 2, 1)[..., None]
-        rms: Array = np.sqrt(0.5 * np.sum(np.abs(delta) ** 2, axis=(1, 2, 3)))
-        return rms
-
-    def _neglected(self, X: Array, omega: Array, compiled: Compiled) -> ComplexArray:
-        """One-sided force harmonics H+1..2H, (P, m, H): in closed form, or as far as N samples of a law reach."""
-        H, P = self.H, len(X)
-        c = to_complex(X.reshape(P, self.m, -1))
-        samples = samples_of(c, self.N)
-        f = np.zeros((P, self.m, H), dtype=complex)
-        if compiled.exact.size:
-            mine = c[:, compiled.exact].reshape(-1, H + 1)
-            kappa, chi = compiled.projector_of(P).project(mine, samples[:, compiled.exact].reshape(-1, self.N), 3 * H)
-            both = np.concatenate([np.conj(mine[:, :0:-1]) / 2, mine[:, :1], mine[:, 1:] / 2], axis=1)
-            length = scipy.fft.next_fast_len(3 * H)  # nothing is folded onto entries 2H..3H-1 of the cyclic convolution
-            product = np.fft.ifft(np.fft.fft(kappa[:, 1:], length) * np.fft.fft(both, length))
-            f[:, compiled.exact] = 2 * (product[:, 2 * H : 3 * H] + chi[:, H + 1 : 2 * H + 1]).reshape(P, -1, H)
-        if compiled.sampled.size:
-            velocity = samples_of(omega[:, None, None] * derive(c), self.N)
-            phases = np.tile(2 * np.pi * self.nu * np.arange(self.N) / self.N, P)
-            for j in compiled.sampled:
-                p = compiled.laws[j].force(samples[:, j].ravel(), velocity[:, j].ravel(), phases)[0].reshape(P, -1)
-                tail = np.fft.rfft(p)[:, H + 1 : min(2 * H, self.N // 2 - 1) + 1]
-                f[:, j, : tail.shape[1]] = 2 * tail / self.N
-        return f
+        return float(self.compiled(parameters).truncation(X[None], np.array([parameters["Omega"]]))[0])

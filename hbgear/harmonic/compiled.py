@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from hbgear.common.arrays import Array
-from hbgear.harmonic.projection import ContactProjector
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.harmonic.numbers import Numbers, basis_of, laws_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
+from hbgear.harmonic.sampled import SampledLaws
 from hbgear.mechanics.fourier import Transform
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.model import System
 
 
+class Crossings(NamedTuple):
+    """Instants at which elements cross corners of their laws.
+
+    row (R,) which of the corners; theta (R,) in [0, 2 pi], ascending within a row; sign (R,) +1 upwards, -1 downwards.
+    """
+
+    row: np.ndarray
+    theta: Array
+    sign: np.ndarray
+
+
 class Compiled:
     """A model at one parameter set, ready to be evaluated.
 
-    nu, N : subharmonic order and samples per basis period. system, structure, receptance, laws : of the model.
-    exact, sampled : numbers of the elements whose laws are projected exactly, and of the others.
+    H, nu, N : harmonics, subharmonic order and samples per basis period. system, structure, receptance, laws : of the
+    model. numbers : all that kernels need. sampled : the laws that the numbers do not hold; None if there are none.
     corner, element : (K,) corners of all laws and the element each belongs to.
     """
 
@@ -26,39 +38,81 @@ class Compiled:
         self.system, self.structure = system, structure
         self.receptance = Receptance(structure, system, H, nu)
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
-        exact = np.array([not sampled and bool(law.piecewise) for law in self.laws])
-        self.exact, self.sampled = np.flatnonzero(exact), np.flatnonzero(~exact)
-        self.nu, self.N = nu, transform.N
-        self._projectors: dict[int, ContactProjector] = {}
-        # corners of all laws, and the element each belongs to
-        self.corner = np.concatenate([law.breakpoints for law in self.laws])
-        self.element = np.repeat(np.arange(len(self.laws)), [len(law.breakpoints) for law in self.laws])
-        self.rated = any(self.laws[j].rated for j in self.sampled)
-        self._tau = nu * 2 * np.pi * np.arange(transform.N) / transform.N
-        self._bound: dict[int, list[Any]] = {}
-        self._linear: tuple[bytes, LinearPart] | None = None
+        self.H, self.nu, self.N = H, nu, transform.N
+        laws, left = laws_of(self.laws, sampled, nu)
+        self.numbers = Numbers(laws, self.receptance.numbers, basis_of(H, self.N))
+        self.sampled = SampledLaws(self.laws, left, transform, nu) if left.size else None
+        self.corner, self.element = laws.level, laws.owner
+        self._linear: tuple[float, LinearPart] | None = None
 
     @property
     def m(self) -> int:
         """Number of elements."""
         return len(self.laws)
 
-    def projector_of(self, P: int) -> ContactProjector:
-        """Projector of P motions at once, motion after motion."""
-        if P not in self._projectors:
-            self._projectors[P] = ContactProjector([self.laws[j] for j in self.exact] * P, self.nu)
-        return self._projectors[P]
+    @property
+    def whole(self) -> bool:
+        """Whether the numbers are all there is: kernels can do without Python."""
+        return self.sampled is None and self.structure.modal
 
-    def bound(self, P: int) -> list[Any]:
-        """The sampled laws, each on the samples of P motions one after the other."""
-        if P not in self._bound:
-            tau = np.tile(self._tau, P)
-            self._bound[P] = [self.laws[j].bind(tau) for j in self.sampled]
-        return self._bound[P]
-
-    def linear(self, Omega: Array) -> LinearPart:
-        """Linear part at Omega (P,); the last one is kept, for Newton at fixed Omega asks for it again and again."""
-        key, last = Omega.tobytes(), self._linear
-        if last is None or last[0] != key:
-            self._linear = last = (key, self.receptance.at_all(Omega))
+    def linear(self, Omega: float) -> LinearPart:
+        """Linear part at Omega; the last one is kept, for Newton at fixed Omega asks for it again and again."""
+        last = self._linear
+        if last is None or last[0] != Omega:
+            self._linear = last = (Omega, self.receptance.at(Omega))
         return last[1]  # not of self._linear, which another thread may have set meanwhile
+
+    def linearise(self, X: Array, Omega: float) -> tuple[Array, Array, Array, float]:
+        """R (n,), dR/dX (n, n), dR/dOmega (n,) and the size of the terms of R at a motion X (n,)."""
+        return self._balance(X, Omega, self.linear(Omega))
+
+    def _balance(self, X: Array, Omega: float, linear: LinearPart) -> tuple[Array, Array, Array, float]:
+        from hbgear.harmonic.assembly import assembled
+
+        n = len(X)
+        R, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
+        size = assembled(self.numbers, np.ascontiguousarray(X), *linear, R, J, dR)
+        if self.sampled:
+            size += self.sampled.add_to(X.reshape(self.m, -1), Omega, R, J, dR)
+        return R, J, dR, size
+
+    def forces(self, X: Array, Omega: float) -> Array:
+        """Force harmonics of all laws as real rows (m, 2H + 1)."""
+        R, *_ = self._balance(X, Omega, LinearPart.zero(self.H, self.m))
+        return R.reshape(self.m, -1)
+
+    def crossings(self, X: Array) -> Crossings:
+        """All instants of a motion."""
+        from hbgear.harmonic.projection import instants
+
+        theta, sign, count, _ = instants(self.numbers, X.reshape(self.m, -1), False)
+        some = np.arange(theta.shape[1]) < count[:, None]
+        return Crossings(np.nonzero(some)[0], theta[some], sign[some].astype(int))
+
+    def reach(self, X: Array) -> tuple[Array, np.ndarray]:
+        """Clearances (P, 2 K) and regimes (P, m) of motions X (P, n)."""
+        from hbgear.harmonic.observing import reach
+
+        clearance, regime = np.empty((len(X), 2 * len(self.corner))), np.zeros((len(X), self.m), dtype=np.int8)
+        reach(self.numbers, np.ascontiguousarray(X), clearance, regime)
+        return clearance, regime
+
+    def truncation(self, X: Array, Omega: Array) -> Array:
+        """Root mean square (P,) of what the force harmonics H < k <= 2H would add to motions X (P, n)."""
+        from hbgear.harmonic.observing import driven, neglected
+
+        f = np.zeros((len(X), self.m, self.H), dtype=complex)
+        neglected(self.numbers, np.ascontiguousarray(X), f)
+        if self.sampled:
+            self.sampled.add_neglected(X, Omega, f)
+        if self.structure.modal:
+            rms: Array = driven(self.numbers.linear, np.asarray(Omega, dtype=float), f)
+            return rms
+        return self._driven(Omega, f)
+
+    def _driven(self, Omega: Array, f: ComplexArray) -> Array:
+        """The same where receptances are solved for directly."""
+        w = (Omega / self.nu)[:, None] * np.arange(self.H + 1, 2 * self.H + 1)
+        delta = self.structure.receptances(w)[0] @ f.transpose(0, 2, 1)[..., None]
+        rms: Array = np.sqrt(0.5 * np.sum(np.abs(delta) ** 2, axis=(1, 2, 3)))
+        return rms

@@ -1,4 +1,9 @@
-"""Instants at which a periodic motion crosses the corners of a law.
+"""Kernels: instants at which a periodic motion crosses the corners of a law, and its extrema.
+
+    x(theta) = Re sum_k c_k exp(i k theta) - level
+
+Samples on a grid bracket the crossings, safeguarded Newton with Horner's rule finds them. No second derivative of x is
+larger than bend = sum_k k^2 |c_k|: it tells where an extremum between two samples may reach past the level.
 
 References
 ----------
@@ -7,222 +12,216 @@ Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import lru_cache
-from itertools import pairwise
-from math import cos, pi, sin
+import math
+from typing import Any
 
 import numpy as np
 
-from hbgear.common.arrays import Array, ComplexArray
-from hbgear.mechanics.fourier import waves as harmonic_waves
+from hbgear.common.compiling import kernel
 
-_ROUNDING = 4e-16  # relative size of a value that is zero
+ROUNDING = 4e-16  # relative size of a value that is zero
 
+CLOSE = 4e-16 * math.pi  # distance of instants that are the same
 
-_CLOSE = 4e-16 * np.pi  # distance of instants that are the same
-
-
-@dataclass(frozen=True)
-class Crossings:
-    """Instants at which rows of harmonics cross their levels.
-
-    row (R,) which of the levels; theta (R,) in [0, 2 pi], ascending within a row; sign (R,) +1 upwards, -1 downwards.
-    above (L,) whether the function starts above its level at theta = 0.
-    """
-
-    row: np.ndarray
-    theta: Array
-    sign: np.ndarray
-    above: np.ndarray
+PARTS = 16  # pieces of a cell that may hold three crossings
 
 
-def crossings(c: ComplexArray, level: Array, rows: np.ndarray, samples: Array) -> Crossings:
-    """All instants where row ``rows[l]`` of the functions c crosses ``level[l]``.
+@kernel
+def waves_of(row: Any) -> Any:
+    """One-sided coefficients c (H + 1,) of a real row (2H + 1,)."""
+    H = row.shape[0] // 2
+    c = np.empty(H + 1, dtype=np.complex128)
+    c[0] = row[0]
+    for k in range(1, H + 1):
+        c[k] = complex(row[2 * k - 1], -row[2 * k])
+    return c
+
+
+@kernel
+def sampled(row: Any, basis: Any, out: Any) -> None:
+    """Samples (N,) of a real row."""
+    for n in range(out.shape[0]):
+        out[n] = row[0]
+    for k in range(1, row.shape[0]):
+        a = row[k]
+        if a != 0.0:
+            for n in range(out.shape[0]):
+                out[n] += a * basis[k, n]
+
+
+@kernel
+def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
+    """x, x' and x'' at theta."""
+    z = complex(math.cos(theta), math.sin(theta))
+    p = q = r = 0j
+    for k in range(c.shape[0] - 1, 0, -1):
+        r = r * z + q
+        q = q * z + p
+        p = p * z + c[k]
+    # sum c_k z^k = z p;  its derivatives by i theta: z (p + z q),  z (p + 3 z q + 2 z^2 r)
+    once, twice = z * (p + z * q), z * (p + z * (3.0 * q + 2.0 * z * r))
+    return (z * p).real + (c[0].real - level), -once.imag, -twice.real
+
+
+@kernel
+def bend_of(c: Any) -> float:
+    """Bound of |x''|."""
+    total = 0.0
+    for k in range(1, c.shape[0]):
+        total += k * k * abs(c[k])
+    return total
+
+
+@kernel
+def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> int:
+    """Put all crossings of a level, ascending in [0, 2 pi], in theta, and +1 (upwards) or -1 in sign; their number.
 
     Parameters
     ----------
-    c : (m, H + 1) one-sided coefficients of the functions.
-    level : (L,) ; rows : (L,) index of the function that belongs to each level.
-    samples : (m, N) the functions at theta_n = 2 pi n / N, N of at least 4H.
+    c : (H + 1,) ; samples : (N,) of the function, without the level, N of at least 4H.
+    theta, sign : room for 2H + 4 of them.
     """
-    N = samples.shape[-1]
-    x = np.empty((len(level), N + 1))  # the first sample again after the last
-    np.subtract(samples[rows], level[:, None], out=x[:, :-1])
-    x[:, -1] = x[:, 0]
-    above = x > 0
-    # no second derivative is larger, and no second difference of neighbouring samples larger than that times step^2
-    bend = (np.abs(c) @ np.arange(c.shape[-1]) ** 2)[rows]
-    changes = np.nonzero(above[:, 1:] != above[:, :-1])
-    near = np.nonzero(np.abs(x[:, :-1]) <= ((2 * np.pi / N) ** 2 * bend)[:, None])
-    found: list[tuple[int, float, int]] = []
-    if near[0].size:
-        toward = _toward(x, *near)
-        near = tuple(place[toward] for place in near)
-    if len(changes[0]) > _FEW:
-        found, left = _roots(c[rows], level, bend, x, *changes)
-        changes = tuple(place[left] for place in changes)
-    waves: dict[int, _Wave] = {}
-    for places, instants in ((changes, _in_cell), (near, _beside)):
-        for row, i in zip(*(place.tolist() for place in places), strict=True):
-            if row not in waves:
-                waves[row] = _Wave(c[rows[row]].tolist(), float(level[row]), float(bend[row]))
-            found += [(row, theta, sign) for theta, sign in instants(waves[row], x[row], i)]
-    found.sort()
-    lines, thetas, signs = zip(*found, strict=True) if found else ((), (), ())
-    return Crossings(np.array(lines, dtype=int), np.array(thetas, dtype=float), np.array(signs, dtype=int), above[:, 0])
+    N, bend, count = samples.shape[0], bend_of(c), 0
+    step = 2 * math.pi / N
+    near = step * step * bend
+    for i in range(N):
+        here, after = samples[i] - level, samples[i + 1 if i + 1 < N else 0] - level
+        if abs(here) <= near and here != 0.0:
+            before = samples[i - 1 if i else N - 1] - level
+            toward = (before - here) * here >= 0.0 and (after - here) * here >= 0.0
+            # the extremum of a smooth function exceeds its nearest sample by about an eighth of the second difference
+            if toward and abs(here) <= abs(before - 2 * here + after):
+                count = _beside(c, level, bend, i, step, here, theta, sign, count)
+        if (here > 0.0) != (after > 0.0):
+            count = _in_cell(c, level, bend, i, step, here, after, theta, sign, count)
+    _sort(theta, sign, count)
+    return count
 
 
-_FEW = 12  # crossings up to which one after the other costs less than all at once
-
-
-def _toward(x: Array, row: np.ndarray, i: np.ndarray) -> np.ndarray:
-    """Whether x[row, i] is an extremum of three neighbours that may reach past zero between them.
-
-    The extremum of a smooth function exceeds its nearest sample by about an eighth of the second difference.
-    """
-    here, left, right = x[row, i], x[row, np.where(i, i, x.shape[1] - 1) - 1], x[row, i + 1]
-    toward = ((left - here) * here >= 0) & ((right - here) * here >= 0) & (here != 0)
-    near: Array = toward & (np.abs(here) <= np.abs(left - 2 * here + right))
-    return near
-
-
-def _roots(
-    c: ComplexArray, level: Array, bend: Array, x: Array, line: np.ndarray, cell: np.ndarray
-) -> tuple[list[tuple[int, float, int]], np.ndarray]:
-    """`_in_cell` of many cells at once; and which are left to it: those that may hold three crossings, and rare others.
-
-    Halley's method from the chord of a cell, without a safeguard but looked at in the end.
-    """
-    N, K = x.shape[1] - 1, c.shape[-1]
-    step, table, order = 2 * np.pi / N, _table(N, K - 1), 1j * np.arange(K)
-    c, level, bend, first, last = c[line], level[line], bend[line], x[line, cell], x[line, cell + 1]
-    parts = np.empty((len(c), 3, K), dtype=complex)  # of the value, the slope and the curvature
-    parts[:, 0], parts[:, 1], parts[:, 2] = c, order * c, order * order * c
-    ends = np.array([table[cell], table[cell + 1]]).transpose(1, 2, 0)
-    slopes = (parts[:, 1:2] @ ends).real.sum(axis=(1, 2))
-    mean = (last - first) / step
-    left = (1.5 * mean - 0.25 * slopes) * mean < 0
-    low = step * cell
-    at = low + step * first / (first - last)
-    with np.errstate(all="ignore"):
-        for _ in range(6):
-            value, slope, curvature = (parts @ harmonic_waves(at, K - 1)[..., None])[..., 0].real.T
-            newton = (value - level) / slope
-            change = newton / (1 - 0.5 * newton * curvature / slope)
-            at = at - change
-            rest = bend * change / slope  # Halley's next step is smaller than its square times this one
-            settled = (np.abs(rest) < 0.5) & (rest * rest * np.abs(change) <= _CLOSE)
-            if (settled | left).all():
-                break
-        left |= ~(settled & (at >= low) & (at <= low + step))
-    sign = np.where(last > first, 1, -1)
-    found = zip(line[~left].tolist(), at[~left].tolist(), sign[~left].tolist(), strict=True)
-    return list(found), left
-
-
-@lru_cache(maxsize=32)
-def _table(N: int, H: int) -> ComplexArray:
-    """exp(i k theta_n) on the grid and at its end, (N + 1, H + 1)."""
-    return harmonic_waves(2 * np.pi / N * np.arange(N + 1), H)
-
-
-class _Wave:
-    """A function less its level, Re sum_k c_k exp(i k theta) - level, at one theta after the other.
-
-    Plain numbers and Horner's rule: for the few roots of a motion, calls of NumPy would cost more than the sums.
-    """
-
-    def __init__(self, c: list[complex], level: float, bend: float) -> None:
-        self.backwards = c[:0:-1]
-        self.mean = c[0].real - level
-        self.bend = bend
-        self.rounding = _ROUNDING * (1 + abs(level))
-
-    def __call__(self, theta: float) -> tuple[float, float]:
-        """Value and slope."""
-        z = complex(cos(theta), sin(theta))
-        p = slope = 0j
-        for c in self.backwards:
-            slope = slope * z + p
-            p = p * z + c
-        return (p * z).real + self.mean, -((slope * z + p) * z).imag
-
-    def extremum(self, theta: float, step: float) -> float:
-        """Where the slope vanishes near theta: Newton with steps of at most step."""
-        slopes = [1j * k * c for k, c in enumerate(self.backwards[::-1], 1)]
-        derivative = _Wave([0j, *slopes], 0.0, 0.0)
-        at = theta
-        for _ in range(5):
-            slope, bend = derivative(at)
-            at += min(step, max(-step, -slope / bend)) if bend else 0.0
-        return at
-
-
-_Instants = list[tuple[float, int]]
-"""Crossings of one function: theta, and +1 upwards or -1 downwards."""
-
-
-_PARTS = 16  # pieces of a cell that may hold three crossings
-
-
-def _in_cell(wave: _Wave, x: Array, i: int) -> _Instants:
+@kernel
+def _in_cell(
+    c: Any, level: float, bend: float, i: int, step: float, first: float, last: float, theta: Any, sign: Any, count: int
+) -> int:
     """Crossings between samples i and i + 1, whose signs differ: one, or three.
 
     The cubic through the values and slopes at the ends has its middle slope 3/2 of the mean slope less a quarter of the
     end slopes; where that runs against the change of sign, the cell is looked at in parts.
     """
-    step = 2 * pi / (len(x) - 1)
-    low, high, first, last = step * i, step * (i + 1), float(x[i]), float(x[i + 1])
-    slopes = wave(low)[1], wave(high)[1]
+    low, high = step * i, step * (i + 1)
+    slope_low, slope_high = value_of(c, level, low)[1], value_of(c, level, high)[1]
     mean = (last - first) / step
-    if (1.5 * mean - 0.25 * (slopes[0] + slopes[1])) * mean >= 0:
-        return [_root(wave, (low, first, slopes[0]), (high, last, slopes[1]))]
-    at = [low + (high - low) * k / _PARTS for k in range(_PARTS + 1)]
-    ends = [(theta, *wave(theta)) for theta in at]
-    return [_root(wave, a, b) for a, b in pairwise(ends) if (a[1] > 0) != (b[1] > 0)]
+    if (1.5 * mean - 0.25 * (slope_low + slope_high)) * mean >= 0:
+        return _add(c, level, bend, low, first, slope_low, high, last, slope_high, theta, sign, count)
+    a, value_a, slope_a = low, first, slope_low
+    for k in range(1, PARTS + 1):
+        b = low + (high - low) * k / PARTS
+        value_b, slope_b, _ = value_of(c, level, b)
+        if k == PARTS:
+            value_b = last
+        if (value_a > 0.0) != (value_b > 0.0):
+            count = _add(c, level, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count)
+        a, value_a, slope_a = b, value_b, slope_b
+    return count
 
 
-def _beside(wave: _Wave, x: Array, i: int) -> _Instants:
+@kernel
+def _beside(
+    c: Any, level: float, bend: float, i: int, step: float, here: float, theta: Any, sign: Any, count: int
+) -> int:
     """Two crossings that samples i - 1, i, i + 1 hide: an extremum between them reaches past the level."""
-    step = 2 * pi / (len(x) - 1)
-    at = wave.extremum(step * i, step)
-    value = wave(at)[0]
-    past = value * float(x[i]) < 0 and abs(value) > wave.rounding  # less than rounding is no contact
+    at = step * i
+    for _ in range(5):
+        _, slope, curve = value_of(c, level, at)
+        if curve != 0.0:
+            at += min(step, max(-step, -slope / curve))
+    value = value_of(c, level, at)[0]
+    past = value * here < 0.0 and abs(value) > ROUNDING * (1.0 + abs(level))  # less than rounding is no contact
     if not past or abs(at - step * i) > step:
-        return []
-    low = at % (2 * pi) // step * step
-    at %= 2 * pi
-    return [_root(wave, (a, *wave(a)), (b, *wave(b))) for a, b in ((low, at), (at, low + step))]
+        return count
+    at %= 2 * math.pi
+    low = math.floor(at / step) * step
+    high = low + step
+    ends = low, at, high
+    for k in range(2):
+        a, b = ends[k], ends[k + 1]
+        value_a, slope_a, _ = value_of(c, level, a)
+        value_b, slope_b, _ = value_of(c, level, b)
+        count = _add(c, level, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count)
+    return count
 
 
-def _root(wave: _Wave, a: tuple[float, float, float], b: tuple[float, float, float]) -> tuple[float, int]:
-    """Root between a and b (theta, value, slope each), whose values differ in sign, by safeguarded Newton."""
-    (low, value_low, _), (high, value_high, _) = a, b
+@kernel
+def _add(
+    c: Any, level: float, bend: float, low: float, value_low: float, slope_low: float,
+    high: float, value_high: float, slope_high: float, theta: Any, sign: Any, count: int,
+) -> int:  # fmt: skip
+    """Append the root between low and high, where the values differ in sign, by safeguarded Newton."""
+    if count >= theta.shape[0]:
+        return count
     rising = value_high > value_low
-    at = _guess(a, b)
+    at = _guess(low, value_low, slope_low, high, value_high, slope_high)
     for _ in range(60):
-        value, slope = wave(at)
-        if abs(value) <= wave.rounding:  # Newton on rounding near a double root would run away
+        value, slope, _ = value_of(c, level, at)
+        if abs(value) <= ROUNDING * (1.0 + abs(level)):  # Newton on rounding near a double root would run away
             break
-        if (value < 0) == rising:
+        if (value < 0.0) == rising:
             low = at
         else:
             high = at
-        new = at - value / slope if slope else low
+        new = at - value / slope if slope != 0.0 else low
         move = abs(new - at)
-        if slope and (move <= _CLOSE or wave.bend * move * move <= _CLOSE * abs(slope)):  # Newton leaves half of that
+        if slope != 0.0 and (move <= CLOSE or bend * move * move <= CLOSE * abs(slope)):  # Newton leaves half of that
             at = min(max(new, low), high)
             break
         at = new if low < new < high else 0.5 * (low + high)
-    return at, 1 if rising else -1
+    theta[count], sign[count] = at, 1 if rising else -1
+    return count + 1
 
 
-def _guess(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
+@kernel
+def _guess(low: float, value_low: float, slope_low: float, high: float, value_high: float, slope_high: float) -> float:
     """Root of theta as a cubic of the value through both ends with their slopes; of the chord if that is no guess."""
-    (low, value_low, slope_low), (high, value_high, slope_high) = a, b
     u, mean = value_low / (value_low - value_high), (value_high - value_low) / (high - low)
     s = u
     if mean * slope_low > 0 and mean * slope_high > 0:
         s = u * (u * (3 - 2 * u) + (1 - u) * ((1 - u) * mean / slope_low - u * mean / slope_high))
     return low + (high - low) * (s if 0 < s < 1 else u)
+
+
+@kernel
+def _sort(theta: Any, sign: Any, count: int) -> None:
+    """Ascending, by insertion: they nearly are."""
+    for i in range(1, count):
+        at, way, j = theta[i], sign[i], i
+        while j > 0 and theta[j - 1] > at:
+            theta[j], sign[j] = theta[j - 1], sign[j - 1]
+            j -= 1
+        theta[j], sign[j] = at, way
+
+
+@kernel
+def highest(c: Any, samples: Any, side: float) -> float:
+    """Largest value of side x, side +1 or -1, over a period: Newton from the samples that can be nearest to it."""
+    N, most = samples.shape[0], -math.inf
+    step, size = 2 * math.pi / N, 0.0
+    for k in range(c.shape[0]):
+        size += abs(c[k])
+    for n in range(N):
+        most = max(most, side * samples[n])
+    miss = 0.125 * step * step * bend_of(c)
+    if not miss > 1e-14 * size:  # a constant has its extremum anywhere
+        return side * samples[0]
+    top = most
+    for n in range(N):
+        if side * samples[n] < most - miss:
+            continue
+        at = step * n
+        for _ in range(16):
+            _, slope, curve = value_of(c, 0.0, at)
+            move = side * slope / abs(curve) if abs(curve) > 1e-300 else 0.0  # |curve|: always uphill
+            move = min(0.5 * step, max(-0.5 * step, move))
+            at += move
+            if abs(move) <= 1e-6:  # the next one is its square
+                break
+        top = max(top, side * value_of(c, 0.0, at)[0])
+    return top

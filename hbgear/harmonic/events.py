@@ -170,7 +170,7 @@ class GrazingContact(Event):
         def test(row: CurvePoint) -> float:
             known = row.observed.get("clearance")
             if known is None:
-                known = problem.clearance(row.solution.X, **{**segment.parameters, segment.name: row.value})
+                known = problem.clearance(row.X, **{**segment.parameters, segment.name: row.value})
             return float(known[which])
 
         try:
@@ -194,11 +194,11 @@ class Merging(Event):
 
     def find(self, segment: Segment) -> list[Found]:
         part = segment.problem.subharmonic_part  # type: ignore[attr-defined]
-        first, second = part(segment.a.solution.X), part(segment.b.solution.X)
-        least = 1e-7 * float(np.linalg.norm(segment.a.solution.X))  # below it is rounding: motions of shorter period
+        first, second = part(segment.a.X), part(segment.b.X)
+        least = 1e-7 * float(np.linalg.norm(segment.a.X))  # below it is rounding: motions of shorter period
         if min(np.linalg.norm(first), np.linalg.norm(second)) <= least or float(first @ second) >= 0:
             return []
-        rough = root(segment, self, lambda row: float(first @ part(row.solution.X)))
+        rough = root(segment, self, lambda row: float(first @ part(row.X)))
         try:
             return [replace(rough, row=_at_doubling(segment, rough.row))]
         except (NoConvergence, np.linalg.LinAlgError):
@@ -220,7 +220,7 @@ def _at_doubling(segment: Segment, row: CurvePoint) -> CurvePoint:
     if problem.nu % 2 or not problem.smooth:
         return row
     extended = PeriodDoubling(problem.with_order(problem.nu // 2), segment.name)
-    shorter = extended.doubled.fitted(row.solution.X)[extended.even]
+    shorter = extended.doubled.fitted(row.X)[extended.even]
     here = {**segment.parameters, segment.name: row.value}
     extended = extended.based(np.append(shorter, row.value), here)
     solution = refine(extended, solve(extended, np.append(shorter, row.value), here), here)
@@ -299,7 +299,7 @@ def _known(segment: Segment, row: CurvePoint) -> ComplexArray:
         return known
     here = {**segment.parameters, segment.name: row.value}
     problem: Any = segment.problem  # a HarmonicBalance: these are its events
-    coarse: ComplexArray = problem.multipliers(row.solution.X, points=8, width=1.0, **here)
+    coarse: ComplexArray = problem.multipliers(row.X, points=8, width=1.0, **here)
     return coarse
 
 

@@ -41,8 +41,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.collocation import gauss, moments
 from hbgear.harmonic.compiled import Compiled
-from hbgear.harmonic.crossings import crossings
-from hbgear.mechanics.fourier import derive, samples_of, to_complex, to_real, waves
+from hbgear.mechanics.fourier import derive, to_complex, to_real, waves
 
 _SHARE = 0.2  # longest step as a share of the excitation period, whatever the structure
 
@@ -166,13 +165,11 @@ def _motions(compiled: Compiled, X: Array, Omega: Array) -> _Motions:
 
 def _switching(compiled: Compiled, c: ComplexArray) -> tuple[np.ndarray, Array]:
     """Motion and phase of every instant at which an element of the motions c (P, m, H + 1) crosses a corner."""
-    P, corners = len(c), len(compiled.corner)
-    if not corners:
+    if not len(compiled.corner):
         return np.zeros(0, dtype=int), np.empty(0)
-    c = c.reshape(P * compiled.m, -1)
-    rows = compiled.m * np.arange(P)[:, None] + compiled.element
-    found = crossings(c, np.tile(compiled.corner, P), rows.ravel(), samples_of(c, compiled.N))
-    return found.row // corners, np.mod(found.theta, 2 * np.pi)
+    found = [compiled.crossings(to_real(one).ravel()) for one in c]
+    motion = np.repeat(np.arange(len(c)), [len(one.theta) for one in found])
+    return motion, np.mod(np.concatenate([one.theta for one in found]), 2 * np.pi)
 
 
 def _pace(motions: _Motions, modes: _Modes, kr: Array) -> Array:

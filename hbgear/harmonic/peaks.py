@@ -60,13 +60,13 @@ def peaks(
     for number, i in enumerate(tops, 1):
         row, located = _refine(branch, i, measure, event.element)
         here = {**branch.parameters_at(i), branch.parameter: row.value}
-        seen = branch.problem.observe(row.solution.X, stability=branch.multipliers is not None, **here)
+        seen = branch.problem.observe(row.X, stability=branch.multipliers is not None, **here)
         found.append(
             SpecialPoint(
-                row.solution.X,
+                row.X,
                 here,
-                row.solution.residual,
-                row.solution.iterations,
+                row.residual,
+                row.iterations,
                 seen.get("multipliers"),
                 seen["regime"],
                 seen["error"],
@@ -92,7 +92,7 @@ def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[CurvePo
     assert layout is not None
 
     def low(s: float) -> float:
-        return -float(measured(measure, layout.rows(arc.at(s).solution.X, element), layout.nu))
+        return -float(measured(measure, layout.rows(arc.at(s).X, element), layout.nu))
 
     def search(xatol: float) -> CurvePoint:
         best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": xatol})
@@ -121,7 +121,7 @@ def _newton(arc: Segment, row: CurvePoint, measure: str, element: int) -> CurveP
         return None
     if np.linalg.norm((U - row.u) / arc.scale) > 0.1 * arc.length:
         return None
-    solution = solution_at(arc.problem, U, arc.name, arc.parameters, row.solution.iterations)
+    solution = solution_at(arc.problem, U, arc.name, arc.parameters, row.iterations)
     return row_of(solution, normal_of(row.tangent, arc.scale), arc.scale)
 
 

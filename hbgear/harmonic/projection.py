@@ -1,4 +1,4 @@
-"""Exact harmonic projection of piecewise-linear laws.
+"""Kernels: exact harmonic projection of piecewise-linear and cubic laws.
 
 A continuous piecewise-linear law is a sum of ramps, g(d) = g0 + s0 d + sum_i D_i max(d - x_i, 0). With theta_j the
 instants where d crosses the corner x and sigma_j = +1 on going above it, -1 on going below, the indicator of d > x has
@@ -10,7 +10,8 @@ stiffness,
 
     P_k = sum_m kappa_{k-m} d_m + chi_k,        dP/dd = Toeplitz(kappa)      (two-sided coefficients)
 
-A law that is a sum of such springs with different stiffness series has the sum of their kappa and chi.
+A law that is a sum of such springs with different stiffness series has the sum of their kappa and chi. A cubic spring
+adds k1 + k3 d^2 to kappa, and 2 k3 d^2 more to what stands in the derivative.
 
 No boundary term appears in the derivative because g is continuous. Nothing is sampled: the only discrete
 decision is which roots exist, and it is checked at the extrema between grid points.
@@ -22,96 +23,120 @@ Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import lru_cache
+import math
+from typing import Any
 
 import numpy as np
 
-from hbgear.common.arrays import Array, ComplexArray
-from hbgear.harmonic.crossings import crossings
-from hbgear.mechanics.fourier import Series, stretch, to_complex
-from hbgear.mechanics.laws import Law
+from hbgear.common.compiling import kernel
+from hbgear.harmonic.crossings import crossings, sampled, waves_of
 
 
-def modulate(series: ComplexArray, s: ComplexArray, order: int, shifts: Sequence[int]) -> ComplexArray:
-    """Coefficients 0..order of products of real functions, row by row, from two-sided coefficients 0, 1, 2, ...
+@kernel
+def instants(numbers: Any, rows: Any, ramped: bool) -> Any:
+    """Crossings of all corners by a motion given by its real rows (m, 2H + 1).
 
-    Parameters
-    ----------
-    series : (m, L + 1); s : (..., m, order + L + 1) or longer; shifts : the l >= 1 at which any series is not zero.
+    ramped : only of the corners at which a spring of the table turns.
+
+    Returns
+    -------
+    theta, sign (K, 2H + 4), count (K,), above (K,): whether the element starts above the corner.
     """
-    reach = series.shape[-1] - 1
-    out = series[:, :1].real * s[..., : order + 1]
-    if shifts:
-        both = np.concatenate([np.conj(s[..., reach:0:-1]), s], axis=-1)
-    for shift in shifts:
-        factor = series[:, shift, None]
-        out += factor * both[..., reach - shift : reach - shift + order + 1]
-        out += np.conj(factor) * both[..., reach + shift : reach + shift + order + 1]
-    return out
+    laws, basis = numbers.laws, numbers.basis
+    K = laws.level.shape[0]
+    theta, sign = np.empty((K, rows.shape[1] + 3)), np.empty((K, rows.shape[1] + 3))
+    count, above = np.zeros(K, dtype=np.int64), np.zeros(K, dtype=np.bool_)
+    samples, last = np.empty(basis.shape[1]), -1
+    c = waves_of(rows[0])
+    for i in range(K):
+        if ramped and not laws.ramped[i]:
+            continue
+        if laws.owner[i] != last:
+            last = laws.owner[i]
+            c = waves_of(rows[last])
+            sampled(rows[last], basis, samples)
+        count[i] = crossings(c, laws.level[i], samples, theta[i], sign[i])
+        above[i] = samples[0] > laws.level[i]
+    return theta, sign, count, above
 
 
-class ContactProjector:
-    """Projection of the piecewise-linear laws of some elements, all at once.
-
-    Parameters
-    ----------
-    laws : the laws, one per element, each the sum of the springs that `Law.piecewise` gives.
-    nu : subharmonic order (a stiffness harmonic l is basis harmonic l nu).
-    """
-
-    def __init__(self, laws: Sequence[Law], nu: int) -> None:
-        self.laws = laws
-        each = [law.piecewise or () for law in laws]
-        springs = [spring for several in each for spring in several]
-        self.first = np.cumsum([0, *(len(several) for several in each[:-1])])  # spring of each element
-        ramps = [spring.ramps for spring in springs]
-        corners = [len(changes) for _, changes, _ in ramps]
-        self.springs = np.repeat(np.arange(len(springs)), corners)  # of each corner
-        self.rows = np.repeat(np.arange(len(laws)), [len(several) for several in each]).repeat(corners)
-        self.level = np.concatenate([levels for *_, levels in ramps]) if ramps else np.empty(0)
-        change = np.concatenate([changes for _, changes, _ in ramps]) if ramps else np.empty(0)
-        weights = np.zeros((2, len(springs), len(change)))  # of the indicators of the corners in kappa and chi
-        self.own = np.array([change, -change * self.level])
-        weights[:, self.springs, np.arange(len(change))] = self.own
-        self.weights = weights
-        self.base = np.array([[spring.slopes[0] for spring in springs], [g0 for g0, *_ in ramps]])
-        series = [_two_sided(spring.stiffness, nu) for spring in springs]
-        self.reach = max((len(row) - 1 for row in series), default=0)
-        self.series = np.array([np.pad(row, (0, self.reach + 1 - len(row))) for row in series])
-        self.shifts = [k for k in range(1, self.reach + 1) if any(len(row) > k and row[k] for row in series)]
-
-    def project(self, c: ComplexArray, samples: Array, order: int) -> tuple[ComplexArray, ComplexArray]:
-        """kappa and chi, two-sided coefficients 0..order of each element, (m, order + 1) each."""
-        found, count = crossings(c, self.level, self.rows, samples), len(self.series)
-        turns, kernel = _orders(order + self.reach)
-        # fraction of the period above: sum of (falling - rising) instants, plus a turn if the period starts above
-        share = found.above - np.bincount(found.row, found.sign * found.theta, len(self.level)) / (2 * np.pi)
-        both = np.empty((2, count, len(turns) + 1), dtype=complex)
-        both[:, :, 0] = self.base + self.weights @ share
-        if found.row.size:
-            # sums over the instants of each spring, which lie side by side, as differences of one running sum
-            each = (self.own[:, found.row] * found.sign)[..., None] * np.exp(found.theta[:, None] * turns)
-            running = np.zeros((2, len(found.row) + 1, len(turns)), dtype=complex)
-            np.cumsum(each, axis=1, out=running[:, 1:])
-            edge = np.searchsorted(self.springs[found.row], np.arange(count + 1))
-            np.multiply(running[:, edge[1:]] - running[:, edge[:-1]], kernel, out=both[:, :, 1:])
-        else:
-            both[:, :, 1:] = 0.0
-        kappa, chi = modulate(self.series, both, order, self.shifts)
-        if count > len(c):
-            kappa, chi = np.add.reduceat(kappa, self.first), np.add.reduceat(chi, self.first)
-        return kappa, chi
+@kernel
+def projected(numbers: Any, rows: Any, order: int) -> Any:
+    """kappa and chi, two-sided coefficients 0..order of each element (m, order + 1); and what kappa lacks of dP/dd."""
+    laws, m = numbers.laws, rows.shape[0]
+    kappa, more = np.zeros((m, order + 1), dtype=np.complex128), np.zeros((m, order + 1), dtype=np.complex128)
+    chi = np.zeros((m, order + 1), dtype=np.complex128)
+    S = laws.of.shape[0]
+    if S:
+        theta, sign, count, above = instants(numbers, rows, True)
+        length = order + laws.shifts[laws.shifts.shape[0] - 1] + 1
+        s = np.empty(length, dtype=np.complex128)
+        both = np.zeros((2, S, length), dtype=np.complex128)
+        for p in range(S):
+            both[0, p, 0], both[1, p, 0] = laws.base[p, 0], laws.base[p, 1]
+        last = -1
+        for r in range(laws.at.shape[0]):
+            i, p, D = laws.at[r], laws.part[r], laws.change[r]
+            if i != last:
+                _indicator(theta[i], sign[i], count[i], above[i], s)
+                last = i
+            for n in range(length):
+                both[0, p, n] += D * s[n]
+                both[1, p, n] -= D * laws.level[i] * s[n]
+        for p in range(S):
+            _modulate(laws.shifts, laws.series[p], both[0, p], kappa[laws.of[p]])
+            _modulate(laws.shifts, laws.series[p], both[1, p], chi[laws.of[p]])
+    for j in range(m):
+        if laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0:
+            _add_cubic(rows[j], laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j])
+    return kappa, chi, more
 
 
-@lru_cache(maxsize=32)
-def _orders(order: int) -> tuple[ComplexArray, ComplexArray]:
-    """-i n and 1 / (2 pi i n) for n = 1..order."""
-    n = 1j * np.arange(1, order + 1)
-    return -n, 1 / (2 * np.pi * n)
+@kernel
+def _indicator(theta: Any, sign: Any, count: int, above: bool, s: Any) -> None:
+    """s_n of the set where the function is above a corner."""
+    share = 1.0 if above else 0.0
+    for n in range(s.shape[0]):
+        s[n] = 0.0
+    for j in range(count):
+        share -= sign[j] * theta[j] / (2 * math.pi)
+        z, w = complex(math.cos(theta[j]), -math.sin(theta[j])), complex(sign[j], 0.0)
+        for n in range(1, s.shape[0]):
+            w = w * z
+            s[n] += w
+    s[0] = share
+    for n in range(1, s.shape[0]):
+        s[n] = s[n] * complex(0.0, -1.0 / (2 * math.pi * n))
 
 
-def _two_sided(series: Series, nu: int) -> ComplexArray:
-    c = to_complex(stretch(series.row(), nu))
-    c[1:] *= 0.5
-    return c
+@kernel
+def _modulate(shifts: Any, series: Any, s: Any, out: Any) -> None:
+    """Add the product of two real functions, given by coefficients 0, 1, 2, ...; series has those at the shifts."""
+    for k in range(out.shape[0]):
+        out[k] += series[0].real * s[k]
+    for i in range(1, shifts.shape[0]):
+        shift, a = shifts[i], series[i]
+        if a == 0.0:
+            continue
+        for k in range(out.shape[0]):
+            n = k - shift
+            before = s[n] if n >= 0 else s[-n].conjugate()
+            out[k] += a * before + a.conjugate() * s[k + shift]
+
+
+@kernel
+def _add_cubic(row: Any, k1: float, k3: float, kappa: Any, more: Any) -> None:
+    """Add k1 + k3 d^2 to kappa, and 2 k3 d^2 to what else stands in the derivative."""
+    c = waves_of(row)
+    H, order = c.shape[0] - 1, kappa.shape[0] - 1
+    both = np.empty(2 * H + 1, dtype=np.complex128)
+    both[H] = c[0]
+    for k in range(1, H + 1):
+        both[H + k], both[H - k] = 0.5 * c[k], 0.5 * c[k].conjugate()
+    kappa[0] += k1
+    for k in range(min(2 * H, order) + 1):
+        square = 0j
+        for n in range(k - H, H + 1):
+            square += both[H + n] * both[H + k - n]
+        kappa[k] += k3 * square
+        more[k] += 2.0 * k3 * square

@@ -30,6 +30,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.harmonic.numbers import Linear, in_two
 from hbgear.mechanics.fourier import stretch, to_complex
 from hbgear.mechanics.model import System
 
@@ -71,52 +72,32 @@ class Modes:
     condition: float
 
 
-@dataclass(frozen=True)
-class LinearPart:
-    """Linear part Z_k d_k + g_k of the balance at P frequencies, or at one without the axis P.
+class LinearPart(NamedTuple):
+    """Linear part Z_k d_k + g_k of the balance at one frequency.
 
-    matrices (2, P, H+1, m, m): Z and dZ/dOmega; constants (2, P, H+1, m): g and dg/dOmega.
+    matrices (2, H+1, m, m): Z, the dynamic stiffness seen from the elements without their reference springs, and
+    dZ/dOmega; constants (2, H+1, m): g, from loads and prescribed displacements, and dg/dOmega.
     """
 
     matrices: ComplexArray
     constants: ComplexArray
 
+    @staticmethod
+    def zero(H: int, m: int) -> LinearPart:
+        """Of nothing."""
+        return LinearPart(np.zeros((2, H + 1, m, m), dtype=complex), np.zeros((2, H + 1, m), dtype=complex))
+
     @property
     def Z(self) -> ComplexArray:
-        """Dynamic stiffness (P, H+1, m, m) seen from the elements, without their reference springs."""
+        """Dynamic stiffness (H+1, m, m)."""
         M: Array = self.matrices[0]
         return M
 
     @property
     def g(self) -> ComplexArray:
-        """Constant terms (P, H+1, m): loads and prescribed displacements."""
+        """Constant terms (H+1, m)."""
         C: Array = self.constants[0]
         return C
-
-    @property
-    def dZ(self) -> ComplexArray:
-        """dZ/dOmega (P, H+1, m, m)."""
-        K: Array = self.matrices[1]
-        return K
-
-    @property
-    def dg(self) -> ComplexArray:
-        """dg/dOmega (P, H+1, m)."""
-        G: Array = self.constants[1]
-        return G
-
-
-def _inverse(G: ComplexArray) -> ComplexArray:
-    """Inverses of matrices (..., m, m); of one or two rows in closed form, for a fraction of the cost."""
-    if G.shape[-1] == 1:
-        return 1.0 / G
-    if G.shape[-1] > 2:
-        return np.linalg.inv(G)
-    a, b, c, d = (G[..., i, j] for i in (0, 1) for j in (0, 1))
-    out = np.empty_like(G)
-    out[..., 0, 0], out[..., 0, 1], out[..., 1, 0], out[..., 1, 1] = d, -b, -c, a
-    out /= (a * d - b * c)[..., None, None]
-    return out
 
 
 def _dense(A: object) -> Array:
@@ -160,6 +141,7 @@ class Structure:
             self.M, self.K = M, K + Ws @ scipy.sparse.diags_array(self.kr) @ Ws.T
             self.C = C + Ws @ scipy.sparse.diags_array(self.c) @ Ws.T
             self.modes: Modes | None = None
+            self.parted = False
             return
         self.M = _dense(system.M)
         self.C = _dense(system.C) + (self.W * self.c) @ self.W.T
@@ -167,10 +149,9 @@ class Structure:
         diagonal = np.abs(np.diag(self.M))
         self._scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=1.0) or 1.0))
         self._check_mass()
-        modes = self._close(system)
-        self._residues = (modes.output.T[:, :, None] * modes.input[:, None, :]).reshape(-1, self.m**2)
+        self._close(system)
 
-    def _close(self, system: System) -> Modes:
+    def _close(self, system: System) -> None:
         """Close the structure by the reference springs and decompose it.
 
         With some springs two poles meet and their modes become one; other springs give other poles and the same
@@ -189,7 +170,6 @@ class Structure:
                 break
         assert modes is not None
         self.modes, self.parted = modes, part > 0
-        return modes
 
     @property
     def modal(self) -> bool:
@@ -302,33 +282,16 @@ class Structure:
             x = scipy.linalg.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
         return x
 
-    def resolvent(self, w: Array) -> ComplexArray | None:
-        """1 / (i w - pole) of every pole, (..., r), at frequencies w (...); None unless `modal`."""
-        return 1.0 / (1j * w[..., None] - self.modes.poles) if self.modes is not None and self.modal else None
-
-    def receptances(self, w: Array, resolvent: ComplexArray | None = None) -> tuple[ComplexArray, ComplexArray]:
-        """G(w) and dG/dw, (..., m, m) each, at frequencies w (...), of which the resolvent may be known."""
-        if resolvent is None:
-            resolvent = self.resolvent(w)
+    def receptances(self, w: Array) -> tuple[ComplexArray, ComplexArray]:
+        """G(w) and dG/dw, (..., m, m) each, at frequencies w (...), by one factorisation each."""
+        Q, dQ = self._direct(w.ravel(), np.broadcast_to(self.W, (w.size, *self.W.shape)))
         shape = (*w.shape, self.m, self.m)
-        if resolvent is None:
-            Q, dQ = self._direct(w.ravel(), np.broadcast_to(self.W, (w.size, *self.W.shape)))
-            return (self.W.T @ Q).reshape(shape), (self.W.T @ dQ).reshape(shape)
-        slope = -1j * ((resolvent * resolvent) @ self._residues)
-        return (resolvent @ self._residues).reshape(shape), slope.reshape(shape)
+        return (self.W.T @ Q).reshape(shape), (self.W.T @ dQ).reshape(shape)
 
-    def drive(self, F: ComplexArray) -> ComplexArray | None:
-        """What `response` needs of a load F (n,): its share in each mode times what the elements feel of it, (r, m)."""
-        return (self.modes.output * (self.modes.left @ F)).T if self.modes is not None and self.modal else None
-
-    def response(
-        self, w: Array, F: ComplexArray, drive: ComplexArray | None, resolvent: ComplexArray | None
-    ) -> tuple[ComplexArray, ComplexArray]:
-        """W^T D(w)^-1 F and its derivative in w, (P, m) each, at w (P,) for a load F (n,) with its `drive`."""
-        if drive is None or resolvent is None:
-            Q, dQ = self._direct(w, np.broadcast_to(F[:, None], (len(w), self.n, 1)))
-            return (self.W.T @ Q)[..., 0], (self.W.T @ dQ)[..., 0]
-        return resolvent @ drive, -1j * ((resolvent * resolvent) @ drive)
+    def response(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """W^T D(w)^-1 F and its derivative in w, (P, m) each, at w (P,) for a load F (n,)."""
+        Q, dQ = self._direct(w, np.broadcast_to(F[:, None], (len(w), self.n, 1)))
+        return (self.W.T @ Q)[..., 0], (self.W.T @ dQ)[..., 0]
 
     def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """D(w)^-1 F and its derivative in w for F (K, n, c), by one factorisation each."""
@@ -341,12 +304,11 @@ class Structure:
 
 
 class _LoadPart(NamedTuple):
-    """One harmonic Omega^power Re(amplitudes exp(i order tau)) of a load, amplitudes (n,), and its `drive`."""
+    """One harmonic Omega^power Re(amplitudes exp(i order tau)) of a load, amplitudes (n,)."""
 
     power: int
     order: int
     amplitudes: ComplexArray
-    drive: ComplexArray | None
 
 
 class Receptance:
@@ -357,6 +319,10 @@ class Receptance:
     structure : `Structure`.
     system : the system, for its loads and prescribed displacements.
     H, nu : harmonics of the basis and its subharmonic order.
+
+    Attributes
+    ----------
+    numbers : the same for kernels; without poles where receptances are solved for directly.
     """
 
     def __init__(self, structure: Structure, system: System, H: int, nu: int) -> None:
@@ -366,15 +332,28 @@ class Receptance:
         for j, element in enumerate(system.elements):
             c = to_complex(stretch(element.displacement.row(), nu))[: H + 1]
             self.e[: len(c), j] = c
-        self.ratio = self.k / nu
-        self._springs = np.diag(structure.kr)
-        self._moved = bool(self.e.any())
-        self._sprung, self._damped = structure.kr * self.e, 1j * structure.c * self.e
         self._loads: list[_LoadPart] = []
         for load in system.loads:
             for order, amplitudes in load.complex(system.n).items():
                 if order * nu <= H:
-                    self._loads.append(_LoadPart(load.power, order, amplitudes, structure.drive(amplitudes)))
+                    self._loads.append(_LoadPart(load.power, order, amplitudes))
+        self.numbers = self._numbers()
+
+    def _numbers(self) -> Linear:
+        structure, m = self.structure, self.structure.m
+        poles, residues = np.empty(0, dtype=complex), np.empty((0, m * m), dtype=complex)
+        drive = np.empty((len(self._loads), m, 0), dtype=complex)
+        if structure.modal and structure.modes is not None:
+            modes = structure.modes
+            poles = modes.poles
+            residues = (modes.output.T[:, :, None] * modes.input[:, None, :]).reshape(len(poles), m * m)
+            each = [modes.output * (modes.left @ load.amplitudes) for load in self._loads]
+            drive = np.array(each, dtype=complex).reshape(len(each), m, len(poles))
+        loads = np.array([(load.power, load.order * self.nu) for load in self._loads], dtype=np.int64).reshape(-1, 2)
+        return Linear(
+            in_two(poles), in_two(residues.T), np.array([structure.kr, structure.c]), self.e, loads, in_two(drive),
+            int(self.nu),
+        )  # fmt: skip
 
     def loads(self, Omega: float) -> ComplexArray:
         """Load harmonics (H+1, n) at Omega."""
@@ -385,37 +364,35 @@ class Receptance:
 
     def at(self, Omega: float) -> LinearPart:
         """Z_k, g_k and their derivatives in Omega."""
-        found = self.at_all(np.array([Omega]))
-        return LinearPart(found.matrices[:, 0], found.constants[:, 0])
+        out = LinearPart.zero(self.H, self.structure.m)
+        if self.structure.modal:
+            from hbgear.harmonic.assembly import linear_part
 
-    def at_all(self, Omega: Array) -> LinearPart:
-        """The same at many frequencies (P,)."""
-        s, ratio, m, P = self.structure, self.ratio, self.structure.m, len(Omega)
-        w = Omega[:, None] * ratio
-        matrices = np.empty((2, P, self.H + 1, m, m), dtype=complex)
-        constants = np.zeros((2, P, self.H + 1, m), dtype=complex)
-        resolvent = s.resolvent(w)
-        G, dG = s.receptances(w, resolvent)
-        Y, dY = matrices
-        slope = dG * -ratio[:, None, None]
-        Y[:] = _inverse(G)
-        dY[:] = slope * Y * Y if m == 1 else Y @ slope @ Y
-        if self._moved:
-            constants[:] = (matrices @ self.e[..., None])[..., 0]
-            constants[0] -= self._sprung + w[..., None] * self._damped
-            constants[1] -= ratio[:, None] * self._damped
+            linear_part(self.numbers, float(Omega), *out)
+        else:
+            self._directly(Omega, out)
+        return out
+
+    def _directly(self, Omega: float, out: LinearPart) -> None:
+        """The same by solving for the receptances."""
+        s, ratio = self.structure, self.k / self.nu
+        w = Omega * ratio
+        G, dG = s.receptances(w)
+        Y, dY = out.matrices
+        Y[:] = np.linalg.inv(G)
+        dY[:] = Y @ (dG * -ratio[:, None, None]) @ Y
+        constants = out.constants
+        constants[:] = (out.matrices @ self.e[..., None])[..., 0]
+        constants[0] -= (s.kr + 1j * w[:, None] * s.c) * self.e
+        constants[1] -= 1j * ratio[:, None] * s.c * self.e
         for part in self._loads:
             k, order, power = part.order * self.nu, part.order, part.power
-            y, dy = s.response(w[:, k], part.amplitudes, part.drive, None if resolvent is None else resolvent[:, k])
-            change = order * dy
-            if power:
-                growth = (Omega**power)[:, None]
-                change = growth * change + power * (Omega ** (power - 1))[:, None] * y
-                y = growth * y
-            constants[:, :, k] -= (matrices[:, :, k] @ y[..., None])[..., 0]
-            constants[1, :, k] -= (Y[:, k] @ change[..., None])[..., 0]
-        Y -= self._springs
-        return LinearPart(matrices, constants)
+            (y,), (dy,) = s.response(w[k : k + 1], part.amplitudes)
+            growth = Omega**power
+            change = growth * order * dy + (power * Omega ** (power - 1) * y if power else 0.0)
+            constants[0, k] -= Y[k] @ (growth * y)
+            constants[1, k] -= dY[k] @ (growth * y) + Y[k] @ change
+        Y -= np.diag(s.kr)
 
     def motion(self, Omega: float, d: ComplexArray, f: ComplexArray) -> ComplexArray:
         """Harmonics q_k (H+1, n) of all coordinates from those of the gaps d and of the law forces f, (H+1, m) each.

@@ -27,7 +27,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import bordered, norm
 from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, bends, null_vectors, sides
 from hbgear.continuation.differences import STEP, in_parameter
-from hbgear.continuation.problem import AnyProblem, linearise, linearise_all
+from hbgear.continuation.problem import AnyProblem, linearise
 from hbgear.mechanics.fourier import waves
 
 
@@ -217,8 +217,11 @@ class Peak(Augmented):
         z = scipy.linalg.lu_solve(lu, np.append(slope, 0.0), trans=1)[:n]
         h = STEP * max(1e-3, norm(X)) / max(norm(t), 1e-12)
         u = np.append(X, here[self.parameter])
-        side = linearise_all(self.problem, np.array([u + h * t, u - h * t]), self.parameter, here)
-        bend = z @ np.column_stack([side.dR_dX[0] - side.dR_dX[1], side.dR_dp[0] - side.dR_dp[1]]) / (2 * h)
+        plus, minus = (
+            linearise(self.problem, v[:-1], self.parameter, {**here, self.parameter: float(v[-1])})
+            for v in (u + h * t, u - h * t)
+        )
+        bend = z @ np.column_stack([plus.dR_dX - minus.dR_dX, plus.dR_dp - minus.dR_dp]) / (2 * h)
         weight = base.weight
         g_X, g_p = weight * (self.S * t[:n] - bend[:n]), -weight * float(bend[n])
         if not name:

@@ -14,7 +14,7 @@ from hbgear.mechanics.fourier import to_real
 
 def guesses(compiled: Compiled, Omega: float) -> Iterator[Array]:
     """Linear responses about the static states that Newton finds with harmonic 0 alone, from several sides."""
-    linear = compiled.receptance.at(Omega)
+    linear = compiled.linear(Omega)
     reach = np.array([max(np.abs(law.breakpoints), default=1.0) or 1.0 for law in compiled.laws])
     reach *= _pushed(compiled.laws, linear)
     for side in (1.5, -1.5, 0.0, 4.0, -4.0):

@@ -1,0 +1,231 @@
+"""Kernels: the balance of one motion, its residual, Jacobian and derivative in Omega.
+
+    R_k(d) = Z_k(Omega) d_k + g_k(Omega) + f_k(d) = 0,   k = 0..H
+
+in the real basis (a0, a1, b1, ..., aH, bH) of each element: with the two-sided coefficients kappa = r + i s,
+
+    T[a_k, a_l] = r_{k-l} + r_{k+l},   T[a_k, b_l] = s_{k-l} - s_{k+l},
+    T[b_k, b_l] = r_{k-l} - r_{k+l},   T[b_k, a_l] = -s_{k-l} - s_{k+l}
+
+is the matrix of the product with kappa, r_{-n} = r_n and s_{-n} = -s_n; row 0 is the half of a_0's.
+
+The linear part comes from the poles of the structure, G(w) = sum_r a_r b_r^T / (i w - lambda_r); see `receptance`.
+
+References
+----------
+Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https://doi.org/10.1007/978-3-030-14023-6.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.compiling import kernel
+from hbgear.harmonic.projection import projected
+
+
+@kernel
+def receptance(linear: Any, w: float, G: Any, dG: Any) -> None:
+    """G (m, m) and dG/dw at a frequency."""
+    m, r = G.shape[0], linear.poles.shape[1]
+    for i in range(m):
+        for j in range(m):
+            G[i, j], dG[i, j] = _modal_sum(linear.poles, linear.residues[i * m + j], w, r)
+
+
+@kernel
+def _modal_sum(poles: Any, residues: Any, w: float, r: int) -> tuple[complex, complex]:
+    """sum_k residue_k / (i w - pole_k), and its derivative in w."""
+    x = y = u = v = 0.0
+    for k in range(r):
+        a, b = -poles[0, k], w - poles[1, k]
+        size = 1.0 / (a * a + b * b)
+        a, b = a * size, -b * size  # 1 / (i w - pole)
+        p, q = residues[0, k] * a - residues[1, k] * b, residues[0, k] * b + residues[1, k] * a
+        x, y = x + p, y + q
+        u, v = u + p * a - q * b, v + p * b + q * a
+    return complex(x, y), complex(v, -u)
+
+
+@kernel
+def inverse(A: Any, out: Any) -> None:
+    """A^-1 (m, m) complex, by Gauss and Jordan with exchanges of rows; A is lost."""
+    m = A.shape[0]
+    for i in range(m):
+        for j in range(m):
+            out[i, j] = 1.0 if i == j else 0.0
+    for j in range(m):
+        p = j
+        for i in range(j + 1, m):
+            if abs(A[i, j]) > abs(A[p, j]):
+                p = i
+        for k in range(m):
+            A[j, k], A[p, k] = A[p, k], A[j, k]
+            out[j, k], out[p, k] = out[p, k], out[j, k]
+        pivot = 1.0 / A[j, j]
+        for k in range(m):
+            A[j, k] *= pivot
+            out[j, k] *= pivot
+        for i in range(m):
+            f = A[i, j]
+            if i != j and f != 0.0:
+                for k in range(m):
+                    A[i, k] -= f * A[j, k]
+                    out[i, k] -= f * out[j, k]
+
+
+@kernel
+def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> None:
+    """Z and dZ/dOmega (2, H + 1, m, m), g and dg/dOmega (2, H + 1, m)."""
+    H, m, nu = matrices.shape[1] - 1, matrices.shape[2], linear.nu
+    G, dG = np.empty((m, m), dtype=np.complex128), np.empty((m, m), dtype=np.complex128)
+    for k in range(H + 1):
+        ratio = k / nu
+        w, Y, dY = Omega * ratio, matrices[0, k], matrices[1, k]
+        receptance(linear, w, G, dG)
+        inverse(G, Y)
+        _change(Y, dG, -ratio, dY)
+        for i in range(m):
+            e = linear.moved[k, i]
+            constants[0, k, i] = -(linear.springs[0, i] + 1j * w * linear.springs[1, i]) * e
+            constants[1, k, i] = -1j * ratio * linear.springs[1, i] * e
+            for j in range(m):
+                constants[0, k, i] += Y[i, j] * linear.moved[k, j]
+                constants[1, k, i] += dY[i, j] * linear.moved[k, j]
+    for n in range(linear.loads.shape[0]):
+        _add_load(linear, Omega, n, matrices, constants)
+    for k in range(H + 1):
+        for i in range(m):
+            matrices[0, k, i, i] -= linear.springs[0, i]
+
+
+@kernel
+def _change(Y: Any, dG: Any, factor: float, dY: Any) -> None:
+    """dY = factor Y dG Y."""
+    m = Y.shape[0]
+    for i in range(m):
+        for j in range(m):
+            total = 0j
+            for k in range(m):
+                for n in range(m):
+                    total += Y[i, k] * dG[k, n] * Y[n, j]
+            dY[i, j] = factor * total
+
+
+@kernel
+def _add_load(linear: Any, Omega: float, n: int, matrices: Any, constants: Any) -> None:
+    """Add the response to load number n: -Y y with its derivative."""
+    power, k, m = linear.loads[n, 0], linear.loads[n, 1], matrices.shape[2]
+    ratio, r = k / linear.nu, linear.poles.shape[1]
+    for j in range(m):
+        y, dy = _modal_sum(linear.poles, linear.drive[n, j], Omega * ratio, r)
+        dy *= ratio
+        if power:
+            growth = Omega**power
+            y, dy = growth * y, growth * dy + power * Omega ** (power - 1) * y
+        for i in range(m):
+            constants[0, k, i] -= matrices[0, k, i, j] * y
+            constants[1, k, i] -= matrices[1, k, i, j] * y + matrices[0, k, i, j] * dy
+
+
+@kernel
+def assembled(numbers: Any, X: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
+    """R (n,), dR/dX (n, n) and dR/dOmega (n,) of a motion X (n,); the size of the terms of R."""
+    m = matrices.shape[2]
+    n = X.shape[0] // m
+    H = n // 2
+    rows = X.reshape(m, n)
+    kappa, chi, more = projected(numbers, rows, 2 * H)
+    size_f = _forces(rows, kappa, chi, R, J)
+    for j in range(m):
+        if numbers.laws.cubic[j, 1] != 0.0:
+            add_product(more[j], J[j * n : (j + 1) * n, j * n : (j + 1) * n])
+    size = size_f + _add_linear(rows, matrices, constants, R, J, dR)
+    return size if size > 0.0 else 1.0
+
+
+@kernel
+def _forces(rows: Any, kappa: Any, chi: Any, R: Any, J: Any) -> float:
+    """R = T(kappa) d + chi, J = T(kappa); the norm of R."""
+    m, n = rows.shape
+    J[:, :] = 0.0
+    total = 0.0
+    for j in range(m):
+        T = J[j * n : (j + 1) * n, j * n : (j + 1) * n]
+        add_product(kappa[j], T)
+        for a in range(n):
+            f = 0.0
+            for b in range(n):
+                f += T[a, b] * rows[j, b]
+            k = (a + 1) // 2
+            f += chi[j, k].real * (2.0 if a else 1.0) if a % 2 or a == 0 else -2.0 * chi[j, k].imag
+            R[j * n + a] = f
+            total += f * f
+    return math.sqrt(total)
+
+
+@kernel
+def add_product(kappa: Any, T: Any) -> None:
+    """Add the matrix of the product with kappa, in the real basis."""
+    H = T.shape[0] // 2
+    T[0, 0] += kappa[0].real
+    for k in range(1, H + 1):
+        r, s = kappa[k].real, kappa[k].imag
+        T[0, 2 * k - 1] += r
+        T[0, 2 * k] -= s
+        T[2 * k - 1, 0] += 2 * r
+        T[2 * k, 0] -= 2 * s
+    for k in range(1, H + 1):
+        for i in range(1, H + 1):
+            r, s = kappa[abs(k - i)].real, kappa[abs(k - i)].imag
+            if k < i:
+                s = -s
+            p, q = kappa[k + i].real, kappa[k + i].imag
+            T[2 * k - 1, 2 * i - 1] += r + p
+            T[2 * k - 1, 2 * i] += s - q
+            T[2 * k, 2 * i - 1] -= s + q
+            T[2 * k, 2 * i] += r - p
+
+
+@kernel
+def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
+    """Add Z d + g to R, Z to J; dR = dZ d + dg; the norms of Z d and g together."""
+    m, n = rows.shape
+    moved = held = 0.0
+    for k in range(matrices.shape[1]):
+        a, b = 2 * k - 1, 2 * k
+        for i in range(m):
+            zd = dzd = 0j
+            for j in range(m):
+                d = complex(rows[j, a], -rows[j, b]) if k else complex(rows[j, 0], 0.0)
+                Z = matrices[0, k, i, j]
+                zd += Z * d
+                dzd += matrices[1, k, i, j] * d
+                if k:
+                    J[i * n + a, j * n + a] += Z.real
+                    J[i * n + b, j * n + b] += Z.real
+                    J[i * n + a, j * n + b] += Z.imag
+                    J[i * n + b, j * n + a] -= Z.imag
+                else:
+                    J[i * n, j * n] += Z.real
+            g, dg = constants[0, k, i], dzd + constants[1, k, i]
+            moved += zd.real**2 + zd.imag**2
+            held += g.real**2 + g.imag**2
+            if k:
+                R[i * n + a] += zd.real + g.real
+                R[i * n + b] -= zd.imag + g.imag
+                dR[i * n + a], dR[i * n + b] = dg.real, -dg.imag
+            else:
+                R[i * n] += zd.real + g.real
+                dR[i * n] = dg.real
+    return math.sqrt(moved) + math.sqrt(held)
+
+
+@kernel
+def linearised(numbers: Any, u: Any, R: Any, J: Any, dR: Any, matrices: Any, constants: Any) -> float:
+    """`assembled` at u = (X, Omega) of a model with poles; matrices and constants are room for its linear part."""
+    linear_part(numbers.linear, u[u.shape[0] - 1], matrices, constants)
+    return assembled(numbers, u[: u.shape[0] - 1], matrices, constants, R, J, dR)

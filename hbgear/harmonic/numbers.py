@@ -1,0 +1,134 @@
+"""A model at one set of parameters as a table of numbers, the form in which kernels take it.
+
+Every law that is known here is, for each element, a sum of piecewise-linear springs with periodic stiffness and a
+cubic spring,
+
+    p(d, tau) = sum_s k_s(tau) (g0_s + s0_s d + sum_i D_si max(d - x_i, 0)) + k1 d + k3 d^3
+
+Laws that are not (a user's, or those that shall be sampled) leave nothing but their corners in the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.mechanics.fourier import stretch, to_complex
+from hbgear.mechanics.laws import Cubic, Law, Parallel, PiecewiseLinear
+
+
+class Laws(NamedTuple):
+    """Laws of m elements.
+
+    level, owner (K,) : the corners x of all laws, element after element, and the element each belongs to.
+    ramped (K,) : whether a spring of the table turns there.
+    of (S,), base (S, 2), series (S, L) : of each spring its element, s0 and g0, and the two-sided coefficients of its
+        stiffness at the basis harmonics shifts (L,), of which the first is 0.
+    at, part (R,), change (R,) : of each change of slope its corner, its spring and D.
+    cubic (m, 2) : k1 and k3.
+    """
+
+    level: Array
+    owner: np.ndarray
+    ramped: np.ndarray
+    of: np.ndarray
+    base: Array
+    shifts: np.ndarray
+    series: ComplexArray
+    at: np.ndarray
+    part: np.ndarray
+    change: Array
+    cubic: Array
+
+
+class Linear(NamedTuple):
+    """The linear part: poles (2, r) and residues (m m, 2, r), real and imaginary parts, of the receptance G.
+
+    springs (2, m) : reference stiffness and damping of the elements. moved (H + 1, m) : harmonics of the prescribed
+    displacements. loads (L, 2) : power of Omega and basis harmonic of each load; drive (L, m, 2, r) : residues of its
+    response. nu : subharmonic order.
+    """
+
+    poles: Array
+    residues: Array
+    springs: Array
+    moved: ComplexArray
+    loads: np.ndarray
+    drive: Array
+    nu: int
+
+
+class Numbers(NamedTuple):
+    """A model for kernels: its laws, its linear part, and the basis (2H + 1, N) on the grid of N samples."""
+
+    laws: Laws
+    linear: Linear
+    basis: Array
+
+
+def cubic_parts(law: Law) -> tuple[list[PiecewiseLinear], float, float] | None:
+    """Springs and k1, k3 of a law that is such a sum; None of any other."""
+    if type(law) is Cubic:
+        return [], law.k1, law.k3
+    if law.piecewise is not None:
+        return list(law.piecewise), 0.0, 0.0
+    if type(law) is not Parallel:
+        return None
+    springs: list[PiecewiseLinear] = []
+    k1 = k3 = 0.0
+    for part in law.laws:
+        found = cubic_parts(part)
+        if found is None:
+            return None
+        springs, k1, k3 = springs + found[0], k1 + found[1], k3 + found[2]
+    return springs, k1, k3
+
+
+def laws_of(laws: Sequence[Law], sampled: bool, nu: int) -> tuple[Laws, np.ndarray]:
+    """The table of laws, and the numbers of the elements whose laws it does not hold."""
+    known = [None if sampled else cubic_parts(law) for law in laws]
+    springs = [(j, spring) for j, parts in enumerate(known) if parts for spring in parts[0]]
+    rows = [_two_sided(spring.stiffness.row(), nu) for _, spring in springs]
+    shifts = sorted({0} | {k for row in rows for k in np.flatnonzero(row).tolist()})
+    series = np.zeros((len(springs), len(shifts)), dtype=complex)
+    for own, row in zip(series, rows, strict=True):
+        own[:] = [row[k] if k < len(row) else 0.0 for k in shifts]
+    level = np.concatenate([np.empty(0), *(law.breakpoints for law in laws)])
+    owner = np.repeat(np.arange(len(laws)), [len(law.breakpoints) for law in laws])
+    place = {(int(j), float(x)): i for i, (j, x) in enumerate(zip(owner, level, strict=True))}
+    base, ramps = np.zeros((len(springs), 2)), []
+    for s, (j, spring) in enumerate(springs):
+        g0, changes, corners = spring.ramps
+        base[s] = spring.slopes[0], g0
+        ramps += [(place[j, float(x)], s, float(D)) for x, D in zip(corners, changes, strict=True)]
+    at, part, change = (np.array(column) for column in zip(*ramps, strict=True)) if ramps else ([], [], [])
+    at = np.asarray(at, dtype=np.int64)
+    cubic = np.array([parts[1:] if parts else (0.0, 0.0) for parts in known]).reshape(len(laws), 2)
+    table = Laws(
+        level, owner.astype(np.int64), np.isin(np.arange(len(level)), at),
+        np.array([j for j, _ in springs], dtype=np.int64), base, np.array(shifts, dtype=np.int64), series,
+        at, np.asarray(part, dtype=np.int64), np.asarray(change, dtype=float), cubic,
+    )  # fmt: skip
+    return table, np.flatnonzero([parts is None for parts in known])
+
+
+def basis_of(H: int, N: int) -> Array:
+    """1, cos theta, sin theta, ..., sin H theta (2H + 1, N) at theta = 2 pi n / N."""
+    theta = 2 * np.pi * (np.arange(1, H + 1)[:, None] * np.arange(N) % N) / N
+    out = np.ones((2 * H + 1, N))
+    out[1::2], out[2::2] = np.cos(theta), np.sin(theta)
+    return out
+
+
+def in_two(z: ComplexArray) -> Array:
+    """Real and imaginary parts (..., 2, r) of (..., r)."""
+    return np.ascontiguousarray(np.stack([z.real, z.imag], axis=-2))
+
+
+def _two_sided(row: Array, nu: int) -> ComplexArray:
+    c = to_complex(stretch(row, nu))
+    c[1:] *= 0.5
+    return c

@@ -1,0 +1,71 @@
+"""Kernels: what is said of periodic motions beside their stability: reach, impact regime, truncation error.
+
+delta d_k = G_k f_k,   H < k <= 2H        the neglected force harmonics drive the closed structure
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.compiling import kernel
+from hbgear.harmonic.assembly import receptance
+from hbgear.harmonic.crossings import highest, sampled, waves_of
+from hbgear.harmonic.projection import projected
+
+
+@kernel
+def reach(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
+    """Clearances (P, 2 K) of the extrema from the corners, and numbers (P, m) of corners crossed, at most 2."""
+    laws = numbers.laws
+    samples, m = np.empty(numbers.basis.shape[1]), regime.shape[1]
+    regime[:, :] = 0
+    low = high = 0.0
+    for p in range(X.shape[0]):
+        rows, last = X[p].reshape(m, -1), -1
+        for i in range(laws.level.shape[0]):
+            j = laws.owner[i]
+            if j != last:
+                last, c = j, waves_of(rows[j])
+                sampled(rows[j], numbers.basis, samples)
+                low, high = -highest(c, samples, -1.0), highest(c, samples, 1.0)
+            clearance[p, 2 * i], clearance[p, 2 * i + 1] = low - laws.level[i], high - laws.level[i]
+            if low < laws.level[i] < high and regime[p, j] < 2:
+                regime[p, j] += 1
+
+
+@kernel
+def neglected(numbers: Any, X: Any, f: Any) -> None:
+    """One-sided force harmonics H+1..2H (P, m, H) of the laws of the table, in closed form."""
+    H, m = f.shape[2], f.shape[1]
+    for p in range(X.shape[0]):
+        rows = X[p].reshape(m, -1)
+        kappa, chi, _ = projected(numbers, rows, 3 * H)
+        for j in range(m):
+            c = waves_of(rows[j])
+            for k in range(H + 1, 2 * H + 1):
+                total = kappa[j, k] * c[0] + chi[j, k]
+                for n in range(1, H + 1):
+                    total += 0.5 * (kappa[j, k - n] * c[n] + kappa[j, k + n] * c[n].conjugate())
+                f[p, j, k - H - 1] = 2.0 * total
+
+
+@kernel
+def driven(linear: Any, Omega: Any, f: Any) -> Any:
+    """Root mean square (P,) of the motions that force harmonics H+1..2H (P, m, H) make the elements do."""
+    P, m, H = f.shape
+    G, dG = np.empty((m, m), dtype=np.complex128), np.empty((m, m), dtype=np.complex128)
+    out = np.empty(P)
+    for p in range(P):
+        total = 0.0
+        for k in range(H):
+            receptance(linear, Omega[p] * (H + 1 + k) / linear.nu, G, dG)
+            for i in range(m):
+                d = 0j
+                for j in range(m):
+                    d += G[i, j] * f[p, j, k]
+                total += d.real**2 + d.imag**2
+        out[p] = math.sqrt(0.5 * total)
+    return out

@@ -1,0 +1,165 @@
+"""Kernel: a stretch of a curve of periodic motions in Omega, row after row without Python.
+
+The rules are those of `hbgear.continuation.stepping`, the equations those of `hbgear.harmonic.assembly`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.compiling import kernel
+from hbgear.continuation.elimination import eliminate, length
+from hbgear.continuation.stepping import (
+    DONE,
+    FAILED,
+    GOOD,
+    HASTE,
+    SHARP,
+    judged,
+    next_step,
+    planes_normal,
+    predict,
+    verdict,
+)
+from hbgear.harmonic.assembly import linearised
+
+STOPPED, SINGULAR = 4, 5
+"""Why a step was refused, beside the verdicts of `stepping`."""
+
+
+@kernel
+def pursue(
+    numbers: Any, u: Any, t: Any, count: int, size: Any, step: float, span: Any, control: Any, tolerances: Any, rows: Any
+) -> tuple[int, float, int, float]:
+    """Follow the curve until rows are full, it leaves the span, or the shortest step fails.
+
+    Parameters
+    ----------
+    u, t : (history, n + 1) the last rows and their tangents, the newest first, ``count`` of them; overwritten.
+    size : (2,) largest motion so far, which is updated, and the span that the last unknown is scaled by.
+    span : (2,) ends of Omega; the row beyond one of them is the last. control : see `stepping.next_step`.
+    tolerances : of the residual, of the last Newton step, most iterations.
+    rows : (most, 2 (n + 1) + 4) u, tangent, step, orientation, iterations and residual of each new row, to be filled.
+
+    Returns
+    -------
+    Number of rows, the next step, why the last attempt was refused (`GOOD` if it was not), with its number.
+    """
+    n = u.shape[1] - 1
+    m = numbers.laws.cubic.shape[0]
+    H = (n // m) // 2
+    room = (
+        np.empty(n), np.empty((n, n)), np.empty(n),
+        np.zeros((2, H + 1, m, m), dtype=np.complex128), np.zeros((2, H + 1, m), dtype=np.complex128),
+    )  # fmt: skip
+    scale, normal, predicted = np.empty(n + 1), np.empty(n + 1), np.empty(n + 1)
+    found, direction, told = np.empty(n + 1), np.empty(n + 1), np.empty(3)
+    limits = np.empty(2)
+    limits[0] = control[2]
+    made, why, number = 0, GOOD, 0.0
+    while made < rows.shape[0]:
+        _rescale(u[0], size, m, scale)
+        planes_normal(t[0], scale, normal)
+        predict(u, t, count, scale, step, predicted)
+        why = _corrected(numbers, predicted, normal, tolerances, room, found, direction, told)
+        number, missed = told[2], 0.0
+        if why == GOOD:
+            limits[1] = control[4] if count > 1 and step > HASTE * control[0] else math.inf
+            why, turn, missed = verdict(found, direction, predicted, u[0], t[0], scale, step, limits)
+            number = missed if why == 3 else turn
+        if why != GOOD:
+            if step <= control[0]:
+                break
+            step = max(0.5 * step, control[0])
+            continue
+        _keep(rows[made], found, direction, step, told)
+        made += 1
+        count = min(count + 1, u.shape[0])
+        for k in range(count - 1, 0, -1):
+            u[k], t[k] = u[k - 1], t[k - 1]
+        u[0], t[0] = found, direction
+        step = next_step(step, told[1], turn, missed, control)
+        if not span[0] < found[n] < span[1]:
+            break
+    return made, step, why, number
+
+
+@kernel
+def _rescale(u: Any, size: Any, m: int, scale: Any) -> None:
+    """Scales of the unknowns: the largest motion so far, and the span."""
+    n = u.shape[0] - 1
+    whole = moving = 0.0
+    for i in range(n):
+        square = u[i] * u[i]
+        whole += square
+        if i % (n // m):
+            moving += square
+    size[0] = max(size[0], math.sqrt(moving))
+    floor = 1e-2 * math.sqrt(whole)
+    for i in range(n):
+        scale[i] = max(size[0], floor if floor > 0.0 else 1.0)
+    scale[n] = size[1]
+
+
+@kernel
+def _keep(row: Any, u: Any, t: Any, step: float, told: Any) -> None:
+    n = u.shape[0]
+    for i in range(n):
+        row[i], row[n + i] = u[i], t[i]
+    row[2 * n] = step
+    for k in range(3):
+        row[2 * n + 1 + k] = told[k]
+
+
+@kernel
+def _corrected(
+    numbers: Any, predicted: Any, normal: Any, tolerances: Any, room: Any, found: Any, direction: Any, told: Any
+) -> int:
+    """Newton on the plane through the prediction; told : sign of the determinant, iterations, residual."""
+    R, J, dR, matrices, constants = room
+    n = R.shape[0]
+    A, b, u = np.empty((n + 1, n + 1)), np.empty((n + 1, 2)), predicted.copy()
+    last = first = best = math.inf
+    most = int(tolerances[2])
+    for iteration in range(most + 2):
+        if not u[n] > 0.0:
+            return STOPPED
+        size = linearised(numbers, u, R, J, dR, matrices, constants)
+        residual = length(R) / size
+        off = 0.0
+        for i in range(n):
+            for j in range(n):
+                A[i, j] = J[i, j]
+            A[i, n], b[i, 0], b[i, 1] = dR[i], R[i], 0.0
+        for j in range(n + 1):
+            A[n, j] = normal[j]
+            off += normal[j] * (u[j] - predicted[j])
+        b[n, 0], b[n, 1] = off, 1.0
+        sign = eliminate(A, b)
+        if sign == 0:
+            return SINGULAR
+        moved = reached = 0.0
+        for i in range(n + 1):
+            moved += b[i, 0] ** 2
+            reached += (u[i] - b[i, 0]) ** 2
+        step = math.sqrt(moved / max(reached, 1e-300))
+        good, what = judged(
+            residual, step, last, first, best, iteration, tolerances[0], tolerances[1], most, SHARP
+        )
+        first, last = min(first, residual), step
+        if good:
+            best = residual
+            told[0], told[1], told[2] = sign, iteration, residual
+            for i in range(n + 1):
+                found[i], direction[i] = u[i], b[i, 1]
+        if what == FAILED:
+            told[2] = residual
+            return STOPPED
+        if what == DONE:
+            return GOOD
+        for i in range(n + 1):
+            u[i] -= b[i, 0]
+    return GOOD if best < math.inf else STOPPED
