@@ -23,8 +23,9 @@ from hbgear.continuation.problem import as_problem, linearise
 
 
 class Corrected(NamedTuple):
-    """A solution, the direction t of the curve there, A t = (0, ..., 0, 1) with A = [dR_dX dR_dp; normal^T], and the
-    sign of det A.
+    """A solution, the direction t of the curve there, and the sign of det A.
+
+    A t = (0, ..., 0, 1) with A = [dR_dX dR_dp; normal^T].
     """
 
     solution: Solution

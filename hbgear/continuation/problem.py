@@ -92,7 +92,9 @@ class Linearised(Protocol):
         """R, dR/dX, dR/dname (zeros if name is empty) and the size of the terms of R."""
 
 
-Pursuit: TypeAlias = Callable[[Array, Array, int, Array, float, Array, Array, Array, Array], tuple[int, float, int, float]]
+Pursuit: TypeAlias = Callable[
+    [Array, Array, int, Array, float, Array, Array, Array, Array], tuple[int, float, int, float]
+]
 """Follows a curve row after row by the rules of `hbgear.continuation.stepping`; arguments as of
 `hbgear.harmonic.pursuit.pursue` without the first."""
 

@@ -147,7 +147,8 @@ def next_step(step: float, iterations: int, turn: float, missed: float, control:
     by_turn = 0.5 * control[2] / max(turn, 0.1)
     by_miss = math.sqrt(0.5 * control[4] / max(missed, 1e-9))
     factor = min(2.0, max(0.5, min(by_newton, min(by_turn, by_miss))))
-    return min(control[1], max(control[0], factor * step))
+    length: float = min(control[1], max(control[0], factor * step))
+    return length
 
 
 @kernel

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.harmonic.modes import Parts, parts_of
 from hbgear.harmonic.numbers import Numbers, basis_of, laws_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
 from hbgear.harmonic.sampled import SampledLaws
@@ -54,6 +56,15 @@ class Compiled:
     def whole(self) -> bool:
         """Whether the numbers are all there is: kernels can do without Python."""
         return self.sampled is None and self.structure.modal
+
+    @cached_property
+    def parts(self) -> Parts:
+        """The modes as stability needs them."""
+        modes = self.structure.modes
+        assert modes is not None
+        alike = [(element.law, element.damping) for element in self.system.elements]
+        groups = np.array([alike.index(one) for one in alike])
+        return parts_of(modes.poles, modes.output, modes.input, groups)
 
     def linear(self, Omega: float) -> LinearPart:
         """Linear part at Omega; the last one is kept, for Newton at fixed Omega asks for it again and again."""

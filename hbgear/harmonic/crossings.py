@@ -211,7 +211,7 @@ def highest(c: Any, samples: Any, side: float) -> float:
     miss = 0.125 * step * step * bend_of(c)
     if not miss > 1e-14 * size:  # a constant has its extremum anywhere
         return side * samples[0]
-    top = most
+    top: float = most
     for n in range(N):
         if side * samples[n] < most - miss:
             continue

@@ -31,6 +31,7 @@ from hbgear.continuation.events import BranchPoint, Cusp, Event, Found, Turning,
 from hbgear.continuation.newton import NoConvergence, refine, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment
+from hbgear.harmonic.floquet import multipliers_of
 from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
 
 
@@ -293,14 +294,15 @@ def _of_rows(rows: Sequence[CurvePoint], name: str) -> Any:
 
 
 def _known(segment: Segment, row: CurvePoint) -> ComplexArray:
-    """Multipliers of a row, computed coarsely if they are not known."""
+    """Multipliers of a row, computed if they are not known."""
     known: ComplexArray | None = row.observed.get("multipliers")
     if known is not None:
         return known
     here = {**segment.parameters, segment.name: row.value}
     problem: Any = segment.problem  # a HarmonicBalance: these are its events
-    coarse: ComplexArray = problem.multipliers(row.X, points=8, width=1.0, **here)
-    return coarse
+    Omega = np.array([here.pop("Omega")])
+    fine: ComplexArray = multipliers_of(problem.compiled(here), row.X[None], Omega, points=8, width=1.0)[0]
+    return fine
 
 
 def _verdicts(mu: ComplexArray) -> tuple[np.ndarray, Array]:

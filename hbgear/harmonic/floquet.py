@@ -19,8 +19,11 @@ modulations at the nodes, u = D (R z_0 - A u), and
 
     z_1 = [e^{poles h} - B (1 + D A)^-1 D R] z_0
 
-A, R, B belong to a piece, D to a step; steps of all motions that share the model are computed at once. Where the state
-is large, several equal parts with a polynomial each make one step, for products of large matrices cost least.
+A, R, B belong to a piece, D to a step. The loops over pieces, steps and modes are those of `carrying`.
+
+Modes that no element excites or feels keep their poles as exponents, whatever the motion. Where elements are alike and
+move alike, modes in which they move together and against each other do not mix: each such part of the modes is carried
+by itself, at a fraction of the cost.
 
 Free motions (rigid rotation) carry the trivial multipliers +1 and are left out.
 
@@ -32,21 +35,18 @@ Hsu (1974), J. Math. Anal. Appl. 45, https://doi.org/10.1016/0022-247X(74)90112-
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.harmonic.collocation import gauss, moments
+from hbgear.harmonic.collocation import gauss
 from hbgear.harmonic.compiled import Compiled
-from hbgear.mechanics.fourier import derive, to_complex, to_real, waves
+from hbgear.harmonic.modes import Part
+from hbgear.harmonic.realbasis import derivative
+from hbgear.mechanics.fourier import evaluate
 
 _SHARE = 0.2  # longest step as a share of the excitation period, whatever the structure
-
-
-_COARSE = 32  # phases of an excitation period at which the modulations are looked at for their size
 
 
 _MOST_STEPS = 10_000  # of one period
@@ -55,10 +55,7 @@ _MOST_STEPS = 10_000  # of one period
 _LONG = 12.0  # periods in which the springs turn the inertia by more radians are cut into fewer steps of more points
 
 
-_ROOM = 1_000_000  # numbers that the matrices of the motions computed at once may have
-
-
-_CACHE = 16_000  # numbers in matrices of steps that stay close to the processor
+_ALIKE = 1e-12  # difference of the motions of two elements, relative, that is rounding
 
 
 def multipliers_of(
@@ -66,7 +63,7 @@ def multipliers_of(
 ) -> ComplexArray:
     """Floquet multipliers of P motions over their periods 2 pi nu / Omega, largest magnitude first.
 
-    They share the parameters of the model, and are computed together: far cheaper than one by one.
+    They share the parameters of the model.
 
     Parameters
     ----------
@@ -75,9 +72,9 @@ def multipliers_of(
     Omega : (P,) excitation frequencies.
     points : s, Gauss points per step; the scheme has order 2s. By default 6, or 10 where the period is long beside the
         motions the springs of the elements would excite, for fewer steps are then worth more points.
-    width : longest step (of a large structure: part of a step), in units of the time in which the stiffest spring of
-        the elements would turn the structure's inertia by one radian; by default s / 5, or with these 10 points 3.5.
-        None is longer than a fifth of the excitation period.
+    width : longest step, in units of the time in which the stiffest spring of the elements would turn the structure's
+        inertia by one radian; by default s / 5, or with these 10 points 3.5. None is longer than a fifth of the
+        excitation period.
 
     Returns
     -------
@@ -88,248 +85,96 @@ def multipliers_of(
     ValueError
         If the structure is too large for its modes to be computed, or a period takes too many steps.
     """
-    mu = np.linalg.eigvals(monodromies(compiled, X, Omega, points=points, width=width)).astype(complex)
+    structure = compiled.structure
+    if structure.modes is None:
+        raise ValueError(
+            f"stability needs the modes of the structure; {structure.n} coordinates are too many: "
+            "trace with stability=False or reduce the model"
+        )
+    X, Omega = np.ascontiguousarray(X), np.asarray(Omega, dtype=float)
+    parts = compiled.parts
+    alike = _alike(compiled, X) if len(parts.split) > 1 else np.zeros(len(X), dtype=bool)
+    mu = np.empty((len(X), parts.size), dtype=complex)
+    mu[:, : len(parts.idle)] = np.exp(parts.idle * (2 * np.pi * compiled.nu / Omega)[:, None])
+    for some, each in ((alike, parts.split), (~alike, (parts.whole,))):
+        if some.any():
+            at = len(parts.idle)
+            for part in each:
+                found = np.linalg.eigvals(monodromies(compiled, part, X[some], Omega[some], points, width))
+                mu[some, at : at + part.size] = found
+                at += part.size
     return mu[np.arange(len(mu))[:, None], np.argsort(-np.abs(mu), axis=-1, kind="stable")]
 
 
-def monodromies(
-    compiled: Compiled, X: Array, Omega: Array, *, points: int | None = None, width: float | None = None
-) -> Array:
-    """Real matrices (P, r, r) that carry a disturbance over one period, in real modal coordinates.
+def _alike(compiled: Compiled, X: Array) -> np.ndarray:
+    """Whether in each motion (P,) the elements that are alike move alike."""
+    rows = X.reshape(len(X), compiled.m, -1)
+    groups = compiled.parts.groups
+    apart = np.abs(rows - rows[:, groups]).max(axis=(1, 2))
+    alike: np.ndarray = apart <= _ALIKE * np.abs(rows).max(axis=(1, 2))
+    return alike
 
-    Parameters as of `multipliers_of`.
+
+def monodromies(
+    compiled: Compiled, part: Part, X: Array, Omega: Array, points: int | None, width: float | None
+) -> Array:
+    """Real matrices (P, r, r) that carry a disturbance of the modes of a part over one period.
+
+    Other parameters as of `multipliers_of`.
     """
-    if compiled.structure.modes is None:
-        raise ValueError(
-            f"stability needs the modes of the structure; {compiled.structure.n} coordinates are too many: "
-            "trace with stability=False or reduce the model"
+    from hbgear.harmonic import carrying
+
+    out = np.empty((len(X), part.size, part.size))
+    mobility, short = compiled.parts.mobility, points or 6
+    long = _LONG if points is None else np.inf
+    schemes = ((*gauss(short), width or short / 5.0), (*gauss(10), width or 3.5), long)
+    if compiled.sampled is None:
+        count = carrying.monodromies(
+            compiled.numbers, part.modes, X, Omega, mobility, schemes, _SHARE, float(_MOST_STEPS), out
         )
-    modes, kr = _halved(compiled.structure.modes), compiled.structure.kr
-    together = 1 + _ROOM // (4 * modes.size**2 + 20_000)
-    out = np.empty((len(X), modes.size, modes.size))
-    for some in (slice(i, i + together) for i in range(0, len(X), together)):
-        motions = _motions(compiled, X[some], Omega[some])
-        period, pace = 2 * np.pi / motions.omega, _pace(motions, modes, kr)
-        long = pace * period > (_LONG if points is None else np.inf)
-        if long.any() and not long.all():  # each part by its own scheme, so that no motion depends on its company
-            for part in (long, ~long):
-                out[some][part] = monodromies(compiled, X[some][part], Omega[some][part], width=width)
-            continue
-        s = points or (10 if long.any() else 6)
-        widest = width or (3.5 if long.any() else s / 5.0)
-        parts = max(1, modes.size // (2 * s * compiled.m))  # about half as many nodes in a step as states
-        longest = np.minimum(widest / pace, _SHARE * period / compiled.nu)
-        count = float(np.max(period / (parts * longest)))
-        if count > _MOST_STEPS:
-            raise ValueError(
-                f"stability would take {count:.2g} steps a period, for the springs are so fast beside Omega: give "
-                "another Omega, or trace with stability=False"
-            )
-        out[some] = _carried(motions, _steps(motions, parts * longest), modes, kr, s, parts)
+        _check_steps(count)
+        return out
+    for motion, frequency, matrix in zip(X, Omega.tolist(), out, strict=True):
+        _carried(compiled, part, motion, frequency, schemes, matrix)
     return out
 
 
-@dataclass(frozen=True)
-class _Motions:
-    """P motions of one model.
-
-    rows (P, 2 m, 2H + 1): real rows of d and d'; omega (P,): basis frequencies; nu and laws (m,): common to all;
-    motion, corner (R,): the motion and the phase of each instant at which an element crosses a corner of its law.
-    """
-
-    rows: Array
-    omega: Array
-    nu: int
-    laws: tuple[Any, ...]
-    motion: np.ndarray
-    corner: Array
-
-    def slopes(self, motion: np.ndarray, theta: Array) -> Array:
-        """dp/dd and dp/dv (2, S, T, m) along the motions number motion (S,), at phases theta (S, T) or (1, T)."""
-        shape, m, K = (len(motion), theta.shape[1]), len(self.laws), self.rows.shape[2]
-        basis = waves(theta, K // 2).view(float)[:, 1:]  # 1, cos theta, sin theta, cos 2 theta, ...
-        basis[:, 0] = 1.0
-        both = (basis.reshape(*theta.shape, K) @ self.rows[motion].transpose(0, 2, 1)).reshape(-1, 2 * m).T
-        tau = (self.nu * theta + np.zeros(shape)).ravel()
-        slopes = [law.force(d, v, tau)[1:] for law, d, v in zip(self.laws, both[:m], both[m:], strict=True)]
-        return np.array(slopes).reshape(m, 2, *shape).transpose(1, 2, 3, 0)
+def _check_steps(count: float) -> None:
+    if count:
+        raise ValueError(
+            f"stability would take {count:.2g} steps a period, for the springs are so fast beside Omega: give "
+            "another Omega, or trace with stability=False"
+        )
 
 
-def _motions(compiled: Compiled, X: Array, Omega: Array) -> _Motions:
-    P, omega = len(X), Omega / compiled.nu
-    rows = X.reshape(P, compiled.m, -1)
-    c = to_complex(rows)
-    both = np.concatenate([rows, to_real(omega[:, None, None] * derive(c))], axis=1)
-    return _Motions(both, omega, compiled.nu, compiled.laws, *_switching(compiled, c))
+def _carried(compiled: Compiled, part: Part, X: Array, Omega: float, schemes: Any, out: Array) -> None:
+    """`carrying.monodromies` of one motion of a model with laws of its own, which are asked for their slopes here."""
+    from hbgear.harmonic import carrying
+
+    numbers, nu, mobility = compiled.numbers, compiled.nu, compiled.parts.mobility
+    rows, omega = X.reshape(compiled.m, -1), Omega / nu
+    coarse = 2 * np.pi * np.arange(carrying.COARSE * nu) / (carrying.COARSE * nu)
+    largest = np.abs(_slopes(compiled, rows, omega, coarse)[0]).max(axis=1)
+    fast = max(carrying.pace(numbers, rows, mobility, nu), float(np.sqrt((mobility * largest).max())))
+    x, L, width = schemes[fast * 2 * np.pi / omega > schemes[2]]
+    longest = min(width * omega / max(fast, 1e-300), _SHARE * 2 * np.pi / nu)
+    _check_steps(2 * np.pi / longest if 2 * np.pi / longest > _MOST_STEPS else 0.0)
+    cut = carrying.pieces(carrying.corners(numbers, rows), longest)
+    start = np.concatenate([first + h * np.arange(int(n)) for first, h, n in cut])
+    theta = start[:, None] + np.repeat(cut[:, 1], cut[:, 2].astype(int))[:, None] * x
+    D = carrying.moduli(numbers, rows, part.modes.ports, cut, x)
+    dd, dv = _slopes(compiled, rows, omega, theta.ravel())[:, part.modes.ports].reshape(2, -1, *theta.shape)
+    D[0] += dd.transpose(1, 2, 0)
+    if dv.any():
+        D = np.concatenate([D, dv.transpose(1, 2, 0)[None]])
+    carrying.monodromy(part.modes, cut, omega, D, x, L, out)
 
 
-def _switching(compiled: Compiled, c: ComplexArray) -> tuple[np.ndarray, Array]:
-    """Motion and phase of every instant at which an element of the motions c (P, m, H + 1) crosses a corner."""
-    if not len(compiled.corner):
-        return np.zeros(0, dtype=int), np.empty(0)
-    found = [compiled.crossings(to_real(one).ravel()) for one in c]
-    motion = np.repeat(np.arange(len(c)), [len(one.theta) for one in found])
-    return motion, np.mod(np.concatenate([one.theta for one in found]), 2 * np.pi)
-
-
-def _pace(motions: _Motions, modes: _Modes, kr: Array) -> Array:
-    """How fast the modulations can turn the state of each motion [rad per unit of time], (P,).
-
-    The square is the largest of: inverse modal mass of an element times the largest stiffness of its law.
-    """
-    count = _COARSE * motions.nu
-    stiffness, _ = motions.slopes(np.arange(len(motions.rows)), 2 * np.pi * np.arange(count)[None] / count)
-    pace = np.sqrt((modes.mobility * np.maximum(kr, np.abs(stiffness).max(axis=1))).max(axis=-1))
-    return np.where(pace > 0, pace, 1.0)
-
-
-@dataclass(frozen=True)
-class _Modes:
-    """One mode of each conjugate pair, the pairs before the real modes.
-
-    poles (q,); output (m, q), doubled for pairs; input (q, m); mobility (m,), inverse modal masses of the elements;
-    pairs, their number. In real numbers the state is (Re z, Im z of the pairs).
-    """
-
-    poles: ComplexArray
-    output: ComplexArray
-    input: ComplexArray
-    mobility: Array
-    pairs: int
-
-    @property
-    def size(self) -> int:
-        """r, number of real coordinates."""
-        return len(self.poles) + self.pairs
-
-    def reading(self, C: ComplexArray) -> Array:
-        """Real matrices (..., r) of Re(C z), C (..., q)."""
-        return np.concatenate([C.real, -C.imag[..., : self.pairs]], axis=-1)
-
-    def driving(self, B: ComplexArray) -> Array:
-        """Real matrices (..., r, k) of z = B u, B (..., q, k)."""
-        return np.concatenate([B.real, B.imag[..., : self.pairs, :]], axis=-2)
-
-    def add_turn(self, out: Array, E: ComplexArray) -> None:
-        """Add the real matrices of z -> E z, E (S, q), to out (S, r, r)."""
-        q, r, turn = len(self.poles), self.size, E[:, : self.pairs]
-        flat = out.reshape(len(out), r * r)  # in which the entries (i, i + k) of a matrix lie r + 1 apart
-        flat[:, :: r + 1] += np.concatenate([E.real, turn.real], axis=1)
-        flat[:, q : self.pairs * r : r + 1] -= turn.imag
-        flat[:, q * r :: r + 1] += turn.imag
-
-
-def _halved(modes: Any) -> _Modes:
-    real = np.abs(modes.poles.imag) <= 1e-13 * np.abs(modes.poles).max(initial=0.0)
-    pairs = np.flatnonzero(~real & (modes.poles.imag > 0))
-    kept = np.concatenate([pairs, np.flatnonzero(real)])
-    mobility = np.abs((modes.output * modes.poles * modes.input.T).sum(axis=1))
-    output = modes.output[:, kept]
-    output[:, : len(pairs)] *= 2.0
-    return _Modes(modes.poles[kept], output, modes.input[kept], mobility, len(pairs))
-
-
-@dataclass(frozen=True)
-class _Steps:
-    """Steps of the periods of P motions: first the first step of each, then the second of those that have one, ...
-
-    motion, h (C,): of a piece, its motion and the duration of its steps; piece, start (S,): of a step, its piece and
-    the phase it begins at; rounds: where in them the first steps begin, the second, ..., and the end.
-    """
-
-    motion: np.ndarray
-    h: Array
-    piece: np.ndarray
-    start: Array
-    rounds: np.ndarray
-
-
-def _steps(motions: _Motions, longest: Array) -> _Steps:
-    """Steps of at most longest (P,), none across a corner."""
-    motion, theta, length = _pieces(motions)
-    omega = motions.omega[motion]
-    counts = np.maximum(1, np.ceil(length / omega / longest[motion] - 1e-9)).astype(int)
-    piece = np.repeat(np.arange(len(counts)), counts)
-    number = np.arange(len(piece))
-    start = theta[piece] + (length / counts)[piece] * (number - (np.cumsum(counts) - counts)[piece])
-    number -= np.searchsorted(motion[piece], motion[piece])  # in its motion, from 0
-    order = np.argsort(number, kind="stable")
-    rounds = np.concatenate([[0], np.cumsum(np.bincount(number))])
-    return _Steps(motion, length / counts / omega, piece[order], start[order], rounds)
-
-
-def _pieces(motions: _Motions) -> tuple[np.ndarray, Array, Array]:
-    """Motion, first phase and length of each smooth piece of the periods, (C,) each, motion after motion.
-
-    A period begins at its first corner, or else at 0: the multipliers do not depend on where it begins.
-    """
-    smooth = np.ones(len(motions.rows), dtype=bool)
-    smooth[motions.motion] = False
-    motion = np.concatenate([motions.motion, np.flatnonzero(smooth)])
-    theta = np.concatenate([motions.corner, np.zeros(smooth.sum())])
-    order = np.lexsort((theta, motion))
-    motion, theta = motion[order], theta[order]
-    first, last = (np.searchsorted(motion, np.arange(len(smooth)), side) for side in ("left", "right"))
-    end = np.concatenate([theta[1:], [0.0]])
-    end[last - 1] = theta[first] + 2 * np.pi
-    real = end - theta > 1e-13
-    return motion[real], theta[real], (end - theta)[real]
-
-
-def _carried(motions: _Motions, steps: _Steps, modes: _Modes, kr: Array, points: int, parts: int) -> Array:
-    """What becomes of all disturbances in a period: the matrices (P, r, r)."""
-    x, L = gauss(points)
-    motion, h = steps.motion[steps.piece], steps.h[steps.piece]
-    nodes = (np.arange(parts)[:, None] + x).ravel() / parts
-    D = motions.slopes(motion, steps.start[:, None] + (motions.omega[motion] * h)[:, None] * nodes)
-    D[0] -= kr
-    D = D.reshape(2, len(h), -1)[: 1 + np.any(D[1])]  # without dp/dv no velocity is asked for
-    A, R, B = _kernels(modes, steps.h / parts, x, L, len(D), parts)
-    feedback = sum(d[:, :, None] * a[steps.piece] for d, a in zip(D, A, strict=True))
-    inverse = np.linalg.inv(np.eye(D.shape[-1]) + feedback)
-    response = np.concatenate([inverse * -d[:, None, :] for d in D], axis=-1)
-    turn = np.exp(steps.h[:, None] * modes.poles)
-    total = np.zeros((len(motions.rows), modes.size, modes.size)) + np.eye(modes.size)
-    at_once = 1 + _CACHE // total.size
-    for first in range(0, len(steps.rounds) - 1, at_once):
-        rounds = steps.rounds[first : first + at_once + 1]
-        piece = steps.piece[rounds[0] : rounds[-1]]
-        step = B[piece] @ (response[rounds[0] : rounds[-1]] @ R[piece])
-        modes.add_turn(step, turn[piece])
-        for a, b in pairwise(rounds - rounds[0]):
-            on = steps.motion[piece[a:b]]
-            total[on] = step[a:b] @ total[on]
-    return total
-
-
-def _kernels(modes: _Modes, h: Array, x: Array, L: Array, orders: int, parts: int) -> tuple[Array, Array, Array]:
-    """A (orders, C, g s m, g s m), R (C, orders g s m, r), B (C, r, g s m) of steps of g parts of durations h (C,).
-
-    Rows are parts, nodes and elements, of displacements and, with orders = 2, of velocities.
-    """
-    own, nodes, push = _part(modes, h, x, L, orders)
-    turns = np.exp(h[:, None, None] * np.arange(parts)[:, None] * modes.poles)
-    R = modes.reading(nodes[:, :, None] * turns[:, None, :, None])
-    B = modes.driving(push[:, None] * turns[:, ::-1, :, None])
-    # a part acts on later ones through the state it leaves, on none before: A is block Toeplitz
-    later = R[:, :, :-1] @ B[:, None, -1:]
-    blocks = np.concatenate([own[:, :, None], later, np.zeros_like(own)[:, :, None]], axis=2)
-    lag = np.arange(parts)[:, None] - np.arange(parts)
-    A = blocks[:, :, np.where(lag < 0, parts, lag)].swapaxes(3, 4)
-    C, n = len(h), parts * push.shape[2]
-    B = np.ascontiguousarray(B.swapaxes(1, 2))  # as all three, or products with it would be slow
-    return A.reshape(C, orders, n, n).swapaxes(0, 1), R.reshape(C, orders * n, -1), B.reshape(C, -1, n)
-
-
-def _part(modes: _Modes, h: Array, x: Array, L: Array, orders: int) -> tuple[Array, ComplexArray, ComplexArray]:
-    """A (C, orders, s m, s m) and, complex, R (C, orders, s m, q) and B (C, q, s m) of one part of durations h (C,)."""
-    C, s, m, q = len(h), len(x), len(modes.output), len(modes.poles)
-    output = np.array([modes.output * modes.poles**k for k in range(orders)])
-    # integrals of the Lagrange polynomials up to each node and to the end, (s, C, s + 1, q)
-    powers = moments(modes.poles, h, np.append(x, 1.0), s)
-    integrals = (L @ powers.reshape(s, -1)).reshape(powers.shape)
-    residues = (output[:, :, None] * modes.input.T).reshape(-1, q).T
-    own = (integrals[:, :, :-1] @ residues).real.reshape(s, C, s, orders, m, m).transpose(1, 3, 2, 4, 0, 5)
-    nodes = np.exp(h[:, None, None] * x[:, None] * modes.poles)[:, None, :, None] * output[:, None]
-    push = (integrals[:, :, -1, :, None] * modes.input).transpose(1, 2, 0, 3)
-    return own.reshape(C, orders, s * m, s * m), nodes.reshape(C, orders, s * m, q), push.reshape(C, q, s * m)
+def _slopes(compiled: Compiled, rows: Array, omega: float, theta: Array) -> Array:
+    """dp/dd and dp/dv (2, m, T) of the sampled laws at phases theta of the basis; zero of all others."""
+    out = np.zeros((2, compiled.m, len(theta)))
+    assert compiled.sampled is not None
+    for law, j in zip(compiled.sampled.laws, compiled.sampled.elements, strict=True):
+        d, v = evaluate(rows[j], theta), evaluate(omega * derivative(rows[j][None])[0], theta)
+        out[:, j] = law.force(d, v, compiled.nu * theta)[1:]
+    return out

@@ -32,7 +32,16 @@ STOPPED, SINGULAR = 4, 5
 
 @kernel
 def pursue(
-    numbers: Any, u: Any, t: Any, count: int, size: Any, step: float, span: Any, control: Any, tolerances: Any, rows: Any
+    numbers: Any,
+    u: Any,
+    t: Any,
+    count: int,
+    size: Any,
+    step: float,
+    span: Any,
+    control: Any,
+    tolerances: Any,
+    rows: Any,
 ) -> tuple[int, float, int, float]:
     """Follow the curve until rows are full, it leaves the span, or the shortest step fails.
 
@@ -146,9 +155,7 @@ def _corrected(
             moved += b[i, 0] ** 2
             reached += (u[i] - b[i, 0]) ** 2
         step = math.sqrt(moved / max(reached, 1e-300))
-        good, what = judged(
-            residual, step, last, first, best, iteration, tolerances[0], tolerances[1], most, SHARP
-        )
+        good, what = judged(residual, step, last, first, best, iteration, tolerances[0], tolerances[1], most, SHARP)
         first, last = min(first, residual), step
         if good:
             best = residual

@@ -8,7 +8,6 @@ Cameron & Griffin (1989), J. Appl. Mech. 56(1), https://doi.org/10.1115/1.317603
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -80,7 +79,7 @@ def products(kappa: ComplexArray) -> Array:
     """Real matrices (s, 2H + 1, 2H + 1) of products with functions of two-sided coefficients 0..2H, (s, 2H + 1)."""
     from hbgear.harmonic.assembly import add_product
 
-    out: Any = np.zeros((len(kappa), kappa.shape[1], kappa.shape[1]))
+    out: Array = np.zeros((len(kappa), kappa.shape[1], kappa.shape[1]))
     for one, T in zip(np.ascontiguousarray(kappa), out, strict=True):
         add_product(one, T)
     return out

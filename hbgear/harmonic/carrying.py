@@ -1,0 +1,257 @@
+"""Kernels: what becomes of small disturbances of a periodic motion in a period. The method is told in `floquet`.
+
+In a step of length h from the state z_0 of the modes, with u = D d at s Gauss points,
+
+    d(c_i h) = output e^{poles c_i h} z_0 - sum_j A_ij u_j - rest u_i
+    A_ij = int_0^{c_i h} output e^{poles (c_i h - x)} input L_j(x) dx
+    z_1 = e^{poles h} z_0 - sum_j (int_0^h e^{poles (h - x)} input L_j(x) dx) u_j
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.compiling import kernel
+from hbgear.continuation.elimination import eliminate
+from hbgear.harmonic.crossings import waves_of
+from hbgear.harmonic.phi import integrals
+from hbgear.harmonic.projection import instants
+
+COARSE = 32  # phases of an excitation period at which the modulations are looked at for their size
+
+
+@kernel
+def corners(numbers: Any, rows: Any) -> Any:
+    """Phases in [0, 2 pi) at which any element crosses a corner of its law, ascending."""
+    theta, _, count, _ = instants(numbers, rows, False)
+    out, n = np.empty(count.sum()), 0
+    for i in range(count.shape[0]):
+        for j in range(count[i]):
+            at, k = theta[i, j] % (2 * math.pi), n
+            while k > 0 and out[k - 1] > at:
+                out[k] = out[k - 1]
+                k -= 1
+            out[k] = at
+            n += 1
+    return out
+
+
+@kernel
+def pieces(theta: Any, longest: float) -> Any:
+    """Smooth pieces of a period cut at phases theta into equal steps of at most ``longest`` radians.
+
+    A period begins at its first corner, or else at 0: the multipliers do not depend on where it begins.
+
+    Returns
+    -------
+    (C, 3): first phase, length of the steps in radians, number of steps of each piece.
+    """
+    n = theta.shape[0]
+    out, made = np.empty((max(n, 1), 3)), 0
+    for i in range(max(n, 1)):
+        start = theta[i] if n else 0.0
+        end = theta[i + 1] if i + 1 < n else 2 * math.pi + (theta[0] if n else 0.0)
+        width = end - start
+        if width > 1e-13:
+            steps = max(1.0, math.ceil(width / longest - 1e-9))
+            out[made, 0], out[made, 1], out[made, 2] = start, width / steps, steps
+            made += 1
+    return out[:made]
+
+
+@kernel
+def stiffness(laws: Any, c: Any, j: int, theta: float) -> float:
+    """dp/dd of element j, whose motion has the coefficients c, at a phase of the basis."""
+    z = complex(math.cos(theta), math.sin(theta))
+    p = 0j
+    for k in range(c.shape[0] - 1, 0, -1):
+        p = (p + c[k]) * z
+    d = c[0].real + p.real
+    total: float = laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * d * d
+    for s in range(laws.of.shape[0]):
+        if laws.of[s] != j:
+            continue
+        slope = laws.base[s, 0]
+        for r in range(laws.at.shape[0]):
+            if laws.part[r] == s and d > laws.level[laws.at[r]]:
+                slope += laws.change[r]
+        if slope != 0.0:
+            factor = laws.series[s, 0].real
+            for i in range(1, laws.shifts.shape[0]):
+                a = laws.series[s, i]
+                if a != 0.0:
+                    at = laws.shifts[i] * theta
+                    factor += 2 * (a.real * math.cos(at) - a.imag * math.sin(at))
+            total += factor * slope
+    return total
+
+
+@kernel
+def pace(numbers: Any, rows: Any, mobility: Any, nu: int) -> float:
+    """How fast the modulations can turn the state [rad per unit of time], 0 without any.
+
+    The square is the largest of: inverse modal mass of an element times the largest stiffness of its law.
+    """
+    most, count = 0.0, COARSE * nu
+    for j in range(rows.shape[0]):
+        c, k = waves_of(rows[j]), numbers.linear.springs[0, j]
+        for n in range(count):
+            k = max(k, abs(stiffness(numbers.laws, c, j, 2 * math.pi * n / count)))
+        most = max(most, mobility[j] * k)
+    return math.sqrt(most)
+
+
+@kernel
+def moduli(numbers: Any, rows: Any, ports: Any, cut: Any, x: Any) -> Any:
+    """D = dp/dd - kr (1, steps, s, g) at the Gauss points x of all steps of a period, for the elements of the ports."""
+    steps = int(cut[:, 2].sum())
+    D, first = np.empty((1, steps, x.shape[0], ports.shape[0])), 0
+    for p in range(ports.shape[0]):
+        j, first = ports[p], 0
+        c, kr = waves_of(rows[j]), numbers.linear.springs[0, j]
+        for i in range(cut.shape[0]):
+            for n in range(int(cut[i, 2])):
+                for k in range(x.shape[0]):
+                    D[0, first, k, p] = stiffness(numbers.laws, c, j, cut[i, 0] + cut[i, 1] * (n + x[k])) - kr
+                first += 1
+    return D
+
+
+@kernel
+def monodromy(modes: Any, cut: Any, omega: float, D: Any, x: Any, L: Any, out: Any) -> None:
+    """Put the real matrix (r, r) that carries a disturbance over a period in out.
+
+    D (orders, steps, s, g): dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps.
+    """
+    s, g, q, r, orders = x.shape[0], modes.output.shape[0], modes.poles.shape[0], out.shape[0], D.shape[0]
+    ends, state = np.append(x, 1.0), np.zeros((2 * q, r))
+    for k in range(q):
+        state[k, k] = 1.0
+    for k in range(r - q):
+        state[q + k, q + k] = 1.0
+    turns, parts = np.empty((s + 1, q), dtype=np.complex128), np.empty((s, s + 1, q), dtype=np.complex128)
+    work = np.empty((s + 2, (s + 1) * q), dtype=np.complex128)
+    A, R = np.empty((orders, s * g, s * g)), np.empty((orders, s * g, 2 * q))
+    B = np.empty((2 * q, s * g))
+    u, felt = np.empty((s * g, r)), np.empty((orders, s * g, r))
+    step = 0
+    for i in range(cut.shape[0]):
+        integrals(modes.poles, cut[i, 1] / omega, ends, L, turns, parts, work)
+        _tables(modes, turns, parts, A, R, B)
+        for _ in range(int(cut[i, 2])):
+            for o in range(orders):
+                _product(R[o], state, felt[o])
+            _answer(A, D[:, step], felt, u)
+            _turned(turns[s], state)
+            _push(B, u, state)
+            step += 1
+    for k in range(r):
+        for n in range(r):
+            out[k, n] = state[k, n]
+
+
+@kernel
+def _tables(modes: Any, turns: Any, parts: Any, A: Any, R: Any, B: Any) -> None:
+    """A, R and B of a step: rows and columns are Gauss points and ports; modes are in real numbers."""
+    s, g, q, orders = turns.shape[0] - 1, modes.output.shape[0], modes.poles.shape[0], A.shape[0]
+    A[:, :, :] = 0.0
+    for o in range(orders):
+        for p in range(g):
+            for k in range(q):
+                w = modes.output[p, k] * (modes.poles[k] if o else 1.0)
+                for i in range(s):
+                    felt = w * turns[i, k]
+                    R[o, i * g + p, k], R[o, i * g + p, q + k] = felt.real, -felt.imag
+                    for e in range(g):
+                        both = w * modes.input[k, e]
+                        for j in range(s):
+                            part = parts[j, i, k]
+                            A[o, i * g + p, j * g + e] += both.real * part.real - both.imag * part.imag
+            if o == 0:
+                for i in range(s):
+                    for e in range(g):
+                        A[0, i * g + p, i * g + e] += modes.rest[p, e]
+    for k in range(q):
+        for j in range(s):
+            for p in range(g):
+                pushed = parts[j, s, k] * modes.input[k, p]
+                B[k, j * g + p], B[q + k, j * g + p] = pushed.real, pushed.imag
+
+
+@kernel
+def _product(A: Any, B: Any, out: Any) -> None:
+    for i in range(A.shape[0]):
+        out[i, :] = 0.0
+        for k in range(A.shape[1]):
+            a = A[i, k]
+            if a != 0.0:
+                for j in range(B.shape[1]):
+                    out[i, j] += a * B[k, j]
+
+
+@kernel
+def _answer(A: Any, D: Any, felt: Any, u: Any) -> None:
+    """u from (1 + D A) u = D R z_0."""
+    n, r = u.shape
+    g = D.shape[2]
+    M = np.zeros((n, n))
+    for i in range(n):
+        M[i, i] = 1.0
+        u[i, :] = 0.0
+        for o in range(D.shape[0]):
+            d = D[o, i // g, i % g]
+            if d != 0.0:
+                for j in range(n):
+                    M[i, j] += d * A[o, i, j]
+                for j in range(r):
+                    u[i, j] += d * felt[o, i, j]
+    eliminate(M, u)
+
+
+@kernel
+def _turned(turn: Any, state: Any) -> None:
+    """e^{poles h} z in the place of z."""
+    q = turn.shape[0]
+    for k in range(q):
+        a, b = turn[k].real, turn[k].imag
+        for j in range(state.shape[1]):
+            x, y = state[k, j], state[q + k, j]
+            state[k, j], state[q + k, j] = a * x - b * y, b * x + a * y
+
+
+@kernel
+def _push(B: Any, u: Any, state: Any) -> None:
+    for k in range(B.shape[0]):
+        for i in range(B.shape[1]):
+            b = B[k, i]
+            if b != 0.0:
+                for j in range(u.shape[1]):
+                    state[k, j] -= b * u[i, j]
+
+
+@kernel
+def monodromies(
+    numbers: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, share: float, most: float, out: Any
+) -> float:
+    """Matrices (P, r, r) of motions X (P, n) at Omega (P,) of a model whose laws are all in the table.
+
+    schemes : for a motion whose period the springs turn by few radians and for a long one, (x, L, width), and the
+    radians between. Returns 0, or the number of steps of a period if it exceeds ``most``.
+    """
+    nu = numbers.linear.nu
+    for p in range(X.shape[0]):
+        rows, omega = X[p].reshape(mobility.shape[0], -1), Omega[p] / nu
+        fast = pace(numbers, rows, mobility, nu)
+        turned = fast * 2 * math.pi / omega
+        x, L, width = schemes[0] if turned <= schemes[2] else schemes[1]
+        longest = min(width * omega / max(fast, 1e-300), share * 2 * math.pi / nu)
+        count: float = 2 * math.pi / longest
+        if count > most:
+            return count
+        cut = pieces(corners(numbers, rows), longest)
+        D = moduli(numbers, rows, modes.ports, cut, x)
+        monodromy(modes, cut, omega, D, x, L, out[p])
+    return 0.0
