@@ -67,18 +67,19 @@ def solve_signed(A: Matrix, b: Array) -> tuple[Array, int]:
     numpy.linalg.LinAlgError
         If A is singular.
     """
-    if dense(A) and len(A) <= _SMALL:
+    if dense(A) and len(A) <= SMALL:
         from hbgear.continuation.elimination import eliminate
 
         x = b.copy()
-        sign = eliminate(A.copy(), x)
+        sign = eliminate(np.array(A, order="C"), x)
         if not sign or not math.isfinite(x.sum()):
             raise np.linalg.LinAlgError("singular matrix")
         return x, sign
     return solve_linear(A, b), -1 if slogdet(A)[0] < 0 else 1
 
 
-_SMALL = 100  # rows up to which plain loops are as fast as LAPACK
+SMALL = 100
+"""Rows up to which plain loops are as fast as LAPACK."""
 
 
 class Factors:

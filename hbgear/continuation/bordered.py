@@ -40,7 +40,7 @@ import scipy  # its parts are imported when they are first used
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
-from hbgear.continuation.algebra import Factors, Matrix, bordered, dense, norm, slogdet
+from hbgear.continuation.algebra import SMALL, Factors, Matrix, bordered, dense, norm, slogdet, solve_signed
 from hbgear.continuation.branch import Point
 from hbgear.continuation.differences import STEP, in_parameter
 from hbgear.continuation.problem import AnyProblem, Evaluation, FullProblem, as_problem, linearise
@@ -280,10 +280,13 @@ _STEADY = 1e-15  # one minus the cosine of the angle by which the vectors still 
 
 def null_vectors(A: Matrix, b: Array, c: Array) -> tuple[Array, Array, float]:
     """v, w and g of a matrix with borders b and c; see the module."""
-    lu = Factors(bordered(A, b, c))
-    e = np.zeros(len(b) + 1)
+    B, e = bordered(A, b, c), np.zeros((len(b) + 1, 1))
     e[-1] = 1.0
-    right, left = lu.solve(e), lu.solve(e, transposed=True)
+    if dense(B) and len(B) <= SMALL:
+        right, left = (solve_signed(one, e)[0][:, 0] for one in (B, B.T))
+    else:
+        lu = Factors(B)
+        right, left = lu.solve(e[:, 0]), lu.solve(e[:, 0], transposed=True)
     return right[:-1], left[:-1], float(right[-1])
 
 

@@ -400,7 +400,6 @@ def _members(ability: type) -> list[str]:
     return [name for name in {**vars(ability), **ability.__annotations__} if not name.startswith("_")]
 
 
-@checked_arguments()
 def as_problem(problem: AnyProblem) -> FullProblem:
     """The problem with an answer to everything.
 
@@ -409,8 +408,11 @@ def as_problem(problem: AnyProblem) -> FullProblem:
     TypeError
         If it has no ``evaluate``.
     """
-    if isinstance(problem, FullProblem):
-        return problem
+    return problem if isinstance(problem, FullProblem) else _asked(problem)
+
+
+@checked_arguments()
+def _asked(problem: AnyProblem) -> FullProblem:
     return _Asked(problem)
 
 

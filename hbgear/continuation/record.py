@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbgear._version import __version__
+from hbgear.common.arrays import Array
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.reading import Reader
@@ -39,10 +40,10 @@ def branch_of(
     some rows were observed, the multipliers of the others are nan and their regimes unknown.
     """
     layout = problem.layout
-    points = [_fields(problem, layout, name, fixed, row) for row in rows]
-    own = problem.unknown_parameters
-    _fill(points)
-    known = points[0]["multipliers"] is not None
+    unknowns, own = zip(*(problem.split(row.X) for row in rows), strict=True)
+    mu = _column(rows, "multipliers", math.nan + 0j)
+    regime = _column(rows, "regime", np.int8(-1))
+    regime = np.zeros((len(rows), 0), dtype=np.int8) if regime is None else regime.astype(np.int8)
     count: dict[str, int] = {}
     special: list[SpecialPoint] = []
     for mark in marks:
@@ -50,7 +51,8 @@ def branch_of(
         count[kind] = count.get(kind, 0) + 1
         special.append(
             SpecialPoint(
-                **points[mark.index],
+                **_fields(problem, layout, name, fixed, rows[mark.index])
+                | {"multipliers": None if mu is None else mu[mark.index], "regime": regime[mark.index]},
                 label=f"{kind}{count[kind]}",
                 kind=kind,
                 index=mark.index,
@@ -65,14 +67,14 @@ def branch_of(
     return Branch(
         parameter=name,
         values=np.array([r.value for r in rows]),
-        X=np.array([p["X"] for p in points]),
+        X=np.array(unknowns),
         fixed=dict(fixed),
-        tracked={k: np.array([p["parameters"][k] for p in points]) for k in own},
-        multipliers=np.array([p["multipliers"] for p in points]) if known else None,
-        iterations=np.array([p["iterations"] for p in points]),
-        residual=np.array([p["residual"] for p in points]),
-        regime=np.array([p["regime"] for p in points]).reshape(len(rows), -1),
-        error=np.array([p["error"] for p in points]),
+        tracked={k: np.array([here[k] for here in own]) for k in problem.unknown_parameters},
+        multipliers=mu,
+        iterations=np.array([r.iterations for r in rows]),
+        residual=np.array([r.residual for r in rows]),
+        regime=regime,
+        error=np.array([r.observed.get("error", math.nan) for r in rows]),
         step=np.array([r.step for r in rows]),
         special=tuple(special),
         jump_records=(),
@@ -88,13 +90,14 @@ def branch_of(
     )
 
 
-def _fill(points: list[dict[str, Any]]) -> None:
-    """Give the points that were not observed multipliers and regimes of the length of the others."""
-    for name, nothing in (("multipliers", math.nan + 0j), ("regime", np.int8(-1))):
-        length = max((len(p[name]) for p in points if p[name] is not None), default=0)
-        for point in points:
-            if length and (point[name] is None or len(point[name]) < length):
-                point[name] = np.full(length, nothing)
+def _column(rows: list[CurvePoint], name: str, nothing: Any) -> Array | None:
+    """What was observed of all rows (P, length), ``nothing`` of those that were not; None if none was."""
+    seen = [row.observed.get(name) for row in rows]
+    length = max((len(x) for x in seen if x is not None), default=None)
+    if length is None:
+        return None
+    column: Array = np.array([np.full(length, nothing) if x is None or len(x) < length else x for x in seen])
+    return column
 
 
 def point_of(problem: FullProblem, name: str, fixed: dict[str, float], row: CurvePoint) -> Point:

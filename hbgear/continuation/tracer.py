@@ -15,7 +15,7 @@ Allgower & Georg, Introduction to Numerical Continuation Methods (2003), https:/
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -140,7 +140,7 @@ class _Tracer:
         self.sense = 1.0 if self.b > self.a else -1.0
         self.rows: list[CurvePoint] = []
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
-        self.waiting: list[Segment] = []  # the last pieces of the curve, not yet looked at
+        self.waiting: list[tuple[FullProblem, Array]] = []  # problem and scale of the last pieces, not yet looked at
         self.stop: Found | None = None  # the terminal event the trace stopped at
         # a problem that changes its unknowns from row to row is looked at row by row
         self.together = 1 if problem.changes else _TOGETHER
@@ -245,21 +245,22 @@ class _Tracer:
             scale[-2 - i] = max([*past, abs(X[-1 - i])]) or 1.0
         return scale
 
-    def _observed(self, rows: list[CurvePoint]) -> list[CurvePoint]:
-        """The rows with what the problem says of their motions; without it where that fails, which is noted.
+    def _observe(self, rows: list[CurvePoint]) -> None:
+        """Note with the rows what the problem says of their motions; nothing where that fails, which is told.
 
         If it fails for the first row of the curve, so does the trace.
         """
         fresh = [row for row in rows if not row.observed]
         if not fresh:
-            return rows
-        told: Iterator[dict[str, Any]]
+            return
+        told: Iterable[dict[str, Any]]
         try:
             u = np.array([row.u for row in fresh])
-            told = iter(observe_all(self.problem, u, self.name, self.fixed, self.stability))
+            told = observe_all(self.problem, u, self.name, self.fixed, self.stability)
         except Exception:
-            told = iter([self._observed_alone(row) for row in fresh])
-        return [row if row.observed else replace(row, observed=next(told)) for row in rows]
+            told = map(self._observed_alone, fresh)
+        for row, seen in zip(fresh, told, strict=True):
+            row.observed.update(seen)
 
     def _observed_alone(self, row: CurvePoint) -> dict[str, Any]:
         try:
@@ -318,9 +319,8 @@ class _Tracer:
 
     def _complete(self) -> None:
         """Observe what is not yet: special points, and rows whose turn did not come."""
-        self.rows = self._observed(self.rows)
-        located = self._observed([point.row for _, point in self.found])
-        self.found = [(i, replace(point, row=row)) for (i, point), row in zip(self.found, located, strict=True)]
+        self._observe(self.rows)
+        self._observe([point.row for _, point in self.found])
 
     def _finish(self) -> None:
         """Let the problem say what there is to say of the whole curve: its jumps, and what is hardly meant."""
@@ -450,29 +450,31 @@ class _Tracer:
 
     def _append(self, last: CurvePoint, row: CurvePoint) -> None:
         """Store a row; what lies between it and the last is looked at when enough rows have come together."""
-        arc = self._arc(last, row)
+        piece = self.problem, self.scale
         self.turned = self.turned or row.heading != last.heading
-        self.waiting += [arc]  # no call, and so no Ctrl-C, comes between this and the next
+        self.waiting += [piece]  # no call, and so no Ctrl-C, comes between this and the next
         self.rows += [row]
         if len(self.waiting) >= self.together:
             self._settle()
-        self.problem = self.problem.based(row.X, {**self.fixed, self.name: row.value}, renew=True)
+        if self.problem.unknown_parameters:
+            self.problem = self.problem.based(row.X, {**self.fixed, self.name: row.value}, renew=True)
 
     def _settle(self) -> None:
         """Observe the rows that wait and find the special points between them."""
         start = len(self.rows) - len(self.waiting) - 1
-        path = self._observed(self.rows[start:])
+        path = self.rows[start:]
+        self._observe(path)
         found: list[tuple[int, Found]] = []
         if self.watch.passing and self.waiting:
             sure = self.watch.suspects(path)
             for i in sure:
-                arc = replace(self.waiting[i], a=path[i], b=path[i + 1])
+                problem, scale = self.waiting[i]
+                arc = Segment(problem, self.name, self.fixed, path[i], path[i + 1], scale, self.settings)
                 found += [(start + 1 + i, point) for point in self._located(arc)]
             found += self._hidden(path, start, sure)
         if self.together == 1:  # the problem may be another one at the next row
-            located = self._observed([point.row for _, point in found])
-            found = [(i, replace(point, row=row)) for (i, point), row in zip(found, located, strict=True)]
-        self.rows[start:], self.waiting, self.found = path, [], self.found + found
+            self._observe([point.row for _, point in found])
+        self.waiting, self.found = [], self.found + found
 
     def _located(self, arc: Segment) -> list[Found]:
         """The special points on a piece; none if an error ends the search, which is noted."""
@@ -501,7 +503,8 @@ class _Tracer:
         return found
 
     def _observed_between(self, row: CurvePoint) -> CurvePoint:
-        return self._observed([row])[0]
+        self._observe([row])
+        return row
 
     def _record(self) -> tuple[list[CurvePoint], list[Mark]]:
         """All rows, the located special points among them, and the marks of these."""
@@ -547,7 +550,8 @@ class _Tracer:
         except (NoConvergence, np.linalg.LinAlgError):
             return False
         self.problem, self.scale = problem, scale
-        self.rows[-1] = self._observed([row])[0]
+        self._observe([row])
+        self.rows[-1] = row
         return True
 
     def _as_now(self, row: CurvePoint) -> CurvePoint:

@@ -28,19 +28,19 @@ from hbgear.harmonic.projection import projected
 
 
 @kernel
-def receptance(linear: Any, w: float, G: Any, dG: Any) -> None:
+def receptance(poles: Any, residues: Any, w: float, G: Any, dG: Any) -> None:
     """G (m, m) and dG/dw at a frequency."""
-    m, r = G.shape[0], linear.poles.shape[1]
+    m = G.shape[0]
     for i in range(m):
         for j in range(m):
-            G[i, j], dG[i, j] = _modal_sum(linear.poles, linear.residues[i * m + j], w, r)
+            G[i, j], dG[i, j] = _modal_sum(poles, residues[i * m + j], w)
 
 
 @kernel
-def _modal_sum(poles: Any, residues: Any, w: float, r: int) -> tuple[complex, complex]:
+def _modal_sum(poles: Any, residues: Any, w: float) -> tuple[complex, complex]:
     """sum_k residue_k / (i w - pole_k), and its derivative in w."""
     x = y = u = v = 0.0
-    for k in range(r):
+    for k in range(poles.shape[1]):
         a, b = -poles[0, k], w - poles[1, k]
         size = 1.0 / (a * a + b * b)
         a, b = a * size, -b * size  # 1 / (i w - pole)
@@ -81,25 +81,26 @@ def inverse(A: Any, out: Any) -> None:
 def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> None:
     """Z and dZ/dOmega (2, H + 1, m, m), g and dg/dOmega (2, H + 1, m)."""
     H, m, nu = matrices.shape[1] - 1, matrices.shape[2], linear.nu
+    poles, residues, springs, moved = linear.poles, linear.residues, linear.springs, linear.moved
     G, dG = np.empty((m, m), dtype=np.complex128), np.empty((m, m), dtype=np.complex128)
     for k in range(H + 1):
         ratio = k / nu
         w, Y, dY = Omega * ratio, matrices[0, k], matrices[1, k]
-        receptance(linear, w, G, dG)
+        receptance(poles, residues, w, G, dG)
         inverse(G, Y)
         _change(Y, dG, -ratio, dY)
         for i in range(m):
-            e = linear.moved[k, i]
-            constants[0, k, i] = -(linear.springs[0, i] + 1j * w * linear.springs[1, i]) * e
-            constants[1, k, i] = -1j * ratio * linear.springs[1, i] * e
+            e = moved[k, i]
+            constants[0, k, i] = -(springs[0, i] + 1j * w * springs[1, i]) * e
+            constants[1, k, i] = -1j * ratio * springs[1, i] * e
             for j in range(m):
-                constants[0, k, i] += Y[i, j] * linear.moved[k, j]
-                constants[1, k, i] += dY[i, j] * linear.moved[k, j]
+                constants[0, k, i] += Y[i, j] * moved[k, j]
+                constants[1, k, i] += dY[i, j] * moved[k, j]
     for n in range(linear.loads.shape[0]):
         _add_load(linear, Omega, n, matrices, constants)
     for k in range(H + 1):
         for i in range(m):
-            matrices[0, k, i, i] -= linear.springs[0, i]
+            matrices[0, k, i, i] -= springs[0, i]
 
 
 @kernel
@@ -119,9 +120,9 @@ def _change(Y: Any, dG: Any, factor: float, dY: Any) -> None:
 def _add_load(linear: Any, Omega: float, n: int, matrices: Any, constants: Any) -> None:
     """Add the response to load number n: -Y y with its derivative."""
     power, k, m = linear.loads[n, 0], linear.loads[n, 1], matrices.shape[2]
-    ratio, r = k / linear.nu, linear.poles.shape[1]
+    ratio = k / linear.nu
     for j in range(m):
-        y, dy = _modal_sum(linear.poles, linear.drive[n, j], Omega * ratio, r)
+        y, dy = _modal_sum(linear.poles, linear.drive[n, j], Omega * ratio)
         dy *= ratio
         if power:
             growth = Omega**power

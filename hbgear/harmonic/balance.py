@@ -220,7 +220,7 @@ class HarmonicBalance(FullProblem):
         """The branch as it is; warns where nothing ever comes near a corner of a law."""
         clearances = [seen["clearance"] for seen in observed if "clearance" in seen]
         if branch.parameter == "Omega" and branch.status.complete:
-            of_gaps(self.clearance_names, np.array(clearances), branch.amplitude("pp2"))
+            of_gaps(self.clearance_names, np.array(clearances))
         return branch
 
     def events(self, parameter: str) -> tuple[Event, ...]:

@@ -63,30 +63,29 @@ def pieces(theta: Any, longest: float) -> Any:
 
 
 @kernel
-def stiffness(laws: Any, c: Any, j: int, theta: float) -> float:
-    """dp/dd of element j, whose motion has the coefficients c, at a phase of the basis."""
-    z = complex(math.cos(theta), math.sin(theta))
-    p = 0j
-    for k in range(c.shape[0] - 1, 0, -1):
-        p = (p + c[k]) * z
-    d = c[0].real + p.real
-    total: float = laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * d * d
-    for s in range(laws.of.shape[0]):
-        if laws.of[s] != j:
-            continue
-        slope = laws.base[s, 0]
-        for r in range(laws.at.shape[0]):
-            if laws.part[r] == s and d > laws.level[laws.at[r]]:
-                slope += laws.change[r]
-        if slope != 0.0:
+def stiffness(laws: Any, c: Any, j: int, theta: Any, out: Any) -> None:
+    """Add dp/dd of element j, whose motion has the coefficients c, at phases theta of the basis to out."""
+    for n in range(theta.shape[0]):
+        z = complex(math.cos(theta[n]), math.sin(theta[n]))
+        p = 0j
+        for k in range(c.shape[0] - 1, 0, -1):
+            p = (p + c[k]) * z
+        d = c[0].real + p.real
+        out[n] += laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * d * d
+        for s in range(laws.of.shape[0]):
+            if laws.of[s] != j:
+                continue
+            slope = laws.base[s, 0]
+            for r in range(laws.at.shape[0]):
+                if laws.part[r] == s and d > laws.level[laws.at[r]]:
+                    slope += laws.change[r]
             factor = laws.series[s, 0].real
             for i in range(1, laws.shifts.shape[0]):
                 a = laws.series[s, i]
-                if a != 0.0:
-                    at = laws.shifts[i] * theta
+                if slope != 0.0 and a != 0.0:
+                    at = laws.shifts[i] * theta[n]
                     factor += 2 * (a.real * math.cos(at) - a.imag * math.sin(at))
-            total += factor * slope
-    return total
+            out[n] += factor * slope
 
 
 @kernel
@@ -95,28 +94,29 @@ def pace(numbers: Any, rows: Any, mobility: Any, nu: int) -> float:
 
     The square is the largest of: inverse modal mass of an element times the largest stiffness of its law.
     """
-    most, count = 0.0, COARSE * nu
+    most, theta, k = 0.0, np.arange(COARSE * nu) * (2 * math.pi / (COARSE * nu)), np.empty(COARSE * nu)
     for j in range(rows.shape[0]):
-        c, k = waves_of(rows[j]), numbers.linear.springs[0, j]
-        for n in range(count):
-            k = max(k, abs(stiffness(numbers.laws, c, j, 2 * math.pi * n / count)))
-        most = max(most, mobility[j] * k)
+        k[:] = 0.0
+        stiffness(numbers.laws, waves_of(rows[j]), j, theta, k)
+        most = max(most, mobility[j] * max(numbers.linear.springs[0, j], np.abs(k).max()))
     return math.sqrt(most)
 
 
 @kernel
 def moduli(numbers: Any, rows: Any, ports: Any, cut: Any, x: Any) -> Any:
     """D = dp/dd - kr (1, steps, s, g) at the Gauss points x of all steps of a period, for the elements of the ports."""
-    steps = int(cut[:, 2].sum())
-    D, first = np.empty((1, steps, x.shape[0], ports.shape[0])), 0
+    steps, s = int(cut[:, 2].sum()), x.shape[0]
+    theta, k, at = np.empty(steps * s), np.empty(steps * s), 0
+    for i in range(cut.shape[0]):
+        for n in range(int(cut[i, 2])):
+            for j in range(s):
+                theta[at] = cut[i, 0] + cut[i, 1] * (n + x[j])
+                at += 1
+    D = np.empty((1, steps, s, ports.shape[0]))
     for p in range(ports.shape[0]):
-        j, first = ports[p], 0
-        c, kr = waves_of(rows[j]), numbers.linear.springs[0, j]
-        for i in range(cut.shape[0]):
-            for n in range(int(cut[i, 2])):
-                for k in range(x.shape[0]):
-                    D[0, first, k, p] = stiffness(numbers.laws, c, j, cut[i, 0] + cut[i, 1] * (n + x[k])) - kr
-                first += 1
+        k[:] = -numbers.linear.springs[0, ports[p]]
+        stiffness(numbers.laws, waves_of(rows[ports[p]]), ports[p], theta, k)
+        D[0, :, :, p] = k.reshape(steps, s)
     return D
 
 

@@ -202,7 +202,8 @@ def _sort(theta: Any, sign: Any, count: int) -> None:
 @kernel
 def highest(c: Any, samples: Any, side: float) -> float:
     """Largest value of side x, side +1 or -1, over a period: Newton from the samples that can be nearest to it."""
-    N, most = samples.shape[0], -math.inf
+    N = samples.shape[0]
+    most: float = -math.inf
     step, size = 2 * math.pi / N, 0.0
     for k in range(c.shape[0]):
         size += abs(c[k])

@@ -56,12 +56,13 @@ def neglected(numbers: Any, X: Any, f: Any) -> None:
 def driven(linear: Any, Omega: Any, f: Any) -> Any:
     """Root mean square (P,) of the motions that force harmonics H+1..2H (P, m, H) make the elements do."""
     P, m, H = f.shape
+    poles, residues = linear.poles, linear.residues
     G, dG = np.empty((m, m), dtype=np.complex128), np.empty((m, m), dtype=np.complex128)
     out = np.empty(P)
     for p in range(P):
         total = 0.0
         for k in range(H):
-            receptance(linear, Omega[p] * (H + 1 + k) / linear.nu, G, dG)
+            receptance(poles, residues, Omega[p] * (H + 1 + k) / linear.nu, G, dG)
             for i in range(m):
                 d = 0j
                 for j in range(m):

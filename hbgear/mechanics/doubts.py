@@ -149,15 +149,16 @@ def of_frequency(structure: Any, Omega: float) -> None:
         )
 
 
-def of_gaps(names: tuple[str, ...], clearances: Array, sizes: Array) -> None:
+def of_gaps(names: tuple[str, ...], clearances: Array) -> None:
     """Warn of a curve on which no element comes near a corner of its law.
 
-    clearances (P, c): signed distances of the extrema from the corners; sizes (P,) of the motions.
+    clearances (P, c): signed distances of the lowest and the highest value of an element from each corner.
     """
     if clearances.size and clearances.shape[1] == len(names):
         nearest = int(np.argmin(np.abs(clearances).min(axis=0)))
         distance = float(np.abs(clearances[:, nearest]).min())
-        if distance > float(sizes.max()):
+        low = nearest - nearest % 2
+        if distance > 0.5 * float((clearances[:, low + 1] - clearances[:, low]).max()):
             tell(
                 f"nothing ever comes near a corner of a law on this curve (nearest: {names[nearest]}, missed by "
                 f"{distance:.3g}): all of it is linear; is the gap meant to be so far away?"
