@@ -79,6 +79,9 @@ class HarmonicBalance(FullProblem):
     nu : subharmonic order; 2 for period-doubled motions.
     sampled : sample piecewise-linear laws too instead of projecting them exactly (a cross-check).
     tolerance : largest estimated truncation error (rms of the gap motion) with ``harmonics="auto"``.
+    reduce : compute the stability of a structure with more than 60 modes (30 coordinates) from those up to three times
+        the highest harmonic and the flexibility of the others; False for all modes. Curves do not depend on it. The
+        error of the multipliers is estimated from twice as many modes and told in ``branch.meta["stability"]``.
 
     Raises
     ------
@@ -106,7 +109,7 @@ class HarmonicBalance(FullProblem):
     @checked_arguments()
     def __init__(
         self, model: Model, harmonics: int | str = 16, samples: int | None = None, nu: int = 1,
-        sampled: bool = False, tolerance: float = 1e-6,
+        sampled: bool = False, tolerance: float = 1e-6, reduce: bool = True,
     ) -> None:  # fmt: skip
         counted("nu", nu, _COUNTABLE)
         if harmonics != "auto":
@@ -114,7 +117,7 @@ class HarmonicBalance(FullProblem):
         checked("HarmonicBalance", "tolerance", tolerance, POSITIVE)
         self.auto = harmonics == "auto"
         self.tolerance = float(tolerance)
-        self.model, self.nu, self.is_sampled = model, int(nu), bool(sampled)
+        self.model, self.nu, self.is_sampled, self.reduce = model, int(nu), bool(sampled), bool(reduce)
         self.H = _FEWEST * self.nu if self.auto else int(harmonics)
         system = model.system()
         self.m = len(system.elements)
@@ -331,7 +334,7 @@ class HarmonicBalance(FullProblem):
 
     def _compile(self, changed: dict[str, float]) -> Compiled:
         system = (self.model.replace(**changed) if changed else self.model).system()
-        return Compiled(system, self._structure(system), self.H, self.nu, self.is_sampled, self._transform)
+        return Compiled(system, self._structure(system), self.H, self.nu, self.is_sampled, self._transform, self.reduce)
 
     def _structure(self, system: System) -> Structure:
         """Eigen-decompositions are shared between parameter sets that differ in laws and loads only."""

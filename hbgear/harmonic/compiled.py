@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.recent import Recent
 from hbgear.harmonic.modes import Parts, parts_of
 from hbgear.harmonic.numbers import Numbers, basis_of, laws_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
@@ -31,21 +32,32 @@ class Crossings(NamedTuple):
 class Compiled:
     """A model at one parameter set, ready to be evaluated.
 
-    H, nu, N : harmonics, subharmonic order and samples per basis period. system, structure, receptance, laws : of the
+    H, nu, N : harmonics, subharmonic order and samples per basis period. reduce : whether stability may leave out modes
+    far above those of the motion. system, structure, receptance, laws : of the
     model. numbers : all that kernels need. sampled : the laws that the numbers do not hold; None if there are none.
     corner, element : (K,) corners of all laws and the element each belongs to.
     """
 
-    def __init__(self, system: System, structure: Structure, H: int, nu: int, sampled: bool, transform: Transform):
+    def __init__(
+        self,
+        system: System,
+        structure: Structure,
+        H: int,
+        nu: int,
+        sampled: bool,
+        transform: Transform,
+        reduce: bool = True,
+    ) -> None:
         self.system, self.structure = system, structure
         self.receptance = Receptance(structure, system, H, nu)
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
-        self.H, self.nu, self.N = H, nu, transform.N
+        self.H, self.nu, self.N, self.reduce = H, nu, transform.N, reduce
         laws, left = laws_of(self.laws, sampled, nu)
         self.numbers = Numbers(laws, self.receptance.numbers, basis_of(H, self.N))
         self.sampled = SampledLaws(self.laws, left, transform, nu) if left.size else None
         self.corner, self.element = laws.level, laws.owner
         self._linear: tuple[float, LinearPart] | None = None
+        self._parts: Recent[Parts] = Recent(16)
 
     @property
     def m(self) -> int:
@@ -57,14 +69,16 @@ class Compiled:
         """Whether the numbers are all there is: kernels can do without Python."""
         return self.sampled is None and self.structure.modal
 
-    @cached_property
-    def parts(self) -> Parts:
-        """The modes as stability needs them."""
+    def parts(self, reach: float = math.inf) -> Parts:
+        """The modes as stability needs them, those above a frequency as flexibility."""
+        return self._parts.get(reach, lambda: self._parts_to(reach))
+
+    def _parts_to(self, reach: float) -> Parts:
         modes = self.structure.modes
         assert modes is not None
         alike = [(element.law, element.damping) for element in self.system.elements]
         groups = np.array([alike.index(one) for one in alike])
-        return parts_of(modes.poles, modes.output, modes.input, groups)
+        return parts_of(modes.poles, modes.output, modes.input, groups, reach)
 
     def linear(self, Omega: float) -> LinearPart:
         """Linear part at Omega; the last one is kept, for Newton at fixed Omega asks for it again and again."""

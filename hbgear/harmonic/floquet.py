@@ -42,7 +42,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.collocation import gauss
 from hbgear.harmonic.compiled import Compiled
-from hbgear.harmonic.modes import Part
+from hbgear.harmonic.modes import Part, Parts
 from hbgear.harmonic.realbasis import derivative
 from hbgear.mechanics.fourier import evaluate
 
@@ -55,15 +55,34 @@ _MOST_STEPS = 10_000  # of one period
 _LONG = 12.0  # periods in which the springs turn the inertia by more radians are cut into fewer steps of more points
 
 
+_FEW = 60  # modes, both of each pair, that are all carried
+
+
+_REACH = 3.0  # frequency up to which modes of larger structures are carried, over that of the highest harmonic
+
+
+_LEVELS = 4  # levels of that frequency in an octave: motions of one level share their modes
+
+
+_LISTED = 32  # multipliers of larger structures that are told
+
+
 _ALIKE = 1e-12  # difference of the motions of two elements, relative, that is rounding
 
 
 def multipliers_of(
-    compiled: Compiled, X: Array, Omega: Array, *, points: int | None = None, width: float | None = None
+    compiled: Compiled,
+    X: Array,
+    Omega: Array,
+    *,
+    points: int | None = None,
+    width: float | None = None,
 ) -> ComplexArray:
     """Floquet multipliers of P motions over their periods 2 pi nu / Omega, largest magnitude first.
 
-    They share the parameters of the model.
+    They share the parameters of the model. Of a structure with more than 60 modes those above three times the highest
+    harmonic of the motion only give way by their static flexibility, and the 32 largest multipliers are listed, unless
+    the model is compiled without ``reduce``.
 
     Parameters
     ----------
@@ -92,40 +111,54 @@ def multipliers_of(
             "trace with stability=False or reduce the model"
         )
     X, Omega = np.ascontiguousarray(X), np.asarray(Omega, dtype=float)
-    parts = compiled.parts
-    alike = _alike(compiled, X) if len(parts.split) > 1 else np.zeros(len(X), dtype=bool)
+    if not compiled.reduce or len(structure.modes.poles) <= _FEW:
+        return _all_of(compiled, compiled.parts(), X, Omega, points, width)
+    levels = np.ceil(_LEVELS * np.log2(_REACH * compiled.H * Omega / compiled.nu)).astype(int)
+    mu = np.empty((len(X), _LISTED), dtype=complex)
+    for level in np.unique(levels):
+        some, parts = levels == level, compiled.parts(float(2.0 ** (level / _LEVELS)))
+        mu[some] = _all_of(compiled, parts, X[some], Omega[some], points, width)[:, :_LISTED]
+    return mu
+
+
+def _all_of(
+    compiled: Compiled, parts: Parts, X: Array, Omega: Array, points: int | None, width: float | None
+) -> ComplexArray:
+    """`multipliers_of`, by the modes of some parts."""
+    alike = _alike(compiled, parts, X) if len(parts.split) > 1 else np.zeros(len(X), dtype=bool)
     mu = np.empty((len(X), parts.size), dtype=complex)
     mu[:, : len(parts.idle)] = np.exp(parts.idle * (2 * np.pi * compiled.nu / Omega)[:, None])
     for some, each in ((alike, parts.split), (~alike, (parts.whole,))):
         if some.any():
             at = len(parts.idle)
             for part in each:
-                found = np.linalg.eigvals(monodromies(compiled, part, X[some], Omega[some], points, width))
+                found = np.linalg.eigvals(
+                    monodromies(compiled, part, parts.mobility, X[some], Omega[some], points, width)
+                )
                 mu[some, at : at + part.size] = found
                 at += part.size
     return mu[np.arange(len(mu))[:, None], np.argsort(-np.abs(mu), axis=-1, kind="stable")]
 
 
-def _alike(compiled: Compiled, X: Array) -> np.ndarray:
+def _alike(compiled: Compiled, parts: Parts, X: Array) -> np.ndarray:
     """Whether in each motion (P,) the elements that are alike move alike."""
     rows = X.reshape(len(X), compiled.m, -1)
-    groups = compiled.parts.groups
-    apart = np.abs(rows - rows[:, groups]).max(axis=(1, 2))
+    apart = np.abs(rows - rows[:, parts.groups]).max(axis=(1, 2))
     alike: np.ndarray = apart <= _ALIKE * np.abs(rows).max(axis=(1, 2))
     return alike
 
 
 def monodromies(
-    compiled: Compiled, part: Part, X: Array, Omega: Array, points: int | None, width: float | None
+    compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: Array, points: int | None, width: float | None
 ) -> Array:
     """Real matrices (P, r, r) that carry a disturbance of the modes of a part over one period.
 
-    Other parameters as of `multipliers_of`.
+    mobility (m,) : inverse modal masses of the elements. Other parameters as of `multipliers_of`.
     """
     from hbgear.harmonic import carrying
 
     out = np.empty((len(X), part.size, part.size))
-    mobility, short = compiled.parts.mobility, points or 6
+    short = points or 6
     long = _LONG if points is None else np.inf
     schemes = ((*gauss(short), width or short / 5.0), (*gauss(10), width or 3.5), long)
     if compiled.sampled is None:
@@ -135,7 +168,7 @@ def monodromies(
         _check_steps(count)
         return out
     for motion, frequency, matrix in zip(X, Omega.tolist(), out, strict=True):
-        _carried(compiled, part, motion, frequency, schemes, matrix)
+        _carried(compiled, part, mobility, motion, frequency, schemes, matrix)
     return out
 
 
@@ -147,11 +180,11 @@ def _check_steps(count: float) -> None:
         )
 
 
-def _carried(compiled: Compiled, part: Part, X: Array, Omega: float, schemes: Any, out: Array) -> None:
+def _carried(compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: float, schemes: Any, out: Array) -> None:
     """`carrying.monodromies` of one motion of a model with laws of its own, which are asked for their slopes here."""
     from hbgear.harmonic import carrying
 
-    numbers, nu, mobility = compiled.numbers, compiled.nu, compiled.parts.mobility
+    numbers, nu = compiled.numbers, compiled.nu
     rows, omega = X.reshape(compiled.m, -1), Omega / nu
     coarse = 2 * np.pi * np.arange(carrying.COARSE * nu) / (carrying.COARSE * nu)
     largest = np.abs(_slopes(compiled, rows, omega, coarse)[0]).max(axis=1)

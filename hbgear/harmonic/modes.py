@@ -2,7 +2,9 @@
 
     z' = poles z - input u,   d = output z        u (m,) forces of the elements beyond their reference springs
 
-A mode with output_j input_j = 0 for all elements takes no part. With an orthogonal T that puts the sum and the
+A mode with output_j input_j = 0 for all elements takes no part. Of a large structure modes far above the frequencies of
+a motion only give way, d = ... - rest u with their static flexibility: what they do beyond that goes with the square of
+the ratio of the frequencies. With an orthogonal T that puts the sum and the
 differences of alike elements in the place of their motions, T^T output and input T may fall into blocks: then
 modulations that are equal for alike elements keep the blocks apart.
 """
@@ -44,7 +46,7 @@ class Parts:
     """All modes of a structure.
 
     whole : every mode that takes part; split : the same in parts that do not mix while alike elements move alike.
-    idle : poles of the others, both of each pair. groups (m,) : first element that each is like. mobility (m,) :
+    idle : poles of the others, both of each pair, those that only give way among them. groups (m,) : first element that each is like. mobility (m,) :
     inverse modal masses of the elements. size : number of multipliers.
     """
 
@@ -62,15 +64,19 @@ _IDLE = 1e-15  # share in the static flexibility between the elements that is ro
 _MIXED = 1e-11  # the same, of what would join two blocks
 
 
-def parts_of(poles: ComplexArray, output: ComplexArray, input_: ComplexArray, groups: np.ndarray) -> Parts:
-    """From all poles (r,), output (m, r) and input (r, m)."""
+def parts_of(
+    poles: ComplexArray, output: ComplexArray, input_: ComplexArray, groups: np.ndarray, reach: float = np.inf
+) -> Parts:
+    """From all poles (r,), output (m, r) and input (r, m); modes of frequencies above reach only give way."""
     mobility = np.abs((output * poles * input_.T).sum(axis=1))
     residues = output.T[:, :, None] * input_[:, None, :]  # (r, m, m)
     share = np.abs(residues) / np.abs(poles)[:, None, None]
     largest = share.sum(axis=0).max(initial=0.0)
-    idle = share.max(axis=(1, 2), initial=0.0) <= _IDLE * largest
+    fast = np.abs(poles) > reach
+    idle = fast | (share.max(axis=(1, 2), initial=0.0) <= _IDLE * largest)
+    rest = -(residues[fast] / poles[fast, None, None]).real.sum(axis=0)
     taking = np.flatnonzero(~idle)
-    everything = _part(poles, output, input_, taking, np.arange(len(output)))
+    everything = _part(poles, output, input_, taking, np.arange(len(output)), rest)
     split: tuple[Part, ...] = (everything,)
     T = _sums_and_differences(groups)
     if T is not None:
@@ -78,11 +84,12 @@ def parts_of(poles: ComplexArray, output: ComplexArray, input_: ComplexArray, gr
         joined = (
             np.abs(turned[0].T[taking, :, None] * turned[1][taking, None, :]) / np.abs(poles[taking])[:, None, None]
         )
-        count, block = scipy.sparse.csgraph.connected_components(joined.max(axis=0) > _MIXED * largest)
+        stiff = T.T @ rest @ T
+        count, block = scipy.sparse.csgraph.connected_components(joined.max(axis=0) + np.abs(stiff) > _MIXED * largest)
         owner = block[np.argmax(np.einsum("rii->ri", joined), axis=1)]
         split = tuple(
             _part(poles, turned[0][block == b], turned[1][:, block == b], taking[owner == b],
-                  groups[block == b]) for b in range(count)
+                  groups[block == b], stiff[np.ix_(block == b, block == b)]) for b in range(count)
         )  # fmt: skip
         if sum(part.size for part in split) != everything.size or len(split) == 1:
             split = (everything,)
@@ -101,8 +108,10 @@ def _sums_and_differences(groups: np.ndarray) -> Array | None:
     return T
 
 
-def _part(poles: ComplexArray, output: ComplexArray, input_: ComplexArray, some: np.ndarray, ports: np.ndarray) -> Part:
-    """The modes number ``some``, seen through ports."""
+def _part(
+    poles: ComplexArray, output: ComplexArray, input_: ComplexArray, some: np.ndarray, ports: np.ndarray, rest: Array
+) -> Part:
+    """The modes number ``some``, seen through ports, and the flexibility beside them."""
     real = np.abs(poles[some].imag) <= 1e-13 * np.abs(poles).max(initial=0.0)
     pairs, alone = some[~real & (poles[some].imag > 0)], some[real]
     kept = np.concatenate([pairs, alone])
@@ -113,6 +122,6 @@ def _part(poles: ComplexArray, output: ComplexArray, input_: ComplexArray, some:
         x.imag = 0.0
     modes = HalfModes(
         lam, np.ascontiguousarray(out), np.ascontiguousarray(push), np.asarray(ports, dtype=np.int64),
-        np.zeros((len(out), len(out))),
+        np.ascontiguousarray(rest),
     )  # fmt: skip
     return Part(modes, 2 * k + len(alone))

@@ -50,6 +50,12 @@ _ROUNDING = 1e-13  # the same, relative to the work the load could do at most
 _DIGITS = 32 * float(np.finfo(float).eps)  # backward error of a decomposition, relative to the size of its matrix
 
 
+_SOME = 30  # coordinates from which it is worth looking for real modes
+
+
+_MIXED = 1e-13  # share of the damping that couples modes that is rounding
+
+
 _ILL = 1e8  # condition of the eigenvectors above which receptances are solved for directly
 
 
@@ -102,6 +108,10 @@ class LinearPart(NamedTuple):
 
 def _dense(A: object) -> Array:
     return A.toarray() if scipy.sparse.issparse(A) else np.asarray(A)  # type: ignore[attr-defined]
+
+
+def _is_diagonal(A: Array) -> bool:
+    return np.count_nonzero(A) == np.count_nonzero(np.diag(A))
 
 
 def _null_space(A: Array) -> Array:
@@ -158,7 +168,10 @@ class Structure:
         receptance in the end, so they are tried. What no spring changes is parted by a disturbance of 1e-10.
         """
         references = self.kr
-        modes = None
+        modes = self._unmixed(system) if self.n > _SOME else None
+        if modes is not None:
+            self.modes, self.parted = modes, False
+            return
         for factor, part in ((1.0, 0.0), (1.37, 0.0), (0.61, 0.0), (1.0, 1e-10)):
             self.kr = factor * references
             self.K = _dense(system.K) + (self.W * self.kr) @ self.W.T
@@ -170,6 +183,45 @@ class Structure:
                 break
         assert modes is not None
         self.modes, self.parted = modes, part > 0
+
+    def _unmixed(self, system: System) -> Modes | None:
+        """Modes of a symmetric structure whose damping does not mix its real modes, at a small part of the cost.
+
+            K phi = w^2 M phi,   phi^T C phi = 2 delta,   poles = -delta +- sqrt(delta^2 - w^2)
+
+        Where the springs of the elements spoil it, it is tried without them; None if that does not help either, or
+        something moves freely.
+        """
+        references, s = self.kr, self._scale
+        M, C = (A * np.outer(s, s) for A in (self.M, self.C))
+        for factor in (1.0, 0.0):
+            kr = factor * references
+            K = _dense(system.K) + (self.W * kr) @ self.W.T
+            A = K * np.outer(s, s)
+            if not all(np.array_equal(x, x.T) for x in (M, C, A)):
+                return None
+            squares, V = scipy.linalg.eigh(A, None if _is_diagonal(M) else M)
+            D = V.T @ C @ V
+            delta = 0.5 * np.diag(D)
+            mixed = np.abs(D - np.diag(np.diag(D))).max() > _MIXED * np.abs(D).max()
+            gap = 2 * np.sqrt((delta**2 - squares).astype(complex))
+            near = np.abs(gap) * _ILL < np.abs(delta) + np.sqrt(np.abs(squares))
+            if squares[0] <= _FREE * squares[-1] or mixed or near.any():
+                continue
+            self.kr, self.K, self.free = kr, K, np.zeros((self.n, 0))
+            self.free_left = self.free
+            poles = np.concatenate([-delta + 0.5 * gap, -delta - 0.5 * gap])
+            right = np.tile(s[:, None] * V, 2).astype(complex)
+            left = right.T / np.concatenate([gap, -gap])[:, None]
+            return Modes(
+                poles,
+                right,
+                left,
+                self.W.T @ right,
+                left @ self.W,
+                float(np.max(np.abs(poles[: self.n]) / np.abs(gap))),
+            )
+        return None
 
     @property
     def modal(self) -> bool:
@@ -187,6 +239,8 @@ class Structure:
 
     def _check_mass(self) -> None:
         scaled = self.M * np.outer(self._scale, self._scale)
+        if _is_diagonal(scaled) and np.diag(scaled).all():
+            return
         s, v = scipy.linalg.svd(scaled)[1:]
         if s[-1] <= 1e-13 * s[0]:
             worst = self.system.dof_names[int(np.argmax(np.abs(v[-1])))]
