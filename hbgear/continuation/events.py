@@ -43,7 +43,10 @@ from hbgear.continuation.segment import CurvePoint, Departure, Segment, row_of
 
 @dataclass(frozen=True)
 class Found:
-    """A special point found on a segment: event, place s in [0, 1] on the chord, row, whether located, remark."""
+    """A special point found on a segment: event, place s on the chord, row, whether located, remark.
+
+    0 <= s <= 1, but for points that more accurate equations put a little beyond the ends of the segment.
+    """
 
     event: Event
     s: float
@@ -357,6 +360,8 @@ _TRIES = 3  # rows looked at there
 
 # ---- locating
 
+_AT_THE_END = 1e-6  # how far beyond the ends of its arc a point may come to lie: farther, it belongs to another arc
+
 
 def root(
     segment: Segment, event: Event, test: Callable[[CurvePoint], float], note: str = "", fine: float = 1e-13
@@ -411,9 +416,6 @@ def singular(segment: Segment, u: Array, near: CurvePoint) -> CurvePoint:
     return CurvePoint(u, near.tangent, near.orientation, point.residual, point.iterations)
 
 
-_AT_THE_END = 1e-6  # how far beyond the ends of its arc a point may come to lie: farther, it belongs to another arc
-
-
 def _turn(segment: Segment) -> float:
     """Where on the arc the parameter turns, by the Hermite polynomial through its ends."""
     rise = float(segment.b.u[-1] - segment.a.u[-1])
@@ -423,8 +425,13 @@ def _turn(segment: Segment) -> float:
     return inside[0] if inside else begin / (begin - end)
 
 
-def newton(segment: Segment, event: Event, extended: Augmented, s: float, note: str = "") -> Found:
+def newton(
+    segment: Segment, event: Event, extended: Augmented, s: float, note: str = "", beyond: float = _AT_THE_END
+) -> Found:
     """Newton on a special point as a problem of its own, from the fraction s of the segment.
+
+    beyond : how far beyond the ends of the segment the point may lie, as a share of its chord: for equations that are
+    more accurate than the test that led here.
 
     Raises
     ------
@@ -439,11 +446,11 @@ def newton(segment: Segment, event: Event, extended: Augmented, s: float, note: 
     U = solution.X
     chord = (segment.b.u - segment.a.u) / segment.scale
     place = float(chord @ ((U - segment.a.u) / segment.scale) / (chord @ chord))
-    inside = -_AT_THE_END <= place <= 1 + _AT_THE_END
-    if not inside or np.linalg.norm((U - u) / segment.scale) > 0.5 * np.linalg.norm(chord):
+    inside = -beyond <= place <= 1 + beyond
+    if not inside or np.linalg.norm((U - u) / segment.scale) > (0.5 + beyond) * np.linalg.norm(chord):
         raise NoConvergence("Newton left the arc", U, segment.parameters, [])
     point = solution_at(segment.problem, U, segment.name, segment.parameters, solution.iterations)
-    return Found(event, min(max(place, 0.0), 1.0), row_of(point, chord / segment.scale, segment.scale), True, note)
+    return Found(event, place, row_of(point, chord / segment.scale, segment.scale), True, note)
 
 
 def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:

@@ -510,7 +510,7 @@ class _Tracer:
         """All rows, the located special points among them, and the marks of these."""
         rows: list[CurvePoint] = []
         marks: list[Mark] = []
-        found = sorted(self.found, key=lambda one: (one[0], one[1].s))
+        found = sorted((self._placed(*one) for one in self.found), key=lambda one: (one[0], one[1].s))
         for i, row in enumerate(self.rows):
             while found and found[0][0] == i:
                 point = found.pop(0)[1]
@@ -523,6 +523,22 @@ class _Tracer:
             interval = (self.rows[-2].value, self.rows[-1].value)
             marks.append(Mark(len(rows) - 1, self.stop.event, self.stop.located, interval, self.stop.note))
         return rows, marks
+
+    def _placed(self, number: int, point: Found) -> tuple[int, Found]:
+        """A special point on the piece that it lies on: its equations may put it beyond the one it was found on."""
+        for _ in range(_FARTHEST):
+            on = number + (point.s > 1) - (point.s < 0)
+            if on == number or not 0 < on < len(self.rows):
+                break
+            a, b = self.rows[on - 1].u, self.rows[on].u
+            if not len(a) == len(b) == len(point.row.u) == len(self.scale):
+                break
+            chord = (b - a) / self.scale
+            s = float(chord @ ((point.row.u - a) / self.scale) / (chord @ chord))
+            if (s - 0.5) * (point.s - 0.5) < 0:  # between the two, in the corner of their chords
+                break
+            number, point = on, replace(point, s=s)
+        return number, point
 
     def _adapt(self) -> None:
         """Give the last row as many unknowns as its observations ask for."""
@@ -658,6 +674,9 @@ class _InProgress(Exception):
         self.given.branch = branch  # type: ignore[attr-defined]
         self.given.add_note(f"what was traced until then ({len(branch)} points) is this exception's attribute branch")
         return self.given
+
+
+_FARTHEST = 8  # pieces by which a special point may lie beyond the one it was found on
 
 
 _BACK = "the curve ran back over itself"

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -35,7 +36,7 @@ from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.problem import Evaluation, FullProblem, Pursuit
 from hbgear.harmonic.compiled import Compiled, Crossings
 from hbgear.harmonic.events import motion_events
-from hbgear.harmonic.floquet import multipliers_of
+from hbgear.harmonic.floquet import is_reduced, multipliers_of, reduction
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.realbasis import derivative
 from hbgear.harmonic.receptance import Structure
@@ -224,7 +225,16 @@ class HarmonicBalance(FullProblem):
         clearances = [seen["clearance"] for seen in observed if "clearance" in seen]
         if branch.parameter == "Omega" and branch.status.complete:
             of_gaps(self.clearance_names, np.array(clearances))
-        return branch
+        return self._with_reduction(branch)
+
+    def _with_reduction(self, branch: Branch) -> Branch:
+        """The branch, whose header tells what leaving out modes does to the multipliers of its largest motions."""
+        compiled = self.compiled({k: v for k, v in branch.fixed.items() if k != "Omega"})
+        if branch.parameter != "Omega" or branch.multipliers is None or not is_reduced(compiled):
+            return branch
+        some = np.argsort(-np.linalg.norm(branch.X, axis=1))[:: max(1, len(branch) // 4)][:3]
+        told = reduction(compiled, np.ascontiguousarray(branch.X[some]), branch.values[some])
+        return replace(branch, meta={**branch.meta, "stability": told})
 
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonic branches."""

@@ -27,7 +27,10 @@ COARSE = 32  # phases of an excitation period at which the modulations are looke
 def corners(numbers: Any, rows: Any) -> Any:
     """Phases in [0, 2 pi) at which any element crosses a corner of its law, ascending."""
     theta, _, count, _ = instants(numbers, rows, False)
-    out, n = np.empty(count.sum()), 0
+    total = n = 0
+    for i in range(count.shape[0]):
+        total += count[i]
+    out = np.empty(total)
     for i in range(count.shape[0]):
         for j in range(count[i]):
             at, k = theta[i, j] % (2 * math.pi), n
@@ -94,19 +97,25 @@ def pace(numbers: Any, rows: Any, mobility: Any, nu: int) -> float:
 
     The square is the largest of: inverse modal mass of an element times the largest stiffness of its law.
     """
-    most, theta, k = 0.0, np.arange(COARSE * nu) * (2 * math.pi / (COARSE * nu)), np.empty(COARSE * nu)
+    most, theta, k = 0.0, np.empty(COARSE * nu), np.empty(COARSE * nu)
     for j in range(rows.shape[0]):
-        k[:] = 0.0
+        for i in range(COARSE * nu):
+            theta[i], k[i] = 2 * math.pi * i / (COARSE * nu), 0.0
         stiffness(numbers.laws, waves_of(rows[j]), j, theta, k)
-        most = max(most, mobility[j] * max(numbers.linear.springs[0, j], np.abs(k).max()))
+        largest = numbers.linear.springs[0, j]
+        for i in range(COARSE * nu):
+            largest = max(largest, abs(k[i]))
+        most = max(most, mobility[j] * largest)
     return math.sqrt(most)
 
 
 @kernel
 def moduli(numbers: Any, rows: Any, ports: Any, cut: Any, x: Any) -> Any:
     """D = dp/dd - kr (1, steps, s, g) at the Gauss points x of all steps of a period, for the elements of the ports."""
-    steps, s = int(cut[:, 2].sum()), x.shape[0]
-    theta, k, at = np.empty(steps * s), np.empty(steps * s), 0
+    steps, s, at = 0, x.shape[0], 0
+    for i in range(cut.shape[0]):
+        steps += int(cut[i, 2])
+    theta, k = np.empty(steps * s), np.empty(steps * s)
     for i in range(cut.shape[0]):
         for n in range(int(cut[i, 2])):
             for j in range(s):
@@ -114,9 +123,11 @@ def moduli(numbers: Any, rows: Any, ports: Any, cut: Any, x: Any) -> Any:
                 at += 1
     D = np.empty((1, steps, s, ports.shape[0]))
     for p in range(ports.shape[0]):
-        k[:] = -numbers.linear.springs[0, ports[p]]
+        for i in range(steps * s):
+            k[i] = -numbers.linear.springs[0, ports[p]]
         stiffness(numbers.laws, waves_of(rows[ports[p]]), ports[p], theta, k)
-        D[0, :, :, p] = k.reshape(steps, s)
+        for i in range(steps * s):
+            D[0, i // s, i % s, p] = k[i]
     return D
 
 
@@ -127,7 +138,9 @@ def monodromy(modes: Any, cut: Any, omega: float, D: Any, x: Any, L: Any, out: A
     D (orders, steps, s, g): dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps.
     """
     s, g, q, r, orders = x.shape[0], modes.output.shape[0], modes.poles.shape[0], out.shape[0], D.shape[0]
-    ends, state = np.append(x, 1.0), np.zeros((2 * q, r))
+    ends, state = np.ones(s + 1), np.zeros((2 * q, r))
+    for i in range(s):
+        ends[i] = x[i]
     for k in range(q):
         state[k, k] = 1.0
     for k in range(r - q):

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.algebra import norm
 from hbgear.continuation.bordered import Augmented
 from hbgear.continuation.branch import NEUTRAL, Branch, SpecialPoint, Status
 from hbgear.continuation.events import BranchPoint, Cusp, Event, Found, Turning, newton, root, singular
@@ -56,14 +57,26 @@ class Doubling(Event):
         return [self.locate(segment, float(before), float(after))] if before * after < 0 else []
 
     def locate(self, segment: Segment, before: float, after: float) -> Found:
-        """Newton on the half-integer block; bracketed root of det(Phi + 1) where forces are sampled."""
-        if segment.problem.smooth:
+        """Newton on the half-integer block; bracketed root of det(Phi + 1) where forces are sampled.
+
+        Newton from a root, if it does not converge from the chord: the block is superconvergent, the multipliers of the
+        truncated motion pass -1 a little beside.
+        """
+        smooth = segment.problem.smooth
+        extended = PeriodDoubling(segment.problem, segment.name) if smooth else None
+        if extended is not None:
             try:
-                extended = PeriodDoubling(segment.problem, segment.name)
                 return newton(segment, self, extended, before / (before - after))
             except (NoConvergence, np.linalg.LinAlgError):
                 pass
-        return root(segment, self, lambda row: float(_verdicts(_known(segment, row)[None])[1][0]))
+        rough = root(segment, self, lambda row: float(_verdicts(_known(segment, row)[None])[1][0]))
+        if extended is None or not rough.located:
+            return rough
+        try:
+            fine = newton(segment, self, extended, rough.s, beyond=_SHIFT / segment.length)
+        except (NoConvergence, np.linalg.LinAlgError):
+            return rough
+        return fine if norm((fine.row.u - rough.row.u) / segment.scale) <= _SHIFT else rough
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         return PeriodDoubling(problem, parameter)
@@ -130,6 +143,9 @@ class NeimarkSacker(Event):
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         return None
+
+
+_SHIFT = 5e-3  # scaled length by which the multipliers of a truncated motion may pass -1 beside the true doubling
 
 
 _DOUBLE = 1e-6  # distance at which two multipliers on the unit circle are one

@@ -111,14 +111,37 @@ def multipliers_of(
             "trace with stability=False or reduce the model"
         )
     X, Omega = np.ascontiguousarray(X), np.asarray(Omega, dtype=float)
-    if not compiled.reduce or len(structure.modes.poles) <= _FEW:
+    if not is_reduced(compiled):
         return _all_of(compiled, compiled.parts(), X, Omega, points, width)
-    levels = np.ceil(_LEVELS * np.log2(_REACH * compiled.H * Omega / compiled.nu)).astype(int)
+    return _reduced(compiled, X, Omega, _REACH, points, width)
+
+
+def is_reduced(compiled: Compiled) -> bool:
+    """Whether not all modes of the structure are carried."""
+    modes = compiled.structure.modes
+    return compiled.reduce and modes is not None and len(modes.poles) > _FEW
+
+
+def _reduced(
+    compiled: Compiled, X: Array, Omega: Array, reach: float, points: int | None = None, width: float | None = None
+) -> ComplexArray:
+    levels = np.ceil(_LEVELS * np.log2(reach * compiled.H * Omega / compiled.nu)).astype(int)
     mu = np.empty((len(X), _LISTED), dtype=complex)
     for level in np.unique(levels):
         some, parts = levels == level, compiled.parts(float(2.0 ** (level / _LEVELS)))
         mu[some] = _all_of(compiled, parts, X[some], Omega[some], points, width)[:, :_LISTED]
     return mu
+
+
+def reduction(compiled: Compiled, X: Array, Omega: Array) -> dict[str, float]:
+    """How many modes were carried at most, and how far the leading multipliers move with those of twice the reach."""
+    modes = compiled.structure.modes
+    assert modes is not None
+    mu, more = (_reduced(compiled, X, Omega, factor * _REACH) for factor in (1.0, 2.0))
+    moved = np.abs(more - mu[:, :1]).min(axis=1).max()
+    most = _REACH * compiled.H * float(Omega.max()) / compiled.nu
+    carried = int(np.count_nonzero(np.abs(modes.poles) <= most)) // 2
+    return {"modes": carried, "of": len(modes.poles) // 2, "error": float(moved)}
 
 
 def _all_of(

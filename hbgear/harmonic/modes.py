@@ -46,8 +46,8 @@ class Parts:
     """All modes of a structure.
 
     whole : every mode that takes part; split : the same in parts that do not mix while alike elements move alike.
-    idle : poles of the others, both of each pair, those that only give way among them. groups (m,) : first element that each is like. mobility (m,) :
-    inverse modal masses of the elements. size : number of multipliers.
+    idle : poles of the others, both of each pair, those that only give way among them. groups (m,) : first element that
+    each is like. mobility (m,) : inverse modal masses of the elements. size : number of multipliers.
     """
 
     whole: Part

@@ -87,9 +87,8 @@ def pursue(
         _keep(rows[made], found, direction, step, told)
         made += 1
         count = min(count + 1, u.shape[0])
-        for k in range(count - 1, 0, -1):
-            u[k], t[k] = u[k - 1], t[k - 1]
-        u[0], t[0] = found, direction
+        _shift(u, found, count)
+        _shift(t, direction, count)
         step = next_step(step, told[1], turn, missed, control)
         if not span[0] < found[n] < span[1]:
             break
@@ -114,6 +113,15 @@ def _rescale(u: Any, size: Any, m: int, scale: Any) -> None:
 
 
 @kernel
+def _shift(past: Any, new: Any, count: int) -> None:
+    """Put a new row before the others."""
+    for i in range(new.shape[0]):
+        for k in range(count - 1, 0, -1):
+            past[k, i] = past[k - 1, i]
+        past[0, i] = new[i]
+
+
+@kernel
 def _keep(row: Any, u: Any, t: Any, step: float, told: Any) -> None:
     n = u.shape[0]
     for i in range(n):
@@ -130,7 +138,9 @@ def _corrected(
     """Newton on the plane through the prediction; told : sign of the determinant, iterations, residual."""
     R, J, dR, matrices, constants = room
     n = R.shape[0]
-    A, b, u = np.empty((n + 1, n + 1)), np.empty((n + 1, 2)), predicted.copy()
+    A, b, u = np.empty((n + 1, n + 1)), np.empty((n + 1, 2)), np.empty(n + 1)
+    for i in range(n + 1):
+        u[i] = predicted[i]
     last = first = best = math.inf
     most = int(tolerances[2])
     for iteration in range(most + 2):
