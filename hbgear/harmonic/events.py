@@ -31,7 +31,6 @@ from hbgear.continuation.events import BranchPoint, Cusp, Event, Found, Turning,
 from hbgear.continuation.newton import NoConvergence, refine, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment
-from hbgear.harmonic.floquet import multipliers_of
 from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
 
 
@@ -300,8 +299,7 @@ def _known(segment: Segment, row: CurvePoint) -> ComplexArray:
         return known
     here = {**segment.parameters, segment.name: row.value}
     problem: Any = segment.problem  # a HarmonicBalance: these are its events
-    Omega = np.array([here.pop("Omega")])
-    fine: ComplexArray = multipliers_of(problem.compiled(here), row.X[None], Omega, points=8, width=1.0)[0]
+    fine: ComplexArray = problem.multipliers(row.X, points=8, width=1.0, **here)
     return fine
 
 

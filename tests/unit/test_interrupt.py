@@ -218,10 +218,10 @@ def test_basins_keep_the_starts_that_have_settled():
 class Odd(hb.HarmonicBalance):
     """Cannot say anything of motions in a range of frequencies."""
 
-    def observe_all(self, X, Omega, stability=True, **how):
-        if ((Omega > 1.0) & (Omega < 1.05)).any():
+    def observe_many(self, X, name, values, stability=True, **how):
+        if ((values > 1.0) & (values < 1.05)).any():
             raise Bug("no multipliers here")
-        return super().observe_all(X, Omega, stability, **how)
+        return super().observe_many(X, name, values, stability, **how)
 
 
 def test_rows_that_cannot_be_observed_are_kept():
