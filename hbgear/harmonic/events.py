@@ -225,7 +225,7 @@ def _at_doubling(segment: Segment, row: CurvePoint) -> CurvePoint:
     extended = extended.based(np.append(shorter, row.value), here)
     solution = refine(extended, solve(extended, np.append(shorter, row.value), here), here)
     value = float(solution.X[-1])
-    if abs(value - row.value) > 0.1 * abs(segment.b.value - segment.a.value):
+    if abs(value - row.value) > 0.1 * segment.length * segment.scale[-1]:  # both ends may lie at the same value
         return row
     X = problem.fitted(extended.embed(solution.X[:-1]))
     return singular(segment, np.append(X, value), row)

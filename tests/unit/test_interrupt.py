@@ -69,8 +69,19 @@ def within(part, whole):
     return all((float(value), X.tobytes()) in rows for value, X in zip(part.values, part.X, strict=True))
 
 
+class RowByRow(hb.HarmonicBalance):
+    """Followed without the compiled loop."""
+
+    def pursuit(self, name, parameters):
+        return None
+
+
 def curve():
-    return hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.Steps(longest=0.1))
+    return hb.trace(RowByRow(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.Steps(longest=0.1))
+
+
+def strides():
+    return hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.Steps(longest=0.004))
 
 
 def adaptive():
@@ -87,7 +98,7 @@ def known_fold():
     return hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6), stability=False)["LP1"]
 
 
-@pytest.mark.parametrize("work", [curve, adaptive, folds])
+@pytest.mark.parametrize("work", [curve, strides, adaptive, folds])
 @pytest.mark.parametrize("error", [KeyboardInterrupt, Bug])
 def test_a_trace_survives_whatever_comes_at_whatever_call(work, error, tmp_path):
     work()  # what is kept for later calls is not computed again

@@ -26,7 +26,7 @@ from hbgear import (
 )
 from hbgear.continuation.corrector import correct
 from hbgear.continuation.newton import solve
-from hbgear.continuation.problem import Evaluation
+from hbgear.continuation.problem import Evaluation, as_problem, linearise
 from hbgear.continuation.stepping import predict
 
 
