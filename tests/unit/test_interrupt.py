@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from functools import cache
 from pathlib import Path
@@ -123,6 +124,44 @@ def test_a_trace_survives_whatever_comes_at_whatever_call(work, error, tmp_path)
             assert set(part.values[unseen]) <= {point.parameters["Omega"] for point in part.special}, n
         kept.append(len(part))
     assert max(kept) > 0.9 * len(whole) and len(set(kept)) > 4
+
+
+class Signalled(hb.HarmonicBalance):
+    """Ctrl-C comes while the compiled loop runs for the third time."""
+
+    calls = 0
+    heard = False
+
+    def pursuit(self, name, parameters):
+        loop = super().pursuit(name, parameters)
+
+        def signalled(*arguments):
+            self.calls += 1
+            if self.calls != 3:
+                return loop(*arguments)
+            threading.Timer(0.01, signal.raise_signal, [signal.SIGINT]).start()
+            try:
+                loop(*arguments)
+                while True:  # the signal came later than thought
+                    time.sleep(0.01)
+            except KeyboardInterrupt:
+                self.heard = True
+                raise
+
+        return signalled
+
+
+def test_ctrl_c_while_the_compiled_loop_runs():
+    """It is heard when the call returns, and what was found by the calls before it is kept, with its stability."""
+    problem = Signalled(hb.SpurPair(), 60)
+    few = hb.Steps(first=1e-4, longest=1e-4)
+    part = hb.trace(problem, "Omega", (0.9, 0.8), steps=few)
+    assert problem.heard and problem.calls == 3
+    assert part.status is Status.INTERRUPTED and "interrupted at Omega" in part.message
+    whole = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 60), "Omega", (0.9, 0.8), special=False, stability=False,
+                     steps=hb.Steps(first=1e-4, longest=1e-4, max_points=len(part)))  # fmt: skip
+    assert len(part) > 64 and np.array_equal(part.values, whole.values) and np.array_equal(part.X, whole.X)
+    assert np.isfinite(part.multipliers).all()
 
 
 def test_a_jump_map_keeps_fold_curves_that_are_whole():
