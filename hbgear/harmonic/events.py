@@ -32,7 +32,6 @@ from hbgear.continuation.events import BranchPoint, Cusp, Event, Found, Turning,
 from hbgear.continuation.newton import NoConvergence, refine, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment
-from hbgear.harmonic.floquet import multipliers_of
 from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
 
 
@@ -242,7 +241,7 @@ def _at_doubling(segment: Segment, row: CurvePoint) -> CurvePoint:
     extended = extended.based(np.append(shorter, row.value), here)
     solution = refine(extended, solve(extended, np.append(shorter, row.value), here), here)
     value = float(solution.X[-1])
-    if abs(value - row.value) > 0.1 * abs(segment.b.value - segment.a.value):
+    if abs(value - row.value) > 0.1 * segment.length * segment.scale[-1]:  # both ends may lie at the same value
         return row
     X = problem.fitted(extended.embed(solution.X[:-1]))
     return singular(segment, np.append(X, value), row)
@@ -316,8 +315,7 @@ def _known(segment: Segment, row: CurvePoint) -> ComplexArray:
         return known
     here = {**segment.parameters, segment.name: row.value}
     problem: Any = segment.problem  # a HarmonicBalance: these are its events
-    Omega = np.array([here.pop("Omega")])
-    fine: ComplexArray = multipliers_of(problem.compiled(here), row.X[None], Omega, points=8, width=1.0)[0]
+    fine: ComplexArray = problem.multipliers(row.X, points=8, width=1.0, **here)
     return fine
 
 

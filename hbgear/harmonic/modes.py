@@ -115,7 +115,7 @@ def _part(
     real = np.abs(poles[some].imag) <= 1e-13 * np.abs(poles).max(initial=0.0)
     pairs, alone = some[~real & (poles[some].imag > 0)], some[real]
     kept = np.concatenate([pairs, alone])
-    lam, out, push = poles[kept].copy(), output[:, kept].copy(), input_[kept].copy()
+    lam, out, push = (np.array(x, dtype=complex) for x in (poles[kept], output[:, kept], input_[kept]))
     k = len(pairs)
     out[:, :k] *= 2.0
     for x in (lam[k:], out[:, k:], push[k:]):

@@ -108,7 +108,7 @@ SYSTEM: Pool = {
 
 RECORDS = {
     "Branch", "Cases", "Critical", "Jump", "JumpMap", "Point", "Reduction", "SpecialPoint", "Survey", "Law", "Model",
-    "NoConvergence", "NoFold", "Evaluation", "Evaluations", "Unlikely",
+    "NoConvergence", "NoFold", "Evaluation", "Unlikely",
     "model", "Steps", "Progress", "ProgressCallback", "Status", "plot", "__version__",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""

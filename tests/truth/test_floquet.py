@@ -24,7 +24,6 @@ from hbgear import (
     System,
     trace,
 )
-from hbgear.harmonic import floquet as stability
 from hbgear.harmonic.floquet import monodromies, multipliers_of
 from hbgear.mechanics.fourier import evaluate
 
@@ -240,25 +239,16 @@ def test_many_at_once_are_those_one_by_one(name):
     np.testing.assert_allclose(together / scale, single / scale, rtol=0, atol=1e-11)
 
 
-def test_many_at_once_in_several_lots(monkeypatch):
-    problem, X, Omega = CURVES["all regimes"]()
-    whole = monodromies(problem.compiled({}), X, Omega)
-    monkeypatch.setattr(stability, "_ROOM", 50_000)
-    np.testing.assert_allclose(
-        monodromies(problem.compiled({}), X, Omega), whole, rtol=0, atol=1e-12 * np.abs(whole).max()
-    )
-    assert monodromies(problem.compiled({}), X[:0], Omega[:0]).shape == (0, 2, 2)
-
-
-def test_steps_of_several_parts():
-    """Of 24 coordinates with 6 nodes two parts make a step, with 4 three; with 8 a step is one part.
+def test_steps_of_few_and_of_many_points():
+    """The monodromy matrix of all modes, by steps of 4 and 6 Gauss points, is that by longer steps of 8.
 
     More nodes round more, see `gauss`: by 3e-12 with 8, by 2e-9 with 12.
     """
     problem, X, Omega = CURVES["long steps"]()
-    whole = monodromies(problem.compiled({}), X, Omega, points=8, width=0.8)
+    compiled = problem.compiled({})
+    whole = monodromies(compiled, compiled.parts.whole, X, Omega, points=8, width=0.8)
     for points in (4, 6):
-        parts = monodromies(problem.compiled({}), X, Omega, points=points, width=0.2)
+        parts = monodromies(compiled, compiled.parts.whole, X, Omega, points=points, width=0.2)
         np.testing.assert_allclose(parts, whole, rtol=0, atol=1e-10)
 
 

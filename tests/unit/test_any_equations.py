@@ -141,27 +141,42 @@ def start_at(x, **parameters):
     return hb.Point(np.array([x]), parameters, 0.0, 0, None, np.zeros(0, np.int8), np.nan, None)
 
 
-class Many(Circle):
-    """The circle, with many points evaluated at once."""
-
-    batched = ("Omega",)
+class Looped(Circle):
+    """The circle with a loop of its own along it, whose rows lie where `rows_of` puts them."""
 
     def __init__(self):
-        self.calls = []
+        self.asked = []
 
-    def linearise_many(self, X, name, values, **parameters):
-        self.calls.append(len(X))
-        x = X[:, 0]
-        return hb.Evaluations((x**2 + values**2 - 1)[:, None], 2 * x[:, None, None], 2 * values[:, None], 1 + 0 * x)
+    def pursuit(self, name, parameters):
+        self.asked.append((name, dict(parameters)))
+        return self.rows
+
+    def rows(self, u, t, count, size, step, span, control, tolerances, rows):
+        """Equal steps along the circle x = cos s, p = sin s, whichever way the tangent points."""
+        made, angle = 0, np.arctan2(u[0, 1], u[0, 0])
+        scale = np.array([max(size[0], abs(u[0, 0])), size[1]])
+        way = np.sign(t[0] @ [-u[0, 1], u[0, 0]])
+        while made < len(rows):
+            angle += way * 0.02
+            x, p = np.cos(angle), np.sin(angle)
+            tangent = way * np.array([-p, x])
+            rows[made] = x, p, *(tangent / np.linalg.norm(tangent / scale)), step, way, 1, 1e-16
+            made += 1
+            if not span[0] < p < span[1]:
+                break
+        return made, step, 0, 0.0
 
 
-def test_many_points_at_once_give_the_same_curve():
-    many = Many()
-    curve, alone = (hb.trace(p, "Omega", (-2, 2), start_at(0.6, Omega=-0.8)) for p in (many, Circle()))
-    assert curve.status is alone.status is hb.Status.CLOSED and max(many.calls) == hb.StepControl().batch
+def test_a_problem_may_bring_a_loop_of_its_own():
+    """Rows between its special points are where the loop put them, and the curve is the one found row after row."""
+    looped = Looped()
+    curve, alone = (hb.trace(p, "Omega", (-2, 2), start_at(0.6, Omega=-0.8)) for p in (looped, Circle()))
+    assert curve.status is alone.status is hb.Status.CLOSED and looped.asked[0] == ("Omega", {})
     assert [point.label for point in curve.special] == [point.label for point in alone.special] == ["LP1", "LP2"]
     for branch in (curve, alone):
         np.testing.assert_allclose(branch.X[:, 0] ** 2 + branch.values**2, 1, atol=1e-9)
+    turns = np.diff(np.unwrap(np.arctan2(curve.values, curve.X[:, 0])))
+    assert np.isclose(np.abs(turns), 0.02, rtol=1e-9).mean() > 0.9
 
 
 def test_abilities_are_asked_once():
@@ -169,7 +184,7 @@ def test_abilities_are_asked_once():
         asked = 0
 
         def __getattribute__(self, name):
-            if name in {"batched", "linearise_many", "events", "layout", "smooth"}:
+            if name in {"pursuit", "events", "layout", "smooth"}:
                 type(self).asked += 1
             return super().__getattribute__(name)
 

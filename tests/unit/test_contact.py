@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hbgear import Backlash, Element, HarmonicBalance, Law, Parallel, PiecewiseLinear, Series, System, Unilateral
+from hbgear import Backlash, Cubic, Element, HarmonicBalance, Law, Parallel, PiecewiseLinear, Series, System, Unilateral
 from hbgear.harmonic.crossings import crossings
-from hbgear.harmonic.projection import ContactProjector
-from hbgear.harmonic.realbasis import Toeplitz, one_sided
-from hbgear.mechanics.fourier import evaluate, to_complex, to_real
+from hbgear.mechanics.fourier import evaluate, samples_of, to_complex, to_real
 
 WAVY = Series(mean=1.0, cosine=(-0.2, 0.07), sine=(0.1, 0.0, 0.05))
 
@@ -76,6 +74,13 @@ def quadrature(law, row, H, nu=1):
 def force(problem, X):
     """Exact or sampled force rows (m, 2H + 1)."""
     return problem.force_rows(X.ravel(), Omega=1.0)
+
+
+def crossed(row, level, N=64):
+    """Instants at which the function of a real row crosses a level, with their signs."""
+    theta, sign = np.empty((2, len(row) + 3))
+    count = crossings(to_complex(row), float(level), samples_of(to_complex(row), N), theta, sign)
+    return theta[:count], sign[:count]
 
 
 @pytest.mark.parametrize("nu", [1, 2])
@@ -197,13 +202,11 @@ def test_constant_motion_with_varying_stiffness():
 
 def test_crossings_through_samples_and_at_the_ends_of_the_period():
     """Corners met exactly at samples and at theta = 0: cos(2 theta) at 0, sin(theta) at 0."""
-    theta = 2 * np.pi * np.arange(64) / 64
-    c = to_complex(np.array([[0, 0, 0, 1.0, 0], [0, 0, 1.0, 0, 0]]))
-    samples = np.array([np.cos(2 * theta), np.sin(theta)])
-    found = crossings(c, np.zeros(2), np.arange(2), samples)
-    first = found.row == 0
-    np.testing.assert_allclose(np.sort(found.theta[first]), np.pi * np.array([0.25, 0.75, 1.25, 1.75]), atol=1e-15)
-    assert found.sign[~first].sum() == 0 and (~first).sum() == 2
+    theta, sign = crossed(np.array([0, 0, 0, 1.0, 0]), 0.0)
+    np.testing.assert_allclose(theta, np.pi * np.array([0.25, 0.75, 1.25, 1.75]), atol=1e-15)
+    np.testing.assert_array_equal(sign, [-1, 1, -1, 1])
+    theta, sign = crossed(np.array([0, 0, 1.0, 0, 0]), 0.0)
+    assert sign.sum() == 0 and len(theta) == 2
     half = balance(Unilateral(1.0, 0.0), H=2)
     row = np.array([0, 0, 1.0, 0, 0])
     np.testing.assert_allclose(force(half, row)[0], [1 / np.pi, 0, 0.5, -2 / (3 * np.pi), 0], atol=1e-14)
@@ -224,35 +227,65 @@ def test_as_many_crossings_as_a_polynomial_has_roots(rng):
 
 def test_instants_have_all_their_digits(rng):
     """At each the function is at its level to rounding, or as near as a change of theta by rounding brings it."""
-    rows = rng.standard_normal((200, 15)) * rng.choice([0.5, 2.0], (200, 1))
-    c, level = to_complex(rows), rng.uniform(0.2, 1.0, 200)
-    samples = evaluate(rows, 2 * np.pi * np.arange(64) / 64)
-    found = crossings(c, level, np.arange(200), samples)
-    assert found.theta.size > 400
-    for row, theta in zip(found.row, found.theta, strict=True):
-        value, slope = evaluate(rows[row], theta)[0] - level[row], evaluate(rows[row], theta, 1)[0]
-        assert abs(value) < 4e-15 * (1 + np.abs(c[row]).sum()) + 1e-14 * abs(slope)
+    rows, seen = rng.standard_normal((200, 15)) * rng.choice([0.5, 2.0], (200, 1)), 0
+    for row, level in zip(rows, rng.uniform(0.2, 1.0, 200), strict=True):
+        for theta in crossed(row, level)[0]:
+            value, slope = evaluate(row, theta)[0] - level, evaluate(row, theta, 1)[0]
+            assert abs(value) < 4e-15 * (1 + np.abs(to_complex(row)).sum()) + 1e-14 * abs(slope)
+            seen += 1
+    assert seen > 400
 
 
-def test_crossings_of_many_motions_are_those_of_one_by_one(rng):
-    """Many crossings, both sides, three in a cell, motions that just reach a corner: instants and projections agree."""
-    laws = [Backlash(b) for b in rng.uniform(0.2, 1.0, 200)]
-    rows = rng.standard_normal((200, 15)) * rng.choice([0.1, 0.5, 2.0], (200, 1))
-    rows[0] = np.eye(15)[1] * (laws[0].corners[1] * (1 + 1e-9))
-    c, theta = to_complex(rows), 2 * np.pi * np.arange(64) / 64
-    samples = evaluate(rows, theta)
-    many = ContactProjector(laws, 1)
-    found = crossings(c, many.level, many.rows, samples)
-    assert set(np.bincount(found.row)) >= {0, 2, 4}
-    kappa, chi = many.project(c, samples, 14)
-    for i, law in enumerate(laws):
-        one, mine, motion = ContactProjector([law], 1), found.row // 2 == i, slice(i, i + 1)
-        alone = crossings(c[motion], one.level, one.rows, samples[motion])
-        assert np.array_equal(found.row[mine] % 2, alone.row) and np.array_equal(found.sign[mine], alone.sign)
-        np.testing.assert_allclose(found.theta[mine], alone.theta, rtol=0, atol=1e-10)
-        forces = [(Toeplitz(7)(k) @ rows[i])[0] + to_real(one_sided(x[:, :8]))[0]
-                  for k, x in ((kappa[motion], chi[motion]), one.project(c[motion], samples[motion], 14))]  # fmt: skip
-        np.testing.assert_allclose(forces[0], forces[1], rtol=0, atol=1e-12)  # an error of an instant enters squared
+def test_elements_are_projected_as_each_alone(rng):
+    """All laws in one table: forces, Jacobian and instants of each element are those of a model of it alone."""
+    laws, H = (*LAWS.values(), Cubic(0.3, 0.2), Parallel((Cubic(0.3, 0.2), Backlash(0.8, 2.0, WAVY)))), 7
+    together, alone = balance(*laws, H=H), [balance(law, H=H) for law in laws]
+    corners, regimes = np.cumsum([0, *(len(law.breakpoints) for law in laws)]), set()
+    for size in (0.1, 0.5, 0.5, 2.0, 2.0):
+        X = size * rng.standard_normal((len(laws), 2 * H + 1))
+        kr = np.array([law.reference for law in laws])
+        J = together.evaluate(X.ravel(), Omega=1.0)[1].reshape(len(laws), 2 * H + 1, len(laws), 2 * H + 1)
+        found = together.switching(X.ravel(), Omega=1.0)
+        for j, (one, row) in enumerate(zip(alone, X, strict=True)):
+            np.testing.assert_allclose(force(together, X)[j], force(one, row)[0], rtol=0, atol=1e-13 * size * kr[j])
+            np.testing.assert_allclose(J[j, :, j], one.evaluate(row, Omega=1.0)[1], rtol=0, atol=1e-12)
+            mine, single = (found.row >= corners[j]) & (found.row < corners[j + 1]), one.switching(row, Omega=1.0)
+            np.testing.assert_array_equal(found.theta[mine], single.theta)
+            np.testing.assert_array_equal(found.row[mine] - corners[j], single.row)
+            regimes |= set(np.bincount(single.row).tolist())
+    assert regimes >= {0, 2, 4}
+
+
+CUBIC = Cubic(0.3, -0.2)
+
+
+def test_a_cubic_spring_is_projected_exactly(rng):
+    """Its force has harmonics up to 3H, so 4000 samples hold it without aliasing: row and Jacobian to rounding."""
+    H, N, theta = 7, 4000, 2 * np.pi * np.arange(4000) / 4000
+    problem, X = balance(CUBIC, H=H), rng.standard_normal(15)
+    assert problem.compiled({}).sampled is None
+    d = evaluate(X, theta)
+    spectrum = np.fft.rfft(CUBIC.force(d, 0 * d, theta)[0])[: H + 1] / N
+    np.testing.assert_allclose(force(problem, X)[0], to_real(np.append(spectrum[:1], 2 * spectrum[1:])), atol=2e-14)
+    columns = []
+    for wave in np.eye(15):
+        c = np.fft.rfft((CUBIC.k1 + 3 * CUBIC.k3 * d * d) * evaluate(wave, theta))[: H + 1] / N
+        columns.append(to_real(np.append(c[:1], 2 * c[1:])))
+    J = problem.evaluate(X, Omega=1.0)[1] - balance(Cubic(0.0, 0.0), H=H).evaluate(X, Omega=1.0)[1]
+    np.testing.assert_allclose(J, np.transpose(columns), rtol=0, atol=2e-13)
+
+
+@pytest.mark.parametrize("nu", [1, 2])
+def test_a_cubic_spring_beside_a_gap_against_samples(nu, rng):
+    """Parallel((Backlash, Cubic)) exactly and by 65536 samples; the harmonics of its force beyond H too."""
+    law = Parallel((Backlash(0.8, 2.0, WAVY), Cubic(0.3, 0.2)))
+    exact, sampled = balance(law, nu=nu), balance(law, nu=nu, sampled=True, samples=65536)
+    assert exact.compiled({}).whole and not sampled.compiled({}).whole
+    X = 0.7 * rng.standard_normal(exact.size)
+    (R, J), (Rs, Js) = (p.evaluate(X, Omega=0.8) for p in (exact, sampled))
+    np.testing.assert_allclose(R, Rs, atol=1e-7)
+    np.testing.assert_allclose(J, Js, atol=1e-3)
+    assert exact.truncation(X, Omega=0.8) == pytest.approx(sampled.truncation(X, Omega=0.8), rel=1e-6)
 
 
 def test_three_crossings_between_two_samples():

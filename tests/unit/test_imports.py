@@ -90,7 +90,7 @@ FILES = {
         "realbasis": "",
         "receptance": "numbers",
         "special": "",
-        "events": "floquet special",
+        "events": "special",
         "landings": "observables",
         "projection": "crossings",
         "assembly": "projection",

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from functools import cache
 from pathlib import Path
@@ -69,8 +70,19 @@ def within(part, whole):
     return all((float(value), X.tobytes()) in rows for value, X in zip(part.values, part.X, strict=True))
 
 
+class RowByRow(hb.HarmonicBalance):
+    """Followed without the compiled loop."""
+
+    def pursuit(self, name, parameters):
+        return None
+
+
 def curve():
-    return hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.Steps(longest=0.1))
+    return hb.trace(RowByRow(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.Steps(longest=0.1))
+
+
+def strides():
+    return hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.Steps(first=0.004, longest=0.004))
 
 
 def adaptive():
@@ -87,7 +99,7 @@ def known_fold():
     return hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6), stability=False)["LP1"]
 
 
-@pytest.mark.parametrize("work", [curve, adaptive, folds])
+@pytest.mark.parametrize("work", [curve, strides, adaptive, folds])
 @pytest.mark.parametrize("error", [KeyboardInterrupt, Bug])
 def test_a_trace_survives_whatever_comes_at_whatever_call(work, error, tmp_path):
     work()  # what is kept for later calls is not computed again
@@ -107,10 +119,49 @@ def test_a_trace_survives_whatever_comes_at_whatever_call(work, error, tmp_path)
             continue
         assert part.status is (Status.INTERRUPTED if error is KeyboardInterrupt else Status.FAILED), n
         assert part.status.advice in part.message, n
-        if work is not folds and error is KeyboardInterrupt:
-            assert np.isfinite(part.multipliers).all(), n
+        if work is not folds and error is KeyboardInterrupt:  # special points are observed last
+            unseen = np.flatnonzero(~np.isfinite(part.multipliers).all(axis=1))
+            assert set(part.values[unseen]) <= {point.parameters["Omega"] for point in part.special}, n
         kept.append(len(part))
     assert max(kept) > 0.9 * len(whole) and len(set(kept)) > 4
+
+
+class Signalled(hb.HarmonicBalance):
+    """Ctrl-C comes while the compiled loop runs for the third time."""
+
+    calls = 0
+    heard = False
+
+    def pursuit(self, name, parameters):
+        loop = super().pursuit(name, parameters)
+
+        def signalled(*arguments):
+            self.calls += 1
+            if self.calls != 3:
+                return loop(*arguments)
+            threading.Timer(0.01, signal.raise_signal, [signal.SIGINT]).start()
+            try:
+                loop(*arguments)
+                while True:  # the signal came later than thought
+                    time.sleep(0.01)
+            except KeyboardInterrupt:
+                self.heard = True
+                raise
+
+        return signalled
+
+
+def test_ctrl_c_while_the_compiled_loop_runs():
+    """It is heard when the call returns, and what was found by the calls before it is kept, with its stability."""
+    problem = Signalled(hb.SpurPair(), 60)
+    few = hb.Steps(first=1e-4, longest=1e-4)
+    part = hb.trace(problem, "Omega", (0.9, 0.8), steps=few)
+    assert problem.heard and problem.calls == 3
+    assert part.status is Status.INTERRUPTED and "interrupted at Omega" in part.message
+    whole = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 60), "Omega", (0.9, 0.8), special=False, stability=False,
+                     steps=hb.Steps(first=1e-4, longest=1e-4, max_points=len(part)))  # fmt: skip
+    assert len(part) > 64 and np.array_equal(part.values, whole.values) and np.array_equal(part.X, whole.X)
+    assert np.isfinite(part.multipliers).all()
 
 
 def test_a_jump_map_keeps_fold_curves_that_are_whole():
@@ -218,10 +269,10 @@ def test_basins_keep_the_starts_that_have_settled():
 class Odd(hb.HarmonicBalance):
     """Cannot say anything of motions in a range of frequencies."""
 
-    def observe_all(self, X, Omega, stability=True, **how):
-        if ((Omega > 1.0) & (Omega < 1.05)).any():
+    def observe_many(self, X, name, values, stability=True, **how):
+        if ((values > 1.0) & (values < 1.05)).any():
             raise Bug("no multipliers here")
-        return super().observe_all(X, Omega, stability, **how)
+        return super().observe_many(X, name, values, stability, **how)
 
 
 def test_rows_that_cannot_be_observed_are_kept():

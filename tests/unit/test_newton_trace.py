@@ -24,11 +24,10 @@ from hbgear import (
     System,
     trace,
 )
-from hbgear.continuation.corrector import correct, correct_all
+from hbgear.continuation.corrector import correct
 from hbgear.continuation.newton import solve
-from hbgear.continuation.predictor import predict
-from hbgear.continuation.problem import Evaluation, Evaluations, as_problem, linearise
-from hbgear.continuation.segment import CurvePoint
+from hbgear.continuation.problem import Evaluation, as_problem, linearise
+from hbgear.continuation.stepping import predict
 
 
 class Curve:
@@ -142,10 +141,17 @@ def test_a_branch_point_of_a_curved_trunk_is_located():
     np.testing.assert_allclose(curve.X[:, 0], np.sin(2 * curve.values), atol=1e-8)
 
 
-def row_at(angle):
-    """CurvePoint of the unit circle x = sin s, p = cos s at s = angle."""
-    u, t = np.array([np.sin(angle), np.cos(angle)]), np.array([np.cos(angle), -np.sin(angle)])
-    return CurvePoint(None, u, t, 1)
+def on_circle(angles):
+    """Points of the unit circle x = sin s, p = cos s with their tangents, (k, 2) each."""
+    sine, cosine = np.sin(angles), np.cos(angles)
+    return np.column_stack([sine, cosine]), np.column_stack([cosine, -sine])
+
+
+def predicted(u, t, step, scale=(1.0, 1.0)):
+    """Unknowns a step ahead of rows u with tangents t, the newest first."""
+    out = np.empty(u.shape[1])
+    predict(u, t, len(u), np.array(scale), step, out)
+    return out
 
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
@@ -153,21 +159,42 @@ def test_prediction_from_k_rows_is_of_order_2k(k):
     """Hermite extrapolation through k rows with their tangents, at unequal distances, leaves the circle by h^2k."""
     lengths, errors = 0.12 * 1.5 ** -np.arange(4), []
     for h in lengths:
-        rows = [row_at(1.0 - h * s) for s in (0.0, 0.8, 1.5, 2.7)[:k]]
-        (u,) = predict(rows, rows[0].tangent, np.ones(2), np.array([h]))
-        assert (u - rows[0].u) @ rows[0].tangent == pytest.approx(h, rel=1e-12)  # on the plane of the corrector
+        rows, tangents = on_circle(1.0 - h * np.array([0.0, 0.8, 1.5, 2.7][:k]))
+        u = predicted(rows, tangents, h)
+        assert (u - rows[0]) @ tangents[0] == pytest.approx(h, rel=1e-12)  # on the plane of the corrector
         errors.append(abs(np.hypot(*u) - 1))
     order = np.diff(np.log(errors)) / np.diff(np.log(lengths))
     np.testing.assert_allclose(order[1 if k == 4 else -1], 2 * k, atol=0.4)  # before rounding is met
 
 
+def polynomial_curve(degree, scale):
+    """u and du/dx of a curve in three unknowns, x the distance along its tangent at 0: no other powers than 2, ...,
+    degree of x."""
+    power = np.arange(2, degree + 1)
+    bend = 0.3 * np.column_stack([np.cos(power), np.sin(power)])
+
+    def at(x):
+        return np.array([*(x**power @ bend), x]) * scale, np.array([*(power * x ** (power - 1) @ bend), 1.0]) * scale
+
+    return at
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+def test_prediction_from_k_rows_is_exact_for_polynomials_of_degree_2k_minus_1(k):
+    """In scaled unknowns; rows at unequal distances, tangents of any length. Degrees above are not met."""
+    scale, lengths = np.array([2.0, 0.5, 10.0]), np.array([1.0, 0.7, 1.4, 2.0])[:k]
+    for degree in (2 * k - 1, 2 * k + 1):
+        curve = polynomial_curve(degree, scale)
+        u, t = (np.array(x) for x in zip(*(curve(x) for x in (0.0, -0.11, -0.19, -0.34)[:k]), strict=True))
+        error = np.abs((predicted(u, lengths[:, None] * t, 0.1, scale) - curve(0.1)[0]) / scale).max()
+        assert (error < 1e-13) if degree < 2 * k else (error > 1e-7), (degree, error)
+
+
 def test_prediction_uses_a_row_across_a_corner_no_more_than_it_helps():
     """Rows beyond a corner of the curve tell nothing of its course behind: the prediction stays by the tangent."""
-    here, before = row_at(1.0), row_at(1.05)
-    turned = replace(before, tangent=np.array([before.tangent[1], -before.tangent[0]]))
-    straight = here.u + 0.05 * here.tangent
-    (u,) = predict([here, turned], here.tangent, np.ones(2), np.array([0.05]))
-    np.testing.assert_allclose(u, straight, rtol=1e-12)
+    rows, tangents = on_circle(np.array([1.0, 1.05]))
+    tangents[1] = tangents[1, 1], -tangents[1, 0]
+    np.testing.assert_allclose(predicted(rows, tangents, 0.05), rows[0] + 0.05 * tangents[0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("first", [0.01, 0.013, 0.02, 0.027, 0.04])
@@ -187,78 +214,24 @@ def test_a_small_loop_is_not_stepped_over(first):
     assert len(curve) > len(blind)
 
 
-class Strided(Curve):
-    """A curve in Omega whose points can be evaluated together."""
-
-    auto = False
-
-    def evaluate(self, X, Omega):
-        return super().evaluate(X, Omega)
-
-    def linearise_all(self, X, Omega):
-        each = [linearise(Curve(self.f, self.slope), x, "p", {"p": p}) for x, p in zip(X, Omega, strict=True)]
-        return Evaluations(*(np.array(x) for x in zip(*each, strict=True)))
-
-
-@pytest.mark.parametrize("first", [0.01, 0.013, 0.02, 0.027, 0.04])
-def test_strides_do_not_step_over_a_small_loop(first):
-    """The loop of `test_a_small_loop_is_not_stepped_over`, moved to where Omega is positive."""
-    w = 0.025
-    loop = Strided(
-        lambda x, p: p - 2 - x + 2 * x * np.exp(-((x / w) ** 2)),
-        lambda x, p: -1 + 2 * np.exp(-((x / w) ** 2)) * (1 - 2 * (x / w) ** 2),
-    )
-    z = brentq(lambda z: 2 * np.exp(-(z**2)) * (1 - 2 * z**2) - 1, 0.1, 0.7, xtol=1e-15)
-    curve = trace(loop, "Omega", (1.0, 3.0), np.array([-1.0]), steps=Steps(first=first))
-    assert curve.status is Status.REACHED_END and [p.kind for p in curve.special] == ["LP", "LP"]
-    expected = w * z * (1 - 2 * np.exp(-(z**2)))
-    np.testing.assert_allclose([p.parameters["Omega"] - 2 for p in curve.special], [-expected, expected], rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("problem", "span"),
-    [
-        (lambda: HarmonicBalance(Duffing(zeta=0.05, k3=0.1, F=0.18), 7), (0.5, 1.6)),
-        (lambda: HarmonicBalance(SpurPair(), 10), (1.5, 0.3)),
-        (lambda: HarmonicBalance(DoubleHelicalPair(zeta=0.05), 12), (1.1, 0.75)),
-    ],
-)
-def test_rows_sought_together_tell_the_same_curve(problem, span):
-    """Special points, jumps and ends of strides and of one row after the other; rows keep their distance."""
-    one, many = (trace(problem(), "Omega", span, steps=Steps(batch=k)) for k in (1, 8))
-    assert one.status is many.status and one.message == many.message
-    assert [p.label for p in one.special] == [p.label for p in many.special]
-    for a, b in zip(one.special, many.special, strict=True):
-        assert a.parameters["Omega"] == pytest.approx(b.parameters["Omega"], abs=1e-9)
-        np.testing.assert_allclose(a.X, b.X, rtol=0, atol=1e-6)
-    assert [(j.label, j.direction) for j in one.jumps()] == [(j.label, j.direction) for j in many.jumps()]
-    u = np.column_stack([many.X / many.problem.motion_size(many.X[np.argmax(many.amplitude("rms"))]),
-                         many.values / abs(span[1] - span[0])])  # fmt: skip
-    assert np.linalg.norm(np.diff(u, axis=0), axis=1).max() < 1.5 * Steps().longest
-    assert many.residual.max() < 1e-10
-
-
-def test_points_corrected_together_are_those_corrected_alone():
-    """Three predictions of the circle; a fourth too far for Newton ends them, and what comes behind it is dropped."""
-    problem = as_problem(Strided(lambda x, p: x * x + p * p - 1, lambda x, p: 2 * x))
-    normal, angles = np.array([-0.8, 0.6]), np.array([1.0, 0.9, 0.8])
-    predicted = 1.0001 * np.column_stack([np.cos(angles), np.sin(angles)])
-    points, reason = correct_all(problem, predicted, normal, "Omega", {}, Settings())
-    assert len(points) == 3 and reason == ""
-    for u, point in zip(predicted, points, strict=True):
-        alone = correct(problem, u, normal, "Omega", {})
-        found = np.append(point.solution.X, point.solution.value)
-        np.testing.assert_allclose(found, [*alone.X, alone.value], rtol=0, atol=1e-12)
-        assert np.hypot(*found) == pytest.approx(1.0, abs=1e-14) and normal @ (found - u) == pytest.approx(0, abs=1e-14)
-        np.testing.assert_allclose(point.A @ point.direction, [0.0, 1.0], atol=1e-14)
-        assert found @ point.direction == pytest.approx(0.0, abs=1e-9)  # dR/dp is a difference
-    far = np.concatenate([predicted[:2], [[40.0, 3.0]], predicted[2:]])
-    points, reason = correct_all(problem, far, normal, "Omega", {}, Settings())
-    assert len(points) == 2 and "the corrector stopped at a relative residual of" in reason
+def test_a_prediction_is_corrected_on_its_plane():
+    """Predictions beside the circle come to lie on it and on the plane, with the direction of the curve there; the
+    same with the sign of the determinant. One too far away for Newton is told as that."""
+    for angle, length, normal in ((1.0, 1.0, (-0.8, 0.6)), (0.9, 2.0, (-0.8, 0.6)), (0.8, 1.0, (0.8, -0.6))):
+        normal, u = np.array(normal) * length, 1.0001 * np.array([np.cos(angle), np.sin(angle)])
+        found = correct(CIRCLE, u, normal, "p", {}, Settings())
+        x, p = found.solution.X[0], found.solution.value
+        assert np.hypot(x, p) == pytest.approx(1.0, abs=1e-14)
+        assert normal @ ([x, p] - u) == pytest.approx(0, abs=1e-14)
+        assert [x, p] @ found.direction == pytest.approx(0.0, abs=1e-9)  # dR/dp is a difference
+        assert normal @ found.direction == pytest.approx(1.0, abs=1e-14)
+        assert found.orientation == np.sign(x * normal[1] - p * normal[0])
+    with pytest.raises(NoConvergence, match="the corrector stopped at a relative residual of"):
+        correct(CIRCLE, np.array([40.0, 3.0]), np.array([-0.8, 0.6]), "p", {}, Settings())
 
 
 def test_rows_keep_no_matrices():
-    """What a row was corrected with is dropped once its neighbourhood has been looked at."""
+    """What a row was corrected with is not kept with it."""
 
     def held(*_):
         counts.append(len([x for x in gc.get_objects() if isinstance(x, Evaluation) and x.R.size]))
@@ -267,16 +240,15 @@ def test_rows_keep_no_matrices():
     gc.collect()
     gc.freeze()  # objects of before are not looked through at every row
     try:
-        trace(HarmonicBalance(Duffing(), 7), "Omega", (0.5, 1.6), stability=False, progress=held)
+        trace(CIRCLE, "p", (-2, 2), at(1, 0), progress=held)
     finally:
         gc.unfreeze()
-    assert len(counts) > 80 and 0 < max(counts) < 60
+    assert len(counts) > 80 and max(counts) < 4
 
 
 def test_more_rows_save_newton_steps():
     """The tangent alone, and polynomials through two and four rows."""
-    curves = [trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=Steps(history=k, batch=1),
-                    stability=False) for k in (1, 2, 4)]  # fmt: skip
+    curves = [trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=Steps(history=k), stability=False) for k in (1, 2, 4)]  # fmt: skip
     needed = [curve.iterations.sum() for curve in curves]
     assert needed[0] > 1.2 * needed[1] > 1.2 * 1.2 * needed[2]
     assert curves[2].iterations[5:].mean() < 1.2
@@ -533,7 +505,6 @@ def test_a_start_on_a_fold_either_works_or_says_so():
         ({"max_points": 1}, "max_points = 1 must be a whole number of at least 2"),
         ({"max_prediction_error": 0.0}, "max_prediction_error = 0.0 must be above 0"),
         ({"history": 0}, "history = 0 must be a whole number of at least 1"),
-        ({"batch": 0}, "batch = 0 must be a whole number of at least 1"),
     ],
 )
 def test_bad_steps(settings, message):

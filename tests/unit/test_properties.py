@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from unit.test_branch import make, same
+from unit.test_contact import crossed
 
 import hbgear as hb
 from hbgear.common.ranges import Range, checked
 from hbgear.continuation.newton import solve
-from hbgear.harmonic.crossings import crossings
 from hbgear.harmonic.realbasis import after_derivative, derivative, one_sided
 from hbgear.io.npz import load
-from hbgear.mechanics.fourier import evaluate, resize, samples_of, stretch, to_complex, to_real
+from hbgear.mechanics.fourier import evaluate, resize, stretch, to_complex, to_real
 from hbgear.mechanics.model import System
 
 EPS = np.finfo(float).eps
@@ -131,15 +131,12 @@ def test_crossings_are_all_roots(row, level):
     """As many as a fine sampling finds, at the same places: as near as rounding of the value over its slope."""
     expected, x = roots(row, level)
     H = len(row) // 2
-    N = max(64, 8 * H)
     turns = np.flatnonzero((np.diff(x)[1:] > 0) != (np.diff(x)[:-1] > 0)) + 1
     assume(np.abs(x[turns]).min(initial=1.0) > 1e-4 and abs(x[0]) > 1e-6)  # not grazing between two samples
-    c = to_complex(row[None])
-    found = crossings(c, np.array([level]), np.zeros(1, dtype=int), samples_of(c, N))
-    assert len(found.theta) == len(expected)
-    np.testing.assert_array_equal(found.sign, [np.sign(evaluate(row, t, 1)[0]) for t in expected])
-    assert found.above[0] == (x[0] > 0)
-    for theta, root in zip(found.theta, expected, strict=True):
+    found, sign = crossed(row, level, max(64, 8 * H))
+    assert len(found) == len(expected)
+    np.testing.assert_array_equal(sign, [np.sign(evaluate(row, t, 1)[0]) for t in expected])
+    for theta, root in zip(found, expected, strict=True):
         tolerance = 20 * EPS * (2 * np.pi + (np.abs(row).sum() + abs(level)) * (1 + H) / abs(evaluate(row, root, 1)[0]))
         assert theta == pytest.approx(root, rel=0, abs=tolerance)
         assert not abs(theta + 10 * tolerance - root) <= tolerance

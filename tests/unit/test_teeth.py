@@ -10,7 +10,6 @@ from hbgear.continuation.corrector import correct
 from hbgear.continuation.jumps import _nearest, find_jumps
 from hbgear.continuation.newton import Settings, solve
 from hbgear.continuation.problem import FullProblem, as_problem
-from hbgear.continuation.segment import CurvePoint
 from hbgear.continuation.tracer import _Tracer, trace
 from hbgear.harmonic.events import Doubling, NeimarkSacker
 from hbgear.harmonic.receptance import Structure, UnbalancedLoad
@@ -100,7 +99,7 @@ def test_the_corrector_obeys_its_step_tolerance(tolerance):
 
     settings = Settings(step_tolerance=tolerance, max_iterations=100)
     found = correct(Flat(), np.array([1.2, 0.0]), np.array([0.0, 1.0]), "p", {}, settings)
-    error = found.X[0] - 1
+    error = found.solution.X[0] - 1
     assert 1.33 * tolerance < error < 2.001 * tolerance
 
 
@@ -119,7 +118,7 @@ def test_a_curve_closes_in_its_own_direction_only():
     assert tracer._closes(last, first)
 
     def turned(row):
-        return CurvePoint(row.solution, row.u, -row.tangent, row.orientation, row.step, -row.heading)
+        return replace(row, tangent=-row.tangent, heading=-row.heading)
 
     assert not tracer._closes(turned(first), turned(last))
 

@@ -1,0 +1,121 @@
+"""Compiled code is kept, found again and shared; without Numba, or without a place to keep it, all works the same."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+
+ROOT = Path(hb.__file__).parent
+
+NORMAL = """
+import numpy as np
+from hbgear.continuation.stepping import planes_normal, predict
+out, u = np.empty(3), np.array([[1.0, 2.0, 3.0], [0.8, 1.9, 2.7]])
+planes_normal(u[0], np.array([1.0, 2.0, 0.5]), out)
+print(*out)
+predict(u, u - 0.5, 2, np.array([1.0, 2.0, 0.5]), 0.1, out)
+print(*out)
+"""
+"""Two kernels, with those they call in another file."""
+
+WITHOUT = """
+import json, sys
+sys.modules["numba"] = None
+import hbgear as hb
+found = []
+for H in (1, 2, 3):
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), H), "Omega", (0.8, 1.6))
+    found.append([[p.label, p.parameters["Omega"], *p.X] for p in curve.special])
+    found.append([[j.label, j.value] for j in curve.jumps()])
+print(json.dumps(found))
+"""
+
+
+def start(script, folder=None, package=ROOT.parent):
+    """A process of its own that keeps what it compiles in a folder."""
+    others = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    kept = {} if folder is None else {"NUMBA_CACHE_DIR": str(folder)}
+    return subprocess.Popen([sys.executable, "-c", script], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            cwd=package, env={**others, **kept, "PYTHONPATH": str(package)})  # fmt: skip
+
+
+def told(process):
+    """What a process printed, and what it warned of."""
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, err
+    return out, err
+
+
+def files(folder):
+    """Every file below a folder with its size and the time of its last change."""
+    return {str(path.relative_to(folder)): (path.stat().st_size, path.stat().st_mtime_ns)
+            for path in folder.rglob("*") if path.is_file()}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def without_numba():
+    """A package that cannot be compiled, traced while other tests run."""
+    process = start(WITHOUT)
+    yield process
+    process.kill()
+
+
+def test_processes_that_compile_at_once_and_one_that_comes_later(tmp_path):
+    """Two write the same folder at the same time and agree; a third one finds everything and writes nothing."""
+    pytest.importorskip("numba")
+    together = [told(process) for process in [start(NORMAL, tmp_path) for _ in range(2)]]
+    assert together[0][0] == together[1][0] and len(together[0][0].split()) == 6
+    assert any("compiles its core for this processor: once" in err for _, err in together)
+    before = files(tmp_path)
+    assert {Path(name).suffix for name in before} == {".nbi", ".nbc"}
+    assert {Path(name).parts[0] for name in before} == {next(tmp_path.iterdir()).name}  # one state of the sources
+    out, err = told(start(NORMAL, tmp_path))
+    assert out == together[0][0] and err == ""
+    assert files(tmp_path) == before
+
+
+def test_a_folder_that_cannot_be_written(tmp_path):
+    """A file stands where it should be: compiled for this process, and it says how to keep it."""
+    pytest.importorskip("numba")
+    (tmp_path / "taken").touch()
+    out, err = told(start(NORMAL, tmp_path / "taken"))
+    expected = np.array([1.0, 0.5, 12.0]) / np.sqrt(145.25)  # u / scale^2
+    np.testing.assert_allclose(np.array(out.split()[:3], dtype=float), expected, rtol=1e-15)
+    assert "anew in every process" in err and "NUMBA_CACHE_DIR" in err and "Traceback" not in err
+    assert files(tmp_path) == {"taken": (0, (tmp_path / "taken").stat().st_mtime_ns)}
+
+
+def test_a_change_of_a_kernel_reaches_those_that_call_it(tmp_path):
+    """What is kept of a kernel holds the code of those it calls: `planes_normal` follows `length` in another file."""
+    pytest.importorskip("numba")
+    shutil.copytree(ROOT, tmp_path / "own" / "hbgear", ignore=shutil.ignore_patterns("__pycache__"))
+    first = told(start(NORMAL, tmp_path / "kept", tmp_path / "own"))[0]
+    path = tmp_path / "own" / "hbgear" / "continuation" / "elimination.py"
+    path.write_text(path.read_text().replace("return math.sqrt(total)", "return 2.0 * math.sqrt(total)", 1))
+    second = told(start(NORMAL, tmp_path / "kept", tmp_path / "own"))[0]
+    a, b = (np.array(text.split()[:3], dtype=float) for text in (first, second))
+    np.testing.assert_allclose(b, a / 2, rtol=1e-15)
+    assert len(list((tmp_path / "kept").iterdir())) == 2
+
+
+def test_without_numba_the_same_curves_are_found(without_numba):
+    """Some hundred times slower, which is said once."""
+    out, err = told(without_numba)
+    assert err.count("Numba cannot be imported") == 1 and "works without it" in err
+    found = json.loads(out)
+    for H in (1, 2, 3):
+        curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), H), "Omega", (0.8, 1.6))
+        special, jumps = found[2 * H - 2 : 2 * H]
+        assert [label for label, *_ in special] == [p.label for p in curve.special] == ["LP1", "LP2"]
+        for (_, Omega, *X), point in zip(special, curve.special, strict=True):
+            assert Omega == pytest.approx(point.parameters["Omega"], rel=0, abs=1e-9)
+            np.testing.assert_allclose(X, point.X, rtol=0, atol=1e-6)
+        assert [label for label, _ in jumps] == [jump.label for jump in curve.jumps()]
+        np.testing.assert_allclose([x for _, x in jumps], [jump.value for jump in curve.jumps()], rtol=0, atol=1e-8)

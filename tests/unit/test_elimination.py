@@ -1,0 +1,74 @@
+"""Small dense systems by elimination, against LAPACK."""
+
+import numpy as np
+import pytest
+import scipy
+
+from hbgear.continuation.algebra import solve_signed
+from hbgear.continuation.elimination import distance, eliminate, length
+
+EPS = np.finfo(float).eps
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 8, 21, 60])
+@pytest.mark.parametrize("columns", [1, 2, 5])
+def test_solution_and_sign(n, columns, rng):
+    """Within the condition's share of rounding of what scipy finds, with the sign of the determinant."""
+    signs = set()
+    for _ in range(20):
+        A, b = rng.standard_normal((n, n)), rng.standard_normal((n, columns))
+        x = b.copy()
+        signs.add(sign := eliminate(A.copy(), x))
+        assert sign == np.linalg.slogdet(A)[0]
+        expected = scipy.linalg.solve(A, b)
+        tolerance = 4 * n * EPS * np.linalg.cond(A) * np.abs(expected).max()
+        np.testing.assert_allclose(x, expected, rtol=0, atol=tolerance)
+        assert np.abs(A @ x - b).max() < 40 * n * EPS * np.abs(A).max() * max(np.abs(x).max(), 1)
+    assert signs == {-1, 1}
+
+
+def test_rows_are_exchanged_for_the_largest_pivot():
+    """Without exchanges a pivot of 1e-20 loses all digits, and one of 0 ends in a division by zero."""
+    for small in (1e-20, 0.0):
+        x = np.array([[1.0], [2.0]])
+        assert eliminate(np.array([[small, 1.0], [1.0, 1.0]]), x) == -1
+        np.testing.assert_allclose(x, [[1.0], [1.0]], rtol=1e-15)
+
+
+def test_permutations_have_their_parity(rng):
+    for _ in range(30):
+        order = rng.permutation(7)
+        P, x = np.eye(7)[order], np.arange(7.0)[:, None]
+        assert eliminate(P.copy(), x) == round(np.linalg.det(P))
+        np.testing.assert_array_equal(x[order, 0], np.arange(7.0))
+
+
+def test_a_singular_matrix_is_told(rng):
+    """Sign 0 where a pivot is exactly zero or no number; `solve_signed` refuses it, and what overflows."""
+    column = rng.integers(-3, 4, (5, 5)).astype(float)
+    column[:, 2] = 0.0
+    equal = np.array([[1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0, 1.0, 4.0]])
+    for A in (np.zeros((3, 3)), column, equal, np.full((2, 2), np.nan)):
+        assert eliminate(A.copy(), np.ones((len(A), 1))) == 0
+        with pytest.raises(np.linalg.LinAlgError, match="singular"):
+            solve_signed(A, np.ones((len(A), 1)))
+    with pytest.raises(np.linalg.LinAlgError, match="singular"), np.errstate(all="ignore"):
+        solve_signed(np.diag([1e-320, 1.0]), np.ones((2, 1)))
+
+
+@pytest.mark.parametrize("n", [5, 100, 101])
+def test_what_is_given_stays_as_it_is(n, rng):
+    """Small matrices by elimination, larger ones by LAPACK: the same, and neither A nor b is overwritten."""
+    A, b = rng.standard_normal((n, n)), rng.standard_normal((n, 2))
+    kept = A.copy(), b.copy()
+    x, sign = solve_signed(A, b)
+    assert sign == np.linalg.slogdet(A)[0]
+    np.testing.assert_allclose(A @ x, b, rtol=0, atol=1e-11 * np.abs(x).max())
+    np.testing.assert_array_equal(A, kept[0])
+    np.testing.assert_array_equal(b, kept[1])
+
+
+def test_norms(rng):
+    x, y, scale = rng.standard_normal((3, 9))
+    assert length(x) == pytest.approx(np.linalg.norm(x), rel=1e-15)
+    assert distance(x, y, scale) == pytest.approx(np.linalg.norm((x - y) / scale), rel=1e-14)

@@ -1,0 +1,128 @@
+"""The compiled loop along a curve tells what the general one tells, which goes row by row and evaluates in Python."""
+
+import numpy as np
+import pytest
+
+from hbgear import (
+    Backlash,
+    Cubic,
+    DoubleHelicalPair,
+    Duffing,
+    Element,
+    HarmonicBalance,
+    Load,
+    Parallel,
+    Series,
+    Settings,
+    SpurPair,
+    Status,
+    StepControl,
+    System,
+    Unilateral,
+    trace,
+)
+from hbgear.continuation.newton import solve
+from hbgear.continuation.segment import row_of
+from hbgear.continuation.stride import _MOST, Strider
+
+
+class RowByRow(HarmonicBalance):
+    """Followed by the general loop."""
+
+    def pursuit(self, name, parameters):
+        return None
+
+
+def hardening_gap():
+    """A cubic spring beside a gap of pulsating stiffness, on two masses of which the second is unbalanced."""
+    law = Parallel((Cubic(0.2, 0.1), Backlash(0.4, 1.5, Series(1.0, (0.2,), (0.0, 0.1)))))
+    elements = [Element([1.0, -1.0], law, damping=0.08), Element([0.0, 1.0], Unilateral(0.7, 0.3))]
+    loads = [Load([0.2, 0.0], {1: [0.3, 0.0]}), Load(cosine={1: [0.0, 0.05]}, power=2)]
+    return System(np.diag([1.0, 2.0]), 0.06 * np.eye(2), np.array([[0.6, -0.1], [-0.1, 1.4]]), elements, loads)
+
+
+CURVES = {
+    "duffing": (lambda: Duffing(zeta=0.05, k3=0.1, F=0.18), 7, (0.5, 1.6), {"LP"}),
+    "spur pair": (SpurPair, 10, (1.5, 0.3), {"GR", "LP"}),
+    "double-helical": (lambda: DoubleHelicalPair(zeta=0.05), 12, (1.1, 0.75), {"GR", "LP"}),
+    "cubic spring and gap": (hardening_gap, 8, (1.8, 0.4), {"GR"}),
+}
+
+
+@pytest.mark.parametrize("back", [False, True], ids=["forth", "back"])
+@pytest.mark.parametrize("name", CURVES)
+def test_the_compiled_loop_tells_the_same_curve(name, back):
+    """Ends, special points and jumps; rows solve the equations and keep their distance."""
+    model, H, span, kinds = CURVES[name]
+    span = span[::-1] if back else span
+    one, many = (trace(kind(model(), H), "Omega", span) for kind in (RowByRow, HarmonicBalance))
+    assert many.problem.pursuit("Omega", {}) is not None
+    assert one.status is many.status and one.message == many.message and one.status.complete
+    assert [p.label for p in one.special] == [p.label for p in many.special]
+    assert kinds <= {p.kind for p in many.special}
+    for a, b in zip(one.special, many.special, strict=True):
+        assert a.parameters["Omega"] == pytest.approx(b.parameters["Omega"], rel=0, abs=1e-9)
+        np.testing.assert_allclose(a.X, b.X, rtol=0, atol=1e-6)
+    assert [(j.label, j.direction) for j in one.jumps()] == [(j.label, j.direction) for j in many.jumps()]
+    for a, b in zip(one.jumps(), many.jumps(), strict=True):
+        assert a.value == pytest.approx(b.value, rel=0, abs=1e-9)
+    largest = max(many.problem.motion_size(X) for X in many.X)
+    rows = np.column_stack([many.X / largest, many.values / abs(span[1] - span[0])])
+    assert np.linalg.norm(np.diff(rows, axis=0), axis=1).max() < 1.5 * StepControl().longest
+    assert many.residual.max() < 1e-10
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_the_loops_choose_the_same_rows(name):
+    """Steps, Newton counts and orientations follow the same rules: the first rows of both are the same to rounding."""
+    model, H, span, _ = CURVES[name]
+    few = StepControl(max_points=25)
+    one, many = (trace(kind(model(), H), "Omega", span, steps=few, special=False) for kind in (RowByRow, HarmonicBalance))
+    assert one.status is many.status is Status.MAX_POINTS
+    np.testing.assert_allclose(one.values, many.values, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(one.step, many.step, rtol=1e-6)
+    np.testing.assert_array_equal(one.iterations, many.iterations)
+
+
+def test_what_has_no_compiled_loop():
+    """Sampled laws and other parameters than Omega are followed row by row."""
+    problem = HarmonicBalance(SpurPair(), 6)
+    assert problem.pursuit("Omega", {"zeta": 0.06}) is not None and problem.pursuit("zeta", {"Omega": 0.9}) is None
+    assert HarmonicBalance(SpurPair(), 6, sampled=True).pursuit("Omega", {}) is None
+
+
+def stride_of(problem, steps, X, step, bounds):
+    """A stride from a solution, along Omega upwards, in scales of one."""
+    scale, normal = np.ones(len(X) + 1), np.append(0 * X, 1.0)
+    row = row_of(solve(problem, X, {"Omega": 0.5}, "Omega", Settings()), normal, scale)
+    strider = Strider(problem, "Omega", {}, bounds, steps, Settings())
+    return strider.stride([row], scale, 1.0, step, 10_000)
+
+
+@pytest.mark.parametrize("kind", [RowByRow, HarmonicBalance])
+def test_a_stride_ends_beyond_the_span(kind):
+    problem = kind(Duffing(), 3)
+    found = stride_of(problem, StepControl(), problem.start(0.5), 0.01, (0.4, 0.505))
+    assert found.reason == "" and found.rows[-1].value > 0.505
+    assert all(row.value < 0.505 for row in found.rows[:-1])
+
+
+def test_a_stride_is_bounded():
+    """At most so many rows a call, fewer of large problems, so that Ctrl-C is heard."""
+    small, large = HarmonicBalance(Duffing(), 3), HarmonicBalance(Duffing(), 150)
+    steps = StepControl(first=1e-4, longest=1e-4)
+    assert len(stride_of(small, steps, small.start(0.5), 1e-4, (0.4, 1.6)).rows) == _MOST
+    assert len(stride_of(large, steps, large.start(0.5), 1e-4, (0.4, 1.6)).rows) < _MOST / 4
+
+
+@pytest.mark.parametrize("kind", [RowByRow, HarmonicBalance])
+def test_why_the_shortest_step_failed(kind):
+    """Steps that may not be made shorter and turn too far; Newton that may take one step only."""
+    problem = kind(Duffing(), 3)
+    start, equal = problem.start(0.9), {"first": 0.04, "shortest": 0.04, "longest": 0.04}
+    for steps, settings, reason in (
+        ({"max_turn_deg": 1e-3}, Settings(), "the tangent turned by"),
+        ({"max_turn_deg": 60.0, "history": 1}, Settings(max_iterations=1), "relative residual of"),
+    ):
+        curve = trace(problem, "Omega", (0.9, 1.3), start, steps=StepControl(**equal | steps), settings=settings)
+        assert curve.status is Status.STEP_TOO_SMALL and reason in curve.message
