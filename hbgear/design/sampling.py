@@ -37,6 +37,8 @@ DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
 }  # fmt: skip
 """Names, what their numbers mean, and how scipy.stats calls them; sigma is the deviation of the logarithm."""
 
+_LEAST = 2.0**-53  # chance between neighbouring random numbers
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -162,7 +164,8 @@ def distribution(given: Sequence[Any]) -> Any:
     Raises
     ------
     ValueError, KeyError
-        If there is none of that name, or its numbers are too few, too many, not finite or not in order.
+        If there is none of that name, its numbers are too few, too many, not finite or not in order, or its values are
+        beyond all numbers.
     """
     from scipy import stats
 
@@ -180,4 +183,9 @@ def distribution(given: Sequence[Any]) -> Any:
     positive = [x for x, what in zip(numbers, meaning, strict=True) if what in ("deviation", "sigma", "median")]
     if bounds != sorted(bounds) or (bounds and bounds[0] == bounds[-1]) or any(x <= 0 for x in positive):
         raise ValueError(f"{name} of {numbers}: {need}, in ascending order and not all equal, deviations positive")
-    return make(stats, *map(float, numbers))
+    with np.errstate(all="ignore"):
+        made = make(stats, *map(float, numbers))
+        ends = made.ppf([_LEAST, 0.5, 1 - _LEAST])
+    if not np.all(np.isfinite(ends)):
+        raise ValueError(f"{name} of {numbers}: its values reach beyond all numbers; {need} that give smaller ones")
+    return made

@@ -85,6 +85,13 @@ def test_numbers_that_do_not_fit(given):
         distribution(given)
 
 
+@pytest.mark.parametrize("given", [("lognormal", 0.1, 1e9), ("normal", 1e308, 1e308), ("uniform", -1e308, 1e308)])
+def test_distributions_that_reach_beyond_all_numbers_are_refused(given):
+    """Each gave a case with an infinite parameter now and then."""
+    with np.errstate(all="raise"), pytest.raises(ValueError, match="beyond all numbers; need"):
+        monte_carlo(3, 0, zeta=given)
+
+
 def test_numbers_of_a_case_are_those_of_its_curve(run):
     found = run(grid(zeta=[0.05, 0.5]), compute=("peak", "jumps", "curve"))
     curve = hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", SPAN)
