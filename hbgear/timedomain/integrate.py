@@ -103,6 +103,8 @@ def integrate(
     ------
     ValueError
         If there is no such method, a number is out of its range, or the states do not fit the model.
+    ArithmeticError
+        If a motion runs away before the end, or Omega or the tolerance is too small for the method to go on.
 
     Examples
     --------
@@ -177,6 +179,8 @@ def _exponential(
     assert fine is not None
     d, v = (x[..., :: stepper.N * FINE // samples] for x in fine)
     end = stepper.states(flight)
+    if not np.isfinite(end).all():
+        raise ArithmeticError(f"a motion runs away within {periods} periods; start nearer to one that stays")
     if state.ndim == 1 and len(end) == 1:
         d, v, end = d[0], v[0], end[0]
     tau = phase + 2 * np.pi * np.arange(periods * samples) / samples
