@@ -17,8 +17,8 @@ Handler = Callable[[int, FrameType | None], None]
 def heard(handler: Handler, *numbers: int) -> Iterator[None]:
     """These signals call ``handler(number, frame)`` until this is over.
 
-    Python lets only the main thread say so; elsewhere nothing changes, nor for a signal that something other than Python
-    sees to.
+    Python lets only the main thread say so; elsewhere nothing changes. Nor does it for a signal that something other
+    than Python sees to.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
