@@ -84,8 +84,14 @@ def evaluate(X: Array, theta: ArrayLike, order: int = 0) -> Array:
 
 
 def derive(c: ComplexArray, order: int = 1) -> ComplexArray:
-    """Coefficients of the derivative of the given order in theta: (i k)^order c_k."""
-    for _ in range(order):
+    """Coefficients of the derivative of the given order in theta: (i k)^order c_k.
+
+    Raises
+    ------
+    ValueError
+        If the order is no whole number from 0 to 10.
+    """
+    for _ in range(counted("order", order, 10, least=0)):
         c = 1j * np.arange(c.shape[-1]) * c
     return c
 
@@ -172,8 +178,8 @@ def real_numbers(what: str, value: Any, need: str) -> Array:
 
 
 def is_listed(value: Any) -> bool:
-    """Whether a value is several; an array without dimensions calls itself iterable and is not."""
-    return isinstance(value, Iterable) and getattr(value, "ndim", 1) > 0
+    """Whether a value is several; arrays without dimensions and sparse ones call themselves iterable and are not."""
+    return isinstance(value, Iterable) and getattr(value, "ndim", 1) > 0 and not hasattr(value, "tocsr")
 
 
 @dataclass(frozen=True)

@@ -76,9 +76,12 @@ class Model(ABC):
     def __post_init__(self) -> None:
         check_fields(self)
         for name, value in self.parameters.items():
-            checked(type(self).__name__, name, value, self.ranges.get(name, ANY))
+            allowed = self.ranges.get(name, ANY)
+            checked(type(self).__name__, name, value, allowed)
             if abs(float(value)) > _LARGEST:
                 raise ValueError(f"{type(self).__name__}: {name} = {value:g} is beyond {_LARGEST:g}: check its unit")
+            if abs(float(value)) < 1 / _LARGEST and 0.0 not in allowed:  # models divide by it
+                raise ValueError(f"{type(self).__name__}: {name} = {value:g} is below {1 / _LARGEST:g}: check its unit")
             if not isinstance(value, int | float) or (isinstance(value, int) and abs(value) > 2**53):
                 # a fraction, another type of NumPy, an integer that NumPy has no type for
                 object.__setattr__(self, name, float(value))

@@ -221,7 +221,7 @@ def validate(
     TypeError
         If it is no branch.
     ValueError, KeyError, IndexError
-        If the branch is no curve of motions, its model is unknown or does not fit it, a point is not on it, or the
+        If the branch is no curve of motions, its model is unknown or does not fit it, a point is not on it, or a
         tolerance is below `LEAST`.
 
     Examples
@@ -231,13 +231,14 @@ def validate(
     >>> hb.validate(curve, 1)
     <Report: 1 of 1 points agree within 0.0001 with time integration>
     """
-    if not LEAST <= tolerance < 1:
-        raise ValueError(
-            f"tolerance = {tolerance:g} cannot be met: time integration itself decides to about {LEAST:g}; give more"
-        )
+    limit = 100 * tolerance if multiplier_tolerance is None else multiplier_tolerance
+    for name, value, below in (("tolerance", tolerance, 1.0), ("multiplier_tolerance", limit, np.inf)):
+        if not LEAST <= value < below:
+            raise ValueError(
+                f"{name} = {value:g} cannot be met: time integration itself decides to about {LEAST:g}; give more"
+            )
     problem = problem_for(branch, problem)
     chosen = choose(branch, points)
-    limit = 100 * tolerance if multiplier_tolerance is None else multiplier_tolerance
     rows: list[Check] = []
     complete = True
     try:

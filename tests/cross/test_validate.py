@@ -165,6 +165,12 @@ def test_tolerances_that_cannot_be_met(pair, tolerance):
     assert LEAST < 1e-8
 
 
+def test_a_tolerance_of_multipliers_that_cannot_be_met(pair):
+    """Every point took all the harmonics there are, in vain."""
+    with pytest.raises(ValueError, match="multiplier_tolerance = 0 cannot be met"):
+        validate(pair, 3, multiplier_tolerance=0.0)
+
+
 # ---- curves from files
 
 

@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 import hbgear as hb
 from hbgear.harmonic.catalogue import MODELS
@@ -87,7 +88,10 @@ def test_oil_film_and_gyroscopes_are_beyond_doubt():
         (lambda: hb.System(EYE, None, EYE, [hb.Element([1, 0], hb.Cubic(1.0))], {1: [1.0, 0]}), "need a Load"),
         (lambda: hb.System("M", None, EYE), "M = 'M' must be a square matrix of numbers"),
         (lambda: hb.System(np.zeros((0, 0)), None, None), "M = .* shape|need a square"),
+        (lambda: hb.System(EYE, None, EYE, dof_names=sparse.eye_array(2)), "must be a list of names"),
         (lambda: hb.Load(power=np.nan), "power = nan"),
+        (lambda: hb.DoubleHelicalPair(module=1e-300), "module = 1e-300 is below 1e-60: check its unit"),
+        (lambda: hb.GearRotorBearing(mu_2=1e-300), "mu_2 = 1e-300 is below 1e-60: check its unit"),
         (lambda: hb.Backlash(b="1"), "half backlash b = '1'"),
         (lambda: hb.Backlash(stiffness=1.0), "stiffness = 1.0 must be a Series"),
         (lambda: hb.Cubic(None), "k3 = None must be a finite number"),
@@ -125,12 +129,14 @@ def test_what_cannot_be_meant_is_refused_before_the_work(act, message):
         act()
 
 
-def test_a_derivative_of_negative_order_is_refused():
+def test_derivatives_and_samples_that_cannot_be_meant_are_refused():
     curve = hb.trace(balance(hb.Duffing(), 3), "Omega", (0.5, 0.6), stability=False)
     with pytest.raises(ValueError, match="derivative = -1 must be a whole number"):
         curve.amplitude(derivative=-1)
     with pytest.raises(ValueError, match="is more than"):
         curve[0].samples(count=10**12)
+    with pytest.raises(ValueError, match="order = 11 is more than 10"):
+        curve[0].samples(order=11)
 
 
 def test_a_large_structure_is_told_to_be_reduced():
