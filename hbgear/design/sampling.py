@@ -13,6 +13,7 @@ McKay, Beckman & Conover (1979), Technometrics 21(2), https://doi.org/10.1080/00
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -177,8 +178,10 @@ def distribution(given: Sequence[Any]) -> Any:
     name, *numbers = given
     meaning, make = DISTRIBUTIONS[name]
     need = f"need {', '.join(meaning)}"
-    if len(numbers) != len(meaning) or not all(isinstance(x, int | float) and math.isfinite(x) for x in numbers):
-        raise ValueError(f"{name} of {numbers}: {need}, {len(meaning)} finite numbers")
+    if len(numbers) != len(meaning) or not all(
+        isinstance(x, int | float) and abs(x) <= sys.float_info.max for x in numbers
+    ):
+        raise ValueError(f"{name} of {quoted(numbers)}: {need}, {len(meaning)} finite numbers")
     bounds = [x for x, what in zip(numbers, meaning, strict=True) if what in ("low", "mode", "high")]
     positive = [x for x, what in zip(numbers, meaning, strict=True) if what in ("deviation", "sigma", "median")]
     if bounds != sorted(bounds) or (bounds and bounds[0] == bounds[-1]) or any(x <= 0 for x in positive):

@@ -67,7 +67,7 @@ def sweeps(
     >>> up = hb.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
     >>> axes = simulation.sweeps([up])
     """
-    if not found:
+    if not len(found):
         raise ValueError("no sweep to draw")
     parameters = {s.parameter for s in found} | ({branch.parameter} if branch else set())
     if len(parameters) > 1:
@@ -136,7 +136,7 @@ def bifurcation(
     >>> up = hb.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
     >>> axes = simulation.bifurcation([up])
     """
-    if not found:
+    if not len(found):
         raise ValueError("no sweep to draw")
     own = ax is None
     with styled():

@@ -33,6 +33,7 @@ from hbgear._version import __version__
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.progress import Progress, ProgressCallback
+from hbgear.common.ranges import counted
 from hbgear.common.replacing import replacing
 from hbgear.continuation.algebra import norm
 from hbgear.continuation.branch import NEUTRAL, Branch
@@ -53,6 +54,9 @@ LEAST = 1e-9
 
 
 AGREES = "agrees"
+
+
+_MOST_POINTS = 1_000_000  # that can be asked for: more is no number of points
 
 
 _TOLERANCE = 1e-11  # of the integration
@@ -320,9 +324,7 @@ def choose(branch: Branch, points: int | Sequence[int | str]) -> list[tuple[int,
         If no point is asked for, or one is not on the branch.
     """
     if isinstance(points, int | np.integer):
-        if points < 1:
-            raise ValueError(f"points = {points} must be at least 1")
-        return _worthwhile(branch, int(points))
+        return _worthwhile(branch, counted("points", points, _MOST_POINTS))
     picked: dict[int, str] = {}
     for key in points:
         if isinstance(key, str):

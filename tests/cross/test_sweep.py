@@ -291,6 +291,7 @@ def test_progress_is_reported():
         (lambda: basins(hb.DoubleHelicalPair(), 0.9), ValueError, "24 coordinates"),
         (lambda: basins(hb.SpurPair(), 0.9, d=(1.0, -1.0)), ValueError, "ascending"),
         (lambda: plot.sweeps([]), ValueError, "no sweep"),
+        (lambda: plot.sweeps(np.array([])), ValueError, "no sweep"),
     ],
 )
 def test_bad_input(call, error, words):

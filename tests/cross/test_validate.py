@@ -148,6 +148,7 @@ def test_points_that_matter_are_chosen(pair):
     ("points", "error", "words"),
     [
         (0, ValueError, "at least 1"),
+        (10**9, ValueError, "is more than 1,000,000"),
         ([], ValueError, "no points"),
         ([100_000], IndexError, "outside the branch"),
         (["LP9"], KeyError, "no special point 'LP9'"),

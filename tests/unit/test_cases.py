@@ -79,7 +79,9 @@ def test_means_of_distributions(given, mean):
     assert distribution(given).mean() == pytest.approx(mean, rel=1e-12)
 
 
-@pytest.mark.parametrize("given", [("uniform", 2, 1), ("normal", 1), ("normal", 1, 0), ("uniform", 1, np.inf)])
+@pytest.mark.parametrize(
+    "given", [("uniform", 2, 1), ("normal", 1), ("normal", 1, 0), ("uniform", 1, np.inf), ("normal", 10**400, 1)]
+)
 def test_numbers_that_do_not_fit(given):
     with pytest.raises(ValueError, match="need"):
         distribution(given)
