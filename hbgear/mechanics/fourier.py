@@ -182,6 +182,10 @@ def is_listed(value: Any) -> bool:
     return isinstance(value, Iterable) and getattr(value, "ndim", 1) > 0 and not hasattr(value, "tocsr")
 
 
+MOST_HARMONICS = 10_000
+"""Of a prescribed function: far above what a mesh has, and few enough for every table that is made of them."""
+
+
 @dataclass(frozen=True)
 class Series:
     """A prescribed periodic function of the phase tau, given by its Fourier coefficients.
@@ -219,6 +223,7 @@ class Series:
             row = real_numbers(f"Series: {name}", given, "a sequence of numbers such as (0.1, 0.05)")
             if row.ndim != 1:
                 raise ValueError(f"Series: {name} = {quoted(given)} must be a sequence of numbers such as (0.1, 0.05)")
+            counted(f"Series: number of entries of {name}", row.size, MOST_HARMONICS, least=0)
             object.__setattr__(self, name, tuple(row.tolist()))
         if not np.all(np.isfinite([self.mean, *self.cosine, *self.sine])):
             raise ValueError(f"Series needs finite coefficients, got {self}")

@@ -120,6 +120,7 @@ def integrate(
     counted("periods * samples", periods * samples, _MOST_SAMPLES)
     checked("integrate", "phase", phase)
     checked("integrate", "tolerance", tolerance, Range(low=1e-14, below=1))
+    phase, tolerance = float(phase), float(tolerance)  # a fraction is a number too
     state = np.asarray(state, dtype=float)
     if state.ndim not in (1, 2) or not np.all(np.isfinite(state)):
         raise ValueError(f"state = {state} must be one state (2n,) or several (B, 2n), all entries finite")

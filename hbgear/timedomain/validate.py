@@ -235,7 +235,8 @@ def validate(
     >>> hb.validate(curve, 1)
     <Report: 1 of 1 points agree within 0.0001 with time integration>
     """
-    limit = 100 * tolerance if multiplier_tolerance is None else multiplier_tolerance
+    tolerance = float(tolerance)
+    limit = 100 * tolerance if multiplier_tolerance is None else float(multiplier_tolerance)
     for name, value, below in (("tolerance", tolerance, 1.0), ("multiplier_tolerance", limit, np.inf)):
         if not LEAST <= value < below:
             raise ValueError(

@@ -1,6 +1,7 @@
 """What is hardly meant is warned of, what cannot be meant is refused, and what is usual is neither."""
 
 import warnings
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -90,6 +91,10 @@ def test_oil_film_and_gyroscopes_are_beyond_doubt():
         (lambda: hb.System(np.zeros((0, 0)), None, None), "M = .* shape|need a square"),
         (lambda: hb.System(EYE, None, EYE, dof_names=sparse.eye_array(2)), "must be a list of names"),
         (lambda: hb.Load(power=np.nan), "power = nan"),
+        (lambda: hb.Load(cosine={10**9: [1.0]}), "harmonic number = 1,000,000,000 is more than 10,000"),
+        (lambda: hb.Series(1.0, np.zeros(10**6)), "number of entries of cosine = 1,000,000 is more than 10,000"),
+        (lambda: hb.SpurPair(eps=np.zeros(10**6)), "number of entries of eps = 1,000,000 is more than 10,000"),
+        (lambda: hb.System(EYE, None, EYE, [None]), "element 0 is None; need an Element"),
         (lambda: hb.DoubleHelicalPair(module=1e-300), "module = 1e-300 is below 1e-60: check its unit"),
         (lambda: hb.GearRotorBearing(mu_2=1e-300), "mu_2 = 1e-300 is below 1e-60: check its unit"),
         (lambda: hb.Backlash(b="1"), "half backlash b = '1'"),
@@ -137,6 +142,15 @@ def test_derivatives_and_samples_that_cannot_be_meant_are_refused():
         curve[0].samples(count=10**12)
     with pytest.raises(ValueError, match="order = 11 is more than 10"):
         curve[0].samples(order=11)
+
+
+def test_fractions_are_numbers_of_time_integration_too():
+    third = Fraction(1, 3)
+    motion = hb.integrate(hb.Duffing(), [0.1, 0.0], 1, third, phase=third, tolerance=third / 100)
+    same = hb.integrate(hb.Duffing(), [0.1, 0.0], 1, 1 / 3, phase=1 / 3, tolerance=1 / 300)
+    np.testing.assert_array_equal(motion.d, same.d)
+    curve = hb.trace(balance(hb.Duffing(), 5), "Omega", (0.8, 0.81))
+    assert hb.validate(curve, 1, Fraction(1, 1000), multiplier_tolerance=Fraction(1, 10)).ok
 
 
 def test_a_large_structure_is_told_to_be_reduced():
