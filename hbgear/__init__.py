@@ -8,6 +8,7 @@ import warnings
 from types import ModuleType
 
 from hbgear._version import __version__
+from hbgear.common import command as _command  # noqa: F401 sees to Ctrl-C while all that follows is imported
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import Range
 from hbgear.continuation.bordered import Fold

@@ -14,7 +14,6 @@ import argparse
 import importlib
 import signal
 import sys
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +21,8 @@ from types import FrameType, ModuleType
 from typing import Any
 
 from threadpoolctl import threadpool_limits
+
+from hbgear.common.signals import heard
 
 ROOT = Path(__file__).parent
 
@@ -64,7 +65,7 @@ def make(name: str, out: Path | None = None, quick: bool = False, kinds: Sequenc
     module: Any = importlib.import_module(name)
     stem, out = name.rsplit(".", 1)[-1], out or folder(module)
     out.mkdir(parents=True, exist_ok=True)
-    with threadpool_limits(1), ended_by_ctrl_c():
+    with threadpool_limits(1), heard(_end, signal.SIGINT):
         results = module.run(quick=quick)
     written = [] if not hasattr(module, "plot") else draw(module.plot, results, out / stem, kinds)
     if hasattr(module, "report"):
@@ -74,20 +75,8 @@ def make(name: str, out: Path | None = None, quick: bool = False, kinds: Sequenc
     return written
 
 
-@contextmanager
-def ended_by_ctrl_c() -> Iterator[None]:
-    """Ctrl-C ends the whole study with exit code 3, and writes nothing: a trace alone would keep half a curve."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, _end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
 def _end(number: int, frame: FrameType | None) -> None:
+    """Ctrl-C ends the whole study and writes nothing: a trace alone would keep half a curve."""
     raise SystemExit(3)
 
 

@@ -88,7 +88,7 @@ def sweep(
     at: At = None,
     count: Annotated[int, typer.Option(min=2, help="Values between, the ends included.")] = 131,
     tolerance: Annotated[float, typer.Option(help="Distance a settled motion may still have to go.")] = 1e-7,
-    longest: Annotated[int, typer.Option(min=1, help="Periods after which a motion is not waited for.")] = 3000,
+    longest: Annotated[int, typer.Option(help="Periods after which a motion is not waited for, 20 or more.")] = 3000,
     over: Annotated[Path | None, typer.Option(metavar="FILE", help="A saved curve to draw the dots on.")] = None,
     output: Table = None,
     plot: Annotated[
@@ -118,7 +118,7 @@ def sweep(
     if curve is not None:
         same_model(curve.meta.get("model"), machine)
         curve[0].amplitude(measure, which)
-    settling = Settling(tolerance, longest, min(Settling().periods, longest))
+    settling = Settling(tolerance, longest)
     found: list[Any] = []
     for direction in [name for name, wanted in (("up", up or not down), ("down", down)) if wanted]:
         with one_thread(), bar(f"sweep {direction}") as progress:
@@ -151,7 +151,8 @@ def _show(s: Any, measure: str, element: int | str) -> None:
         print_table(["jump after", "before", f"{measure} before", f"{measure} after"], jumps, "jumps")
     odd = []
     for i in np.flatnonzero(s.period != 1):
-        slow = f", {s.left[i]:.0e} to go" if s.lyapunov[i] < 0 else ""
+        way = f"{s.left[i]:.0e} to go" if np.isfinite(s.left[i]) else "not coming nearer"
+        slow = f", {way}" if s.lyapunov[i] < 0 else ""
         lost = f"not periodic after {s.taken[i]} periods{slow}, Lyapunov exponent {s.lyapunov[i]:.3g}"
         odd.append([f"{s.values[i]:.6g}", f"period {s.period[i]}" if s.period[i] else lost, f"{size[i]:.5g}"])
     if odd:

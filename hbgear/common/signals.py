@@ -4,27 +4,40 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 _STOPS = (signal.SIGINT, signal.SIGTERM)
 
+Handler = Callable[[int, FrameType | None], None]
+
 
 @contextmanager
-def sigterm_like_ctrl_c() -> Iterator[None]:
-    """SIGTERM raises KeyboardInterrupt as Ctrl-C does, so that what was done is kept.
+def heard(handler: Handler, *numbers: int) -> Iterator[None]:
+    """These signals call ``handler(number, frame)`` until this is over.
 
-    Python lets only the main thread say so; elsewhere nothing changes.
+    Python lets only the main thread say so; elsewhere nothing changes. Nor does it for a signal that something other
+    than Python sees to.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, _interrupt)
+    before = {number: earlier for number in numbers if (earlier := signal.getsignal(number)) is not None}
     try:
+        for number in before:
+            signal.signal(number, handler)
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, earlier in before.items():
+            signal.signal(number, earlier)
+
+
+@contextmanager
+def sigterm_like_ctrl_c() -> Iterator[None]:
+    """SIGTERM raises KeyboardInterrupt as Ctrl-C does, so that what was done is kept."""
+    with heard(_interrupt, signal.SIGTERM):
+        yield
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
@@ -37,23 +50,17 @@ def held() -> Iterator[None]:
 
     A signal that something other than Python sees to is left alone, and so is every thread but the main one.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
     before = {number: handler for number in _STOPS if callable(handler := signal.getsignal(number))}
-    heard: list[int] = []
+    came: list[int] = []
 
     def hold(number: int, frame: FrameType | None) -> None:
-        if heard:
+        if came:
             before[signal.Signals(number)](number, frame)
-        heard.append(number)
+        came.append(number)
 
     try:
-        for number in before:
-            signal.signal(number, hold)
-        yield
+        with heard(hold, *before):
+            yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        if heard:
-            signal.raise_signal(heard[0])
+        if came:
+            signal.raise_signal(came[0])

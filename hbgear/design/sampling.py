@@ -13,6 +13,7 @@ McKay, Beckman & Conover (1979), Technometrics 21(2), https://doi.org/10.1080/00
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -36,6 +37,8 @@ DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
     "triangular": (("low", "mode", "high"), lambda s, a, c, b: s.triang((c - a) / (b - a), a, b - a)),
 }  # fmt: skip
 """Names, what their numbers mean, and how scipy.stats calls them; sigma is the deviation of the logarithm."""
+
+_LEAST = 2.0**-53  # chance between neighbouring random numbers
 
 
 @dataclass(frozen=True)
@@ -162,7 +165,8 @@ def distribution(given: Sequence[Any]) -> Any:
     Raises
     ------
     ValueError, KeyError
-        If there is none of that name, or its numbers are too few, too many, not finite or not in order.
+        If there is none of that name, its numbers are too few, too many, not finite or not in order, or its values are
+        beyond all numbers.
     """
     from scipy import stats
 
@@ -174,10 +178,17 @@ def distribution(given: Sequence[Any]) -> Any:
     name, *numbers = given
     meaning, make = DISTRIBUTIONS[name]
     need = f"need {', '.join(meaning)}"
-    if len(numbers) != len(meaning) or not all(isinstance(x, int | float) and math.isfinite(x) for x in numbers):
-        raise ValueError(f"{name} of {numbers}: {need}, {len(meaning)} finite numbers")
+    if len(numbers) != len(meaning) or not all(
+        isinstance(x, int | float) and abs(x) <= sys.float_info.max for x in numbers
+    ):
+        raise ValueError(f"{name} of {quoted(numbers)}: {need}, {len(meaning)} finite numbers")
     bounds = [x for x, what in zip(numbers, meaning, strict=True) if what in ("low", "mode", "high")]
     positive = [x for x, what in zip(numbers, meaning, strict=True) if what in ("deviation", "sigma", "median")]
     if bounds != sorted(bounds) or (bounds and bounds[0] == bounds[-1]) or any(x <= 0 for x in positive):
         raise ValueError(f"{name} of {numbers}: {need}, in ascending order and not all equal, deviations positive")
-    return make(stats, *map(float, numbers))
+    with np.errstate(all="ignore"):
+        made = make(stats, *map(float, numbers))
+        ends = made.ppf([_LEAST, 0.5, 1 - _LEAST])
+    if not np.all(np.isfinite(ends)):
+        raise ValueError(f"{name} of {numbers}: its values reach beyond all numbers; {need} that give smaller ones")
+    return made

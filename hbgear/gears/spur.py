@@ -13,8 +13,8 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from hbgear.common.ranges import NOT_NEGATIVE, Range
-from hbgear.mechanics.fourier import Series
+from hbgear.common.ranges import NOT_NEGATIVE, Range, counted
+from hbgear.mechanics.fourier import MOST_HARMONICS, Series
 from hbgear.mechanics.laws import Backlash
 from hbgear.mechanics.model import Element, Load, Model, System
 
@@ -25,7 +25,7 @@ def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
     Raises
     ------
     ValueError
-        If ``values`` is not a sequence of finite numbers.
+        If ``values`` is not a sequence of finite numbers, or too long for a `Series`.
     """
     try:
         if isinstance(values, str) or not isinstance(values, Iterable):
@@ -35,6 +35,7 @@ def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
         raise ValueError(f"{owner}: {name} = {values!r} must be a sequence of numbers such as (0.1, 0.05)") from None
     if not np.all(np.isfinite(out)):
         raise ValueError(f"{owner}: {name} = {values!r} has entries that are not finite")
+    counted(f"{owner}: number of entries of {name}", len(out), MOST_HARMONICS, least=0)
     return out
 
 

@@ -84,8 +84,14 @@ def evaluate(X: Array, theta: ArrayLike, order: int = 0) -> Array:
 
 
 def derive(c: ComplexArray, order: int = 1) -> ComplexArray:
-    """Coefficients of the derivative of the given order in theta: (i k)^order c_k."""
-    for _ in range(order):
+    """Coefficients of the derivative of the given order in theta: (i k)^order c_k.
+
+    Raises
+    ------
+    ValueError
+        If the order is no whole number from 0 to 10.
+    """
+    for _ in range(counted("order", order, 10, least=0)):
         c = 1j * np.arange(c.shape[-1]) * c
     return c
 
@@ -172,8 +178,12 @@ def real_numbers(what: str, value: Any, need: str) -> Array:
 
 
 def is_listed(value: Any) -> bool:
-    """Whether a value is several; an array without dimensions calls itself iterable and is not."""
-    return isinstance(value, Iterable) and getattr(value, "ndim", 1) > 0
+    """Whether a value is several; arrays without dimensions and sparse ones call themselves iterable and are not."""
+    return isinstance(value, Iterable) and getattr(value, "ndim", 1) > 0 and not hasattr(value, "tocsr")
+
+
+MOST_HARMONICS = 10_000
+"""Of a prescribed function: far above what a mesh has, and few enough for every table that is made of them."""
 
 
 @dataclass(frozen=True)
@@ -213,6 +223,7 @@ class Series:
             row = real_numbers(f"Series: {name}", given, "a sequence of numbers such as (0.1, 0.05)")
             if row.ndim != 1:
                 raise ValueError(f"Series: {name} = {quoted(given)} must be a sequence of numbers such as (0.1, 0.05)")
+            counted(f"Series: number of entries of {name}", row.size, MOST_HARMONICS, least=0)
             object.__setattr__(self, name, tuple(row.tolist()))
         if not np.all(np.isfinite([self.mean, *self.cosine, *self.sine])):
             raise ValueError(f"Series needs finite coefficients, got {self}")

@@ -26,9 +26,9 @@ from numpy.typing import ArrayLike
 from hbgear.common.arguments import check, check_fields
 from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
-from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked
+from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked, counted
 from hbgear.mechanics.fields import check_names, parameters_of
-from hbgear.mechanics.fourier import Series, is_listed, real_numbers
+from hbgear.mechanics.fourier import MOST_HARMONICS, Series, is_listed, real_numbers
 from hbgear.mechanics.laws import Law
 
 Matrix: TypeAlias = Any
@@ -76,9 +76,12 @@ class Model(ABC):
     def __post_init__(self) -> None:
         check_fields(self)
         for name, value in self.parameters.items():
-            checked(type(self).__name__, name, value, self.ranges.get(name, ANY))
+            allowed = self.ranges.get(name, ANY)
+            checked(type(self).__name__, name, value, allowed)
             if abs(float(value)) > _LARGEST:
                 raise ValueError(f"{type(self).__name__}: {name} = {value:g} is beyond {_LARGEST:g}: check its unit")
+            if abs(float(value)) < 1 / _LARGEST and 0.0 not in allowed:  # models divide by it
+                raise ValueError(f"{type(self).__name__}: {name} = {value:g} is below {1 / _LARGEST:g}: check its unit")
             if not isinstance(value, int | float) or (isinstance(value, int) and abs(value) > 2**53):
                 # a fraction, another type of NumPy, an integer that NumPy has no type for
                 object.__setattr__(self, name, float(value))
@@ -202,6 +205,7 @@ class Load:
             for order, vector in getattr(self, name).items():
                 if not isinstance(order, int | np.integer) or order < 1:
                     raise ValueError(f"Load.{name}: harmonic number {order!r} must be a positive integer")
+                counted(f"Load.{name}: harmonic number", int(order), MOST_HARMONICS)
                 table[int(order)] = real_numbers(f"Load.{name}[{order}]", vector, "a vector of numbers")
             object.__setattr__(self, name, table)
         for vector in self.vectors():
@@ -291,7 +295,8 @@ class System(Model):
         elements = tuple(self.elements)
         for i, element in enumerate(elements):
             if not isinstance(element, Element):
-                raise ValueError(f"element {i} is a {type(element).__name__}; need an Element(direction, law)")
+                kind = "None" if element is None else f"a {type(element).__name__}"
+                raise ValueError(f"element {i} is {kind}; need an Element(direction, law)")
         one = isinstance(self.load, Load)
         if not one and not (is_listed(self.load) and all(isinstance(load, Load) for load in self.loads)):
             raise ValueError(f"load = {quoted(self.load)}: need a Load, or a list of them")

@@ -142,7 +142,7 @@ def responses(
     >>> curves = [hb.trace(problem, "Omega", (0.8, 0.9), at={"F": F}) for F in (0.1, 0.2)]
     >>> axes = hb.plot.responses(curves, names=["F = 0.1", "F = 0.2"])
     """
-    if not branches:
+    if not len(branches):
         raise ValueError("no branch to draw")
     if names is not None and len(names) != len(branches):
         raise ValueError(f"{len(names)} names for {len(branches)} branches; give one for each")

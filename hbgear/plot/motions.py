@@ -8,6 +8,7 @@ import numpy as np
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
+from hbgear.common.ranges import Range, checked
 from hbgear.continuation.branch import Point
 from hbgear.harmonic.observables import Layout, layout_of
 from hbgear.harmonic.speeds import MESH, PINION, speeds_at
@@ -110,6 +111,11 @@ def spectrum(
     floor : share of the largest line below which none is drawn on the logarithmic axis; the figure says so.
     model : if it knows its mesh frequency, axes above give the frequencies in Hz.
 
+    Raises
+    ------
+    ValueError
+        If the floor is not between 0 and 1.
+
     Examples
     --------
     >>> import hbgear as hb
@@ -119,6 +125,7 @@ def spectrum(
     """
     from matplotlib.ticker import MaxNLocator
 
+    checked("spectrum", "floor", floor, Range(above=0, below=1))
     row = point.coefficients(element)
     layout = _cycle(point, element)[0]
     order = np.arange(1, layout.harmonics + 1) / layout.nu

@@ -67,7 +67,7 @@ def sweeps(
     >>> up = hb.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
     >>> axes = simulation.sweeps([up])
     """
-    if not found:
+    if not len(found):
         raise ValueError("no sweep to draw")
     parameters = {s.parameter for s in found} | ({branch.parameter} if branch else set())
     if len(parameters) > 1:
@@ -136,7 +136,7 @@ def bifurcation(
     >>> up = hb.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
     >>> axes = simulation.bifurcation([up])
     """
-    if not found:
+    if not len(found):
         raise ValueError("no sweep to draw")
     own = ax is None
     with styled():
@@ -187,9 +187,11 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
         ax.imshow(known, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=-0.5, vmax=count - 0.5,
                   interpolation="nearest")  # fmt: skip
         for i, a in enumerate(found.attractors):
-            name = f"period {a.period}, rms {a.rms:.4g}" if a.period else "not periodic"
-            symbol = SYMBOLS[i % len(SYMBOLS)] if a.period else "o"
-            look: dict[str, Any] = {"markersize": 6, "markeredgewidth": 0.6} if a.period else {"markersize": 1.5}
+            lost = "not periodic" if np.isfinite(a.rms) else "runs away"
+            name = f"period {a.period}, rms {a.rms:.4g}" if a.period else lost
+            cloud = not a.period and len(a.points) > 0
+            symbol = "o" if cloud else SYMBOLS[i % len(SYMBOLS)]
+            look: dict[str, Any] = {"markersize": 1.5} if cloud else {"markersize": 6, "markeredgewidth": 0.6}
             ax.plot(*a.points.T, symbol, color=INKS[i % len(INKS)], markeredgecolor="white", zorder=5,
                     label=f"{name}: {a.share:.0%} of starts", gid=f"attractor {i}", **look)  # fmt: skip
         ax.set_xlim(extent[0], extent[1])

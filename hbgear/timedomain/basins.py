@@ -18,7 +18,7 @@ from hbgear.mechanics.fourier import evaluate
 from hbgear.mechanics.model import Model
 from hbgear.timedomain.exponential import Flight, Stepper
 from hbgear.timedomain.settle import OBSERVED, Settling, settle_into, unsettled
-from hbgear.timedomain.sweep import Observation, observe
+from hbgear.timedomain.sweep import observe
 
 _MOST_STARTS = 250_000  # integrated at once
 
@@ -28,7 +28,10 @@ _MOST_STARTS = 250_000  # integrated at once
 
 @dataclass(frozen=True, eq=False)
 class Attractor:
-    """Where motions end: period (0: not periodic), Poincare points (k, 2) of (d, v), rms, share of the starts."""
+    """Where motions end: period (0: not periodic), Poincare points (k, 2) of (d, v), rms, share of the starts.
+
+    Motions that run away have period 0, no Poincare points (k = 0) and the rms inf.
+    """
 
     period: int
     points: Array
@@ -74,7 +77,8 @@ def basins(
     Omega : excitation frequency.
     d, v : ranges of the element coordinate and its rate at tau = 0.
     shape : numbers of starts along d and v.
-    settling : when a motion counts as settled; those that never are form one attractor of period 0.
+    settling : when a motion counts as settled; those that never are form one attractor of period 0, those that
+        run away another.
     progress : called with a `Progress`, such as ``print``.
 
     Returns
@@ -128,7 +132,8 @@ def basins(
             raise
         ending.note(error, f"after {done.size} of {count} motions had settled")
     label = np.full(count, -1)
-    label[done], attractors = _sort(stepper.select(done), flight.select(done), how.period[done])
+    tolerance = settling.tolerance
+    label[done], attractors = _sort(stepper.select(done), flight.select(done), how.period[done], tolerance)
     return Basins(
         float(Omega), x, y, label.reshape(len(y), len(x)), attractors, dict(model.labels), ending.status, ending.told
     )
@@ -142,29 +147,40 @@ def _starts(system: Any, Omega: float, d: Array, v: Array) -> Array:
     return np.column_stack([(d.ravel() + e) / w, (v.ravel() + de) / w])
 
 
-def _sort(stepper: Stepper, flight: Flight, period: np.ndarray) -> tuple[np.ndarray, tuple[Attractor, ...]]:
+def _sort(
+    stepper: Stepper, flight: Flight, period: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, tuple[Attractor, ...]]:
     """Number of the attractor each motion has reached, and the attractors, the most frequent first.
 
-    Motions of one period belong together if their Poincare points do, at whichever of its periods they are.
+    Motions of one period belong together if their Poincare points do, at whichever of its periods they are: within a
+    thousandth of the range of all of them, or within what settled motions may still have to go. Those that run away
+    belong together too.
     """
     y = np.concatenate([flight.d, flight.v], axis=1)
-    scale = np.ptp(y, axis=0) + 1e-9
     number = np.full(len(y), -1)
-    found: list[tuple[int, Observation]] = []
+    found: list[tuple[int, Array, float]] = []
+    stays = np.isfinite(y).all(axis=1)
+    share = 1e-3 * np.ptp(y[stays], axis=0) if stays.any() else 0.0
     for i in range(len(y)):
         if number[i] >= 0:
             continue
         k = int(period[i])
-        seen = observe(stepper, flight.select(np.array([i])), k or OBSERVED)
-        near = np.abs((y[:, None] - seen.points[:, 0]) / scale).max(axis=-1).min(axis=1) < 1e-3
-        number[np.where(k > 0, near & (period == k), period == 0)] = len(found)
-        number[i] = len(found)
-        found.append((k, seen))
+        if stays[i]:
+            seen = observe(stepper, flight.select(np.array([i])), k or OBSERVED)
+            size = seen.max[0] * np.array([1.0, stepper.Omega[0]])
+            apart = np.abs(y[:, None] - seen.points[:, 0])
+            near = (apart <= np.maximum(share, 10 * tolerance * size)).all(axis=-1).any(axis=1)
+            alike = near & (period == k) if k else stays & (period == 0)
+            found.append((k, seen.points[:, 0], float(seen.rms[0])))
+        else:
+            alike = ~stays
+            found.append((0, np.empty((0, 2)), np.inf))
+        number[alike] = number[i] = len(found) - 1
     order = np.argsort(-np.bincount(number, minlength=len(found)), kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     attractors = tuple(
-        Attractor(k, seen.points[:, 0], float(seen.rms[0]), float(np.mean(number == i)))
-        for i in order for k, seen in [found[i]]
+        Attractor(k, points, rms, float(np.mean(number == i)))
+        for i in order for k, points, rms in [found[i]]
     )  # fmt: skip
     return rank[number], attractors

@@ -335,16 +335,19 @@ class Stepper:
     def advance(self, flight: Flight, periods: int = 1, record: bool = False) -> tuple[Array, Array] | None:
         """Carry motions that are at tau = 0 (mod 2 pi) over whole excitation periods, in place.
 
+        Those that run away beyond all numbers become inf and nan.
+
         Returns
         -------
         With ``record``, d and v (B, m, periods N 16) at equal instants from the start; else None.
         """
         kept = []
-        for _ in range(periods):
-            for i in range(self.N):
-                fine = self._cell(flight, i, record)
-                if record:
-                    kept.append(fine)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(periods):
+                for i in range(self.N):
+                    fine = self._cell(flight, i, record)
+                    if record:
+                        kept.append(fine)
         if not record:
             return None
         d, v = (np.concatenate([np.swapaxes(x[which], 1, 2) for x in kept], axis=2) for which in (0, 1))

@@ -103,6 +103,8 @@ def integrate(
     ------
     ValueError
         If there is no such method, a number is out of its range, or the states do not fit the model.
+    ArithmeticError
+        If a motion runs away before the end, or Omega or the tolerance is too small for the method to go on.
 
     Examples
     --------
@@ -118,6 +120,7 @@ def integrate(
     counted("periods * samples", periods * samples, _MOST_SAMPLES)
     checked("integrate", "phase", phase)
     checked("integrate", "tolerance", tolerance, Range(low=1e-14, below=1))
+    phase, tolerance = float(phase), float(tolerance)  # a fraction is a number too
     state = np.asarray(state, dtype=float)
     if state.ndim not in (1, 2) or not np.all(np.isfinite(state)):
         raise ValueError(f"state = {state} must be one state (2n,) or several (B, 2n), all entries finite")
@@ -177,6 +180,8 @@ def _exponential(
     assert fine is not None
     d, v = (x[..., :: stepper.N * FINE // samples] for x in fine)
     end = stepper.states(flight)
+    if not np.isfinite(end).all():
+        raise ArithmeticError(f"a motion runs away within {periods} periods; start nearer to one that stays")
     if state.ndim == 1 and len(end) == 1:
         d, v, end = d[0], v[0], end[0]
     tau = phase + 2 * np.pi * np.arange(periods * samples) / samples

@@ -138,7 +138,19 @@ class Flow:
         """The state at the end, the instants at which corners were passed, and the number of steps.
 
         ``visit(t0, t1, dense)`` is called with every stretch of the motion, where ``dense(t)`` gives (size, len(t)).
+
+        Raises
+        ------
+        ArithmeticError
+            If the motion runs away, or steps become too short.
         """
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._march(t, Y, end, method, tolerance, visit)
+
+    def _march(
+        self, t: float, Y: Array, end: float, method: str, tolerance: float,
+        visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
+    ) -> tuple[Array, list[float], int]:  # fmt: skip
         Y = np.asarray(Y, dtype=float).ravel()
         piece, instants, count = self.pieces.at(*self.gaps(t, Y)), [], 0
         atol, every = tolerance * self._sizes(t, Y), np.arange(self.m)
@@ -152,7 +164,10 @@ class Flow:
                 solver.step()
                 count += 1
                 if solver.status == "failed":
-                    raise ArithmeticError(f"{method} could not go on at t = {solver.t:.6g}; allow a larger tolerance")
+                    raise ArithmeticError(
+                        f"{method} could not go on at t = {solver.t:.6g}: the motion runs away, or Omega = "
+                        f"{self.Omega:.6g} or tolerance = {tolerance:g} is too small"
+                    )
                 at, side = self._exit(solver, before, piece)
                 stop = float(at.min())
                 if not np.isfinite(stop):

@@ -6,7 +6,7 @@ rho^p is still
     D_k / (1 - rho^k)
 
 away; it is settled when that is below a tolerance. The smallest such k is the period. A motion that never settles is
-called not periodic and gets its largest Lyapunov exponent.
+called not periodic and gets its largest Lyapunov exponent. One that runs away beyond all numbers is given up.
 
 References
 ----------
@@ -27,6 +27,9 @@ from hbgear.timedomain.exponential import Flight, Stepper, modal_state
 WINDOW = 8
 """Periods over which the rate of approach is judged, twice."""
 
+FEWEST = 2 * WINDOW + 4
+"""Periods after which motions are judged for the first time."""
+
 OBSERVED = 128
 """Periods a motion that is not periodic is observed for."""
 
@@ -36,13 +39,14 @@ class Settling:
     """When a motion counts as settled.
 
     tolerance : distance it may still have to go, relative to the size of the state.
-    longest : excitation periods after which it is given up.
+    longest : excitation periods after which it is given up, at least `FEWEST`.
     periods : largest period, in excitation periods, that is looked for.
 
     Raises
     ------
     ValueError
-        If the tolerance is beyond double precision or a number is out of range.
+        If the tolerance is beyond double precision, a number is out of range, or no motion could be judged in so few
+        periods.
     """
 
     tolerance: float = 1e-7
@@ -54,7 +58,10 @@ class Settling:
         if not 1e-12 <= self.tolerance < 1:
             raise ValueError(f"tolerance = {self.tolerance} cannot be met in double precision; need 1e-12 to 1")
         counted("periods", self.periods, 1000)
-        counted("longest", self.longest, 1_000_000)
+        if counted("longest", self.longest, 1_000_000) < FEWEST:
+            raise ValueError(
+                f"longest = {self.longest} periods are too few to tell whether a motion settles; need {FEWEST} or more"
+            )
         if self.periods > self.longest:
             raise ValueError(f"need 1 <= periods <= longest, got periods = {self.periods}, longest = {self.longest}")
 
@@ -64,7 +71,8 @@ class Settled:
     """How B motions settled.
 
     period : (B,) in excitation periods, 0 if it did not. taken : (B,) excitation periods integrated.
-    left : (B,) distance still to go relative to the state, for the period ``guess`` (B,) that is nearest to settling.
+    left : (B,) distance still to go relative to the state, for the period ``guess`` (B,) that is nearest to settling;
+        inf where the motion runs away or comes no nearer.
     """
 
     period: np.ndarray
@@ -108,12 +116,14 @@ def settle_into(
         x = weights * here.zeta
         gaps = [_gaps(x, past, settling.periods), *gaps[: 2 * WINDOW - 1]]
         past = [x, *past[: settling.periods - 1]]
-        if p % 4 == 0 and p >= 2 * WINDOW + 1:
+        if p % 4 == 0 and p >= FEWEST:
             if p < 50:  # a start at rest says nothing of the size
                 size = np.maximum(size, np.linalg.norm(weights * part.land(here), axis=-1))
             period, left, guess = _judge(np.array(gaps), size, settling)
+            lost = ~np.isfinite(x).all(axis=-1)
+            left[lost] = np.inf
             out.left[going], out.guess[going] = left, guess
-            done = period > 0
+            done = (period > 0) | lost
             if done.any():
                 flight.put(going[done], here.select(np.flatnonzero(done)))
                 out.taken[going[done]] = p

@@ -119,6 +119,8 @@ def shoot(
         If nu is below 1, the guess does not fit, or the tolerance is beyond the integrator.
     NoConvergence
         If Newton does not close the period; it carries the last state and the closures.
+    ArithmeticError
+        If the motion from the guess, or from a later state, runs away; see `integrate`.
 
     Examples
     --------

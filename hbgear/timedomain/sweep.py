@@ -34,7 +34,7 @@ from hbgear.mechanics.doubts import of_model
 from hbgear.mechanics.fourier import to_real
 from hbgear.mechanics.model import Model
 from hbgear.timedomain.exponential import Flight, Stepper, modal_state
-from hbgear.timedomain.settle import OBSERVED, WINDOW, Settled, Settling, lyapunov, mode_weights, settle
+from hbgear.timedomain.settle import FEWEST, OBSERVED, WINDOW, Settled, Settling, lyapunov, mode_weights, settle
 
 HARMONICS = 16
 """Harmonics of the excitation that are kept of each settled motion."""
@@ -98,6 +98,10 @@ def _extremum(d: Array, v: Array, h: float, sign: int) -> Array:
 
 
 # ---- sweeps
+
+
+class _RunsAway(ValueError):
+    """A motion that grew beyond all numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,8 +247,9 @@ def sweep(
     Raises
     ------
     ValueError, KeyError
-        If the grid is empty or not finite, the direction or a parameter unknown, Omega missing or not positive, or the
-        disturbance not from 0 to 1.
+        If the grid is empty or not finite, the direction or a parameter unknown, Omega missing or not positive, the
+        disturbance not from 0 to 1, or the motion at the first value runs away. One that runs away at a later value
+        ends the sweep with the status ``failed`` and everything found so far.
 
     Examples
     --------
@@ -316,7 +321,11 @@ class _Sweeper:
         except (Exception, KeyboardInterrupt) as error:
             if isinstance(error, Exception) and not self.found:
                 raise
-            ending.note(error, f"after {len(self.found)} of {len(self.values)} values")
+            place = f"after {len(self.found)} of {len(self.values)} values"
+            if isinstance(error, _RunsAway):
+                ending.reached(Status.FAILED, f"{place}, {error}")
+            else:
+                ending.note(error, place)
         return self._result(system, ending.status, ending.told)
 
     def _stepper(self, value: float) -> Stepper:
@@ -328,7 +337,7 @@ class _Sweeper:
         """Settle at a value from a state, note what is found, and return the state then."""
         stepper = self._stepper(value)
         flight = self._disturbed(stepper, stepper.start(state))
-        how, exponent = self._wait(stepper, flight)
+        how, exponent = self._wait(value, stepper, flight)
         period = int(how.period[0])
         seen = observe(stepper, flight, period or OBSERVED)
         self.found.append((float(value), seen, how, exponent))
@@ -345,17 +354,29 @@ class _Sweeper:
         size = np.linalg.norm(weights * z) / np.linalg.norm(weights * beside)
         return stepper.fly(z + self.disturbance * size * beside)
 
-    def _wait(self, stepper: Stepper, flight: Flight) -> tuple[Settled, float]:
+    def _wait(self, value: float, stepper: Stepper, flight: Flight) -> tuple[Settled, float]:
         """Settle; a motion that has not and whose neighbours run away from it is chaotic and not waited for."""
-        longest = self.settling.longest
-        first = min(max(_PATIENCE, self.settling.periods), longest)
-        how = settle(stepper, flight, replace(self.settling, longest=first))
+
+        def settled(longest: int) -> Settled:
+            how = settle(stepper, flight, replace(self.settling, longest=longest))
+            if not np.isfinite(flight.zeta).all():
+                raise _RunsAway(
+                    f"the motion runs away at {self.parameter} = {value:.6g}: begin at a value where one stays, "
+                    "or with a start near it"
+                )
+            return how
+
+        longest, fewest = self.settling.longest, max(FEWEST, self.settling.periods)
+        first = max(_PATIENCE, fewest)
+        if longest - first < fewest:  # what is left after a test for chaos would be too short to judge the motion again
+            first = longest
+        how = settled(first)
         if how.period[0]:
             return how, np.nan
         exponent = lyapunov(stepper, flight)
         if first == longest or exponent * 2 * np.pi / stepper.Omega[0] > _CHAOTIC:
             return how, exponent
-        how = settle(stepper, flight, replace(self.settling, longest=longest - first))
+        how = settled(longest - first)
         how = replace(how, taken=how.taken + first)
         return how, np.nan if how.period[0] else lyapunov(stepper, flight)
 
@@ -373,7 +394,7 @@ class _Sweeper:
         flight = stepper.start(state)
         how = settle(stepper, flight, self.settling)
         back = observe(stepper, flight, int(how.period[0]) or OBSERVED)
-        if np.abs(back.rms - rms[-2]).max() > 0.2 * change[-1]:
+        if not np.abs(back.rms - rms[-2]).max() <= 0.2 * change[-1]:  # it does not if it runs away
             interval = (float(self.values[i - 1]), float(self.values[i]))
             self.jumps.append(SweepJump(self.parameter, interval, rms[-2], rms[-1]))
 

@@ -33,6 +33,7 @@ from hbgear._version import __version__
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.progress import Progress, ProgressCallback
+from hbgear.common.ranges import counted
 from hbgear.common.replacing import replacing
 from hbgear.continuation.algebra import norm
 from hbgear.continuation.branch import NEUTRAL, Branch
@@ -53,6 +54,9 @@ LEAST = 1e-9
 
 
 AGREES = "agrees"
+
+
+_MOST_POINTS = 1_000_000  # that can be asked for: more is no number of points
 
 
 _TOLERANCE = 1e-11  # of the integration
@@ -86,10 +90,11 @@ class Check:
     value, Omega : of the branch's parameter, and the frequency.
     element : name of the element with the largest difference of rms.
     rms, rms_true : its rms by harmonic balance and by integration.
-    closure, rms_error, pp2_error, harmonic_error, multiplier_error : largest over the elements.
+    closure, rms_error, pp2_error, harmonic_error, multiplier_error : largest over the elements; the closure is inf if
+        the motion runs away before its period is over, the others are nan if there is no periodic motion to compare.
     sensitivity : 1 / min |mu - 1|, what an error is amplified by at a given frequency.
     mu, mu_true : the largest multiplier of the branch and of the integrated variational equation.
-    growth : measured growth of a disturbance per period, to be held against |mu|.
+    growth : measured growth of a disturbance per period, to be held against |mu|; inf if it runs away at once.
     stable : what the branch says; None if it has no multipliers.
     verdict : "agrees", "agrees with H = 32" if that took more harmonics than the curve has, or what does not agree.
     harmonics : H of the motion that agrees; that of the curve, if none does.
@@ -177,9 +182,13 @@ class Report:
 
 
 def _texts(row: Check) -> list[str]:
-    numbers = [f"{x:.1e}" for x in (row.rms_error, row.pp2_error, row.harmonic_error, row.closure)]
-    return [f"{row.index} {row.reason}", f"{row.value:.6g}", f"{row.rms:.6g}", *numbers, f"{abs(row.mu):.5f}",
-            f"{row.multiplier_error:.1e}", f"{row.growth:.5f}",
+    def text(x: float, form: str = ".1e") -> str:
+        return f"{x:{form}}" if np.isfinite(x) else "-"
+
+    sizes = [text(x, ".5f" if x < 1e4 else ".4g") for x in (abs(row.mu), row.growth)]
+    numbers = [text(x) for x in (row.rms_error, row.pp2_error, row.harmonic_error, row.closure)]
+    return [f"{row.index} {row.reason}", f"{row.value:.6g}", f"{row.rms:.6g}", *numbers, sizes[0],
+            text(row.multiplier_error), sizes[1],
             f"{row.verdict} to {row.refined_error:.1e}" if row.refined else row.verdict]  # fmt: skip
 
 
@@ -216,7 +225,7 @@ def validate(
     TypeError
         If it is no branch.
     ValueError, KeyError, IndexError
-        If the branch is no curve of motions, its model is unknown or does not fit it, a point is not on it, or the
+        If the branch is no curve of motions, its model is unknown or does not fit it, a point is not on it, or a
         tolerance is below `LEAST`.
 
     Examples
@@ -226,13 +235,15 @@ def validate(
     >>> hb.validate(curve, 1)
     <Report: 1 of 1 points agree within 0.0001 with time integration>
     """
-    if not LEAST <= tolerance < 1:
-        raise ValueError(
-            f"tolerance = {tolerance:g} cannot be met: time integration itself decides to about {LEAST:g}; give more"
-        )
+    tolerance = float(tolerance)
+    limit = 100 * tolerance if multiplier_tolerance is None else float(multiplier_tolerance)
+    for name, value, below in (("tolerance", tolerance, 1.0), ("multiplier_tolerance", limit, np.inf)):
+        if not LEAST <= value < below:
+            raise ValueError(
+                f"{name} = {value:g} cannot be met: time integration itself decides to about {LEAST:g}; give more"
+            )
     problem = problem_for(branch, problem)
     chosen = choose(branch, points)
-    limit = 100 * tolerance if multiplier_tolerance is None else multiplier_tolerance
     rows: list[Check] = []
     complete = True
     try:
@@ -314,9 +325,7 @@ def choose(branch: Branch, points: int | Sequence[int | str]) -> list[tuple[int,
         If no point is asked for, or one is not on the branch.
     """
     if isinstance(points, int | np.integer):
-        if points < 1:
-            raise ValueError(f"points = {points} must be at least 1")
-        return _worthwhile(branch, int(points))
+        return _worthwhile(branch, counted("points", points, _MOST_POINTS))
     picked: dict[int, str] = {}
     for key in points:
         if isinstance(key, str):
@@ -489,10 +498,16 @@ def _finer(problem: Any, X: Array, mu: ComplexArray | None, here: dict[str, floa
 
 
 def _closure(model: Any, y: Array, Omega: float, nu: int) -> float:
-    """How far element coordinates and rates over Omega are from where they were a period before, over their size."""
+    """How far element coordinates and rates over Omega are from where they were a period before, over their size.
+
+    inf if the motion runs away.
+    """
     flow = Flow(model.system(), Omega)
     T = nu * 2 * np.pi / Omega
-    end, _, _ = flow.march(0.0, y, T, "DOP853", _TOLERANCE)
+    try:
+        end, _, _ = flow.march(0.0, y, T, "DOP853", _TOLERANCE)
+    except ArithmeticError:
+        return np.inf
     (d0, v0), (d1, v1) = flow.gaps(0.0, y), flow.gaps(T, end)
     size = max(float(np.abs(d0).max()), float(np.abs(v0).max()) / Omega, 1e-300)
     return max(float(np.abs(d1 - d0).max()), float(np.abs(v1 - v0).max()) / Omega) / size
@@ -513,7 +528,10 @@ def _apart(mu: ComplexArray, true: ComplexArray) -> float:
 
 
 def _growth(model: Any, orbit: Orbit) -> float:
-    """Growth per period of a disturbance in the direction of the largest multiplier, from two disturbed motions."""
+    """Growth per period of a disturbance in the direction of the largest multiplier, from two disturbed motions.
+
+    inf if one of them runs away.
+    """
     system = model.system()
     structure, flow = Structure(system), Flow(system, orbit.Omega)
     mu, V = np.linalg.eig(orbit.reduced)
@@ -524,7 +542,10 @@ def _growth(model: Any, orbit: Orbit) -> float:
     # few enough periods that what decays stays above rounding and what grows stays small
     periods = int(np.clip(np.floor(np.log(1e3) / max(abs(np.log(abs(mu[top]))), 1e-3)), 1, _PERIODS))
     T = orbit.nu * 2 * np.pi / orbit.Omega
-    ends = [flow.march(0.0, orbit.state + s * delta, periods * T, "DOP853", _TOLERANCE)[0] for s in (1, -1)]
+    try:
+        ends = [flow.march(0.0, orbit.state + s * delta, periods * T, "DOP853", _TOLERANCE)[0] for s in (1, -1)]
+    except ArithmeticError:
+        return np.inf
     first = left @ modal_state(structure, delta)
     last = left @ modal_state(structure, 0.5 * (ends[0] - ends[1]))
     return float(abs(last / first) ** (1 / periods))

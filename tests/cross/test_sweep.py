@@ -15,7 +15,7 @@ from hbgear.continuation.branch import Status
 from hbgear.continuation.newton import solve
 from hbgear.timedomain.basins import basins
 from hbgear.timedomain.exponential import Stepper
-from hbgear.timedomain.settle import Settling, lyapunov, settle
+from hbgear.timedomain.settle import FEWEST, Settling, lyapunov, settle
 from hbgear.timedomain.sweep import export, observe, sweep
 
 FOLDS = (0.7080316187, 0.8284639844)
@@ -198,6 +198,54 @@ def test_a_motion_that_does_not_settle_says_so():
     assert "1 of 1 motions did not settle within 60 periods" in found.message
 
 
+@pytest.mark.parametrize("longest", [20, 405, 416])
+def test_what_is_still_to_go_is_known_however_few_periods_are_allowed(longest):
+    """Also if few are left after the 400 after which a motion is tested for chaos."""
+    found = sweep(hb.SpurPair(zeta=1e-4), [0.5], settling=Settling(longest=longest))
+    assert found.period[0] == 0 and found.taken[0] == longest and 1e-3 < found.left[0] < np.inf
+
+
+# ---- motions that run away
+
+
+ESCAPING = hb.Duffing(zeta=0.05, k3=-1.0, F=0.5)  # from rest, over the top of its potential
+
+
+def test_motions_that_run_away_are_one_basin(recwarn):
+    """The safe basin of a softening oscillator: bounded motion from near its well, escape from far."""
+    soft, Omega = hb.Duffing(zeta=0.05, k3=-1.0, F=0.1), 0.5
+    found = basins(soft, Omega, (-2, 2), (-2, 2), (9, 9), settling=Settling(1e-4, 600))
+    assert [(a.period, a.rms < 0.1, len(a.points)) for a in found.attractors] == [(0, False, 0), (1, True, 1)]
+    assert found.attractors[0].rms == np.inf and found.label[4, 4] == 1 and found.label[0, 0] == 0
+    for row, column in ((4, 5), (4, 6), (4, 7), (2, 4), (1, 4)):
+        start = [found.d[column], found.v[row]]
+        try:
+            stays = np.isfinite(hb.integrate(soft, start, 20, Omega, tolerance=1e-6).end).all()
+        except ArithmeticError:
+            stays = False
+        assert found.label[row, column] == stays
+    assert {text.get_text().partition(":")[0] for text in plot.basins(found).get_legend().texts} == {
+        "runs away", f"period 1, rms {found.attractors[1].rms:.4g}"
+    }  # fmt: skip
+    plt.close("all")
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_starts_that_all_lead_to_one_motion_have_one_attractor(tolerance):
+    """Their states then differ by nothing but what is still to go."""
+    found = basins(hb.Duffing(zeta=0.2), 1.0, shape=(6, 6), settling=Settling(tolerance))
+    assert [(a.period, a.share) for a in found.attractors] == [(1, 1.0)]
+
+
+def test_a_sweep_ends_where_the_motion_runs_away(recwarn):
+    soft = hb.Duffing(zeta=0.02, k3=-1.0, F=0.2)
+    found = sweep(soft, [0.3, 1.2, 1.1, 0.9], "down", settling=Settling(1e-4, 600))
+    assert found.status is hb.Status.FAILED and 0 < len(found) < 4 and np.isfinite(found.rms).all()
+    assert f"after {len(found)} of 4 values, the motion runs away at Omega = " in found.message
+    assert not recwarn.list
+
+
 def test_sweep_in_another_parameter(pair):
     """In the damping at fixed Omega, down the resonance."""
     found = sweep(hb.SpurPair(), [0.05, 0.06, 0.07], "down", parameter="zeta", at={"Omega": 0.9})
@@ -235,10 +283,15 @@ def test_progress_is_reported():
         (lambda: sweep(hb.SpurPair(), [0.05], parameter="zeta"), ValueError, "needs a fixed Omega"),
         (lambda: sweep(hb.SpurPair(), [0.5], disturbance=-1.0), ValueError, "disturbance = -1.0 must be at least 0"),
         (lambda: Settling(tolerance=1e-15), ValueError, "cannot be met"),
-        (lambda: Settling(longest=3), ValueError, "periods <= longest"),
+        (lambda: Settling(longest=30, periods=31), ValueError, "periods <= longest"),
+        (lambda: Settling(longest=FEWEST - 1), ValueError, "longest = 19 periods are too few .* need 20 or more"),
+        (lambda: sweep(ESCAPING, [0.9, 1.0]), ValueError, "runs away at Omega = 0.9: begin at a value where one stays"),
+        (lambda: hb.integrate(ESCAPING, [1.0, 1.0], 9, 0.9, method="exponential"), ArithmeticError, "runs away within"),
+        (lambda: hb.integrate(ESCAPING, [1.0, 1.0], 9, 0.9), ArithmeticError, "t = .*: the motion runs away"),
         (lambda: basins(hb.DoubleHelicalPair(), 0.9), ValueError, "24 coordinates"),
         (lambda: basins(hb.SpurPair(), 0.9, d=(1.0, -1.0)), ValueError, "ascending"),
         (lambda: plot.sweeps([]), ValueError, "no sweep"),
+        (lambda: plot.sweeps(np.array([])), ValueError, "no sweep"),
     ],
 )
 def test_bad_input(call, error, words):

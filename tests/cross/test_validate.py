@@ -148,6 +148,7 @@ def test_points_that_matter_are_chosen(pair):
     ("points", "error", "words"),
     [
         (0, ValueError, "at least 1"),
+        (10**9, ValueError, "is more than 1,000,000"),
         ([], ValueError, "no points"),
         ([100_000], IndexError, "outside the branch"),
         (["LP9"], KeyError, "no special point 'LP9'"),
@@ -163,6 +164,12 @@ def test_tolerances_that_cannot_be_met(pair, tolerance):
     with pytest.raises(ValueError, match="must be a finite number" if np.isnan(tolerance) else "cannot be met"):
         validate(pair, 3, tolerance)
     assert LEAST < 1e-8
+
+
+def test_a_tolerance_of_multipliers_that_cannot_be_met(pair):
+    """Every point took all the harmonics there are, in vain."""
+    with pytest.raises(ValueError, match="multiplier_tolerance = 0 cannot be met"):
+        validate(pair, 3, multiplier_tolerance=0.0)
 
 
 # ---- curves from files

@@ -152,6 +152,7 @@ def value_for(rng: Random, command: str, option: str, files: list[str]) -> str:
         "--plot": ["out.svg"] if good else ["out.jpg", "", "no/out.png", ".png", "p" * 250 + ".png", "/proc/x.png"],
         "--point": ["LP1", "GR1", "0.9", "1.0"] if good else [*TEXTS, *NUMBERS],
         "label": ["LP1", "PD1", "BP1", "GR1", *TEXTS],
+        "--longest": ["20", "30", "100"] if good else COUNTS,
     }
     table["--bifurcation"] = table["--plot"]
     if option in ("--set", "--at"):
@@ -172,7 +173,6 @@ def value_for(rng: Random, command: str, option: str, files: list[str]) -> str:
         return pick(table[option])
     if option in (
         "--count",
-        "--longest",
         "--seeds",
         "--places",
         "--guesses",

@@ -626,7 +626,9 @@ def tried(target: Target, rng: Random, note: pool.Note) -> pool.Wrong | None:
                 return pool.Wrong("accepted", f"{target.name}: {reasons[0]}", f"gave {told(result, 200)}")
             if target.use is not None:
                 used = target.use(result)
-        except ALLOWED as error:
+        except (*ALLOWED, ArithmeticError) as error:
+            if isinstance(error, ArithmeticError) and "ArithmeticError" not in (target.call.__doc__ or ""):
+                raise
             return refused(target, nasty, error)
     if loud := [str(w.message) for w in caught if "encountered in" in str(w.message)]:
         return pool.Wrong("numpy warns", f"{target.name}: {loud[0][:60]}", f"{loud}"[:300])

@@ -55,6 +55,29 @@ class Failure:
     wrong: Wrong
 
 
+@dataclass
+class Most:
+    """The input that took the longest, of processor time, and the one that took the most memory, so far."""
+
+    seconds: float = 0.0
+    slowest: str = ""
+    memory: int = 0
+    largest: str = ""
+
+    def see(self, seed: int, what: str, seconds: float, memory: int) -> None:
+        """An input is done."""
+        if seconds > self.seconds:
+            self.seconds, self.slowest = seconds, f"seed {seed}: {what}"
+        if memory > self.memory:
+            self.memory, self.largest = memory, f"seed {seed}: {what}"
+
+    def __str__(self) -> str:
+        return (
+            f"the longest took {self.seconds:.1f} s of processor time, {self.slowest}\n"
+            f"the largest took {self.memory / 2**20:.0f} MB, {self.largest}"
+        )
+
+
 Note = Callable[[str], None]
 Attempt = Callable[[int, Path, Note], Wrong | None]
 
@@ -89,12 +112,18 @@ def raw_words(text: str) -> str:
 
 
 def run(
-    attempt: Attempt, seeds: range, processes: int = 1, seconds: float = SECONDS, memory: int = MEMORY
+    attempt: Attempt,
+    seeds: range,
+    processes: int = 1,
+    seconds: float = SECONDS,
+    memory: int = MEMORY,
+    most: Most | None = None,
 ) -> Iterator[Failure]:
-    """Try every seed, and give those that failed."""
+    """Try every seed, and give those that failed; ``most`` is told of the longest and the largest."""
+    most = Most() if most is None else most
     waiting = iter(seeds)
     with tempfile.TemporaryDirectory(prefix="fuzz") as folder:
-        workers = [_Worker(attempt, Path(folder) / str(i), seconds, memory) for i in range(processes)]
+        workers = [_Worker(attempt, Path(folder) / str(i), seconds, memory, most) for i in range(processes)]
         try:
             busy = [w for w in workers if w.give(next(waiting, None))]
             while busy:
@@ -112,8 +141,8 @@ def run(
 class _Worker:
     """A process that tries one seed after the other, and is replaced when it hangs or dies."""
 
-    def __init__(self, attempt: Attempt, folder: Path, seconds: float, memory: int) -> None:
-        self.attempt, self.folder, self.seconds, self.memory = attempt, folder, seconds, memory
+    def __init__(self, attempt: Attempt, folder: Path, seconds: float, memory: int, most: Most) -> None:
+        self.attempt, self.folder, self.seconds, self.memory, self.most = attempt, folder, seconds, memory, most
         self.seed: int | None = None
         self.begin()
 
@@ -143,9 +172,10 @@ class _Worker:
     def look(self, ready: bool) -> Failure | None:
         """What has come back, if anything has; ``seed`` is None once the seed is done with."""
         wrong: Wrong | None
+        taken = 0
         if ready:
             try:
-                kind, value = self.pipe.recv()
+                kind, value, taken = self.pipe.recv()
             except (EOFError, ConnectionResetError):
                 self.process.join(5)
                 kind, value = "done", Wrong("died", "", f"the process ended with {self.process.exitcode}")
@@ -160,6 +190,7 @@ class _Worker:
             return None
         seed, self.seed = self.seed, None
         assert seed is not None
+        self.most.see(seed, self.what, self.spent() - self.cpu, taken)
         if wrong is not None and wrong.kind == "memory":
             self.left = 0  # what was taken may still be held
         return None if wrong is None else Failure(seed, self.what, wrong)
@@ -206,12 +237,12 @@ def _work(attempt: Attempt, pipe: Connection, parents: Connection, folder: Path,
                 seed = pipe.recv()
             except EOFError:
                 return
-            wrong = _tried(attempt, seed, folder, lambda text: pipe.send(("what", text)), memory)
-            pipe.send(("done", wrong))
+            pipe.send(("done", *_tried(attempt, seed, folder, lambda text: pipe.send(("what", text, 0)), memory)))
             gc.collect(0)
 
 
-def _tried(attempt: Attempt, seed: int, folder: Path, note: Note, memory: int) -> Wrong | None:
+def _tried(attempt: Attempt, seed: int, folder: Path, note: Note, memory: int) -> tuple[Wrong | None, int]:
+    """What is wrong, and the bytes that were taken."""
     before = _peak_memory()
     try:
         with warnings.catch_warnings():
@@ -222,8 +253,8 @@ def _tried(attempt: Attempt, seed: int, folder: Path, note: Note, memory: int) -
         wrong = Wrong("traceback", place(error), f"{error!r}"[:400])
     taken = _peak_memory(reset=False) - before
     if taken > memory:
-        return Wrong("memory", wrong.where if wrong else "", f"{taken / 2**20:.0f} MB")
-    return wrong
+        wrong = Wrong("memory", wrong.where if wrong else "", f"{taken / 2**20:.0f} MB")
+    return wrong, taken
 
 
 def _peak_memory(reset: bool = True) -> int:
@@ -243,12 +274,14 @@ def main(name: str, make: Callable[[], Any]) -> None:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=SECONDS, help="an input that takes longer hangs")
     asked = parser.parse_args()
-    started, failures = time.monotonic(), []
-    for failure in run(make(), range(asked.seed, asked.seed + asked.count), asked.processes, asked.seconds):
+    started, failures, most = time.monotonic(), [], Most()
+    seeds = range(asked.seed, asked.seed + asked.count)
+    for failure in run(make(), seeds, asked.processes, asked.seconds, most=most):
         failures.append(failure)
         wrong = failure.wrong
         print(f"seed {failure.seed}: {wrong.kind}: {wrong.where}: {wrong.text}\n    {failure.what}", flush=True)
     print(report(failures))
+    print(most)
     took = time.monotonic() - started
     print(f"{name}: {asked.count} inputs in {took:.0f} s, {len(failures)} failed")
     raise SystemExit(1 if failures else 0)

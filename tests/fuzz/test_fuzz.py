@@ -36,10 +36,13 @@ def _attempt(seed, folder, note):
 
 
 def test_the_pool_reports_each_kind_of_failure_and_goes_on():
-    found = {f.seed: f for f in pool.run(_attempt, range(8), processes=2, seconds=0.5, memory=200 << 20)}
+    most = pool.Most()
+    found = {f.seed: f for f in pool.run(_attempt, range(8), processes=2, seconds=0.5, memory=200 << 20, most=most)}
     kinds = {seed: failure.wrong.kind for seed, failure in found.items()}
     assert kinds == {1: "traceback", 2: "hang", 3: "memory", 4: "died", 5: "nonsense"}
     assert found[2].what == "seed 2"
+    assert most.slowest == "seed 2: seed 2" and most.seconds > 0.4
+    assert most.largest == "seed 3: seed 3" and most.memory > 250 << 20
 
 
 def test_a_seed_is_the_same_input_again():

@@ -79,10 +79,19 @@ def test_means_of_distributions(given, mean):
     assert distribution(given).mean() == pytest.approx(mean, rel=1e-12)
 
 
-@pytest.mark.parametrize("given", [("uniform", 2, 1), ("normal", 1), ("normal", 1, 0), ("uniform", 1, np.inf)])
+@pytest.mark.parametrize(
+    "given", [("uniform", 2, 1), ("normal", 1), ("normal", 1, 0), ("uniform", 1, np.inf), ("normal", 10**400, 1)]
+)
 def test_numbers_that_do_not_fit(given):
     with pytest.raises(ValueError, match="need"):
         distribution(given)
+
+
+@pytest.mark.parametrize("given", [("lognormal", 0.1, 1e9), ("normal", 1e308, 1e308), ("uniform", -1e308, 1e308)])
+def test_distributions_that_reach_beyond_all_numbers_are_refused(given):
+    """Each gave a case with an infinite parameter now and then."""
+    with np.errstate(all="raise"), pytest.raises(ValueError, match="beyond all numbers; need"):
+        monte_carlo(3, 0, zeta=given)
 
 
 def test_numbers_of_a_case_are_those_of_its_curve(run):

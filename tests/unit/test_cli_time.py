@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,6 +52,15 @@ def test_validate_confirms_with_more_harmonics_and_says_how_far_off_the_curve_is
     assert (table["harmonics"] > 1).all()
 
 
+def test_validate_tells_of_motions_that_run_away(run):
+    """Unstable motions of a softening oscillator, which integration leaves at once: no number to show for some."""
+    assert run("trace duffing --set k3=-1 --set F=0.2 --harmonics 2 --from 0.55 --to 0.57 -o soft.npz")[0] == 0
+    code, out, err = run("validate soft.npz --points 1 -o report.csv --plot report.png")
+    assert (code, err) == (1, "") and "no periodic motion" in out
+    assert "nan" not in out and "inf" not in out and max(map(len, out.splitlines())) <= 200
+    assert "inf" in Path("report.csv").read_text() and os.path.getsize("report.png") > 10_000
+
+
 def test_validate_ends_with_1_where_a_point_disagrees(run, saved):
     curve = hb.load(saved)
     replace(curve, X=curve.X * (1 + 1e-3)).save("wrong.npz")
@@ -81,6 +91,8 @@ def test_sweep_brackets_the_folds_of_the_curve_it_is_drawn_on(run):
         ("validate duffing.npz --tolerance 1e-15", ["tolerance = 1e-15 cannot be met"]),
         ("validate duffing.npz -o report.txt", ["must end in .csv"]),
         ("validate duffing.npz --element nose", ["no element 'nose'"]),
+        ("sweep duffing --longest 10", ["longest = 10 periods are too few", "need 20 or more"]),
+        ("sweep duffing --set k3=-1 --set F=0.5", ["the motion runs away at Omega = "]),
         ("sweep duffign", ["no model 'duffign'", "did you mean 'duffing'"]),
         ("sweep spur-pair --over duffing.npz", ["Duffing"]),
         ("sweep duffing --in zeta=0.1:0.2", ["--at Omega"]),

@@ -1,9 +1,11 @@
 """What is hardly meant is warned of, what cannot be meant is refused, and what is usual is neither."""
 
 import warnings
+from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 import hbgear as hb
 from hbgear.harmonic.catalogue import MODELS
@@ -87,7 +89,14 @@ def test_oil_film_and_gyroscopes_are_beyond_doubt():
         (lambda: hb.System(EYE, None, EYE, [hb.Element([1, 0], hb.Cubic(1.0))], {1: [1.0, 0]}), "need a Load"),
         (lambda: hb.System("M", None, EYE), "M = 'M' must be a square matrix of numbers"),
         (lambda: hb.System(np.zeros((0, 0)), None, None), "M = .* shape|need a square"),
+        (lambda: hb.System(EYE, None, EYE, dof_names=sparse.eye_array(2)), "must be a list of names"),
         (lambda: hb.Load(power=np.nan), "power = nan"),
+        (lambda: hb.Load(cosine={10**9: [1.0]}), "harmonic number = 1,000,000,000 is more than 10,000"),
+        (lambda: hb.Series(1.0, np.zeros(10**6)), "number of entries of cosine = 1,000,000 is more than 10,000"),
+        (lambda: hb.SpurPair(eps=np.zeros(10**6)), "number of entries of eps = 1,000,000 is more than 10,000"),
+        (lambda: hb.System(EYE, None, EYE, [None]), "element 0 is None; need an Element"),
+        (lambda: hb.DoubleHelicalPair(module=1e-300), "module = 1e-300 is below 1e-60: check its unit"),
+        (lambda: hb.GearRotorBearing(mu_2=1e-300), "mu_2 = 1e-300 is below 1e-60: check its unit"),
         (lambda: hb.Backlash(b="1"), "half backlash b = '1'"),
         (lambda: hb.Backlash(stiffness=1.0), "stiffness = 1.0 must be a Series"),
         (lambda: hb.Cubic(None), "k3 = None must be a finite number"),
@@ -125,12 +134,23 @@ def test_what_cannot_be_meant_is_refused_before_the_work(act, message):
         act()
 
 
-def test_a_derivative_of_negative_order_is_refused():
+def test_derivatives_and_samples_that_cannot_be_meant_are_refused():
     curve = hb.trace(balance(hb.Duffing(), 3), "Omega", (0.5, 0.6), stability=False)
     with pytest.raises(ValueError, match="derivative = -1 must be a whole number"):
         curve.amplitude(derivative=-1)
     with pytest.raises(ValueError, match="is more than"):
         curve[0].samples(count=10**12)
+    with pytest.raises(ValueError, match="order = 11 is more than 10"):
+        curve[0].samples(order=11)
+
+
+def test_fractions_are_numbers_of_time_integration_too():
+    third = Fraction(1, 3)
+    motion = hb.integrate(hb.Duffing(), [0.1, 0.0], 1, third, phase=third, tolerance=third / 100)
+    same = hb.integrate(hb.Duffing(), [0.1, 0.0], 1, 1 / 3, phase=1 / 3, tolerance=1 / 300)
+    np.testing.assert_array_equal(motion.d, same.d)
+    curve = hb.trace(balance(hb.Duffing(), 5), "Omega", (0.8, 0.81))
+    assert hb.validate(curve, 1, Fraction(1, 1000), multiplier_tolerance=Fraction(1, 10)).ok
 
 
 def test_a_large_structure_is_told_to_be_reduced():

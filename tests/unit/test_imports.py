@@ -26,6 +26,7 @@ FILES = {
         "arrays": "",
         "messages": "",
         "arguments": "messages",
+        "command": "",
         "progress": "",
         "ranges": "messages",
         "recent": "",

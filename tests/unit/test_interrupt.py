@@ -246,13 +246,9 @@ def test_basins_keep_the_starts_that_have_settled():
     whole, count = at_call(0, work)
     assert whole.status.complete and whole.label.min() == 0
     seen = set()
-    for n in moments(count, 7)[:-3]:
-        try:
-            part, reached = at_call(n, work)
-        except KeyboardInterrupt:
+    for part in parts(work, count):
+        if part is None:
             seen.add(0)
-            continue
-        if reached < n:
             continue
         done = part.label >= 0
         assert part.status is Status.INTERRUPTED and f"{done.sum()} of 12" in part.message
@@ -353,6 +349,32 @@ def test_sigterm_is_heard_like_ctrl_c():
     with pytest.raises(KeyboardInterrupt), sigterm_like_ctrl_c(), held():
         signal.raise_signal(signal.SIGTERM)
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
+@pytest.mark.parametrize("form", ["python -m hbgear", "hbgear"])
+@pytest.mark.parametrize("moment", ["numpy", "scipy", "typer"])
+def test_ctrl_c_while_the_command_is_imported_is_told_in_one_sentence(tmp_path, form, moment):
+    """Ctrl-C comes while Python imports what hbgear needs first, in between and last."""
+    stop = "import os, signal, time; os.kill(os.getpid(), signal.SIGINT); time.sleep(60)"
+    (tmp_path / f"{moment}.py").write_text(stop)
+    script = tmp_path / "bin" / "hbgear"  # as pip makes it
+    script.parent.mkdir()
+    script.write_text("import sys; from hbgear.cli.app import main; sys.exit(main())")
+    command = ["-m", "hbgear"] if form.startswith("python") else [str(script)]
+    where = os.pathsep.join([str(tmp_path), str(Path(ROOT).parent), *filter(None, [os.environ.get("PYTHONPATH")])])
+    ended = subprocess.run([sys.executable, *command, "trace", "spur-pair"], cwd=tmp_path, capture_output=True,
+                           text=True, timeout=120, env={**os.environ, "PYTHONPATH": where})  # fmt: skip
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "hbgear: error: stopped before it was done\n")
+
+
+def test_a_library_hears_ctrl_c_as_python_does(tmp_path):
+    (tmp_path / "numpy.py").write_text("raise KeyboardInterrupt")
+    where = os.pathsep.join([str(tmp_path), str(Path(ROOT).parent)])
+    program = "try: import hbgear\nexcept KeyboardInterrupt: print('mine')\nimport hbgear"
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120,
+                           env={**os.environ, "PYTHONPATH": where})  # fmt: skip
+    assert ended.stdout == "mine\n" and ended.stderr.startswith("Traceback") and "stopped" not in ended.stderr
 
 
 COMMANDS = {

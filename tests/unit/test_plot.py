@@ -378,6 +378,8 @@ def test_several_branches_have_their_own_colours_names_and_labels():
         plot.responses((one, two), names=("before",))
     with pytest.raises(ValueError, match="no branch"):
         plot.responses(())
+    with pytest.raises(ValueError, match="no branch"):
+        plot.responses(np.array([]))
 
 
 def test_a_label_that_is_taken_gets_the_number_of_its_curve():
@@ -482,6 +484,12 @@ def test_axes_of_speed_and_frequency_after_loading():
     assert plot.response(with_model(resonance()), ax=given, speeds=True).child_axes
     mixed = plot.responses((with_model(resonance()), with_model(resonance(), k_mean=1e9)))
     assert not mixed.child_axes  # Omega = 1 is not the same speed on both
+
+
+@pytest.mark.parametrize("floor", [-1.0, 0.0, 1.0])
+def test_a_floor_of_a_spectrum_that_is_no_share_is_refused(floor):
+    with pytest.raises(ValueError, match=f"floor = {floor} must lie between 0 and 1"):
+        plot.spectrum(rich_point(), floor=floor)
 
 
 def test_spectrum_says_its_floor_and_draws_nothing_below():

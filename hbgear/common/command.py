@@ -1,0 +1,31 @@
+"""Ctrl-C while the command ``hbgear`` is being imported: one sentence and the exit code 130, as nothing has begun.
+
+It is imported before all that takes time. A program that imports hbgear as a library is left alone.
+"""
+
+import sys
+from pathlib import Path
+from types import TracebackType
+
+_CTRL_C = 130  # exit code of what Ctrl-C ended, as shells have it
+
+
+def is_command() -> bool:
+    """Whether this process is ``hbgear`` or ``python -m hbgear``, of which Python knows no more yet than ``-m``."""
+    first = str(getattr(sys, "argv", [""])[0])
+    if first == "-m":
+        return sys.orig_argv[-len(sys.argv)] == "hbgear"
+    return Path(first).stem == "hbgear"
+
+
+def end(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """What to do about an exception that nothing has caught."""
+    if not issubclass(kind, KeyboardInterrupt):
+        sys.__excepthook__(kind, error, trace)
+        return
+    print("hbgear: error: stopped before it was done", file=sys.stderr)
+    sys.exit(_CTRL_C)
+
+
+if is_command():
+    sys.excepthook = end
