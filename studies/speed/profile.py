@@ -2,9 +2,9 @@
 
     python -m studies.speed.profile [--quick] [-o DIR]
 
-The kernels are timed in loops over the rows of a curve, and taken as often as a point asks for them: those of the balance
-once for each Newton step and once for its result. What special points cost is the difference that leaving them out
-makes. The rest is Python's rows, and steps taken again. The limit beside it is the LU factorisation of the bordered
+The kernels are timed in loops over the rows of a curve, and taken as often as a point asks for them: those of the
+balance once for each Newton step and once for its result. What special points cost is the difference that leaving them
+out makes. The rest is Python's rows, and steps taken again. The limit beside it is the LU factorisation of the bordered
 matrix by LAPACK, as often, and nothing else.
 """
 
