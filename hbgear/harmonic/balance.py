@@ -3,8 +3,8 @@
     R_k(d) = Z_k(Omega) d_k + g_k(Omega) + f_k(d) = 0,   k = 0..H
 
 The unknowns are the m (2H + 1) real coefficients of the element coordinates, element after element; the number of
-coordinates of the structure does not appear. Z and g come from `receptance`, the force harmonics f_k from `contact`
-(piecewise-linear laws, exact) or from N samples per period by fast Fourier transform (any law).
+coordinates of the structure does not appear. Z and g come from `receptance`, the force harmonics f_k from `projection`
+(piecewise-linear and cubic laws, exact) or from N samples per period by fast Fourier transform (any law).
 
 References
 ----------

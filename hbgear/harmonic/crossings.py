@@ -211,7 +211,8 @@ def highest(c: Any, samples: Any, side: float) -> float:
         most = max(most, side * samples[n])
     miss = 0.125 * step * step * bend_of(c)
     if not miss > 1e-14 * size:  # a constant has its extremum anywhere
-        return side * samples[0]
+        constant: float = side * samples[0]
+        return constant
     top: float = most
     for n in range(N):
         if side * samples[n] < most - miss:

@@ -1,7 +1,6 @@
 """Newton and pseudo-arclength continuation on curves known in closed form, and what they say of bad input."""
 
 import gc
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -248,7 +247,10 @@ def test_rows_keep_no_matrices():
 
 def test_more_rows_save_newton_steps():
     """The tangent alone, and polynomials through two and four rows."""
-    curves = [trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=Steps(history=k), stability=False) for k in (1, 2, 4)]  # fmt: skip
+    curves = [
+        trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=Steps(history=k), stability=False)
+        for k in (1, 2, 4)
+    ]
     needed = [curve.iterations.sum() for curve in curves]
     assert needed[0] > 1.2 * needed[1] > 1.2 * 1.2 * needed[2]
     assert curves[2].iterations[5:].mean() < 1.2

@@ -63,8 +63,12 @@ def test_derivative_in_frequency(rng, slope, power):
     system = structure(rng, power=power)
     receptance = Receptance(Structure(system), system, H, 2)
     here = receptance.at(0.7)
-    np.testing.assert_allclose(here.matrices[1], slope(lambda Omega: receptance.at(Omega).Z, 0.7, 1e-4), rtol=1e-7, atol=1e-9)
-    np.testing.assert_allclose(here.constants[1], slope(lambda Omega: receptance.at(Omega).g, 0.7, 1e-4), rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(
+        here.matrices[1], slope(lambda Omega: receptance.at(Omega).Z, 0.7, 1e-4), rtol=1e-7, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        here.constants[1], slope(lambda Omega: receptance.at(Omega).g, 0.7, 1e-4), rtol=1e-7, atol=1e-9
+    )
 
 
 def test_large_sparse_structure_is_solved_directly(slope):
@@ -82,7 +86,9 @@ def test_large_sparse_structure_is_solved_directly(slope):
     y = direction @ sparse.linalg.spsolve(D, np.ones(n))
     np.testing.assert_allclose(part.Z[1, 0, 0], 1 / G, rtol=1e-10)
     np.testing.assert_allclose(part.g[1, 0], -y / G, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(part.matrices[1], slope(lambda Omega: receptance.at(Omega).Z, 0.8, 1e-4), rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(
+        part.matrices[1], slope(lambda Omega: receptance.at(Omega).Z, 0.8, 1e-4), rtol=1e-6, atol=1e-8
+    )
     problem = HarmonicBalance(system, 3)
     X = problem.start(0.8)
     assert np.linalg.norm(problem.residual(X, Omega=0.8)) < 1e-9
