@@ -75,20 +75,22 @@ class Store:
         file = self.folder / "study.json"
         head = {"schema": SCHEMA, "hbgear": __version__, "study": json.loads(json.dumps(study))}
         self._versions_known = True
-        if file.exists() and not file.is_file():
+        if os.path.exists(file) and not os.path.isfile(
+            file
+        ):  # those of os take a name too long for one that is missing
             raise ValueError(f"'{file}' is no regular file; move it away, it is where the study is described")
-        if file.exists():
+        if os.path.exists(file):
             there = _read_study(file)
             if there is not None:
                 _check_same(file, there, head)
                 return
             self._write_again(file, head)
             return
-        if self.folder.exists() and not self.folder.is_dir():
+        if os.path.exists(folder) and not os.path.isdir(folder):
             raise ValueError(f"'{folder}' is a file; give a folder for the cases")
-        if not self.folder.parent.is_dir():
+        if not os.path.isdir(self.folder.parent):
             raise ValueError(f"cannot make '{folder}': there is no folder '{self.folder.parent}'; create it first")
-        if self.folder.is_dir() and any(not path.name.startswith(".") for path in self.folder.iterdir()):
+        if os.path.isdir(folder) and any(not path.name.startswith(".") for path in self.folder.iterdir()):
             raise ValueError(f"the folder '{folder}' is not empty and holds no study; give another one")
         try:
             self.folder.mkdir(exist_ok=True)

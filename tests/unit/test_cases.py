@@ -236,6 +236,8 @@ def test_stores_of_others_are_refused(run, tmp_path):
     ):
         with pytest.raises(ValueError, match=words):
             run(grid(zeta=[0.5]), store=folder)
+    with pytest.raises(OSError, match=r"cannot make 'o+' \(.*too long\); give another folder"):
+        run(grid(zeta=[0.5]), store="o" * 300)
 
 
 def test_bad_plans(run):
