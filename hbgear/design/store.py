@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import warnings
 from collections.abc import Mapping
@@ -136,6 +137,9 @@ class Store:
             numbers, names, reason, seconds = (head.get(name) for name in ("numbers", "arrays", "reason", "seconds"))
             if not (isinstance(numbers, dict) and all(map(_is_number, [*numbers.values(), seconds]))):
                 raise ValueError("its numbers are none")
+            taken = float(seconds or 0)
+            if not 0 <= taken < math.inf:
+                raise ValueError(f"it took {taken} seconds")
             if not (isinstance(names, list) and all(isinstance(name, str) for name in [*names, reason])):
                 raise ValueError("its names of arrays or its reason are no texts")
             self._check_origin(key, head)
@@ -143,7 +147,7 @@ class Store:
             if any(array.dtype.kind != "f" for array in arrays.values()):
                 raise ValueError("its arrays are no real numbers")
             has_branch = "branch" in archive and archive.array("branch").dtype == np.uint8
-            return Result(numbers, arrays, reason=str(reason), seconds=float(seconds or 0), has_branch=has_branch)
+            return Result(numbers, arrays, reason=str(reason), seconds=taken, has_branch=has_branch)
 
     def _check_origin(self, key: str, head: Mapping[str, Any]) -> None:
         """Refuse a case of other inputs, and one of another version of hbgear."""

@@ -444,6 +444,8 @@ DAMAGE = {
     "no arrays": lambda path: edit_case(path, lambda head: head | {"arrays": []}),
     "arrays a number": lambda path: edit_case(path, lambda head: head | {"arrays": 3}),
     "a time that is none": lambda path: edit_case(path, lambda head: head | {"seconds": None}),
+    "a time that is nan": lambda path: edit_case(path, lambda head: head | {"seconds": float("nan")}),
+    "a time before it began": lambda path: edit_case(path, lambda head: head | {"seconds": -1.0}),
     "a reason that is none": lambda path: edit_case(path, lambda head: head | {"reason": 1}),
     "another case": lambda path: edit_case(path, lambda head: head | {"inputs": {**head["inputs"], "fields": {}}}),
 }
