@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -186,7 +187,7 @@ def survey(
     check_writable(plot, FIGURES)
     machine, which = chosen_model(model, changes), element_of(element)
     if folder is not None:
-        if not folder.is_dir():
+        if not os.path.isdir(folder):
             raise ValueError(f"there is no folder '{folder}'; create it first")
         check_writable(folder / "branch1.npz", BRANCHES)
     problem = problem_of(machine, harmonics, nu=nu)

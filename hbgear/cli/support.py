@@ -18,6 +18,7 @@ import typer
 
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
+from hbgear.common.messages import shortened
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.continuation.passing import passings
 from hbgear.harmonic import catalogue
@@ -119,8 +120,8 @@ At = Annotated[
 
 
 def say(kind: str, text: object) -> None:
-    """One line on standard error."""
-    print(f"hbgear: {kind}: {' '.join(str(text).split())}", file=sys.stderr)
+    """One line on standard error; a word of thousands of letters, as damaged files have them, is not told in full."""
+    print(f"hbgear: {kind}: {' '.join(shortened(word, 1000) for word in str(text).split())}", file=sys.stderr)
 
 
 # ---- input

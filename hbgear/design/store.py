@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import warnings
 from collections.abc import Mapping
@@ -75,20 +76,22 @@ class Store:
         file = self.folder / "study.json"
         head = {"schema": SCHEMA, "hbgear": __version__, "study": json.loads(json.dumps(study))}
         self._versions_known = True
-        if file.exists() and not file.is_file():
+        if os.path.exists(file) and not os.path.isfile(
+            file
+        ):  # those of os take a name too long for one that is missing
             raise ValueError(f"'{file}' is no regular file; move it away, it is where the study is described")
-        if file.exists():
+        if os.path.exists(file):
             there = _read_study(file)
             if there is not None:
                 _check_same(file, there, head)
                 return
             self._write_again(file, head)
             return
-        if self.folder.exists() and not self.folder.is_dir():
+        if os.path.exists(folder) and not os.path.isdir(folder):
             raise ValueError(f"'{folder}' is a file; give a folder for the cases")
-        if not self.folder.parent.is_dir():
+        if not os.path.isdir(self.folder.parent):
             raise ValueError(f"cannot make '{folder}': there is no folder '{self.folder.parent}'; create it first")
-        if self.folder.is_dir() and any(not path.name.startswith(".") for path in self.folder.iterdir()):
+        if os.path.isdir(folder) and any(not path.name.startswith(".") for path in self.folder.iterdir()):
             raise ValueError(f"the folder '{folder}' is not empty and holds no study; give another one")
         try:
             self.folder.mkdir(exist_ok=True)
@@ -134,6 +137,9 @@ class Store:
             numbers, names, reason, seconds = (head.get(name) for name in ("numbers", "arrays", "reason", "seconds"))
             if not (isinstance(numbers, dict) and all(map(_is_number, [*numbers.values(), seconds]))):
                 raise ValueError("its numbers are none")
+            taken = float(seconds or 0)
+            if not 0 <= taken < math.inf:
+                raise ValueError(f"it took {taken} seconds")
             if not (isinstance(names, list) and all(isinstance(name, str) for name in [*names, reason])):
                 raise ValueError("its names of arrays or its reason are no texts")
             self._check_origin(key, head)
@@ -141,7 +147,7 @@ class Store:
             if any(array.dtype.kind != "f" for array in arrays.values()):
                 raise ValueError("its arrays are no real numbers")
             has_branch = "branch" in archive and archive.array("branch").dtype == np.uint8
-            return Result(numbers, arrays, reason=str(reason), seconds=float(seconds or 0), has_branch=has_branch)
+            return Result(numbers, arrays, reason=str(reason), seconds=taken, has_branch=has_branch)
 
     def _check_origin(self, key: str, head: Mapping[str, Any]) -> None:
         """Refuse a case of other inputs, and one of another version of hbgear."""

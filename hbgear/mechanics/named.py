@@ -13,6 +13,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import inspect
+import os
 import sys
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -101,7 +102,7 @@ def _of_file(path: Path) -> ModuleType:
     name = str(path)
     if name in sys.modules:
         return sys.modules[name]
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise FileNotFoundError(f"there is no file '{path}'")
     _search(path.parent)
     spec = importlib.util.spec_from_file_location(name, path)

@@ -236,6 +236,8 @@ def test_stores_of_others_are_refused(run, tmp_path):
     ):
         with pytest.raises(ValueError, match=words):
             run(grid(zeta=[0.5]), store=folder)
+    with pytest.raises(OSError, match=r"cannot make 'o+' \(.*too long\); give another folder"):
+        run(grid(zeta=[0.5]), store="o" * 300)
 
 
 def test_bad_plans(run):
@@ -442,6 +444,8 @@ DAMAGE = {
     "no arrays": lambda path: edit_case(path, lambda head: head | {"arrays": []}),
     "arrays a number": lambda path: edit_case(path, lambda head: head | {"arrays": 3}),
     "a time that is none": lambda path: edit_case(path, lambda head: head | {"seconds": None}),
+    "a time that is nan": lambda path: edit_case(path, lambda head: head | {"seconds": float("nan")}),
+    "a time before it began": lambda path: edit_case(path, lambda head: head | {"seconds": -1.0}),
     "a reason that is none": lambda path: edit_case(path, lambda head: head | {"reason": 1}),
     "another case": lambda path: edit_case(path, lambda head: head | {"inputs": {**head["inputs"], "fields": {}}}),
 }

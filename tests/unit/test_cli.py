@@ -261,6 +261,12 @@ def test_help_is_quick_to_import():
     assert out.returncode == 0 and "trace" in out.stdout and out.stdout.endswith("False\n")
 
 
+def test_a_word_without_end_is_not_told_in_full(run):
+    """Typer repeats what it was given; damaged files have such words too."""
+    code, out, err = run("models", "duffing", "9" * 5000)
+    assert (code, out) == (2, "") and err.startswith("hbgear: error: ") and len(err) < 1200 and "99...99" in err
+
+
 def test_module_and_version(run):
     assert shell("-m", "hbgear", "--version").stdout == f"{hb.__version__}\n"
     assert run("--version") == (0, f"{hb.__version__}\n", "")
