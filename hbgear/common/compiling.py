@@ -39,7 +39,12 @@ def kernel(function: Function) -> Function:
     numba.config.CACHE_DIR = str(folder or before)  # read by the decorator, for this function only
     try:
         compiled: Function = numba.njit(
-            cache=folder is not None, nogil=True, error_model="numpy", fastmath={"contract"}
+            cache=folder is not None,
+            nogil=True,
+            error_model="numpy",
+            fastmath={"contract"},
+            no_cfunc_wrapper=True,
+            no_cpython_wrapper=function.__name__.startswith("_"),  # called by kernels only
         )(function)
     finally:
         numba.config.CACHE_DIR = before

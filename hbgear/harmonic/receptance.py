@@ -111,7 +111,7 @@ def _dense(A: object) -> Array:
 
 
 def _is_diagonal(A: Array) -> bool:
-    return np.count_nonzero(A) == np.count_nonzero(np.diag(A))
+    return bool(np.count_nonzero(A) == np.count_nonzero(np.diag(A)))
 
 
 def _null_space(A: Array) -> Array:
