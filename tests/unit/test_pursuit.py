@@ -74,8 +74,8 @@ def test_the_compiled_loop_tells_the_same_curve(name, back):
 
 @pytest.mark.parametrize("name", CURVES)
 def test_the_loops_choose_the_same_rows(name):
-    """Steps, Newton counts and orientations follow the same rules: the first rows of both, a resonance among them, are the
-    same to rounding."""
+    """Steps and Newton counts follow the same rules: the first rows of both, a resonance among them, are the same to
+    rounding."""
     model, H, span, _ = CURVES[name]
     few = StepControl(max_points=80)
     one, many = (
