@@ -33,6 +33,9 @@ def test_rows_are_exchanged_for_the_largest_pivot():
         x = np.array([[1.0], [2.0]])
         assert eliminate(np.array([[small, 1.0], [1.0, 1.0]]), x) == -1
         np.testing.assert_allclose(x, [[1.0], [1.0]], rtol=1e-15)
+        x = np.array([[1.0], [2.0]])
+        assert eliminate(np.array([[small, 1.0], [-1.0, 1.0]]), x) == 1
+        np.testing.assert_allclose(x, [[-1.0], [1.0]], rtol=1e-15)
 
 
 def test_permutations_have_their_parity(rng):

@@ -74,15 +74,16 @@ def test_the_compiled_loop_tells_the_same_curve(name, back):
 
 @pytest.mark.parametrize("name", CURVES)
 def test_the_loops_choose_the_same_rows(name):
-    """Steps, Newton counts and orientations follow the same rules: the first rows of both are the same to rounding."""
+    """Steps and Newton counts follow the same rules: the first rows of both, a resonance among them, are the same to
+    rounding."""
     model, H, span, _ = CURVES[name]
-    few = StepControl(max_points=25)
+    few = StepControl(max_points=80)
     one, many = (
         trace(kind(model(), H), "Omega", span, steps=few, special=False) for kind in (RowByRow, HarmonicBalance)
     )
     assert one.status is many.status is Status.MAX_POINTS
-    np.testing.assert_allclose(one.values, many.values, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(one.step, many.step, rtol=1e-6)
+    np.testing.assert_allclose(one.values, many.values, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(one.step, many.step, rtol=1e-4)
     np.testing.assert_array_equal(one.iterations, many.iterations)
 
 
