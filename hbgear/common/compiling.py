@@ -13,9 +13,12 @@ Lam, Pitrou & Seibert (2015), LLVM-HPC, https://doi.org/10.1145/2833157.2833162.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import logging
 import os
+import shutil
+import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -71,6 +74,7 @@ def _folder(given: str) -> Path | None:
     try:
         if not folder.is_dir():
             folder.mkdir(parents=True, exist_ok=True)
+            _clear(parent)
             _LOG.warning("hbgear compiles its core for this processor: once, for some seconds")
         if not os.access(folder, os.W_OK):
             raise PermissionError(f"no permission to write in {folder}")
@@ -82,6 +86,17 @@ def _folder(given: str) -> Path | None:
         )
         return None
     return folder
+
+
+_STALE = 30 * 24 * 3600.0  # seconds after which the code of other states of the sources is thrown away
+
+
+def _clear(parent: Path) -> None:
+    """Throw away code that no process has compiled anything into for long."""
+    for other in parent.glob("kernels-*"):
+        with contextlib.suppress(OSError):
+            if time.time() - other.stat().st_mtime > _STALE:
+                shutil.rmtree(other, ignore_errors=True)
 
 
 def _state() -> str:
