@@ -83,6 +83,7 @@ FILES = {
         "collocation": "",
         "crossings": "",
         "observables": "",
+        "phi": "",
         "realbasis": "",
         "receptance": "",
         "special": "",

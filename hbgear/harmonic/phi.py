@@ -1,0 +1,85 @@
+"""Kernels of the phi functions, and of what a polynomial does to modes in a step: see `collocation`.
+
+    phi_0(z) = e^z,   phi_{p+1}(z) = (phi_p(z) - 1 / p!) / z,   phi_p(z) = z phi_{p+1}(z) + 1 / p!
+
+Imported where the first of them is needed, see `hbgear.common.compiling`.
+
+References
+----------
+Hochbruck & Ostermann (2010), Acta Numerica 19, https://doi.org/10.1017/S0962492910000048.
+"""
+
+from __future__ import annotations
+
+from math import factorial
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.compiling import kernel
+
+_INVERSE = np.array([1.0 / factorial(n) for n in range(100)])
+
+_NEAR = 4.0  # size of z below which the series is summed: the recursion upward would lose digits
+
+
+@kernel
+def phi(z: ComplexArray, out: ComplexArray) -> None:
+    """phi_0..phi_s of numbers z (n,), into out (s + 1, n)."""
+    order, reach = len(out) - 1, 0.0
+    for i in range(len(z)):
+        size = abs(z[i])
+        if reach < size < _NEAR:
+            reach = size
+    last, term = order, 1.0
+    while term > 1e-17:
+        last += 1
+        term *= reach / last
+    out[order] = _INVERSE[last]
+    for n in range(last - 1, order - 1, -1):  # sum_k z^k / (k + s)! by Horner's rule
+        for i in range(len(z)):
+            out[order, i] = out[order, i] * z[i] + _INVERSE[n]
+    for p in range(order - 1, -1, -1):
+        for i in range(len(z)):
+            out[p, i] = out[p + 1, i] * z[i] + _INVERSE[p]
+    for i in range(len(z)):
+        if not abs(z[i]) < _NEAR:
+            out[0, i] = np.exp(z[i])
+            for p in range(order):
+                out[p + 1, i] = (out[p, i] - _INVERSE[p]) / z[i]
+
+
+@kernel
+def integrals(
+    poles: ComplexArray, h: float, c: Array, L: Array, turns: ComplexArray, out: ComplexArray, work: ComplexArray
+) -> None:
+    """What modes make of a polynomial u through the Gauss points of a step of length h, up to c_i h.
+
+        e^{lambda c_i h},   int_0^{c_i h} e^{lambda (c_i h - x)} l_j(x / h) dx,   u = sum_j l_j u_j
+
+    Parameters
+    ----------
+    poles : (q,) lambda.
+    c : (n,) ends, in units of the step.
+    L : (s, s) monomial coefficients of the Lagrange polynomials l_j, as `collocation.gauss` gives them.
+    turns : (n, q), the first of these on return.
+    out : (s, n, q), the second.
+    work : (s + 2, n q), overwritten.
+    """
+    s, n, q = len(L), len(c), len(poles)
+    z, powers = work[s + 1], work[: s + 1]
+    for i in range(n):
+        for r in range(q):
+            z[i * q + r] = c[i] * h * poles[r]
+    phi(z, powers)
+    out[:] = 0.0
+    for i in range(n):
+        scale = c[i] * h
+        for r in range(q):
+            turns[i, r] = powers[0, i * q + r]
+        for p in range(s):  # int_0^{c h} e^{lambda (c h - x)} (x / h)^p dx = c h c^p p! phi_{p+1}(lambda c h)
+            for j in range(s):
+                factor = L[j, p] * scale
+                for r in range(q):
+                    out[j, i, r] += factor * powers[p + 1, i * q + r]
+            scale *= c[i] * (p + 1)
