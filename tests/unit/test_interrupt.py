@@ -195,7 +195,7 @@ def test_basins_keep_the_starts_that_have_settled():
     whole, count = at_call(0, work)
     assert whole.status.complete and whole.label.min() == 0
     seen = set()
-    for n in moments(count, 7)[:-3]:
+    for n in moments(count, 40)[:-3]:
         try:
             part, reached = at_call(n, work)
         except KeyboardInterrupt:
