@@ -94,15 +94,27 @@ def unsettled(count: int, settling: Settling) -> Settled:
     return Settled(none, np.full(count, settling.longest), np.full(count, np.nan), none.copy())
 
 
+Caught = Callable[[Array, Array], np.ndarray]
+
+
 def settle_into(
-    out: Settled, stepper: Stepper, flight: Flight, settling: Settling, progress: Callable[[int, int], None] | None
+    out: Settled,
+    stepper: Stepper,
+    flight: Flight,
+    settling: Settling,
+    progress: Callable[[int, int], None] | None,
+    caught: Caught | None = None,
 ) -> None:
-    """`settle`, noting each motion in out once it is settled: if this is interrupted, those and their places hold."""
+    """`settle`, noting each motion in out once it is settled: if this is interrupted, those and their places hold.
+
+    ``caught(now, before)`` may give the periods of known motions that others, from their modal states now and some
+    periods before, are certain to settle on, 0 for none: these need not be waited for.
+    """
     B, r = flight.zeta.shape
     together = max(_ROOM // (_kept(settling) * r), 64)
     for first in range(0, B, together):
         batch = np.arange(first, min(first + together, B))
-        _settle_batch(out, batch, stepper.select(batch), flight, settling, progress)
+        _settle_batch(out, batch, stepper.select(batch), flight, settling, progress, caught)
 
 
 _ROOM = 2**19  # numbers of past states kept at once: what stays close to the processor
@@ -123,6 +135,7 @@ def _settle_batch(
     flight: Flight,
     settling: Settling,
     progress: Callable[[int, int], None] | None,
+    caught: Caught | None,
 ) -> None:
     """`settle_into` for the motions going (B,), whose stepper is given."""
     from hbgear.timedomain.closing import judge
@@ -142,6 +155,9 @@ def _settle_batch(
             size = np.maximum(size, np.linalg.norm(weights * part.land(here), axis=-1))
         period, left, guess = (np.empty(len(going), dtype=kind) for kind in (np.int64, float, np.int64))
         judge(past, p, settling.periods, WINDOW, weights, size, settling.tolerance, period, left, guess)
+        if caught:
+            before = past[(p - _EVERY - 1) % len(past)] - here.zeta  # the steady part is the same at both
+            period = np.where(period > 0, period, caught(part.land(here), part.land(here) + before))
         out.left[going], out.guess[going] = left, guess
         done = period > 0
         if done.any():

@@ -177,7 +177,7 @@ def march(
     strobes : (periods, B, 2 q) or empty: zeta after each period.
     fine : (2, B, m, periods N FINE) or empty: d and v at equal instants.
     """
-    asks, waiting, N = method.asked.any(), 0, whole.drive.shape[1]
+    asks, waiting, N, only = method.asked.any(), 0, whole.drive.shape[1], cut.drive.shape[1] - 1
     element, asked, straight, nodes, lagrange, dense, values, slopes = method
     leaps, ahead, spare, D = len(folded) > 0, work.ahead, work.spare, len(curves.turn)
     recalls, turns_of, observes_of = D > 0, curves.turn, curves.observe.reshape(D, cut.observe[0].size)
@@ -218,8 +218,8 @@ def march(
                             poles, output, input, span[1] * h, nodes, lagrange, cut_turn, cut_observe, cut_feedback,
                             cut_push, turns, inner, powers, spare,
                         )  # fmt: skip
-                    excite(steady, stiffness, nodes, cell + span[0], span[1], N, 0, cut_drive, cut_k)
-                    _predict(cut_observe, cut_drive, 0, z, free, y, w)
+                    excite(steady, stiffness, nodes, cell + span[0], span[1], N, only, cut_drive, cut_k)
+                    _predict(cut_observe, cut_drive, only, z, free, y, w)
                 work.laid[g], place[_ITERATED] = True, 0
                 if asks:
                     waiting += 1
@@ -233,23 +233,9 @@ def march(
                 moved = _correct(J, right, feedback, free, y, w)
             else:
                 size = _linearise(
-                    kr,
-                    cubic,
-                    element,
-                    slope,
-                    offset,
-                    on,
-                    asked,
-                    given,
-                    cut_k,
-                    0,
-                    cut_feedback,
-                    y,
-                    w,
-                    J,
-                    right,
+                    kr, cubic, element, slope, offset, on, asked, given, cut_k, only, cut_feedback, y, w, J, right,
                     spare,
-                )
+                )  # fmt: skip
                 moved = _correct(J, right, cut_feedback, free, y, w)
             place[_ITERATED] += 1
             if not straight and moved > 1e-13 * size and place[_ITERATED] < _ITERATIONS:
@@ -294,7 +280,9 @@ def fill(plan: Plan, method: Method, lengths: Array, work: Work, out: Tables) ->
             out.turn[i], out.observe[i], out.feedback[i], out.push[i], work.turns, work.inner, work.powers, work.spare,
         )  # fmt: skip
         for cell in range(cells):
-            excite(plan.steady[r], plan.stiffness[r], method.nodes, cell, 1.0, cells, cell, out.drive[i], out.k[i])
+            excite(
+                plan.steady[r], plan.stiffness[r], method.nodes, float(cell), 1.0, cells, cell, out.drive[i], out.k[i]
+            )
 
 
 @kernel

@@ -168,11 +168,7 @@ class Sweep:
 
     def index(self, element: int | str) -> int:
         """Position of an element given by position or name."""
-        if isinstance(element, str) and element in self.elements:
-            return self.elements.index(element)
-        if not isinstance(element, str) and 0 <= element < len(self.elements):
-            return int(element)
-        raise KeyError(f"no element {element!r}; there are {', '.join(map(repr, self.elements))} (or by number from 0)")
+        return index_of(self.elements, element)
 
     def amplitude(self, measure: str = "rms", element: int | str = 0) -> Array:
         """A measure of every motion (P,), as `Branch.amplitude`; "H1", "H2", ... are harmonics of the excitation."""
@@ -184,6 +180,21 @@ class Sweep:
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write a table of the values (.csv), whole or not at all."""
         export((self,), path)
+
+
+def index_of(elements: Sequence[str], element: int | str) -> int:
+    """Position of an element, given by position or name, among those of these names.
+
+    Raises
+    ------
+    KeyError
+        If it is none of them.
+    """
+    if isinstance(element, str) and element in elements:
+        return elements.index(element)
+    if not isinstance(element, str) and 0 <= element < len(elements):
+        return int(element)
+    raise KeyError(f"no element {element!r}; there are {', '.join(map(repr, elements))} (or by number from 0)")
 
 
 def export(sweeps: Sequence[Sweep], path: str | os.PathLike[str]) -> None:
