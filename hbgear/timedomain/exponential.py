@@ -64,7 +64,10 @@ _MOST_STEPS = 100_000  # per period of the excitation, each with its own drive i
 _AT_ONCE = 512  # motions whose laws are asked together, or that a thread takes up at a time
 
 
-_SHORT = 1e7  # products of numbers that take no longer than threads to start
+_LEAST = 1000  # products of numbers that would take as long as the shortest step
+
+
+_SHORT = 1e7  # the same that take no longer than threads to start
 
 
 _LONG = 1e8  # the same in one call of a kernel at most, so that Ctrl-C is heard within a second
@@ -336,7 +339,8 @@ class Stepper:
         from hbgear.timedomain.stepping import march, tables_for, work_for
 
         s, m, q, cells, asks, B = self.s, self.m, self.q, periods * self.N, bool(self.table.asked.any()), len(flight.d)
-        S, cost = len(self.method.element), self.steps.cost
+        S, recorded = len(self.method.element), 200 * FINE * m if fine.size else 0
+        cost = max(self.steps.cost, _LEAST) + recorded  # of a step
         few = asks or cost * cells * B < _SHORT
         together = min(B if few else -(-B // (4 * processors())), _AT_ONCE)
         block = max(1, int(_LONG / (cost * max(1, together))))
