@@ -1,4 +1,4 @@
-"""Commands that integrate in time: ``hbgear validate`` and ``hbgear sweep``."""
+"""Commands that integrate in time: ``hbgear validate``, ``hbgear sweep`` and ``hbgear basins``."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from hbgear.cli.support import (
     bar,
     chosen_model,
     element_of,
+    number_of,
     one_thread,
     path_of,
     print_table,
@@ -42,6 +43,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command()(validate)
     app.command()(sweep)
+    app.command()(basins)
 
 
 def validate(
@@ -137,6 +139,54 @@ def sweep(
             _show(s, measure, which)
     complete = bool(found) and all(s.status.complete for s in found)
     raise typer.Exit(0 if complete else STOPPED_EARLY)
+
+
+def basins(
+    model: Model,
+    omega: Annotated[float, typer.Option(help="Excitation frequency.")],
+    changes: Changes = None,
+    d: Annotated[str, typer.Option(metavar="FROM:TO", help="Element coordinate of the starts.")] = "-2:2",
+    v: Annotated[str, typer.Option(metavar="FROM:TO", help="Its rate.")] = "-2:2",
+    shape: Annotated[tuple[int, int], typer.Option(help="Numbers of starts along the two.")] = (60, 60),
+    element: Annotated[
+        str | None, typer.Option(help="Whose coordinate it is, by number or name; for one of several.")
+    ] = None,
+    tolerance: Annotated[float, typer.Option(help="Distance a settled motion may still have to go.")] = 1e-6,
+    longest: Annotated[int, typer.Option(min=1, help="Periods after which a motion is not waited for.")] = 3000,
+    output: Table = None,
+    plot: Figure = None,
+) -> None:
+    """Which motion each start ends in: basins of attraction over the coordinate and rate of an element.
+
+    All else starts at rest. Exit codes: 0 all starts were followed, 2 bad input, 3 interrupted (what was found is shown
+    and saved).
+    """
+    from hbgear.timedomain.settle import Settling
+
+    check_writable(output, (".csv",))
+    check_writable(plot, FIGURES)
+    machine = chosen_model(model, changes)
+    spans = _ends("--d", d), _ends("--v", v)
+    settling, which = Settling(tolerance, longest, min(16, longest)), None if element is None else element_of(element)
+    with one_thread(), bar("basins") as progress:
+        found = hb.basins(
+            machine, omega, spans[0], spans[1], shape, element=which, settling=settling, progress=progress
+        )
+    with outputs() as out:
+        out.write(output, found.export)
+        out.figure(plot, lambda drawing: drawing.basins(found))
+        rows = [[str(a.period or "not periodic"), f"{a.rms:.5g}", f"{a.share:.2%}"] for a in found.attractors]
+        print_table(["period", "rms", "share of the starts"], rows, f"motions at Omega = {omega:g}")
+        print(found.message)
+    raise typer.Exit(0 if found.status.complete else STOPPED_EARLY)
+
+
+def _ends(option: str, text: str) -> tuple[float, float]:
+    """A range given as FROM:TO."""
+    low, colon, high = text.partition(":")
+    if not colon:
+        raise ValueError(f"{option} {text}: need a range, such as {option} -2:2")
+    return number_of(option, low), number_of(option, high)
 
 
 def _show(s: Any, measure: str, element: int | str) -> None:

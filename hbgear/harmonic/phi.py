@@ -67,19 +67,22 @@ def integrals(
     work : (s + 2, n q), overwritten.
     """
     s, n, q = len(L), len(c), len(poles)
-    z, powers = work[s + 1], work[: s + 1]
+    z, powers, flat = work[s + 1], work[: s + 1], out.reshape(s, n * q)
     for i in range(n):
         for r in range(q):
             z[i * q + r] = c[i] * h * poles[r]
     phi(z, powers)
-    out[:] = 0.0
     for i in range(n):
         scale = c[i] * h
         for r in range(q):
             turns[i, r] = powers[0, i * q + r]
         for p in range(s):  # int_0^{c h} e^{lambda (c h - x)} (x / h)^p dx = c h c^p p! phi_{p+1}(lambda c h)
-            for j in range(s):
-                factor = L[j, p] * scale
-                for r in range(q):
-                    out[j, i, r] += factor * powers[p + 1, i * q + r]
+            for r in range(q):
+                powers[p + 1, i * q + r] *= scale
             scale *= c[i] * (p + 1)
+    for j in range(s):
+        for i in range(n * q):
+            flat[j, i] = L[j, 0] * powers[1, i]
+        for p in range(1, s):
+            for i in range(n * q):
+                flat[j, i] += L[j, p] * powers[p + 1, i]

@@ -65,9 +65,14 @@ class Pieces:
 
     def at(self, d: Array, v: Array) -> Integers:
         """Piece of each element at d (..., m); on a corner the one the rate v leads to."""
-        ahead = d + np.where(np.abs(v) > 0, np.sign(v), 1.0) * ON * (1 + np.abs(d))
-        piece: Array = np.sum(ahead[..., None] > self.high, axis=-1)
-        return piece
+        return piece_at(self.high, d, v)
+
+
+def piece_at(high: Array, d: Array, v: Array) -> Integers:
+    """`Pieces.at` of pieces with these upper ends (..., m, pieces)."""
+    ahead = d + np.where(np.abs(v) > 0, np.sign(v), 1.0) * ON * (1 + np.abs(d))
+    piece: Array = np.sum(ahead[..., None] > high, axis=-1)
+    return piece
 
 
 def spring_of(law: Law) -> PiecewiseLinear | None:

@@ -15,14 +15,14 @@ Benettin, Galgani, Giorgilli & Strelcyn (1980), Meccanica 15, https://doi.org/10
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.arrays import Array
 from hbgear.common.ranges import checked, counted
-from hbgear.timedomain.exponential import Flight, Stepper, modal_state
+from hbgear.timedomain.exponential import Flight, Stepper
 
 WINDOW = 8
 """Periods over which the rate of approach is judged, twice."""
@@ -102,83 +102,88 @@ def unsettled(count: int, settling: Settling) -> Settled:
     return Settled(none, np.full(count, settling.longest), np.full(count, np.nan), none.copy())
 
 
+Caught = Callable[[Array, Array], np.ndarray]
+
+
 def settle_into(
-    out: Settled, stepper: Stepper, flight: Flight, settling: Settling, progress: Callable[[int, int], None] | None
+    out: Settled,
+    stepper: Stepper,
+    flight: Flight,
+    settling: Settling,
+    progress: Callable[[int, int], None] | None,
+    caught: Caught | None = None,
 ) -> None:
-    """`settle`, noting each motion in out once it is settled: if this is interrupted, those and their places hold."""
-    B = len(flight.d)
-    weights = mode_weights(stepper)
-    going, part, here = np.arange(B), stepper, flight
-    past: list[ComplexArray] = []  # strobed states, the latest first
-    gaps: list[Array] = []  # D_k (K, B) of the last periods, the latest first
-    size = np.linalg.norm(weights * stepper.land(flight), axis=-1)
-    for p in range(settling.longest + 1):
-        x = weights * here.zeta
-        gaps = [_gaps(x, past, settling.periods), *gaps[: 2 * WINDOW - 1]]
-        past = [x, *past[: settling.periods - 1]]
-        if p % 4 == 0 and p >= FEWEST:
-            if p < 50:  # a start at rest says nothing of the size
-                size = np.maximum(size, np.linalg.norm(weights * part.land(here), axis=-1))
-            period, left, guess = _judge(np.array(gaps), size, settling)
-            lost = ~np.isfinite(x).all(axis=-1)
-            left[lost] = np.inf
-            out.left[going], out.guess[going] = left, guess
-            done = (period > 0) | lost
-            if done.any():
-                flight.put(going[done], here.select(np.flatnonzero(done)))
-                out.taken[going[done]] = p
-                out.period[going[done]] = period[done]
-                keep = np.flatnonzero(~done)
-                if keep.size == 0:
-                    return
+    """`settle`, noting each motion in out once it is settled: if this is interrupted, those and their places hold.
+
+    ``caught(now, before)`` may give the periods of known motions that others, from their modal states now and some
+    periods before, are certain to settle on, 0 for none: these need not be waited for.
+    """
+    B, r = flight.zeta.shape
+    together = max(_ROOM // (_kept(settling) * r), 64)
+    for first in range(0, B, together):
+        batch = np.arange(first, min(first + together, B))
+        _settle_batch(out, batch, stepper.select(batch), flight, settling, progress, caught)
+
+
+_ROOM = 2**19  # numbers of past states kept at once: what stays close to the processor
+
+
+_EVERY = 4  # periods between two judgements
+
+
+def _kept(settling: Settling) -> int:
+    """Periods whose states are kept, a multiple of _EVERY."""
+    return -(-(2 * WINDOW + settling.periods) // _EVERY) * _EVERY
+
+
+def _settle_batch(
+    out: Settled,
+    going: np.ndarray,
+    part: Stepper,
+    flight: Flight,
+    settling: Settling,
+    progress: Callable[[int, int], None] | None,
+    caught: Caught | None,
+) -> None:
+    """`settle_into` for the motions going (B,), whose stepper is given."""
+    from hbgear.timedomain.closing import judge
+
+    here, weights = flight.select(going), part.weights()
+    past = np.zeros((_kept(settling), *here.zeta.shape))
+    past[-1] = here.zeta
+    size, p = np.linalg.norm(weights * part.land(here), axis=-1), 0
+    while p < settling.longest:
+        count = min(_EVERY * (1 + 2 * WINDOW // _EVERY) if p == 0 else _EVERY, settling.longest - p)
+        at = p % len(past)
+        part.strobe(here, past[at : at + count])
+        p += count
+        if p % _EVERY or p < FEWEST:
+            continue
+        if p < 50:  # a start at rest says nothing of the size
+            size = np.maximum(size, np.linalg.norm(weights * part.land(here), axis=-1))
+        period, left, guess = (np.empty(len(going), dtype=kind) for kind in (np.int64, float, np.int64))
+        judge(past, p, settling.periods, WINDOW, weights, size, settling.tolerance, period, left, guess)
+        if caught:
+            before = past[(p - _EVERY - 1) % len(past)] - here.zeta  # the steady part is the same at both
+            period = np.where(period > 0, period, caught(part.land(here), part.land(here) + before))
+        lost = ~np.isfinite(here.zeta).all(axis=-1)
+        left[lost], period[lost] = np.inf, 0
+        out.left[going], out.guess[going] = left, guess
+        done = (period > 0) | lost
+        if done.any():
+            flight.put(going[done], here.select(np.flatnonzero(done)))
+            out.taken[going[done]] = p
+            out.period[going[done]] = period[done]
+            keep = np.flatnonzero(~done)
+            if keep.size:
                 going, part, here = going[keep], part.select(keep), here.select(keep)
                 weights = weights if len(weights) == 1 else weights[keep]
-                past, gaps, size = [x[keep] for x in past], [g[:, keep] for g in gaps], size[keep]
-            if progress:
-                progress(p, B - len(going))
-        if p < settling.longest:
-            part.advance(here)
+                past, size = np.ascontiguousarray(past[:, keep]), size[keep]
+        if progress:
+            progress(p, int(np.count_nonzero(out.period)))
+        if done.all():
+            return
     flight.put(going, here)
-
-
-def mode_weights(stepper: Stepper) -> Array:
-    """Size of the motion each mode stands for, in coordinates scaled by the root of their mass: (rows or 1, r)."""
-    each = []
-    for structure in stepper.structures:
-        assert structure.modes is not None
-        each.append(np.linalg.norm(np.sqrt(np.abs(np.diag(structure.M)))[:, None] * structure.modes.right, axis=0))
-    of_each: Array = np.array(each)[stepper.of]
-    return of_each
-
-
-def _gaps(x: ComplexArray, past: Sequence[ComplexArray], periods: int) -> Array:
-    """D_k for k = 1..periods (K, B), inf where the past is too short."""
-    out = np.full((periods, len(x)), np.inf)
-    for k, before in enumerate(past):
-        out[k] = np.linalg.norm(x - before, axis=-1)
-    return out
-
-
-def _judge(gaps: Array, size: Array, settling: Settling) -> tuple[np.ndarray, Array, np.ndarray]:
-    """Period of each motion (0: not settled), distance still to go, and the period that is nearest to settling.
-
-    gaps (2 windows, K, B), the latest first.
-    """
-    k = np.arange(1, gaps.shape[1] + 1)[:, None]
-    new, old = gaps[:WINDOW].max(axis=0), gaps[WINDOW:].max(axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        rho = np.minimum((new / old) ** (1.0 / WINDOW), 1.0)
-        left = np.where(np.isfinite(new) & (rho < 1), new / (1 - rho**k), np.inf) / size
-    left[new <= 1e-14 * size] = 0.0
-    settled = left <= settling.tolerance
-    best = np.argmin(left, axis=0)
-    first = np.argmax(settled, axis=0)
-    # a multiple of the period closes before the period does; what is that small is the period
-    same = new <= 30 * settling.tolerance * size
-    period = np.where(
-        settled.any(axis=0), np.minimum(first, np.where(same.any(axis=0), np.argmax(same, axis=0), first)) + 1, 0
-    )
-    return period, left[best, np.arange(len(best))], best + 1
 
 
 def lyapunov(stepper: Stepper, flight: Flight, periods: int = 400) -> float:
@@ -189,10 +194,10 @@ def lyapunov(stepper: Stepper, flight: Flight, periods: int = 400) -> float:
     The first quarter of the periods, in which the disturbance turns to the direction that grows fastest, is left out.
     The flight itself is not changed.
     """
-    weights, structure = mode_weights(stepper), stepper.structures[0]
+    weights = stepper.weights()
     pair = flight.select(np.array([0, 0]))
     small = 1e-8 * (float(np.linalg.norm(weights * stepper.land(flight)[0])) or 1.0)
-    delta = modal_state(structure, np.ones(2 * structure.n))
+    delta = stepper.modal(np.ones((1, 2 * stepper.structures[0].n)))[0]
     logs = []
     for _ in range(periods):
         delta = delta * (small / np.linalg.norm(weights * delta))

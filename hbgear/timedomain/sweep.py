@@ -33,8 +33,8 @@ from hbgear.harmonic import observables as measures
 from hbgear.mechanics.doubts import of_model
 from hbgear.mechanics.fourier import to_real
 from hbgear.mechanics.model import Model
-from hbgear.timedomain.exponential import Flight, Stepper, modal_state
-from hbgear.timedomain.settle import FEWEST, OBSERVED, WINDOW, Settled, Settling, lyapunov, mode_weights, settle
+from hbgear.timedomain.exponential import Flight, Stepper
+from hbgear.timedomain.settle import FEWEST, OBSERVED, WINDOW, Settled, Settling, lyapunov, settle
 
 HARMONICS = 16
 """Harmonics of the excitation that are kept of each settled motion."""
@@ -172,11 +172,7 @@ class Sweep:
 
     def index(self, element: int | str) -> int:
         """Position of an element given by position or name."""
-        if isinstance(element, str) and element in self.elements:
-            return self.elements.index(element)
-        if not isinstance(element, str) and 0 <= element < len(self.elements):
-            return int(element)
-        raise KeyError(f"no element {element!r}; there are {', '.join(map(repr, self.elements))} (or by number from 0)")
+        return index_of(self.elements, element)
 
     def amplitude(self, measure: str = "rms", element: int | str = 0) -> Array:
         """A measure of every motion (P,), as `Branch.amplitude`; "H1", "H2", ... are harmonics of the excitation."""
@@ -188,6 +184,21 @@ class Sweep:
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write a table of the values (.csv), whole or not at all."""
         export((self,), path)
+
+
+def index_of(elements: Sequence[str], element: int | str) -> int:
+    """Position of an element, given by position or name, among those of these names.
+
+    Raises
+    ------
+    KeyError
+        If it is none of them.
+    """
+    if isinstance(element, str) and element in elements:
+        return elements.index(element)
+    if not isinstance(element, str) and 0 <= element < len(elements):
+        return int(element)
+    raise KeyError(f"no element {element!r}; there are {', '.join(map(repr, elements))} (or by number from 0)")
 
 
 def export(sweeps: Sequence[Sweep], path: str | os.PathLike[str]) -> None:
@@ -277,6 +288,7 @@ class _Sweeper:
     steps: int | None
     progress: ProgressCallback | None
     found: list[tuple[float, Observation, Settled, float]] = field(default_factory=list)
+    last: Stepper | None = None
     jumps: list[SweepJump] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -331,7 +343,10 @@ class _Sweeper:
     def _stepper(self, value: float) -> Stepper:
         here = {**self.at, self.parameter: float(value)}
         Omega = here.pop("Omega")
-        return Stepper(self.model.replace(**here) if here else self.model, Omega, self.steps)
+        if self.last and self.parameter == "Omega":
+            return self.last.at(Omega, self.steps)
+        self.last = Stepper(self.model.replace(**here) if here else self.model, Omega, self.steps)
+        return self.last
 
     def _settle(self, value: float, state: Array) -> Array:
         """Settle at a value from a state, note what is found, and return the state then."""
@@ -346,11 +361,11 @@ class _Sweeper:
 
     def _disturbed(self, stepper: Stepper, flight: Flight) -> Flight:
         """The motion a little beside; the same little in every run."""
-        weights, structure = mode_weights(stepper), stepper.structures[0]
+        weights = stepper.weights()
         if not self.found:  # a start at rest has no size yet
             stepper.advance(flight, WINDOW)
         z = stepper.land(flight)
-        beside = modal_state(structure, self.random.standard_normal(2 * structure.n))
+        beside = stepper.modal(self.random.standard_normal((1, 2 * stepper.structures[0].n)))
         size = np.linalg.norm(weights * z) / np.linalg.norm(weights * beside)
         return stepper.fly(z + self.disturbance * size * beside)
 

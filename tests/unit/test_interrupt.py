@@ -18,6 +18,7 @@ import hbgear as hb
 from hbgear import Status
 from hbgear.common.replacing import replacing
 from hbgear.common.signals import held, sigterm_like_ctrl_c
+from hbgear.timedomain.exponential import Stepper
 from hbgear.timedomain.settle import Settling
 
 ROOT = str(Path(hb.__file__).parent)
@@ -257,6 +258,23 @@ def test_basins_keep_the_starts_that_have_settled():
             assert mine.period == true.period and mine.rms == pytest.approx(true.rms, rel=1e-6)
         seen.add(int(done.sum()))
     assert 0 in seen and any(0 < k < 12 for k in seen)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a process cannot send itself SIGINT there")
+def test_ctrl_c_is_heard_while_compiled_loops_run_in_threads():
+    """Half a million starts would take long; those of the batches before are kept."""
+
+    def stop(now):
+        if now.done > 0.02:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    found = hb.basins(hb.SpurPair(e=(0.1,)), 0.65, shape=(700, 700), settling=Settling(1e-4), progress=stop)
+    assert found.status is Status.INTERRUPTED and "interrupted" in found.message
+    assert 0.01 < np.mean(found.label >= 0) < 0.5
+    periods = 100_000
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        Stepper(DUFFING, 1.0).advance(Stepper(DUFFING, 1.0).start(np.zeros((200, 2))), periods)
 
 
 # ---- errors that are not ours

@@ -14,7 +14,7 @@ from hbgear.continuation.tracer import _Tracer, trace
 from hbgear.harmonic.events import Doubling, NeimarkSacker
 from hbgear.harmonic.receptance import Structure, UnbalancedLoad
 from hbgear.mechanics.fourier import resize
-from hbgear.timedomain.settle import Settling, _judge
+from hbgear.timedomain.closing import judge
 
 
 def point_at(x, **parameters):
@@ -289,7 +289,9 @@ def test_what_is_still_to_go_of_a_motion_of_several_periods(k, rho):
     periods, window, last = 6, 8, 400
     p = np.arange(last - 2 * window - periods, last + 1)
     x = np.exp(2j * np.pi * (p % k) / k) + 1e-3 * rho ** (p - float(last))
-    gaps = np.array([[[abs(x[-1 - i] - x[-1 - i - j])] for j in range(1, periods + 1)] for i in range(2 * window)])
-    period, left, guess = _judge(gaps, np.ones(1), Settling(tolerance=1e-12, periods=periods))
+    past = np.zeros((len(p), 1, 2))
+    past[(p - 1) % len(p), 0] = np.column_stack([x.real, x.imag])
+    period, left, guess = np.empty(1, dtype=int), np.empty(1), np.empty(1, dtype=int)
+    judge(past, last, periods, window, np.ones((1, 2)), np.ones(1), 1e-12, period, left, guess)
     assert period[0] == 0 and guess[0] == k
     assert left[0] == pytest.approx(1e-3 * rho ** -(window - 1 + k), rel=1e-8)

@@ -1,0 +1,129 @@
+"""Basins over planes of starts of any model: each start ends where it ends when it is integrated alone."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear import plot
+from hbgear.timedomain import basins as module
+from hbgear.timedomain.basins import basins
+from hbgear.timedomain.exponential import Stepper
+from hbgear.timedomain.settle import Settling, settle
+from hbgear.timedomain.sweep import observe
+
+PAIR, OMEGA = hb.SpurPair(e=(0.1,)), 0.65
+
+
+def two_masses():
+    """The spur pair of two attractors with an absorber hung on it that hardly changes them; two elements."""
+    mesh = PAIR.system()
+    element = mesh.elements[0]
+    M, C, K = np.diag([mesh.M[0, 0], 0.05]), np.array([[0.0, 0.0], [0.0, 0.02]]), np.diag([0.0, 0.3])
+    C[0, 0], K[0, 0] = mesh.C[0, 0] + 0.01, mesh.K[0, 0] + 0.02
+    C[0, 1] = C[1, 0] = -0.01
+    K[0, 1] = K[1, 0] = -0.02
+    gap = hb.Element([1.0, 0.0], element.law, element.displacement, element.damping, name="mesh")
+    stop = hb.Element([0.0, 1.0], hb.Unilateral(1.0, 5.0), name="stop")
+    loads = [
+        hb.Load(
+            None if load.constant is None else [*load.constant, 0.0],
+            {k: [*x, 0.0] for k, x in load.cosine.items()},
+            {k: [*x, 0.0] for k, x in load.sine.items()},
+            load.power,
+        )
+        for load in mesh.loads
+    ]
+    return hb.System(M, C, K, [gap, stop], loads)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return basins(two_masses(), OMEGA, (-2, 2), (-1.5, 1.5), (14, 10), element="mesh")
+
+
+def test_two_coordinates(found):
+    assert (
+        found.element == "mesh" and found.status.complete and sum(a.share for a in found.attractors) == pytest.approx(1)
+    )
+    assert len({round(a.rms, 3) for a in found.attractors if a.period}) >= 2
+    stepper = Stepper(two_masses(), OMEGA)
+    for y, x in ((2, 3), (7, 11), (5, 6)):
+        e = hb.SpurPair(e=(0.1,)).system().elements[0].displacement
+        flight = stepper.start([[found.d[x] + float(e(0.0)), 0.0, found.v[y], 0.0]])
+        assert flight.d[0, 0] == pytest.approx(found.d[x]) and flight.v[0, 0] == pytest.approx(found.v[y], abs=1e-9)
+        settle(stepper, flight)
+        rms = observe(stepper, flight, 1).rms[0]
+        assert rms == pytest.approx(found.attractors[found.label[y, x]].rms, abs=1e-5)
+
+
+def test_a_plane_of_directions_is_that_of_the_element_where_they_are_the_same(found):
+    """The coordinate moves alone, for the inertia is diagonal; the origin makes its gap zero."""
+    e = hb.SpurPair(e=(0.1,)).system().elements[0].displacement
+    same = basins(
+        two_masses(), OMEGA, (-2, 2), (-1.5, 1.5), (14, 10), start=[float(e(0.0)), 0.0, 0.0, 0.0],
+        plane=[[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+    )  # fmt: skip
+    assert same.element == ""
+    np.testing.assert_array_equal(same.label, found.label)
+    assert [a.period for a in same.attractors] == [a.period for a in found.attractors]
+
+
+def test_starts_of_an_element_go_through_the_state_given():
+    """The other coordinates are those of the state, moved as a force of the element moves them."""
+    pair, start = hb.DoubleHelicalPair(), np.linspace(-0.2, 0.2, 48)
+    stepper, system = Stepper(pair, 0.9), pair.system()
+    origin, directions = module._plane(stepper, system, 0.9, 1, start, None)
+    flight = stepper.start(origin + np.array([[0.7, -0.4]]) @ directions)
+    assert flight.d[0, 1] == pytest.approx(0.7) and flight.v[0, 1] == pytest.approx(-0.4)
+    moved = origin + 0.7 * directions[0] - 0.4 * directions[1] - start
+    force = system.M @ moved[:24]
+    w = system.W[:, 1]
+    np.testing.assert_allclose(force, w * (force @ w) / (w @ w), atol=1e-10 * np.abs(force).max())
+
+
+def test_who_is_caught_would_have_settled_there(monkeypatch):
+    """No label changes if every motion is waited for."""
+    shape = (40, 32)
+    quick = basins(PAIR, OMEGA, (-2, 3), (-1.5, 1.5), shape)
+    monkeypatch.setattr(module._Found, "caught", lambda self, now, before: np.zeros(len(now), dtype=int))
+    whole = basins(PAIR, OMEGA, (-2, 3), (-1.5, 1.5), shape)
+    np.testing.assert_array_equal(quick.label, whole.label)
+    assert [a.period for a in quick.attractors] == [a.period for a in whole.attractors] == [1, 1]
+
+
+def test_attractors_of_several_periods_and_none():
+    """Where the pair doubles its period twice, and where it is chaotic."""
+    doubled = basins(PAIR, 1.5, (0, 2), (-1, 1), (5, 4), settling=Settling(1e-6, longest=600))
+    assert doubled.attractors[0].period == 4 and doubled.attractors[0].points.shape == (4, 2)
+    chaotic = basins(PAIR, 1.66, (0, 2), (-1, 1), (3, 2), settling=Settling(1e-6, longest=300))
+    assert chaotic.attractors[0].period == 0 and chaotic.attractors[0].points.shape == (128, 2)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({}, ValueError, "24 coordinates and 2 elements: say which of 'gap L', 'gap R'"),
+        ({"element": "L"}, KeyError, "no element 'L'; there are 'gap L', 'gap R'"),
+        ({"element": 0, "plane": np.eye(48)[:2]}, ValueError, "give one"),
+        ({"element": 0, "start": [0.0, 1.0]}, ValueError, "need a state .* of 48 finite numbers"),
+        ({"plane": np.eye(24)[:2]}, ValueError, r"plane of shape \(2, 24\): need two directions \(2, 48\)"),
+        ({"plane": [np.eye(48)[0]] * 2}, ValueError, "must differ"),
+        ({"element": 0, "shape": (10**6, 10**6)}, ValueError, "is more than"),
+    ],
+)
+def test_bad_input(options, error, words):
+    with pytest.raises(error, match=words):
+        basins(hb.DoubleHelicalPair(), 0.9, **options)
+
+
+def test_figure_and_table(found, tmp_path):
+    found.export(tmp_path / "basins.csv")
+    table = np.genfromtxt(tmp_path / "basins.csv", delimiter=",", names=True)
+    assert len(table) == 140 and set(table["attractor"]) == set(found.label.ravel())
+    np.testing.assert_array_equal(table["d"].reshape(10, 14)[0], found.d)
+    with pytest.raises(ValueError, match=r"must end in \.csv"):
+        found.export(tmp_path / "basins.txt")
+    ax = plot.basins(found)
+    assert "tau" in ax.get_xlabel()
+    plt.close("all")
