@@ -134,6 +134,11 @@ def test_what_cannot_be_meant_is_refused_before_the_work(act, message):
         act()
 
 
+def test_an_element_without_a_law_is_told_of():
+    with pytest.raises(TypeError, match="element 'mesh': law must be a hbgear Law, got None"):
+        hb.Element([1.0], None, name="mesh")
+
+
 def test_derivatives_and_samples_that_cannot_be_meant_are_refused():
     curve = hb.trace(balance(hb.Duffing(), 3), "Omega", (0.5, 0.6), stability=False)
     with pytest.raises(ValueError, match="derivative = -1 must be a whole number"):
