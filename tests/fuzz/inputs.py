@@ -282,7 +282,13 @@ def targets() -> tuple[Target, ...]:
             {"kind": _is("limit"), "test": _is(lambda point: point.amplitude("max") - 2.0), "terminal": _is(False)},
             0.5,
         ),
-        Target("Range", hb.Range, {"low": _is(0.0), "high": _is(1.0)}, 0.3, free=frozenset({"low", "high"})),
+        Target(
+            "Range",
+            hb.Range,
+            {"low": _is(0.0), "high": _is(1.0)},
+            0.3,
+            free=frozenset({"low", "high", "above", "below"}),  # inf is no end, and the default
+        ),
         Target(
             "peaks",
             hb.peaks,
