@@ -44,6 +44,11 @@ class Range:
             end = getattr(self, name)
             if isinstance(end, bool) or not isinstance(end, Real) or end != end:
                 raise ValueError(f"Range: {name} = {quoted(end)} must be a number, math.inf for no end")
+        first, last = max(self.low, self.above), min(self.high, self.below)
+        if not first < last and not (first == last and first in self):
+            raise ValueError(
+                f"Range: no number lies from {quoted(first)} to {quoted(last)}; give the lower end as low or above"
+            )
 
     def __contains__(self, value: float) -> bool:
         return self.low <= value <= self.high and self.above < value < self.below

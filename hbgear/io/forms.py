@@ -207,6 +207,8 @@ _FORMS: dict[type, dict[str, Form]] = {
 def _check(branch: Branch) -> None:
     if not len(branch):
         raise ValueError("it has no points")
+    if np.isinf(branch.residual).any():
+        raise ValueError("its residual has entries that are infinite")
     _check_motion(layout_of(branch), branch.X, branch.regime, "branch")
     _check_balance(branch)
     for point in branch.special:

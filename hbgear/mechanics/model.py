@@ -154,7 +154,7 @@ class Element:
         if w.ndim != 1 or not np.all(np.isfinite(w)) or not np.any(w):
             raise ValueError(f"element '{self.name}': direction must be a finite non-zero vector, got {w}")
         if not isinstance(self.law, Law):
-            raise TypeError(f"element '{self.name}': law must be a hbgear Law, got {type(self.law).__name__}")
+            raise TypeError(f"element '{self.name}': law must be a hbgear Law, got {quoted(self.law)}")
         if not isinstance(self.displacement, Series):
             raise ValueError(f"{owner}: displacement = {self.displacement!r} must be a Series")
         checked(owner, "damping", self.damping, NOT_NEGATIVE)

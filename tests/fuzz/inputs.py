@@ -103,7 +103,8 @@ SYSTEM: Pool = {
     "M": [lambda: np.eye(2), lambda: [[1, 0], [0, 1]], lambda: sparse.eye_array(2)],
     "C": [lambda: 0.1 * np.eye(2), lambda: None], "K": [lambda: np.array([[2.0, -1.0], [-1.0, 2.0]])],
     "elements": [lambda: [hb.Element([1.0, 0.0], hb.Unilateral(gap=1.0))]],
-    "load": [lambda: hb.Load(cosine={1: [0.0, 0.2]})], "dof_names": _is((), ("a", "b")),
+    # on both coordinates: one that the element does not see leaves its coordinate at rest where K does not couple them
+    "load": [lambda: hb.Load(cosine={1: [0.1, 0.2]})], "dof_names": _is((), ("a", "b")),
 }  # fmt: skip
 
 RECORDS = {
@@ -281,7 +282,13 @@ def targets() -> tuple[Target, ...]:
             {"kind": _is("limit"), "test": _is(lambda point: point.amplitude("max") - 2.0), "terminal": _is(False)},
             0.5,
         ),
-        Target("Range", hb.Range, {"low": _is(0.0), "high": _is(1.0)}, 0.3, free=frozenset({"low", "high"})),
+        Target(
+            "Range",
+            hb.Range,
+            {"low": _is(0.0), "high": _is(1.0)},
+            0.3,
+            free=frozenset({"low", "high", "above", "below"}),  # inf is no end, and the default
+        ),
         Target(
             "peaks",
             hb.peaks,

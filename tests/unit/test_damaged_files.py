@@ -266,6 +266,16 @@ def test_what_is_wrong_is_named(whole, tmp_path, place, value, words):
         hb.load(tmp_path / "b.npz")
 
 
+def test_an_infinite_residual_is_named(whole, tmp_path):
+    """It was printed: worst residual inf of the forces."""
+    path = tmp_path / "b.npz"
+    path.write_bytes(whole)
+    branch = hb.load(path)
+    dataclasses.replace(branch, residual=np.full(len(branch), np.inf)).save(path)
+    with pytest.raises(ValueError, match="residual has entries that are infinite"):
+        hb.load(path)
+
+
 def test_every_field_that_is_written_is_read():
     stored = {Branch: {"problem"}, SpecialPoint: {"event"}}  # made again from the model, or known by its kind
     for kind, forms in _FORMS.items():

@@ -94,6 +94,8 @@ def test_oil_film_and_gyroscopes_are_beyond_doubt():
         (lambda: hb.Load(cosine={10**9: [1.0]}), "harmonic number = 1,000,000,000 is more than 10,000"),
         (lambda: hb.Series(1.0, np.zeros(10**6)), "number of entries of cosine = 1,000,000 is more than 10,000"),
         (lambda: hb.SpurPair(eps=np.zeros(10**6)), "number of entries of eps = 1,000,000 is more than 10,000"),
+        (lambda: hb.Range(low=1.0, high=0.0), "no number lies from 1.0 to 0.0"),
+        (lambda: hb.Range(above=1.0, high=1.0), "no number lies from 1.0 to 1.0"),
         (lambda: hb.System(EYE, None, EYE, [None]), "element 0 is None; need an Element"),
         (lambda: hb.DoubleHelicalPair(module=1e-300), "module = 1e-300 is below 1e-60: check its unit"),
         (lambda: hb.GearRotorBearing(mu_2=1e-300), "mu_2 = 1e-300 is below 1e-60: check its unit"),
@@ -132,6 +134,11 @@ def test_oil_film_and_gyroscopes_are_beyond_doubt():
 def test_what_cannot_be_meant_is_refused_before_the_work(act, message):
     with pytest.raises(ValueError, match=message):
         act()
+
+
+def test_an_element_without_a_law_is_told_of():
+    with pytest.raises(TypeError, match="element 'mesh': law must be a hbgear Law, got None"):
+        hb.Element([1.0], None, name="mesh")
 
 
 def test_derivatives_and_samples_that_cannot_be_meant_are_refused():
