@@ -28,7 +28,7 @@ from hbgear.common.ranges import counted
 from hbgear.common.threads import for_each, processors
 from hbgear.harmonic.collocation import gauss
 from hbgear.harmonic.receptance import Modes, Structure
-from hbgear.mechanics.fourier import to_complex, waves
+from hbgear.mechanics.fourier import to_complex
 from hbgear.mechanics.model import Model
 from hbgear.timedomain.lawtable import LawTable
 from hbgear.timedomain.segments import FINE, Integers, piece_at
@@ -156,6 +156,7 @@ class Stepper:
         self.q = max(len(half.kept) for half in self.halves)
         self.laws = [tuple(e.law for e in system.elements) for system in self.systems]
         self.table = LawTable.stacked([LawTable.of(laws) for laws in self.laws])
+        self._idle: list[Any] = []  # room to compute in that is not in use
         self._tune(Omega, steps)
 
     def at(self, Omega: float, steps: int | None = None) -> Stepper:
@@ -180,6 +181,7 @@ class Stepper:
         counted(f"steps per period at Omega = {self.Omega.min():g}", self.N, _MOST_STEPS, least=3)
         self._steady()
         self.plan, self.method = self._plan()
+        self.reading = np.concatenate([self.plan.output.real, -self.plan.output.imag], axis=2)
         self.steps = Steps.of(self.plan, self.method, self.N)
 
     def _enough(self) -> int:
@@ -197,11 +199,11 @@ class Stepper:
         return int(np.ceil(count))
 
     def _steady(self) -> None:
-        """Harmonics e^(i k tau), e^(-i k tau) of z_steady (rows, 2, L + 1, q); those of its d, v (rows, L + 1, 2 m)."""
+        """z_steady (rows, 2 q) at tau = 0, and the harmonics of its d and v (rows, L + 1, 2 m)."""
         orders = [[e.displacement.order for e in s.elements] + [load.order for load in s.loads] for s in self.systems]
         L = max(0, *(order for each in orders for order in each))
         k = np.arange(L + 1)
-        self.z = np.zeros((self.rows, 2, L + 1, self.q), dtype=complex)
+        z = np.zeros((self.rows, self.q), dtype=complex)
         self.y = np.zeros((self.rows, L + 1, 2 * self.m), dtype=complex)
         for row in range(self.rows):
             i, Omega = self.of[row], self.Omega[row]
@@ -218,9 +220,10 @@ class Stepper:
             pull = (structure.kr + structure.c * rate) * e
             ahead = (F @ modes.left.T + pull @ modes.input.T) / (rate - modes.poles)
             back = (F.conj() @ modes.left.T + pull.conj() @ modes.input.T) / (-rate - modes.poles)
-            self.z[row, :, :, : len(kept)] = 0.5 * ahead[:, kept], 0.5 * back[:, kept]
+            z[row, : len(kept)] = 0.5 * (ahead + back)[:, kept].sum(axis=0)
             d = ahead @ modes.output.T - e
             self.y[row] = np.concatenate([d, rate * d], axis=1)
+        self.z = _parted(z)
 
     def _plan(self) -> Any:
         """The machines, and the way of all motions."""
@@ -249,21 +252,21 @@ class Stepper:
         out = object.__new__(Stepper)
         out.__dict__.update(self.__dict__)
         out.of, out.Omega, out.rows = self.of[motions], self.Omega[motions], len(motions)
-        out.z, out.y = self.z[motions], self.y[motions]
+        out.z, out.y, out.reading = self.z[motions], self.y[motions], self.reading[motions]
         out.plan = type(self.plan)(*(x[motions] for x in self.plan))
         out.steps = self.steps.select(motions)
         return out
 
     # ---- states
 
-    def start(self, y: Array, tau: float = 0.0) -> Flight:
-        """Motions from states (B, 2n) at tau."""
+    def start(self, y: Array) -> Flight:
+        """Motions from states (B, 2n) at tau = 0."""
         y = np.atleast_2d(np.asarray(y, dtype=float))
         n = self.structures[0].n
         if y.shape[1] != 2 * n or (self.rows > 1 and len(y) != self.rows):
             need = f"({self.rows if self.rows > 1 else 'any number'}, {2 * n})"
             raise ValueError(f"states of shape {y.shape} do not fit; need {need}")
-        return self.fly(self.modal(y), tau)
+        return self.fly(self.modal(y))
 
     def modal(self, y: Array) -> Array:
         """Modal states z (B, 2 q), real parts and then imaginary parts, of states (B, 2n)."""
@@ -273,23 +276,20 @@ class Stepper:
             z[np.ix_(rows, np.arange(len(kept)))] = modal_state(self.structures[i], y[rows])[:, kept]
         return _parted(z)
 
-    def fly(self, z: Array, tau: float = 0.0) -> Flight:
-        """Motions from modal states z (B, 2 q) at tau."""
-        zeta = z - self._steady_state(tau)
-        q = self.q
-        steady = (waves(tau, self.y.shape[1] - 1)[0] @ self.y).real
-        output = np.concatenate([self.plan.output.real, -self.plan.output.imag], axis=2)
-        y = (output @ zeta.reshape(-1, 2 * q, 1))[..., 0] + steady
+    def fly(self, z: Array) -> Flight:
+        """Motions from modal states z (B, 2 q) at tau = 0."""
+        zeta = z - self.z
+        y = (self.reading @ zeta[..., None])[..., 0] + self.y.sum(axis=1).real
         d, v = np.ascontiguousarray(y[:, : self.m]), np.ascontiguousarray(y[:, self.m :])
         return Flight(zeta, d, v, piece_at(self.plan.high, d, v))
 
-    def land(self, flight: Flight, tau: float = 0.0) -> Array:
-        """Modal states z (B, 2 q) of motions at tau."""
-        return flight.zeta + self._steady_state(tau)
+    def land(self, flight: Flight) -> Array:
+        """Modal states z (B, 2 q) of motions at tau = 0."""
+        return flight.zeta + self.z
 
-    def states(self, flight: Flight, tau: float = 0.0) -> Array:
-        """States (B, 2n), without free motions."""
-        z = self.land(flight, tau)
+    def states(self, flight: Flight) -> Array:
+        """States (B, 2n) at tau = 0, without free motions."""
+        z = self.land(flight)
         out = np.empty((len(z), 2 * self.structures[0].n))
         for i, rows in self._each(len(z)):
             half, structure = self.halves[i], self.structures[i]
@@ -311,10 +311,6 @@ class Stepper:
         """The structures and the motions, of so many, that have them."""
         of = np.broadcast_to(self.of, count) if self.rows == 1 else self.of
         return [(i, np.flatnonzero(of == i)) for i in range(len(self.structures))]
-
-    def _steady_state(self, tau: float) -> Array:
-        w = waves(tau, self.z.shape[2] - 1)[0]
-        return _parted(w @ self.z[:, 0] + w.conj() @ self.z[:, 1])
 
     # ---- steps
 
@@ -349,8 +345,11 @@ class Stepper:
 
         def carry(first: int, stop: Event) -> None:
             last = min(first + together, B)
-            G = last - first if asks else 1
-            cut, work = tables_for(G, 1, s, m, q, S), work_for(G, s, m, q)
+            try:
+                cut, work = self._idle.pop()
+            except IndexError:  # none is in store
+                G = last - first if asks else 1
+                cut, work = tables_for(G, 1, s, m, q, S), work_for(G, s, m, q)
             for begin in range(0, cells, block):
                 if stop.is_set():
                     return
@@ -358,6 +357,8 @@ class Stepper:
                 end = min(begin + block, cells)
                 while march(*shared, cut, work, *flight.arrays(), first, last, begin, end, strobes, fine):
                     self._ask(work, first)
+            if not asks:
+                self._idle.append((cut, work))
 
         starts = range(0, B, max(1, together))
         if few:
