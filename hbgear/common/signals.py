@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -35,9 +37,33 @@ def heard(handler: Handler, *numbers: int) -> Iterator[None]:
 
 @contextmanager
 def sigterm_like_ctrl_c() -> Iterator[None]:
-    """SIGTERM raises KeyboardInterrupt as Ctrl-C does, so that what was done is kept."""
-    with heard(_interrupt, signal.SIGTERM):
+    """SIGTERM raises KeyboardInterrupt as Ctrl-C does, so that what was done is kept; neither is ever lost."""
+    with heard(_interrupt, signal.SIGTERM), _told_again():
         yield
+
+
+@contextmanager
+def _told_again() -> Iterator[None]:
+    """A KeyboardInterrupt that Python cannot raise where it comes is raised a moment later.
+
+    It comes so in functions that compiled code calls, of which the compiler of kernels has some.
+    """
+    before = sys.unraisablehook
+
+    def hook(given: sys.UnraisableHookArgs) -> None:
+        if issubclass(given.exc_type, KeyboardInterrupt):
+            threading.Timer(_MOMENT, _thread.interrupt_main).start()
+        else:
+            before(given)
+
+    sys.unraisablehook = hook
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
+
+
+_MOMENT = 0.05  # seconds after which the compiled code has returned
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

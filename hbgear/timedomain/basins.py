@@ -272,10 +272,9 @@ class _Found:
         while True:
             for i in range(known, len(self.states)):
                 k = self.attractors[i].period
-                if not len(self.states[i]):
-                    near = ~stays
-                else:
-                    near = (self._distance(self.states[i], z) <= same if k else True) & stays
+                near = stays if len(self.states[i]) else ~stays
+                if k:
+                    near = stays & (self._distance(self.states[i], z) <= same)
                 number[(number < 0) & (period == k) & near] = i
             known = len(self.states)
             left = np.flatnonzero(number < 0)
