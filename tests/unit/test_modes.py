@@ -42,7 +42,7 @@ def test_a_symmetric_pair_falls_into_two_parts(monkeypatch):
     problem = HarmonicBalance(DoubleHelicalPair(), 8)
     curve = trace(problem, "Omega", (1.3, 0.7), stability=False, special=False)
     X, Omega = curve.X[::4], curve.values[::4]
-    parts = problem.compiled({}).parts
+    parts = problem.compiled({}).parts()
     assert len(parts.split) == 2 and sum(part.size for part in parts.split) == parts.whole.size
     assert all(part.size < parts.whole.size for part in parts.split)
     assert {len(problem.switching(x, Omega=w).theta) for x, w in zip(X, Omega, strict=True)} >= {0, 4}
@@ -68,7 +68,7 @@ def test_a_motion_that_breaks_the_symmetry_is_not_split(monkeypatch):
     np.testing.assert_array_equal(floquet._alike(compiled, both), [True, False])
     expected, sizes = from_the_whole(problem, both, Omega, monkeypatch), carried(monkeypatch)
     same(multipliers_of(compiled, both, Omega), expected)
-    assert sizes == [part.size for part in compiled.parts.split] + [compiled.parts.whole.size]
+    assert sizes == [part.size for part in compiled.parts().split] + [compiled.parts().whole.size]
     with monkeypatch.context() as patch:
         patch.setattr(floquet, "_alike", lambda compiled, X: np.ones(len(X), dtype=bool))
         split = multipliers_of(compiled, both[1:], Omega[1:])
@@ -86,23 +86,23 @@ def two(first, second, C=0.05):
 
 
 def test_alike_are_elements_of_the_same_law_on_a_symmetric_structure():
-    assert len(two(Cubic(0.3, 0.1), Cubic(0.3, 0.1)).compiled({}).parts.split) == 2
-    assert len(two(Backlash(0.3), Backlash(0.3)).compiled({}).parts.split) == 2
+    assert len(two(Cubic(0.3, 0.1), Cubic(0.3, 0.1)).compiled({}).parts().split) == 2
+    assert len(two(Backlash(0.3), Backlash(0.3)).compiled({}).parts().split) == 2
     for problem in (two(Cubic(0.3, 0.1), Cubic(0.3, 0.2)), two(Backlash(0.3), Backlash(0.4)),
                     HarmonicBalance(SpurPair(), 5)):  # fmt: skip
-        parts = problem.compiled({}).parts
+        parts = problem.compiled({}).parts()
         assert parts.split == (parts.whole,)
     K = np.array([[1.2, -0.2], [-0.2, 1.7]])
     elements = [Element([1.0, 0.0], Cubic(0.3)), Element([0.0, 1.0], Cubic(0.3))]
     other = HarmonicBalance(System(np.eye(2), 0.05 * np.eye(2), K, elements, Load(cosine={1: [0.2, 0.2]})), 5)
-    assert other.compiled({}).parts.split == (other.compiled({}).parts.whole,)
+    assert other.compiled({}).parts().split == (other.compiled({}).parts().whole,)
 
 
 def test_modes_that_no_element_feels_keep_their_poles():
     """A mass that nothing joins to the others: exp(lambda 2 pi / Omega) of its own poles are among the multipliers."""
     M, C, K = np.diag([1.0, 2.0]), np.diag([0.1, 0.3]), np.diag([1.0, 5.0])
     problem = HarmonicBalance(System(M, C, K, [Element([1.0, 0.0], Backlash(0.3))], Load(cosine={1: [0.2, 0.0]})), 5)
-    parts = problem.compiled({}).parts
+    parts = problem.compiled({}).parts()
     own = np.roots([2.0, 0.3, 5.0])
     np.testing.assert_allclose(np.sort_complex(parts.idle), np.sort_complex(own), rtol=1e-12)
     assert parts.whole.size == 2 and parts.size == 4
