@@ -266,7 +266,7 @@ class _Found:
     def numbers(self, flight: Flight, period: np.ndarray) -> np.ndarray:
         """Number of the attractor each motion has reached; new ones are added."""
         z, number = self.stepper.land(flight), np.full(len(period), -1)
-        stays: np.ndarray = np.isfinite(z).all(axis=1)
+        stays = np.asarray(np.isfinite(z).all(axis=1))
         same = max(2 * self.catch, 10 * self.settling.tolerance)
         known = 0
         while True:
