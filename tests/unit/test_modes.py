@@ -11,7 +11,7 @@ from hbgear.harmonic.floquet import multipliers_of
 def from_the_whole(problem, X, Omega, monkeypatch):
     """Multipliers with the modes in one part."""
     with monkeypatch.context() as patch:
-        patch.setattr(floquet, "_alike", lambda compiled, X: np.zeros(len(X), dtype=bool))
+        patch.setattr(floquet, "_alike", lambda compiled, parts, X: np.zeros(len(X), dtype=bool))
         return multipliers_of(problem.compiled({}), X, Omega)
 
 
@@ -65,17 +65,17 @@ def test_a_motion_that_breaks_the_symmetry_is_not_split(monkeypatch):
     rows[1, 1] += 0.05
     both = np.array([X, rows.ravel()])
     compiled = problem.compiled({})
-    np.testing.assert_array_equal(floquet._alike(compiled, both), [True, False])
+    np.testing.assert_array_equal(floquet._alike(compiled, compiled.parts(), both), [True, False])
     expected, sizes = from_the_whole(problem, both, Omega, monkeypatch), carried(monkeypatch)
     same(multipliers_of(compiled, both, Omega), expected)
     assert sizes == [part.size for part in compiled.parts().split] + [compiled.parts().whole.size]
     with monkeypatch.context() as patch:
-        patch.setattr(floquet, "_alike", lambda compiled, X: np.ones(len(X), dtype=bool))
+        patch.setattr(floquet, "_alike", lambda compiled, parts, X: np.ones(len(X), dtype=bool))
         split = multipliers_of(compiled, both[1:], Omega[1:])
     assert np.abs(np.sort(np.abs(split[0])) - np.sort(np.abs(expected[1]))).max() > 1e-4
     rows[1] = rows[0]
     rows[1, 1] += 1e-9
-    assert not floquet._alike(compiled, rows.ravel()[None])[0]
+    assert not floquet._alike(compiled, compiled.parts(), rows.ravel()[None])[0]
 
 
 def two(first, second, C=0.05):

@@ -114,7 +114,7 @@ def test_no_more_multipliers_above_the_bound_than_the_reduced_system_has():
     law = hb.Unilateral(k=0.3, gap=0.5)
     full, found = chain(n, law, dense=True, damping=beta), reduce(chain(n, law, damping=beta), modes)
     w = first_frequency(n)
-    problem = hb.HarmonicBalance(full, 7)
+    problem = hb.HarmonicBalance(full, 7, reduce=False)
     mu = np.abs(problem.multipliers(problem.start(w), Omega=w))
     # damping ratio beta w_r / 2 rises with the frequency: the mode next to those kept decays most slowly
     lowest = found.frequencies[-1]
