@@ -52,7 +52,7 @@ def _modal_sum(poles: Any, residues: Any, w: float) -> tuple[complex, complex]:
 
 @kernel
 def inverse(A: Any, out: Any) -> None:
-    """A^-1 (m, m) complex, by Gauss and Jordan with exchanges of rows; A is lost."""
+    """A^-1 (m, m) complex, by Gauss and Jordan with exchanges of rows; A is lost. All nan if it is singular."""
     m = A.shape[0]
     for i in range(m):
         for j in range(m):
@@ -65,6 +65,11 @@ def inverse(A: Any, out: Any) -> None:
         for k in range(m):
             A[j, k], A[p, k] = A[p, k], A[j, k]
             out[j, k], out[p, k] = out[p, k], out[j, k]
+        if A[j, j] == 0.0:
+            for i in range(m):
+                for k in range(m):
+                    out[i, k] = complex(math.nan, math.nan)
+            return
         pivot = 1.0 / A[j, j]
         for k in range(m):
             A[j, k] *= pivot

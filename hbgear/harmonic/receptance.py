@@ -423,6 +423,11 @@ class Receptance:
             from hbgear.harmonic.assembly import linear_part
 
             linear_part(self.numbers, float(Omega), *out)
+            if not np.isfinite(out.matrices).all():
+                raise ValueError(
+                    f"at Omega = {Omega:g} the structure does not give way to its elements at all, or without end: "
+                    "numbers of the model lie too far apart; check their units"
+                )
         else:
             self._directly(Omega, out)
         return out

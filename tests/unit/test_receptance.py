@@ -5,7 +5,7 @@ import pytest
 from scipy import sparse
 from scipy.linalg import block_diag
 
-from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, Series, System
+from hbgear import Backlash, Cubic, Duffing, Element, GearRotorBearing, HarmonicBalance, Load, Series, System
 from hbgear.harmonic.receptance import Receptance, Structure, UnbalancedLoad
 
 H = 4
@@ -168,3 +168,10 @@ def test_critically_damped_structure(zeta):
     product = np.prod(problem.multipliers(X, Omega=0.8, width=0.1))
     # two modes of a condition up to 1e8 cancel
     assert product == pytest.approx(np.exp(-2 * zeta * 2 * np.pi / 0.8), rel=1e-6, abs=2e-10)
+
+
+@pytest.mark.filterwarnings("ignore::hbgear.Unlikely")
+def test_numbers_too_far_apart_are_told():
+    """A damper that holds all: the receptance of an element is zero to the last digit, and has no inverse."""
+    with pytest.raises(ValueError, match="at Omega = 0.5 the structure does not give way"):
+        HarmonicBalance(GearRotorBearing(zeta_2=1e30), 5).start(Omega=0.5)
