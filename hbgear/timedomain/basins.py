@@ -26,7 +26,7 @@ from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.common.replacing import replacing
 from hbgear.continuation.branch import Status
 from hbgear.continuation.ending import Ending
-from hbgear.mechanics.doubts import of_model
+from hbgear.mechanics.doubts import of_frequency, of_model
 from hbgear.mechanics.fourier import evaluate, real_numbers
 from hbgear.mechanics.model import Model, System
 from hbgear.timedomain.exponential import Flight, Stepper
@@ -161,6 +161,7 @@ def basins(
     which = _element(model, system, element, plane)
     of_model(model, system)
     stepper = Stepper(model, Omega)
+    of_frequency(stepper.structures[0], float(Omega))
     origin, directions = _plane(stepper, system, Omega, which, start, plane)
     x, y = np.linspace(*d, shape[0]), np.linspace(*v, shape[1])
     multiples = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

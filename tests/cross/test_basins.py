@@ -127,3 +127,8 @@ def test_figure_and_table(found, tmp_path):
     ax = plot.basins(found)
     assert "tau" in ax.get_xlabel()
     plt.close("all")
+
+
+def test_a_frequency_in_another_unit_is_told():
+    with pytest.warns(hb.Unlikely, match="times the highest natural frequency"):
+        hb.basins(hb.Duffing(zeta=0.2), 6000.0, shape=(2, 2), settling=Settling(1e-2, 20))

@@ -43,13 +43,13 @@ FIXED = {
     "trace": ["--max-points", "12", "--harmonics", "3"], "map": ["--harmonics", "3", "--seeds", "2"],
     "critical": ["--harmonics", "3"], "survey": ["--harmonics", "3", "--places", "1", "--guesses", "1"],
     "sweep": ["--count", "2", "--longest", "20", "--tolerance", "1e-2"], "validate": ["--points", "1"],
-    "study": ["--processes", "1"],
+    "study": ["--processes", "1"], "basins": ["--shape", "6,6", "--tolerance", "1e-2"],
 }  # fmt: skip
 """What keeps a good command short; an option drawn at random may come after it and win."""
 
 WEIGHTS = {
     "trace": 8, "info": 3, "jumps": 2, "plot": 1, "validate": 1, "switch": 2, "sweep": 2, "critical": 1, "map": 1,
-    "survey": 1, "study": 1, "models": 0.2,
+    "survey": 1, "study": 1, "basins": 1, "models": 0.2,
 }  # fmt: skip
 
 
