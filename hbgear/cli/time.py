@@ -88,7 +88,7 @@ def sweep(
     last: Last = None,
     within: Within = None,
     at: At = None,
-    count: Annotated[int, typer.Option(min=2, help="Values between, the ends included.")] = 131,
+    count: Annotated[int, typer.Option(min=2, max=100_000, help="Values between, the ends included.")] = 131,
     tolerance: Annotated[float, typer.Option(help="Distance a settled motion may still have to go.")] = 1e-7,
     longest: Annotated[int, typer.Option(help="Periods after which a motion is not waited for, 20 or more.")] = 3000,
     over: Annotated[Path | None, typer.Option(metavar="FILE", help="A saved curve to draw the dots on.")] = None,

@@ -117,3 +117,8 @@ def test_basins_of_a_pair(run):
     for text, words in (("--omega 0.9", "say which of 'gap L', 'gap R'"), ("--omega 0.9 --d 3", "--d 3: need a range")):
         code, _, err = run(f"basins double-helical {text}")
         assert code == 2 and words in err and err.count("\n") == 1
+
+
+def test_a_sweep_of_more_values_than_can_be_meant(run):
+    code, _, err = run("sweep duffing --count 99999999")
+    assert code == 2 and "'--count'" in err and "less than or equal to 100000" in err and err.count("\n") == 1
