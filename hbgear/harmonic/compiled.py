@@ -101,6 +101,14 @@ class Compiled:
             size += self.sampled.add_to(X.reshape(self.m, -1), Omega, R, J, dR)
         return R, J, dR, size
 
+    def curvature(self, X: Array, v: Array, h: float, Omega: float) -> tuple[Array, Array]:
+        """Derivatives (n, n) of dR/dX along v, by a central difference over 2 h, and in Omega; of known laws only."""
+        from hbgear.harmonic.assembly import curvature
+
+        along, across = np.empty((2, len(X), len(X)))
+        curvature(self.numbers, X, v, h, self.linear(Omega).matrices[1], along, across)
+        return along, across
+
     def forces(self, X: Array, Omega: float) -> Array:
         """Force harmonics of all laws as real rows (m, 2H + 1)."""
         R, *_ = self._balance(X, Omega, LinearPart.zero(self.H, self.m))

@@ -38,7 +38,7 @@ FILES = {
     "continuation": {
         "__init__": "",
         "algebra": "",
-        "differences": "",
+        "differences": "algebra",
         "reading": "",
         "stepsize": "",
         "elimination": "",
