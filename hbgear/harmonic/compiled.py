@@ -94,12 +94,22 @@ class Compiled:
     def _balance(self, X: Array, Omega: float, linear: LinearPart) -> tuple[Array, Array, Array, float]:
         from hbgear.harmonic.assembly import assembled
 
-        n = len(X)
+        n = self._length(X)
         R, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
         size = assembled(self.numbers, np.ascontiguousarray(X), *linear, R, J, dR)
         if self.sampled:
             size += self.sampled.add_to(X.reshape(self.m, -1), Omega, R, J, dR)
         return R, J, dR, size
+
+    def _length(self, X: Array) -> int:
+        """Number of unknowns of motions X (..., n); kernels would read or write beyond the end of others."""
+        n = self.m * (2 * self.H + 1)
+        if X.shape[-1] != n:
+            raise ValueError(
+                f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x (2H + 1) = {n} numbers; a Point of "
+                "another number of harmonics is converted by problem.converted(point)"
+            )
+        return n
 
     def forces(self, X: Array, Omega: float) -> Array:
         """Force harmonics of all laws as real rows (m, 2H + 1)."""
@@ -110,6 +120,7 @@ class Compiled:
         """All instants of a motion."""
         from hbgear.harmonic.projection import instants
 
+        self._length(X)
         theta, sign, count, _ = instants(self.numbers, X.reshape(self.m, -1), False)
         some = np.arange(theta.shape[1]) < count[:, None]
         return Crossings(np.nonzero(some)[0], theta[some], sign[some].astype(int))
@@ -118,6 +129,7 @@ class Compiled:
         """Clearances (P, 2 K) and regimes (P, m) of motions X (P, n)."""
         from hbgear.harmonic.observing import reach
 
+        self._length(X)
         clearance, regime = np.empty((len(X), 2 * len(self.corner))), np.zeros((len(X), self.m), dtype=np.int8)
         reach(self.numbers, np.ascontiguousarray(X), clearance, regime)
         return clearance, regime
@@ -126,6 +138,7 @@ class Compiled:
         """Root mean square (P,) of what the force harmonics H < k <= 2H would add to motions X (P, n)."""
         from hbgear.harmonic.observing import driven, neglected
 
+        self._length(X)
         f = np.zeros((len(X), self.m, self.H), dtype=complex)
         neglected(self.numbers, np.ascontiguousarray(X), f)
         if self.sampled:
