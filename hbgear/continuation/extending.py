@@ -103,4 +103,5 @@ def _padded(branch: Branch, like: Branch) -> Branch:
     layout = like.layout
     fit = as_problem(like.problem).converted
     special = tuple(dataclasses.replace(p, X=fit(p), layout=layout) for p in branch.special)
-    return dataclasses.replace(branch, X=np.array([fit(point) for point in branch]), special=special, layout=layout)
+    X = np.array([fit(branch[i]) for i in range(len(branch))])
+    return dataclasses.replace(branch, X=X, special=special, layout=layout)
