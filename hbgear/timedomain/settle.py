@@ -186,6 +186,14 @@ def _settle_batch(
     flight.put(going, here)
 
 
+def disturbed(stepper: Stepper, flight: Flight, share: float, random: np.random.Generator) -> Flight:
+    """One motion a little beside: by a share of its state, in a random direction."""
+    weights, z = stepper.weights(), stepper.land(flight)
+    beside = stepper.modal(random.standard_normal((1, 2 * stepper.structures[0].n)))
+    size = np.linalg.norm(weights * z) / np.linalg.norm(weights * beside)
+    return stepper.fly(z + share * size * beside)
+
+
 def lyapunov(stepper: Stepper, flight: Flight, periods: int = 400) -> float:
     """Largest Lyapunov exponent of one motion, per unit of time, from a neighbour pulled close after every period.
 
