@@ -102,11 +102,14 @@ def stable_points(branch: Branch, value: float) -> list[Point]:
     return found
 
 
-def same_motion(motion: Point, others: Sequence[Point]) -> int | None:
-    """Which of several motions at the same parameter this one is, phase included; None if it is none of them."""
+def same_motion(motion: Point, others: Sequence[Point], most: float = SAME) -> int | None:
+    """Which of several motions at the same parameter this one is, phase included; None if it is none of them.
+
+    most : largest difference relative to the size of the motion.
+    """
     apart = [_difference(motion, other) for other in others]
     best = int(np.argmin(apart)) if apart else -1
-    return best if apart and apart[best] <= SAME else None
+    return best if apart and apart[best] <= most else None
 
 
 def _difference(one: Point, other: Point) -> float:

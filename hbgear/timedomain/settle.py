@@ -187,11 +187,12 @@ def _settle_batch(
 
 
 def disturbed(stepper: Stepper, flight: Flight, share: float, random: np.random.Generator) -> Flight:
-    """One motion a little beside: by a share of its state, in a random direction."""
+    """Motions a little beside: by a share of their states, all in one random direction."""
     weights, z = stepper.weights(), stepper.land(flight)
-    beside = stepper.modal(random.standard_normal((1, 2 * stepper.structures[0].n)))
-    size = np.linalg.norm(weights * z) / np.linalg.norm(weights * beside)
-    return stepper.fly(z + share * size * beside)
+    one = random.standard_normal((1, 2 * stepper.structures[0].n))
+    beside = stepper.modal(np.tile(one, (len(z), 1)))
+    size, unit = (np.array([[np.linalg.norm(x)] for x in weights * states]) for states in (z, beside))
+    return stepper.fly(z + share * (size / unit) * beside)
 
 
 def lyapunov(stepper: Stepper, flight: Flight, periods: int = 400) -> float:

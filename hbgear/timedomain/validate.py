@@ -40,7 +40,7 @@ from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.common.replacing import replacing
 from hbgear.continuation.algebra import norm
-from hbgear.continuation.branch import LANDINGS, NEUTRAL, Branch, Jump
+from hbgear.continuation.branch import LANDINGS, NEUTRAL, Branch, Jump, Point
 from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.problem import AnyProblem, linearise
 from hbgear.harmonic import observables as measures
@@ -51,7 +51,7 @@ from hbgear.mechanics.fourier import to_complex
 from hbgear.mechanics.model import describe
 from hbgear.timedomain.exponential import modal_state, physical_state
 from hbgear.timedomain.integrate import state_of
-from hbgear.timedomain.landing import arrival, landed
+from hbgear.timedomain.landing import Arrival, arrivals, landed
 from hbgear.timedomain.runge_kutta import Flow
 from hbgear.timedomain.shooting import Orbit, shoot
 
@@ -460,24 +460,31 @@ def _farthest(branch: Branch, free: list[int], picked: dict[int, str]) -> int:
 def _check_jump(curves: tuple[Branch, ...], jump: Jump) -> JumpCheck:
     """Where a jump of the first of some curves lands, held against what the curve says."""
     said = jump.after
-    found = arrival(curves[0], jump)
-    decided = landed(curves, jump, found)
+    ends = landed(curves, jump, arrivals(curves[0], jump))
+    decided, (found, *_) = ends[0]
     elements = curves[0].layout.elements if curves[0].layout else ()
     before = np.array([jump.before.amplitude("rms", j) for j in range(len(elements))])
     which = int(np.argmax(np.abs(found.rms - before)))
-    place = _place(curves, decided)
-    where = f"on curve {place + 1} of those given" if place else "on another stable motion of the curve"
-    text = decided.note if place is None else where
-    same = said is not None and decided.after is not None and same_motion(decided.after, (said,)) is not None
-    if decided.landing != "integrate" or same:
-        verdict = AGREES if same else text
-    else:
-        verdict = f"{AGREES} that it leaves the curve: {text}" if said is None and place != 0 else f"lands {text}"
     after = float("nan") if said is None else said.amplitude("rms", which)
     return JumpCheck(
         jump.label, jump.value, jump.direction, elements[which], float(before[which]), after, float(found.rms[which]),
-        found.period, found.taken, decided, verdict,
+        found.period, found.taken, decided, _landing_verdict(curves, said, ends),
     )  # fmt: skip
+
+
+def _landing_verdict(curves: tuple[Branch, ...], said: Point | None, ends: list[tuple[Jump, list[Arrival]]]) -> str:
+    """Whether one of the ends of a jump is the one that the curve says."""
+    tries = sum(len(group) for _, group in ends)
+    for end, group in ends:
+        if said is not None and end.after is not None and same_motion(end.after, (said,)) is not None:
+            return AGREES if len(ends) == 1 else f"{AGREES} in {len(group)} of {tries} tries: indeterminate"
+    decided = ends[0][0]
+    place = _place(curves, decided)
+    where = f"on curve {place + 1} of those given" if place else "on another stable motion of the curve"
+    text = decided.note if place is None else where
+    if decided.landing != "integrate":
+        return text
+    return f"{AGREES} that it leaves the curve: {text}" if said is None and place != 0 else f"lands {text}"
 
 
 def _place(curves: tuple[Branch, ...], jump: Jump) -> int | None:
