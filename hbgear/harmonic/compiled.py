@@ -13,7 +13,7 @@ from hbgear.harmonic.modes import Parts, parts_of
 from hbgear.harmonic.numbers import Numbers, laws_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
 from hbgear.harmonic.sampled import SampledLaws
-from hbgear.mechanics.fourier import Transform
+from hbgear.mechanics.fourier import Transform, to_real
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.model import System
 
@@ -89,7 +89,19 @@ class Compiled:
 
     def linearise(self, X: Array, Omega: float) -> tuple[Array, Array, Array, float]:
         """R (n,), dR/dX (n, n), dR/dOmega (n,) and the size of the terms of R at a motion X (n,)."""
-        return self._balance(X, Omega, self.linear(Omega))
+        R, J, dR, size = self._balance(X, Omega, self.linear(Omega))
+        if not self.structure.tied:
+            return R, J, dR, size
+        ties = self.structure.ties
+        R, J, dR = self._joined(R), self._joined(J), self._joined(dR)
+        R += (ties @ (X.reshape(self.m, -1) + to_real(self.receptance.e.T))).ravel()
+        J += np.kron(ties, np.eye(2 * self.H + 1))
+        return R, J, dR, size
+
+    def _joined(self, rows: Array) -> Array:
+        """Rows of the balance of each element by itself (n, ...) as those of all of them."""
+        out: Array = np.einsum("ij,j...->i...", self.structure.joint, rows.reshape(self.m, -1, *rows.shape[1:]))
+        return out.reshape(rows.shape)
 
     def _balance(self, X: Array, Omega: float, linear: LinearPart) -> tuple[Array, Array, Array, float]:
         from hbgear.harmonic.assembly import assembled
@@ -118,7 +130,7 @@ class Compiled:
         n = self._length(X)
         along, across = np.empty((2, n, n))
         curvature(self.numbers, X, v, h, self.linear(Omega).matrices[1], along, across)
-        return along, across
+        return (self._joined(along), self._joined(across)) if self.structure.tied else (along, across)
 
     def forces(self, X: Array, Omega: float) -> Array:
         """Force harmonics of all laws as real rows (m, 2H + 1)."""
