@@ -34,6 +34,7 @@ from hbgear.cli.support import (
     File,
     First,
     Harmonics,
+    Landing,
     Last,
     Measure,
     Model,
@@ -47,6 +48,8 @@ from hbgear.cli.support import (
     equation_of,
     exit_code,
     facts_of,
+    known_landing,
+    landed_as,
     loaded,
     longer_span,
     model_at,
@@ -204,6 +207,7 @@ def trace(
         bool, typer.Option("--stability/--no-stability", help="Floquet multipliers and jumps.")
     ] = True,
     max_points: Annotated[int, typer.Option(min=2, help="Stop after so many points.")] = hb.StepControl().max_points,
+    landing: Landing = "nearest",
 ) -> None:
     """Trace a response curve through its folds; print its special points and jumps.
 
@@ -212,6 +216,7 @@ def trace(
     """
     for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
         check_writable(path, allowed)
+    known_landing(landing)
     machine = chosen_model(model, changes)
     point, nu = None, 1
     if start is not None:
@@ -241,12 +246,13 @@ def trace(
         say("error", "interrupted while starting or finishing; nothing was kept")
         raise typer.Exit(STOPPED_EARLY) from None
     seconds = time.perf_counter() - started
+    branch, done = landed_as(landing, branch)
     with outputs() as out:
         out.branch(output, branch)
         out.figure(plot, lambda drawing: drawing.response(branch, measure, which))
         print(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
         show_branch(branch, measure, which)
-    raise typer.Exit(exit_code(branch))
+    raise typer.Exit(exit_code(branch) if done else STOPPED_EARLY)
 
 
 @app.command()
@@ -315,10 +321,29 @@ def info(file: File, measure: Measure = "pp2", element: Element = "0") -> None:
 
 
 @app.command()
-def jumps(file: File, measure: Measure = "pp2", element: Element = "0") -> None:
-    """Where a slow sweep jumps, and from which amplitude to which."""
+def jumps(
+    file: File,
+    model: OwnModel = None,
+    landing: Landing = "nearest",
+    beside: Annotated[
+        list[Path] | None,
+        typer.Option("--with", metavar="FILE", help="A further saved curve on which jumps may land; can be repeated."),
+    ] = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """Where a slow sweep jumps, from which amplitude to which, and how it was decided where it lands.
+
+    Of several stable motions it is the nearest, or with --landing integrate the one in which the motion left settles,
+    whatever its period. Exit codes: 0 done, 2 bad input, 3 interrupted.
+    """
+    known_landing(landing)
     branch, which = loaded(file, measure, element)
-    show_jumps(branch, measure, which)
+    others = [hb.load(path) for path in beside or ()]
+    problem = problem_in(branch, model) if landing == "integrate" and branch.jumps() else None
+    branch, done = landed_as(landing, branch, problem, others)
+    show_jumps(branch, measure, which, others, [path.name for path in beside or ()])
+    raise typer.Exit(0 if done else STOPPED_EARLY)
 
 
 @app.command(name="plot")

@@ -20,6 +20,7 @@ import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.common.messages import shortened
 from hbgear.common.progress import Progress, ProgressCallback
+from hbgear.continuation.branch import LANDINGS
 from hbgear.continuation.passing import passings
 from hbgear.harmonic import catalogue
 from hbgear.harmonic.events import named
@@ -66,6 +67,15 @@ Output = Annotated[Path | None, typer.Option("-o", "--output", help="Save as .np
 
 Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
 
+
+Landing = Annotated[
+    str,
+    typer.Option(
+        "--landing",
+        metavar="nearest|integrate",
+        help="How it is decided where a jump lands: the nearest stable motion, or where integration in time ends.",
+    ),
+]
 
 Measure = Annotated[
     str,
@@ -221,6 +231,29 @@ def loaded(file: Path, measure: str, element: str) -> tuple[hb.Branch, int | str
     branch, which = hb.load(file), element_of(element)
     branch[0].amplitude(measure, which)
     return branch, which
+
+
+def known_landing(landing: str) -> None:
+    """Refuse a --landing that is none, before any work."""
+    if landing not in LANDINGS:
+        raise ValueError(f"--landing {landing}: need {' or '.join(LANDINGS)}")
+
+
+def landed_as(
+    landing: str, branch: hb.Branch, problem: Any = None, others: Sequence[hb.Branch] = ()
+) -> tuple[hb.Branch, bool]:
+    """The branch with its jumps decided as --landing says, and whether they are; as it was after Ctrl-C or an error."""
+    if landing == "nearest" or not branch.jumps():
+        return branch, True
+    from hbgear.timedomain.landing import land
+
+    try:
+        with one_thread(), bar("jumps") as progress:
+            return land(branch, others, problem=problem, progress=progress), True
+    except (KeyboardInterrupt, ValueError, ArithmeticError) as error:
+        why = "interrupted" if isinstance(error, KeyboardInterrupt) else f"jumps cannot be integrated: {error}"
+        say("error", f"{why}; they go to the nearest motions")
+        return branch, False
 
 
 def element_of(text: str) -> int | str:
@@ -468,27 +501,34 @@ def show_jumps(
 ) -> None:
     """Print the jumps of a branch as a table, or that there are none.
 
-    ``beside`` are other traced branches, with their names, on which a jump may land if its own curve has no stable
-    motion there; the table then names the branch.
+    ``beside`` are other traced branches, with their names, on which a jump may land; the table then names the branch.
+    The last column says how the landing was decided: as the nearest of the stable motions known, or integrated. What
+    else integration has to say follows the table.
     """
     if not branch.jumps():
         print("no jumps" if branch.multipliers is not None else "no jumps known: traced without stability")
         return
-    rows = []
+    rows, notes = [], []
     for landing in landings((branch, *beside))[0]:
         jump, where = landing.jump, landing.branch
         digits = digits_of(jump.before, 6)
         speeds = [rounded(value, digits) for value in speeds_of(branch, jump.before).values()]
         before = size_text(jump.before, measure, element)
-        if where is None or jump.after is None:
-            after = f"no stable motion on {'these curves' if beside else 'this curve'}"
+        if jump.after is None:
+            curves = "these curves" if beside else "this curve"
+            after = f"no stable motion on {curves}" if jump.landing == "nearest" else "not periodic"
         else:
             after = size_text(jump.after, measure, element)
             after = f"{names[where - 1]}, {after}" if where else after
+        if jump.note:
+            notes.append(f"{jump.label}: {jump.note}")
         direction = "increasing" if jump.direction > 0 else "decreasing"
-        rows.append([jump.label, text_at(jump.before, jump.parameter), *speeds, direction, before, after])
-    headers = ["", branch.parameter, *speeds_of(branch, branch[0]), "while", f"{measure} before", f"{measure} after"]
+        rows.append([jump.label, text_at(jump.before, jump.parameter), *speeds, direction, before, after, jump.decided])
+    sizes = [f"{measure} before", f"{measure} after"]
+    headers = ["", branch.parameter, *speeds_of(branch, branch[0]), "while", *sizes, "decided"]
     print_table(headers, rows, "jumps of a slow sweep")
+    for note in notes:
+        print(note)
 
 
 def what_happens(branch: hb.Branch, point: hb.SpecialPoint) -> str:

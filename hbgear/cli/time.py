@@ -18,6 +18,7 @@ from hbgear.cli.support import (
     Figure,
     File,
     First,
+    Landing,
     Last,
     Measure,
     Model,
@@ -26,6 +27,7 @@ from hbgear.cli.support import (
     bar,
     chosen_model,
     element_of,
+    known_landing,
     number_of,
     one_thread,
     path_of,
@@ -51,6 +53,7 @@ def validate(
     model: OwnModel = None,
     points: Annotated[int, typer.Option(min=1, help="How many points, the most interesting first.")] = 12,
     tolerance: Annotated[float, typer.Option(help="Largest relative difference that agrees.")] = 1e-4,
+    landing: Landing = "integrate",
     output: Table = None,
     plot: Figure = None,
     element: Element = "0",
@@ -58,23 +61,28 @@ def validate(
     """Hold a saved curve against time integration, point by point.
 
     The table says how far the curve as traced is off. A point that is off by more than the tolerance is solved again
-    with up to 8 times the harmonics; if it agrees then, it counts as agreeing, and both differences are shown.
-    Exit codes: 0 every point agrees, 1 one does not, 2 bad input, 3 interrupted (what was checked is shown and saved).
+    with up to 8 times the harmonics; if it agrees then, it counts as agreeing, and both differences are shown. Jumps
+    are integrated until they settle, unless --landing nearest takes them as they are.
+    Exit codes: 0 every point and jump agrees, 1 one does not, 2 bad input, 3 interrupted (what was checked is shown and
+    saved).
     """
     from hbgear.timedomain.validate import validate as hold
 
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
+    known_landing(landing)
     branch, which = hb.load(file), element_of(element)
     branch[0].amplitude("rms", which)
     problem = None if model is None else problem_in(branch, model)
     with one_thread(), bar("points") as progress:
-        report = hold(branch, points, tolerance, problem=problem, progress=progress)
+        report = hold(branch, points, tolerance, problem=problem, landing=landing, progress=progress)
     headers, rows = report.table()
     with outputs() as out:
         out.write(output, report.export)
         out.figure(plot if report.rows else None, lambda drawing: drawing.validation(report, branch, which))
         print_table(headers, rows, "harmonic balance against time integration")
+        if report.jumps:
+            print_table(*report.jump_table(), "where jumps land by integration")
         print(report.summary)
     raise typer.Exit(STOPPED_EARLY if not report.complete else 0 if report.ok else DISAGREES)
 

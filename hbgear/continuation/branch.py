@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -201,8 +202,15 @@ class SpecialPoint(Point):
 class Jump:
     """Where a slow sweep leaves the branch at the special point ``label``, and where it lands.
 
-    The direction is +1 while the parameter increases and -1 while it decreases; ``after`` is None if the curve has no
-    stable solution at that value.
+    The direction is +1 while the parameter increases and -1 while it decreases.
+
+    Parameters
+    ----------
+    before, after : the solutions on both sides; ``after`` is None if no stable one is known at that value.
+    landing : how ``after`` was chosen: "nearest", of the stable solutions known there, or "integrate", by integration
+        in time from ``before``.
+    candidates : the stable solutions of the curve there; where several curves are looked at, of all of them.
+    note : what integration ended in, if that is no motion of the curves given.
 
     Examples
     --------
@@ -222,6 +230,20 @@ class Jump:
     direction: int
     before: Point
     after: Point | None
+    landing: str = "nearest"
+    candidates: tuple[Point, ...] = ()
+    note: str = ""
+
+    @property
+    def decided(self) -> str:
+        """How the landing was chosen, in words."""
+        if self.landing == "integrate":
+            return "integrated"
+        return f"nearest of {len(self.candidates)}" if len(self.candidates) > 1 else "nearest"
+
+
+LANDINGS = ("nearest", "integrate")
+"""Ways to decide where a jump lands: `Jump.landing`."""
 
 
 def saved_fields(value: Any) -> dict[str, Any]:
@@ -349,8 +371,28 @@ class Branch:
         tracked = {name: float(x[i]) for name, x in self.tracked.items()}
         return {**self.fixed, **tracked, self.parameter: float(self.values[i])}
 
-    def jumps(self) -> tuple[Jump, ...]:
-        """Where slow sweeps leave the branch, and where they land."""
+    @checked_arguments()
+    def jumps(self, landing: str | None = None, others: Sequence[Branch] = ()) -> tuple[Jump, ...]:
+        """Where slow sweeps leave the branch, and where they land.
+
+        Parameters
+        ----------
+        landing : None as it was decided so far, at first "nearest": the stable solution of the branch whose distance
+            from the one left is least, whatever their phase. "integrate" follows the motion in time from just beyond
+            the point where it is left until it settles; see `hbgear.timedomain.landing`.
+        others : further branches on which integration may end.
+
+        Raises
+        ------
+        ValueError
+            If there is no such way, or the branch is integrated without its problem.
+        """
+        if landing not in (None, *LANDINGS):
+            raise ValueError(f"landing = {quoted(landing)}: choose one of {', '.join(map(quoted, LANDINGS))}")
+        if landing == "integrate":
+            from hbgear.timedomain.landing import land
+
+            return land(self, others).jump_records
         return self.jump_records
 
     @checked_arguments()

@@ -101,6 +101,7 @@ def _alike(*branches: Branch) -> list[Branch]:
 
 def _padded(branch: Branch, like: Branch) -> Branch:
     layout = like.layout
-    fit = like.problem.fitted
-    special = tuple(dataclasses.replace(p, X=fit(p.X), layout=layout) for p in branch.special)
-    return dataclasses.replace(branch, X=np.array([fit(X) for X in branch.X]), special=special, layout=layout)
+    fit = as_problem(like.problem).converted
+    special = tuple(dataclasses.replace(p, X=fit(p), layout=layout) for p in branch.special)
+    X = np.array([fit(branch[i]) for i in range(len(branch))])
+    return dataclasses.replace(branch, X=X, special=special, layout=layout)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, solve
 from hbgear.continuation.passing import passings
 from hbgear.continuation.problem import as_problem, observe_all
+from hbgear.continuation.reading import Comparing
 
 # A fold of the truncated equations and the multiplier +1 of the true motion differ by the truncation error: that many
 # rows beside a fold may carry the other verdict.
@@ -21,7 +23,7 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
 
     Where the part loses its stability just before the fold (PD, NS), the sweep leaves there, and the jump carries that
     point's label. A sweep that finds no stable motion of this kind any more lands on the stable part of the same
-    curve at the same parameter; if there are several, on the one whose motion is nearest.
+    curve at the same parameter; if there are several, on the one whose motion is nearest: see `nearest`.
     """
     if branch.stable is None or branch.problem is None:
         return ()
@@ -36,10 +38,13 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
         side, point = max(sides, key=lambda found: _stable_run(branch, fold.index, found[0]))
         direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
         left.append((point, direction, _crossed(branch, point, fold, settings)))
-    return tuple(
-        Jump(point.label, branch.parameter, float(branch.values[point.index]), direction, point, _nearest(point, found))
-        for (point, direction, _), found in zip(left, seen_points(branch, [found for *_, found in left]), strict=True)
-    )
+    jumps = []
+    for (point, direction, _), found in zip(left, seen_points(branch, [found for *_, found in left]), strict=True):
+        value, stable = float(branch.values[point.index]), tuple(p for p in found if p.stable)
+        jumps.append(
+            Jump(point.label, branch.parameter, value, direction, point, nearest(point, found), candidates=stable)
+        )
+    return tuple(jumps)
 
 
 def _leaves_at(branch: Branch, fold: SpecialPoint, side: int) -> SpecialPoint | None:
@@ -114,7 +119,18 @@ def seen_points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point
     return [[next(points) for _ in group] for group in groups]
 
 
-def _nearest(left: SpecialPoint, found: list[Point]) -> Point | None:
-    """The stable one whose motion is nearest to that of the point left, if there is any."""
-    stable = [point for point in found if point.stable]
-    return min(stable, key=lambda p: float(np.linalg.norm(p.X - left.X))) if stable else None
+def nearest(left: Point, found: Sequence[Point]) -> Point | None:
+    """The stable one whose motion is nearest to that of the point left, if there is any.
+
+    Which of several motions a jump ends in is decided by their basins, which only integration knows. At the fold the
+    motion moves on with the phase that it has, but on its way to another motion the phase turns: what it keeps longest
+    are its amplitudes, so those are compared where the unknowns are read as motions.
+    """
+    return min((p for p in found if p.stable), key=lambda point: distance(left, point), default=None)
+
+
+def distance(one: Point, other: Point) -> float:
+    """How far apart two solutions are: as their reader says (`Comparing`), else the norm of the difference."""
+    if isinstance(one.layout, Comparing) and isinstance(other.layout, type(one.layout)):
+        return one.layout.distance(one.X, other.layout, other.X)
+    return float(np.linalg.norm(one.X - other.X))

@@ -239,7 +239,10 @@ class Finished(Protocol):
     """Adds to a finished curve."""
 
     def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
-        """The branch with what the problem has to say of the whole of it; ``observed`` is what it said on the way."""
+        """The branch with what the problem has to say of the whole of it.
+
+        ``observed`` is what it said on the way; empty of a curve that goes on from a point of another one.
+        """
 
 
 @runtime_checkable

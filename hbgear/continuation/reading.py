@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from hbgear.common.arrays import Array
 
@@ -38,6 +38,14 @@ class Reader(Protocol):
 
     def measure_rows(self, name: str, rows: Array) -> Array:
         """Measure of amplitude of rows that are already those of one element."""
+
+
+@runtime_checkable
+class Comparing(Protocol):
+    """Can tell how far apart solutions are; asked where a jump lands. Of others the norm of X - Y is taken."""
+
+    def distance(self, X: Array, other: Any, Y: Array) -> float:
+        """How far X is from Y, which is read as ``other``."""
 
 
 @runtime_checkable

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 from hbgear.common.ranges import checked, counted
 
+_FIRST = 0.01
+
 
 @dataclass(frozen=True)
 class StepControl:
     """Step control, in scaled arclength (the span of the parameter is 1).
 
-    first, longest, shortest : step lengths.
+    first, longest, shortest : step lengths; the first is 0.01 by default, or the nearest that the other two allow.
     max_turn_deg : largest angle [deg] between successive tangents; steps aim at half of it.
     newton : Newton steps per point the step length aims at.
     max_prediction_error : largest distance of a point from its prediction, as a share of the step: what the curve does
@@ -36,7 +38,7 @@ class StepControl:
     True
     """
 
-    first: float = 0.01
+    first: float = None  # type: ignore[assignment]  # a number once it is made
     longest: float = 0.04
     shortest: float = 1e-7
     max_turn_deg: float = 20.0
@@ -46,6 +48,10 @@ class StepControl:
     max_points: int = 5000
 
     def __post_init__(self) -> None:
+        for name in ("longest", "shortest"):
+            checked("StepControl", name, getattr(self, name))
+        if self.first is None:
+            object.__setattr__(self, "first", min(max(_FIRST, self.shortest), self.longest))
         for name in ("first", "longest", "shortest", "max_turn_deg", "max_prediction_error"):
             checked("StepControl", name, getattr(self, name))
         for name, least in (("newton", 1), ("history", 1), ("max_points", 2)):

@@ -245,10 +245,11 @@ class _Tracer:
             scale[-2 - i] = max([*past, abs(X[-1 - i])]) or 1.0
         return scale
 
-    def _observe(self, rows: list[CurvePoint]) -> None:
+    def _observe(self, rows: list[CurvePoint], problem: FullProblem | None = None) -> None:
         """Note with the rows what the problem says of their motions; nothing where that fails, which is told.
 
-        If it fails for the first row of the curve, so does the trace.
+        problem : whose rows these are; that of the last row by default. If it fails for the first row, so does the
+        trace.
         """
         fresh = [row for row in rows if not row.observed]
         if not fresh:
@@ -256,15 +257,15 @@ class _Tracer:
         told: Iterable[dict[str, Any]]
         try:
             u = np.array([row.u for row in fresh])
-            told = observe_all(self.problem, u, self.name, self.fixed, self.stability)
+            told = observe_all(problem or self.problem, u, self.name, self.fixed, self.stability)
         except Exception:
-            told = map(self._observed_alone, fresh)
+            told = (self._observed_alone(row, problem or self.problem) for row in fresh)
         for row, seen in zip(fresh, told, strict=True):
             row.observed.update(seen)
 
-    def _observed_alone(self, row: CurvePoint) -> dict[str, Any]:
+    def _observed_alone(self, row: CurvePoint, problem: FullProblem) -> dict[str, Any]:
         try:
-            return observe_all(self.problem, row.u[None], self.name, self.fixed, self.stability)[0]
+            return observe_all(problem, row.u[None], self.name, self.fixed, self.stability)[0]
         except Exception as error:
             if row is self.first:
                 self.first_unseen = error
@@ -327,8 +328,8 @@ class _Tracer:
         self.made = self._branch()
         if self.special:
             self.made = replace(self.made, jump_records=find_jumps(self.made, self.settings))
-            if self.whole:
-                self.made = self.largest.finished(self.made, [row.observed for row in self.rows])
+        seen = [row.observed for row in self.rows] if self.special and self.whole else []
+        self.made = self.largest.finished(self.made, seen)
 
     def _branch(self) -> Branch:
         meta = {
@@ -353,6 +354,8 @@ class _Tracer:
             for row in rows:
                 ended = self._take(row)
                 if ended is not None:
+                    if self.stop is None:
+                        self._adapt(last=True)
                     return ended
             self.top = max(self.top, *(self._motion_size(row.X) for row in rows))
             self.scale = self._scale(self.rows[-1].X)
@@ -473,17 +476,35 @@ class _Tracer:
                 found += [(start + 1 + i, point) for point in self._located(arc)]
             found += self._hidden(path, start, sure)
         if self.together == 1:  # the problem may be another one at the next row
-            self._observe([point.row for _, point in found])
+            self._observe([point.row for _, point in found if len(point.row.u) == len(self.scale)])
         self.waiting, self.found = [], self.found + found
 
     def _located(self, arc: Segment) -> list[Found]:
         """The special points on a piece; none if an error ends the search, which is noted."""
         try:
-            return self.watch.find(arc)
+            return self._with_enough(arc, self.watch.find(arc))
         except Exception as error:
             ends = f"{self.name} = {arc.a.value:.6g} and {arc.b.value:.6g}"
             self.ending.note(error, f"in locating a special point between {ends}")
             return []
+
+    def _with_enough(self, arc: Segment, found: list[Found]) -> list[Found]:
+        """Special points of a piece, located again with more unknowns where their observations ask for more."""
+        while arc.problem.changes:
+            self._observe([point.row for point in found], arc.problem)
+            asked = [arc.problem.remeshed(point.row.observed) for point in found if point.located]
+            finer = max((p for p in asked if p is not None), key=_size, default=arc.problem)
+            if _size(finer) <= _size(arc.problem):
+                break
+            a, b = (self._solved_again(finer, row) for row in (arc.a, arc.b))
+            if a is None or b is None:
+                break
+            arc = Segment(finer, self.name, self.fixed, a, b, self._wide(finer), self.settings)
+            again = self.watch.find(arc)
+            if [point.event.kind for point in again] != [point.event.kind for point in found]:
+                break
+            found, self.largest = again, max(self.largest, finer, key=_size)
+        return found
 
     def _hidden(self, path: list[CurvePoint], start: int, sure: list[int]) -> list[tuple[int, Found]]:
         """Pairs of special points between two rows of a path, whose first is number start, on pieces not sure."""
@@ -540,35 +561,47 @@ class _Tracer:
             number, point = on, replace(point, s=s)
         return number, point
 
-    def _adapt(self) -> None:
-        """Give the last row as many unknowns as its observations ask for."""
+    def _adapt(self, last: bool = False) -> None:
+        """Give the last row as many unknowns as its observations ask for; not fewer, if it is the last of the curve."""
         while True:
             before = self.problem, self.scale, self.rows[-1]
             other = self.problem.remeshed(self.rows[-1].observed)
-            if other is None or not self._to(other):
+            if other is None or (last and _size(other) < _size(self.problem)) or not self._to(other, last):
                 return
             if len(self.rows[-1].u) < len(before[2].u):  # fewer: keep them only if they suffice
                 if self.problem.remeshed(self.rows[-1].observed) is not None:
                     self.problem, self.scale, self.rows[-1] = before
                 return
-            self.largest = max(self.largest, self.problem, key=lambda problem: problem.size or 0)
+            self.largest = max(self.largest, self.problem, key=_size)
 
-    def _to(self, problem: FullProblem) -> bool:
+    def _to(self, problem: FullProblem, still: bool) -> bool:
         """Solve the last row again with other unknowns and go on with that problem; False if that fails."""
-        last = self.rows[-1]
+        row = self._solved_again(problem, self.rows[-1], still)
+        if row is None:
+            return False
+        self.problem, self.scale, self.rows[-1] = problem, self._wide(problem), row
+        return True
+
+    def _solved_again(self, problem: FullProblem, last: CurvePoint, still: bool = False) -> CurvePoint | None:
+        """A row with the unknowns of another problem, observed; None if that fails.
+
+        still : at its value of the parameter, as the ends of the curve; else in the plane across the curve.
+        """
         X, direction = problem.fitted(last.X), np.append(problem.fitted(last.tangent[:-1]), last.tangent[-1])
-        scale = np.append(np.full(len(X), self.scale[0]), self.scale[-1])
-        normal = normal_of(direction, scale)
+        scale = self._wide(problem)
+        normal = np.append(np.zeros(len(X)), last.heading or 1.0) if still else normal_of(direction, scale)
         normal = normal / np.linalg.norm(normal)
         try:
             point = correct(problem, np.append(X, last.value), normal, self.name, self.fixed, self.settings)
             row = row_along(point, scale, last.step, last)
         except (NoConvergence, np.linalg.LinAlgError):
-            return False
-        self.problem, self.scale = problem, scale
-        self._observe([row])
-        self.rows[-1] = row
-        return True
+            return None
+        self._observe([row], problem)
+        return row
+
+    def _wide(self, problem: FullProblem) -> Array:
+        """The present scales for the unknowns of another problem."""
+        return np.append(np.full(_size(problem), self.scale[0]), self.scale[-1])
 
     def _as_now(self, row: CurvePoint) -> CurvePoint:
         """An earlier row in the present number of unknowns."""
@@ -686,6 +719,11 @@ _TURNED = 0.9  # least cosine of the turn on the last step to the end of a param
 
 
 _NEAR = 1.3  # squared distance from its end, in its length squared, that what lies beside a piece may have
+
+
+def _size(problem: FullProblem) -> int:
+    """Number of unknowns of a problem that can change it."""
+    return problem.size or 0
 
 
 def _check_start(problem: FullProblem, X: Array) -> None:

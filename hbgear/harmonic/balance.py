@@ -41,7 +41,7 @@ from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.realbasis import derivative
 from hbgear.harmonic.receptance import Structure
 from hbgear.harmonic.starts import guesses
-from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, tell
+from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, of_truncation, tell
 from hbgear.mechanics.fourier import (
     Transform,
     highest,
@@ -220,7 +220,12 @@ class HarmonicBalance(FullProblem):
         return () if "Omega" in known else ("Omega",)
 
     def finished(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
-        """The branch as it is; warns where nothing ever comes near a corner of a law."""
+        """The branch as it is; warns where nothing ever comes near a corner of a law, or harmonics did not suffice."""
+        beyond = np.flatnonzero(branch.error > self.tolerance) if self.auto else np.empty(0, dtype=int)
+        if beyond.size:
+            of_truncation(self.tolerance, self.H, branch.parameter, branch.values[beyond], branch.error[beyond])
+        if not observed:
+            return branch
         clearances = [seen["clearance"] for seen in observed if "clearance" in seen]
         if branch.parameter == "Omega" and branch.status.complete:
             of_gaps(self.clearance_names, np.array(clearances))

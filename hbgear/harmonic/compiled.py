@@ -13,7 +13,7 @@ from hbgear.harmonic.modes import Parts, parts_of
 from hbgear.harmonic.numbers import Numbers, laws_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
 from hbgear.harmonic.sampled import SampledLaws
-from hbgear.mechanics.fourier import Transform
+from hbgear.mechanics.fourier import Transform, to_real
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.model import System
 
@@ -91,25 +91,48 @@ class Compiled:
 
     def linearise(self, X: Array, Omega: float) -> tuple[Array, Array, Array, float]:
         """R (n,), dR/dX (n, n), dR/dOmega (n,) and the size of the terms of R at a motion X (n,)."""
-        return self._balance(X, Omega, self.linear(Omega))
+        R, J, dR, size = self._balance(X, Omega, self.linear(Omega))
+        if not self.structure.tied:
+            return R, J, dR, size
+        ties = self.structure.ties
+        R, J, dR = self._joined(R), self._joined(J), self._joined(dR)
+        R += (ties @ (X.reshape(self.m, -1) + to_real(self.receptance.e.T))).ravel()
+        J += np.kron(ties, np.eye(2 * self.H + 1))
+        return R, J, dR, size
+
+    def _joined(self, rows: Array) -> Array:
+        """Rows of the balance of each element by itself (n, ...) as those of all of them."""
+        out: Array = np.einsum("ij,j...->i...", self.structure.joint, rows.reshape(self.m, -1, *rows.shape[1:]))
+        return out.reshape(rows.shape)
 
     def _balance(self, X: Array, Omega: float, linear: LinearPart) -> tuple[Array, Array, Array, float]:
         from hbgear.harmonic.assembly import assembled
 
-        n = len(X)
+        n = self._length(X)
         R, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
         size = assembled(self.numbers, np.ascontiguousarray(X), Omega / self.nu, *linear, R, J, dR)
         if self.sampled:
             size += self.sampled.add_to(X.reshape(self.m, -1), Omega, R, J, dR)
         return R, J, dR, size
 
+    def _length(self, X: Array) -> int:
+        """Number of unknowns of motions X (..., n); kernels would read or write beyond the end of others."""
+        n = self.m * (2 * self.H + 1)
+        if X.shape[-1] != n:
+            raise ValueError(
+                f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x (2H + 1) = {n} numbers; a Point of "
+                "another number of harmonics is converted by problem.converted(point)"
+            )
+        return n
+
     def curvature(self, X: Array, v: Array, h: float, Omega: float) -> tuple[Array, Array]:
         """Derivatives (n, n) of dR/dX along v, by a central difference over 2 h, and in Omega; of known laws only."""
         from hbgear.harmonic.assembly import curvature
 
-        along, across = np.empty((2, len(X), len(X)))
+        n = self._length(X)
+        along, across = np.empty((2, n, n))
         curvature(self.numbers, X, v, h, self.linear(Omega).matrices[1], along, across)
-        return along, across
+        return (self._joined(along), self._joined(across)) if self.structure.tied else (along, across)
 
     def forces(self, X: Array, Omega: float) -> Array:
         """Force harmonics of all laws as real rows (m, 2H + 1)."""
@@ -120,6 +143,7 @@ class Compiled:
         """All instants of a motion."""
         from hbgear.harmonic.projection import instants
 
+        self._length(X)
         theta, sign, count, _ = instants(self.numbers, X.reshape(self.m, -1), False)
         some = np.arange(theta.shape[1]) < count[:, None]
         return Crossings(np.nonzero(some)[0], theta[some], sign[some].astype(int))
@@ -128,6 +152,7 @@ class Compiled:
         """Clearances (P, 2 K) and regimes (P, m) of motions X (P, n)."""
         from hbgear.harmonic.observing import reach
 
+        self._length(X)
         clearance, regime = np.empty((len(X), 2 * len(self.corner))), np.zeros((len(X), self.m), dtype=np.int8)
         reach(self.numbers, np.ascontiguousarray(X), clearance, regime)
         return clearance, regime
@@ -136,6 +161,7 @@ class Compiled:
         """Root mean square (P,) of what the force harmonics H < k <= 2H would add to motions X (P, n)."""
         from hbgear.harmonic.observing import driven, neglected
 
+        self._length(X)
         f = np.zeros((len(X), self.m, self.H), dtype=complex)
         neglected(self.numbers, np.ascontiguousarray(X), np.asarray(Omega, dtype=float), f)
         if self.sampled:

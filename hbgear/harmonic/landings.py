@@ -1,8 +1,8 @@
 """Where the jumps of several branches land: on the same curve, or on another one that was traced.
 
-A sweep that leaves a curve lands on a stable motion at the same parameter. `Branch.jumps` looks for it on the same
-curve; where that has none, the other branches may: unconnected ones, and those of another period. Of several stable
-motions the nearest is taken, measured over a common multiple of both periods, whole excitation periods apart or not.
+A sweep that leaves a curve lands on a stable motion at the same parameter: of the same curve, of unconnected ones, or
+of another period. Which of several it is, their basins decide, which `hbgear.timedomain.landing` asks by integration.
+Where that was not asked, the nearest is taken, whatever the phases; see `hbgear.continuation.jumps.nearest`.
 """
 
 from __future__ import annotations
@@ -14,19 +14,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hbgear.continuation.branch import Branch, Jump, Point
-from hbgear.continuation.jumps import motions_at, seen_points
+from hbgear.continuation.jumps import motions_at, nearest, seen_points
 from hbgear.continuation.newton import Settings
 from hbgear.continuation.passing import passings
 from hbgear.harmonic.observables import Layout, layout_of
+
+SAME = 0.02
+"""Difference of two motions at one parameter, relative to their size, that harmonics left out may make."""
+
 
 _SAMPLES = 128  # of one period of the excitation, where motions are compared
 
 
 @dataclass(frozen=True, eq=False)
 class Landing:
-    """A jump, and the position in the sequence given of the branch on which it ends; None if none has a stable motion.
+    """A jump, and the position in the sequence given of the branch on which it ends; None if it ends on none of them.
 
-    ``jump.after`` is the motion there.
+    ``jump.after`` is the motion there, ``jump.candidates`` all that were considered.
     """
 
     jump: Jump
@@ -36,24 +40,43 @@ class Landing:
 def landings(branches: Sequence[Branch]) -> tuple[tuple[Landing, ...], ...]:
     """For each branch its jumps in their order, landing on any of the branches.
 
-    Other branches count if they are curves in the same parameter with all others at the same values.
+    Other branches count if they are curves in the same parameter with all others at the same values. Jumps that were
+    decided by integration stay as they are.
     """
     return tuple(tuple(_landing(branches, i, jump) for jump in branch.jumps()) for i, branch in enumerate(branches))
 
 
 def _landing(branches: Sequence[Branch], own: int, jump: Jump) -> Landing:
-    if jump.after is not None:
-        return Landing(jump, own)
-    found = [
+    known = candidates(branches, own, jump)
+    points = tuple(point for point, _ in known)
+    after = jump.after if jump.landing == "integrate" else nearest(jump.before, points)
+    if after is None:
+        return Landing(replace(jump, candidates=points), None)
+    mine = [point for point, i in known if i == own]
+    at = same_motion(after, mine)  # the curve of another trace may be the same one: then it stays on its own
+    place = at if at is not None else same_motion(after, points)
+    if place is None:
+        return Landing(replace(jump, candidates=points), None)
+    after = after if jump.landing == "integrate" else points[place]
+    return Landing(replace(jump, after=after, candidates=points), known[place][1])
+
+
+def candidates(branches: Sequence[Branch], own: int, jump: Jump) -> list[tuple[Point, int]]:
+    """Stable motions at the value of a jump of one of some branches, with the positions of their branches."""
+    mine = jump.candidates
+    if not mine and jump.after is not None and jump.landing == "nearest":  # of a file that does not tell the candidates
+        mine = (jump.after,)
+    return [(point, own) for point in mine] + stable_motions(branches, own, jump.value)
+
+
+def stable_motions(branches: Sequence[Branch], own: int, value: float) -> list[tuple[Point, int]]:
+    """Stable motions at a value of the parameter on the branches that go with one of them, with their positions."""
+    return [
         (point, i)
         for i, other in enumerate(branches)
         if i != own and _comparable(branches[own], other)
-        for point in _stable_points(other, jump.value)
+        for point in stable_points(other, value)
     ]
-    if not found:
-        return Landing(jump, None)
-    point, i = min(found, key=lambda pair: _distance(jump.before, pair[0]))
-    return Landing(replace(jump, after=point), i)
 
 
 def _comparable(one: Branch, other: Branch) -> bool:
@@ -65,7 +88,7 @@ def _comparable(one: Branch, other: Branch) -> bool:
     return known and bool(np.allclose([*one.fixed.values()], [*other.fixed.values()], rtol=1e-12, atol=0.0))
 
 
-def _stable_points(branch: Branch, value: float) -> list[Point]:
+def stable_points(branch: Branch, value: float) -> list[Point]:
     """Stable motions at the value: solved for if the branch knows its problem, else between two stable rows."""
     if branch.problem is not None:
         return [point for point in seen_points(branch, [motions_at(branch, value, Settings())])[0] if point.stable]
@@ -79,11 +102,26 @@ def _stable_points(branch: Branch, value: float) -> list[Point]:
     return found
 
 
-def _distance(one: Point, other: Point) -> float:
-    """Rms distance of two motions of any periods, the least over shifts by whole periods of the excitation."""
+def same_motion(motion: Point, others: Sequence[Point], most: float = SAME) -> int | None:
+    """Which of several motions at the same parameter this one is, phase included; None if it is none of them.
+
+    most : largest difference relative to the size of the motion.
+    """
+    apart = [_difference(motion, other) for other in others]
+    best = int(np.argmin(apart)) if apart else -1
+    return best if apart and apart[best] <= most else None
+
+
+def _difference(one: Point, other: Point) -> float:
+    """Rms difference of two motions of any periods over the rms of the alternating part of the larger.
+
+    Motions may lie whole periods of the excitation apart.
+    """
     nu = math.lcm(_layout(one).nu, _layout(other).nu)
     a, b = _sampled(one, nu), _sampled(other, nu)
-    return min(float(np.sqrt(np.mean((a - np.roll(b, k * _SAMPLES, axis=1)) ** 2))) for k in range(nu))
+    apart = min(float(np.sqrt(np.mean((a - np.roll(b, k * _SAMPLES, axis=1)) ** 2))) for k in range(nu))
+    size = max(float(np.sqrt(np.mean((x - x.mean(axis=1, keepdims=True)) ** 2))) for x in (a, b))
+    return apart / (size or 1.0)
 
 
 def _sampled(point: Point, nu: int) -> np.ndarray:

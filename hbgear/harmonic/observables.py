@@ -11,6 +11,7 @@ Functions take rows (..., 2H + 1) and give one number for each.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -21,7 +22,7 @@ from numpy.typing import ArrayLike
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
 from hbgear.continuation.branch import Branch, Point
-from hbgear.mechanics.fourier import evaluate, extrema, harmonics_of, to_complex, to_real
+from hbgear.mechanics.fourier import evaluate, extrema, harmonics_of, stretch, to_complex, to_real
 
 
 def rms(X: Array) -> Array:
@@ -146,6 +147,24 @@ class Layout:
     def measure_rows(self, name: str, rows: Array) -> Array:
         """The measure of that name of rows (..., 2H + 1) of one element."""
         return measure(name, rows, self.nu)
+
+    def distance(self, X: Array, other: Layout, Y: Array) -> float:
+        """How far two motions are apart, whatever their phases: root mean square of differences of amplitudes.
+
+            sqrt(sum_j [(a0 - a0')^2 + sum_k (|c_k| - |c_k'|)^2 / 2])      c_k = a_k - i b_k of element j
+
+        Motions of different periods are compared over a common multiple.
+        """
+        nu = math.lcm(self.nu, other.nu)
+        mine, others = self._amplitudes(X, nu), other._amplitudes(Y, nu)
+        width = max(mine.shape[1], others.shape[1])
+        a, b = (np.pad(x, ((0, 0), (0, width - x.shape[1]))) for x in (mine, others))
+        return float(np.linalg.norm(a - b))
+
+    def _amplitudes(self, X: Array, nu: int) -> Array:
+        """Mean and root mean squares (m, H nu / own nu + 1) of the harmonics of Omega / nu."""
+        c = to_complex(stretch(X.reshape(len(self.elements), -1), nu // self.nu))
+        return np.concatenate([c[:, :1].real, np.abs(c[:, 1:]) / math.sqrt(2)], axis=1)
 
     def samples(self, X: Array, element: int | str, count: int, order: int) -> tuple[Array, Array]:
         """``(theta, values)`` of an element over one period, 0 <= theta < 2 pi; order is that of d/dtheta."""

@@ -15,6 +15,11 @@ where neither kr nor the number of coordinates appears in the result. One eigen-
 gives every harmonic and the derivative in omega without a solve. Free motions (rigid motions r with
 W^T r = 0) are split off first; a constant load on one of them is refused, for no periodic motion exists.
 
+Directions of elements may depend on each other, W_b = W_a B. Then G is singular, and the balance is that of the others
+under all forces, with the ties between the coordinates,
+
+    Z_a,k d_a,k + g_a,k + f_a,k + B (f_b,k - kr_b d_b,k - (kr_b + i w c_b) e_b,k) = 0,   d_b + e_b = B^T (d_a + e_a)
+
 References
 ----------
 Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https://doi.org/10.1007/978-3-030-14023-6.
@@ -54,6 +59,9 @@ _SOME = 30  # coordinates from which it is worth looking for real modes
 
 
 _MIXED = 1e-13  # share of the damping that couples modes that is rounding
+
+
+_DEPENDENT = 1e-9  # part of a direction that others leave over and that is rounding
 
 
 _ILL = 1e8  # condition of the eigenvectors above which receptances are solved for directly
@@ -114,6 +122,22 @@ def _is_diagonal(A: Array) -> bool:
     return bool(np.count_nonzero(A) == np.count_nonzero(np.diag(A)))
 
 
+def _ties_of(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
+    """`Structure.own`, `joint` and `ties` of directions W (n, m)."""
+    m = W.shape[1]
+    own: list[int] = []
+    joint, ties = np.eye(m), np.zeros((m, m))
+    stiffness = float(kr.max(initial=0.0)) or 1.0  # so that ties are of the size of forces
+    for j in range(m):
+        B = np.linalg.lstsq(W[:, own], W[:, j], rcond=None)[0]
+        if np.linalg.norm(W[:, j] - W[:, own] @ B) > _DEPENDENT * np.linalg.norm(W[:, j]):
+            own.append(j)
+            continue
+        joint[own, j], joint[j, j] = B, 0.0
+        ties[j, own], ties[j, j] = -stiffness * B, stiffness
+    return np.array(own), joint, ties
+
+
 def _null_space(A: Array) -> Array:
     """Orthonormal basis of the null space of a matrix whose rows and columns are already scaled."""
     _, s, vt = scipy.linalg.svd(A)
@@ -130,10 +154,15 @@ class Structure:
     ----------
     system : `System`.
 
+    Attributes
+    ----------
+    own : numbers of the elements a whose directions do not depend on those before. joint, ties (m, m) : with the
+        balance Z d + g + f of each element by itself, that of all is ``joint @ (Z d + g + f) + ties @ (d + e)``.
+
     Raises
     ------
     ValueError
-        If M is singular, or two elements act along dependent directions.
+        If M is singular.
     UnbalancedLoad
         If a constant load acts on a free motion.
     """
@@ -144,7 +173,7 @@ class Structure:
         self.W = system.W
         self.kr = np.array([e.law.reference for e in system.elements])
         self.c = np.array([e.damping for e in system.elements])
-        self._check_directions()
+        self.own, self.joint, self.ties = _ties_of(self.W, self.kr)
         self.large = self.n > MODAL_LIMIT
         if self.large:
             Ws, M, C, K = (scipy.sparse.csr_array(A) for A in (self.W, system.M, system.C, system.K))
@@ -224,18 +253,14 @@ class Structure:
         return None
 
     @property
+    def tied(self) -> bool:
+        """Whether directions of elements depend on each other."""
+        return len(self.own) < self.m
+
+    @property
     def modal(self) -> bool:
         """Whether receptances come from the eigen-decomposition."""
-        return self.modes is not None and self.modes.condition < _ILL and not self.parted
-
-    def _check_directions(self) -> None:
-        W = self.W / np.linalg.norm(self.W, axis=0)
-        if np.linalg.matrix_rank(W, tol=1e-9) < self.m:
-            names = ", ".join(e.name for e in self.system.elements)
-            raise ValueError(
-                f"the directions of the elements ({names}) are linearly dependent; combine laws that act along one "
-                "direction into one element with Parallel((law_1, law_2))"
-            )
+        return self.modes is not None and self.modes.condition < _ILL and not self.parted and not self.tied
 
     def _check_mass(self) -> None:
         scaled = self.M * np.outer(self._scale, self._scale)
@@ -438,8 +463,9 @@ class Receptance:
         w = Omega * ratio
         G, dG = s.receptances(w)
         Y, dY = out.matrices
-        Y[:] = np.linalg.inv(G)
-        dY[:] = Y @ (dG * -ratio[:, None, None]) @ Y
+        own = np.ix_(np.arange(len(w)), s.own, s.own)
+        Y[own] = np.linalg.inv(G[own])
+        dY[own] = Y[own] @ (dG[own] * -ratio[:, None, None]) @ Y[own]
         constants = out.constants
         constants[:] = (out.matrices @ self.e[..., None])[..., 0]
         constants[0] -= (s.kr + 1j * w[:, None] * s.c) * self.e

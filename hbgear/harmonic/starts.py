@@ -14,15 +14,16 @@ from hbgear.mechanics.fourier import to_real
 
 def guesses(compiled: Compiled, Omega: float) -> Iterator[Array]:
     """Linear responses about the static states that Newton finds with harmonic 0 alone, from several sides."""
-    linear = compiled.linear(Omega)
+    linear, joint, ties = compiled.linear(Omega), compiled.structure.joint, compiled.structure.ties
+    e = compiled.receptance.e
     reach = np.array([max(np.abs(law.breakpoints), default=1.0) or 1.0 for law in compiled.laws])
-    reach *= _pushed(compiled.laws, linear)
+    reach *= _pushed(compiled, linear)
     for side in (1.5, -1.5, 0.0, 4.0, -4.0):
         d0 = side * reach
         for _ in range(50):
             p, k = _static(compiled.laws, d0)
-            r = linear.Z[0].real @ d0 + linear.g[0].real + p
-            J = linear.Z[0].real + np.diag(k)
+            r = joint @ (linear.Z[0].real @ d0 + linear.g[0].real + p) + ties @ (d0 + e[0].real)
+            J = joint @ (linear.Z[0].real + np.diag(k)) + ties
             step = np.linalg.lstsq(J, r, rcond=1e-12)[0]
             d0 = d0 - step
             if np.all(np.abs(step) <= 1e-14 * reach):
@@ -32,7 +33,8 @@ def guesses(compiled: Compiled, Omega: float) -> Iterator[Array]:
         k = _static(compiled.laws, d0)[1]
         with np.errstate(all="ignore"):
             try:
-                d = np.linalg.solve(linear.Z + np.diag(k), -linear.g[..., None])[..., 0].T
+                A, b = joint @ (linear.Z + np.diag(k)) + ties, linear.g @ joint.T + e @ ties.T
+                d = np.linalg.solve(A, -b[..., None])[..., 0].T
             except np.linalg.LinAlgError:
                 d = np.zeros((compiled.m, len(linear.Z)), dtype=complex)
         d[:, 0] = d0
@@ -40,10 +42,12 @@ def guesses(compiled: Compiled, Omega: float) -> Iterator[Array]:
         yield to_real(np.concatenate([d[:, :1], 0 * d[:, 1:]], axis=1)).ravel()
 
 
-def _pushed(laws: Any, linear: Any) -> Array:
+def _pushed(compiled: Compiled, linear: Any) -> Array:
     """Side, +1 or -1, to which the constant load pushes each element, as if its law were a linear spring (m,)."""
-    springs = np.diag([law.reference for law in laws])
-    d0 = np.linalg.lstsq(linear.Z[0].real + springs, -linear.g[0].real, rcond=1e-12)[0]
+    joint, ties = compiled.structure.joint, compiled.structure.ties
+    springs = np.diag([law.reference for law in compiled.laws])
+    b = joint @ linear.g[0].real + ties @ compiled.receptance.e[0].real
+    d0 = np.linalg.lstsq(joint @ (linear.Z[0].real + springs) + ties, -b, rcond=1e-12)[0]
     return np.where(d0 < 0, -1.0, 1.0)
 
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
+from hbgear.continuation.branch import LANDINGS, Branch, Jump, Point, SpecialPoint
 from hbgear.continuation.events import MARKERS, is_marker
 from hbgear.harmonic.events import named
 from hbgear.harmonic.observables import Layout, layout_of
@@ -57,6 +57,15 @@ def _marker(archive: Archive, value: Any, place: str) -> str:
     if (text := _text(archive, value, place)) and not is_marker(text):
         raise _wrong(place, value, f"one of {' '.join(MARKERS)}")
     return text
+
+
+def _one_of(words: Sequence[str]) -> Form:
+    def form(archive: Archive, value: Any, place: str) -> Any:
+        if value not in words:
+            raise _wrong(place, value, f"one of {', '.join(words)}")
+        return value
+
+    return form
 
 
 def _flag(archive: Archive, value: Any, place: str) -> bool:
@@ -191,7 +200,8 @@ _FORMS: dict[type, dict[str, Form]] = {
     SpecialPoint: {**_POINT, "kind": _text, "index": _whole(-1), "located": _flag, "interval": _tuple(_number, 2),
                    "note": _text, "meaning": _text, "marker": _marker},
     Jump: {"label": _text, "parameter": _text, "value": _finite, "direction": _whole(-1, 1),
-           "before": _object(Point, SpecialPoint), "after": _optional(_object(Point, SpecialPoint))},
+           "before": _object(Point, SpecialPoint), "after": _optional(_object(Point, SpecialPoint)),
+           "landing": _one_of(LANDINGS), "candidates": _tuple(_object(Point, SpecialPoint)), "note": _text},
     Branch: {"parameter": _text, "values": _array("f", 1, finite=True), "X": _array("f", 2, finite=True),
              "fixed": _table(_finite), "tracked": _table(_array("f", 1, finite=True)),
              "multipliers": _optional(_array("c", 2)), "iterations": _array("iu", 1), "residual": _array("f", 1),
@@ -224,7 +234,7 @@ def _check(branch: Branch) -> None:
     for jump in branch.jump_records:
         if not jump.direction:
             raise ValueError(f"the jump at {jump.label} has no direction")
-        for end in (jump.before, jump.after):
+        for end in (jump.before, jump.after, *jump.candidates):
             if end is not None:
                 _check_motion(layout_of(end), end.X, end.regime, f"the jump at {jump.label}")
 

@@ -32,10 +32,15 @@ def export(branch: Branch, path: str | os.PathLike[str]) -> None:
 
 
 def _table(branch: Branch) -> dict[str, Any]:
-    """Columns of the .csv: parameters, stability, per element its regime, measures and coefficients."""
+    """Columns of the .csv: parameters, stability, per element its regime, measures and coefficients.
+
+    landing : how it was decided where the jump from a special point lands.
+    """
     columns: dict[str, Any] = {branch.parameter: branch.values, **branch.tracked}
     labels = {point.index: point.label for point in branch.special}
     columns["special"] = [labels.get(i, "") for i in range(len(branch))]
+    decided = {jump.label: jump.decided for jump in branch.jumps()}
+    columns["landing"] = [decided.get(label, "") for label in columns["special"]]
     if branch.multipliers is not None:
         columns["stable"] = is_stable(branch.multipliers).astype(int)
         columns["multiplier_max"] = np.abs(branch.multipliers).max(axis=-1, initial=0.0)

@@ -163,3 +163,13 @@ def of_gaps(names: tuple[str, ...], clearances: Array) -> None:
                 f"nothing ever comes near a corner of a law on this curve (nearest: {names[nearest]}, missed by "
                 f"{distance:.3g}): all of it is linear; is the gap meant to be so far away?"
             )
+
+
+def of_truncation(tolerance: float, H: int, parameter: str, values: Array, errors: Array) -> None:
+    """Warn of points (P,) of a curve whose estimated errors are above the tolerance of automatic harmonics."""
+    worst = int(np.argmax(errors))
+    tell(
+        f"automatic harmonics, up to H = {H}, leave {len(values)} points of the curve with an estimated error above "
+        f"tolerance = {tolerance:g}: up to {errors[worst]:.1e}, at {parameter} = {values[worst]:.6g}; give a larger "
+        "tolerance"
+    )

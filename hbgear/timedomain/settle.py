@@ -186,6 +186,15 @@ def _settle_batch(
     flight.put(going, here)
 
 
+def disturbed(stepper: Stepper, flight: Flight, share: float, random: np.random.Generator) -> Flight:
+    """Motions a little beside: by a share of their states, all in one random direction."""
+    weights, z = stepper.weights(), stepper.land(flight)
+    one = random.standard_normal((1, 2 * stepper.structures[0].n))
+    beside = stepper.modal(np.tile(one, (len(z), 1)))
+    size, unit = (np.array([[np.linalg.norm(x)] for x in weights * states]) for states in (z, beside))
+    return stepper.fly(z + share * (size / unit) * beside)
+
+
 def lyapunov(stepper: Stepper, flight: Flight, periods: int = 400) -> float:
     """Largest Lyapunov exponent of one motion, per unit of time, from a neighbour pulled close after every period.
 

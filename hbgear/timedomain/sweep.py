@@ -34,7 +34,7 @@ from hbgear.mechanics.doubts import of_model
 from hbgear.mechanics.fourier import to_real
 from hbgear.mechanics.model import Model
 from hbgear.timedomain.exponential import Flight, Stepper
-from hbgear.timedomain.settle import FEWEST, OBSERVED, WINDOW, Settled, Settling, lyapunov, settle
+from hbgear.timedomain.settle import FEWEST, OBSERVED, WINDOW, Settled, Settling, disturbed, lyapunov, settle
 
 HARMONICS = 16
 """Harmonics of the excitation that are kept of each settled motion."""
@@ -361,13 +361,9 @@ class _Sweeper:
 
     def _disturbed(self, stepper: Stepper, flight: Flight) -> Flight:
         """The motion a little beside; the same little in every run."""
-        weights = stepper.weights()
         if not self.found:  # a start at rest has no size yet
             stepper.advance(flight, WINDOW)
-        z = stepper.land(flight)
-        beside = stepper.modal(self.random.standard_normal((1, 2 * stepper.structures[0].n)))
-        size = np.linalg.norm(weights * z) / np.linalg.norm(weights * beside)
-        return stepper.fly(z + self.disturbance * size * beside)
+        return disturbed(stepper, flight, self.disturbance, self.random)
 
     def _wait(self, value: float, stepper: Stepper, flight: Flight) -> tuple[Settled, float]:
         """Settle; a motion that has not and whose neighbours run away from it is chaotic and not waited for."""

@@ -13,13 +13,17 @@ A point that disagrees is solved again with 2, 4 and 8 times the harmonics: if o
 right but for the harmonics it leaves out, and how much that is, is said. Only a motion that solves its own equations,
 with multipliers that are its own, gets this benefit.
 
-Integration is by DOP853 with the corners of the laws met exactly, in the coordinates of the model; it shares with
-harmonic balance only the matrices and the laws.
+Where slow sweeps jump, the motion left is integrated from just beyond that point until it settles (`landing`): the
+motion it ends in must be the one that the curve says, or none of the curve if that says none.
+
+Integration of the points is by DOP853 with the corners of the laws met exactly, in the coordinates of the model; it
+shares with harmonic balance only the matrices and the laws.
 """
 
 from __future__ import annotations
 
 import csv
+import dataclasses
 import os
 import warnings
 from collections.abc import Iterator, Sequence
@@ -36,16 +40,18 @@ from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.common.replacing import replacing
 from hbgear.continuation.algebra import norm
-from hbgear.continuation.branch import NEUTRAL, Branch
+from hbgear.continuation.branch import LANDINGS, NEUTRAL, Branch, Jump, Point
 from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.problem import AnyProblem, linearise
 from hbgear.harmonic import observables as measures
 from hbgear.harmonic.catalogue import is_description, problem_of
+from hbgear.harmonic.landings import landings, same_motion
 from hbgear.harmonic.receptance import Structure
 from hbgear.mechanics.fourier import to_complex
 from hbgear.mechanics.model import describe
 from hbgear.timedomain.exponential import modal_state, physical_state
 from hbgear.timedomain.integrate import state_of
+from hbgear.timedomain.landing import Arrival, arrivals, landed
 from hbgear.timedomain.runge_kutta import Flow
 from hbgear.timedomain.shooting import Orbit, shoot
 
@@ -134,19 +140,52 @@ class Check:
 
 
 @dataclass(frozen=True)
+class JumpCheck:
+    """A jump of the curve held against integration in time.
+
+    label, value, direction : of the `Jump`. before, after : rms of the element with the largest change before it, and
+    after it as the curve says (nan if it has no motion there). rms : of that element in the motion that integration
+    settles on, of ``period`` excitation periods (0: not periodic) after ``taken`` of them. jump : where it lands by
+    integration; ``jump.after`` is a start for `trace` if its ``note`` says that it is on no curve given.
+    verdict : "agrees", or what does not.
+    """
+
+    label: str
+    value: float
+    direction: int
+    element: str
+    before: float
+    after: float
+    rms: float
+    period: int
+    taken: int
+    jump: Jump
+    verdict: str
+
+    @property
+    def ok(self) -> bool:
+        """Whether it lands where the curve says."""
+        return self.verdict.startswith(AGREES)
+
+
+@dataclass(frozen=True)
 class Report:
-    """Checks in the order of the branch, the tolerances they were judged by, and whether all were made."""
+    """Checks in the order of the branch, the tolerances they were judged by, and whether all were made.
+
+    jumps : the jumps of the curve, where they were looked at.
+    """
 
     parameter: str
     tolerance: float
     multiplier_tolerance: float
     rows: tuple[Check, ...]
     complete: bool = True
+    jumps: tuple[JumpCheck, ...] = ()
 
     @property
     def ok(self) -> bool:
-        """Whether every point agrees, with more harmonics if need be, and all were checked."""
-        return self.complete and bool(self.rows) and all(row.ok for row in self.rows)
+        """Whether every point agrees, with more harmonics if need be, every jump does, and all were checked."""
+        return self.complete and bool(self.rows) and all(row.ok for row in self.rows) and all(j.ok for j in self.jumps)
 
     def __repr__(self) -> str:
         return f"<Report: {self.summary}>"
@@ -162,6 +201,8 @@ class Report:
             text += (
                 f", {len(finer)} of them with more harmonics: as traced off by {off:.1e}, with H = {H} by {rest:.1e}"
             )
+        if self.jumps:
+            text += f"; {sum(jump.ok for jump in self.jumps)} of {len(self.jumps)} jumps land where the curve says"
         return text + ("" if self.complete else "; interrupted")
 
     def table(self) -> tuple[list[str], list[list[str]]]:
@@ -169,6 +210,16 @@ class Report:
         headers = ["point", self.parameter, "rms", "rms diff.", "pp2 diff.", "harmonics", "closure", "|mu|", "mu diff.",
                    "growth", "verdict"]  # fmt: skip
         return headers, [_texts(row) for row in self.rows]
+
+    def jump_table(self) -> tuple[list[str], list[list[str]]]:
+        """Headers and rows of text of the jumps."""
+        headers = ["jump", self.parameter, "while", "rms before", "rms after", "integrated", "period", "after periods",
+                   "verdict"]  # fmt: skip
+        return headers, [
+            [j.label, f"{j.value:.6g}", "increasing" if j.direction > 0 else "decreasing", f"{j.before:.5g}",
+             f"{j.after:.5g}" if np.isfinite(j.after) else "-", f"{j.rms:.5g}", str(j.period or "-"), str(j.taken),
+             j.verdict] for j in self.jumps
+        ]  # fmt: skip
 
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write all numbers (.csv), whole or not at all."""
@@ -200,6 +251,8 @@ def validate(
     *,
     multiplier_tolerance: float | None = None,
     problem: AnyProblem | None = None,
+    landing: str = "integrate",
+    others: Sequence[Branch] = (),
     progress: ProgressCallback | None = None,
 ) -> Report:
     """Hold points of a branch against time integration.
@@ -213,6 +266,9 @@ def validate(
         two single values.
     multiplier_tolerance : largest difference of multipliers; by default 100 times the tolerance.
     problem : `HarmonicBalance` of the branch, if its model is not in the catalogue.
+    landing : "integrate" looks at the jumps too: at all of them, or with points given at those with such labels.
+        "nearest" takes them as they are.
+    others : further curves in the same parameter on which jumps may land.
     progress : called with a `Progress`, such as ``print``.
 
     Returns
@@ -242,18 +298,30 @@ def validate(
             raise ValueError(
                 f"{name} = {value:g} cannot be met: time integration itself decides to about {LEAST:g}; give more"
             )
+    if landing not in LANDINGS:
+        raise ValueError(f"landing = {landing!r}: choose one of {', '.join(map(repr, LANDINGS))}")
     problem = problem_for(branch, problem)
     chosen = choose(branch, points)
     rows: list[Check] = []
+    left = [jump for jump in branch.jumps() if landing == "integrate" and (isinstance(points, int | np.integer) or
+            jump.label in points)]  # fmt: skip
+    jumps: list[JumpCheck] = []
     complete = True
     try:
         for done, (i, reason) in enumerate(chosen):
             if progress:
-                progress(Progress(done / len(chosen), f"{branch.parameter} = {branch.values[i]:.5g} ({reason})"))
+                share = done / (len(chosen) + len(left))
+                progress(Progress(share, f"{branch.parameter} = {branch.values[i]:.5g} ({reason})"))
             rows.append(_check(branch, problem, i, reason, tolerance, limit))
+        curves = (dataclasses.replace(branch, problem=problem), *others)
+        for done, jump in enumerate(left):
+            if progress:
+                share = (len(chosen) + done) / (len(chosen) + len(left))
+                progress(Progress(share, f"{branch.parameter} = {jump.value:.5g} (jump at {jump.label})"))
+            jumps.append(_check_jump(curves, jump))
     except KeyboardInterrupt:
         complete = False
-    return Report(branch.parameter, tolerance, limit, tuple(rows), complete)
+    return Report(branch.parameter, tolerance, limit, tuple(rows), complete, tuple(jumps))
 
 
 # ---- what is checked
@@ -384,6 +452,45 @@ def _farthest(branch: Branch, free: list[int], picked: dict[int, str]) -> int:
     arc = np.concatenate([[0.0], np.cumsum(steps)])
     near = [np.abs(arc[i] - arc[list(picked)]).min() if picked else -i for i in free]
     return free[int(np.argmax([-1.0 if i in picked else x for i, x in zip(free, near, strict=True)]))]
+
+
+# ---- jumps
+
+
+def _check_jump(curves: tuple[Branch, ...], jump: Jump) -> JumpCheck:
+    """Where a jump of the first of some curves lands, held against what the curve says."""
+    said = jump.after
+    ends = landed(curves, jump, arrivals(curves[0], jump))
+    decided, (found, *_) = ends[0]
+    elements = curves[0].layout.elements if curves[0].layout else ()
+    before = np.array([jump.before.amplitude("rms", j) for j in range(len(elements))])
+    which = int(np.argmax(np.abs(found.rms - before)))
+    after = float("nan") if said is None else said.amplitude("rms", which)
+    return JumpCheck(
+        jump.label, jump.value, jump.direction, elements[which], float(before[which]), after, float(found.rms[which]),
+        found.period, found.taken, decided, _landing_verdict(curves, said, ends),
+    )  # fmt: skip
+
+
+def _landing_verdict(curves: tuple[Branch, ...], said: Point | None, ends: list[tuple[Jump, list[Arrival]]]) -> str:
+    """Whether one of the ends of a jump is the one that the curve says."""
+    tries = sum(len(group) for _, group in ends)
+    for end, group in ends:
+        if said is not None and end.after is not None and same_motion(end.after, (said,)) is not None:
+            return AGREES if len(ends) == 1 else f"{AGREES} in {len(group)} of {tries} tries: indeterminate"
+    decided = ends[0][0]
+    place = _place(curves, decided)
+    where = f"on curve {place + 1} of those given" if place else "on another stable motion of the curve"
+    text = decided.note if place is None else where
+    if decided.landing != "integrate":
+        return text
+    return f"{AGREES} that it leaves the curve: {text}" if said is None and place != 0 else f"lands {text}"
+
+
+def _place(curves: tuple[Branch, ...], jump: Jump) -> int | None:
+    """The curve that a jump of the first of them lands on; None if on none of them."""
+    ((found, *_), *_) = landings((dataclasses.replace(curves[0], jump_records=(jump,)), *curves[1:]))
+    return found.branch
 
 
 # ---- one point

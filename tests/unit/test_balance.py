@@ -290,6 +290,20 @@ def test_one_harmonic_of_every_model():
         assert problem.observe(X, Omega=Omega)["multipliers"].size > 0
 
 
+@pytest.mark.parametrize("count", [15, 25])
+def test_unknowns_of_another_number_of_harmonics_are_refused(count):
+    """Kernels index by the number of harmonics of the problem: others would write where nothing is theirs."""
+    problem, X = HarmonicBalance(SpurPair(), 9), np.full(count, 0.7)
+    at = {"Omega": 1.0}
+    for ask in (
+        problem.evaluate, problem.residual, problem.multipliers, problem.regime, problem.clearance, problem.switching,
+        problem.truncation, problem.observe, problem.force_rows, problem.mesh_forces, problem.motion,
+        lambda X, **at: problem.linearise(X, "Omega", **at),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=r"need the unknowns of one motion, 1 x \(2H \+ 1\) = 19 numbers"):
+            ask(X, **at)
+
+
 def test_smooth_means_no_sampled_corner():
     assert HarmonicBalance(Duffing(), 3).smooth
     assert HarmonicBalance(SpurPair(), 3).smooth

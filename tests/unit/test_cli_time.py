@@ -36,10 +36,55 @@ def saved(run):
 def test_validate_agrees_and_writes_both_files(run, saved):
     code, out, err = run(f"validate {saved} --points 5 -o report.csv --plot report.png")
     assert (code, err) == (0, "") and "5 of 5 points agree within 0.0001" in out
-    assert out.count("agrees") == 5 and "beside LP1" in out and "beside LP2" in out
+    points, jumps = out.split("where jumps land by integration")
+    assert points.count("agrees") == 5 and "beside LP1" in out and "beside LP2" in out
+    assert jumps.count("agrees") == 2 and "2 of 2 jumps land where the curve says" in out
     table = np.genfromtxt("report.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
     assert len(table) == 5 and table["rms_error"].max() < 1e-6
     assert os.path.getsize("report.png") > 10_000
+
+
+PAIR = "spur-pair --set zeta=0.0254 --set F_m=0.0469 --set eps=0.2286,0.1741,0.0462 --set e=0.00868 --set phase=sin"
+
+
+def test_jumps_that_are_integrated_say_so(run):
+    """At LP4 the nearest of two motions is not the one that integration ends in; LP3 goes to either."""
+    assert run(f"trace {PAIR} --from 2.5 --to 0.3 -o pair.npz")[0] == 0
+    near, found = run("jumps pair.npz --measure rms"), run("jumps pair.npz --measure rms --landing integrate")
+    assert near[0] == found[0] == 0 and near[2] == found[2] == ""
+    lines = [{line.split()[0]: line for line in out.splitlines() if " LP" in line} for _, out, _ in (near, found)]
+    assert "nearest of 2" in lines[0]["LP4"] and all("integrated" in line for line in lines[1].values())
+    after = [float(line["LP4"].partition("creasing")[2].split()[1]) for line in lines]
+    assert after == pytest.approx([0.0715, 0.0828], abs=1e-4)
+    assert "LP3: indeterminate: " in found[1] and "indeterminate" not in near[1]
+    code, out, _ = run("validate pair.npz --points 1")
+    assert code == 1 and "5 of 6 jumps land where the curve says" in out
+    assert run("validate pair.npz --points 1 --landing nearest")[0] == 0
+    code, out, _ = run(f"trace {PAIR} --from 2.5 --to 0.3 -o decided.npz --landing integrate")
+    assert code == 0 and "integrated" in out and run("validate decided.npz --points 1")[0] == 0
+    hb.load("decided.npz").export("decided.csv")
+    assert Path("decided.csv").read_text().count(",integrated,") == 6
+    text = run("jumps decided.npz")[1]
+    assert text.count("integrated") == 6 and "LP3: indeterminate: " in text
+
+
+def test_jumps_to_a_curve_that_is_given_name_it(run):
+    assert run("trace spur-pair --set e=0.1 --from 2.6 --to 0.4 -o pair.npz")[0] == 0
+    assert run("switch pair.npz PD1 -o doubled.npz")[0] == 0
+    code, out, err = run("jumps doubled.npz --landing integrate --with pair.npz")
+    assert (code, err) == (0, "") and "pair.npz, " in out and "LP2: period 4, on a curve that was not given" in out
+    code, out, err = run("jumps doubled.npz --landing farthest")
+    assert code == 2 and "--landing farthest: need nearest or integrate" in err
+
+
+def test_jumps_interrupted_are_those_to_the_nearest(run, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hbgear.timedomain.landing.arrivals", interrupted)
+    code, out, err = run("trace duffing --harmonics 9 --from 0.9 --to 1.3 -o duffing.npz --landing integrate")
+    assert code == 3 and "they go to the nearest motions" in err and "wrote duffing.npz" in out
+    assert [jump.decided for jump in hb.load("duffing.npz").jumps()] == ["nearest", "nearest"]
 
 
 def test_validate_confirms_with_more_harmonics_and_says_how_far_off_the_curve_is(run):

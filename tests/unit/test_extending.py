@@ -70,6 +70,20 @@ def test_a_fold_curve_goes_on_too(problem, whole):
     assert len(curve.tracked["Omega"]) == len(curve)
 
 
+def test_a_fold_curve_begins_and_goes_on_with_other_harmonics(problem, whole):
+    finer = HarmonicBalance(hb.SpurPair(), 16)
+    begun = trace(Fold(finer), "zeta", (0.05, 0.2), start=whole["LP1"])
+    assert begun.layout.harmonics == 16
+    part = trace(Fold(problem), "zeta", (0.05, 0.2), start=whole["LP1"], steps=Steps(max_points=4))
+    for curve in (
+        extend(part, problem=Fold(finer)),
+        extend(dataclasses.replace(part, problem=None), problem=begun.problem),
+    ):
+        assert curve.layout.harmonics == 16 and curve.X.shape[1] == finer.size == len(curve["CP1"].X)
+        np.testing.assert_allclose(curve.amplitude("rms")[:4], part.amplitude("rms"), rtol=1e-14)
+        assert curve["CP1"].parameters["zeta"] == pytest.approx(begun["CP1"].parameters["zeta"], abs=1e-8)
+
+
 def test_what_cannot_be_extended(problem, whole):
     with pytest.raises(TypeError, match=r"extend\(branch\) needs a Branch"):
         extend(problem)

@@ -17,7 +17,8 @@ ROOMS = ("common", "continuation", "mechanics", "gears", "harmonic", "timedomain
 APART = {("continuation", "mechanics"), ("mechanics", "continuation")}
 
 # Imports of higher rooms, all inside of functions: what a branch can be asked to do with files is done by io.
-UPWARD = {("continuation.branch", "io.npz"), ("continuation.branch", "io.tables")}
+UPWARD = {("continuation.branch", "io.npz"), ("continuation.branch", "io.tables"),
+          ("continuation.branch", "timedomain.landing")}  # fmt: skip
 
 # Files of each room, lowest first: which others of the room each imports when it is itself imported.
 FILES = {
@@ -52,7 +53,7 @@ FILES = {
         "newton": "algebra problem",
         "corrector": "algebra newton problem",
         "deflation": "algebra newton problem",
-        "jumps": "branch newton passing problem",
+        "jumps": "branch newton passing problem reading",
         "homotopy": "algebra corrector newton problem",
         "segment": "algebra corrector newton problem",
         "record": "branch problem reading segment",
@@ -130,7 +131,8 @@ FILES = {
         "shooting": "exponential integrate runge_kutta",
         "sweep": "exponential settle",
         "basins": "exponential settle sweep",
-        "validate": "exponential integrate runge_kutta shooting",
+        "landing": "exponential integrate settle",
+        "validate": "exponential integrate landing runge_kutta shooting",
     },
     "io": {
         "__init__": "",

@@ -272,6 +272,16 @@ def test_a_row_costs_its_newton_steps_and_one_evaluation():
     assert curve.iterations[5:].max() <= 2 and np.mean(curve.iterations[5:]) < 1.5
 
 
+def test_the_first_step_fits_between_the_shortest_and_the_longest():
+    assert (Steps().first, Steps(longest=0.004).first, Steps(shortest=0.02).first) == (0.01, 0.004, 0.02)
+    curve = trace(HarmonicBalance(Duffing(), 3), "Omega", (0.8, 0.85), steps=Steps(longest=0.004))
+    assert curve.status.complete and curve.step.max() <= 0.004 * (1 + 1e-12)
+    with pytest.raises(ValueError, match="0 < shortest <= first <= longest"):
+        Steps(first=0.01, longest=0.004)
+    with pytest.raises(ValueError, match="longest = '1' must be a finite number"):
+        Steps(longest="1")
+
+
 def test_steps_stay_within_their_limits():
     steps = Steps(first=0.003, longest=0.01, max_turn_deg=5)
     curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), steps=steps, special=False)

@@ -5,7 +5,22 @@ import pytest
 from scipy import sparse
 from scipy.linalg import block_diag
 
-from hbgear import Backlash, Cubic, Duffing, Element, GearRotorBearing, HarmonicBalance, Load, Series, System
+from hbgear import (
+    Backlash,
+    Cubic,
+    Duffing,
+    Element,
+    GearRotorBearing,
+    HarmonicBalance,
+    Load,
+    Parallel,
+    Series,
+    System,
+    Unilateral,
+    reduce,
+    trace,
+    validate,
+)
 from hbgear.harmonic.receptance import Receptance, Structure, UnbalancedLoad
 
 H = 4
@@ -151,10 +166,75 @@ def test_singular_mass():
         HarmonicBalance(system, 3)
 
 
-def test_dependent_directions():
-    elements = [Element([1.0, 2.0], Cubic(1.0), name="one"), Element([-2.0, -4.0], Backlash(), name="two")]
-    with pytest.raises(ValueError, match=r"\(one, two\) are linearly dependent; .* Parallel"):
-        HarmonicBalance(System(np.eye(2), None, np.eye(2), elements), 3)
+TWO = (np.eye(2), [[0.1, -0.05], [-0.05, 0.1]], [[2.0, -1.0], [-1.0, 2.0]])
+DRIVEN = Load(constant=[0.1, 0.05], cosine={1: [0.0, 0.3]})
+
+
+def test_two_elements_along_one_direction_are_one_of_both_laws():
+    """2 p(2 q - e) of stiffness k and gap b is a spring of stiffness 4 k and gap (b + e) / 2 along q."""
+    both = Parallel((Backlash(b=0.3, k=2.0), Unilateral(k=4.0, gap=0.25)))
+    one = System(*TWO, [Element([1, 0], both, damping=0.009)], DRIVEN)
+    near, far = Backlash(b=0.3, k=2.0), Unilateral(k=1.0, gap=0.5)
+    apart = [Element([1, 0], near, damping=0.005, name="near"), Element([2, 0], far, damping=0.001, name="far")]
+    curves = [trace(HarmonicBalance(system, 12), "Omega", (0.6, 1.5)) for system in (one, System(*TWO, apart, DRIVEN))]
+    assert len(curves[0]["LP1"].X) * 2 == len(curves[1]["LP1"].X)
+    for a, b in zip(*(curve.special for curve in curves), strict=True):
+        assert a.label == b.label and a.parameters["Omega"] == pytest.approx(b.parameters["Omega"], abs=1e-9)
+        mu = np.sort_complex(a.multipliers)
+        np.testing.assert_allclose(np.sort_complex(b.multipliers), mu, rtol=0, atol=1e-6 * np.abs(mu).max())
+        np.testing.assert_allclose(b.coefficients(1), 2 * b.coefficients(0), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(curves[1]["LP1"].coefficients(0), curves[0]["LP1"].X, rtol=0, atol=1e-8)
+
+
+def between_three():
+    """Two masses meet a stop each, and each other: three directions of two coordinates, displaced and damped."""
+    elements = [
+        Element([1, 0], Unilateral(k=2.0, gap=0.6), name="1"),
+        Element([0, 1], Backlash(b=0.4, k=1.0), displacement=Series(cosine=[0.03]), damping=0.02, name="2"),
+        Element([1, -1], Backlash(b=0.2, k=3.0), displacement=Series(sine=[0.05]), damping=0.03, name="12"),
+    ]
+    return System(*TWO, elements, DRIVEN)
+
+
+@pytest.mark.parametrize("sampled", [False, True])
+def test_directions_that_depend_on_each_other(sampled):
+    problem = HarmonicBalance(between_three(), 10, sampled=sampled)
+    X = problem.start(1.1) + 0.01 * np.cos(np.arange(problem.size))
+    e = 1e-6
+    here = problem.linearise(X, "Omega", Omega=1.1)
+    for j in (0, 5, 21, 30, 47, 62):
+        step = e * np.eye(problem.size)[j]
+        two_sided = (problem.residual(X + step, Omega=1.1) - problem.residual(X - step, Omega=1.1)) / (2 * e)
+        np.testing.assert_allclose(here.dR_dX[:, j], two_sided, rtol=0, atol=2e-3 if sampled else 2e-7)
+    change = (problem.residual(X, Omega=1.1 + e) - problem.residual(X, Omega=1.1 - e)) / (2 * e)
+    np.testing.assert_allclose(here.dR_dp, change, rtol=0, atol=1e-7)
+    v = np.sin(np.arange(problem.size))
+    ends = [problem.evaluate(X + sign * 1e-7 * v, Omega=1.1)[1] for sign in (1, -1)]
+    along, across = problem.curvature(X, v, "Omega", Omega=1.1)
+    if not sampled:
+        np.testing.assert_allclose(along, (ends[0] - ends[1]) / 2e-7, rtol=0, atol=1e-3 * np.abs(along).max())
+    ends = [problem.evaluate(X, Omega=1.1 + sign * e)[1] for sign in (1, -1)]
+    np.testing.assert_allclose(across, (ends[0] - ends[1]) / (2 * e), rtol=0, atol=1e-6)
+
+
+def test_dependent_directions_agree_with_integration():
+    curve = trace(HarmonicBalance(between_three(), 24), "Omega", (0.9, 1.6))
+    assert curve.status.complete and curve.residual.max() < 1e-10
+    e = [np.zeros(49), 0.03 * np.eye(49)[1], 0.05 * np.eye(49)[2]]
+    gaps = [curve.layout.rows(curve.X, j) + e[j] for j in range(3)]
+    np.testing.assert_allclose(gaps[2], gaps[0] - gaps[1], rtol=0, atol=1e-10)
+    report = validate(curve, 4, landing="nearest")
+    assert all(row.verdict == "agrees" for row in report.rows)
+
+
+def test_a_reduced_structure_with_dependent_directions():
+    chain, at = 2 * np.eye(12) - np.eye(12, k=1) - np.eye(12, k=-1), np.eye(12)
+    stops = [Element(w, Backlash(b=0.3, k=1.0), name=str(i)) for i, w in enumerate((at[3], at[8], at[3] - at[8]))]
+    full = System(np.eye(12), 0.02 * np.eye(12), chain, stops, Load(cosine={1: 0.1 * at[3]}))
+    reduced = reduce(full, modes=9)
+    X = [HarmonicBalance(system, 5).start(0.15) for system in (full, reduced.system)]
+    np.testing.assert_allclose(X[1], X[0], rtol=0, atol=1e-3 * np.abs(X[0]).max())
+    assert np.abs(X[0][:11]).max() > 0.3  # it meets a stop
 
 
 @pytest.mark.parametrize("zeta", [np.sqrt(1.1), np.sqrt(1.1) + 1e-9, np.sqrt(1.1) + 1e-5])

@@ -7,7 +7,7 @@ import pytest
 
 from hbgear import Cubic, Element, Fold, HarmonicBalance, Load, PiecewiseLinear, Point, SpurPair, Status, Steps, System
 from hbgear.continuation.corrector import correct
-from hbgear.continuation.jumps import _nearest, find_jumps
+from hbgear.continuation.jumps import find_jumps, nearest
 from hbgear.continuation.newton import Settings, solve
 from hbgear.continuation.problem import FullProblem, as_problem
 from hbgear.continuation.tracer import _Tracer, trace
@@ -42,8 +42,8 @@ class Stairs:
 
 
 @pytest.mark.parametrize("sense", [1, -1])
-def test_a_jump_lands_on_the_nearest_stable_motion(sense):
-    """Where x = 0 loses its stability, two other motions are stable. Mutant: `_nearest` takes the farthest."""
+def test_a_jump_lands_on_thenearest_stable_motion(sense):
+    """Where x = 0 loses its stability, two other motions are stable. Mutant: `nearest` takes the farthest."""
     curve = trace(Stairs(sense), "p", (-20.0, 20.0), point_at(-0.9 * sense, p=np.polyval(Stairs.f, -0.9)))
     assert [round(sense * point.X[0], 6) for point in curve.special if point.kind == "LP"] == [0, 1, 3, 5]
     jump = next(jump for jump in find_jumps(curve) if jump.label == "LP1")
@@ -55,10 +55,10 @@ def test_a_jump_lands_on_the_nearest_stable_motion(sense):
 
 
 def test_a_jump_never_lands_on_an_unstable_motion():
-    """However near it is. Mutant: `_nearest` does not ask for stability."""
+    """However near it is. Mutant: `nearest` does not ask for stability."""
     found = [replace(point_at(x), multipliers=np.array([mu + 0j])) for x, mu in ((0.1, 1.5), (3.0, 0.5), (-2.0, 0.9))]
-    assert _nearest(point_at(0.0), found) is found[2]
-    assert _nearest(point_at(0.0), found[:1]) is None
+    assert nearest(point_at(0.0), found) is found[2]
+    assert nearest(point_at(0.0), found[:1]) is None
 
 
 # ---- continuation: borders

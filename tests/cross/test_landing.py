@@ -1,0 +1,176 @@
+"""Where jumps land: the motion that integration in time settles on, on its own curve, on another one, or unknown."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.continuation.newton import solve
+from hbgear.harmonic.landings import SAME, landings
+from hbgear.timedomain.integrate import state_of
+from hbgear.timedomain.landing import Arrival, arrivals, land, landed
+
+PERIODS = 400
+"""After which the independent integration below is looked at: four times what the slowest of these motions takes."""
+
+FIXED = hb.SpurPair(
+    zeta=0.025362646960700685,
+    F_m=0.04687523896737403,
+    eps=(0.2285778414227634, 0.1740535663071835, 0.04616433835141112),
+    e=(0.008681086348321295,),
+    phase="sin",
+)
+
+
+def random_pairs(count, seed=7):
+    random = np.random.default_rng(seed)
+    for _ in range(count):
+        yield hb.SpurPair(
+            zeta=random.uniform(0.02, 0.08),
+            F_m=random.uniform(0.03, 0.15),
+            eps=tuple(random.uniform(0.05, 0.25, 3) * [1.0, 0.7, 0.4]),
+            e=(random.uniform(0.0, 0.05),),
+            phase="sin",
+        )
+
+
+def traced(model):
+    return hb.trace(hb.HarmonicBalance(model, 16), "Omega", (2.5, 0.3))
+
+
+@pytest.fixture(scope="module")
+def fixed():
+    return traced(FIXED)
+
+
+def ends_of(curve, share=2e-4, method="exponential"):
+    """For each jump Omega beyond it by a share of it, and two periods, of 256 samples each, of where it ends there."""
+    model, jumps = curve.problem.model, curve.jumps()
+    if not jumps:
+        return []
+    Omega = np.array([jump.value * (1 + jump.direction * share) for jump in jumps])
+    states = np.array([state_of(curve.problem, jump.before.X, **jump.before.parameters) for jump in jumps])
+    if method != "exponential":
+        each = zip(states, Omega, strict=True)
+        ends = [hb.integrate(model, state, 150, float(x), method=method, samples=1).end for state, x in each]
+    else:
+        ends = hb.integrate(model, states, PERIODS, Omega, method=method, samples=1).end
+    return [
+        (float(x), hb.integrate(model, end, 2, float(x), samples=256).d[0]) for x, end in zip(Omega, ends, strict=True)
+    ]
+
+
+def is_where(curve, Omega, samples, point):
+    """Whether two periods, of 256 samples each, are those of a motion of one period, followed to this Omega."""
+    if point is None or point.layout.nu > 1:
+        return False
+    X = solve(curve.problem, point.X, {"Omega": Omega}).X
+    d = curve.layout.samples(X, 0, 256, 0)[1]
+    return np.sqrt(np.mean((samples - np.tile(d, 2)) ** 2)) <= SAME * samples.std()
+
+
+def test_several_stable_motions_and_the_right_one(fixed):
+    """Nearest in coefficients is the lower one at LP1; integration lands on the upper, rms 0.0933."""
+    jump = next(j for j in fixed.jumps() if j.label == "LP1")
+    assert jump.value == pytest.approx(0.75474, abs=1e-5)
+    assert sorted(p.amplitude("rms") for p in jump.candidates) == pytest.approx([0.0221, 0.0930], abs=1e-4)
+    assert jump.after.amplitude("rms") == pytest.approx(0.0930, abs=1e-4) and jump.decided == "nearest of 2"
+    Omega, samples = ends_of(dataclasses.replace(fixed, jump_records=(jump,)), method="DOP853")[0]
+    assert samples.std() == pytest.approx(0.0931, abs=1e-4) and is_where(fixed, Omega, samples, jump.after)
+
+
+def test_integration_decides(fixed):
+    decided = fixed.jumps(landing="integrate")
+    changed = [j.label for j, near in zip(decided, fixed.jumps(), strict=True) if j.after is not near.after]
+    assert changed == ["LP3", "LP4"]  # there the nearest is another one
+    assert all(jump.decided == "integrated" and jump.after.stable for jump in decided)
+    assert [jump.label for jump in decided if "indeterminate" in jump.note] == ["LP3", "LP5"]
+
+
+def test_forty_random_pairs():
+    """Of 161 jumps the nearest motion in coefficients is right in 149, in amplitudes in 153, by integration in 160.
+
+    Where that says that a jump is indeterminate, the independent integration must end in one of the motions it tells.
+    """
+    counts = np.zeros(5, dtype=int)
+    for model in random_pairs(40):
+        curve = traced(model)
+        decided = curve.jumps(landing="integrate")
+        for near, jump, (Omega, samples) in zip(curve.jumps(), decided, ends_of(curve), strict=True):
+            coefficients = min(near.candidates, key=lambda p: np.linalg.norm(p.X - near.before.X), default=None)
+            right = [is_where(curve, Omega, samples, point) for point in (coefficients, near.after, jump.after)]
+            ends = [one.rms[0] for one in arrivals(curve, jump)]
+            one_of = np.isclose(ends, samples.std(), rtol=0.02).any()
+            unsure = "indeterminate" in jump.note or jump.after is None or jump.after.layout.nu > 1
+            counts += [1, *right, right[2] or (unsure and one_of)]
+    said, by_coefficients, by_amplitudes, integrated, agreed = counts
+    assert said > 150 and by_coefficients < by_amplitudes < integrated
+    assert agreed == said
+
+
+def test_an_unknown_motion_is_a_start_of_its_curve():
+    """The doubled motion of a strongly excited pair jumps to motions of one and of four periods."""
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 16), "Omega", (2.6, 0.4))
+    doubled = hb.switch(curve, "PD1")
+    alone, _ = doubled.jumps(landing="integrate")
+    assert alone.after.layout.nu == 1 and alone.after.stable and "on a curve that was not given" in alone.note
+    down, up = doubled.jumps(landing="integrate", others=[curve])
+    assert (down.label, down.note) == ("LP1", "") and is_at(curve, down.after)
+    assert up.note.startswith("period 4, on a curve that was not given") and up.after.layout.nu == 4 and up.after.stable
+    known = landings((dataclasses.replace(doubled, jump_records=(down, up)), curve))[0]
+    assert [(one.branch, one.jump.after) for one in known] == [(1, down.after), (None, up.after)]
+    problem = curve.problem.with_order(4)
+    away = hb.trace(problem, "Omega", (up.value, up.value + 0.002), start=up.after, steps=hb.Steps(max_points=4))
+    assert len(away) > 2 and away.stable[0] and away.layout.nu == 4
+    assert np.linalg.norm(problem.subharmonic_part(away.X[0])) > 0.01
+
+
+def is_at(curve, point):
+    """Whether a point is on a curve, solved for."""
+    near = np.argmin(np.linalg.norm(curve.X - point.X, axis=1) + np.abs(curve.values - point.parameters["Omega"]))
+    return np.linalg.norm(curve.X[near] - point.X) < 0.05 * np.linalg.norm(point.X)
+
+
+def test_what_is_not_periodic_and_what_stays_are_told():
+    curve = traced(FIXED)
+    jump = curve.jumps()[0]
+    lost = Arrival(jump.value, 0, np.array([0.3]), 3000, None)
+    away = Arrival(jump.value, 0, np.array([np.inf]), 20, None)
+    (there, tries), (_, others) = landed((curve,), jump, [lost, away, lost])
+    assert there.after is None and there.landing == "integrate" and (tries, others) == ([lost, lost], [away])
+    assert there.note == "rms 0.3, not periodic; indeterminate: 2 of 3 tries, 1: the motion runs away"
+
+
+def test_without_its_problem_nothing_is_integrated(fixed, tmp_path):
+    decided = land(fixed)
+    decided.save(tmp_path / "fixed.npz")
+    again = hb.load(tmp_path / "fixed.npz")
+    for a, b in zip(again.jumps(), decided.jumps(), strict=True):
+        assert (a.landing, a.note, a.decided) == (b.landing, b.note, "integrated")
+        assert np.array_equal(a.after.X, b.after.X) and len(a.candidates) == len(b.candidates)
+    with pytest.raises(ValueError, match="landing='integrate' needs a curve of periodic motions with its problem"):
+        again.jumps(landing="integrate")
+    with pytest.raises(ValueError, match="landing = 'farthest': choose one of 'nearest', 'integrate'"):
+        again.jumps(landing="farthest")
+
+
+def test_along_a_load():
+    """Jumps of a Duffing oscillator along its load: of two motions of one frequency, each way to the other."""
+    problem = hb.HarmonicBalance(hb.Duffing(k3=0.2), 9)
+    curve = hb.trace(problem, "F", (0.02, 1.0), at={"Omega": 1.3})
+    near, decided = curve.jumps(), curve.jumps(landing="integrate")
+    assert [jump.direction for jump in decided] == [1, -1]
+    assert [a.after for a in near] == [b.after for b in decided] and all(jump.after.stable for jump in decided)
+
+
+def test_validate_looks_at_the_jumps(fixed):
+    report = hb.validate(fixed, 1)
+    assert [jump.label for jump in report.jumps if not jump.ok] == ["LP4"] and not report.ok
+    assert "5 of 6 jumps land where the curve says" in report.summary
+    assert report.jumps[2].verdict == "agrees in 3 of 8 tries: indeterminate"  # of LP3
+    decided = hb.validate(land(fixed), ["LP4"])
+    assert [(jump.label, jump.verdict) for jump in decided.jumps] == [("LP4", "agrees")]
+    assert not hb.validate(fixed, 1, landing="nearest").jumps
+    headers, rows = report.jump_table()
+    assert len(headers) == len(rows[0]) and rows[3][-1] == "lands on another stable motion of the curve"
