@@ -8,8 +8,10 @@ where X and -X are alike; and those through what the problem finds where nothing
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from functools import partial
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -23,7 +25,14 @@ UNCOVERED = (Status.LEFT_SPAN, Status.UNBOUNDED, Status.CLOSED, Status.RETRACED,
 """Ends of a curve that was followed as far as it goes and may leave something of its span."""
 
 
-Made = TypeVar("Made")
+Follow = Callable[[tuple[float, float], Departure], Branch]
+"""Traces from a point towards one end of a span."""
+
+
+class Followed(Protocol):
+    """Traces from one end of a span to the other."""
+
+    def __call__(self, span: tuple[float, float], start: Departure | None, rough: bool) -> Branch: ...
 
 
 class Search(NamedTuple):
@@ -36,7 +45,7 @@ class Search(NamedTuple):
     settings : of the corrector, for jumps on curves that are followed both ways; None not to look for these.
     """
 
-    follow: Callable[[tuple[float, float], Departure | None, bool], Branch]
+    follow: Followed
     start: Callable[[float, Array | None], Departure]
     settings: Settings | None
 
@@ -70,23 +79,23 @@ _PLACES = (4, 2, 6, 1, 3, 5, 7)  # eighths of a gap at which solutions are looke
 _CURVES = 8  # most that are looked for
 
 
+_NOTHING = (NoConvergence, np.linalg.LinAlgError, ValueError)  # found there, or the model refuses the value
+
+
 def find_rest(first: Branch, others: list[Branch], span: tuple[float, float], search: Search) -> None:
     """Add the curves that cover what a branch leaves of its span to ``others``, each as soon as it is whole."""
     if any(low <= span[1] <= high for low, high in gaps([first], span)):
-        other = _tried(lambda: search.follow(span[::-1], None, False))
-        others += [other] if other is not None else []
+        with suppress(*_NOTHING):
+            others += [search.follow(span[::-1], None, False)]
     tried: set[tuple[float, bytes]] = set()
     while len(others) < _CURVES and (missing := gaps([first, *others], span)):
         guess = next((g for g in _guesses([first, *others], missing) if _key(g) not in tried), None)
         if guess is None:
             return
         tried.add(_key(guess))
-        start = _tried(lambda at=guess: search.start(*at))  # type: ignore[misc]
-        if start is not None and guess[1] is not None:
-            start = _tried(lambda at=start: _smallest(_both_ways(at, span, search, rough=True)))  # type: ignore[misc]
-        other = None if start is None else _tried(lambda at=start: _both_ways(at, span, search))  # type: ignore[misc]
-        if other is not None and gaps([first, *others, other], span) != missing:
-            others += [other]
+        with suppress(*_NOTHING):
+            other = _found(*guess, span, search)
+            others += [other] if gaps([first, *others, other], span) != missing else []
 
 
 def _guesses(
@@ -107,12 +116,12 @@ def _key(guess: tuple[float, Array | None]) -> tuple[float, bytes]:
     return value, b"" if near is None else near.tobytes()
 
 
-def _tried(work: Callable[[], Made]) -> Made | None:
-    """What the work makes; None where no solution is found."""
-    try:
-        return work()
-    except (NoConvergence, np.linalg.LinAlgError, ValueError):
-        return None
+def _found(value: float, near: Array | None, span: tuple[float, float], search: Search) -> Branch:
+    """The whole curve through what is found at a value of the parameter, near some unknowns or anywhere."""
+    start = search.start(value, near)
+    if near is not None:
+        start = _smallest(both_ways(start, span, partial(search.follow, rough=True), None))
+    return both_ways(start, span, partial(search.follow, rough=False), search.settings)
 
 
 def _smallest(branch: Branch) -> Departure:
@@ -125,15 +134,15 @@ def _smallest(branch: Branch) -> Departure:
     return Departure(branch.X[i], branch.parameters_at(i), after - before, away=False)
 
 
-def _both_ways(start: Departure, span: tuple[float, float], search: Search, rough: bool = False) -> Branch:
-    """The curve through a point inside of a span, whole."""
+def both_ways(start: Departure, span: tuple[float, float], follow: Follow, settings: Settings | None) -> Branch:
+    """The curve through a point inside of a span, whole, with its jumps if there are settings to solve for these."""
     low, high = sorted(span)
-    forth = search.follow((low, high), start, rough)
+    forth = follow((low, high), start)
     if forth.status in (Status.CLOSED, Status.RETRACED):
         return forth
-    back = search.follow((high, low), replace(start, direction=-start.direction), rough)
+    back = follow((high, low), replace(start, direction=-start.direction))
     made = replace(joined(*alike(back, forth)), problem=widest(back, forth))
-    return made if rough or search.settings is None else replace(made, jump_records=find_jumps(made, search.settings))
+    return made if settings is None else replace(made, jump_records=find_jumps(made, settings))
 
 
 def told(first: Branch, others: Sequence[Branch], span: tuple[float, float]) -> str:

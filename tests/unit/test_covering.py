@@ -10,6 +10,7 @@ from scipy.io import loadmat
 import hbgear as hb
 from hbgear import Status
 from hbgear.continuation.covering import gaps
+from hbgear.harmonic.survey import whole_branch
 
 PAIR = hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,))
 THROUGH_INFINITY = hb.SpurPair(zeta=0.0114, F_m=0.248, eps=(0.028, 0.18, 0.219), e=(0.0188,))
@@ -77,6 +78,16 @@ def test_a_curve_is_taken_up_again_on_the_other_side_of_infinity():
     for other in backs:  # rows of both ways, in one order
         steps = np.linalg.norm(np.diff(other.X, axis=0), axis=1)
         assert steps.max() < 0.1 * np.linalg.norm(other.X, axis=1).max() and other.residual.max() < 1e-10
+
+
+def test_a_survey_follows_a_curve_that_runs_off_both_ways(pair):
+    """From a motion in the middle of the curve: one way to infinity, the other way to the end of the span."""
+    i = int(np.argmin(np.abs(pair.values - 0.7)))
+    branch = whole_branch(pair.problem, pair.X[i], float(pair.values[i]), (1.5, 0.3), hb.Steps(), True)
+    assert (branch.values[0] == 1.5) != (branch.values[-1] == 1.5) and len(branch.asymptotes) == 1
+    assert branch.values.min() == pytest.approx(pair["LP1"].parameters["Omega"], abs=1e-6)
+    (mine,), (theirs,) = branch.jumps(), pair.jumps()
+    assert mine.value == pytest.approx(theirs.value, abs=1e-8) and mine.direction == theirs.direction
 
 
 @pytest.mark.parametrize("seed", range(6))
