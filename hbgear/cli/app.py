@@ -58,8 +58,8 @@ from hbgear.cli.support import (
     problem_of,
     ranges_of,
     say,
-    show_branch,
     show_jumps,
+    show_whole,
     start_of,
     summary_of,
     text_at,
@@ -245,7 +245,7 @@ def trace(
         out.branch(output, branch)
         out.figure(plot, lambda drawing: drawing.response(branch, measure, which))
         print(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
-        show_branch(branch, measure, which)
+        show_whole(branch, measure, which)
     raise typer.Exit(exit_code(branch))
 
 
@@ -301,7 +301,7 @@ def extend(
         out.branch(output, whole)
         out.figure(plot, lambda drawing: drawing.response(whole, measure, which))
         print(f"{file}: {len(branch)} points, {len(whole) - len(branch)} more; {whole.message}")
-        show_branch(whole, measure, which)
+        show_whole(whole, measure, which)
     raise typer.Exit(exit_code(whole))
 
 
@@ -311,14 +311,14 @@ def info(file: File, measure: Measure = "pp2", element: Element = "0") -> None:
     branch, which = loaded(file, measure, element)
     rows = [[name, text] for name, text in facts_of(branch, measure) if text]
     print_table(["", str(file)], rows)
-    show_branch(branch, measure, which)
+    show_whole(branch, measure, which)
 
 
 @app.command()
 def jumps(file: File, measure: Measure = "pp2", element: Element = "0") -> None:
     """Where a slow sweep jumps, and from which amplitude to which."""
     branch, which = loaded(file, measure, element)
-    show_jumps(branch, measure, which)
+    show_whole(branch, measure, which, show_jumps)
 
 
 @app.command(name="plot")
