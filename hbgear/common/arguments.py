@@ -237,6 +237,7 @@ def _plural(kind: Any) -> str:
     return "numbers" if kind is float else f"{words(kind).removeprefix('a ').removeprefix('an ')}s"
 
 
+@functools.cache
 def _alternatives(kind: Any) -> tuple[Any, ...]:
     """The kinds of a union; the kind itself otherwise. ``Annotated[Any, Problem]`` is a Problem."""
     if isinstance(kind, TypeVar) and kind.__constraints__:
@@ -246,6 +247,7 @@ def _alternatives(kind: Any) -> tuple[Any, ...]:
     return tuple(typing.get_args(each)[1] if typing.get_origin(each) is Annotated else each for each in kinds)
 
 
+@functools.cache
 def _kind_of_entries(kind: Any) -> Any:
     """The kind of the values of a dict; None if no dict is meant."""
     found = (each for each in _alternatives(kind) if typing.get_origin(each) in (Mapping, dict))

@@ -18,7 +18,7 @@ Either way it depends on nothing that was asked before.
 
 `Level`: g is any function of the point, its gradient by central differences.
 
-The derivative of g needs second derivatives of R only in one direction: a central difference of the exact Jacobian.
+The derivative of g needs second derivatives of R only in one direction (`problem.Curved`).
 
 References
 ----------
@@ -62,13 +62,6 @@ def sides(problem: FullProblem, X: Array, here: Mapping[str, float], name: str) 
     """Derivatives of R and dR/dX in a parameter."""
     dR, dJ = in_parameter(problem, name, here, lambda at: problem.evaluate(X, **at))
     return dR, dJ
-
-
-def bends(problem: FullProblem, X: Array, v: Array, here: Mapping[str, float], name: str) -> tuple[Matrix, Matrix]:
-    """Derivatives (n, n) of dR/dX along v and in a parameter, by central differences."""
-    h = STEP * max(1e-3, norm(X)) / norm(v)
-    plus, minus = (problem.evaluate(X + s * h * v, **here)[1] for s in (1, -1))
-    return (plus - minus) / (2 * h), sides(problem, X, here, name)[1]
 
 
 @dataclass(frozen=True)
@@ -340,7 +333,7 @@ class Fold(Augmented):
         now = linearise(self.problem, X, self.parameter, here)
         v, w, g = null_vectors(now.dR_dX, base.b, base.c)
         k = base.weight
-        along, across = bends(self.problem, X, v, here, self.parameter)
+        along, across = self.problem.curvature(X, v, self.parameter, **here)
         dR, dJ = sides(self.problem, X, here, name) if name else (None, None)
         return Extra(
             now, dR, k * g, -k * (w @ along),
@@ -357,7 +350,7 @@ class Fold(Augmented):
         now = linearise(self.problem, X, self.parameter, here)
         b, c, _ = borders_of(now.dR_dX)
         v, w, _ = null_vectors(now.dR_dX, b, c)
-        along, _ = bends(self.problem, X, v, here, self.parameter)
+        along, _ = self.problem.curvature(X, v, self.parameter, **here)
         return 1 if float(w @ (along @ v)) * float(w @ now.dR_dp) > 0 else -1
 
 

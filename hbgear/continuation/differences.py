@@ -10,11 +10,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from hbgear.common.arrays import Array
+from hbgear.continuation.algebra import norm
+
 if TYPE_CHECKING:
     from hbgear.continuation.problem import FullProblem
 
 STEP = 1e-5
 """Relative step: rounding (1e-16 / STEP) and truncation (STEP^2) are both about 1e-11 of what is differentiated."""
+
+
+def difference_along(X: Array, v: Array) -> float:
+    """How far along v (n,) a central difference about X (n,) goes to either side."""
+    return STEP * max(1e-3, norm(X)) / norm(v)
 
 
 def in_parameter(

@@ -345,14 +345,6 @@ class Watch:
         return []
 
 
-def _known(values: list[Any]) -> Any:
-    """The values of all rows, nan of rows that could not be observed; None without any, or where numbers differ."""
-    some = next((x for x in values if x is not None), None)
-    if some is None or len({len(x) for x in values if x is not None}) > 1:  # a closed gap has no corners
-        return None
-    return np.array([np.full_like(some, np.nan) if x is None else x for x in values])
-
-
 _SHALLOW = 0.25  # share of its least value among the rows below which a test function may cross zero between them
 
 _TRIES = 3  # rows looked at there

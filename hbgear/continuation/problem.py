@@ -11,6 +11,7 @@ speaks to `FullProblem` only, which answers for what is not offered.
 | `Problem` | ``evaluate`` | |
 | `Linearised` | R, dR/dX, dR/dp in one go, the size of the terms of R | dR/dp by a difference, size 1 + norm(X) |
 | `Pursued` | a loop of its own along the curve in some parameters | point after point |
+| `Curved` | second derivatives, for special points | central differences |
 | `Started` | a first solution | ``start=`` must be given |
 | `Parametrised` | its parameters with their values | all must be given |
 | `Checked` | checks of names and ranges of parameters | any name, any value |
@@ -38,7 +39,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, Range
 from hbgear.continuation.algebra import Matrix, norm
 from hbgear.continuation.branch import Branch, Point
-from hbgear.continuation.differences import in_parameter
+from hbgear.continuation.differences import difference_along, in_parameter
 from hbgear.continuation.reading import Reader
 
 if TYPE_CHECKING:
@@ -106,6 +107,14 @@ class Pursued(Protocol):
 
     def pursuit(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
         """The loop in a parameter, the others fixed; None where there is none."""
+
+
+@runtime_checkable
+class Curved(Protocol):
+    """Gives second derivatives, which special points need."""
+
+    def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Matrix, Matrix]:
+        """Derivatives (n, n) of dR/dX along v (n,) and in the parameter name."""
 
 
 @runtime_checkable
@@ -251,8 +260,8 @@ class Described(Protocol):
 
 
 ABILITIES = (
-    Problem, Linearised, Pursued, Started, Parametrised, Checked, Sized, Rough, Readable, Observed, Eventful, Remeshed,
-    Receding, Extended, Finished, Described,
+    Problem, Linearised, Pursued, Curved, Started, Parametrised, Checked, Sized, Rough, Readable, Observed, Eventful,
+    Remeshed, Receding, Extended, Finished, Described,
 )  # fmt: skip
 
 
@@ -305,6 +314,13 @@ class FullProblem:
     def pursuit(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
         """`Pursued.pursuit`: none."""
         return None
+
+    def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Matrix, Matrix]:
+        """`Curved.curvature`, by central differences."""
+        h = difference_along(X, v)
+        plus, minus = (self.evaluate(X + s * h * v, **parameters)[1] for s in (1, -1))
+        (across,) = in_parameter(self, name, parameters, lambda at: (self.evaluate(X, **at)[1],))
+        return (plus - minus) / (2 * h), across
 
     def start(self, **parameters: float) -> Array:
         """`Started.start`: none, ValueError."""

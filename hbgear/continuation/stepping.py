@@ -20,9 +20,7 @@ import numpy as np
 
 from hbgear.common.compiling import kernel
 from hbgear.continuation.elimination import distance, length
-
-GOOD, FAR, TURNED, MISSED = range(4)
-"""Verdicts on a corrected point."""
+from hbgear.continuation.verdicts import FAR, GOOD, MISSED, TURNED
 
 ON, DONE, FAILED = range(3)
 """Verdicts on an iterate of the corrector: go on, converged, given up."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from hbgear.continuation.newton import NoConvergence, Settings
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, heading_of
 from hbgear.continuation.stepsize import StepControl
+from hbgear.continuation.verdicts import GOOD, MISSED, STOPPED, reason
 
 
 class Stride(NamedTuple):
@@ -61,20 +62,21 @@ class Strider:
         u, t = np.zeros((2, history, width))
         for i, row in enumerate(rows[:count]):
             u[i], t[i] = row.u, row.tangent
-        miss = steps.max_prediction_error if self.problem.smooth else math.inf
+        rough = not self.problem.smooth and not self.problem.unknown_parameters
+        miss = math.inf if rough else steps.max_prediction_error
         control = np.array([steps.shortest, steps.longest, steps.max_turn_deg, steps.newton, miss])
         tolerances = np.array([settings.tolerance, settings.step_tolerance, settings.max_iterations])
-        pursue = None if self.problem.unknown_parameters else self.problem.pursuit(self.name, self.fixed)
+        pursue = self.problem.pursuit(self.name, self.fixed)
         if pursue is None:
-            found, step, reason = self._one(u, t, count, scale, step, control)
+            found, step, refusal = self._one(u, t, count, scale, step, control)
         else:
             most = 1 if self.single else max(1, min(most, _MOST, int(_WORK / width**3)))
             out = np.empty((most, 2 * width + 4))
             made, step, why, number = pursue(
                 u, t, count, np.array([top, scale[-1]]), step, np.array(self.bounds), control, tolerances, out
             )
-            found, reason = out[:made], _REASONS[why].format(number=number)
-        return Stride(self._rows(found, rows[0], scale), step, reason)
+            found, refusal = out[:made], reason(why, number)
+        return Stride(self._rows(found, rows[0], scale), step, refusal)
 
     def _rows(self, found: Array, before: CurvePoint, scale: Array) -> list[CurvePoint]:
         """Rows of a table of u, tangent, step, orientation, iterations, residual."""
@@ -88,7 +90,7 @@ class Strider:
         self, u: Array, t: Array, count: int, scale: Array, step: float, control: Array
     ) -> tuple[Array, float, str]:
         """The next row of any problem, with shorter and shorter steps; none if the shortest fails."""
-        from hbgear.continuation.stepping import GOOD, HASTE, SHARP, next_step, planes_normal, predict, verdict
+        from hbgear.continuation.stepping import HASTE, SHARP, next_step, planes_normal, predict, verdict
 
         normal, predicted, limits = np.empty(len(scale)), np.empty(len(scale)), np.array([control[2], math.inf])
         planes_normal(t[0], scale, normal)
@@ -100,26 +102,13 @@ class Strider:
                 solution, direction = point.solution, np.array(point.direction)
                 found = np.append(solution.X, solution.value)
                 why, turn, missed = verdict(found, direction, predicted, u[0], t[0], scale, step, limits)
-                reason = _REASONS[why].format(number=missed if why == _MISSED else turn)
+                refusal = reason(why, missed if why == MISSED else turn)
             except (ValueError, NoConvergence, np.linalg.LinAlgError) as error:  # out of the range of a model, ...
-                why, reason = -1, str(error)
+                why, refusal = STOPPED, str(error)
             if why == GOOD:
                 told = [step, point.orientation, solution.iterations, solution.residual]
                 step = next_step(step, solution.iterations, turn, missed, control)
                 return np.concatenate([found, direction, told])[None], step, ""
             if step <= control[0]:
-                return np.empty((0, 2 * len(scale) + 4)), step, reason
+                return np.empty((0, 2 * len(scale) + 4)), step, refusal
             step = max(0.5 * step, float(control[0]))
-
-
-_MISSED = 3
-
-_REASONS: dict[int, Any] = {
-    0: "",
-    1: "the corrector landed far from the prediction",
-    2: "the tangent turned by {number:.0f} degrees",
-    _MISSED: "the prediction missed the curve by {number:.0%} of the step",
-    4: "the corrector stopped at a relative residual of {number:.2e}",
-    5: "the corrector met a singular matrix",
-}
-"""What the verdicts of `stepping` and of compiled loops mean."""

@@ -154,6 +154,37 @@ def assembled(numbers: Any, X: Any, matrices: Any, constants: Any, R: Any, J: An
 
 
 @kernel
+def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, across: Any) -> None:
+    """Derivatives (n, n) of dR/dX along v (n,), by a central difference over 2 h, and in Omega; change: dZ/dOmega."""
+    m, n = change.shape[1], X.shape[0] // change.shape[1]
+    along[:, :] = 0.0
+    across[:, :] = 0.0
+    for sign in (1.0, -1.0):
+        kappa, _, more = projected(numbers, (X + sign * h * v).reshape(m, n), 2 * (n // 2))
+        for j in range(m):
+            for k in range(kappa.shape[1]):
+                kappa[j, k] = (kappa[j, k] + more[j, k]) * (sign / (2 * h))
+            add_product(kappa[j], along[j * n : (j + 1) * n, j * n : (j + 1) * n])
+    for k in range(change.shape[0]):
+        for i in range(m):
+            for j in range(m):
+                _add_harmonic(change[k, i, j], k, across[i * n : (i + 1) * n, j * n : (j + 1) * n])
+
+
+@kernel
+def _add_harmonic(Z: complex, k: int, J: Any) -> None:
+    """Add the product of harmonic k with a complex number, in the real basis."""
+    if k == 0:
+        J[0, 0] += Z.real
+        return
+    a, b = 2 * k - 1, 2 * k
+    J[a, a] += Z.real
+    J[b, b] += Z.real
+    J[a, b] += Z.imag
+    J[b, a] -= Z.imag
+
+
+@kernel
 def _forces(rows: Any, kappa: Any, chi: Any, R: Any, J: Any) -> float:
     """R = T(kappa) d + chi, J = T(kappa); the norm of R."""
     m, n = rows.shape
@@ -210,13 +241,7 @@ def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: An
                 Z = matrices[0, k, i, j]
                 zd += Z * d
                 dzd += matrices[1, k, i, j] * d
-                if k:
-                    J[i * n + a, j * n + a] += Z.real
-                    J[i * n + b, j * n + b] += Z.real
-                    J[i * n + a, j * n + b] += Z.imag
-                    J[i * n + b, j * n + a] -= Z.imag
-                else:
-                    J[i * n, j * n] += Z.real
+                _add_harmonic(Z, k, J[i * n : (i + 1) * n, j * n : (j + 1) * n])
             g, dg = constants[0, k, i], dzd + constants[1, k, i]
             moved += zd.real**2 + zd.imag**2
             held += g.real**2 + g.imag**2

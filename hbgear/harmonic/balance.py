@@ -29,7 +29,7 @@ from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.common.recent import Recent
 from hbgear.continuation.branch import Branch, Point
-from hbgear.continuation.differences import in_parameter
+from hbgear.continuation.differences import difference_along, in_parameter
 from hbgear.continuation.events import Event
 from hbgear.continuation.homotopy import solve_from_afar
 from hbgear.continuation.newton import NoConvergence, solve
@@ -397,6 +397,13 @@ class HarmonicBalance(FullProblem):
                 in_parameter(self, name, here, lambda at: (self.residual(X, **at),)) if name else (np.zeros(len(R)),)
             )
         return Evaluation(R, J, dR, size)
+
+    def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:
+        """Derivatives (n, n) of dR/dX along v (n,) and in a parameter; exact in Omega."""
+        compiled = self.compiled(parameters)
+        if name != "Omega" or compiled.sampled:
+            return super().curvature(X, v, name, **parameters)
+        return compiled.curvature(X, v, difference_along(X, v), float(parameters["Omega"]))
 
     def pursuit(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
         """A compiled loop along curves in Omega, if every law is known to it and no pair of poles is too close."""

@@ -246,6 +246,14 @@ def _push(B: Any, u: Any, state: Any) -> None:
 
 
 @kernel
+def step_of(fast: float, omega: float, nu: int, schemes: Any, share: float) -> tuple[int, float]:
+    """Which scheme, and its longest step [rad], for springs that turn the state by ``fast``; see `monodromies`."""
+    which = 0 if fast * 2 * math.pi / omega <= schemes[2] else 1
+    width = schemes[0][2] if which == 0 else schemes[1][2]
+    return which, min(width * omega / max(fast, 1e-300), share * 2 * math.pi / nu)
+
+
+@kernel
 def monodromies(
     numbers: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, share: float, most: float, out: Any
 ) -> float:
@@ -258,9 +266,8 @@ def monodromies(
     for p in range(X.shape[0]):
         rows, omega = X[p].reshape(mobility.shape[0], -1), Omega[p] / nu
         fast = pace(numbers, rows, mobility, nu)
-        turned = fast * 2 * math.pi / omega
-        x, L, width = schemes[0] if turned <= schemes[2] else schemes[1]
-        longest = min(width * omega / max(fast, 1e-300), share * 2 * math.pi / nu)
+        which, longest = step_of(fast, omega, nu, schemes, share)
+        x, L, _ = schemes[0] if which == 0 else schemes[1]
         count: float = 2 * math.pi / longest
         if count > most:
             return count

@@ -10,7 +10,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.recent import Recent
 from hbgear.harmonic.modes import Parts, parts_of
-from hbgear.harmonic.numbers import Numbers, basis_of, laws_of
+from hbgear.harmonic.numbers import Numbers, laws_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
 from hbgear.harmonic.sampled import SampledLaws
 from hbgear.mechanics.fourier import Transform
@@ -33,9 +33,9 @@ class Compiled:
     """A model at one parameter set, ready to be evaluated.
 
     H, nu, N : harmonics, subharmonic order and samples per basis period. reduce : whether stability may leave out modes
-    far above those of the motion. system, structure, receptance, laws : of the
-    model. numbers : all that kernels need. sampled : the laws that the numbers do not hold; None if there are none.
-    corner, element : (K,) corners of all laws and the element each belongs to.
+    far above those of the motion. system, structure, receptance, laws : of the model. numbers : all that kernels need.
+    sampled : the laws that the numbers do not hold; None if there are none. corner, element : (K,) corners of all laws
+    and the element each belongs to.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Compiled:
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
         self.H, self.nu, self.N, self.reduce = H, nu, transform.N, reduce
         laws, left = laws_of(self.laws, sampled, nu)
-        self.numbers = Numbers(laws, self.receptance.numbers, basis_of(H, self.N))
+        self.numbers = Numbers(laws, self.receptance.numbers, transform.basis)
         self.sampled = SampledLaws(self.laws, left, transform, nu) if left.size else None
         self.corner, self.element = laws.level, laws.owner
         self._linear: tuple[float, LinearPart] | None = None
@@ -100,6 +100,14 @@ class Compiled:
         if self.sampled:
             size += self.sampled.add_to(X.reshape(self.m, -1), Omega, R, J, dR)
         return R, J, dR, size
+
+    def curvature(self, X: Array, v: Array, h: float, Omega: float) -> tuple[Array, Array]:
+        """Derivatives (n, n) of dR/dX along v, by a central difference over 2 h, and in Omega; of known laws only."""
+        from hbgear.harmonic.assembly import curvature
+
+        along, across = np.empty((2, len(X), len(X)))
+        curvature(self.numbers, X, v, h, self.linear(Omega).matrices[1], along, across)
+        return along, across
 
     def forces(self, X: Array, Omega: float) -> Array:
         """Force harmonics of all laws as real rows (m, 2H + 1)."""

@@ -303,9 +303,12 @@ def _of_rows(rows: Sequence[CurvePoint], name: str) -> Any:
     """What was observed of all rows, nan of those that could not be; None without any, or where numbers differ."""
     values = [row.observed.get(name) for row in rows]
     some = next((x for x in values if x is not None), None)
-    if some is None or len({len(x) for x in values if x is not None}) > 1:  # a closed gap has no corners
+    if some is None:
         return None
-    return np.array([np.full_like(some, np.nan) if x is None else x for x in values])
+    try:
+        return np.array([np.full_like(some, np.nan) if x is None else x for x in values])
+    except ValueError:  # a closed gap has no corners
+        return None
 
 
 def _known(segment: Segment, row: CurvePoint) -> ComplexArray:

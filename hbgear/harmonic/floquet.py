@@ -212,8 +212,8 @@ def _carried(compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: f
     coarse = 2 * np.pi * np.arange(carrying.COARSE * nu) / (carrying.COARSE * nu)
     largest = np.abs(_slopes(compiled, rows, omega, coarse)[0]).max(axis=1)
     fast = max(carrying.pace(numbers, rows, mobility, nu), float(np.sqrt((mobility * largest).max())))
-    x, L, width = schemes[fast * 2 * np.pi / omega > schemes[2]]
-    longest = min(width * omega / max(fast, 1e-300), _SHARE * 2 * np.pi / nu)
+    which, longest = carrying.step_of(fast, omega, nu, schemes, _SHARE)
+    x, L, _ = schemes[which]
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > _MOST_STEPS else 0.0)
     cut = carrying.pieces(carrying.corners(numbers, rows), longest)
     start = np.concatenate([first + h * np.arange(int(n)) for first, h, n in cut])

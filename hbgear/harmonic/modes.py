@@ -4,9 +4,9 @@
 
 A mode with output_j input_j = 0 for all elements takes no part. Of a large structure modes far above the frequencies of
 a motion only give way, d = ... - rest u with their static flexibility: what they do beyond that goes with the square of
-the ratio of the frequencies. With an orthogonal T that puts the sum and the
-differences of alike elements in the place of their motions, T^T output and input T may fall into blocks: then
-modulations that are equal for alike elements keep the blocks apart.
+the ratio of the frequencies. With an orthogonal T that puts the sum and the differences of alike elements in the place
+of their motions, T^T output and input T may fall into blocks: then modulations that are equal for alike elements keep
+the blocks apart.
 """
 
 from __future__ import annotations
@@ -61,6 +61,9 @@ class Parts:
 _IDLE = 1e-15  # share in the static flexibility between the elements that is rounding
 
 
+_REAL = 1e-13  # imaginary part, over the largest pole, that is rounding
+
+
 _MIXED = 1e-11  # the same, of what would join two blocks
 
 
@@ -68,7 +71,6 @@ def parts_of(
     poles: ComplexArray, output: ComplexArray, input_: ComplexArray, groups: np.ndarray, reach: float = np.inf
 ) -> Parts:
     """From all poles (r,), output (m, r) and input (r, m); modes of frequencies above reach only give way."""
-    mobility = np.abs((output * poles * input_.T).sum(axis=1))
     residues = output.T[:, :, None] * input_[:, None, :]  # (r, m, m)
     share = np.abs(residues) / np.abs(poles)[:, None, None]
     largest = share.sum(axis=0).max(initial=0.0)
@@ -93,7 +95,19 @@ def parts_of(
         )  # fmt: skip
         if sum(part.size for part in split) != everything.size or len(split) == 1:
             split = (everything,)
-    return Parts(everything, split, poles[idle], groups, mobility, len(poles))
+    return Parts(everything, split, poles[idle], groups, mobility_of(poles, output, input_), len(poles))
+
+
+def mobility_of(poles: ComplexArray, output: ComplexArray, input_: ComplexArray) -> Array:
+    """Inverse modal masses (m,) of the elements: what a unit force does to the speed of its own gap at once."""
+    mobility: Array = np.abs((output * poles * input_.T).sum(axis=1))
+    return mobility
+
+
+def halves(poles: ComplexArray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of one pole of each conjugate pair, and of the real poles."""
+    real = np.abs(poles.imag) <= _REAL * np.abs(poles).max(initial=0.0)
+    return np.flatnonzero(~real & (poles.imag > 0)), np.flatnonzero(real)
 
 
 def _sums_and_differences(groups: np.ndarray) -> Array | None:
@@ -112,8 +126,7 @@ def _part(
     poles: ComplexArray, output: ComplexArray, input_: ComplexArray, some: np.ndarray, ports: np.ndarray, rest: Array
 ) -> Part:
     """The modes number ``some``, seen through ports, and the flexibility beside them."""
-    real = np.abs(poles[some].imag) <= 1e-13 * np.abs(poles).max(initial=0.0)
-    pairs, alone = some[~real & (poles[some].imag > 0)], some[real]
+    pairs, alone = (half[np.isin(half, some)] for half in halves(poles))
     kept = np.concatenate([pairs, alone])
     lam, out, push = (np.array(x, dtype=complex) for x in (poles[kept], output[:, kept], input_[kept]))
     k = len(pairs)

@@ -17,7 +17,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.mechanics.fourier import stretch, to_complex
-from hbgear.mechanics.laws import Cubic, Law, Parallel, PiecewiseLinear
+from hbgear.mechanics.laws import Law, springs_of
 
 
 class Laws(NamedTuple):
@@ -69,27 +69,9 @@ class Numbers(NamedTuple):
     basis: Array
 
 
-def cubic_parts(law: Law) -> tuple[list[PiecewiseLinear], float, float] | None:
-    """Springs and k1, k3 of a law that is such a sum; None of any other."""
-    if type(law) is Cubic:
-        return [], law.k1, law.k3
-    if law.piecewise is not None:
-        return list(law.piecewise), 0.0, 0.0
-    if type(law) is not Parallel:
-        return None
-    springs: list[PiecewiseLinear] = []
-    k1 = k3 = 0.0
-    for part in law.laws:
-        found = cubic_parts(part)
-        if found is None:
-            return None
-        springs, k1, k3 = springs + found[0], k1 + found[1], k3 + found[2]
-    return springs, k1, k3
-
-
 def laws_of(laws: Sequence[Law], sampled: bool, nu: int) -> tuple[Laws, np.ndarray]:
     """The table of laws, and the numbers of the elements whose laws it does not hold."""
-    known = [None if sampled else cubic_parts(law) for law in laws]
+    known = [None if sampled else springs_of(law) for law in laws]
     springs = [(j, spring) for j, parts in enumerate(known) if parts for spring in parts[0]]
     rows = [_two_sided(spring.stiffness.row(), nu) for _, spring in springs]
     shifts = sorted({0} | {k for row in rows for k in np.flatnonzero(row).tolist()})
@@ -113,14 +95,6 @@ def laws_of(laws: Sequence[Law], sampled: bool, nu: int) -> tuple[Laws, np.ndarr
         at, np.asarray(part, dtype=np.int64), np.asarray(change, dtype=float), cubic,
     )  # fmt: skip
     return table, np.flatnonzero([parts is None for parts in known])
-
-
-def basis_of(H: int, N: int) -> Array:
-    """1, cos theta, sin theta, ..., sin H theta (2H + 1, N) at theta = 2 pi n / N."""
-    theta = 2 * np.pi * (np.arange(1, H + 1)[:, None] * np.arange(N) % N) / N
-    out = np.ones((2 * H + 1, N))
-    out[1::2], out[2::2] = np.cos(theta), np.sin(theta)
-    return out
 
 
 def in_two(z: ComplexArray) -> Array:

@@ -15,7 +15,6 @@ from hbgear.continuation.elimination import eliminate, length
 from hbgear.continuation.stepping import (
     DONE,
     FAILED,
-    GOOD,
     HASTE,
     SHARP,
     judged,
@@ -24,10 +23,8 @@ from hbgear.continuation.stepping import (
     predict,
     verdict,
 )
+from hbgear.continuation.verdicts import GOOD, MISSED, SINGULAR, STOPPED
 from hbgear.harmonic.assembly import linearised
-
-STOPPED, SINGULAR = 4, 5
-"""Why a step was refused, beside the verdicts of `stepping`."""
 
 
 @kernel
@@ -78,7 +75,7 @@ def pursue(
         if why == GOOD:
             limits[1] = control[4] if count > 1 and step > HASTE * control[0] else math.inf
             why, turn, missed = verdict(found, direction, predicted, u[0], t[0], scale, step, limits)
-            number = missed if why == 3 else turn
+            number = missed if why == MISSED else turn
         if why != GOOD:
             if step <= control[0]:
                 break

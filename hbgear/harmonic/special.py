@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import bordered, norm
-from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, bends, null_vectors, sides
+from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, null_vectors, sides
 from hbgear.continuation.differences import STEP, in_parameter
 from hbgear.continuation.problem import AnyProblem, linearise
 from hbgear.mechanics.fourier import waves
@@ -94,7 +94,7 @@ class PeriodDoubling(Fold):
         k = base.weight
         direction[self.odd] = v
         odd, even = self.odd, self.even
-        along, across = bends(self.doubled, wide, direction, here, self.parameter)
+        along, across = self.doubled.curvature(wide, direction, self.parameter, **here)
         dR, dJ = sides(self.doubled, wide, here, name) if name else (None, None)
         return Extra(
             now, None if dR is None else dR[even], k * g, -k * (w @ along[np.ix_(odd, even)]),

@@ -12,7 +12,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -293,6 +293,14 @@ class Transform:
 
     def __reduce__(self) -> tuple[type[Transform], tuple[int, int]]:
         return Transform, (self.H, self.N)
+
+    @cached_property
+    def basis(self) -> Array:
+        """1, cos theta, sin theta, ..., sin H theta (2H + 1, N) at the samples."""
+        theta = 2 * np.pi * (np.arange(1, self.H + 1)[:, None] * np.arange(self.N) % self.N) / self.N
+        out = np.ones((2 * self.H + 1, self.N))
+        out[1::2], out[2::2] = np.cos(theta), np.sin(theta)
+        return out
 
     def _planned(self, rows: int) -> _Plans:
         room = 1 << (rows - 1).bit_length()

@@ -415,6 +415,24 @@ class Parallel(Law):
         return forces
 
 
+def springs_of(law: Law) -> tuple[tuple[PiecewiseLinear, ...], float, float] | None:
+    """Piecewise-linear springs, and k1 and k3 of a cubic one, that the law is the sum of; None if it is no such sum."""
+    if type(law) is Cubic:
+        return (), law.k1, law.k3
+    if law.piecewise is not None:
+        return law.piecewise, 0.0, 0.0
+    if type(law) is not Parallel:
+        return None
+    springs: tuple[PiecewiseLinear, ...] = ()
+    k1 = k3 = 0.0
+    for part in law.laws:
+        found = springs_of(part)
+        if found is None:
+            return None
+        springs, k1, k3 = springs + found[0], k1 + found[1], k3 + found[2]
+    return springs, k1, k3
+
+
 def _merged(springs: Iterable[PiecewiseLinear]) -> tuple[PiecewiseLinear, ...]:
     """The same sum with the springs of one stiffness variation as one spring each."""
     found: list[PiecewiseLinear] = []

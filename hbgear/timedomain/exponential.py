@@ -27,6 +27,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import counted
 from hbgear.common.threads import for_each, processors
 from hbgear.harmonic.collocation import gauss
+from hbgear.harmonic.modes import halves, mobility_of
 from hbgear.harmonic.receptance import Modes, Structure
 from hbgear.mechanics.fourier import to_complex
 from hbgear.mechanics.model import Model
@@ -85,9 +86,8 @@ class _Half:
 
     @staticmethod
     def of(modes: Modes) -> _Half:
-        real = np.abs(modes.poles.imag) <= 1e-13 * np.abs(modes.poles).max(initial=0.0)
-        kept = np.flatnonzero(real | (modes.poles.imag > 0))
-        return _Half(kept, np.where(real[kept], 1.0, 2.0))
+        pairs, alone = halves(modes.poles)
+        return _Half(np.concatenate([pairs, alone]), np.repeat([2.0, 1.0], [len(pairs), len(alone)]))
 
 
 def _parted(z: ComplexArray) -> Array:
@@ -189,7 +189,7 @@ class Stepper:
         count = 12.0
         for i, (structure, system) in enumerate(zip(self.structures, self.systems, strict=True)):
             modes = _modes(structure)
-            mobility = np.abs(np.einsum("jr,r,rj->j", modes.output, modes.poles, modes.input))
+            mobility = mobility_of(modes.poles, modes.output, modes.input)
             pace = np.sqrt((mobility * np.maximum(structure.kr, [e.law.reference for e in system.elements])).max())
             count = max(count, 2 * np.pi * pace / (0.6 * self.Omega[self.of == i].min()))
             orders = [e.displacement.order for e in system.elements] + [load.order for load in system.loads]

@@ -16,7 +16,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.mechanics.fourier import to_complex
-from hbgear.mechanics.laws import Cubic, Law, Parallel, PiecewiseLinear
+from hbgear.mechanics.laws import Law, PiecewiseLinear, springs_of
 from hbgear.timedomain.segments import Bools, Integers
 
 
@@ -44,13 +44,14 @@ class LawTable:
     @staticmethod
     def of(laws: Sequence[Law]) -> LawTable:
         """Of the laws in order."""
-        parts = [_parts(law) for law in laws]
-        edges = [_edges(law, part) for law, part in zip(laws, parts, strict=True)]
+        known = [springs_of(law) for law in laws]
+        parts = [((), 0.0, 0.0) if part is None else part for part in known]
+        edges = [_edges(law, part and part[0]) for law, part in zip(laws, known, strict=True)]
         P = max(map(len, edges)) + 1
         low, high = np.full((2, len(laws), P), np.inf)
         for j, inner in enumerate(edges):
             low[j, : len(inner) + 1], high[j, : len(inner)] = [-np.inf, *inner], inner
-        springs = [(j, x) for j, part in enumerate(parts) for x in part or () if isinstance(x, PiecewiseLinear)]
+        springs = [(j, spring) for j, part in enumerate(parts) for spring in part[0]]
         slope, offset = np.zeros((2, len(springs), P))
         stiffness = np.zeros((len(springs), 1 + max([0, *(x.stiffness.order for _, x in springs)])), dtype=complex)
         for i, (j, spring) in enumerate(springs):
@@ -60,13 +61,9 @@ class LawTable:
             offset[i, : len(on)] = start - np.concatenate([[0.0], np.cumsum(changes * corners)])[on]
             row = to_complex(spring.stiffness.row())
             stiffness[i, : len(row)] = row
-        cubic = np.zeros((len(laws), 2))
-        for j, part in enumerate(parts):
-            for x in part or ():
-                if isinstance(x, Cubic):
-                    cubic[j] += x.k1, x.k3
+        cubic = np.array([part[1:] for part in parts]).reshape(len(laws), 2)
         element = np.array([j for j, _ in springs], dtype=int)
-        asked = np.array([part is None for part in parts], dtype=bool)
+        asked = np.array([part is None for part in known], dtype=bool)
         return LawTable(element, slope, offset, stiffness, low, high, cubic, asked)
 
     @staticmethod
@@ -89,17 +86,6 @@ class LawTable:
         return LawTable(tables[0].element, stiffness=np.array(stiffness), asked=tables[0].asked, **each)
 
 
-def _parts(law: Law) -> list[Law] | None:
-    """The springs and cubic springs a law is the sum of; None if it is not such a sum."""
-    if law.piecewise is not None:
-        return list(law.piecewise)
-    if type(law) is Cubic:
-        return [law]
-    if type(law) is not Parallel:
-        return None
-    each = [_parts(part) for part in law.laws]
-    return None if None in each else [x for part in each for x in part or ()]
-
-
-def _edges(law: Law, parts: Sequence[Law] | None) -> tuple[float, ...]:
-    return tuple(sorted({x for part in ([law] if parts is None else parts) for x in part.breakpoints}))
+def _edges(law: Law, springs: Sequence[PiecewiseLinear] | None) -> tuple[float, ...]:
+    """Corners of the law: those of its springs, or what it says itself."""
+    return tuple(sorted({x for part in ([law] if springs is None else springs) for x in part.breakpoints}))

@@ -93,6 +93,18 @@ def test_frequency_derivative_against_differences(case, slope):
     np.testing.assert_allclose(analytic, expected, rtol=1e-7, atol=1e-7)
 
 
+def test_second_derivatives_against_differences(case, rng, slope):
+    """Of smooth problems, for only there they exist."""
+    problem, X, h = case
+    v = rng.standard_normal(len(X))
+    along, across = problem.curvature(X, v, "Omega", Omega=OMEGA)
+    expected = slope(lambda x: problem.evaluate(X + x * v, Omega=OMEGA)[1], h=h / np.linalg.norm(v))
+    if problem.smooth:
+        np.testing.assert_allclose(along, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+    expected = slope(lambda Omega: problem.evaluate(X, Omega=Omega)[1], OMEGA, 1e-4)
+    np.testing.assert_allclose(across, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+
+
 class Own(Cubic):
     """A cubic spring whose kind hbgear does not know."""
 

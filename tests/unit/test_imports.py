@@ -38,11 +38,12 @@ FILES = {
     "continuation": {
         "__init__": "",
         "algebra": "",
-        "differences": "",
+        "differences": "algebra",
         "reading": "",
         "stepsize": "",
         "elimination": "",
-        "stepping": "elimination",
+        "verdicts": "",
+        "stepping": "elimination verdicts",
         "branch": "reading",
         "ending": "branch",
         "passing": "branch",
@@ -58,7 +59,7 @@ FILES = {
         "covering": "branch jumps newton segment",
         "record": "branch problem reading segment",
         "events": "algebra bordered branch newton problem record segment",
-        "stride": "corrector newton problem segment stepsize",
+        "stride": "corrector newton problem segment stepsize verdicts",
         "tracer": "algebra asymptote branch corrector covering ending events jumps newton problem record segment "
         "stepsize stride",
         "extending": "branch jumps newton problem segment tracer",
