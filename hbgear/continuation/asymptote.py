@@ -39,6 +39,13 @@ _EXACT = 1e-11  # the same of a solution; a sharp resonance that is finite leave
 
 def asymptote(problem: FullProblem, name: str, fixed: Mapping[str, float], row: CurvePoint) -> float | None:
     """The value of the parameter at which the curve, on its way at a row, runs off to infinity; None if it does not."""
+    try:
+        return _ahead(problem, name, fixed, row)
+    except (ValueError, np.linalg.LinAlgError):  # out of the range of a model, or of numbers
+        return None
+
+
+def _ahead(problem: FullProblem, name: str, fixed: Mapping[str, float], row: CurvePoint) -> float | None:
     X, p, r = row.X, row.value, norm(row.X)
     outward = float(X @ row.tangent[:-1]) / r if r else 0.0
     if not outward > 0:

@@ -130,6 +130,25 @@ def test_a_hardening_spring_has_no_asymptote():
     assert curve.status is not Status.UNBOUNDED and curve.amplitude("H1").max() > 5
 
 
+@dataclass(frozen=True)
+class Touchy(hb.Law):
+    """A spring that refuses stiffness it was not made for."""
+
+    k: float
+    reference = 1.0
+
+    def force(self, d, v, tau):
+        if np.abs(d).max() > 1e6:
+            raise ValueError("that far it was never measured")
+        return self.k * d, self.k + 0 * d, 0 * d
+
+
+def test_a_law_that_refuses_to_be_asked_far_out_stops_no_trace():
+    machine = hb.System([[1.0]], None, [[0.2]], [hb.Element([1.0], Touchy(1.0))], hb.Load(cosine={1: [0.3]}))
+    curve = traced(machine, 3, (0.3, 1.5), steps=hb.Steps(max_points=150))
+    assert curve.status is Status.MAX_POINTS and not curve.asymptotes
+
+
 class Hyperbola:
     """(1 - p) x = 1."""
 
