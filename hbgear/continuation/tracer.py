@@ -130,11 +130,12 @@ class _Tracer:
     def __init__(
         self, problem: FullProblem, parameter: str, span: tuple[float, float], start: Point | Departure | Array | None,
         at: Mapping[str, float] | None, steps: StepControl, settings: Settings,
-        stability: bool, special: bool, events: Sequence[Event], progress: ProgressCallback | None, cover: bool,
+        stability: bool, special: bool, events: Sequence[Event], progress: ProgressCallback | None,
+        cover: bool = False,
     ) -> None:  # fmt: skip
         self.another = partial(  # curve of the span
             _Tracer, problem, parameter, at=at, steps=steps, settings=settings, stability=stability, special=special,
-            events=events, progress=progress, cover=False,
+            events=events, progress=progress,
         )  # fmt: skip
         self.original, self.cover = problem, cover
         self.others: list[Branch] = []  # curves that cover what this one leaves of the span
