@@ -61,8 +61,8 @@ from hbgear.cli.support import (
     problem_of,
     ranges_of,
     say,
-    show_branch,
     show_jumps,
+    show_whole,
     start_of,
     summary_of,
     text_at,
@@ -251,7 +251,7 @@ def trace(
         out.branch(output, branch)
         out.figure(plot, lambda drawing: drawing.response(branch, measure, which))
         print(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
-        show_branch(branch, measure, which)
+        show_whole(branch, measure, which)
     raise typer.Exit(exit_code(branch) if done else STOPPED_EARLY)
 
 
@@ -307,7 +307,7 @@ def extend(
         out.branch(output, whole)
         out.figure(plot, lambda drawing: drawing.response(whole, measure, which))
         print(f"{file}: {len(branch)} points, {len(whole) - len(branch)} more; {whole.message}")
-        show_branch(whole, measure, which)
+        show_whole(whole, measure, which)
     raise typer.Exit(exit_code(whole))
 
 
@@ -317,7 +317,7 @@ def info(file: File, measure: Measure = "pp2", element: Element = "0") -> None:
     branch, which = loaded(file, measure, element)
     rows = [[name, text] for name, text in facts_of(branch, measure) if text]
     print_table(["", str(file)], rows)
-    show_branch(branch, measure, which)
+    show_whole(branch, measure, which)
 
 
 @app.command()
@@ -342,7 +342,11 @@ def jumps(
     others = [hb.load(path) for path in beside or ()]
     problem = problem_in(branch, model) if landing == "integrate" and branch.jumps() else None
     branch, done = landed_as(landing, branch, problem, others)
-    show_jumps(branch, measure, which, others, [path.name for path in beside or ()])
+    if others:
+        names = [f"branch {i + 2}" for i in range(len(branch.others))] + [path.name for path in beside or ()]
+        show_jumps(branch, measure, which, [*branch.others, *others], names)
+    else:
+        show_whole(branch, measure, which, show_jumps)
     raise typer.Exit(0 if done else STOPPED_EARLY)
 
 

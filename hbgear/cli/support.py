@@ -8,7 +8,7 @@ import os
 import re
 import sys
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -384,8 +384,8 @@ def bar(what: str) -> Iterator[ProgressCallback | None]:
 
 
 def exit_code(branch: hb.Branch) -> int:
-    """0 if the end was reached, else 3."""
-    return 0 if branch.status.complete else STOPPED_EARLY
+    """0 if this curve and all others of its span were followed as far as they go, else 3."""
+    return 0 if all(one.status.complete for one in (branch, *branch.others)) else STOPPED_EARLY
 
 
 def end_of(result: Any, *parts: Any) -> None:
@@ -467,6 +467,17 @@ def table_of(headers: list[str], rows: list[list[str]], title: str = "") -> Tabl
     for row in rows:
         table.add_row(*map(Text, row))
     return table
+
+
+def show_whole(branch: hb.Branch, measure: str, element: int | str, show: Callable[..., None] | None = None) -> None:
+    """Tables of a curve and of the others of its span, as of `show_branch` or what else is given to show them."""
+    curves = (branch, *branch.others)
+    for number, curve in enumerate(curves, 1):
+        if number > 1:
+            print(f"\nbranch {number}: {len(curve)} points; {curve.message}")
+        others = [i for i in range(len(curves)) if i != number - 1]
+        beside, names = [curves[i] for i in others], [f"branch {i + 1}" for i in others]
+        (show or show_branch)(curve, measure, element, beside, names)
 
 
 def show_branch(
@@ -563,6 +574,8 @@ def facts_of(branch: hb.Branch, measure: str) -> Iterator[tuple[str, str]]:
     yield "held", ", ".join(f"{name} = {branch.fixed[name]:.6g}" for name in ("Omega",) if name in branch.fixed)
     yield "curve", f"{branch.parameter} from {branch.values[0]:.6g} to {branch.values[-1]:.6g}, {len(branch)} points"
     yield "status", f"{branch.status}: {branch.message}"
+    far = [f"{branch.parameter} = {value:.9g} (behind the {end} point)" for end, value in branch.asymptotes.items()]
+    yield "asymptotes", ", ".join(far)
     if stable is None:
         yield "stability", "not computed"
     else:

@@ -41,6 +41,7 @@ class Status(StrEnum):
 
     REACHED_END = "reached_end"
     LEFT_SPAN = "left_span"
+    UNBOUNDED = "unbounded"
     CLOSED = "closed"
     MERGED = "merged"
     EVENT = "event"
@@ -53,7 +54,9 @@ class Status(StrEnum):
     @property
     def complete(self) -> bool:
         """Whether the curve was followed as far as it goes within the span."""
-        return self in (Status.REACHED_END, Status.LEFT_SPAN, Status.CLOSED, Status.MERGED, Status.EVENT)
+        return self in (
+            Status.REACHED_END, Status.LEFT_SPAN, Status.UNBOUNDED, Status.CLOSED, Status.MERGED, Status.EVENT
+        )  # fmt: skip
 
     @property
     def advice(self) -> str:
@@ -65,6 +68,7 @@ _ADVICE = {
     Status.REACHED_END: "nothing to do: the end of the span was reached",
     Status.LEFT_SPAN: "the curve turned back and left the span through its start; trace it from the other end as well, "
     "with the ends of the span exchanged",
+    Status.UNBOUNDED: "nothing to do: the curve goes on without end, and nears the value that is told",
     Status.MERGED: "nothing to do: the branch ended on the one it came from",
     Status.EVENT: "nothing to do: a terminal event was reached; go on from its point to trace further",
     Status.CLOSED: "nothing to do: the curve closed on itself",
@@ -271,8 +275,10 @@ class Branch:
     iterations, residual, error, step : (P,) Newton count, residual, estimated error, arclength step to the row.
     regime : (P, m) code of each element, named by ``layout.regimes``.
     special, jump_records, status, message : what was found on the way and why it ended.
-    meta : versions, model and settings, fit for JSON.
+    meta : versions, model and settings, fit for JSON; of a curve that runs off to infinity
+        ``{"asymptotes": {"last": value}}``, the value of the parameter it nears behind its last row (or its first).
     problem : what was traced; not saved.
+    others : further curves that cover what this one leaves of its span; see ``cover`` of `trace`.
 
     Raises
     ------
@@ -310,6 +316,7 @@ class Branch:
     layout: Reader | None
     meta: dict[str, Any]
     problem: Any = None
+    others: tuple[Branch, ...] = ()
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -331,7 +338,8 @@ class Branch:
     def __repr__(self) -> str:
         span = f"{self.values[0]:.6g} to {self.values[-1]:.6g}, " if len(self) else ""
         labels = " ".join(point.label for point in self.special) or "no special points"
-        return f"<Branch in {self.parameter}: {span}{len(self)} points, {labels}, {self.status}>"
+        others = f", {len(self.others)} other curve{'s' * (len(self.others) > 1)}" if self.others else ""
+        return f"<Branch in {self.parameter}: {span}{len(self)} points, {labels}, {self.status}{others}>"
 
     def __len__(self) -> int:
         return self.values.size
@@ -357,6 +365,12 @@ class Branch:
     def stable(self) -> NDArray[np.bool_] | None:
         """(P,) whether each row is known to be stable; None if no multipliers were computed."""
         return None if self.multipliers is None else is_stable(self.multipliers)
+
+    @property
+    def asymptotes(self) -> dict[str, float]:
+        """Values of the parameter at which it runs off to infinity, behind its "first" or its "last" row; often {}."""
+        known: dict[str, float] = self.meta.get("asymptotes", {})
+        return known
 
     @property
     def regimes(self) -> list[str]:
@@ -469,14 +483,22 @@ def continued(first: Branch, second: Branch) -> Branch:
         special.append(dataclasses.replace(p, label=f"{p.kind}{count[p.kind]}"))
     tracked = {k: np.concatenate([first.tracked[k], x[1:]]) for k, x in second.tracked.items()}
     return dataclasses.replace(
-        second, **{"multipliers": None, **arrays}, special=tuple(special), jump_records=(), tracked=tracked
-    )
+        second, **{"multipliers": None, **arrays}, special=tuple(special), jump_records=(), tracked=tracked,
+        meta=with_asymptotes(second.meta, first=first.asymptotes.get("first"), last=second.asymptotes.get("last")),
+        others=first.others,
+    )  # fmt: skip
+
+
+def with_asymptotes(meta: dict[str, Any], **ends: float | None) -> dict[str, Any]:
+    """The header of a branch that runs off to infinity at these values of its parameter behind its ends."""
+    known = {end: value for end, value in ends.items() if value is not None}
+    return {name: x for name, x in meta.items() if name != "asymptotes"} | ({"asymptotes": known} if known else {})
 
 
 def joined(back: Branch, forth: Branch) -> Branch:
     """Two traces that left one point in opposite directions, as one branch from the end of back to that of forth.
 
-    Special points are numbered anew along it; the status is that of the worse end.
+    Special points are numbered anew along it; the status is that of the worse end, the message tells of both.
     """
     names = ("values", "X", "multipliers", "iterations", "residual", "regime", "error", "step")
     arrays: dict[str, Any] = {name: x[::-1] for name in names if (x := getattr(back, name)) is not None}
@@ -484,4 +506,25 @@ def joined(back: Branch, forth: Branch) -> Branch:
     tracked = {k: x[::-1] for k, x in back.tracked.items()}
     whole = continued(dataclasses.replace(back, **arrays, special=special, tracked=tracked), forth)
     worse = back if not back.status.complete else forth
-    return dataclasses.replace(whole, status=worse.status, message=worse.message)
+    meta = with_asymptotes(forth.meta, first=back.asymptotes.get("last"), last=forth.asymptotes.get("last"))
+    message = f"{forth.message}; the other way {back.message}"
+    return dataclasses.replace(whole, status=worse.status, message=message, meta=meta)
+
+
+def widest(*branches: Branch) -> Any:
+    """The problem with the most harmonics."""
+    return max((b for b in reversed(branches) if b.problem is not None), key=lambda b: b.X.shape[1]).problem
+
+
+def alike(*branches: Branch) -> list[Branch]:
+    """The branches with the harmonics of the widest."""
+    widest = max(branches, key=lambda b: b.X.shape[1])
+    return [b if b.layout == widest.layout else _padded(b, widest) for b in branches]
+
+
+def _padded(branch: Branch, like: Branch) -> Branch:
+    layout = like.layout
+    fit = like.problem.converted
+    special = tuple(dataclasses.replace(p, X=fit(p), layout=layout) for p in branch.special)
+    X = np.array([fit(branch[i]) for i in range(len(branch))])
+    return dataclasses.replace(branch, X=X, special=special, layout=layout)

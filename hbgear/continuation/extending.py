@@ -9,7 +9,7 @@ import numpy as np
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.continuation.branch import Branch, Status, continued
+from hbgear.continuation.branch import Branch, Status, alike, continued, widest
 from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import Settings
 from hbgear.continuation.problem import AnyProblem, as_problem
@@ -65,13 +65,13 @@ def extend(
     start = Departure(here, branch.parameters_at(-1), direction, away=False)
     options = {"stability": branch.multipliers is not None, **options}
     new = trace(problem, branch.parameter, (float(first), float(last)), start, **options)
-    whole = continued(*_alike(branch, new))
-    whole = dataclasses.replace(whole, problem=_widest(branch, new))
+    whole = continued(*alike(branch, new))
+    whole = dataclasses.replace(whole, problem=widest(branch, new))
     return dataclasses.replace(whole, jump_records=find_jumps(whole, options.get("settings", Settings())))
 
 
 def _check_end(branch: Branch, first: float, last: float) -> None:
-    if branch.status in (Status.CLOSED, Status.MERGED):
+    if branch.status in (Status.CLOSED, Status.MERGED, Status.UNBOUNDED):
         raise ValueError(f"the branch ends where it should ({branch.message}); there is nothing to go on to")
     before, end = branch.values[-2:]
     low, high = sorted((first, last))
@@ -86,22 +86,3 @@ def _unknowns(problem: Any, branch: Branch, i: int) -> Array:
     """Unknowns of a row as the problem has them."""
     asked = as_problem(problem)
     return asked.join(asked.converted(branch[i]), branch.parameters_at(i))
-
-
-def _widest(*branches: Branch) -> Any:
-    """The problem with the most harmonics."""
-    return max((b for b in reversed(branches) if b.problem is not None), key=lambda b: b.X.shape[1]).problem
-
-
-def _alike(*branches: Branch) -> list[Branch]:
-    """The branches with the harmonics of the widest."""
-    widest = max(branches, key=lambda b: b.X.shape[1])
-    return [b if b.layout == widest.layout else _padded(b, widest) for b in branches]
-
-
-def _padded(branch: Branch, like: Branch) -> Branch:
-    layout = like.layout
-    fit = as_problem(like.problem).converted
-    special = tuple(dataclasses.replace(p, X=fit(p), layout=layout) for p in branch.special)
-    X = np.array([fit(branch[i]) for i in range(len(branch))])
-    return dataclasses.replace(branch, X=X, special=special, layout=layout)

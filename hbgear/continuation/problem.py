@@ -21,6 +21,7 @@ speaks to `FullProblem` only, which answers for what is not offered.
 | `Observed` | what is stored beside X: stability, error, ... | nothing |
 | `Eventful` | special points of its own | folds and branch points only |
 | `Remeshed` | another number of unknowns where a point asks for it | the same everywhere |
+| `Receding` | what its equations become far out | curves are followed however far they go |
 | `Extended` | parameters among the unknowns; equations that refer to a point nearby | none |
 | `Finished` | what it says of a whole curve | nothing |
 | `Described` | model and settings, for files | nothing |
@@ -214,6 +215,14 @@ class Remeshed(Protocol):
 
 
 @runtime_checkable
+class Receding(Protocol):
+    """Knows what becomes of its equations for unknowns without bound."""
+
+    def recession(self, X: Array, parameters: Mapping[str, float]) -> Any:
+        """The problem lim R(r X, p) / r, r -> inf, if X is far out; None if it is not, or there is no such limit."""
+
+
+@runtime_checkable
 class Extended(Protocol):
     """Has parameters among its unknowns, and equations that are stated relative to a point nearby."""
 
@@ -255,7 +264,7 @@ class Described(Protocol):
 
 ABILITIES = (
     Problem, Linearised, Pursued, Curved, Started, Parametrised, Checked, Sized, Rough, Readable, Observed, Eventful,
-    Remeshed, Extended, Finished, Described,
+    Remeshed, Receding, Extended, Finished, Described,
 )  # fmt: skip
 
 
@@ -375,6 +384,10 @@ class FullProblem:
     def converted(self, point: Point) -> Array:
         """`Remeshed.converted`: X as it is."""
         return point.X
+
+    def recession(self, X: Array, parameters: Mapping[str, float]) -> FullProblem | None:
+        """`Receding.recession`: not known."""
+        return None
 
     def split(self, X: Array) -> tuple[Array, dict[str, float]]:
         """`Extended.split`: no parameter is among the unknowns."""

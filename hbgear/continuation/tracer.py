@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,10 @@ from hbgear.common.arrays import Array
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import Range
 from hbgear.continuation.algebra import norm, norms
-from hbgear.continuation.branch import Branch, Point, Status
+from hbgear.continuation.asymptote import asymptote
+from hbgear.continuation.branch import Branch, Point, Status, with_asymptotes
 from hbgear.continuation.corrector import correct
+from hbgear.continuation.covering import UNCOVERED, Search, find_rest, told
 from hbgear.continuation.ending import Ending
 from hbgear.continuation.events import Event, Found, Turning, Watch, events_of
 from hbgear.continuation.jumps import find_jumps
@@ -57,6 +60,7 @@ def trace(
     special: bool = True,
     events: Sequence[Event] = (),
     progress: ProgressCallback | None = None,
+    cover: bool = True,
 ) -> Branch:
     """Follow the solutions of a problem from one end of a span of a parameter to the other.
 
@@ -76,6 +80,9 @@ def trace(
     events : special points of your own, located and inserted as well; see `Event`.
     progress : called with a `Progress` after every point, such as ``print``. An exception it raises ends the trace and
         comes out of it as it is, with the branch traced so far as its attribute ``branch``.
+    cover : without a start: if the curve does not lead through the whole span (it turns back to where it began, or
+        runs off to infinity), look for others that do, which are the ``others`` of the branch; see `Branch`. The
+        message says so, and which part of the span no curve was found in.
 
     Returns
     -------
@@ -109,7 +116,9 @@ def trace(
     [1.103, 1.1]
     """
     full = as_problem(problem)
-    return _Tracer(full, parameter, span, start, at, steps, settings, stability, special, events, progress).run()
+    return _Tracer(
+        full, parameter, span, start, at, steps, settings, stability, special, events, progress, cover and start is None
+    ).run()
 
 
 _TOGETHER = 32  # rows observed at once
@@ -122,7 +131,15 @@ class _Tracer:
         self, problem: FullProblem, parameter: str, span: tuple[float, float], start: Point | Departure | Array | None,
         at: Mapping[str, float] | None, steps: StepControl, settings: Settings,
         stability: bool, special: bool, events: Sequence[Event], progress: ProgressCallback | None,
+        cover: bool = False,
     ) -> None:  # fmt: skip
+        self.another = partial(  # curve of the span
+            _Tracer, problem, parameter, at=at, steps=steps, settings=settings, stability=stability, special=special,
+            events=events, progress=progress,
+        )  # fmt: skip
+        self.original, self.cover = problem, cover
+        self.others: list[Branch] = []  # curves that cover what this one leaves of the span
+        self.remark = ""  # what there is to say of them
         self.problem, self.name, self.largest = problem, parameter, problem
         self.steps, self.settings, self.special, self.progress = steps, settings, special, progress
         self.stability = stability
@@ -149,6 +166,7 @@ class _Tracer:
         self.ending = Ending()
         self.first_unseen: Exception | None = None  # why what the problem says of the first motion could not be had
         self.made: Branch | None = None
+        self.asymptote: float | None = None  # where the curve runs off to infinity
         self.first = self._first_row(start)
         self.rows = [self.first]
         own = events_of(problem, parameter)
@@ -277,6 +295,13 @@ class _Tracer:
 
     def run(self) -> Branch:
         """Trace until something ends it; what was traced survives whatever that is."""
+        branch = self.traced()
+        if isinstance(self.ending.error, _InProgress):
+            raise self.ending.error.with_branch(branch)
+        return branch
+
+    def traced(self) -> Branch:
+        """`run`, which leaves an exception of the user's own progress to whoever asks."""
         try:
             self._work()
         except (Exception, KeyboardInterrupt) as error:
@@ -285,13 +310,9 @@ class _Tracer:
             raise self.first_unseen
         while True:
             try:
-                branch = self._result()
-                break
+                return self._result()
             except KeyboardInterrupt as error:  # all would be lost, and it takes no time
                 self.ending.note(error, "while the result was put together")
-        if isinstance(self.ending.error, _InProgress):
-            raise self.ending.error.with_branch(branch)
-        return branch
 
     def _work(self) -> None:
         """All that takes time: Ctrl-C or an error ends one stage, and the next goes on with what there is."""
@@ -300,6 +321,7 @@ class _Tracer:
             (self._settle, lambda: "while the last motions were being looked at"),
             (self._complete, lambda: "while the special points were being looked at"),
             (self._finish, lambda: "while the curve was looked at as a whole"),
+            (self._cover, lambda: "while the rest of the span was looked at"),
         ):
             try:
                 stage()
@@ -331,23 +353,50 @@ class _Tracer:
         seen = [row.observed for row in self.rows] if self.special and self.whole else []
         self.made = self.largest.finished(self.made, seen)
 
+    def _cover(self) -> None:
+        """Look for other curves where this one leaves something of the span."""
+        if not self.cover or self.made is None or self.ending.error or self.ending.status not in UNCOVERED:
+            return
+        search = Search(self._followed, self._departure, self.settings if self.special else None)
+        find_rest(self.made, self.others, (self.a, self.b), search)
+        self.remark = told(self.made, self.others, (self.a, self.b))
+
+    def _followed(self, span: tuple[float, float], start: Departure | None, rough: bool) -> Branch:
+        """Another curve of the span; what interrupts it interrupts this one."""
+        least: dict[str, Any] = {"stability": False, "special": False, "events": ()} if rough else {}
+        other = self.another(span=span, start=start, **least)
+        branch = other.traced()
+        if isinstance(other.ending.error, KeyboardInterrupt | _InProgress):
+            self.others += [branch]
+            raise other.ending.error
+        return branch
+
+    def _departure(self, value: float, near: Array | None) -> Departure:
+        """A solution at a value of the parameter, to go up from in it."""
+        here, problem = {**self.fixed, self.name: value}, self.original
+        X = problem.start(**here) if near is None else solve(problem, problem.fitted(near), here, "", self.settings).X
+        return Departure(X, here, np.append(np.zeros(len(X)), 1.0), away=False)
+
     def _branch(self) -> Branch:
         meta = {
             "span": [self.a, self.b], "steps": vars(self.steps), "newton": vars(self.settings),
             "stability": self.stability,
         }  # fmt: skip
         status, message = self.ending.status, self.ending.told
-        return branch_of(self.largest, self.name, self.fixed, *self._record(), status, message, meta)
+        made = branch_of(self.largest, self.name, self.fixed, *self._record(), status, message, meta)
+        return made if self.asymptote is None else replace(made, meta=with_asymptotes(made.meta, last=self.asymptote))
 
     def _result(self) -> Branch:
         made = self.made or self._branch()
-        return replace(made, status=self.ending.status, message=self.ending.told)
+        message = "; ".join(text for text in (self.ending.told, self.remark) if text)
+        return replace(made, status=self.ending.status, message=message, others=tuple(self.others))
 
     def _loop(self) -> tuple[Status, str]:
         while True:
             if len(self.rows) >= self.steps.max_points:
                 return Status.MAX_POINTS, f"{len(self.rows)} points, at {self.name} = {self.rows[-1].value:.6g}"
             rows, reason = self._advance()
+            rows, far = self._to_infinity(rows)
             if not rows:
                 status = Status.RETRACED if reason == _BACK else Status.STEP_TOO_SMALL
                 return status, f"{reason} at {self.name} = {self.rows[-1].value:.6g}; the shortest step was tried"
@@ -357,6 +406,9 @@ class _Tracer:
                     if self.stop is None:
                         self._adapt(last=True)
                     return ended
+            if far is not None:
+                self.asymptote = far
+                return Status.UNBOUNDED, f"the curve runs off to infinity towards {self.name} = {far:.6g}"
             self.top = max(self.top, *(self._motion_size(row.X) for row in rows))
             self.scale = self._scale(self.rows[-1].X)
             self._adapt()
@@ -615,6 +667,18 @@ class _Tracer:
         return Segment(self.problem, self.name, self.fixed, last, row, self.scale, self.settings)
 
     # ---- ends
+
+    def _to_infinity(self, rows: list[CurvePoint]) -> tuple[list[CurvePoint], float | None]:
+        """The rows up to where the curve is seen to run off to infinity, and the value of the parameter it nears."""
+        if not rows or self._motion_size(rows[-1].X) <= self.top or self._outside(rows[-1].value) is not None:
+            return rows, None
+        if asymptote(self.problem, self.name, self.fixed, rows[-1]) is None:
+            return rows, None
+        for i, row in enumerate(rows):
+            far = asymptote(self.problem, self.name, self.fixed, row)
+            if far is not None and self._outside(far) is None:
+                return rows[: i + 1], far
+        return rows, None
 
     def _outside(self, value: float) -> float | None:
         """The end of the span that a value lies on or beyond, if any."""

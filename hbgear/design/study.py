@@ -300,7 +300,7 @@ def _computed(model: Model, work: Work) -> Result:
     problem = HarmonicBalance(model, work.harmonics)
     if work.compute:
         stability = set(work.compute) != {"peak"}
-        branch = whole(trace(problem, "Omega", work.span, stability=stability, special=stability))
+        branch = whole(trace(problem, "Omega", work.span, stability=stability, special=stability, cover=False))
         if branch.status != Status.REACHED_END:
             raise ValueError(f"the curve ended early: {branch.message}")
         for kind, take in _OF_CURVE.items():

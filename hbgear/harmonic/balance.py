@@ -51,6 +51,7 @@ from hbgear.mechanics.fourier import (
     to_real,
 )
 from hbgear.mechanics.model import Model, System, describe
+from hbgear.mechanics.recession import Receded, longest, receded
 
 _UNKNOWNS = 4_000  # of the dense Jacobians, several of which are held at once
 
@@ -62,6 +63,9 @@ _COUNTABLE = 10**15  # larger numbers are refused before anything is computed wi
 
 
 _FREQUENCIES = Range(above=0, high=1e60)  # so that powers of Omega are numbers
+
+
+_FAR = 10.0  # size of a motion, over the largest length of the model, from which that may lose its meaning
 
 
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
@@ -140,6 +144,7 @@ class HarmonicBalance(FullProblem):
         self._check_size()
         self._transform = Transform(H, self.N)
         self._compiled: Recent[Compiled] = Recent(8)
+        self._receded: Recent[HarmonicBalance] = Recent(1)
 
     def __repr__(self) -> str:
         kind = ", sampled" if self.is_sampled else ""
@@ -297,6 +302,23 @@ class HarmonicBalance(FullProblem):
         if error < 1e-2 * self.tolerance and _FEWEST * self.nu < self.H:
             return max(_FEWEST * self.nu, int(0.8 * self.H))
         return None
+
+    def recession(self, X: Array, parameters: Mapping[str, float]) -> HarmonicBalance | None:
+        """The balance without gaps, loads and prescribed displacements, for motions far larger than all of these.
+
+        With backlash it is linear: all teeth are in mesh all the time. None for smaller motions, and where the force of
+        a law does not grow in proportion to the motion.
+        """
+        system = self.compiled(dict(parameters)).system
+        if self.motion_size(X) < _FAR * longest(system) or receded(system) is None:
+            return None
+        return self._receded.get((), self._far)
+
+    def _far(self) -> HarmonicBalance:
+        out = copy.copy(self)
+        out.model, out._structures = Receded(self.model), Recent(6)
+        out._prepare(self.N)
+        return out
 
     def check_fixed(self, what: str) -> None:
         """Refuse a number of harmonics that varies.

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -25,10 +26,12 @@ from hbgear.common.arrays import Array
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.branch import Branch, Point, Status
+from hbgear.continuation.covering import both_ways
 from hbgear.continuation.deflation import deflated_newton, same_solution
 from hbgear.continuation.ending import Ending, Interrupted, whole
-from hbgear.continuation.newton import NoConvergence, solve
+from hbgear.continuation.newton import NoConvergence, Settings, solve
 from hbgear.continuation.passing import passings
+from hbgear.continuation.segment import Departure
 from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.tracer import trace
 from hbgear.harmonic.balance import HarmonicBalance
@@ -271,6 +274,10 @@ def whole_branch(
     first = whole(trace(problem, "Omega", span, start, steps=steps, stability=False, special=False))
     if first.status in (Status.CLOSED, Status.RETRACED) or not first.status.complete:
         return whole(trace(problem, "Omega", span, start, steps=steps, stability=stability))
+    if first.status is Status.UNBOUNDED:
+        away = Departure(X, start.parameters, np.append(np.zeros(len(X)), 1.0), away=False)
+        follow = partial(trace, problem, "Omega", steps=steps, stability=stability)
+        return both_ways(away, span, lambda span, start: whole(follow(span, start)), Settings())
     if first.status is Status.MERGED:
         start, span = _beside_end(problem, first, span)
         return whole(trace(problem, "Omega", span, start, steps=steps, stability=stability))

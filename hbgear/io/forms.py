@@ -207,7 +207,8 @@ _FORMS: dict[type, dict[str, Form]] = {
              "multipliers": _optional(_array("c", 2)), "iterations": _array("iu", 1), "residual": _array("f", 1),
              "regime": _array("iu", 2), "error": _array("f", 1), "step": _array("f", 1),
              "special": _tuple(_object(SpecialPoint)), "jump_records": _tuple(_object(Jump)), "status": _text,
-             "message": _text, "layout": _optional(_object(Layout)), "meta": _table(_plain)},
+             "message": _text, "layout": _optional(_object(Layout)), "meta": _table(_plain),
+             "others": _tuple(lambda *given: _object(Branch)(*given))},
 }  # fmt: skip
 
 
@@ -219,8 +220,11 @@ def _check(branch: Branch) -> None:
         raise ValueError("it has no points")
     if np.isinf(branch.residual).any():
         raise ValueError("its residual has entries that are infinite")
+    for other in branch.others:
+        _check(other)
     _check_motion(layout_of(branch), branch.X, branch.regime, "branch")
     _check_balance(branch)
+    _check_asymptotes(branch)
     for point in branch.special:
         place = f"special point '{point.label}'"
         if not 0 <= point.index < len(branch):
@@ -247,6 +251,15 @@ def _check_balance(branch: Branch) -> None:
     for name, value in (("harmonics", layout.harmonics), ("nu", layout.nu)):
         if balance.get(name, value) != value:
             raise ValueError(f"its header says {name} = {str(balance[name])[:40]}, its rows have {value}")
+
+
+def _check_asymptotes(branch: Branch) -> None:
+    """Values of the parameter, of the first and the last row."""
+    known = branch.meta.get("asymptotes", {})
+    if not isinstance(known, dict) or not set(known) <= {"first", "last"}:
+        raise ValueError("its header has asymptotes of other ends than the first and the last row")
+    if not all(type(value) in (int, float) and math.isfinite(value) for value in known.values()):
+        raise ValueError("its header has asymptotes that are no finite numbers")
 
 
 def _check_motion(layout: Layout | None, X: Array, regime: Array, place: str) -> None:

@@ -1,6 +1,6 @@
 """Branches as .npz files: a JSON header with everything but the arrays, which lie beside it under their path.
 
-header.npy    {"format": "hbgear branch", "schema": 2, "branch": {"__class__": "Branch", "X": {"__array__": "X"}, ...}}
+header.npy    {"format": "hbgear branch", "schema": 3, "branch": {"__class__": "Branch", "X": {"__array__": "X"}, ...}}
 X.npy, ...    the arrays
 """
 
@@ -21,10 +21,11 @@ from hbgear.harmonic.observables import Layout
 from hbgear.io import forms
 from hbgear.io.archive import Archive, archive_of
 
-SCHEMA = 2
+SCHEMA = 3
 """Number of the file format `Branch.save` writes; `load` reads this and all earlier ones.
 
 1: special points without meaning and marker. 2: with them.
+3: with the other curves of the span, and statuses of later versions.
 """
 
 
@@ -80,7 +81,7 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
         raise FileNotFoundError(f"there is no file '{path}'; give the .npz of a branch saved before")
     try:
         with archive_of(path) as archive:
-            return dataclasses.replace(_branch_in(archive), problem=problem)
+            return _with_problem(_branch_in(archive), problem)
     except _Newer as newer:
         raise ValueError(f"'{path}' {newer}") from None
     except (OSError, ValueError, MemoryError) as error:
@@ -98,7 +99,12 @@ def unpacked(data: bytes, problem: Any = None) -> Branch:
     ValueError
         If it is damaged.
     """
-    return dataclasses.replace(_branch_in(Archive(io.BytesIO(data))), problem=problem)
+    return _with_problem(_branch_in(Archive(io.BytesIO(data))), problem)
+
+
+def _with_problem(branch: Branch, problem: Any) -> Branch:
+    others = tuple(_with_problem(other, problem) for other in branch.others)
+    return dataclasses.replace(branch, problem=problem, others=others)
 
 
 class _Newer(ValueError):

@@ -19,7 +19,7 @@ from hbgear.io.npz import encode
 def export(branch: Branch, path: str | os.PathLike[str]) -> None:
     """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all."""
     if checked_suffix(path, (".csv", ".mat"), "use save for .npz") == ".csv":
-        table = _table(branch)
+        table = _whole_table(branch)
         with replacing(path, "x", encoding="utf-8", newline="") as handle:
             writer = csv.writer(handle)
             writer.writerow(table)
@@ -31,8 +31,17 @@ def export(branch: Branch, path: str | os.PathLike[str]) -> None:
             savemat(handle, _matlab(branch), long_field_names=True, do_compression=True, oned_as="column")
 
 
+def _whole_table(branch: Branch) -> dict[str, Any]:
+    """Columns of the .csv; with the number of the curve first, and nothing where one has no such column, of several."""
+    if not branch.others:
+        return _table(branch)
+    tables = [{"curve": [i + 1] * len(b), **_table(b)} for i, b in enumerate((branch, *branch.others))]
+    names = dict.fromkeys(name for table in tables for name in table)
+    return {name: [x for t in tables for x in t.get(name, [""] * len(t["curve"]))] for name in names}
+
+
 def _table(branch: Branch) -> dict[str, Any]:
-    """Columns of the .csv: parameters, stability, per element its regime, measures and coefficients.
+    """Columns of one curve: parameters, stability, per element its regime, measures and coefficients.
 
     landing : how it was decided where the jump from a special point lands.
     """
@@ -60,6 +69,8 @@ def _matlab(branch: Branch) -> dict[str, Any]:
     """Variables of the .mat file: the fields of the branch, its measures, and rows counted from 1."""
 
     def convert(value: Any) -> Any:
+        if isinstance(value, Branch) and value is not branch:
+            return _matlab(value)
         if dataclasses.is_dataclass(value):
             pairs = saved_fields(value)
             if isinstance(value, SpecialPoint):

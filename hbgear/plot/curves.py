@@ -58,6 +58,10 @@ def response(
 ) -> Axes:
     """Response curve: a measure of an element against the branch's parameter.
 
+    With the others of its span if it has such (`Branch.others`), as by `responses`, unless it is given a colour or a
+    label or drawn without points or jumps. Where it runs off to infinity an arrow says so, and the value it nears is
+    dotted; new axes then end well above all that stays bounded.
+
     Parameters
     ----------
     branch, measure, element : see `Branch.amplitude`.
@@ -87,6 +91,8 @@ def response(
 
     if color is not None and not is_color_like(color):
         raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
+    if branch.others and special and jumps and color is None and label is None:
+        return responses((branch, *branch.others), measure, element, ax, legend=legend, speeds=speeds)
     amplitude = branch.amplitude(measure, element)
     own = ax is None
     with styled():
@@ -97,6 +103,7 @@ def response(
                 _arrow(ax, branch, jump, measure, element)
         if special:
             _marks(ax, branch, measure, element)
+        _to_infinity(ax, [branch], [color or "black"], measure, element, own)
         _name_axes(ax, branch, measure, element)
         if (own if speeds is None else speeds) and speed_axes(ax, [branch]) and own:
             heighten(ax)
@@ -121,7 +128,8 @@ def responses(
     """Several branches on the same axes: the colour is the branch, the width of the line the impact regime.
 
     Labels of special points carry the number of their branch, "LP1 (2)", which stands before its name in the legend.
-    Jumps are drawn to wherever they land on any of the branches. One branch alone is drawn as by `response`.
+    Jumps are drawn to wherever they land on any of the branches. Where one runs off to infinity an arrow says so, and
+    the value it nears is dotted. One branch alone is drawn as by `response`.
 
     Parameters
     ----------
@@ -160,6 +168,8 @@ def responses(
                 _arrow(ax, branch, landing.jump, measure, element)
         for branch in branches:
             _marks(ax, branch, measure, element, numbered=True)
+        colours = [BRANCHES[i % len(BRANCHES)] for i in range(len(branches))]
+        _to_infinity(ax, branches, colours, measure, element, own)
         _name_axes(ax, branches[0], measure, element)
         if (own if speeds is None else speeds) and speed_axes(ax, branches) and own:
             heighten(ax)
@@ -285,6 +295,52 @@ def _curve(
             branch.values[rows], amplitude[rows], linestyle=style, linewidth=width, color=color or COLOURS[regime],
             marker="." if first == last else None, label=label or name, gid=f"branch {regime} {stable}",
         )  # fmt: skip
+
+
+def _to_infinity(
+    ax: Axes, branches: Sequence[Branch], colours: Sequence[str], measure: str, element: int | str, own: bool
+) -> None:
+    """Arrows where curves run off to infinity, and their asymptotes; own axes end well above all else there is."""
+    if not any(branch.asymptotes for branch in branches):
+        return
+    amplitudes = [branch.amplitude(measure, element) for branch in branches]
+    top = _ABOVE * max(_bounded(branch, each) for branch, each in zip(branches, amplitudes, strict=True))
+    if own and 0 < top < max(float(each.max()) for each in amplitudes):
+        low = min(float(each.min()) for each in amplitudes)
+        ax.set_ylim(low - 0.05 * (top - low), top)
+    else:
+        top = np.inf
+    for value in {round(value, 9): value for branch in branches for value in branch.asymptotes.values()}.values():
+        ax.axvline(value, linestyle=":", linewidth=0.8, color=GREY, zorder=0, label="asymptote", gid="asymptote")
+    for branch, each, colour in zip(branches, amplitudes, colours, strict=True):
+        for end in branch.asymptotes:
+            way = slice(None, None, -1) if end == "first" else slice(None)
+            _arrow_out(ax, branch.values[way], each[way], colour, top)
+
+
+_ABOVE = 4.0  # height of axes over the largest amplitude of what stays bounded, if a curve runs off to infinity
+
+
+def _bounded(branch: Branch, amplitude: Array) -> float:
+    """The largest amplitude of a branch before it runs off to infinity: up to its last special points on both sides."""
+    marks = [point.index for point in branch.special]
+    first = min(marks, default=len(branch) - 1) if "first" in branch.asymptotes else 0
+    last = max(marks, default=0) if "last" in branch.asymptotes else len(branch) - 1
+    return float(amplitude[min(first, last) : max(first, last) + 1].max())
+
+
+def _arrow_out(ax: Axes, x: Array, y: Array, colour: str, top: float) -> None:
+    """An arrow along the end of a curve, or where it leaves the axes."""
+    cut = len(y) - 1
+    while cut > 1 and y[cut - 1] > _TIP * top:
+        cut -= 1
+    share = min((_TIP * top - y[cut - 1]) / (y[cut] - y[cut - 1]), 1.0) if y[cut] > _TIP * top else 1.0
+    tip = x[cut - 1] + share * (x[cut] - x[cut - 1]), y[cut - 1] + share * (y[cut] - y[cut - 1])
+    style = {"arrowstyle": "-|>", "color": colour, "linewidth": 0, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 17}
+    ax.annotate("", xy=tip, xytext=(x[cut - 1], y[cut - 1]), arrowprops=style, zorder=3, gid="to infinity")
+
+
+_TIP = 0.995  # share of the height of the axes at which an arrow ends
 
 
 def _name_axes(ax: Axes, branch: Branch, measure: str, element: int | str) -> None:

@@ -313,7 +313,7 @@ def validate(
                 share = done / (len(chosen) + len(left))
                 progress(Progress(share, f"{branch.parameter} = {branch.values[i]:.5g} ({reason})"))
             rows.append(_check(branch, problem, i, reason, tolerance, limit))
-        curves = (dataclasses.replace(branch, problem=problem), *others)
+        curves = (dataclasses.replace(branch, problem=problem), *branch.others, *others)
         for done, jump in enumerate(left):
             if progress:
                 share = (len(chosen) + done) / (len(chosen) + len(left))

@@ -366,7 +366,7 @@ def test_newer_schema_says_upgrade(tmp_path, monkeypatch):
     monkeypatch.setattr(npz, "SCHEMA", npz.SCHEMA + 1)
     make().save(tmp_path / "b.npz")
     monkeypatch.undo()
-    with pytest.raises(ValueError, match=r"has schema 3, this hbgear reads up to 2; upgrade"):
+    with pytest.raises(ValueError, match=f"has schema {npz.SCHEMA + 1}, this hbgear reads up to {npz.SCHEMA}; upgrade"):
         load(tmp_path / "b.npz")
 
 

@@ -161,6 +161,25 @@ def test_plot_of_a_file_and_of_its_points(run, saved):
     assert run("plot", saved)[0] == 0 and saved.with_suffix(".png").exists()
 
 
+def test_a_span_that_takes_several_curves(run):
+    """The first runs off to infinity; jumps land from one on the other, and the file has both."""
+    wild = ["--set", "zeta=0.01", "--set", "eps=0,0.2", "--set", "e=0.05", "--harmonics", 8]
+    code, out, err = run("trace", "spur-pair", *wild, "-o", "w.npz", "--plot", "w.png")
+    assert (code, err) == (0, "") and Path("w.png").exists()
+    assert "the curve runs off to infinity towards Omega = 1.04828; another curve covers the rest of the span" in out
+    curve = hb.load("w.npz")
+    (other,) = curve.others
+    assert f"branch 2: {len(other)} points; {other.message}" in out
+    assert out.count("special points") == 2
+    code, jumps, _ = run("jumps", "w.npz")
+    for text in (out, jumps):
+        assert re.search(r"LP1 .* decreasing .* branch 2, 0\.0", text)
+        assert re.search(r"LP1 .* increasing .* branch 1, 1\.", text)
+    code, out, _ = run("info", "w.npz")
+    assert code == 0 and f"Omega = {curve.asymptotes['last']:.9g} (behind the last point)" in out
+    assert "unbounded" in out and run("plot", "w.npz", "-o", "w.svg")[0] == 0
+
+
 def test_point_by_value_is_the_nearest_stable_one(saved):
     curve = hb.load(saved)
     fold, other = (curve[label].parameters["Omega"] for label in ("LP1", "LP2"))

@@ -358,12 +358,15 @@ def test_a_span_outside_the_range_is_refused():
 
 
 def test_a_resonance_without_damping_ends_with_a_status():
-    """x = F / (1 - Omega^2) cos tau leaves for infinity at Omega = 1."""
+    """x = F / (1 - Omega^2) cos tau leaves for infinity at Omega = 1, and comes back from there on the other side."""
     curve = trace(HarmonicBalance(Duffing(zeta=0.0, k3=0.0), 1), "Omega", (0.5, 1.5), steps=Steps(max_points=400))
-    x = 0.18 / (1 - curve.values**2)
-    assert not curve.status.complete and curve.values.max() < 1
-    np.testing.assert_allclose(curve.X[:, 1], x, rtol=1e-6)
-    assert x[-1] > 10
+    (other,) = curve.others
+    assert curve.values.max() < 1 < other.values.min() and other.values.max() == 1.5
+    for side in (curve, other):
+        x = 0.18 / (1 - side.values**2)
+        np.testing.assert_allclose(side.X[:, 1], x, rtol=1e-6)
+        assert side.status is Status.UNBOUNDED and side.asymptotes["last"] == pytest.approx(1, abs=1e-10)
+        assert abs(x).max() > 20 * 0.18
 
 
 def test_no_load_no_motion():

@@ -402,6 +402,48 @@ def test_a_jump_is_drawn_to_the_other_branch_that_has_a_stable_motion():
     assert x == lost.jump_records[0].value and min(abs(y - height) for height in heights) < 1e-2
 
 
+def arrows_out(ax):
+    return [text for text in ax.texts if text.get_gid() == "to infinity"]
+
+
+def test_a_curve_that_runs_off_to_infinity_ends_in_an_arrow():
+    """Where it leaves axes of some times the height of the fold before; its asymptote is dotted."""
+    b = resonance()
+    growth = 1 + 300 * np.linspace(0, 1, len(b)) ** 8
+    far = rebuilt(b, X=b.X * growth[:, None], meta={"asymptotes": {"last": 1.5}}, special=b.special[:1],
+                  jump_records=())  # fmt: skip
+    heights = far.amplitude("pp2")
+    ax = plot.response(far)
+    (arrow,), (low, high) = arrows_out(ax), ax.get_ylim()
+    assert high == pytest.approx(4 * heights[: far.special[0].index + 1].max()) and high < heights.max()
+    assert -0.1 * high < low < heights.min()
+    assert arrow.xyann[1] < arrow.xy[1] and arrow.xy[1] == pytest.approx(high, rel=0.01)
+    i = int(np.flatnonzero(heights > arrow.xy[1])[0])
+    assert np.interp(arrow.xy[1], heights[i - 1 : i + 1], far.values[i - 1 : i + 1]) == pytest.approx(arrow.xy[0])
+    (line,) = (line for line in ax.lines if line.get_gid() == "asymptote")
+    assert list(line.get_xdata()) == [1.5, 1.5] and line.get_linestyle() == ":"
+    assert "asymptote" in [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_arrows_point_out_of_both_ends():
+    b = resonance()
+    both = rebuilt(b, meta={"asymptotes": {"first": 0.4, "last": 1.9}}, special=(), jump_records=())
+    first, last = arrows_out(plot.response(both))
+    heights = both.amplitude("pp2")
+    assert first.xy == (both.values[0], heights[0]) and first.xyann == (both.values[1], heights[1])
+    assert last.xy == (both.values[-1], heights[-1]) and last.xyann == (both.values[-2], heights[-2])
+    assert not arrows_out(plot.response(b))
+
+
+def test_the_others_of_a_span_are_drawn_with_a_curve():
+    one, two = resonance(), resonance(k3=-0.11)
+    whole = rebuilt(one, others=(two,))
+    names = {line.get_label() for line in curves(plot.response(whole))}
+    assert names == {"branch 1", "branch 2"} == {line.get_label() for line in curves(plot.responses([whole]))}
+    assert {line.get_color() for line in curves(plot.response(whole, color="tab:red"))} == {"tab:red"}
+    assert len(curves(plot.response(whole, special=False))) == len(curves(plot.response(one, special=False)))
+
+
 def test_landings_look_at_all_branches_of_the_same_machine():
     b = resonance()
     jump = Jump("LP1", "Omega", b.jumps()[0].value, -1, b["LP1"], None)
