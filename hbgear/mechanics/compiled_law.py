@@ -11,7 +11,7 @@ import numpy as np
 
 from hbgear.common.arguments import check_fields
 from hbgear.common.arrays import Array
-from hbgear.common.messages import article
+from hbgear.common.messages import article, quoted
 from hbgear.common.ranges import POSITIVE, checked
 from hbgear.mechanics.laws import Forces, Law
 
@@ -67,11 +67,13 @@ class CompiledLaw(Law):
 
     def __post_init__(self) -> None:
         check_fields(self)
+        for name in ("parameters", "breakpoints"):
+            object.__setattr__(self, name, tuple(float(x) for x in getattr(self, name)))
         checked("CompiledLaw", "reference", self.reference, POSITIVE)
-        if list(self.breakpoints) != sorted(set(self.breakpoints)):
-            raise ValueError(f"CompiledLaw: breakpoints = {self.breakpoints} must ascend")
+        if list(self.breakpoints) != sorted(set(self.breakpoints)) or not np.isfinite(self.breakpoints).all():
+            raise ValueError(f"CompiledLaw: breakpoints = {quoted(self.breakpoints)} must be finite and ascend")
         if not np.isfinite(self.parameters).all():
-            raise ValueError(f"CompiledLaw: parameters = {self.parameters} must be finite")
+            raise ValueError(f"CompiledLaw: parameters = {quoted(self.parameters)} must be finite")
         at_rest = [float(x[0]) for x in self.force(*np.zeros((3, 1)))]
         if not np.isfinite(at_rest).all():
             raise ValueError(f"CompiledLaw: the function gives {at_rest} at d = v = tau = 0; they must be finite")

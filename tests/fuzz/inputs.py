@@ -22,6 +22,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 from scipy import sparse
 
@@ -54,6 +55,16 @@ NASTY: list[Callable[[], Any]] = [
     lambda: hb.Load(), lambda: hb.Status.CLOSED, lambda: curve(), lambda: point(), lambda: balance(),
     lambda: sparse.eye_array(2), lambda: NotImplementedError, lambda: "x" * 5000, lambda: "é", lambda: "\x00",
 ]  # fmt: skip
+
+
+@cache
+def quintic() -> Any:
+    """A compiled function of a force."""
+
+    def force(d: float, v: float, tau: float, k: Any) -> tuple[float, float, float]:
+        return k[0] * d**5, 5 * k[0] * d**4, 0.0
+
+    return numba.njit(force)
 
 
 @cache
@@ -145,6 +156,17 @@ def targets() -> tuple[Target, ...]:
         Target("Backlash", hb.Backlash, {"b": _is(1.0, 0.0), "k": _is(1.0), "stiffness": series}, 2),
         Target("Unilateral", hb.Unilateral, {"k": _is(1.0), "gap": _is(0.5), "stiffness": series}),
         Target("Cubic", hb.Cubic, {"k3": _is(0.1), "k1": _is(0.0)}),
+        Target(
+            "CompiledLaw",
+            hb.CompiledLaw,
+            {
+                "function": [quintic],
+                "parameters": _is((0.3,)),
+                "reference": _is(1.0),
+                "breakpoints": _is((), (0.5,)),
+                "rated": _is(False),
+            },
+        ),
         Target(
             "PiecewiseLinear",
             hb.PiecewiseLinear,

@@ -110,7 +110,7 @@ def endless(d, v, tau, p):
     [
         (lambda: hb.CompiledLaw(lambda d, v, tau, p: (d, 1.0, 0.0)), TypeError, "put @numba.njit before it"),
         (lambda: hb.CompiledLaw(drag, (0.3,), 0.0), ValueError, "reference = 0.0"),
-        (lambda: hb.CompiledLaw(drag, (0.3,), 1.0, (1.0, 0.5)), ValueError, "must ascend"),
+        (lambda: hb.CompiledLaw(drag, (0.3,), 1.0, (1.0, 0.5)), ValueError, "ascend"),
         (lambda: hb.CompiledLaw(drag, ("c",)), ValueError, "parameters"),
         (lambda: hb.CompiledLaw(stop, (np.nan, 0.6)), ValueError, "parameters"),
     ],
