@@ -29,6 +29,7 @@ from hbgear.cli.support import (
     BAD_INPUT,
     STOPPED_EARLY,
     At,
+    Beside,
     Changes,
     Element,
     File,
@@ -325,10 +326,7 @@ def jumps(
     file: File,
     model: OwnModel = None,
     landing: Landing = "nearest",
-    beside: Annotated[
-        list[Path] | None,
-        typer.Option("--with", metavar="FILE", help="A further saved curve on which jumps may land; can be repeated."),
-    ] = None,
+    beside: Beside = None,
     measure: Measure = "pp2",
     element: Element = "0",
 ) -> None:

@@ -77,6 +77,11 @@ Landing = Annotated[
     ),
 ]
 
+Beside = Annotated[
+    list[Path] | None,
+    typer.Option("--with", metavar="FILE", help="A further saved curve on which jumps may land; can be repeated."),
+]
+
 Measure = Annotated[
     str,
     typer.Option(

@@ -13,6 +13,7 @@ from hbgear.cli.files import FIGURES, check_writable, outputs
 from hbgear.cli.support import (
     STOPPED_EARLY,
     At,
+    Beside,
     Changes,
     Element,
     Figure,
@@ -54,6 +55,7 @@ def validate(
     points: Annotated[int, typer.Option(min=1, help="How many points, the most interesting first.")] = 12,
     tolerance: Annotated[float, typer.Option(help="Largest relative difference that agrees.")] = 1e-4,
     landing: Landing = "integrate",
+    beside: Beside = None,
     output: Table = None,
     plot: Figure = None,
     element: Element = "0",
@@ -74,8 +76,9 @@ def validate(
     branch, which = hb.load(file), element_of(element)
     branch[0].amplitude("rms", which)
     problem = None if model is None else problem_in(branch, model)
+    others = [hb.load(path) for path in beside or ()]
     with one_thread(), bar("points") as progress:
-        report = hold(branch, points, tolerance, problem=problem, landing=landing, progress=progress)
+        report = hold(branch, points, tolerance, problem=problem, landing=landing, others=others, progress=progress)
     headers, rows = report.table()
     with outputs() as out:
         out.write(output, report.export)

@@ -480,11 +480,11 @@ def _landing_verdict(curves: tuple[Branch, ...], said: Point | None, ends: list[
             return AGREES if len(ends) == 1 else f"{AGREES} in {len(group)} of {tries} tries: indeterminate"
     decided = ends[0][0]
     place = _place(curves, decided)
-    where = f"on curve {place + 1} of those given" if place else "on another stable motion of the curve"
+    where = f"on curve {place + 1} of them" if place else "on another stable motion of the curve"
     text = decided.note if place is None else where
     if decided.landing != "integrate":
         return text
-    return f"{AGREES} that it leaves the curve: {text}" if said is None and place != 0 else f"lands {text}"
+    return f"{AGREES}: {text}" if said is None and place != 0 else f"lands {text}"
 
 
 def _place(curves: tuple[Branch, ...], jump: Jump) -> int | None:
