@@ -37,7 +37,7 @@ def _attempt(seed, folder, note):
 
 def test_the_pool_reports_each_kind_of_failure_and_goes_on():
     most = pool.Most()
-    found = {f.seed: f for f in pool.run(_attempt, range(8), processes=2, seconds=0.5, memory=200 << 20, most=most)}
+    found = {f.seed: f for f in pool.run(_attempt, range(8), processes=2, seconds=2.0, memory=200 << 20, most=most)}
     kinds = {seed: failure.wrong.kind for seed, failure in found.items()}
     assert kinds == {1: "traceback", 2: "hang", 3: "memory", 4: "died", 5: "nonsense"}
     assert found[2].what == "seed 2"
