@@ -31,6 +31,7 @@ from hbgear.harmonic.peaks import peaks
 from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
 from hbgear.harmonic.survey import Survey, trace_all
 from hbgear.io.npz import load
+from hbgear.mechanics.compiled_law import CompiledLaw
 from hbgear.mechanics.doubts import Unlikely
 from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.functions import model
@@ -48,6 +49,7 @@ __all__ = [
     "Backlash",
     "Branch",
     "Cases",
+    "CompiledLaw",
     "Critical",
     "Cubic",
     "DoubleHelicalPair",

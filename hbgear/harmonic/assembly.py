@@ -25,6 +25,7 @@ import numpy as np
 
 from hbgear.common.compiling import kernel
 from hbgear.harmonic.projection import projected
+from hbgear.harmonic.sampling import samples_of, spectrum
 
 
 @kernel
@@ -138,8 +139,8 @@ def _add_load(linear: Any, Omega: float, n: int, matrices: Any, constants: Any) 
 
 
 @kernel
-def assembled(numbers: Any, X: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
-    """R (n,), dR/dX (n, n) and dR/dOmega (n,) of a motion X (n,); the size of the terms of R."""
+def assembled(numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
+    """R (n,), dR/dX (n, n) and dR/dOmega (n,) of a motion X (n,) at Omega / nu; the size of the terms of R."""
     m = matrices.shape[2]
     n = X.shape[0] // m
     H = n // 2
@@ -150,6 +151,8 @@ def assembled(numbers: Any, X: Any, matrices: Any, constants: Any, R: Any, J: An
         if numbers.laws.cubic[j, 1] != 0.0:
             add_product(more[j], J[j * n : (j + 1) * n, j * n : (j + 1) * n])
     size = size_f + _add_linear(rows, matrices, constants, R, J, dR)
+    for q in range(numbers.laws.own.shape[0]):
+        size += _add_samples(numbers, rows, q, omega, R, J, dR)
     return size if size > 0.0 else 1.0
 
 
@@ -256,7 +259,35 @@ def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: An
 
 
 @kernel
+def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: Any, dR: Any) -> float:
+    """Add what a compiled law says to R, J and dR; the norm of its forces."""
+    j, n = numbers.laws.own[which], rows.shape[1]
+    samples, part, total = samples_of(numbers, rows, which, omega), np.empty(n, dtype=np.complex128), 0.0
+    spectrum(samples[:, 0], numbers.basis, part)
+    for k in range(n // 2 + 1):
+        a, b = (2.0 * part[k].real, -2.0 * part[k].imag) if k else (part[0].real, 0.0)
+        total += a * a + b * b
+        R[j * n + (2 * k - 1 if k else 0)] += a
+        if k:
+            R[j * n + 2 * k] += b
+    spectrum(samples[:, 1], numbers.basis, part)
+    T = J[j * n : (j + 1) * n, j * n : (j + 1) * n]
+    add_product(part, T)
+    spectrum(samples[:, 2], numbers.basis, part)
+    damping = np.zeros((n, n))
+    add_product(part, damping)
+    for i in range(n):
+        for k in range(1, n // 2 + 1):
+            a, b = damping[i, 2 * k - 1] * k, damping[i, 2 * k] * k
+            T[i, 2 * k - 1] -= omega * b
+            T[i, 2 * k] += omega * a
+            dR[j * n + i] += (a * rows[j, 2 * k] - b * rows[j, 2 * k - 1]) / numbers.linear.nu
+    return math.sqrt(total)
+
+
+@kernel
 def linearised(numbers: Any, u: Any, R: Any, J: Any, dR: Any, matrices: Any, constants: Any) -> float:
     """`assembled` at u = (X, Omega) of a model with poles; matrices and constants are room for its linear part."""
-    linear_part(numbers.linear, u[u.shape[0] - 1], matrices, constants)
-    return assembled(numbers, u[: u.shape[0] - 1], matrices, constants, R, J, dR)
+    Omega = u[u.shape[0] - 1]
+    linear_part(numbers.linear, Omega, matrices, constants)
+    return assembled(numbers, u[: u.shape[0] - 1], Omega / numbers.linear.nu, matrices, constants, R, J, dR)

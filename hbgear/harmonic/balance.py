@@ -168,8 +168,7 @@ class HarmonicBalance(FullProblem):
     @property
     def smooth(self) -> bool:  # type: ignore[override]
         """Whether dR/dX is differentiable, so that folds can be found by Newton: no sampled corner in any law."""
-        sampled = self.compiled({}).sampled
-        return sampled is None or not any(law.breakpoints for law in sampled.laws)
+        return not any(law.breakpoints for _, law in self.compiled({}).asked)
 
     @property
     def layout(self) -> Layout:
@@ -384,7 +383,7 @@ class HarmonicBalance(FullProblem):
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:
         """Derivatives (n, n) of dR/dX along v (n,) and in a parameter; exact in Omega."""
         compiled = self.compiled(parameters)
-        if name != "Omega" or compiled.sampled:
+        if name != "Omega" or compiled.asked:
             return super().curvature(X, v, name, **parameters)
         return compiled.curvature(X, v, difference_along(X, v), float(parameters["Omega"]))
 

@@ -34,7 +34,8 @@ class Compiled:
 
     H, nu, N : harmonics, subharmonic order and samples per basis period. reduce : whether stability may leave out modes
     far above those of the motion. system, structure, receptance, laws : of the model. numbers : all that kernels need.
-    sampled : the laws that the numbers do not hold; None if there are none. corner, element : (K,) corners of all laws
+    sampled : the laws that the numbers do not hold; None if there are none. asked : laws that must be asked for their
+    slopes, these and compiled ones, each with the number of its element. corner, element : (K,) corners of all laws
     and the element each belongs to.
     """
 
@@ -54,6 +55,7 @@ class Compiled:
         self.H, self.nu, self.N, self.reduce = H, nu, transform.N, reduce
         laws, left = laws_of(self.laws, sampled, nu)
         self.numbers = Numbers(laws, self.receptance.numbers, transform.basis)
+        self.asked = tuple((int(j), self.laws[j]) for j in (*left, *laws.own))
         self.sampled = SampledLaws(self.laws, left, transform, nu) if left.size else None
         self.corner, self.element = laws.level, laws.owner
         self._linear: tuple[float, LinearPart] | None = None
@@ -108,7 +110,7 @@ class Compiled:
 
         n = self._length(X)
         R, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
-        size = assembled(self.numbers, np.ascontiguousarray(X), *linear, R, J, dR)
+        size = assembled(self.numbers, np.ascontiguousarray(X), Omega / self.nu, *linear, R, J, dR)
         if self.sampled:
             size += self.sampled.add_to(X.reshape(self.m, -1), Omega, R, J, dR)
         return R, J, dR, size
@@ -161,7 +163,7 @@ class Compiled:
 
         self._length(X)
         f = np.zeros((len(X), self.m, self.H), dtype=complex)
-        neglected(self.numbers, np.ascontiguousarray(X), f)
+        neglected(self.numbers, np.ascontiguousarray(X), np.asarray(Omega, dtype=float), f)
         if self.sampled:
             self.sampled.add_neglected(X, Omega, f)
         if self.structure.modal:

@@ -184,7 +184,7 @@ def monodromies(
     short = points or 6
     long = _LONG if points is None else np.inf
     schemes = ((*gauss(short), width or short / 5.0), (*gauss(10), width or 3.5), long)
-    if compiled.sampled is None:
+    if not compiled.asked:
         count = carrying.monodromies(
             compiled.numbers, part.modes, X, Omega, mobility, schemes, _SHARE, float(_MOST_STEPS), out
         )
@@ -227,10 +227,9 @@ def _carried(compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: f
 
 
 def _slopes(compiled: Compiled, rows: Array, omega: float, theta: Array) -> Array:
-    """dp/dd and dp/dv (2, m, T) of the sampled laws at phases theta of the basis; zero of all others."""
+    """dp/dd and dp/dv (2, m, T) of the laws that must be asked at phases theta of the basis; zero of all others."""
     out = np.zeros((2, compiled.m, len(theta)))
-    assert compiled.sampled is not None
-    for law, j in zip(compiled.sampled.laws, compiled.sampled.elements, strict=True):
+    for j, law in compiled.asked:
         d, v = evaluate(rows[j], theta), evaluate(omega * derivative(rows[j][None])[0], theta)
         out[:, j] = law.force(d, v, compiled.nu * theta)[1:]
     return out

@@ -5,7 +5,8 @@ cubic spring,
 
     p(d, tau) = sum_s k_s(tau) (g0_s + s0_s d + sum_i D_si max(d - x_i, 0)) + k1 d + k3 d^3
 
-Laws that are not (a user's, or those that shall be sampled) leave nothing but their corners in the table.
+Of a compiled law of the user there is its address; others (a user's in Python, or those that shall be sampled) leave
+nothing but their corners in the table.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.mechanics.compiled_law import CompiledLaw
 from hbgear.mechanics.fourier import stretch, to_complex
 from hbgear.mechanics.laws import Law, springs_of
 
@@ -29,6 +31,7 @@ class Laws(NamedTuple):
         stiffness at the basis harmonics shifts (L,), of which the first is 0.
     at, part (R,), change (R,) : of each change of slope its corner, its spring and D.
     cubic (m, 2) : k1 and k3.
+    own, address (Q,), given (Q, G) : of each compiled law of the user its element, its code and its parameters.
     """
 
     level: Array
@@ -42,6 +45,9 @@ class Laws(NamedTuple):
     part: np.ndarray
     change: Array
     cubic: Array
+    own: np.ndarray
+    address: np.ndarray
+    given: Array
 
 
 class Linear(NamedTuple):
@@ -92,9 +98,23 @@ def laws_of(laws: Sequence[Law], sampled: bool, nu: int) -> tuple[Laws, np.ndarr
     table = Laws(
         level, owner.astype(np.int64), np.isin(np.arange(len(level)), at),
         np.array([j for j, _ in springs], dtype=np.int64), base, np.array(shifts, dtype=np.int64), series,
-        at, np.asarray(part, dtype=np.int64), np.asarray(change, dtype=float), cubic,
+        at, np.asarray(part, dtype=np.int64), np.asarray(change, dtype=float), cubic, *_own(laws),
     )  # fmt: skip
-    return table, np.flatnonzero([parts is None for parts in known])
+    unknown = [parts is None and type(law) is not CompiledLaw for parts, law in zip(known, laws, strict=True)]
+    return table, np.flatnonzero(unknown)
+
+
+def _own(laws: Sequence[Law]) -> tuple[np.ndarray, np.ndarray, Array]:
+    """Elements, addresses and parameters of compiled laws."""
+    own = [(j, law) for j, law in enumerate(laws) if isinstance(law, CompiledLaw)]
+    given = np.zeros((len(own), 1 + max([0, *(len(law.parameters) for _, law in own)])))
+    for row, (_, law) in zip(given, own, strict=True):
+        row[: len(law.parameters)] = law.parameters
+    return (
+        np.array([j for j, _ in own], dtype=np.int64),
+        np.array([law.address for _, law in own], dtype=np.int64),
+        given,
+    )
 
 
 def in_two(z: ComplexArray) -> Array:

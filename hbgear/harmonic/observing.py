@@ -14,6 +14,7 @@ from hbgear.common.compiling import kernel
 from hbgear.harmonic.assembly import receptance
 from hbgear.harmonic.crossings import highest, sampled, waves_of
 from hbgear.harmonic.projection import projected
+from hbgear.harmonic.sampling import neglected_samples
 
 
 @kernel
@@ -37,8 +38,8 @@ def reach(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
 
 
 @kernel
-def neglected(numbers: Any, X: Any, f: Any) -> None:
-    """One-sided force harmonics H+1..2H (P, m, H) of the laws of the table, in closed form."""
+def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
+    """One-sided force harmonics H+1..2H (P, m, H) at Omega (P,): in closed form, but of compiled laws by samples."""
     H, m = f.shape[2], f.shape[1]
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
@@ -50,6 +51,7 @@ def neglected(numbers: Any, X: Any, f: Any) -> None:
                 for n in range(1, H + 1):
                     total += 0.5 * (kappa[j, k - n] * c[n] + kappa[j, k + n] * c[n].conjugate())
                 f[p, j, k - H - 1] = 2.0 * total
+        neglected_samples(numbers, rows, Omega[p] / numbers.linear.nu, f[p])
 
 
 @kernel

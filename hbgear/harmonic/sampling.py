@@ -1,0 +1,55 @@
+"""Kernels: the user's compiled laws, sampled; the same for them as `sampled` is for laws in Python.
+
+x_k = (1 / N) sum_n x(theta_n) exp(-i k theta_n),   theta_n = 2 pi n / N       of p, dp/dd and dp/dv
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.compiling import kernel
+from hbgear.harmonic.crossings import sampled
+from hbgear.mechanics.calling import called
+
+
+@kernel
+def samples_of(numbers: Any, rows: Any, which: int, omega: float) -> Any:
+    """p, dp/dd, dp/dv (N, 3) of the compiled law number ``which`` along the motions rows (m, 2H + 1) at omega."""
+    laws, N = numbers.laws, numbers.basis.shape[1]
+    row = rows[laws.own[which]]
+    speed, d, v, tau = np.zeros(row.shape[0]), np.empty(N), np.empty(N), np.empty(N)
+    for k in range(1, row.shape[0] // 2 + 1):
+        speed[2 * k - 1], speed[2 * k] = omega * k * row[2 * k], -omega * k * row[2 * k - 1]
+    sampled(row, numbers.basis, d)
+    sampled(speed, numbers.basis, v)
+    for n in range(N):
+        tau[n] = 2 * math.pi * ((numbers.linear.nu * n) % N) / N
+    out = np.empty((N, 3))
+    called(laws.address[which], d, v, tau, laws.given[which], out)
+    return out
+
+
+@kernel
+def spectrum(x: Any, basis: Any, out: Any) -> None:
+    """Two-sided coefficients 0, 1, ... of samples (N,); zeros where N is too short to hold them."""
+    N = x.shape[0]
+    for k in range(out.shape[0]):
+        real = imaginary = 0.0
+        for n in range(N if k <= N // 2 else 0):
+            real += x[n] * basis[1, (k * n) % N]
+            imaginary -= x[n] * basis[2, (k * n) % N]
+        out[k] = complex(real / N, imaginary / N)
+
+
+@kernel
+def neglected_samples(numbers: Any, rows: Any, omega: float, f: Any) -> None:
+    """Put one-sided force harmonics H+1..2H of the compiled laws in their rows of f (m, H)."""
+    H, N = f.shape[1], numbers.basis.shape[1]
+    part = np.empty(2 * H + 1, dtype=np.complex128)
+    for q in range(numbers.laws.own.shape[0]):
+        spectrum(samples_of(numbers, rows, q, omega)[:, 0], numbers.basis, part)
+        for k in range(H + 1, min(2 * H, N // 2 - 1) + 1):
+            f[numbers.laws.own[q], k - H - 1] = 2.0 * part[k]
