@@ -107,11 +107,11 @@ def _of_values(model: Model, name: str, values: Array, usual: Range) -> None:
 def _of_matrices(system: System) -> None:
     """Warn of masses and dampers that are not positive, and of couplings given on one side of the diagonal only."""
     for name, matrix in (("M", system.M), ("C", system.C), ("K", system.K)):
-        A = scipy.sparse.csr_array(matrix)
+        A = matrix if isinstance(matrix, np.ndarray) else scipy.sparse.csr_array(matrix)
         there = abs(A) > _ROUNDING * abs(A).max()
-        one_sided = there.astype(int) - there.T.astype(int)
-        if one_sided.count_nonzero():
-            i, j = (int(x[0]) for x in one_sided.nonzero())
+        rows, columns = (there != there.T).nonzero()
+        if len(rows):
+            i, j = int(rows[0]), int(columns[0])
             tell(
                 f"{name} couples {system.dof_names[i]} and {system.dof_names[j]} on one side of its diagonal only: "
                 f"{name}[{i}, {j}] = {A[i, j]:g}, {name}[{j}, {i}] = {A[j, i]:g}"
@@ -122,7 +122,8 @@ def _of_matrices(system: System) -> None:
         least = float(diagonal.min())
         if system.n <= _LOOKED_AT:
             scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, np.abs(diagonal).max() or 1.0))
-            dense = (A + A.T).toarray() / 2 * np.outer(scale, scale)
+            twice = A + A.T
+            dense = (twice if isinstance(twice, np.ndarray) else twice.toarray()) / 2 * np.outer(scale, scale)
             least = float(scipy.linalg.eigvalsh(dense, subset_by_index=(0, 0))[0])
         if least < -_ROUNDING:
             what = "a mass is negative" if name == "M" else "a damper feeds energy to the motion"
