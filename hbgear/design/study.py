@@ -135,6 +135,10 @@ class Cases:
     def __len__(self) -> int:
         return len(self.table["case"])
 
+    def __repr__(self) -> str:
+        done = f"{len(self)} of {self.total} done" + (f", {len(self.failed)} failed" if self.failed else "")
+        return f"<Cases of {type(self.model).__name__} in {', '.join(self.names)}: {done}>"
+
     @property
     def failed(self) -> dict[int, str]:
         """Reason of each case that failed."""

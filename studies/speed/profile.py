@@ -51,10 +51,10 @@ def linear_parts(linear: Any, Omega: Any, matrices: Any, constants: Any) -> None
 
 
 @kernel
-def assemblies(numbers: Any, X: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> None:
+def assemblies(numbers: Any, X: Any, Omega: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> None:
     """Equations of all rows."""
     for p in range(X.shape[0]):
-        assembled(numbers, X[p], matrices, constants, R, J, dR)
+        assembled(numbers, X[p], Omega[p] / numbers.linear.nu, matrices, constants, R, J, dR)
 
 
 @kernel
@@ -100,7 +100,7 @@ def kernels(problem: hb.HarmonicBalance, curve: hb.Branch) -> dict[str, Callable
     found = [monodromies(compiled, part, mobility, X, Omega, None, None) for part in parts]
     return {
         "linear part": lambda: linear_parts(compiled.numbers.linear, Omega, *linear),
-        "laws, assembly": lambda: assemblies(compiled.numbers, X, *linear, R, J, dR),
+        "laws, assembly": lambda: assemblies(compiled.numbers, X, Omega, *linear, R, J, dR),
         "elimination": lambda: eliminations(A, work, x),
         "prediction": lambda: predictions(u, t, one, out),
         "reach, truncation": lambda: (compiled.reach(X), compiled.truncation(X, Omega)),

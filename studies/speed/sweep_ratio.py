@@ -68,6 +68,7 @@ def run(quick: bool = False) -> dict[str, Any]:
     with threadpool_limits(1):
         curves = {H: continuation(H) for H in (16, 24)}
         unit = dop853(curves[16][0])
+        sweep(hb.DoubleHelicalPair(), np.array(SPAN), "up")  # compiles what it needs
         rows = []
         for tolerance in tolerances:
             found, seconds = sweeps(tolerance, values)

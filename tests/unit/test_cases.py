@@ -52,6 +52,10 @@ def run(tmp_path):
         )
 
 
+def test_results_are_shown_in_a_line(run):
+    assert repr(run(grid(zeta=[0.05, 0.06, 0.07]))) == "<Cases of Duffing in zeta: 3 of 3 done>"
+
+
 def test_a_latin_hypercube_has_one_case_in_each_layer():
     sample = latin_hypercube(20, 3, zeta=("uniform", 0.0, 1.0), F=("normal", 2.0, 0.5))
     rows = list(sample.rows())
