@@ -1,0 +1,517 @@
+"""Special points, verdicts and landings of a traced machine held against shooting and integration in time.
+
+    python -m studies.random.truth --count 20            # of each kind; the worst pairs of true and stated error
+    python -m studies.random.truth spur:7 two:3          # these machines, point by point
+
+True special points come from shooting alone: Newton on the state after a period (DOP853 with its variational equation,
+corners of the laws met exactly) in the plane across the curve, and a secant along it to
+
+    LP  t_Omega = 0      PD  det(Phi + 1) = 0      NS  |mu| = 1 of a pair      GR  extremum of an element = corner
+
+Where to look is told by a trace with four times the harmonics, and by the points found: what shooting confirms of the
+former and the curve does not have is missing, what it does not confirm of the latter is false. BP points, where
+two curves cross, are compared with those of the finer trace alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy
+
+import hbgear as hb
+from hbgear.common.arrays import Array
+from hbgear.continuation.branch import NEUTRAL, Branch, Jump, Point, SpecialPoint
+from hbgear.continuation.newton import NoConvergence, solve
+from hbgear.harmonic.receptance import Structure
+from hbgear.timedomain.exponential import modal_state, physical_state
+from hbgear.timedomain.integrate import state_of
+from hbgear.timedomain.runge_kutta import Flow
+from hbgear.timedomain.shooting import variation
+from studies.random.machines import KINDS, Machine, machine
+
+FINER = 4
+"""Times the harmonics of the curve, of the trace that tells where to look."""
+
+NEAR = 0.1
+"""Distance, in Omega over the span and in the motion over its size, within which two points are the same."""
+
+ROWS = 6
+"""Rows of each curve whose verdict is compared: half of them those nearest to the unit circle."""
+
+MOST = 12
+"""Special points of a machine that are looked for by shooting: first those without a partner in the finer trace."""
+
+KINDS_SHOT = ("LP", "PD", "NS", "GR")
+
+
+class NotFound(Exception):
+    """Shooting does not find it."""
+
+
+# ---- shooting
+
+
+class Orbits:
+    """Periodic motions of a model by shooting, in planes across their curve: u = (state, Omega).
+
+    P takes the drift of free motions out of a state; scale (2n + 1,) makes states and Omega comparable.
+    """
+
+    def __init__(self, model: hb.Model, nu: int, y: Array, span: float) -> None:
+        self.model, self.nu, self.system = model, nu, model.system()
+        self.structure = Structure(self.system)
+        size = len(y)
+        self.P = np.array([physical_state(self.structure, modal_state(self.structure, e)) for e in np.eye(size)]).T
+        self.scale = np.append(np.full(size, float(np.linalg.norm(y)) or 1.0), span)
+
+    def _end(self, u: Array) -> Array:
+        flow = Flow(self.system, float(u[-1]))
+        return flow.march(0.0, u[:-1], self.nu * 2 * np.pi / flow.Omega, "DOP853", 1e-12)[0]
+
+    def slope(self, u: Array) -> Array:
+        """d end / d Omega, by a central difference, without the drift."""
+        h = np.append(np.zeros(len(u) - 1), 1e-5 * u[-1])
+        out: Array = self.P @ (self._end(u + h) - self._end(u - h)) / (2 * h[-1])
+        return out
+
+    def at(self, u: Array, normal: Array, slope: Array) -> Orbit:
+        """The motion in the plane across ``normal`` (scaled) through u.
+
+        The slope may be that of a motion nearby: it turns the tangent a little, but does not move the place where the
+        last component of it vanishes.
+
+        Raises
+        ------
+        NotFound
+            If Newton does not converge.
+        """
+        start, size = u, len(u) - 1
+        for _ in range(12):
+            flow = Flow(self.system, float(u[-1]), variational=True)
+            end, Phi, reduced = variation(flow, self.structure, u[:-1], self.nu, 1e-12)
+            gap = self.P @ (end - u[:-1])
+            A = np.vstack([np.column_stack([self.P @ Phi @ self.P - self.P, slope]) * self.scale, normal])
+            solver = np.linalg.pinv(A, rcond=1e-12)
+            du = self.scale * (solver @ -np.append(gap, normal @ ((u - start) / self.scale)))
+            if not np.isfinite(du).all() or np.linalg.norm(du / self.scale) > 0.5:
+                break
+            u = u + du
+            if np.linalg.norm(du / self.scale) < 1e-9:
+                mu = np.linalg.eigvals(reduced)
+                tangent = solver @ np.eye(size + 1)[-1]
+                return Orbit(self, u, tangent / np.linalg.norm(tangent), mu, reduced)
+        raise NotFound(f"no motion at Omega = {start[-1]:.6g}")
+
+
+@dataclass(frozen=True, eq=False)
+class Orbit:
+    """A motion found by shooting: u, unit tangent (scaled) and multipliers."""
+
+    of: Orbits
+    u: Array
+    tangent: Array
+    multipliers: Array
+    reduced: Array
+
+    @property
+    def Omega(self) -> float:
+        """Its frequency."""
+        return float(self.u[-1])
+
+    @property
+    def largest(self) -> float:
+        """Modulus of the largest multiplier."""
+        return float(np.abs(self.multipliers).max())
+
+    def extremes(self) -> Array:
+        """Lowest and highest value (m, 2) of every element, by the cubic through samples and their rates."""
+        motion = hb.integrate(self.of.model, self.u[:-1], self.of.nu, self.Omega, samples=1024)
+        h = (motion.tau[1] - motion.tau[0]) / self.Omega
+        out = []
+        for d, v in zip(motion.d, motion.v * h, strict=True):
+            d1, v1 = np.roll(d, -1), np.roll(v, -1)
+            a, b = v + v1 - 2 * (d1 - d), 3 * (d1 - d) - 2 * v - v1
+            with np.errstate(all="ignore"):
+                roots = [(-b + sign * np.sqrt(b * b - 3 * a * v)) / (3 * a) for sign in (1, -1)]
+                inside = [np.where((s > 0) & (s < 1), d + s * (v + s * (b + s * a)), d) for s in roots]
+            ends = np.nan_to_num(np.array([*inside, d]), nan=float(d[0]))
+            out.append([ends.min(), ends.max()])
+        return np.array(out)
+
+
+def polished(kind: str, orbits: Orbits, u: Array, tangent: Array, corner: tuple[int, int, float]) -> Orbit:
+    """The true special point near u, by a secant on its test function along the curve.
+
+    tangent : of the curve there (scaled). corner : element, 0 or 1 for its lowest or highest value, corner; of GR.
+
+    Raises
+    ------
+    NotFound
+        If there is none within `NEAR`.
+    """
+    test, slope = _test(kind, corner), orbits.slope(u)
+    orbit = orbits.at(u, tangent, slope)
+    tangent, u = orbit.tangent, orbit.u
+    here, beside = (0.0, test(orbit)), 1e-3
+    for _ in range(9):
+        try:
+            orbit = orbits.at(u + beside * orbits.scale * tangent, tangent, slope)
+        except NotFound:
+            beside = 0.5 * (here[0] + beside)
+            continue
+        there = beside, test(orbit)
+        rise = (there[1] - here[1]) / (there[0] - here[0])
+        beside = there[0] - there[1] / rise if rise else np.nan
+        if not abs(beside) <= NEAR:
+            break
+        if abs(beside - there[0]) <= 1e-8:
+            return orbit
+        here = there if abs(there[1]) < abs(here[1]) else here
+    raise NotFound(f"no {kind} near Omega = {u[-1]:.6g}")
+
+
+def _test(kind: str, corner: tuple[int, int, float]) -> Callable[[Orbit], float]:
+    if kind == "LP":
+        return lambda orbit: float(orbit.tangent[-1])
+    if kind == "PD":
+        return lambda orbit: float(np.prod(orbit.multipliers + 1).real)
+    if kind == "NS":
+        return _pair
+    element, side, level = corner
+    return lambda orbit: float(orbit.extremes()[element, side]) - level
+
+
+def _pair(orbit: Orbit) -> float:
+    """log |mu| of the complex pair nearest to the unit circle."""
+    mu = orbit.multipliers
+    sizes = np.log(np.abs(mu[np.abs(mu.imag) > 1e-6 * np.abs(mu)]))
+    if not sizes.size:
+        raise NotFound("no complex pair")
+    return float(sizes[np.argmin(np.abs(sizes))])
+
+
+# ---- special points
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A special point and its truth: Omega as said and as it is (nan if false or missing), the error stated, how."""
+
+    machine: str
+    kind: str
+    Omega: float
+    true: float
+    stated: float
+    by: str
+
+    @property
+    def error(self) -> float:
+        """Of Omega."""
+        return abs(self.Omega - self.true)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is said of the stability of a row (None: undecided), and the largest multiplier said and true."""
+
+    machine: str
+    Omega: float
+    stable: bool | None
+    said: float
+    true: float
+
+    @property
+    def wrong(self) -> bool:
+        """Whether it was said and is not so; a multiplier on the unit circle is neither."""
+        neutral = abs(self.true - 1) <= NEUTRAL
+        return self.stable is not None and not neutral and self.stable != (self.true < 1)
+
+
+@dataclass(frozen=True)
+class Landed:
+    """Where a jump was said to land (rms of the first element, nan: nowhere), and where another integration ended."""
+
+    machine: str
+    label: str
+    Omega: float
+    said: float
+    true: float
+    right: bool
+    note: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All that was compared of one machine."""
+
+    machine: str
+    points: list[Compared] = field(default_factory=list)
+    verdicts: list[Verdict] = field(default_factory=list)
+    jumps: list[Landed] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+def stated(point: Point) -> float:
+    """The error that is stated of a special point, nan if none is."""
+    return float(getattr(point, "error", np.nan))
+
+
+def said(point: Point) -> bool | None:
+    """The verdict on a point; None if it is undecided."""
+    return None if getattr(point, "verdict", "") == "undecided" else point.stable
+
+
+def curves(branch: Branch) -> list[Branch]:
+    """A branch and the others of its span."""
+    return [branch, *branch.others]
+
+
+def compare(it: Machine, harmonics: int = 16, jumps: bool = True, seed: int = 0) -> Comparison:
+    """A machine traced by the default call and held against the truth."""
+    begun = time.perf_counter()
+    branch = traced(it, harmonics)
+    fine = traced(it, FINER * harmonics)
+    found, random = Comparison(it.name), np.random.default_rng(seed)
+    found.points.extend(special_points(it, branch, fine, random))
+    for one in curves(branch):
+        found.verdicts.extend(verdicts(it, one, fine.problem, random))
+    if jumps:
+        found.jumps.extend(landed(it, branch))
+    return Comparison(it.name, found.points, found.verdicts, found.jumps, time.perf_counter() - begun)
+
+
+def traced(it: Machine, harmonics: int, **options: Any) -> Branch:
+    """The response curve of a machine."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return hb.trace(hb.HarmonicBalance(it.model, harmonics), "Omega", it.span, **options)
+
+
+def special_points(it: Machine, branch: Branch, fine: Branch, random: np.random.Generator) -> list[Compared]:
+    """Special points of the curve with their truth, and those it misses; of more than `MOST` some."""
+    mine = [(one, p) for one in curves(branch) for p in one.special]
+    finer = [(one, p) for one in curves(fine) for p in one.special]
+    partner = dict(matched(it, [p for _, p in mine], [p for _, p in finer]))
+    alone = random.permutation([i for i in range(len(mine)) if i not in partner])[: MOST // 2].astype(int)
+    more = [j for j in range(len(finer)) if j not in partner.values() and finer[j][1].kind in KINDS_SHOT]
+    more = random.permutation(more)[: MOST // 2].astype(int).tolist()
+    both = random.permutation(list(partner))[: MOST - len(alone) - len(more)].astype(int)
+    out = [_compared(it, mine[i][1], *finer[partner[i]], sure=True) for i in sorted(both)]
+    out += [_compared(it, mine[i][1], *mine[i], sure=False) for i in alone]
+    for j in more:
+        one, p = finer[j]
+        try:
+            true = shot(it, one, p)
+        except NotFound:
+            continue
+        if not any(c.kind == p.kind and abs(c.true - true) < 1e-7 for c in out):
+            out.append(Compared(it.name, p.kind, np.nan, true, np.nan, "shooting"))
+    return out
+
+
+def _compared(it: Machine, p: SpecialPoint, branch: Branch, near: SpecialPoint, sure: bool) -> Compared:
+    """A special point and its truth, looked for near another one of a branch; sure: one of the finer trace."""
+    Omega, true, by = p.parameters["Omega"], np.nan, "none"
+    try:
+        true, by = shot(it, branch, near), "shooting"
+    except NotFound:
+        if sure:
+            true, by = near.parameters["Omega"], "finer"
+    return Compared(it.name, p.kind, Omega, true, stated(p), by)
+
+
+def shot(it: Machine, branch: Branch, point: SpecialPoint) -> float:
+    """Omega of the true special point near one of a branch.
+
+    Raises
+    ------
+    NotFound
+        If shooting does not find it.
+    """
+    if point.kind not in KINDS_SHOT:
+        raise NotFound(f"{point.kind} is not looked for by shooting")
+    problem, here = branch.problem, point.parameters
+    y = state_of(problem, problem.converted(point), **here)
+    orbits = Orbits(it.model, problem.nu, y, abs(it.span[1] - it.span[0]))
+    before, after = (branch[max(i, 0)] for i in (point.index - 1, min(point.index + 1, len(branch) - 1)))
+    ends = [np.append(state_of(problem, problem.converted(b), **b.parameters), b.parameters["Omega"])
+            for b in (before, after)]  # fmt: skip
+    tangent = (ends[1] - ends[0]) / orbits.scale
+    try:
+        found = polished(point.kind, orbits, np.append(y, here["Omega"]), tangent / np.linalg.norm(tangent),
+                         _corner(branch, point))  # fmt: skip
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise NotFound(str(error)) from error
+    return found.Omega
+
+
+def _corner(branch: Branch, point: SpecialPoint) -> tuple[int, int, float]:
+    """Element, side and corner of a grazing point."""
+    if point.kind != "GR":
+        return 0, 0, 0.0
+    problem = branch.problem
+    which = list(problem.clearance_names).index(point.note.split(", ")[0])
+    element = problem.clearance_elements[which]
+    own = [i for i, j in enumerate(problem.clearance_elements) if j == element].index(which)
+    return element, own % 2, float(problem.compiled({}).laws[element].breakpoints[own // 2])
+
+
+def matched(it: Machine, mine: Sequence[SpecialPoint], finer: Sequence[SpecialPoint]) -> list[tuple[int, int]]:
+    """Pairs of points of one kind that are nearest to each other, within `NEAR`."""
+    out = []
+    for kind in sorted({p.kind for p in mine}):
+        a = [i for i, p in enumerate(mine) if p.kind == kind]
+        b = [j for j, p in enumerate(finer) if p.kind == kind]
+        far = np.array([[_distance(it, mine[i], finer[j]) for j in b] for i in a]).reshape(len(a), len(b))
+        for i, j in zip(*scipy.optimize.linear_sum_assignment(np.minimum(far, NEAR)), strict=True):
+            if far[i, j] < NEAR:
+                out.append((a[i], b[j]))
+    return out
+
+
+def _distance(it: Machine, one: SpecialPoint, other: SpecialPoint) -> float:
+    apart = abs(one.parameters["Omega"] - other.parameters["Omega"]) / abs(it.span[1] - it.span[0])
+    if one.kind == "GR" and one.note.split(", ")[0] not in other.note.split(", "):
+        return np.inf
+    sizes = np.array([[p.amplitude("rms", j) for j in range(len(one.regime))] for p in (one, other)])
+    return float(apart + np.linalg.norm(sizes[0] - sizes[1]) / (np.linalg.norm(sizes) or 1.0))
+
+
+# ---- verdicts
+
+
+def verdicts(it: Machine, branch: Branch, finer: hb.HarmonicBalance, random: np.random.Generator) -> list[Verdict]:
+    """Some rows, half of them those nearest to the unit circle, beside the multipliers of the motion shot there."""
+    if branch.multipliers is None:
+        return []
+    plain = np.setdiff1d(np.arange(len(branch)), [p.index for p in branch.special])
+    size = np.abs(branch.multipliers).max(axis=1, initial=0.0)[plain]
+    close = plain[np.argsort(np.abs(size - 1))[: ROWS // 2]]
+    some = random.choice(np.setdiff1d(plain, close), min(ROWS // 2, max(0, len(plain) - len(close))), replace=False)
+    out = []
+    for i in sorted({*close.tolist(), *some.tolist()}):
+        point = branch[i]
+        try:
+            X = solve(finer, finer.converted(point), point.parameters).X
+            y = state_of(finer, X, **point.parameters)
+            orbit = hb.shoot(it.model, point.parameters["Omega"], y, tolerance=1e-10)
+        except (NoConvergence, ArithmeticError, np.linalg.LinAlgError):
+            continue
+        if np.linalg.norm(orbit.state - y) < 0.02 * np.linalg.norm(y):
+            sizes = [float(np.abs(mu).max(initial=0.0)) for mu in (point.multipliers, orbit.multipliers)]
+            out.append(Verdict(it.name, point.parameters["Omega"], said(point), *sizes))
+    return out
+
+
+# ---- landings
+
+BEYOND = 1.3e-4
+"""Distance beyond the point left, over the span; others than those of `hbgear.timedomain.landing`."""
+
+PERIODS = 400
+
+
+def landed(it: Machine, branch: Branch) -> list[Landed]:
+    """The jumps of a curve, decided by integration, beside an integration of our own, from another distance."""
+    out = []
+    for jump in branch.jumps(landing="integrate"):
+        point = jump.before
+        Omega = jump.value + jump.direction * BEYOND * float(np.ptp(branch.values))
+        state = state_of(branch.problem, branch.problem.converted(point), **point.parameters)
+        try:
+            end = hb.integrate(it.model, state, PERIODS, Omega, method="exponential", samples=1).end
+            seen = hb.integrate(it.model, end, 64, Omega, method="exponential", samples=64).d
+        except ArithmeticError:
+            seen = np.full((1, 64), np.inf)
+        with np.errstate(invalid="ignore"):
+            true = np.nan_to_num(seen.std(axis=-1), nan=np.inf)
+        after = np.array([np.nan if jump.after is None else jump.after.amplitude("rms", j) for j in range(len(true))])
+        right = _lands(jump, after, true)
+        out.append(Landed(it.name, jump.label, jump.value, float(after[0]), float(true[0]), right, jump.note))
+    return out
+
+
+def _lands(jump: Jump, after: Array, true: Array) -> bool:
+    """Whether the motion integrated is the one said; one that is not periodic or runs away has no motion."""
+    if jump.after is None:
+        return "not periodic" in jump.note or not np.isfinite(true).all()
+    return bool(np.linalg.norm(after - true) <= 0.02 * np.linalg.norm(true))
+
+
+# ---- summary
+
+
+def summary(found: Iterable[Comparison], worst: int = 15) -> str:
+    """Counts, and the worst pairs of true and stated error."""
+    found = list(found)
+    points = [p for one in found for p in one.points]
+    known = [p for p in points if np.isfinite(p.error)]
+    lines = [f"{len(found)} machines, {sum(one.seconds for one in found):.0f} s"]
+    for kind in sorted({p.kind for p in points}):
+        some = [p for p in points if p.kind == kind]
+        errors = [p.error for p in some if np.isfinite(p.error)] or [np.nan]
+        false, missing = sum(np.isnan(p.true) for p in some), sum(np.isnan(p.Omega) for p in some)
+        by = sum(p.by == "shooting" for p in some)
+        lines.append(f"{kind}: {len(some)} points, {by} shot, {false} false, {missing} missing, true error median "
+                     f"{np.median(errors):.1e}, largest {np.max(errors):.1e}")  # fmt: skip
+    ratio = np.array([p.error / max(p.stated, 1e-9) for p in known])
+    if ratio.size:
+        lines.append(f"true error below three times the stated one: {np.mean(ratio < 3):.1%}, below ten times: "
+                     f"{np.mean(ratio < 10):.1%}")  # fmt: skip
+    rows = [v for one in found for v in one.verdicts]
+    wrong = [v for v in rows if v.wrong]
+    undecided = sum(v.stable is None for v in rows)
+    lines.append(f"{len(rows)} verdicts: {len(wrong)} wrong, {undecided} undecided")
+    jumps = [j for one in found for j in one.jumps]
+    lines.append(f"{len(jumps)} jumps: {sum(not j.right for j in jumps)} land elsewhere")
+    lines += ["", "worst true error over stated error: machine, kind, said, true, error, stated"]
+    order = np.argsort(-ratio)[:worst] if ratio.size else []
+    lines += [_line(known[i]) for i in order]
+    lines += ["", "missing or false:"] + [_line(p) for p in points if not np.isfinite(p.error)]
+    lines += ["", "wrong verdicts: machine, Omega, said stable, |mu| said, true"]
+    lines += [f"{v.machine} {v.Omega:.7g} {v.stable} {v.said:.7f} {v.true:.7f}" for v in wrong]
+    lines += ["", "jumps that land elsewhere: machine, label, Omega, rms said, true, note"]
+    lines += [f"{j.machine} {j.label} {j.Omega:.7g} {j.said:.5g} {j.true:.5g} {j.note}" for j in jumps if not j.right]
+    return "\n".join(lines)
+
+
+def _line(p: Compared) -> str:
+    return f"{p.machine} {p.kind} {p.Omega:.9g} {p.true:.9g} {p.error:.1e} {p.stated:.1e} {p.by}"
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m studies.random.truth", description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    parser.add_argument("machines", nargs="*", metavar="KIND:NUMBER", help="these machines")
+    parser.add_argument("--count", type=int, default=5, help="of each kind, if none are named")
+    parser.add_argument("--first", type=int, default=0, help="number of the first of them")
+    parser.add_argument("--kinds", nargs="*", default=list(KINDS), choices=list(KINDS))
+    parser.add_argument("--no-jumps", action="store_true", help="leave out the landings, which take the most time")
+    given = parser.parse_args()
+    numbers = range(given.first, given.first + given.count)
+    names = given.machines or [f"{kind}:{i}" for i in numbers for kind in given.kinds]
+    found = []
+    for name in names:
+        kind, number = name.split(":")
+        try:
+            found.append(compare(machine(kind, int(number)), jumps=not given.no_jumps))
+        except NoConvergence as error:
+            print(f"{name}: {error}")
+            continue
+        one = found[-1]
+        print(f"{name}: {one.seconds:.1f} s, {len(one.points)} points", flush=True)
+        if given.machines:
+            print("\n".join(map(str, [*map(asdict, one.points), *map(asdict, one.verdicts), *map(asdict, one.jumps)])))
+    print(summary(found))
+
+
+if __name__ == "__main__":
+    main()
