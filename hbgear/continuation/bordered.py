@@ -130,6 +130,21 @@ class Augmented(FullProblem):
     # ---- as a problem
 
     @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What it was made with besides problem and parameter."""
+        return ()
+
+    @property
+    def finer(self) -> Self | None:
+        """The same special points of the problem with more unknowns."""
+        finer = self.problem.finer
+        return None if finer is None else type(self)(finer, self.parameter, *self.arguments)
+
+    def fitted(self, X: Array) -> Array:
+        """Unknowns (X, p) with the X of this problem."""
+        return np.append(self.problem.fitted(X[:-1]), X[-1])
+
+    @property
     def unknown_parameters(self) -> tuple[str, ...]:  # type: ignore[override]
         """Parameters that are unknowns here."""
         return (self.parameter,)
@@ -380,6 +395,10 @@ class Level(Augmented):
     def __init__(self, problem: AnyProblem, parameter: str, test: Callable[[Point], float]) -> None:
         super().__init__(problem, parameter)
         self._fixed(test=test)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return (self.test,)
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         return Base(linearise(self.problem, X, "", here).size)

@@ -8,6 +8,7 @@ A row is stable if none of its multipliers lies outside the unit circle. Saving,
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -102,6 +103,18 @@ def is_stable(multipliers: ComplexArray) -> NDArray[np.bool_]:
     return np.asarray(np.abs(multipliers).max(axis=-1, initial=0.0) <= 1 + NEUTRAL)
 
 
+VERDICTS = ("unstable", "stable", "undecided", "unknown")
+"""What can be said of the stability of a solution."""
+
+
+def verdict_codes(multipliers: ComplexArray, modulus_error: Array) -> NDArray[np.int_]:
+    """Numbers in `VERDICTS` for multipliers (..., r) and errors (...) of their largest modulus."""
+    modulus = np.abs(multipliers).max(axis=-1, initial=0.0)
+    reached = np.abs(modulus - 1.0) <= np.nan_to_num(modulus_error)
+    codes: NDArray[np.int_] = np.where(reached & (modulus_error > NEUTRAL), 2, is_stable(multipliers).astype(int))
+    return np.where(np.isnan(modulus), 3, codes)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Point:
     """One solution.
@@ -113,7 +126,8 @@ class Point:
     residual, iterations : of the corrector.
     multipliers : (r,) multipliers of small disturbances (Floquet), None if they were not computed.
     regime : (m,) code of each element, named by ``layout.regimes``; -1 is unknown.
-    error : estimated error of the solution, nan if unknown.
+    error : estimated error of the solution, nan if unknown. Of a special point that of its place; see `SpecialPoint`.
+    modulus_error : estimated error of the largest modulus of the multipliers; nan where that is far from 1, or unknown.
 
     Examples
     --------
@@ -134,18 +148,24 @@ class Point:
     error: float
     layout: Reader | None
     label: str = ""
+    modulus_error: float = dataclasses.field(default=math.nan, kw_only=True)
 
     def __repr__(self) -> str:
         place = "".join(f" at {name} = {self.parameters[name]:.6g}" for name in list(self.parameters)[-1:])
-        stability = {True: "stable", False: "unstable", None: "stability unknown"}[self.stable]
-        return f"<{self.label or 'Point'}{place}, {stability}, {self.regime_name}>"
+        verdict = "stability unknown" if self.verdict == "unknown" else self.verdict
+        return f"<{self.label or 'Point'}{place}, {verdict}, {self.regime_name}>"
+
+    @property
+    def verdict(self) -> str:
+        """ "stable", "unstable", "undecided" (the error reaches the unit circle) or "unknown" (no multipliers)."""
+        if self.multipliers is None:
+            return "unknown"
+        return VERDICTS[int(verdict_codes(self.multipliers, np.asarray(self.modulus_error)))]
 
     @property
     def stable(self) -> bool | None:
-        """None if the multipliers are unknown."""
-        if self.multipliers is None or np.isnan(self.multipliers).any():
-            return None
-        return bool(is_stable(self.multipliers))
+        """None if the multipliers are unknown, or the verdict is undecided."""
+        return {"stable": True, "unstable": False}.get(self.verdict)
 
     @property
     def regime_name(self) -> str:
@@ -178,6 +198,10 @@ class SpecialPoint(Point):
     If it was not ``located``, that is solved for, it is only known to lie in the interval. ``meaning`` says what
     happens there, ``marker`` is what figures draw, ``event`` what located it; that is not saved.
 
+    ``error`` is the estimated error of its place, that is of the value of the parameter in which the curve was traced,
+    nan if unknown, and ``truncation`` that of its solution. A point whose error was too large with the unknowns of the
+    curve is solved for with more of them, which ``layout`` tells; its row of the curve is then only near it.
+
     Examples
     --------
     >>> import hbgear as hb
@@ -196,6 +220,7 @@ class SpecialPoint(Point):
     meaning: str = ""
     marker: str = ""
     event: Any = None
+    truncation: float = math.nan
 
     def __getstate__(self) -> dict[str, Any]:
         """For pickle: an event may hold any function."""
@@ -258,7 +283,7 @@ def saved_fields(value: Any) -> dict[str, Any]:
 
 _ARRAYS: dict[str, tuple[Any, int]] = {
     "values": (float, 1), "X": (float, 2), "multipliers": (complex, 2), "iterations": (int, 1), "residual": (float, 1),
-    "regime": (np.int8, 2), "error": (float, 1), "step": (float, 1),
+    "regime": (np.int8, 2), "error": (float, 1), "step": (float, 1), "modulus_error": (float, 1),
 }  # fmt: skip
 
 
@@ -274,6 +299,7 @@ class Branch:
     multipliers : (P, r) multipliers, None if they were not computed; nan where they failed.
     iterations, residual, error, step : (P,) Newton count, residual, estimated error, arclength step to the row.
     regime : (P, m) code of each element, named by ``layout.regimes``.
+    modulus_error : (P,) estimated error of the largest modulus of the multipliers, nan where that is far from 1.
     special, jump_records, status, message : what was found on the way and why it ended.
     meta : versions, model and settings, fit for JSON; of a curve that runs off to infinity
         ``{"asymptotes": {"last": value}}``, the value of the parameter it nears behind its last row (or its first).
@@ -317,9 +343,12 @@ class Branch:
     meta: dict[str, Any]
     problem: Any = None
     others: tuple[Branch, ...] = ()
+    modulus_error: Array | None = None
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
+        if self.modulus_error is None:
+            set_(self, "modulus_error", np.full(np.size(self.values), math.nan))
         for name, (kind, _) in _ARRAYS.items():
             if (value := getattr(self, name)) is not None:
                 set_(self, name, np.asarray(value, dtype=kind))
@@ -358,13 +387,30 @@ class Branch:
         mu = None if self.multipliers is None else self.multipliers[key]
         return Point(
             self.X[key], self.parameters_at(key), float(self.residual[key]), int(self.iterations[key]),
-            mu, self.regime[key], float(self.error[key]), self.layout,
+            mu, self.regime[key], float(self.error[key]), self.layout, modulus_error=float(self.modulus_error[key]),
         )  # fmt: skip
 
     @property
     def stable(self) -> NDArray[np.bool_] | None:
         """(P,) whether each row is known to be stable; None if no multipliers were computed."""
-        return None if self.multipliers is None else is_stable(self.multipliers)
+        return None if self.multipliers is None else np.asarray(self._verdict_codes == 1)
+
+    @property
+    def undecided(self) -> NDArray[np.bool_]:
+        """(P,) whether the error of the largest multiplier of a row reaches the unit circle."""
+        return np.zeros(len(self), dtype=bool) if self.multipliers is None else np.asarray(self._verdict_codes == 2)
+
+    @property
+    def _verdict_codes(self) -> NDArray[np.int_]:
+        assert self.multipliers is not None and self.modulus_error is not None
+        return verdict_codes(self.multipliers, self.modulus_error)
+
+    @property
+    def verdicts(self) -> list[str]:
+        """What can be said of the stability of each row; see `Point.verdict`."""
+        if self.multipliers is None:
+            return ["unknown"] * len(self)
+        return [VERDICTS[code] for code in self._verdict_codes]
 
     @property
     def asymptotes(self) -> dict[str, float]:
@@ -472,7 +518,7 @@ class Branch:
 def continued(first: Branch, second: Branch) -> Branch:
     """A branch and one that goes on from its last row, as one; special points are numbered on, jumps are not known."""
     n = len(first)
-    names = ["values", "X", "iterations", "residual", "regime", "error", "step"]
+    names = ["values", "X", "iterations", "residual", "regime", "error", "step", "modulus_error"]
     if first.multipliers is not None and second.multipliers is not None:
         names.append("multipliers")
     arrays: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(second, name)[1:]]) for name in names}
@@ -500,7 +546,7 @@ def joined(back: Branch, forth: Branch) -> Branch:
 
     Special points are numbered anew along it; the status is that of the worse end, the message tells of both.
     """
-    names = ("values", "X", "multipliers", "iterations", "residual", "regime", "error", "step")
+    names = ("values", "X", "multipliers", "iterations", "residual", "regime", "error", "step", "modulus_error")
     arrays: dict[str, Any] = {name: x[::-1] for name in names if (x := getattr(back, name)) is not None}
     special = tuple(dataclasses.replace(p, index=len(back) - 1 - p.index) for p in reversed(back.special))
     tracked = {k: x[::-1] for k, x in back.tracked.items()}
@@ -525,6 +571,8 @@ def alike(*branches: Branch) -> list[Branch]:
 def _padded(branch: Branch, like: Branch) -> Branch:
     layout = like.layout
     fit = like.problem.converted
-    special = tuple(dataclasses.replace(p, X=fit(p), layout=layout) for p in branch.special)
+    special = tuple(
+        p if p.layout != branch.layout else dataclasses.replace(p, X=fit(p), layout=layout) for p in branch.special
+    )
     X = np.array([fit(branch[i]) for i in range(len(branch))])
     return dataclasses.replace(branch, X=X, special=special, layout=layout)

@@ -42,10 +42,20 @@ from hbgear.continuation.segment import CurvePoint, Departure, Segment, row_of
 
 
 @dataclass(frozen=True)
+class Sharp:
+    """A special point solved for with more unknowns than the curve it lies on: the problem that has them, and row."""
+
+    problem: FullProblem
+    row: CurvePoint
+
+
+@dataclass(frozen=True)
 class Found:
     """A special point found on a segment: event, place s on the chord, row, whether located, remark.
 
     0 <= s <= 1, but for points that more accurate equations put a little beyond the ends of the segment.
+
+    error : of its value of the parameter, nan if unknown; of ``sharp``, if it is there. See `accuracy`.
     """
 
     event: Event
@@ -53,6 +63,13 @@ class Found:
     row: CurvePoint
     located: bool
     note: str = ""
+    error: float = math.nan
+    sharp: Sharp | None = None
+
+    @property
+    def value(self) -> float:
+        """The value of the parameter, as accurate as it is known."""
+        return self.sharp.row.value if self.sharp else self.row.value
 
 
 class Event:

@@ -29,7 +29,7 @@ def follow(
         R(X, p) = 0,   g(X, p) = 0           unknowns X and p, the parameter of the branch; see `Event.equations`
 
     The same as `trace` of the equations of that kind: `Fold` for LP, `PeriodDoubling` for PD, `Grazing` for GR, `Peak`
-    for PK, and for an event of your own its test.
+    for PK, and for an event of your own its test; with the unknowns of the point, if those are more than the branch's.
 
     Parameters
     ----------
@@ -61,14 +61,15 @@ def follow(
     assert isinstance(here, SpecialPoint)
     if branch.problem is None:
         raise ValueError("following needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
-    if as_problem(branch.problem).unknown_parameters:
+    problem = as_problem(branch.problem)
+    if problem.unknown_parameters:
         raise ValueError("the branch is one of special points already; follow points of a curve in one parameter")
     meant = event or event_of(branch, here)
     if meant is None:
         raise ValueError(f"{here.label} has lost the event that located it, as what comes from a file has: give event=")
     if meant.kind != here.kind:
         raise ValueError(f"event '{meant.kind}' did not locate {here.label}; give the one that did")
-    equations = meant.equations(branch.problem, branch.parameter, here)
+    equations = meant.equations(as_problem(problem.fitting(here)).original, branch.parameter, here)
     if equations is None:
         raise ValueError(
             f"{here.label} ({here.meaning.partition(':')[0]}) cannot be followed in a second parameter: no equations "

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint
+from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, is_stable
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, solve
 from hbgear.continuation.passing import passings
 from hbgear.continuation.problem import as_problem, observe_all
@@ -25,7 +25,7 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
     point's label. A sweep that finds no stable motion of this kind any more lands on the stable part of the same
     curve at the same parameter; if there are several, on the one whose motion is nearest: see `nearest`.
     """
-    if branch.stable is None or branch.problem is None:
+    if branch.multipliers is None or branch.problem is None:
         return ()
     left = []
     for fold in branch.special:
@@ -40,7 +40,7 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
         left.append((point, direction, _crossed(branch, point, fold, settings)))
     jumps = []
     for (point, direction, _), found in zip(left, seen_points(branch, [found for *_, found in left]), strict=True):
-        value, stable = float(branch.values[point.index]), tuple(p for p in found if p.stable)
+        value, stable = point.parameters[branch.parameter], tuple(p for p in found if p.stable)
         jumps.append(
             Jump(point.label, branch.parameter, value, direction, point, nearest(point, found), candidates=stable)
         )
@@ -49,8 +49,8 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
 
 def _leaves_at(branch: Branch, fold: SpecialPoint, side: int) -> SpecialPoint | None:
     """Where a sweep towards the fold from one side loses its stable motion; None if that side is unstable."""
-    stable = branch.stable
-    assert stable is not None
+    assert branch.multipliers is not None
+    stable = is_stable(branch.multipliers)  # undecided rows as they are most likely
     marks = {p.index: p for p in branch.special if p.kind in ("LP", "PD", "NS", "BP")}
     lost: SpecialPoint | None = None
     i = fold.index + side
@@ -69,8 +69,8 @@ def _leaves_at(branch: Branch, fold: SpecialPoint, side: int) -> SpecialPoint | 
 def _stable_run(branch: Branch, start: int, side: int) -> int:
     """Number of stable rows on one side of a fold, up to the next fold."""
     folds = {p.index for p in branch.special if p.kind == "LP"}
-    stable = branch.stable
-    assert stable is not None
+    assert branch.multipliers is not None
+    stable = is_stable(branch.multipliers)  # undecided rows as they are most likely
     count, i = 0, start + side
     while 0 <= i < len(branch) and i not in folds:
         count += int(stable[i])
@@ -81,7 +81,7 @@ def _stable_run(branch: Branch, start: int, side: int) -> int:
 def _crossed(branch: Branch, left: SpecialPoint, fold: SpecialPoint, settings: Settings) -> list[Solution]:
     """The motions on other parts of the curve at the parameter of the point left."""
     low, high = sorted((left.index, fold.index))
-    return motions_at(branch, float(branch.values[left.index]), settings, skip=range(low - 1, high + 1))
+    return motions_at(branch, left.parameters[branch.parameter], settings, skip=range(low - 1, high + 1))
 
 
 def motions_at(branch: Branch, value: float, settings: Settings, *, skip: range = range(0)) -> list[Solution]:

@@ -21,6 +21,8 @@ speaks to `FullProblem` only, which answers for what is not offered.
 | `Observed` | what is stored beside X: stability, error, ... | nothing |
 | `Eventful` | special points of its own | folds and branch points only |
 | `Remeshed` | another number of unknowns where a point asks for it | the same everywhere |
+| `Refinable` | the same with more unknowns, which tells how accurate special points are | nothing is said of that |
+| `Deciding` | whether its verdicts on stability are sure, and better ones | they are sure |
 | `Receding` | what its equations become far out | curves are followed however far they go |
 | `Extended` | parameters among the unknowns; equations that refer to a point nearby | none |
 | `Finished` | what it says of a whole curve | nothing |
@@ -215,6 +217,35 @@ class Remeshed(Protocol):
 
 
 @runtime_checkable
+class Refinable(Protocol):
+    """Approximates an equation the better, the more unknowns it has."""
+
+    @property
+    def finer(self) -> Any:
+        """The problem with about twice the unknowns; None if there are no more."""
+
+    def fitted(self, X: Array) -> Array:
+        """Unknowns of any number, cut or padded to this problem's."""
+
+    def fitting(self, point: Point) -> Any:
+        """The problem with the unknowns of a point, or one of more."""
+
+
+@runtime_checkable
+class Deciding(Protocol):
+    """Knows how sure it is of the stability of its solutions."""
+
+    def decided(
+        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
+    ) -> None:
+        """Make sure of the stability of solutions X (k, n) at values (k,) of the parameter name.
+
+        ``seen`` is what `Observed.observe` said of them; ``"multipliers"`` that are in doubt are replaced by better
+        ones, and the error of the largest modulus goes into ``"modulus_error"``.
+        """
+
+
+@runtime_checkable
 class Receding(Protocol):
     """Knows what becomes of its equations for unknowns without bound."""
 
@@ -264,7 +295,7 @@ class Described(Protocol):
 
 ABILITIES = (
     Problem, Linearised, Pursued, Curved, Started, Parametrised, Checked, Sized, Rough, Readable, Observed, Eventful,
-    Remeshed, Receding, Extended, Finished, Described,
+    Remeshed, Refinable, Deciding, Receding, Extended, Finished, Described,
 )  # fmt: skip
 
 
@@ -385,6 +416,20 @@ class FullProblem:
         """`Remeshed.converted`: X as it is."""
         return point.X
 
+    @property
+    def finer(self) -> FullProblem | None:
+        """`Refinable.finer`: there are no more unknowns."""
+        return None
+
+    def fitting(self, point: Point) -> FullProblem:
+        """`Refinable.fitting`: the problem as it is."""
+        return self
+
+    def decided(
+        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
+    ) -> None:
+        """`Deciding.decided`: as sure as they are."""
+
     def recession(self, X: Array, parameters: Mapping[str, float]) -> FullProblem | None:
         """`Receding.recession`: not known."""
         return None
@@ -415,6 +460,7 @@ class _Asked(FullProblem):
 
     parameters: dict[str, float] = {}  # noqa: RUF012  not properties here, so that those of the user take their place
     layout: Reader | None = None
+    finer: FullProblem | None = None
 
     def __init__(self, problem: Problem) -> None:
         self._original = problem

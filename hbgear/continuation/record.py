@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,22 +13,19 @@ from hbgear._version import __version__
 from hbgear.common.arrays import Array
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status
 from hbgear.continuation.problem import FullProblem
-from hbgear.continuation.reading import Reader
 from hbgear.continuation.segment import CurvePoint
 
 if TYPE_CHECKING:
-    from hbgear.continuation.events import Event
+    from hbgear.continuation.events import Found
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A special point found on the way: the row that holds it, event, whether located, bracket, remark."""
+    """A special point found on the way: the number of its row, what was found, and its bracket."""
 
     index: int
-    event: Event
-    located: bool
+    found: Found
     interval: tuple[float, float]
-    note: str
 
 
 def branch_of(
@@ -39,7 +37,6 @@ def branch_of(
     Rows with fewer unknowns than the problem has are padded; unknowns that are parameters go to ``tracked``. Where only
     some rows were observed, the multipliers of the others are nan and their regimes unknown.
     """
-    layout = problem.layout
     unknowns, own = zip(*(problem.split(row.X) for row in rows), strict=True)
     mu = _column(rows, "multipliers", math.nan + 0j)
     regime = _column(rows, "regime", np.int8(-1))
@@ -47,21 +44,27 @@ def branch_of(
     count: dict[str, int] = {}
     special: list[SpecialPoint] = []
     for mark in marks:
-        kind = mark.event.kind
+        found, kind = mark.found, mark.found.event.kind
         count[kind] = count.get(kind, 0) + 1
+        if found.sharp is not None:
+            known = fields_of(found.sharp.problem, name, fixed, found.sharp.row)
+        else:
+            known = fields_of(problem, name, fixed, rows[mark.index]) | {
+                "multipliers": None if mu is None else mu[mark.index], "regime": regime[mark.index]
+            }  # fmt: skip
         special.append(
             SpecialPoint(
-                **_fields(problem, layout, name, fixed, rows[mark.index])
-                | {"multipliers": None if mu is None else mu[mark.index], "regime": regime[mark.index]},
+                **known | {"error": found.error},
+                truncation=known["error"],
                 label=f"{kind}{count[kind]}",
                 kind=kind,
                 index=mark.index,
-                located=mark.located,
+                located=found.located,
                 interval=mark.interval,
-                note=mark.note,
-                meaning=mark.event.meaning,
-                marker=mark.event.marker,
-                event=mark.event,
+                note=found.note,
+                meaning=found.event.meaning,
+                marker=found.event.marker,
+                event=found.event,
             )
         )
     return Branch(
@@ -76,11 +79,12 @@ def branch_of(
         regime=regime,
         error=np.array([r.observed.get("error", math.nan) for r in rows]),
         step=np.array([r.step for r in rows]),
+        modulus_error=np.array([r.observed.get("modulus_error", math.nan) for r in rows]),
         special=tuple(special),
         jump_records=(),
         status=status,
         message=message,
-        layout=layout,
+        layout=problem.layout,
         meta={
             "hbgear": __version__,
             **problem.describe(),
@@ -102,12 +106,11 @@ def _column(rows: list[CurvePoint], name: str, nothing: Any) -> Array | None:
 
 def point_of(problem: FullProblem, name: str, fixed: dict[str, float], row: CurvePoint) -> Point:
     """The `Point` a row stands for."""
-    return Point(**_fields(problem, problem.layout, name, fixed, row))
+    return Point(**fields_of(problem, name, fixed, row))
 
 
-def _fields(
-    problem: FullProblem, layout: Reader | None, name: str, fixed: dict[str, float], row: CurvePoint
-) -> dict[str, Any]:
+def fields_of(problem: FullProblem, name: str, fixed: Mapping[str, float], row: CurvePoint) -> dict[str, Any]:
+    """What a `Point` says of a row."""
     X, own = problem.split(row.X)
     mu, regime = row.observed.get("multipliers"), row.observed.get("regime", ())
     return {
@@ -118,5 +121,5 @@ def _fields(
         "multipliers": None if mu is None else np.asarray(mu, dtype=complex),
         "regime": np.asarray(regime, dtype=np.int8),
         "error": row.observed.get("error", math.nan),
-        "layout": layout,
+        "layout": problem.layout,
     }

@@ -25,7 +25,8 @@ import numpy as np
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.progress import Progress, ProgressCallback
-from hbgear.common.ranges import Range
+from hbgear.common.ranges import POSITIVE, Range, checked
+from hbgear.continuation.accuracy import assessed
 from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.asymptote import asymptote
 from hbgear.continuation.branch import Branch, Point, Status, with_asymptotes
@@ -61,6 +62,7 @@ def trace(
     events: Sequence[Event] = (),
     progress: ProgressCallback | None = None,
     cover: bool = True,
+    accuracy: float | None = 1e-5,
 ) -> Branch:
     """Follow the solutions of a problem from one end of a span of a parameter to the other.
 
@@ -83,6 +85,10 @@ def trace(
     cover : without a start: if the curve does not lead through the whole span (it turns back to where it began, or
         runs off to infinity), look for others that do, which are the ``others`` of the branch; see `Branch`. The
         message says so, and which part of the span no curve was found in.
+    accuracy : largest error of a special point, relative to its parameter. Each point tells its own
+        (`SpecialPoint.error`), and one whose error is larger is solved for with more unknowns, as are rows whose
+        stability they leave undecided; the other rows stay what they are. None for points of the curve's own
+        equations, without errors.
 
     Returns
     -------
@@ -117,8 +123,9 @@ def trace(
     """
     full = as_problem(problem)
     return _Tracer(
-        full, parameter, span, start, at, steps, settings, stability, special, events, progress, cover and start is None
-    ).run()
+        full, parameter, span, start, at, steps, settings, stability, special, events, progress,
+        cover and start is None, accuracy,
+    ).run()  # fmt: skip
 
 
 _TOGETHER = 32  # rows observed at once
@@ -131,12 +138,15 @@ class _Tracer:
         self, problem: FullProblem, parameter: str, span: tuple[float, float], start: Point | Departure | Array | None,
         at: Mapping[str, float] | None, steps: StepControl, settings: Settings,
         stability: bool, special: bool, events: Sequence[Event], progress: ProgressCallback | None,
-        cover: bool = False,
+        cover: bool = False, accuracy: float | None = None,
     ) -> None:  # fmt: skip
         self.another = partial(  # curve of the span
             _Tracer, problem, parameter, at=at, steps=steps, settings=settings, stability=stability, special=special,
-            events=events, progress=progress,
+            events=events, progress=progress, accuracy=accuracy,
         )  # fmt: skip
+        if accuracy is not None:
+            checked("trace", "accuracy", accuracy, POSITIVE)
+        self.accuracy = accuracy
         self.original, self.cover = problem, cover
         self.others: list[Branch] = []  # curves that cover what this one leaves of the span
         self.remark = ""  # what there is to say of them
@@ -344,6 +354,9 @@ class _Tracer:
         """Observe what is not yet: special points, and rows whose turn did not come."""
         self._observe(self.rows)
         self._observe([point.row for _, point in self.found])
+        for _, point in self.found:
+            if point.sharp is not None:
+                self._observe([point.sharp.row], point.sharp.problem)
 
     def _finish(self) -> None:
         """Let the problem say what there is to say of the whole curve: its jumps, and what is hardly meant."""
@@ -380,7 +393,7 @@ class _Tracer:
     def _branch(self) -> Branch:
         meta = {
             "span": [self.a, self.b], "steps": vars(self.steps), "newton": vars(self.settings),
-            "stability": self.stability,
+            "stability": self.stability, "accuracy": self.accuracy,
         }  # fmt: skip
         status, message = self.ending.status, self.ending.told
         made = branch_of(self.largest, self.name, self.fixed, *self._record(), status, message, meta)
@@ -519,6 +532,7 @@ class _Tracer:
         start = len(self.rows) - len(self.waiting) - 1
         path = self.rows[start:]
         self._observe(path)
+        self._decide(path)
         found: list[tuple[int, Found]] = []
         if self.watch.passing and self.waiting:
             sure = self.watch.suspects(path)
@@ -531,10 +545,27 @@ class _Tracer:
             self._observe([point.row for _, point in found if len(point.row.u) == len(self.scale)])
         self.waiting, self.found = [], self.found + found
 
+    def _decide(self, path: list[CurvePoint]) -> None:
+        """Make sure of the stability of rows that were observed just now."""
+        fresh = [row for row in path if "multipliers" in row.observed and "modulus_error" not in row.observed]
+        if self.accuracy is None or not fresh:
+            return
+        X, values = np.array([row.X for row in fresh]), np.array([row.value for row in fresh])
+        try:
+            self.problem.decided(X, self.name, values, [row.observed for row in fresh], self.fixed)
+        except Exception as error:
+            self.ending.note(error, f"in making sure of the stability near {self.name} = {values[-1]:.6g}")
+
+    def _assessed(self, arc: Segment, found: list[Found]) -> list[Found]:
+        """Special points of a piece with their errors, solved for as accurately as is wanted."""
+        if self.accuracy is None:
+            return found
+        return [assessed(arc, point, self.accuracy, self.watch.find) for point in found]
+
     def _located(self, arc: Segment) -> list[Found]:
         """The special points on a piece; none if an error ends the search, which is noted."""
         try:
-            return self._with_enough(arc, self.watch.find(arc))
+            return self._assessed(arc, self._with_enough(arc, self.watch.find(arc)))
         except Exception as error:
             ends = f"{self.name} = {arc.a.value:.6g} and {arc.b.value:.6g}"
             self.ending.note(error, f"in locating a special point between {ends}")
@@ -572,7 +603,7 @@ class _Tracer:
                 arc, number = self._arc(rows[piece], rows[piece + 1]), start - len(early) + piece + 1
                 hidden = self.watch.find_hidden(arc, s, self._observed_between)
                 if not any(other == number for other, _ in [*self.found, *found]):
-                    found += [(number, point) for point in hidden]
+                    found += [(number, point) for point in self._assessed(arc, hidden)]
         return found
 
     def _observed_between(self, row: CurvePoint) -> CurvePoint:
@@ -590,11 +621,11 @@ class _Tracer:
                 if point.located:
                     rows.append(point.row)
                 interval = (self.rows[i - 1].value, row.value)
-                marks.append(Mark(len(rows) - 1, point.event, point.located, interval, point.note))
+                marks.append(Mark(len(rows) - 1, point, interval))
             rows.append(row)
         if self.stop is not None and self.rows[-1].u is self.stop.row.u:
             interval = (self.rows[-2].value, self.rows[-1].value)
-            marks.append(Mark(len(rows) - 1, self.stop.event, self.stop.located, interval, self.stop.note))
+            marks.append(Mark(len(rows) - 1, self.stop, interval))
         return rows, marks
 
     def _placed(self, number: int, point: Found) -> tuple[int, Found]:

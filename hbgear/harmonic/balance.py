@@ -35,6 +35,7 @@ from hbgear.continuation.homotopy import solve_from_afar
 from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.problem import Evaluation, FullProblem, Pursuit
 from hbgear.harmonic.compiled import Compiled, Crossings
+from hbgear.harmonic.deciding import decide
 from hbgear.harmonic.events import motion_events
 from hbgear.harmonic.floquet import is_reduced, multipliers_of, reduction
 from hbgear.harmonic.observables import Layout
@@ -44,7 +45,6 @@ from hbgear.harmonic.starts import guesses
 from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, of_truncation, tell
 from hbgear.mechanics.fourier import (
     Transform,
-    highest,
     resize,
     stretch,
     to_complex,
@@ -66,6 +66,9 @@ _FREQUENCIES = Range(above=0, high=1e60)  # so that powers of Omega are numbers
 
 
 _FAR = 10.0  # size of a motion, over the largest length of the model, from which that may lose its meaning
+
+
+_MANY = 1300  # unknowns up to which special points and verdicts in doubt are solved for with more of them
 
 
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
@@ -145,6 +148,8 @@ class HarmonicBalance(FullProblem):
         self._transform = Transform(H, self.N)
         self._compiled: Recent[Compiled] = Recent(8)
         self._receded: Recent[HarmonicBalance] = Recent(1)
+        self._finer: Recent[HarmonicBalance] = Recent(1)
+        self._doubled: Recent[HarmonicBalance] = Recent(1)
 
     def __repr__(self) -> str:
         kind = ", sampled" if self.is_sampled else ""
@@ -302,6 +307,35 @@ class HarmonicBalance(FullProblem):
         if error < 1e-2 * self.tolerance and _FEWEST * self.nu < self.H:
             return max(_FEWEST * self.nu, int(0.8 * self.H))
         return None
+
+    @property
+    def doubled(self) -> HarmonicBalance:
+        """The same in the basis of twice the period, with the harmonics of all motions that double the period of its."""
+        return self._doubled.get((), lambda: self.with_order(2 * self.nu, 2 * self.H + 1))
+
+    @property
+    def finer(self) -> HarmonicBalance | None:  # type: ignore[override]
+        """The same with twice the harmonics; None beyond 400 of the excitation, or too many unknowns."""
+        if 2 * self.H > _MOST * self.nu or self.m * (4 * self.H + 1) > _MANY:
+            return None
+        return self._finer.get((), lambda: self.with_order(self.nu, 2 * self.H))
+
+    def fitting(self, point: Point) -> HarmonicBalance:
+        """The same with the harmonics of a point, if it has more."""
+        layout = point.layout
+        if not isinstance(layout, Layout) or layout.nu != self.nu or layout.harmonics <= self.H:
+            return self
+        return self.with_order(self.nu, layout.harmonics)
+
+    def decided(
+        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
+    ) -> None:
+        """Compare the multipliers near the unit circle with those of the motion without the harmonics left out.
+
+        The difference of the largest moduli, three times, is the error. Where that reaches the unit circle, the motion
+        is solved for with twice the harmonics, and again up to eight times as many.
+        """
+        decide(self, X, name, values, seen, parameters)
 
     def recession(self, X: Array, parameters: Mapping[str, float]) -> HarmonicBalance | None:
         """The balance without gaps, loads and prescribed displacements, for motions far larger than all of these.
@@ -476,9 +510,7 @@ class HarmonicBalance(FullProblem):
 
     def graze(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
         """One entry of `clearance`, and the phase at which its extremum lies."""
-        compiled, corner, sign = self.compiled(parameters), which // 2, 1 if which % 2 else -1
-        value, theta = highest(sign * X.reshape(self.m, -1)[compiled.element[corner]])
-        return float(sign * value - compiled.corner[corner]), float(theta)
+        return self.compiled(parameters).graze(X, which // 2, 1.0 if which % 2 else -1.0)
 
     def force_rows(self, X: Array, **parameters: float) -> Array:
         """Law forces of each element (without its damper) as real rows (m, 2H + 1)."""
@@ -514,7 +546,8 @@ class HarmonicBalance(FullProblem):
             checked("multipliers", "width", width, POSITIVE)
         Omega = np.array([parameters.pop("Omega")])
         compiled = self.compiled(parameters)
-        mu: ComplexArray = multipliers_of(compiled, X[None], Omega, points=points, width=width)[0]
+        more = compiled.processed(X[None], Omega)
+        mu: ComplexArray = multipliers_of(compiled, more, Omega, points=points, width=width)[0]
         return mu
 
     def _given(self, X: Array, parameters: dict[str, float]) -> Array:
@@ -542,10 +575,11 @@ class HarmonicBalance(FullProblem):
             return super().observe_many(X, name, values, stability, **parameters)
         compiled = self.compiled(parameters)
         clearance, regime = compiled.reach(X)
-        columns = zip(clearance, regime, compiled.truncation(X, values).tolist(), strict=True)
+        more = compiled.processed(X, values)
+        columns = zip(clearance, regime, compiled.left_out(more).tolist(), strict=True)
         seen: list[dict[str, Any]] = [{"clearance": c, "regime": r, "error": e} for c, r, e in columns]
         if stability:
-            for one, mu in zip(seen, multipliers_of(compiled, X, values), strict=True):
+            for one, mu in zip(seen, multipliers_of(compiled, more, values), strict=True):
                 one["multipliers"] = mu
         return seen
 
@@ -578,6 +612,7 @@ class HarmonicBalance(FullProblem):
     def truncation(self, X: Array, **parameters: float) -> float:
         """Estimated error of the gap motion (rms) from the force harmonics above H that the balance leaves out.
 
-        The neglected force harmonics H < k <= 2H drive the closed structure: delta d_k = G_k f_k.
+        The neglected force harmonics H < k <= 2H drive the closed structure: delta d_k = -G_k f_k.
         """
-        return float(self.compiled(parameters).truncation(X[None], np.array([parameters["Omega"]]))[0])
+        compiled = self.compiled(parameters)
+        return float(compiled.left_out(compiled.processed(X[None], np.array([parameters["Omega"]])))[0])

@@ -53,6 +53,7 @@ class Compiled:
         self.receptance = Receptance(structure, system, H, nu)
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
         self.H, self.nu, self.N, self.reduce = H, nu, transform.N, reduce
+        self._transform = transform
         laws, left = laws_of(self.laws, sampled, nu)
         self.numbers = Numbers(laws, self.receptance.numbers, transform.basis)
         self.asked = tuple((int(j), self.laws[j]) for j in (*left, *laws.own))
@@ -125,6 +126,13 @@ class Compiled:
             )
         return n
 
+    def numbers_of(self, X: Array) -> Numbers:
+        """What kernels need for motions X (..., n) as they are solved for, or as they are `processed`."""
+        if X.shape[-1] != self.m * (4 * self.H + 1):
+            self._length(X)
+            return self.numbers
+        return self.numbers._replace(basis=self._transform.wider.basis)
+
     def curvature(self, X: Array, v: Array, h: float, Omega: float) -> tuple[Array, Array]:
         """Derivatives (n, n) of dR/dX along v, by a central difference over 2 h, and in Omega; of known laws only."""
         from hbgear.harmonic.assembly import curvature
@@ -152,28 +160,47 @@ class Compiled:
         """Clearances (P, 2 K) and regimes (P, m) of motions X (P, n)."""
         from hbgear.harmonic.observing import reach
 
-        self._length(X)
         clearance, regime = np.empty((len(X), 2 * len(self.corner))), np.zeros((len(X), self.m), dtype=np.int8)
-        reach(self.numbers, np.ascontiguousarray(X), clearance, regime)
+        reach(self.numbers_of(X), np.ascontiguousarray(X), clearance, regime)
         return clearance, regime
 
-    def truncation(self, X: Array, Omega: Array) -> Array:
-        """Root mean square (P,) of what the force harmonics H < k <= 2H would add to motions X (P, n)."""
+    def graze(self, X: Array, corner: int, side: float) -> tuple[float, float]:
+        """Highest (side +1) or lowest (-1) value of an element less a corner of its law, and the phase where it lies."""
+        from hbgear.harmonic.crossings import highest, sampled, waves_of
+
+        self._length(X)
+        row, samples = X.reshape(self.m, -1)[self.element[corner]], np.empty(self.N)
+        sampled(row, self.numbers.basis, samples)
+        value, theta = highest(waves_of(row), samples, side)
+        return float(side * value - self.corner[corner]), float(theta)
+
+    def processed(self, X: Array, Omega: Array) -> Array:
+        """Motions X (P, n) with the harmonics H < k <= 2H that their own forces drive, (P, m (4H + 1))."""
         from hbgear.harmonic.observing import driven, neglected
 
         self._length(X)
+        X, Omega = np.ascontiguousarray(X), np.asarray(Omega, dtype=float)
         f = np.zeros((len(X), self.m, self.H), dtype=complex)
-        neglected(self.numbers, np.ascontiguousarray(X), np.asarray(Omega, dtype=float), f)
+        neglected(self.numbers, X, Omega, f)
         if self.sampled:
             self.sampled.add_neglected(X, Omega, f)
+        rows = np.zeros((len(X), self.m, 4 * self.H + 1))
+        rows[..., : 2 * self.H + 1] = X.reshape(len(X), self.m, -1)
+        out = rows.reshape(len(X), -1)
         if self.structure.modal:
-            rms: Array = driven(self.numbers.linear, np.asarray(Omega, dtype=float), f)
-            return rms
-        return self._driven(Omega, f)
+            driven(self.numbers.linear, Omega, f, out)
+        else:
+            rows[..., 2 * self.H + 1 :] = self._driven(Omega, f)
+        return out
 
     def _driven(self, Omega: Array, f: ComplexArray) -> Array:
-        """The same where receptances are solved for directly."""
+        """What `driven` adds, (P, m, 2H), where receptances are solved for directly."""
         w = (Omega / self.nu)[:, None] * np.arange(self.H + 1, 2 * self.H + 1)
-        delta = self.structure.receptances(w)[0] @ f.transpose(0, 2, 1)[..., None]
-        rms: Array = np.sqrt(0.5 * np.sum(np.abs(delta) ** 2, axis=(1, 2, 3)))
+        delta = (self.structure.receptances(w)[0] @ f.transpose(0, 2, 1)[..., None])[..., 0].transpose(0, 2, 1)
+        return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
+
+    def left_out(self, processed: Array) -> Array:
+        """Root mean square (P,) of the harmonics above H of `processed` motions."""
+        beyond = processed.reshape(len(processed), self.m, -1)[..., 2 * self.H + 1 :]
+        rms: Array = np.sqrt(0.5 * np.sum(beyond**2, axis=(1, 2)))
         return rms

@@ -200,8 +200,8 @@ def _sort(theta: Any, sign: Any, count: int) -> None:
 
 
 @kernel
-def highest(c: Any, samples: Any, side: float) -> float:
-    """Largest value of side x, side +1 or -1, over a period: Newton from the samples that can be nearest to it."""
+def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
+    """Largest value of side x, side +1 or -1, over a period, and where: Newton from the samples that can be nearest."""
     N = samples.shape[0]
     most: float = -math.inf
     step, size = 2 * math.pi / N, 0.0
@@ -211,9 +211,8 @@ def highest(c: Any, samples: Any, side: float) -> float:
         most = max(most, side * samples[n])
     miss = 0.125 * step * step * bend_of(c)
     if not miss > 1e-14 * size:  # a constant has its extremum anywhere
-        constant: float = side * samples[0]
-        return constant
-    top: float = most
+        return side * samples[0], 0.0
+    top, place = most, 0.0
     for n in range(N):
         if side * samples[n] < most - miss:
             continue
@@ -225,5 +224,7 @@ def highest(c: Any, samples: Any, side: float) -> float:
             at += move
             if abs(move) <= 1e-6:  # the next one is its square
                 break
-        top = max(top, side * value_of(c, 0.0, at)[0])
-    return top
+        value = side * value_of(c, 0.0, at)[0]
+        if value > top or samples[n] * side == top:
+            top, place = max(value, top), at
+    return top, place

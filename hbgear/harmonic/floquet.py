@@ -87,7 +87,7 @@ def multipliers_of(
     Parameters
     ----------
     compiled : the model with its parameters.
-    X : (P, m (2H + 1)) coefficients of periodic motions.
+    X : (P, m (2H + 1)) coefficients of periodic motions, or (P, m (4H + 1)) of `processed` ones.
     Omega : (P,) excitation frequencies.
     points : s, Gauss points per step; the scheme has order 2s. By default 6, or 10 where the period is long beside the
         motions the springs of the elements would excite, for fewer steps are then worth more points.
@@ -186,7 +186,7 @@ def monodromies(
     schemes = ((*gauss(short), width or short / 5.0), (*gauss(10), width or 3.5), long)
     if not compiled.asked:
         count = carrying.monodromies(
-            compiled.numbers, part.modes, X, Omega, mobility, schemes, _SHARE, float(_MOST_STEPS), out
+            compiled.numbers_of(X), part.modes, X, Omega, mobility, schemes, _SHARE, float(_MOST_STEPS), out
         )
         _check_steps(count)
         return out
@@ -207,7 +207,7 @@ def _carried(compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: f
     """`carrying.monodromies` of one motion of a model with laws of its own, which are asked for their slopes here."""
     from hbgear.harmonic import carrying
 
-    numbers, nu = compiled.numbers, compiled.nu
+    numbers, nu = compiled.numbers_of(X), compiled.nu
     rows, omega = X.reshape(compiled.m, -1), Omega / nu
     coarse = 2 * np.pi * np.arange(carrying.COARSE * nu) / (carrying.COARSE * nu)
     largest = np.abs(_slopes(compiled, rows, omega, coarse)[0]).max(axis=1)

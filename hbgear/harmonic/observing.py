@@ -1,11 +1,10 @@
-"""Kernels: what is said of periodic motions beside their stability: reach, impact regime, truncation error.
+"""Kernels: what is said of periodic motions beside their stability: reach, impact regime, harmonics left out.
 
-delta d_k = G_k f_k,   H < k <= 2H        the neglected force harmonics drive the closed structure
+delta d_k = -G_k f_k,   H < k <= 2H       the neglected force harmonics drive the closed structure
 """
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ def reach(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
             if j != last:
                 last, c = j, waves_of(rows[j])
                 sampled(rows[j], numbers.basis, samples)
-                low, high = -highest(c, samples, -1.0), highest(c, samples, 1.0)
+                low, high = -highest(c, samples, -1.0)[0], highest(c, samples, 1.0)[0]
             clearance[p, 2 * i], clearance[p, 2 * i + 1] = low - laws.level[i], high - laws.level[i]
             if low < laws.level[i] < high and regime[p, j] < 2:
                 regime[p, j] += 1
@@ -55,20 +54,18 @@ def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
 
 
 @kernel
-def driven(linear: Any, Omega: Any, f: Any) -> Any:
-    """Root mean square (P,) of the motions that force harmonics H+1..2H (P, m, H) make the elements do."""
+def driven(linear: Any, Omega: Any, f: Any, out: Any) -> None:
+    """Put the motions that force harmonics H+1..2H (P, m, H) make the elements do in these harmonics of out (P, n)."""
     P, m, H = f.shape
     poles, residues = linear.poles, linear.residues
     G, dG = np.empty((m, m), dtype=np.complex128), np.empty((m, m), dtype=np.complex128)
-    out = np.empty(P)
     for p in range(P):
-        total = 0.0
+        rows = out[p].reshape(m, -1)
         for k in range(H):
             receptance(poles, residues, Omega[p] * (H + 1 + k) / linear.nu, G, dG)
+            at = 2 * (H + 1 + k)
             for i in range(m):
                 d = 0j
                 for j in range(m):
                     d += G[i, j] * f[p, j, k]
-                total += d.real**2 + d.imag**2
-        out[p] = math.sqrt(0.5 * total)
-    return out
+                rows[i, at - 1], rows[i, at] = -d.real, d.imag

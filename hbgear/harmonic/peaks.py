@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,19 +10,22 @@ import scipy
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
+from hbgear.continuation.accuracy import assessed
 from hbgear.continuation.branch import Branch, SpecialPoint
+from hbgear.continuation.events import Found
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, solution_at, solve
-from hbgear.continuation.problem import linearise
+from hbgear.continuation.problem import as_problem, linearise
+from hbgear.continuation.record import fields_of
 from hbgear.continuation.segment import CurvePoint, Segment, normal_of, row_of
 from hbgear.harmonic.events import AmplitudePeak
-from hbgear.harmonic.observables import layout_of
+from hbgear.harmonic.observables import Layout, layout_of
 from hbgear.harmonic.observables import measure as measured
 from hbgear.harmonic.special import Peak
 
 
 @checked_arguments()
 def peaks(
-    branch: Branch, measure: str = "rms", element: int | str = 0, *, share: float = 0.0
+    branch: Branch, measure: str = "rms", element: int | str = 0, *, share: float = 0.0, accuracy: float | None = 1e-5
 ) -> tuple[SpecialPoint, ...]:
     """Local maxima of an amplitude along a branch, in its order, labelled PK1, PK2, ...
 
@@ -35,6 +39,8 @@ def peaks(
     measure, element : see `Branch.amplitude`.
     share : peaks whose highest row is below this share of the highest of all are left out; 0.99 finds the largest peak
         without the work for the others.
+    accuracy : as of `trace`: largest relative error of the frequency of a peak; None for the peaks of the branch's own
+        equations, without errors.
 
     Raises
     ------
@@ -56,40 +62,42 @@ def peaks(
     A = branch.amplitude(measure, element)
     tops = [i for i in range(1, len(branch) - 1) if A[i - 1] <= A[i] > A[i + 1] and A[i] >= share * A.max()]
     event = AmplitudePeak(measure, layout.index(element))
-    found = []
-    for number, i in enumerate(tops, 1):
-        row, located = _refine(branch, i, measure, event.element)
-        here = {**branch.parameters_at(i), branch.parameter: row.value}
-        seen = branch.problem.observe(row.X, stability=branch.multipliers is not None, **here)
-        found.append(
-            SpecialPoint(
-                row.X,
-                here,
-                row.residual,
-                row.iterations,
-                seen.get("multipliers"),
-                seen["regime"],
-                seen["error"],
-                layout,
-                f"PK{number}",
-                "PK",
-                i,
-                located,
-                (float(branch.values[i - 1]), float(branch.values[i + 1])),
-                f"peak of {measure}",
-                event.meaning,
-                event.marker,
-                event,
-            )
-        )
-    return tuple(found)
+    arcs = [_arc(branch, i) for i in tops]
+    found = [_on(arc, i, branch, event) for arc, i in zip(arcs, tops, strict=True)]
+    if accuracy is not None:
+        find = partial(_find, event=event)
+        found = [assessed(arc, one, accuracy, find) for arc, one in zip(arcs, found, strict=True)]
+    return tuple(_point(branch, i, n, one) for n, (i, one) in enumerate(zip(tops, found, strict=True), 1))
 
 
-def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[CurvePoint, bool]:
-    """The row of the largest amplitude between rows i - 1 and i + 1."""
-    arc = _arc(branch, i)
-    layout = layout_of(branch)
-    assert layout is not None
+def _point(branch: Branch, i: int, number: int, found: Found) -> SpecialPoint:
+    """Peak number ``number``, found near row i, with what its problem says of it."""
+    problem, row = (found.sharp.problem, found.sharp.row) if found.sharp else (as_problem(branch.problem), found.row)
+    fixed = {k: v for k, v in branch.parameters_at(i).items() if k != branch.parameter}
+    row.observed.update(
+        problem.observe(row.X, stability=branch.multipliers is not None, **fixed, **{branch.parameter: row.value})
+    )
+    known = fields_of(problem, branch.parameter, fixed, row)
+    return SpecialPoint(
+        **known | {"error": found.error}, truncation=known["error"], label=f"PK{number}", kind="PK", index=i,
+        located=found.located, interval=(float(branch.values[i - 1]), float(branch.values[i + 1])), note=found.note,
+        meaning=found.event.meaning, marker=found.event.marker, event=found.event,
+    )  # fmt: skip
+
+
+def _on(arc: Segment, i: int, branch: Branch, event: AmplitudePeak) -> Found:
+    """The peak near row i; that row, not located, if it cannot be found."""
+    try:
+        return _find(arc, event)[0]
+    except (NoConvergence, np.linalg.LinAlgError):
+        row = _row(branch, i, arc.scale, arc.b.u - arc.a.u)
+        return Found(event, 0.5, row, False, f"peak of {event.measure}")
+
+
+def _find(arc: Segment, event: AmplitudePeak) -> list[Found]:
+    """The row of the largest amplitude on a piece of the curve."""
+    layout, measure, element = arc.problem.layout, event.measure, event.element
+    assert isinstance(layout, Layout)
 
     def low(s: float) -> float:
         return -float(measured(measure, layout.rows(arc.at(s).X, element), layout.nu))
@@ -98,14 +106,10 @@ def _refine(branch: Branch, i: int, measure: str, element: int) -> tuple[CurvePo
         best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": xatol})
         return arc.at(float(best.x))
 
-    try:
-        if measure not in ("max", "pp2", "mean"):
-            sharp = _newton(arc, search(_ROUGH), measure, element)
-            if sharp is not None:
-                return sharp, True
-        return search(_FINE), True
-    except (NoConvergence, np.linalg.LinAlgError):
-        return _row(branch, i, arc.scale, arc.b.u - arc.a.u), False
+    sharp = None
+    if measure not in ("max", "pp2", "mean"):
+        sharp = _newton(arc, search(_ROUGH), measure, element)
+    return [Found(event, 0.5, sharp or search(_FINE), True, f"peak of {measure}")]
 
 
 _ROUGH, _FINE = 1e-2, 1e-7  # shares of the arc to which a peak is searched for: before Newton, and instead of it
@@ -135,7 +139,7 @@ def _arc(branch: Branch, i: int) -> Segment:
 
 
 def _row(branch: Branch, i: int, scale: Array, along: Array) -> CurvePoint:
-    """Point i of a branch with its tangent."""
+    """Row i of a branch with its tangent."""
     X, value = branch.X[i], float(branch.values[i])
     now = linearise(branch.problem, X, branch.parameter, branch.parameters_at(i))
     return row_of(Solution(X, value, now, int(branch.iterations[i]), float(branch.residual[i])),

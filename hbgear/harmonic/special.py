@@ -62,7 +62,7 @@ class PeriodDoubling(Fold):
     @checked_arguments()
     def __init__(self, problem: AnyProblem, parameter: str = "") -> None:
         super().__init__(problem, parameter)
-        doubled = problem.with_order(2 * problem.nu, 2 * problem.H + 1)
+        doubled = problem.doubled
         k = np.arange(doubled.H + 1)
         harmonic = np.tile(np.concatenate([[0], np.repeat(k[1:], 2)]), problem.m)
         self._fixed(doubled=doubled, odd=np.flatnonzero(harmonic % 2), even=np.flatnonzero(harmonic % 2 == 0))
@@ -133,6 +133,10 @@ class Grazing(Augmented):
         super().__init__(problem, parameter)
         self._fixed(which=which)
 
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return (self.which,)
+
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         return Base(linearise(self.problem, X, "", here).size / (1.0 + norm(X)))
 
@@ -200,6 +204,10 @@ class Peak(Augmented):
             k = _harmonic(measure, self.problem)
             S[element, 2 * k - 1 : 2 * k + 1] = 1.0
         self._fixed(measure=measure, element=element, S=S.ravel())
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return self.measure, self.element
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         return Base(linearise(self.problem, X, "", here).size / (1.0 + abs(float(self.S @ (X * X)))))

@@ -163,6 +163,8 @@ def _object(*classes: type) -> Form:
             if name not in forms:
                 raise ValueError(f"{place} has a field '{name}' that a {kind} does not have")
         made = names[kind](**{name: forms[name](archive, x, f"{place}.{name}") for name, x in given.items()})
+        if isinstance(made, SpecialPoint) and "truncation" not in given:  # of files that knew no error of its place
+            made = dataclasses.replace(made, error=math.nan, truncation=made.error)
         return named(made) if isinstance(made, SpecialPoint) and "meaning" not in given else made
 
     return form
@@ -189,7 +191,7 @@ _FLOATS = _tuple(_finite)
 _POINT: dict[str, Form] = {
     "X": _array("f", 1, finite=True), "parameters": _table(_finite), "residual": _number, "iterations": _whole(0),
     "multipliers": _optional(_array("c", 1)), "regime": _array("iu", 1), "error": _number,
-    "layout": _optional(lambda *given: _object(Layout)(*given)), "label": _text,
+    "layout": _optional(lambda *given: _object(Layout)(*given)), "label": _text, "modulus_error": _number,
 }  # fmt: skip
 
 
@@ -198,7 +200,7 @@ _FORMS: dict[type, dict[str, Form]] = {
              "labels": _table(_text)},
     Point: _POINT,
     SpecialPoint: {**_POINT, "kind": _text, "index": _whole(-1), "located": _flag, "interval": _tuple(_number, 2),
-                   "note": _text, "meaning": _text, "marker": _marker},
+                   "note": _text, "meaning": _text, "marker": _marker, "truncation": _number},
     Jump: {"label": _text, "parameter": _text, "value": _finite, "direction": _whole(-1, 1),
            "before": _object(Point, SpecialPoint), "after": _optional(_object(Point, SpecialPoint)),
            "landing": _one_of(LANDINGS), "candidates": _tuple(_object(Point, SpecialPoint)), "note": _text},
@@ -208,7 +210,7 @@ _FORMS: dict[type, dict[str, Form]] = {
              "regime": _array("iu", 2), "error": _array("f", 1), "step": _array("f", 1),
              "special": _tuple(_object(SpecialPoint)), "jump_records": _tuple(_object(Jump)), "status": _text,
              "message": _text, "layout": _optional(_object(Layout)), "meta": _table(_plain),
-             "others": _tuple(lambda *given: _object(Branch)(*given))},
+             "others": _tuple(lambda *given: _object(Branch)(*given)), "modulus_error": _array("f", 1)},
 }  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """Branches as .npz files: a JSON header with everything but the arrays, which lie beside it under their path.
 
-header.npy    {"format": "hbgear branch", "schema": 3, "branch": {"__class__": "Branch", "X": {"__array__": "X"}, ...}}
+header.npy    {"format": "hbgear branch", "schema": 4, "branch": {"__class__": "Branch", "X": {"__array__": "X"}, ...}}
 X.npy, ...    the arrays
 """
 
@@ -21,11 +21,12 @@ from hbgear.harmonic.observables import Layout
 from hbgear.io import forms
 from hbgear.io.archive import Archive, archive_of
 
-SCHEMA = 3
+SCHEMA = 4
 """Number of the file format `Branch.save` writes; `load` reads this and all earlier ones.
 
 1: special points without meaning and marker. 2: with them.
 3: with the other curves of the span, and statuses of later versions.
+4: with errors of special points, which may have more unknowns than their curve, and of multipliers.
 """
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.replacing import checked_suffix, replacing
-from hbgear.continuation.branch import Branch, SpecialPoint, Status, is_stable, name_of_regime, saved_fields
+from hbgear.continuation.branch import Branch, SpecialPoint, Status, name_of_regime, saved_fields
 from hbgear.harmonic.observables import MEASURES, layout_of
 from hbgear.io.npz import encode
 
@@ -43,15 +43,19 @@ def _whole_table(branch: Branch) -> dict[str, Any]:
 def _table(branch: Branch) -> dict[str, Any]:
     """Columns of one curve: parameters, stability, per element its regime, measures and coefficients.
 
+    special_value, special_error : where a special point lies, more accurately than its row may, and the error of that.
     landing : how it was decided where the jump from a special point lands.
+    stable : 1 or 0; nothing where it is undecided or unknown.
     """
     columns: dict[str, Any] = {branch.parameter: branch.values, **branch.tracked}
-    labels = {point.index: point.label for point in branch.special}
-    columns["special"] = [labels.get(i, "") for i in range(len(branch))]
+    points = {point.index: point for point in branch.special}
+    columns["special"] = [points[i].label if i in points else "" for i in range(len(branch))]
+    columns["special_value"] = [points[i].parameters[branch.parameter] if i in points else "" for i in range(len(branch))]
+    columns["special_error"] = [points[i].error if i in points else "" for i in range(len(branch))]
     decided = {jump.label: jump.decided for jump in branch.jumps()}
     columns["landing"] = [decided.get(label, "") for label in columns["special"]]
     if branch.multipliers is not None:
-        columns["stable"] = is_stable(branch.multipliers).astype(int)
+        columns["stable"] = [{"stable": 1, "unstable": 0}.get(verdict, "") for verdict in branch.verdicts]
         columns["multiplier_max"] = np.abs(branch.multipliers).max(axis=-1, initial=0.0)
     columns |= {name: getattr(branch, name) for name in ("residual", "iterations", "error")}
     layout = layout_of(branch)
@@ -90,4 +94,4 @@ def _matlab(branch: Branch) -> dict[str, Any]:
         each = range(len(branch.layout.elements))
         rows = {name: [branch.amplitude(name, j) for j in each] for name in MEASURES}
         out["amplitude"] = {name: np.stack(columns, axis=-1) for name, columns in rows.items()}
-    return out if branch.stable is None else out | {"stable": branch.stable}
+    return out if branch.stable is None else out | {"stable": branch.stable, "undecided": branch.undecided}

@@ -302,6 +302,11 @@ class Transform:
         out[1::2], out[2::2] = np.cos(theta), np.sin(theta)
         return out
 
+    @cached_property
+    def wider(self) -> Transform:
+        """That of twice as many harmonics and samples."""
+        return Transform(2 * self.H, 2 * self.N)
+
     def _planned(self, rows: int) -> _Plans:
         room = 1 << (rows - 1).bit_length()
         plans: dict[Any, _Plans] = self._own.__dict__  # of this thread

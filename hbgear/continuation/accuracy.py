@@ -1,0 +1,145 @@
+"""How accurate special points are: what more unknowns would change of them.
+
+    {R, g}(X, p) = 0  at n unknowns,    delta = -J'^-1 {R', g'}(X, p)  at more of them,    error = |delta_p|
+
+R', g' and J' are the equations of the special point with more unknowns (`problem.Refinable`), at the point found with
+fewer: one Newton step. It tells the error as long as the errors fall fast enough with the number of unknowns that those
+of the finer solution do not count. Points that no equations are known for are located again, between the ends of their
+piece of the curve solved again. Where the error is larger than wanted, the point is solved for with more unknowns, and
+judged anew.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.algebra import norm, solve_linear
+from hbgear.continuation.branch import SpecialPoint
+from hbgear.continuation.corrector import correct
+from hbgear.continuation.events import Found, Sharp
+from hbgear.continuation.newton import NoConvergence, refine, solution_at, solve
+from hbgear.continuation.problem import FullProblem, as_problem, linearise, observe_all
+from hbgear.continuation.record import fields_of
+from hbgear.continuation.segment import CurvePoint, Segment, normal_of, row_along
+
+_ROUNDING = 1e-12  # of a parameter, relative to its unit: no error is told to be smaller
+
+
+_FAR = 0.05  # scaled length by which a point may move when it is solved for with more unknowns
+
+
+_MISSED = 2  # times in a row that a point is not found with more unknowns, after which it is given up
+
+
+def assessed(
+    arc: Segment, found: Found, accuracy: float, find: Callable[[Segment], list[Found]] | None = None
+) -> Found:
+    """A special point with its error, solved for with more unknowns where that is above the accuracy.
+
+    Parameters
+    ----------
+    arc : the piece of the curve on which it was found.
+    accuracy : largest error wanted, relative to the size of the parameter (`FullProblem.unit_of`).
+    find : what finds the point on a piece of the curve; by default its event.
+    """
+    if arc.problem.finer is None:
+        return found
+    unit = arc.problem.unit_of(arc.name, found.row.value)
+    goal = accuracy * unit
+    best = _by_equations(arc, found, goal) if found.located and arc.problem.smooth else found
+    if not best.error <= goal:
+        other = _by_pieces(arc, found, goal, find or found.event.find)
+        best = best if best.error <= other.error else other
+    return replace(best, error=max(best.error, _ROUNDING * unit))
+
+
+def _by_equations(arc: Segment, found: Found, goal: float) -> Found:
+    """`assessed` by Newton on the equations of the point; the last that could be solved for."""
+    problem, row = arc.problem, found.row
+    while problem.finer is not None:
+        finer, here = as_problem(problem.finer), {**arc.parameters, arc.name: row.value}
+        try:
+            point = SpecialPoint(**fields_of(problem, arc.name, here, row), kind=found.event.kind, note=found.note)
+            extended = found.event.equations(finer, arc.name, point)
+            if extended is None:
+                break
+            U = np.append(finer.fitted(row.X), row.value)
+            extended = extended.based(U, here)
+            now = linearise(extended, U, "", here)
+            U = U - solve_linear(now.dR_dX, now.R)
+            found = replace(found, error=abs(float(U[-1] - row.value)))
+            if found.error <= goal:
+                break
+            solution = refine(extended, solve(extended, U, here), here)
+        except (NoConvergence, np.linalg.LinAlgError, ValueError):
+            break
+        problem, row = finer, _row_at(arc, finer, solution.X, solution.iterations)
+        if _apart(arc, row, found.row) > _FAR:
+            break
+        found = replace(found, sharp=Sharp(problem, row))
+    return found
+
+
+def _by_pieces(arc: Segment, found: Found, goal: float, find: Callable[[Segment], list[Found]]) -> Found:
+    """`assessed` by looking for the point again on the piece of the curve solved with more unknowns."""
+    place, missed = found.row.value if found.located else math.nan, 0
+    found = replace(found, error=math.inf)
+    while arc.problem.finer is not None and missed < _MISSED:
+        try:
+            arc = _solved_again(arc, as_problem(arc.problem.finer))
+            again = [p for p in find(arc) if p.located and p.event.kind == found.event.kind]
+        except (NoConvergence, np.linalg.LinAlgError):
+            break
+        missed = 0 if again else missed + 1
+        if not again:
+            continue
+        row = min(again, key=lambda p: abs(p.s - found.s)).row
+        if abs(row.value - place) <= goal:
+            return replace(found, error=abs(row.value - place))
+        error = math.inf if math.isnan(place) else abs(row.value - place)
+        place, found = row.value, replace(found, error=error, sharp=Sharp(arc.problem, row), located=True)
+    return found
+
+
+def _solved_again(arc: Segment, finer: FullProblem) -> Segment:
+    """The piece with its ends solved for with more unknowns, and observed."""
+    scale = _scale(arc, finer)
+    finer = finer.based(finer.fitted(arc.a.X), {**arc.parameters, arc.name: arc.a.value})
+    ends = []
+    for row in (arc.a, arc.b):
+        direction = np.append(finer.fitted(row.tangent[:-1]), row.tangent[-1])
+        normal = normal_of(direction, scale)
+        u = np.append(finer.fitted(row.X), row.value)
+        point = correct(finer, u, normal / norm(normal), arc.name, arc.parameters, arc.settings)
+        ends.append(row_along(point, scale, row.step, row))
+    seen = observe_all(
+        finer, np.array([end.u for end in ends]), arc.name, arc.parameters, "multipliers" in arc.a.observed
+    )
+    for end, told in zip(ends, seen, strict=True):
+        end.observed.update(told)
+    return replace(arc, problem=finer, a=ends[0], b=ends[1], scale=scale)
+
+
+def _scale(arc: Segment, finer: FullProblem) -> Array:
+    """The scales of the piece for more unknowns."""
+    own = 1 + len(finer.unknown_parameters)
+    front = len(finer.fitted(arc.a.X)) + 1 - own
+    return np.concatenate([np.full(front, arc.scale[0]), arc.scale[-own:]])
+
+
+def _row_at(arc: Segment, problem: FullProblem, u: Array, iterations: int) -> CurvePoint:
+    """The row of a special point of the piece, with the tangent of the piece's beginning."""
+    point = solution_at(problem, u, arc.name, arc.parameters, iterations)
+    tangent = np.append(problem.fitted(arc.a.tangent[:-1]), arc.a.tangent[-1])
+    return CurvePoint(u, tangent, arc.a.orientation, point.residual, iterations)
+
+
+def _apart(arc: Segment, one: CurvePoint, other: CurvePoint) -> float:
+    """Scaled distance of two rows in the unknowns of the piece."""
+    u, v = (np.append(arc.problem.fitted(row.X), row.value) for row in (one, other))
+    return norm((u - v) / arc.scale)
