@@ -209,6 +209,12 @@ def trace(
     ] = True,
     max_points: Annotated[int, typer.Option(min=2, help="Stop after so many points.")] = hb.StepControl().max_points,
     landing: Landing = "nearest",
+    accuracy: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Largest relative error of special points, solved for with more harmonics if need be; 0: any."
+        ),
+    ] = 1e-5,
 ) -> None:
     """Trace a response curve through its folds; print its special points and jumps.
 
@@ -242,6 +248,7 @@ def trace(
             at=held,
             stability=stability,
             steps=hb.StepControl(max_points=max_points),
+            accuracy=accuracy or None,
         )
     except KeyboardInterrupt:  # not within the trace itself, which keeps what it has
         say("error", "interrupted while starting or finishing; nothing was kept")

@@ -34,11 +34,11 @@ from hbgear.cli.support import (
     problem_in,
     problem_of,
     range_of,
-    rounded,
     show_branch,
     span_of,
     text_at,
 )
+from hbgear.common.digits import rounded
 
 
 def register(app: typer.Typer) -> None:

@@ -8,6 +8,7 @@ import os
 import re
 import sys
 import typing
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +19,7 @@ import typer
 
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
+from hbgear.common.digits import concise, rounded
 from hbgear.common.messages import shortened
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.continuation.branch import LANDINGS
@@ -416,16 +418,16 @@ def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float
 
 
 def digits_of(motions: hb.Point | hb.Branch, most: int = 8) -> int:
-    """Significant digits that hold, from the error made by the harmonics left out, relative to the motion.
+    """Significant digits of amplitudes that hold, from the error of the harmonics left out, relative to the motion.
 
-    The last digit is of the size of that error. What is located, such as a fold, is located to about that error or
-    better. The worst of many motions.
+    The last digit is of the size of that error. The worst of many motions.
     """
     if motions.layout is None:
         return min(_UNKNOWN, most)
     sizes = np.array([motions.amplitude("rms", j) for j in range(len(motions.layout.elements))])
     with np.errstate(all="ignore"):
-        error = float(np.max(np.asarray(motions.error) / np.max(sizes, axis=0)))
+        errors = motions.truncation if isinstance(motions, hb.SpecialPoint) else motions.error
+        error = float(np.max(np.asarray(errors) / np.max(sizes, axis=0)))
     held = _UNKNOWN if math.isnan(error) else most if error == 0 else math.floor(-math.log10(error)) + 1
     return min(max(held, 3), most)
 
@@ -433,14 +435,12 @@ def digits_of(motions: hb.Point | hb.Branch, most: int = 8) -> int:
 _UNKNOWN = 6  # digits where nothing is known of the error
 
 
-def rounded(value: float, digits: int) -> str:
-    """A number with so many significant digits, zeros at its end too: they hold."""
-    return f"{value:#.{digits}g}".rstrip(".")
-
-
 def text_at(point: hb.Point, name: str) -> str:
-    """The value of a parameter at a point, with the digits that hold."""
-    return rounded(point.parameters[name], digits_of(point))
+    """The value of a parameter at a point, with the digits that hold; where it is known with its error, with that."""
+    value = point.parameters[name]
+    if isinstance(point, hb.SpecialPoint) and name == list(point.parameters)[-1] and not math.isnan(point.error):
+        return concise(value, point.error)
+    return rounded(value, digits_of(point))
 
 
 def size_text(point: hb.Point, measure: str, element: int | str) -> str:
@@ -492,20 +492,38 @@ def show_branch(
     beside: Sequence[hb.Branch] = (),
     names: Sequence[str] = (),
 ) -> None:
-    """Tables of special points and jumps; see `show_jumps`."""
+    """Tables of special points and jumps (see `show_jumps`), and whether they can be trusted."""
     if not branch.special:
         print("no special points")
+        show_doubts(branch)
         return
     rows = []
     for point in branch.special:
         place = [text_at(point, name) for name in (branch.parameter, *branch.tracked)]
-        place += [rounded(value, digits_of(point, 6)) for value in speeds_of(branch, point).values()]
+        place += speeds_in_text(branch, point)
         rows.append(
             [point.label, *place, size_text(point, measure, element), regime_of(point), what_happens(branch, point)]
         )
     headers = ["", branch.parameter, *branch.tracked, *speeds_of(branch, branch[0]), measure, "regime", "what happens"]
     print_table(headers, rows, "special points")
     show_jumps(branch, measure, element, beside, names)
+    show_doubts(branch)
+
+
+def show_doubts(branch: hb.Branch) -> None:
+    """A line that says whether a curve can be trusted, and what to do if not."""
+    if branch.meta.get("trace", {}).get("accuracy") is None:
+        return
+    doubts = branch.doubts
+    if doubts:
+        for doubt in doubts:
+            print(f"doubt: {doubt}")
+        print("  more harmonics decide it: --harmonics 32 or auto")
+        return
+    errors = [p.error / abs(p.parameters[branch.parameter]) for p in branch.special if p.parameters[branch.parameter]]
+    points = f"special points to {max(errors):.0e}, " if errors and not np.isnan(errors).all() else ""
+    verdicts = "" if branch.multipliers is None else ", stability sure at every point"
+    print(f"to be trusted: {points}motions to {branch.relative_error:.0e}{verdicts}")
 
 
 def show_jumps(
@@ -527,8 +545,7 @@ def show_jumps(
     rows, notes = [], []
     for landing in landings((branch, *beside))[0]:
         jump, where = landing.jump, landing.branch
-        digits = digits_of(jump.before, 6)
-        speeds = [rounded(value, digits) for value in speeds_of(branch, jump.before).values()]
+        speeds = speeds_in_text(branch, jump.before)
         before = size_text(jump.before, measure, element)
         if jump.after is None:
             curves = "these curves" if beside else "this curve"
@@ -569,6 +586,16 @@ def speeds_of(branch: hb.Branch, point: hb.Point) -> dict[str, float]:
     return speeds_at(model_of(branch), point.parameters)
 
 
+def speeds_in_text(branch: hb.Branch, point: hb.Point) -> list[str]:
+    """`speeds_of` a point with the digits that hold."""
+    own = point.parameters.get("Omega", 0.0)
+    error = point.error / own if isinstance(point, hb.SpecialPoint) and branch.parameter == "Omega" else math.nan
+    return [
+        rounded(value, digits_of(point, 6)) if math.isnan(error) else concise(value, abs(error * value), 6)
+        for value in speeds_of(branch, point).values()
+    ]
+
+
 def facts_of(branch: hb.Branch, measure: str) -> Iterator[tuple[str, str]]:
     """What there is to say of a branch, name and text."""
     stable, layout = branch.stable, branch.layout
@@ -584,7 +611,9 @@ def facts_of(branch: hb.Branch, measure: str) -> Iterator[tuple[str, str]]:
     if stable is None:
         yield "stability", "not computed"
     else:
-        yield "stability", f"{int(stable.sum())} points stable, {int((~stable).sum())} unstable"
+        counts = Counter(branch.verdicts)
+        known = [f"{counts[name]} {name}" for name in ("unstable", "undecided", "unknown") if counts[name]]
+        yield "stability", ", ".join([f"{counts['stable']} points stable", *known])
     yield "regimes", ", ".join(dict.fromkeys(regime_of(branch[i]) for i in range(len(branch))))
     for j, name in enumerate(layout.elements if layout else ()):
         size = branch.amplitude(measure, j)

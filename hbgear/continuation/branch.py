@@ -157,7 +157,7 @@ class Point:
 
     @property
     def verdict(self) -> str:
-        """ "stable", "unstable", "undecided" (the error reaches the unit circle) or "unknown" (no multipliers)."""
+        """One of `VERDICTS`: undecided if the error reaches the unit circle, unknown without multipliers."""
         if self.multipliers is None:
             return "unknown"
         return VERDICTS[int(verdict_codes(self.multipliers, np.asarray(self.modulus_error)))]
@@ -269,6 +269,9 @@ class Jump:
         if self.landing == "integrate":
             return "integrated"
         return f"nearest of {len(self.candidates)}" if len(self.candidates) > 1 else "nearest"
+
+
+_ROUGH = 1e-2  # relative error of a motion above which a curve is only a sketch
 
 
 LANDINGS = ("nearest", "integrate")
@@ -387,7 +390,8 @@ class Branch:
         mu = None if self.multipliers is None else self.multipliers[key]
         return Point(
             self.X[key], self.parameters_at(key), float(self.residual[key]), int(self.iterations[key]),
-            mu, self.regime[key], float(self.error[key]), self.layout, modulus_error=float(self.modulus_error[key]),
+            mu, self.regime[key], float(self.error[key]), self.layout,
+            modulus_error=float(np.asarray(self.modulus_error)[key]),
         )  # fmt: skip
 
     @property
@@ -411,6 +415,32 @@ class Branch:
         if self.multipliers is None:
             return ["unknown"] * len(self)
         return [VERDICTS[code] for code in self._verdict_codes]
+
+    @property
+    def relative_error(self) -> float:
+        """Largest estimated error of a row, relative to the norm of its unknowns over sqrt 2; nan if unknown."""
+        with np.errstate(all="ignore"):
+            relative = self.error * math.sqrt(2) / np.linalg.norm(self.X, axis=1)
+        return math.nan if np.isnan(relative).all() else float(np.nanmax(relative))
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the branch cannot be trusted everywhere, in words; empty if it can, or nothing is known of its errors."""
+        out = []
+        accuracy = self.meta.get("trace", {}).get("accuracy") or math.inf
+        size = {p.label: abs(p.parameters[self.parameter]) or 1.0 for p in self.special}
+        vague = [p.label for p in self.special if not p.located or p.error > 2 * accuracy * size[p.label]]
+        if vague:
+            out.append(f"{', '.join(vague)} not known to the accuracy of {accuracy:g}")
+        undecided = np.flatnonzero(self.undecided)
+        if undecided.size:
+            low, high = self.values[undecided].min(), self.values[undecided].max()
+            where = f"= {low:.6g}" if low == high else f"from {low:.6g} to {high:.6g}"
+            out.append(f"stability undecided at {undecided.size} points with {self.parameter} {where}")
+        if self.relative_error > _ROUGH:
+            at = self.values[int(np.nanargmax(self.error))]
+            out.append(f"motions are known to {self.relative_error:.0e} only, at {self.parameter} = {at:.6g}")
+        return tuple(out)
 
     @property
     def asymptotes(self) -> dict[str, float]:

@@ -310,13 +310,13 @@ class HarmonicBalance(FullProblem):
 
     @property
     def doubled(self) -> HarmonicBalance:
-        """The same in the basis of twice the period, with the harmonics of all motions that double the period of its."""
+        """The same in the basis of twice the period, with all harmonics of what doubles the period of its motions."""
         return self._doubled.get((), lambda: self.with_order(2 * self.nu, 2 * self.H + 1))
 
     @property
-    def finer(self) -> HarmonicBalance | None:  # type: ignore[override]
+    def finer(self) -> HarmonicBalance | None:
         """The same with twice the harmonics; None beyond 400 of the excitation, or too many unknowns."""
-        if 2 * self.H > _MOST * self.nu or self.m * (4 * self.H + 1) > _MANY:
+        if _MOST * self.nu < 2 * self.H or self.m * (4 * self.H + 1) > _MANY:
             return None
         return self._finer.get((), lambda: self.with_order(self.nu, 2 * self.H))
 

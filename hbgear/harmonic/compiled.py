@@ -165,7 +165,7 @@ class Compiled:
         return clearance, regime
 
     def graze(self, X: Array, corner: int, side: float) -> tuple[float, float]:
-        """Highest (side +1) or lowest (-1) value of an element less a corner of its law, and the phase where it lies."""
+        """Highest (side +1) or lowest (-1) value of an element less a corner of its law, and its phase."""
         from hbgear.harmonic.crossings import highest, sampled, waves_of
 
         self._length(X)

@@ -98,7 +98,7 @@ def _modulus(mu: ComplexArray) -> Any:
 def _nearest(problem: Any, X: Array, name: str, here: Mapping[str, float]) -> tuple[Array, float]:
     """The solution (X, p) nearest to a guess: Newton with the shortest steps in X and p over their sizes.
 
-        [J R_p] S y = -R,  y of least norm;   the curve may turn there, which a fixed p would not allow
+    [J R_p] S y = -R,  y of least norm;   the curve may turn there, which a fixed p would not allow
     """
     at, scale = dict(here), np.full(len(X) + 1, problem.motion_size(X) or 1.0)
     scale[-1] = problem.unit_of(name, here[name])

@@ -50,7 +50,9 @@ def _table(branch: Branch) -> dict[str, Any]:
     columns: dict[str, Any] = {branch.parameter: branch.values, **branch.tracked}
     points = {point.index: point for point in branch.special}
     columns["special"] = [points[i].label if i in points else "" for i in range(len(branch))]
-    columns["special_value"] = [points[i].parameters[branch.parameter] if i in points else "" for i in range(len(branch))]
+    columns["special_value"] = [
+        points[i].parameters[branch.parameter] if i in points else "" for i in range(len(branch))
+    ]
     columns["special_error"] = [points[i].error if i in points else "" for i in range(len(branch))]
     decided = {jump.label: jump.decided for jump in branch.jumps()}
     columns["landing"] = [decided.get(label, "") for label in columns["special"]]

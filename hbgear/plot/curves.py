@@ -251,10 +251,8 @@ def _shade(ax: Axes, jumps: JumpMap) -> None:
 
 def _states(branch: Branch, element: int | str) -> list[State]:
     """Regime of the element and stability of each row."""
-    stable: list[bool | None] = [None] * len(branch)
-    if branch.multipliers is not None and branch.stable is not None:
-        failed = np.asarray(np.isnan(branch.multipliers).any(axis=1))
-        stable = [None if failed[i] else bool(ok) for i, ok in enumerate(branch.stable)]
+    known: dict[str, bool | str] = {"stable": True, "unstable": False, "undecided": "undecided"}
+    stable = [known.get(verdict) for verdict in branch.verdicts]
     layout = layout_of(branch)
     return [(regime_of(layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]
 

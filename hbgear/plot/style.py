@@ -1,8 +1,8 @@
 """The style of all figures, and what they are put together from: axes, scales above them, legends, files.
 
-Stable motions are drawn solid, unstable ones dashed, those of unknown stability solid and thin. On one curve the colour
-is the impact regime; of several curves each has its own colour, and the width of the line is the regime. Nothing here
-changes matplotlib's settings, and matplotlib is imported only when something is drawn.
+Stable motions are drawn solid, unstable ones dashed, those in doubt dotted, those of unknown stability solid and thin.
+On one curve the colour is the impact regime; of several curves each has its own colour, and the width of the line is
+the regime. Nothing here changes matplotlib's settings, and matplotlib is imported only when something is drawn.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-State = tuple[str, bool | None]
+State = tuple[str, bool | str | None]
 """Impact regime, and whether the motion is stable; None if that is not known."""
 
 
@@ -35,8 +35,10 @@ COLOURS = {"no_impact": "#1f4e8c", "single_sided": "#d9730d", "double_sided": "#
 """Colours of the impact regimes."""
 
 
-LINES: dict[bool | None, tuple[Any, float]] = {True: ("-", 1.4), False: ("--", 1.2), None: ("-", 0.7)}
-"""Line style and width of stable and unstable motions, and of those of which it is not known."""
+LINES: dict[bool | str | None, tuple[Any, float]] = {
+    True: ("-", 1.4), False: ("--", 1.2), "undecided": (":", 1.6), None: ("-", 0.7)
+}  # fmt: skip
+"""Line style and width of stable and unstable motions, of those in doubt, and of those of which it is not known."""
 
 
 def legend_entry(event: Event | SpecialPoint) -> str:
@@ -199,13 +201,14 @@ def add_legend(ax: Axes, outside: bool = False) -> None:
     from hbgear.plot.labels import labels_of
 
     events = [str(mark.line.get_label()) for mark in labels_of(ax).marks]
-    ranks = [*map(in_words, REGIMES), "unstable", *(name for _, name in MARKERS.values()), *events]
+    ranks = [*map(in_words, REGIMES), "unstable", "undecided", *(name for _, name in MARKERS.values()), *events]
     entries: dict[str, Line2D] = {}
     for line in ax.lines:
         curve, label = str(line.get_gid()).startswith("branch"), str(line.get_label())
-        if curve and line.get_linestyle() == "--" and "unstable" not in entries:
-            style, width = LINES[False]
-            entries["unstable"] = Line2D([], [], color="#555555", linestyle=style, linewidth=width)
+        for name, verdict in (("unstable", False), ("undecided", "undecided")):
+            style, width = LINES[verdict]
+            if curve and line.get_linestyle() == style and name not in entries:
+                entries[name] = Line2D([], [], color="#555555", linestyle=style, linewidth=width)
         if curve and outside:  # the width of the line is the regime
             regime = str(line.get_gid()).split()[1]
             if regime != "unknown":

@@ -1,0 +1,36 @@
+"""Numbers with the digits that hold."""
+
+from __future__ import annotations
+
+import math
+
+
+def rounded(value: float, digits: int) -> str:
+    """A number with so many significant digits, zeros at its end too: they hold."""
+    return f"{value:#.{digits}g}".rstrip(".")
+
+
+def concise(value: float, error: float, most: int = 8) -> str:
+    """A number with its error in units of its last digit; without, where that is beyond the most significant digits.
+
+    An error that is infinite is a question mark; one that is not known leaves six digits.
+
+    Examples
+    --------
+    >>> concise(0.8453691, 1.6e-5), concise(0.5, 1e-12), concise(1234.5, 30.0), concise(0.61597, math.inf)
+    ('0.84537(2)', '0.50000000', '1230(30)', '0.616(?)')
+    """
+    if math.isnan(error):
+        return rounded(value, 6)
+    if math.isinf(error):
+        return f"{rounded(value, 3)}(?)"
+    least = math.floor(math.log10(abs(value))) + 1 - most if value else -most
+    place = math.floor(math.log10(error)) if error > 0 else least - 1
+    units = math.ceil(error / 10.0**place - 1e-9) if error > 0 else 0
+    if units == 10:
+        units, place = 1, place + 1
+    if place < least:
+        return rounded(value, most)
+    if place < 0:
+        return f"{value:.{-place}f}({units})"
+    return f"{round(value, -place):.0f}({units * 10**place})"
