@@ -41,6 +41,7 @@ from hbgear.mechanics.oscillators import Duffing
 from hbgear.mechanics.reduction import Reduction, reduce
 from hbgear.timedomain.basins import basins
 from hbgear.timedomain.integrate import integrate
+from hbgear.timedomain.opinion import Opinion, second_opinion
 from hbgear.timedomain.shooting import shoot
 from hbgear.timedomain.sweep import sweep
 from hbgear.timedomain.validate import validate
@@ -68,6 +69,7 @@ __all__ = [
     "Model",
     "NoConvergence",
     "NoFold",
+    "Opinion",
     "Parallel",
     "Peak",
     "PeriodDoubling",
@@ -104,6 +106,7 @@ __all__ = [
     "peaks",
     "plot",
     "reduce",
+    "second_opinion",
     "shoot",
     "sweep",
     "switch",

@@ -521,7 +521,7 @@ def show_doubts(branch: hb.Branch) -> None:
         print("  more harmonics decide it: --harmonics 32 or auto")
         return
     errors = [p.error / abs(p.parameters[branch.parameter]) for p in branch.special if p.parameters[branch.parameter]]
-    points = f"special points to {max(errors):.0e}, " if errors and not np.isnan(errors).all() else ""
+    points = f"what is labelled to {np.nanmax(errors):.0e}, " if errors and not np.isnan(errors).all() else ""
     verdicts = "" if branch.multipliers is None else ", stability sure at every point"
     print(f"to be trusted: {points}motions to {branch.relative_error:.0e}{verdicts}")
 

@@ -1,8 +1,8 @@
 """Kernels: functions in plain loops over numbers and arrays, compiled by Numba when they are first called.
 
 What is compiled is kept in the user's cache folder (or below NUMBA_CACHE_DIR) and loaded by later processes. It stands
-in a folder of its own for every state of the sources, for a kernel holds the code of those it calls, in whichever file
-they stand. Without Numba the same functions run as they are written, some hundred times slower.
+in a folder of its own for every state of their sources, for a kernel holds the code of those it calls, whichever file
+they stand in. Without Numba the same functions run as they are written, some hundred times slower.
 
 A module of kernels imports Numba, and is therefore imported inside of the functions that need it.
 
@@ -17,6 +17,7 @@ import contextlib
 import hashlib
 import logging
 import os
+import re
 import shutil
 import time
 from collections.abc import Callable
@@ -100,8 +101,11 @@ def _clear(parent: Path) -> None:
 
 
 def _state() -> str:
-    """A name for the sources of the package as they are now."""
+    """A name for the sources of kernels, and of what these import, as they are now."""
     root = Path(__file__).parents[1]
-    files = sorted((path.relative_to(root).as_posix(), path.stat()) for path in root.rglob("*.py"))
-    told = [f"{name} {seen.st_size} {seen.st_mtime_ns}" for name, seen in files]
+    texts = {path.relative_to(root).as_posix(): path.read_text(encoding="utf-8") for path in root.rglob("*.py")}
+    own = [name for name, text in texts.items() if "\n@kernel" in text]
+    modules = {module for name in own for module in re.findall(r"^from hbgear\.([\w.]+) import", texts[name], re.M)}
+    used = {*own, *(f"{module.replace('.', '/')}.py" for module in modules)}
+    told = [f"{name} {texts[name]}" for name in sorted(used & texts.keys())]
     return hashlib.sha256("\n".join([str(root), *told]).encode()).hexdigest()[:16]

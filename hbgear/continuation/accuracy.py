@@ -36,6 +36,9 @@ _FAR = 0.05  # scaled length by which a point may move when it is solved for wit
 _MISSED = 2  # times in a row that a point is not found with more unknowns, after which it is given up
 
 
+_SKETCH = 0.5  # error of a solution relative to its size above which it is no start for one with more unknowns
+
+
 def assessed(
     arc: Segment, found: Found, accuracy: float, find: Callable[[Segment], list[Found]] | None = None
 ) -> Found:
@@ -46,16 +49,26 @@ def assessed(
     arc : the piece of the curve on which it was found.
     accuracy : largest error wanted, relative to the size of the parameter (`FullProblem.unit_of`).
     find : what finds the point on a piece of the curve; by default its event.
+
+    Returns
+    -------
+    Found
+        Its error is infinite if it is not found again with more unknowns, nan if nothing could be said.
     """
-    if arc.problem.finer is None:
+    if arc.problem.finer is None or _is_sketch(arc):
         return found
     unit = arc.problem.unit_of(arc.name, found.row.value)
     goal = accuracy * unit
     best = _by_equations(arc, found, goal) if found.located and arc.problem.smooth else found
     if not best.error <= goal:
-        other = _by_pieces(arc, found, goal, find or found.event.find)
+        other = _by_pieces(arc, found, goal, find or (found.finder or found.event).find)
         best = best if best.error <= other.error else other
     return replace(best, error=max(best.error, _ROUNDING * unit))
+
+
+def _is_sketch(arc: Segment) -> bool:
+    """Whether the solutions at the ends of the piece are too rough."""
+    return any(end.observed.get("error", 0.0) > _SKETCH * arc.problem.motion_size(end.X) for end in (arc.a, arc.b))
 
 
 def _by_equations(arc: Segment, found: Found, goal: float) -> Found:

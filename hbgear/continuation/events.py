@@ -56,6 +56,7 @@ class Found:
     0 <= s <= 1, but for points that more accurate equations put a little beyond the ends of the segment.
 
     error : of its value of the parameter, nan if unknown; of ``sharp``, if it is there. See `accuracy`.
+    finder : the event that found it, if another than its own.
     """
 
     event: Event
@@ -65,6 +66,7 @@ class Found:
     note: str = ""
     error: float = math.nan
     sharp: Sharp | None = None
+    finder: Event | None = None
 
     @property
     def value(self) -> float:

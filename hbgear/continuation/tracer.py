@@ -560,7 +560,7 @@ class _Tracer:
         """Special points of a piece with their errors, solved for as accurately as is wanted."""
         if self.accuracy is None:
             return found
-        return [assessed(arc, point, self.accuracy, self.watch.find) for point in found]
+        return [assessed(arc, point, self.accuracy) for point in found]
 
     def _located(self, arc: Segment) -> list[Found]:
         """The special points on a piece; none if an error ends the search, which is noted."""
@@ -614,7 +614,7 @@ class _Tracer:
         """All rows, the located special points among them, and the marks of these."""
         rows: list[CurvePoint] = []
         marks: list[Mark] = []
-        found = sorted((self._placed(*one) for one in self.found), key=lambda one: (one[0], one[1].s))
+        found = sorted((self._placed(*one) for one in self._single()), key=lambda one: (one[0], one[1].s))
         for i, row in enumerate(self.rows):
             while found and found[0][0] == i:
                 point = found.pop(0)[1]
@@ -627,6 +627,14 @@ class _Tracer:
             interval = (self.rows[-2].value, self.rows[-1].value)
             marks.append(Mark(len(rows) - 1, self.stop, interval))
         return rows, marks
+
+    def _single(self) -> list[tuple[int, Found]]:
+        """Special points, without those that turned out to be the same as an earlier one with more unknowns."""
+        out: list[tuple[int, Found]] = []
+        for number, point in self.found:
+            if not any(_same(point, other) for _, other in out):
+                out.append((number, point))
+        return out
 
     def _placed(self, number: int, point: Found) -> tuple[int, Found]:
         """A special point on the piece that it lies on: its equations may put it beyond the one it was found on."""
@@ -814,6 +822,14 @@ _TURNED = 0.9  # least cosine of the turn on the last step to the end of a param
 
 
 _NEAR = 1.3  # squared distance from its end, in its length squared, that what lies beside a piece may have
+
+
+def _same(one: Found, other: Found) -> bool:
+    """Whether two special points are one, solved for with the same number of unknowns."""
+    if one.sharp is None or other.sharp is None or one.event.kind != other.event.kind:
+        return False
+    u, v = one.sharp.row.u, other.sharp.row.u
+    return len(u) == len(v) and norm(u - v) <= 1e-6 * norm(u)
 
 
 def _size(problem: FullProblem) -> int:

@@ -125,7 +125,7 @@ class NeimarkSacker(Event):
         differ by the truncation error.
         """
         outside = min(int(_verdicts(_pairs(mu)[None])[0][0]) for mu in ends)  # complex ones unstable at both ends
-        found = root(segment, self, lambda row: _modulus(_pairs(_known(segment, row)), outside) - 1.0)
+        found = root(segment, self, lambda row: _modulus(_pairs(_known(segment, row)), outside) - 1.0, fine=_FINE)
         if found.located:
             return [found]
         few = int(_verdicts(ends)[0].min())
@@ -138,10 +138,13 @@ class NeimarkSacker(Event):
             return [replace(real, note="")]
         if abs(first - second) >= _DOUBLE:
             return []
-        return [replace(real, event=BranchPoint() if first.real > 0 else Doubling())]
+        return [replace(real, event=BranchPoint() if first.real > 0 else Doubling(), finder=self)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         return None
+
+
+_FINE = 1e-10  # share of the chord to which a pair is located: beyond it lies the rounding of its modulus
 
 
 _SHIFT = 5e-3  # scaled length by which the multipliers of a truncated motion may pass -1 beside the true doubling

@@ -304,8 +304,8 @@ class Transform:
 
     @cached_property
     def wider(self) -> Transform:
-        """That of twice as many harmonics and samples."""
-        return Transform(2 * self.H, 2 * self.N)
+        """That of twice as many harmonics, of each of which there are four samples at least."""
+        return Transform(2 * self.H, max(self.N, 8 * self.H))
 
     def _planned(self, rows: int) -> _Plans:
         room = 1 << (rows - 1).bit_length()

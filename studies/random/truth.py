@@ -277,7 +277,7 @@ def compare(it: Machine, harmonics: int = 16, jumps: bool = True, seed: int = 0)
     """A machine traced by the default call and held against the truth."""
     begun = time.perf_counter()
     branch = traced(it, harmonics)
-    fine = traced(it, FINER * harmonics)
+    fine = traced(it, FINER * harmonics, accuracy=None)
     found, random = Comparison(it.name), np.random.default_rng(seed)
     found.points.extend(special_points(it, branch, fine, random))
     for one in curves(branch):

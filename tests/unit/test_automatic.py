@@ -14,7 +14,7 @@ def traced(model, tolerance, *span):
 def test_special_points_keep_to_the_tolerance(tolerance):
     curve = traced(hb.SpurPair(e=(0.1,)), tolerance, 2.1, 0.6)
     assert curve.status.complete and [p.kind for p in curve.special].count("PD") == 2
-    assert curve.error.max() <= tolerance and max(p.error for p in curve.special) <= tolerance
+    assert curve.error.max() <= tolerance and max(p.truncation for p in curve.special) <= tolerance
     fine = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 100), "Omega", (2.1, 0.6))
     for label in ("PD1", "PD2"):
         assert curve[label].parameters["Omega"] == pytest.approx(fine[label].parameters["Omega"], abs=100 * tolerance)

@@ -436,7 +436,8 @@ def test_csv_has_a_column_for_everything_and_loses_no_digit(tmp_path):
     assert len(rows) == len(b)
     per_element = ["regime", "rms", "pp2", "max", "mean", "a0", "a1", "b1", "a2", "b2", "a3", "b3"]
     assert list(rows[0]) == [
-        "Omega", "F_m", "special", "landing", "stable", "multiplier_max", "residual", "iterations", "error",
+        "Omega", "F_m", "special", "special_value", "special_error", "landing", "stable", "multiplier_max", "residual",
+        "iterations", "error",
         *(f"{name}_left" for name in per_element), *(f"{name}_right mesh" for name in per_element),
     ]  # fmt: skip
 

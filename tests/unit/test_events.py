@@ -50,7 +50,7 @@ def test_saved_and_loaded(curve, tmp_path):
 
 
 def test_a_start(curve):
-    again = hb.trace(curve.problem, "Omega", (1.2, 0.6), start=curve["limit1"])
+    again = hb.trace(curve.problem.fitting(curve["limit1"]), "Omega", (1.2, 0.6), start=curve["limit1"])
     np.testing.assert_allclose(again.X[0], curve["limit1"].X, atol=1e-9)
 
 
@@ -244,7 +244,7 @@ def test_a_terminal_event_ends_the_trace(curve):
     cut = hb.trace(curve.problem, "Omega", (1.2, 0.6), events=[stop])
     assert cut.status is hb.Status.EVENT and cut.status.complete
     assert cut.special[-1].label == "stop1" and cut.special[-1].index == len(cut) - 1
-    assert cut.values[-1] == pytest.approx(curve["limit1"].parameters["Omega"], abs=1e-12)
+    assert cut.values[-1] == pytest.approx(curve.values[curve["limit1"].index], abs=1e-12)
 
 
 def test_without_special_points_only_own_events():

@@ -236,7 +236,8 @@ def test_axis_labels_come_from_the_layout_or_fall_back():
 
 def test_one_row_is_a_dot():
     b = resonance(corners=((),))
-    cut = {name: getattr(b, name)[:1] for name in ("values", "X", "multipliers", "iterations", "residual", "regime")}
+    names = ("values", "X", "multipliers", "iterations", "residual", "regime", "modulus_error")
+    cut = {name: getattr(b, name)[:1] for name in names}
     one = rebuilt(b, **cut, error=[0.0], step=[0.0], special=(), jump_records=())
     assert [line.get_marker() for line in curves(plot.response(one))] == ["."]
 
@@ -580,7 +581,8 @@ def test_jump_map_has_axes_of_speed_only_if_omega_means_the_same_everywhere():
         fold = rebuilt(
             b, parameter=parameter, values=grid, fixed={}, tracked={"Omega": np.linspace(0.8, 0.9, 5)}, X=b.X[:5],
             multipliers=b.multipliers[:5], iterations=b.iterations[:5], residual=b.residual[:5], regime=b.regime[:5],
-            error=b.error[:5], step=b.step[:5], special=(), jump_records=(), meta=meta,
+            error=b.error[:5], step=b.step[:5], modulus_error=b.modulus_error[:5], special=(), jump_records=(),
+            meta=meta,
         )  # fmt: skip
         arm = Arm(grid, fold.tracked["Omega"], 1)
         return plot.jump_map(JumpMap(parameter, (grid[0], grid[-1]), (fold,), (arm,), {}))
