@@ -83,8 +83,9 @@ def _by_equations(arc: Segment, found: Found, goal: float) -> Found:
                 break
             U = np.append(finer.fitted(row.X), row.value)
             extended = extended.based(U, here)
-            now = linearise(extended, U, "", here)
-            U = U - solve_linear(now.dR_dX, now.R)
+            for _ in range(found.event.judged_by):
+                now = linearise(extended, U, "", here)
+                U = U - solve_linear(now.dR_dX, now.R)
             found = replace(found, error=abs(float(U[-1] - row.value)))
             if found.error <= goal:
                 break

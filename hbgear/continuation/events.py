@@ -107,6 +107,8 @@ class Event:
     meaning: str
     marker: str = "v"
     terminal: bool = False
+    judged_by: int = 1
+    """Newton steps on its equations with more unknowns that tell its error; more where these bend."""
     alone: bool = False
     """Whether nothing else is looked for on the segment that a terminal event ends."""
 

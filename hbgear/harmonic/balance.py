@@ -68,7 +68,7 @@ _FREQUENCIES = Range(above=0, high=1e60)  # so that powers of Omega are numbers
 _FAR = 10.0  # size of a motion, over the largest length of the model, from which that may lose its meaning
 
 
-_MANY = 1300  # unknowns up to which special points and verdicts in doubt are solved for with more of them
+_MANY = 700  # unknowns up to which special points and verdicts in doubt are solved for with more of them
 
 
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between

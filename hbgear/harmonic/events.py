@@ -254,6 +254,7 @@ class AmplitudePeak(Event):
     """An amplitude is largest: found by `hbgear.peaks` on a finished curve, not while it is traced."""
 
     kind, meaning, marker = "PK", "peak of an amplitude", "^"
+    judged_by = 3
 
     def __init__(self, measure: str = "rms", element: int = 0) -> None:
         self.measure, self.element = measure, element

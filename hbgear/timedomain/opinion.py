@@ -115,5 +115,5 @@ def second_opinion(branch: Branch, point: int | str | Point) -> Opinion:
     except (ValueError, NoConvergence, ArithmeticError, np.linalg.LinAlgError) as error:
         notes.append(f"shooting: {error}")
     shot = None if orbit is None else orbit.multipliers
-    carried = problem.multipliers(X, **at) if here.multipliers is None else here.multipliers
+    carried = problem.multipliers(X, None, None, **at) if here.multipliers is None else here.multipliers
     return Opinion(here, carried, hill, shot, orbit, tuple(notes))

@@ -231,7 +231,8 @@ def test_many_at_once_are_those_one_by_one(name):
     count = {len(problem.switching(x, Omega=w).theta) for x, w in zip(X, Omega, strict=True)}
     if name == "all regimes":
         assert {0, 2, 4} <= count
-    together = multipliers_of(problem.compiled({}), X, Omega)
+    compiled = problem.compiled({})
+    together = multipliers_of(compiled, compiled.processed(X, Omega), Omega)
     single = np.array([problem.multipliers(x, Omega=w) for x, w in zip(X, Omega, strict=True)])
     assert together.shape == (len(X), single.shape[1]) and together.dtype == complex
     assert np.all(np.diff(np.abs(together)) <= 1e-12)
