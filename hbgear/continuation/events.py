@@ -2,8 +2,8 @@
 
 An `Event` is one kind of special point. It says between which neighbouring points of a curve it happens, and locates it
 there, by default as the bracketed root of a test function along the segment, where every point is corrected onto the
-curve. Two events between the same two points leave no change of sign there: where a test function seems to touch zero,
-the curve is looked at more closely.
+curve. Two events between the same two points leave no change of sign there: where a test function seems to touch zero
+(`Event.close`), the curve is looked at more closely.
 
 LP  fold: dR/dX singular, the curve turns in the parameter (`Turning`); CP on a curve of folds.
     Newton on {R = 0, g = 0}, g the bordered determinant, or a bracketed root of the tangent.
@@ -32,7 +32,7 @@ import scipy  # its parts are imported when they are first used
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.continuation.algebra import as_dense, bordered, slogdet
+from hbgear.continuation.algebra import as_dense, bordered, norm, norms, slogdet
 from hbgear.continuation.bordered import Augmented, Fold, Level
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status
 from hbgear.continuation.newton import NoConvergence, Settings, refine, solution_at, solve
@@ -144,6 +144,13 @@ class Event:
         """Whether the event happens between each row and the next, (rows - 1,); ``values`` are those of `values`."""
         return np.asarray((values[1:] * values[:-1] < 0).any(axis=1))
 
+    def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+        """Pieces between rows on which the event may happen twice without a change of sign at their ends.
+
+        Each with the place s on it where that would be; ``values`` are those of `values`, scale that of u.
+        """
+        return dips(values, lengths(rows, scale)) if values.shape[1] else []
+
     def find(self, segment: Segment) -> list[Found]:
         """The events between the two rows of a segment, each located."""
 
@@ -203,6 +210,21 @@ class Turning(Event):
         heading = np.array([row.heading for row in rows])
         turned: Array = heading[1:] * heading[:-1] < 0
         return turned
+
+    def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+        """Where dp/ds of the cubic through both ends of a piece, with their tangents, comes close to zero within it.
+
+        dp/ds = a + b s + c s^2,   least at s = -b / 2c
+        """
+        p, length = np.array([row.u[-1] for row in rows]), lengths(rows, scale)
+        slope = np.array([row.tangent[-1] / norm(row.tangent / scale) for row in rows])
+        begin, end = slope[:-1] * length, slope[1:] * length
+        b, c = 6 * np.diff(p) - 4 * begin - 2 * end, 3 * (begin + end) - 6 * np.diff(p)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = -0.5 * b / c
+            share = (begin + 0.5 * b * s) / np.where(np.abs(begin) < np.abs(end), begin, end)
+        shallow = (begin * end > 0) & (begin * c > 0) & (s > 0) & (s < 1) & (share < _SHALLOW)
+        return [(int(i), float(s[i])) for i in np.flatnonzero(shallow)]
 
     def find(self, segment: Segment) -> list[Found]:
         """Newton on {R, g} from where the tangent's component vanishes; bracketed where forces are sampled."""
@@ -311,7 +333,7 @@ class Watch:
         """Numbers i of the pieces from rows[i] to rows[i + 1] on which `find` finds something."""
         some = np.zeros(len(rows) - 1, dtype=bool)
         for event in self.passing:
-            some |= event.suspects(rows, event.values(rows, self.problem, self.name, self.fixed))
+            some |= event.suspects(rows, self._values(event, rows))
         return [int(i) for i in np.flatnonzero(some)]
 
     def find(self, segment: Segment) -> list[Found]:
@@ -323,52 +345,76 @@ class Watch:
         found = [one for event in self.terminal for one in event.find(segment)]
         return min(found, key=lambda one: one.s, default=None)
 
-    def touching(self, rows: Sequence[CurvePoint], length: Array) -> dict[int, float]:
-        """Pieces on which a test function of one sign at the rows may cross zero twice, with the place s on each.
-
-        It does if the parabola through three rows, the pieces between them of the given lengths, comes close to zero.
-        """
-        f = np.concatenate([event.values(rows, self.problem, self.name, self.fixed) for event in self.passing], axis=1)
-        before, here, after = f[:-2], f[1:-1], f[2:]
-        h, k = length[:-1, None], length[1:, None]
-        least = (before * here > 0) & (here * after > 0) & (np.abs(here) <= np.minimum(np.abs(before), np.abs(after)))
-        rise, fall = (here - before) / h, (after - here) / k
-        bend, slope = (fall - rise) / (h + k), (rise * k + fall * h) / (h + k)
-        found: dict[int, float] = {}
-        for i, j in np.argwhere(least & (bend * here > 0)):
-            at = -0.5 * slope[i, j] / bend[i, j]
-            if 1 + 0.5 * slope[i, j] * at / here[i, j] > _SHALLOW:
-                continue
-            piece, s = (int(i), 1 + at / h[i, 0]) if at < 0 else (int(i) + 1, at / k[i, 0])
-            found.setdefault(piece, float(s))
+    def touching(self, rows: Sequence[CurvePoint], scale: Array) -> dict[int, list[tuple[Event, float]]]:
+        """Pieces between rows on which an event may happen twice; which event, and the place s on each."""
+        found: dict[int, list[tuple[Event, float]]] = {}
+        for event in self.passing:
+            for piece, s in event.close(rows, self._values(event, rows), scale):
+                found.setdefault(piece, []).append((event, s))
         return found
 
-    def find_hidden(self, segment: Segment, s: float, observed: Callable[[CurvePoint], CurvePoint]) -> list[Found]:
-        """Special points on a piece of the curve on which a test function seems to touch zero near s, if it does."""
+    def find_hidden(
+        self, segment: Segment, hints: Sequence[tuple[Event, float]], observed: Callable[[CurvePoint], CurvePoint]
+    ) -> list[Found]:
+        """Special points on a piece of the curve on which events seem to happen twice near places s, if they do."""
         places, rows = [0.0, 1.0], [segment.a, segment.b]
-        for _ in range(_TRIES):
-            try:
-                row = observed(segment.at(s))
-            except (NoConvergence, np.linalg.LinAlgError):
-                return []
-            i = int(np.searchsorted(places, s))
-            places.insert(i, s)
-            rows.insert(i, row)
-            pieces = self.suspects(rows)
-            if pieces:
-                return [replace(point, s=places[i] + point.s * (places[i + 1] - places[i])) for i in pieces
-                        for point in self.find(replace(segment, a=rows[i], b=rows[i + 1]))]  # fmt: skip
-            near = self.touching(rows, np.diff(places))
-            if not near:
-                return []
-            piece, share = next(iter(near.items()))
-            s = places[piece] + share * (places[piece + 1] - places[piece])
+        for event, s in hints:
+            for _ in range(_TRIES):
+                if not 0 < s < 1 or s in places:
+                    break
+                try:
+                    row = observed(segment.at(s))
+                except (NoConvergence, np.linalg.LinAlgError):
+                    break
+                i = int(np.searchsorted(places, s))
+                places.insert(i, s)
+                rows.insert(i, row)
+                values = self._values(event, rows)
+                near = event.close(rows, values, segment.scale)
+                if not near or event.suspects(rows, values).any():
+                    break
+                piece, share = near[0]
+                s = places[piece] + share * (places[piece + 1] - places[piece])
+        pieces = self.suspects(rows)
+        if len(pieces) <= len(self.suspects([segment.a, segment.b])):  # no more than was known
+            return []
+        return [replace(point, s=places[i] + point.s * (places[i + 1] - places[i])) for i in pieces
+                for point in self.find(replace(segment, a=rows[i], b=rows[i + 1]))]  # fmt: skip
+
+    def _values(self, event: Event, rows: Sequence[CurvePoint]) -> Array:
+        return event.values(rows, self.problem, self.name, self.fixed)
+
+
+def lengths(rows: Sequence[CurvePoint], scale: Array) -> Array:
+    """Scaled lengths (rows - 1,) of the pieces between rows."""
+    return norms(np.diff(np.array([row.u for row in rows]) / scale, axis=0))
+
+
+def dips(f: Array, length: Array) -> list[tuple[int, float]]:
+    """Pieces on which test functions f (rows, T) of one sign at the rows may cross zero twice, and where on them.
+
+    They do if the parabola through three rows, the pieces between them of the given lengths, comes close to zero.
+    """
+    if len(f) < 3:
         return []
+    before, here, after = f[:-2], f[1:-1], f[2:]
+    h, k = length[:-1, None], length[1:, None]
+    least = (before * here > 0) & (here * after > 0) & (np.abs(here) <= np.minimum(np.abs(before), np.abs(after)))
+    rise, fall = (here - before) / h, (after - here) / k
+    bend, slope = (fall - rise) / (h + k), (rise * k + fall * h) / (h + k)
+    found = []
+    for i, j in np.argwhere(least & (bend * here > 0)):
+        at = -0.5 * slope[i, j] / bend[i, j]
+        if 1 + 0.5 * slope[i, j] * at / here[i, j] <= _SHALLOW:
+            piece, s = (int(i), 1 + at / h[i, 0]) if at < 0 else (int(i) + 1, at / k[i, 0])
+            found.append((piece, float(s)))
+    return found
 
 
-_SHALLOW = 0.25  # share of its least value among the rows below which a test function may cross zero between them
+_SHALLOW = 0.25  # share of its least value at the rows below which a test function may cross zero between them
 
-_TRIES = 3  # rows looked at there
+
+_TRIES = 3  # rows looked at on a piece for each event that may happen there
 
 
 # ---- locating

@@ -27,7 +27,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import POSITIVE, Range, checked
 from hbgear.continuation.accuracy import assessed
-from hbgear.continuation.algebra import norm, norms
+from hbgear.continuation.algebra import norm
 from hbgear.continuation.asymptote import asymptote
 from hbgear.continuation.branch import Branch, Point, Status, with_asymptotes
 from hbgear.continuation.corrector import correct
@@ -533,17 +533,18 @@ class _Tracer:
         path = self.rows[start:]
         self._observe(path)
         self._decide(path)
-        found: list[tuple[int, Found]] = []
+        found: dict[int, list[Found]] = {}  # by the number of the row behind
         if self.watch.passing and self.waiting:
-            sure = self.watch.suspects(path)
-            for i in sure:
+            for i in self.watch.suspects(path):
                 problem, scale = self.waiting[i]
                 arc = Segment(problem, self.name, self.fixed, path[i], path[i + 1], scale, self.settings)
-                found += [(start + 1 + i, point) for point in self._located(arc)]
-            found += self._hidden(path, start, sure)
+                found[start + 1 + i] = self._located(arc)
+            self._look_closer(path, start, found)
         if self.together == 1:  # the problem may be another one at the next row
-            self._observe([point.row for _, point in found if len(point.row.u) == len(self.scale)])
-        self.waiting, self.found = [], self.found + found
+            rows = [point.row for points in found.values() for point in points]
+            self._observe([row for row in rows if len(row.u) == len(self.scale)])
+        before = [one for one in self.found if one[0] not in found]
+        self.waiting, self.found = [], before + [(i, point) for i, points in found.items() for point in points]
 
     def _decide(self, path: list[CurvePoint]) -> None:
         """Make sure of the stability of rows that were observed just now."""
@@ -589,22 +590,22 @@ class _Tracer:
             found, self.largest = again, max(self.largest, finer, key=_size)
         return found
 
-    def _hidden(self, path: list[CurvePoint], start: int, sure: list[int]) -> list[tuple[int, Found]]:
-        """Pairs of special points between two rows of a path, whose first is number start, on pieces not sure."""
+    def _look_closer(self, path: list[CurvePoint], start: int, found: dict[int, list[Found]]) -> None:
+        """Add what happens twice between two rows of a path, whose first is number start, and so shows at neither.
+
+        found : what is known of its pieces; replaced where there is more.
+        """
         early = self.rows[start - 1 : start] if start else []
         rows = [*early, *path]
-        if len(rows) < 3 or len({len(row.u) for row in rows}) > 1:
-            return []
-        u = np.array([row.u for row in rows]) / self.scale
-        length = norms(u[1:] - u[:-1])
-        found: list[tuple[int, Found]] = []
-        for piece, s in self.watch.touching(rows, length).items():
-            if piece - len(early) not in sure and 0 < s < 1:
-                arc, number = self._arc(rows[piece], rows[piece + 1]), start - len(early) + piece + 1
-                hidden = self.watch.find_hidden(arc, s, self._observed_between)
-                if not any(other == number for other, _ in [*self.found, *found]):
-                    found += [(number, point) for point in self._assessed(arc, hidden)]
-        return found
+        if len({len(row.u) for row in rows}) > 1:
+            return
+        for piece, hints in self.watch.touching(rows, self.scale).items():
+            number = start - len(early) + piece + 1
+            known = found.get(number) or [point for other, point in self.found if other == number]
+            arc = self._arc(rows[piece], rows[piece + 1])
+            hidden = self.watch.find_hidden(arc, hints, self._observed_between)
+            if len(hidden) > len(known):
+                found[number] = self._assessed(arc, hidden)
 
     def _observed_between(self, row: CurvePoint) -> CurvePoint:
         self._observe([row])

@@ -28,10 +28,11 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.algebra import norm
 from hbgear.continuation.bordered import Augmented
 from hbgear.continuation.branch import NEUTRAL, Branch, SpecialPoint, Status
-from hbgear.continuation.events import BranchPoint, Cusp, Event, Found, Turning, newton, root, singular
+from hbgear.continuation.events import BranchPoint, Cusp, Event, Found, Turning, dips, lengths, newton, root, singular
 from hbgear.continuation.newton import NoConvergence, refine, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment
+from hbgear.harmonic.meeting import meetings
 from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
 
 
@@ -96,7 +97,21 @@ class NeimarkSacker(Event):
         pass
 
     def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
-        return np.zeros((len(rows), 0))
+        """log |mu| of the complex pairs next to the unit circle: the first within it, the first outside; else nan."""
+        mu = _multipliers(rows)
+        if mu is None:
+            return np.zeros((len(rows), 0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            size = np.where(np.abs(mu.imag) > 1e-8 * np.abs(mu), np.log(np.abs(mu)), np.nan)
+        inside = np.where(size < -NEUTRAL, size, -np.inf).max(axis=1, initial=-np.inf)
+        outside = np.where(size > NEUTRAL, size, np.inf).min(axis=1, initial=np.inf)
+        both = np.column_stack([inside, outside])
+        return np.where(np.isfinite(both), both, np.nan)
+
+    def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+        """Where a pair comes close to the unit circle, alone or because two pairs meet; see `between`."""
+        mu, length = _multipliers(rows), lengths(rows, scale)
+        return [] if mu is None else [*dips(values, length), *meetings(mu, length)]
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         mu = _multipliers(rows)
@@ -112,10 +127,20 @@ class NeimarkSacker(Event):
         if ends is None:
             return []
         (ua, ub), (da, db) = _verdicts(ends)
-        explained = segment.a.heading * segment.b.heading < 0 or segment.a.orientation != segment.b.orientation
-        if abs(int(ua) - int(ub)) - int(da * db < 0) - int(explained) < 2:
+        real = segment.a.heading * segment.b.heading < 0 or segment.a.orientation != segment.b.orientation
+        explained = int(real) + int(da * db < 0)
+        if abs(int(ua) - int(ub)) - explained >= 2:
+            return self._two_at_once(segment, ends)
+        return self._beside(segment, ends) if explained else []
+
+    def _beside(self, segment: Segment, ends: ComplexArray) -> list[Found]:
+        """A pair that passes on the same piece as a fold, branch point or doubling, which makes up for it in number."""
+        few, many = sorted(int(_verdicts(_pairs(mu)[None])[0][0]) for mu in ends)
+        if few == many:
             return []
-        return self._two_at_once(segment, ends)
+        found = root(segment, self, lambda row: _modulus(_pairs(_known(segment, row)), few) - 1.0)
+        size = _modulus(_pairs(_known(segment, found.row)), few)  # else the pair became real outside of the circle
+        return [found] if found.located and abs(size - 1.0) < _DOUBLE else []
 
     def _two_at_once(self, segment: Segment, ends: ComplexArray) -> list[Found]:
         """Where two multipliers pass the unit circle together: a complex pair, or a double real one by symmetry.

@@ -42,10 +42,10 @@ FINER = 4
 NEAR = 0.1
 """Distance, in Omega over the span and in the motion over its size, within which two points are the same."""
 
-ROWS = 6
+ROWS = 4
 """Rows of each curve whose verdict is compared: half of them those nearest to the unit circle."""
 
-MOST = 12
+MOST = 8
 """Special points of a machine that are looked for by shooting: first those without a partner in the finer trace."""
 
 KINDS_SHOT = ("LP", "PD", "NS", "GR")

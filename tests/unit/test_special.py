@@ -19,6 +19,7 @@ from hbgear import (
     Steps,
     System,
     Unilateral,
+    follow,
     trace,
 )
 from hbgear.continuation.newton import solve
@@ -312,6 +313,25 @@ def test_clearances_are_named():
 
 
 # ---- pairs between two rows
+
+
+@pytest.fixture(scope="module")
+def cusp():
+    """Damping of the spur pair at which its folds meet, near (Omega, zeta) = (0.857221, 0.118007)."""
+    curve = trace(HarmonicBalance(SpurPair(), 16), "Omega", (1.0, 0.6))
+    return follow(curve, "LP1", "zeta", (0.05, 0.2))["CP1"].parameters["zeta"]
+
+
+@pytest.mark.parametrize("less", [1e-2, 1e-3, 1e-4, 1e-5])
+@pytest.mark.parametrize("span", [(1.5, 0.3), (0.3, 1.5)])
+def test_folds_just_below_their_cusp(cusp, less, span):
+    """By less below it they are 0.205 less^(3/2) apart, as the normal form has it: 2e-4 to 6e-9."""
+    curve = trace(HarmonicBalance(SpurPair(zeta=cusp * (1 - less)), 16), "Omega", span)
+    first, second = (p for p in curve.special if p.kind == "LP")
+    assert first.located and second.located
+    assert abs(frequency(first) - frequency(second)) == pytest.approx(0.205 * less**1.5, rel=2e-2)
+    above = trace(HarmonicBalance(SpurPair(zeta=cusp * (1 + less)), 16), "Omega", span)
+    assert not any(p.kind == "LP" for p in above.special)
 
 
 @pytest.mark.parametrize("steps", [Steps(), Steps(longest=0.03)], ids=["usual", "short"])

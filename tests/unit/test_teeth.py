@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from hbgear import Cubic, Element, Fold, HarmonicBalance, Load, PiecewiseLinear, Point, SpurPair, Status, Steps, System
 from hbgear.continuation.corrector import correct
@@ -205,6 +206,7 @@ def inside(p):
         ([pair(-0.7, 2.0), pair(0.41)], {"NS": [0.41]}),  # a second pair beside one that is outside already
         ([pair(-0.7, 2.0), twice(0.41)], {"BP": [0.41]}),  # two at +1 by symmetry, beside a pair
         ([lambda p: -twice(0.41)(p), pair(-0.7, 2.0)], {"PD": [0.41]}),  # two at -1
+        ([doubling(0.401), lambda p: pair(0.404)(0.808 - p), pair(-0.7, 2.0)], {"PD": [0.401], "NS": [0.404]}),
     ],
 )
 @pytest.mark.parametrize("span", [(0.0, 1.0), (1.0, 0.0)])
@@ -219,6 +221,34 @@ def test_a_neimark_sacker_point_is_a_pair_that_nothing_else_explains(of, expecte
     assert set(found) == set(expected)
     for kind, places in expected.items():
         np.testing.assert_allclose(sorted(found[kind]), places, rtol=0, atol=1e-8)
+
+
+def meeting(p0, stiffness, modulus=0.985):
+    """Two complex pairs whose angles pass each other at p0 and that repel: a bubble of moduli, half as wide as tall."""
+
+    def of(p):
+        turn = 6.0 * (p - p0)
+        mu = modulus * np.linalg.eigvals(
+            np.exp(1j) * np.array([[np.exp(1j * turn), stiffness], [stiffness, np.exp(-1j * turn)]])
+        )
+        return np.concatenate([mu, mu.conj()])
+
+    return of
+
+
+@pytest.mark.parametrize("stiffness", [0.02, 0.04, 0.08])
+@pytest.mark.parametrize("span", [(0.0, 0.8), (0.8, 0.0)])
+def test_two_pairs_that_meet_between_two_rows(stiffness, span):
+    """Their moduli leave the circle and come back within a step, and are alike at all rows."""
+    of = meeting(0.41, stiffness)
+    curve = trace(Multipliers(of, inside), "p", span, np.array([span[0]]), events=[NeimarkSacker(), Doubling()])
+    assert not np.any(np.abs(of(0.5)) > 1) and np.any(np.abs(of(0.41)) > 1)
+    size = [brentq(lambda p: np.abs(of(p)).max() - 1, *sorted((0.41, end)), xtol=1e-12) for end in (0.3, 0.52)]
+    assert [point.kind for point in curve.special] == ["NS", "NS"]
+    np.testing.assert_allclose(sorted(p.parameters["p"] for p in curve.special), size, rtol=0, atol=1e-8)
+    below = trace(Multipliers(meeting(0.41, stiffness, 0.9), inside), "p", span, np.array([span[0]]),
+                  events=[NeimarkSacker(), Doubling()])  # fmt: skip
+    assert below.special == ()
 
 
 # ---- harmonic: Floquet multipliers
