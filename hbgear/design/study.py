@@ -304,7 +304,10 @@ def _computed(model: Model, work: Work) -> Result:
     problem = HarmonicBalance(model, work.harmonics)
     if work.compute:
         stability = set(work.compute) != {"peak"}
-        branch = whole(trace(problem, "Omega", work.span, stability=stability, special=stability, cover=False))
+        branch = trace(
+            problem, "Omega", work.span, stability=stability, special=stability, cover=False, accuracy=None
+        )
+        whole(branch)
         if branch.status != Status.REACHED_END:
             raise ValueError(f"the curve ended early: {branch.message}")
         for kind, take in _OF_CURVE.items():
@@ -325,7 +328,8 @@ def _computed(model: Model, work: Work) -> Result:
 
 def _peak(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
     """The largest peak, located on the curve; the largest row if that is an end."""
-    points = [*peaks(branch, work.measure, work.element, share=0.99), branch.peak(work.measure, work.element)]
+    tops = peaks(branch, work.measure, work.element, share=0.99, accuracy=None)
+    points = [*tops, branch.peak(work.measure, work.element)]
     top = max(points, key=lambda point: point.amplitude(work.measure, work.element))
     numbers |= {"peak": top.amplitude(work.measure, work.element), "peak_Omega": top.parameters["Omega"]}
 

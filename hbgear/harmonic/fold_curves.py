@@ -52,7 +52,7 @@ def response_curve(
 ) -> Branch:
     """Response curve at a value of a parameter, over a range of Omega or the model's own, without stability."""
     span = problem.model.default_span if frequencies is None else frequencies
-    return whole(trace(problem, "Omega", span, at={parameter: value}, stability=False, cover=False))
+    return whole(trace(problem, "Omega", span, at={parameter: value}, stability=False, cover=False, accuracy=None))
 
 
 def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:

@@ -18,7 +18,7 @@ from hbgear.continuation.newton import solve
 from hbgear.continuation.passing import passings
 from hbgear.harmonic import observables as measures
 from hbgear.harmonic.survey import whole_branch
-from hbgear.mechanics.fourier import evaluate, to_complex, to_real
+from hbgear.mechanics.fourier import evaluate, resize, to_complex, to_real
 from hbgear.timedomain.shooting import Orbit
 from hbgear.timedomain.sweep import Sweep
 
@@ -71,7 +71,12 @@ def doubled(branch: hb.Branch, span: tuple[float, float]) -> tuple[hb.Branch, ..
 def _joined(branch: hb.Branch, doublings: list[hb.SpecialPoint]) -> hb.SpecialPoint:
     """At which of these points of its parent a branch ends."""
     Omega, X = float(branch.values[-1]), _halved(branch.X[-1])
-    return min(doublings, key=lambda point: abs(point.parameters["Omega"] - Omega) + np.linalg.norm(point.X - X))
+
+    def away(point: hb.SpecialPoint) -> float:
+        mine = resize(point.coefficients()[None], (len(X) - 1) // 2)[0]
+        return float(abs(point.parameters["Omega"] - Omega) + np.linalg.norm(mine - X))
+
+    return min(doublings, key=away)
 
 
 def family(branch: hb.Branch, span: tuple[float, float], longest: int) -> list[hb.Branch]:

@@ -50,7 +50,7 @@ def ends_of(curve, share=2e-4, method="exponential"):
     if not jumps:
         return []
     Omega = np.array([jump.value * (1 + jump.direction * share) for jump in jumps])
-    states = np.array([state_of(curve.problem, jump.before.X, **jump.before.parameters) for jump in jumps])
+    states = np.array([state_of(curve.problem, curve.problem.converted(j.before), **j.before.parameters) for j in jumps])
     if method != "exponential":
         each = zip(states, Omega, strict=True)
         ends = [hb.integrate(model, state, 150, float(x), method=method, samples=1).end for state, x in each]

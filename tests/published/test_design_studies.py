@@ -29,8 +29,8 @@ def test_tolerances(tolerances, tmp_path):
     assert 0 < jumps.sum() < 6  # some jump, some do not
     for case in (int(np.argmax(jumps)), int(np.argmin(jumps))):
         model = tolerances.BASE.replace(**{name: float(found.table[name][case]) for name in found.names})
-        curve = hb.trace(hb.HarmonicBalance(model, 4), "Omega", (0.95, 0.8))
-        peak = max(point.amplitude("pp2") for point in hb.peaks(curve, "pp2"))
+        curve = hb.trace(hb.HarmonicBalance(model, 4), "Omega", (0.95, 0.8), accuracy=None)
+        peak = max(point.amplitude("pp2") for point in hb.peaks(curve, "pp2", accuracy=None))
         assert found.table["peak"][case] == pytest.approx(peak, rel=1e-8)
         rising = [jump.value for jump in curve.jumps() if jump.direction == 1]
         assert rising == pytest.approx([found.table["jump_rising"][case]] if jumps[case] else [], rel=1e-8)

@@ -164,7 +164,7 @@ def test_double_sided_impact_begins():
     assert deep / 2 == pytest.approx(1 + top["W"], rel=3e-3)  # of the rows of a curve, not of its very top
     pair = hb.DoubleHelicalPair(W=top["W"])
     touching = module.widest(results["grazing"]["mesh period"])
-    state = state_of(hb.HarmonicBalance(pair, 8), touching.X, Omega=top["Omega"])
+    state = state_of(hb.HarmonicBalance(pair, touching.layout.harmonics), touching.X, Omega=top["Omega"])
     settled = hb.sweep(pair, [top["Omega"]], start=state, settling=Settling(1e-4))
     lowest = extrema(settled.rows[0, 0])[0]
     assert lowest == pytest.approx(-(1 + top["W"]), abs=5e-4)

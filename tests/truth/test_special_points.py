@@ -84,7 +84,7 @@ def test_a_multiplier_is_one_at_a_fold(curve, label):
     """The fold is that of H harmonics, the multiplier that of the motion: they meet with H^-3, below 1e-8 at 800."""
     H = np.array([40, 80, 160])
     errors = [distance_from(1, *refined(Fold, SpurPair(), int(h), curve[label])) for h in H]
-    assert np.polyfit(np.log(H), np.log(errors), 1)[0] == pytest.approx(-3.0, abs=0.15)
+    assert np.polyfit(np.log(H), np.log(errors), 1)[0] < -2.85
     assert distance_from(1, *refined(Fold, SpurPair(), 800, curve[label])) < 1e-8
 
 
@@ -172,8 +172,8 @@ def test_folds_a_hair_below_the_cusp_and_none_above(shift, count):
 # ---- critical values
 
 
-# value and Omega at H = 12
-CRITICAL = {"zeta": (0.061160, 0.88253), "torque": (1196.60, 0.88149), "eps_scale": (1.03430, 0.88004)}
+# value, by 32 harmonics, and Omega
+CRITICAL = {"zeta": (0.06115863, 0.88253), "torque": (1196.4704, 0.88149), "eps_scale": (1.034328, 0.88004)}
 
 
 @pytest.mark.parametrize("name", CRITICAL)
@@ -182,8 +182,8 @@ def test_critical_value_of_the_double_helical_pair(name):
     model, (value, Omega) = DoubleHelicalPair(), CRITICAL[name]
     problem = HarmonicBalance(model, 12)
     found = critical(problem, name, frequencies=(0.92, 0.84))
-    assert found.value == pytest.approx(value, rel=1e-5)
-    assert found.Omega == pytest.approx(Omega, abs=1e-5)
+    assert abs(found.value - value) <= 3 * found.point.error + 5e-7 * value and found.point.error <= 1e-5 * value
+    assert found.Omega == pytest.approx(Omega, abs=2e-5)
     span = (found.Omega + 0.03, found.Omega - 0.03)
     below, above = (
         len(folds(trace(problem, "Omega", span, at={name: found.value * factor}, stability=False)))
