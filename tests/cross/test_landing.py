@@ -50,7 +50,9 @@ def ends_of(curve, share=2e-4, method="exponential"):
     if not jumps:
         return []
     Omega = np.array([jump.value * (1 + jump.direction * share) for jump in jumps])
-    states = np.array([state_of(curve.problem, curve.problem.converted(j.before), **j.before.parameters) for j in jumps])
+    states = np.array(
+        [state_of(curve.problem, curve.problem.converted(j.before), **j.before.parameters) for j in jumps]
+    )
     if method != "exponential":
         each = zip(states, Omega, strict=True)
         ends = [hb.integrate(model, state, 150, float(x), method=method, samples=1).end for state, x in each]
@@ -98,7 +100,9 @@ def test_forty_random_pairs():
         curve = traced(model)
         decided = curve.jumps(landing="integrate")
         for near, jump, (Omega, samples) in zip(curve.jumps(), decided, ends_of(curve), strict=True):
-            coefficients = min(near.candidates, key=lambda p: np.linalg.norm(p.X - near.before.X), default=None)
+            coefficients = min(
+                near.candidates, key=lambda p: np.linalg.norm(p.X - curve.problem.converted(near.before)), default=None
+            )
             right = [is_where(curve, Omega, samples, point) for point in (coefficients, near.after, jump.after)]
             ends = [one.rms[0] for one in arrivals(curve, jump)]
             one_of = np.isclose(ends, samples.std(), rtol=0.02).any()
