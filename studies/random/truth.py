@@ -275,7 +275,7 @@ def curves(branch: Branch) -> list[Branch]:
 
 def compare(it: Machine, harmonics: int = 16, jumps: bool = True, seed: int = 0) -> Comparison:
     """A machine traced by the default call and held against the truth."""
-    begun = time.perf_counter()
+    begun = time.process_time()
     branch = traced(it, harmonics)
     fine = traced(it, FINER * harmonics)
     found, random = Comparison(it.name), np.random.default_rng(seed)
@@ -284,7 +284,7 @@ def compare(it: Machine, harmonics: int = 16, jumps: bool = True, seed: int = 0)
         found.verdicts.extend(verdicts(it, one, fine.problem, random))
     if jumps:
         found.jumps.extend(landed(it, branch))
-    return Comparison(it.name, found.points, found.verdicts, found.jumps, time.perf_counter() - begun)
+    return Comparison(it.name, found.points, found.verdicts, found.jumps, time.process_time() - begun)
 
 
 def traced(it: Machine, harmonics: int, **options: Any) -> Branch:
