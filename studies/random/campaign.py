@@ -313,7 +313,7 @@ def _errors(ax: Axes, results: Results) -> None:
                     label=f"{kind} ({len(errors)})")  # fmt: skip
     ax.set(xscale="log", xlabel=r"true error of $\Omega$ [-]", ylabel="share of special points [%]", ylim=(0, 101),
            title="special points against shooting")  # fmt: skip
-    ax.legend(loc="lower right")
+    _below(ax)
 
 
 def _stated(ax: Axes, results: Results) -> None:

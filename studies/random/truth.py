@@ -415,7 +415,7 @@ def verdicts(it: Machine, branch: Branch, finer: hb.HarmonicBalance, random: np.
 BEYOND = 1.3e-4
 """Distance beyond the point left, over the span; others than those of `hbgear.timedomain.landing`."""
 
-PERIODS = 400
+PERIODS = 2000
 
 
 def landed(it: Machine, branch: Branch) -> list[Landed]:
