@@ -16,6 +16,7 @@ two curves cross, are compared with those of the finer trace alone.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import time
 import warnings
 from collections.abc import Callable, Iterable, Sequence
@@ -432,10 +433,19 @@ def landed(it: Machine, branch: Branch) -> list[Landed]:
             seen = np.full((1, 64), np.inf)
         with np.errstate(invalid="ignore"):
             true = np.nan_to_num(seen.std(axis=-1), nan=np.inf)
-        after = np.array([np.nan if jump.after is None else jump.after.amplitude("rms", j) for j in range(len(true))])
+        after = np.full(len(true), np.nan) if jump.after is None else _sizes(branch, jump.after, Omega)
         right = _lands(jump, after, true)
         out.append(Landed(it.name, jump.label, jump.value, float(after[0]), float(true[0]), right, jump.note))
     return out
+
+
+def _sizes(branch: Branch, motion: Point, Omega: float) -> Array:
+    """Rms of the elements of a motion, followed to another frequency nearby."""
+    problem = branch.problem.with_order(motion.layout.nu)  # type: ignore[union-attr]
+    X = problem.converted(motion)
+    with contextlib.suppress(NoConvergence):
+        X = solve(problem, X, {**motion.parameters, "Omega": Omega}).X
+    return np.array([problem.layout.measure("rms", X, j) for j in range(problem.m)])
 
 
 def _lands(jump: Jump, after: Array, true: Array) -> bool:
