@@ -41,7 +41,7 @@ from hbgear.harmonic.floquet import is_reduced, multipliers_of, reduction
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.realbasis import derivative
 from hbgear.harmonic.receptance import Structure
-from hbgear.harmonic.starts import guesses
+from hbgear.harmonic.starts import from_elsewhere, guesses
 from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, of_truncation, tell
 from hbgear.mechanics.fourier import (
     Transform,
@@ -464,6 +464,8 @@ class HarmonicBalance(FullProblem):
     def start(self, Omega: float, **parameters: float) -> Array:  # type: ignore[override]
         """A periodic motion at Omega, found from the static state and the linear response about it.
 
+        Where that fails, one found at another frequency is followed to this one.
+
         Raises
         ------
         NoConvergence
@@ -479,7 +481,10 @@ class HarmonicBalance(FullProblem):
                 except NoConvergence as error:
                     failure = failure or error
         assert failure is not None
-        raise failure
+        X = from_elsewhere(self, here)
+        if X is None:
+            raise failure
+        return X
 
     # ---- results
 

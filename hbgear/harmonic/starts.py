@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.continuation.newton import NoConvergence, solve
+from hbgear.continuation.stepsize import StepControl
+from hbgear.continuation.tracer import trace
 from hbgear.harmonic.compiled import Compiled
 from hbgear.mechanics.fourier import to_real
 
@@ -40,6 +44,36 @@ def guesses(compiled: Compiled, Omega: float) -> Iterator[Array]:
         d[:, 0] = d0
         yield to_real(d).ravel()
         yield to_real(np.concatenate([d[:, :1], 0 * d[:, 1:]], axis=1)).ravel()
+
+
+_ELSEWHERE = (1.1, 0.9, 1.3, 0.75, 1.8, 0.5, 3.0, 6.0)  # times the frequency, where a motion may be easier to find
+
+
+def from_elsewhere(problem: Any, here: dict[str, float]) -> Array | None:
+    """A motion at the parameters ``here`` on the curve of one found at another frequency; None if none leads there.
+
+    problem : a `HarmonicBalance` that finds nothing from the `guesses` at this frequency.
+    """
+    Omega = here["Omega"]
+    for other in (Omega * times for times in _ELSEWHERE):
+        there = {**here, "Omega": other}
+        for guess in guesses(problem.compiled(there), other):
+            try:
+                X = solve(problem, guess, there).X
+            except NoConvergence:
+                continue
+            fixed = {name: value for name, value in here.items() if name != "Omega"}
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of the other frequency nobody asked
+                curve = trace(problem, "Omega", (other, Omega), X, at=fixed, steps=StepControl(max_points=1000),
+                              stability=False, special=False, cover=False)  # fmt: skip
+            if curve.values[-1] == Omega:
+                try:  # with as many harmonics as are wanted
+                    return solve(problem, problem.converted(curve[-1]), here).X
+                except NoConvergence:
+                    pass
+            break
+    return None
 
 
 def _pushed(compiled: Compiled, linear: Any) -> Array:

@@ -332,6 +332,16 @@ def test_start_inside_a_resonance(model, Omega):
     assert np.linalg.norm(problem.residual(X, Omega=Omega)) < 1e-9
 
 
+def test_a_start_that_only_another_frequency_leads_to():
+    """Strong excitation and hardly any damping far below resonance: no guess leads there, but the curve does."""
+    pair = SpurPair(zeta=0.00822908, F_m=0.26746474, e=(0.56724623, 0.18651221, 0.07432142))
+    problem = HarmonicBalance(pair, 16)
+    X = problem.start(0.3)
+    now = problem.linearise(X, "", Omega=0.3)
+    assert np.linalg.norm(now.R) <= 1e-9 * now.size and len(X) == problem.size
+    assert trace(problem, "Omega", (0.3, 0.32)).status.complete
+
+
 def test_start_without_any_periodic_motion():
     """A load that draws the tooth away for ever: an error with all there is to know."""
     gap = Element([1.0], Unilateral(1.0, 0.0), damping=0.1)

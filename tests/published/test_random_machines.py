@@ -1,0 +1,123 @@
+"""The study of random machines in its quick form, and its measures on cases whose truth is known."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+
+import hbgear as hb
+
+matplotlib.use("Agg")
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[2]))
+        import studies.random.campaign as module
+
+        yield module
+
+
+@pytest.fixture(scope="module")
+def results(campaign):
+    return campaign.run(quick=True)
+
+
+def test_machines_are_what_their_numbers_say(campaign):
+    for kind in campaign.KINDS:
+        one, again, other = (campaign.machine(kind, i) for i in (4, 4, 5))
+        problems = [hb.HarmonicBalance(m.model, 4) for m in (one, again, other)]
+        A, B, C = (problem.evaluate(np.ones(problem.size), Omega=1.0)[0] for problem in problems)
+        assert one.span == again.span and np.array_equal(A, B) and not np.array_equal(A, C)
+
+
+def test_quick_form(campaign, results, tmp_path):
+    assert len(results.ended) == 4 and not any(one.untrue for one in results.ended)
+    (held,) = results.compared
+    shot = [p for p in held.points if p.by == "shooting"]
+    assert len(shot) == 8 and all(p.error < 1e-5 for p in shot)
+    assert held.verdicts and not any(v.wrong for v in held.verdicts)
+    assert held.jumps and all(j.right for j in held.jumps)
+    campaign.plot(results).savefig(tmp_path / "a.png")
+    assert "| spur pairs | 1 |" in campaign.report(results)
+
+
+def test_it_goes_on_where_it_stopped(campaign, tmp_path, monkeypatch):
+    first = campaign.collect({"spur": 2}, {}, 1, tmp_path)
+    monkeypatch.setattr(campaign, "work", lambda *task: pytest.fail("was known"))
+    again = campaign.collect({"spur": 2}, {}, 1, tmp_path)
+    assert again.ended == first.ended
+    (file,) = tmp_path.iterdir()
+    file.write_text("{")
+    monkeypatch.setattr(campaign, "work", lambda *task: [json.loads(json.dumps(vars(one))) for one in first.ended])
+    assert campaign.collect({"spur": 2}, {}, 1, tmp_path).ended == first.ended
+
+
+@pytest.mark.parametrize(
+    ("model", "span", "kinds"),
+    [(hb.SpurPair(e=(0.1,)), (2.2, 0.6), {"PD"}), (hb.SpurPair(), (1.5, 0.3), {"LP", "GR"})],
+    ids=["doublings", "folds"],
+)
+def test_true_points_are_those_of_shooting(campaign, model, span, kinds):
+    """With six harmonics they are off, and it shows; what shooting finds is where sixty harmonics have it."""
+    it = campaign.Machine("spur", 0, model, span)
+    rough, middle, fine = (campaign.truth.traced(it, H) for H in (6, 24, 60))
+    found = campaign.truth.special_points(it, rough, middle, np.random.default_rng(0))
+    assert {p.kind for p in found} == kinds and all(p.by == "shooting" for p in found)
+    for p in found:
+        nearest = min(abs(q.parameters["Omega"] - p.true) for q in fine.special if q.kind == p.kind)
+        assert nearest < 1e-7 and nearest < max(1e-9, 0.1 * p.error)
+    assert max(p.error for p in found) > 1e-6
+
+
+def test_what_is_missing_and_what_is_false(campaign):
+    it = campaign.Machine("spur", 0, hb.SpurPair(), (1.5, 0.3))
+    curve = campaign.truth.traced(it, 16)
+    fold = next(p for p in curve.special if p.kind == "LP")
+    without = replace(curve, special=tuple(p for p in curve.special if p is not fold))
+    (gone,) = [p for p in campaign.truth.special_points(it, without, curve, np.random.default_rng(0))
+               if np.isnan(p.Omega)]  # fmt: skip
+    assert gone.kind == "LP" and gone.true == pytest.approx(fold.parameters["Omega"], abs=1e-6)
+    row = curve[len(curve) // 8]
+    here = {**vars(fold), "X": row.X, "parameters": row.parameters, "index": len(curve) // 8, "label": "LP9"}
+    more = replace(curve, special=(*curve.special, type(fold)(**here)))
+    found = campaign.truth.special_points(it, more, curve, np.random.default_rng(0))
+    (false,) = [p for p in found if np.isnan(p.true)]
+    assert false.kind == "LP" and false.Omega == row.parameters["Omega"]
+
+
+def test_verdicts_that_are_wrong_are_seen(campaign):
+    it = campaign.Machine("spur", 0, hb.SpurPair(e=(0.1,)), (2.2, 0.6))
+    curve = campaign.truth.traced(it, 16)
+    finer = curve.problem.with_order(1, 40)
+    right = campaign.truth.verdicts(it, curve, finer, np.random.default_rng(0))
+    assert len(right) == campaign.truth.ROWS and not any(v.wrong for v in right)
+    lies = replace(curve, multipliers=np.where(curve.stable[:, None], 1.5, 0.5) * np.ones_like(curve.multipliers))
+    assert all(v.wrong for v in campaign.truth.verdicts(it, lies, finer, np.random.default_rng(0)))
+
+
+def test_untrue_ends_are_seen(campaign):
+    it = campaign.Machine("spur", 0, hb.SpurPair(), (1.5, 0.3))
+    curve = campaign.truth.traced(it, 8)
+    assert list(campaign.untrue(it, curve)) == []
+    half = curve.values > 0.9
+    arrays = {name: getattr(curve, name)[half] for name in
+              ("values", "X", "iterations", "residual", "error", "step", "regime", "multipliers")}  # fmt: skip
+    short = replace(curve, **arrays, special=(), jump_records=())
+    told = list(campaign.untrue(it, short))
+    assert any("reached_end at" in text for text in told) and any("without a word" in text for text in told)
+    assert any("residual" in text for text in campaign.untrue(it, replace(curve, residual=curve.residual + 1e-6)))
+    far = replace(curve, meta={**curve.meta, "asymptotes": {"last": 0.7}})
+    assert any("to infinity at 0.7" in text for text in campaign.untrue(it, far))
+
+
+def test_what_hangs_is_interrupted(campaign, monkeypatch):
+    monkeypatch.setattr(campaign, "SECONDS", 0.05)
+    slow = campaign.Machine("two", 1, hb.SpurPair(), (1.5, 0.3))
+    monkeypatch.setattr(campaign.truth, "traced", lambda it, H: hb.trace(
+        hb.HarmonicBalance(it.model, 100), "Omega", it.span, steps=hb.StepControl(longest=1e-4)))  # fmt: skip
+    assert campaign.followed(slow).status == "interrupted"
