@@ -38,6 +38,7 @@ from hbgear.mechanics.functions import model
 from hbgear.mechanics.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
 from hbgear.mechanics.model import Element, Load, Model, System
 from hbgear.mechanics.oscillators import Duffing
+from hbgear.mechanics.periodic import Periodic
 from hbgear.mechanics.reduction import Reduction, reduce
 from hbgear.timedomain.basins import basins
 from hbgear.timedomain.integrate import integrate
@@ -71,6 +72,7 @@ __all__ = [
     "Parallel",
     "Peak",
     "PeriodDoubling",
+    "Periodic",
     "PiecewiseLinear",
     "Point",
     "Progress",

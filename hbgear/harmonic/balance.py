@@ -44,7 +44,6 @@ from hbgear.harmonic.starts import guesses
 from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, of_truncation, tell
 from hbgear.mechanics.fourier import (
     Transform,
-    highest,
     resize,
     stretch,
     to_complex,
@@ -477,8 +476,9 @@ class HarmonicBalance(FullProblem):
     def graze(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
         """One entry of `clearance`, and the phase at which its extremum lies."""
         compiled, corner, sign = self.compiled(parameters), which // 2, 1 if which % 2 else -1
-        value, theta = highest(sign * X.reshape(self.m, -1)[compiled.element[corner]])
-        return float(sign * value - compiled.corner[corner]), float(theta)
+        element = int(compiled.element[corner])
+        value, theta = compiled.highest(element, X.reshape(self.m, -1)[element], float(sign))
+        return float(sign * value - compiled.corner[corner]), theta
 
     def force_rows(self, X: Array, **parameters: float) -> Array:
         """Law forces of each element (without its damper) as real rows (m, 2H + 1)."""

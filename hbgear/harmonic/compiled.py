@@ -9,11 +9,12 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.recent import Recent
+from hbgear.harmonic.corners import beyond, corners_of
 from hbgear.harmonic.modes import Parts, parts_of
 from hbgear.harmonic.numbers import Numbers, laws_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
 from hbgear.harmonic.sampled import SampledLaws
-from hbgear.mechanics.fourier import Transform, to_real
+from hbgear.mechanics.fourier import Transform, evaluate, highest, to_real
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.model import System
 
@@ -53,10 +54,11 @@ class Compiled:
         self.receptance = Receptance(structure, system, H, nu)
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
         self.H, self.nu, self.N, self.reduce = H, nu, transform.N, reduce
-        laws, left = laws_of(self.laws, sampled, nu)
-        self.numbers = Numbers(laws, self.receptance.numbers, transform.basis)
+        laws, springs, left = laws_of(self.laws, sampled, nu)
         self.asked = tuple((int(j), self.laws[j]) for j in (*left, *laws.own))
-        self.sampled = SampledLaws(self.laws, left, transform, nu) if left.size else None
+        corners = corners_of(system.elements, springs, laws.cubic, H, nu, self.N if self.asked else 0)
+        self.numbers = Numbers(laws, self.receptance.numbers, transform.basis, corners)
+        self.sampled = SampledLaws(self.laws, left, transform, nu, corners.grid) if left.size else None
         self.corner, self.element = laws.level, laws.owner
         self._linear: tuple[float, LinearPart] | None = None
         self._parts: Recent[Parts] = Recent(16)
@@ -147,6 +149,24 @@ class Compiled:
         theta, sign, count, _ = instants(self.numbers, X.reshape(self.m, -1), False)
         some = np.arange(theta.shape[1]) < count[:, None]
         return Crossings(np.nonzero(some)[0], theta[some], sign[some].astype(int))
+
+    def gap(self, j: int, row: Array, theta: Array, order: int = 0) -> Array:
+        """Gap of element j, or a derivative in theta, at phases theta of the basis, its motion being the row."""
+        e, kept = self.system.elements[j].displacement, self.numbers.corners.kept
+        return evaluate(row, theta, order) + (beyond(e, kept[:, j], self.nu, theta, order) if e.corners else 0.0)
+
+    def highest(self, j: int, row: Array, side: float) -> tuple[float, float]:
+        """The largest value of side times the gap of element j, and its phase."""
+        corners = self.numbers.corners
+        first, last = corners.moves[j : j + 2].tolist()
+        if first == last:
+            value, theta = highest(side * row)
+            return float(value), float(theta)
+        from hbgear.harmonic.pieces import highest_on, waves_with
+
+        c = waves_with(np.ascontiguousarray(row), corners.kept[:, j])
+        top: tuple[float, float] = highest_on(c, corners.at, corners.rows, first, last, self.N, side)
+        return top
 
     def reach(self, X: Array) -> tuple[Array, np.ndarray]:
         """Clearances (P, 2 K) and regimes (P, m) of motions X (P, n)."""

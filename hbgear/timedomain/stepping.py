@@ -2,9 +2,12 @@
 
     zeta' = poles zeta - input w,   d, v = Re(output zeta) + steady(tau),   w = p - kr d
 
+of displacements e with corners steady has -e, and w = p - kr (d + e) - c e'.
+
 The period is cut into N cells. A step over a whole cell has its tables ready; one over a part (x, x + length) makes
 its own. Newton's iterations on w at the Gauss points end after the first where the laws are straight.
-A step in which an element leaves its piece is taken again up to the corner, and the rest of the cell after it.
+A step in which an element leaves its piece is taken again up to the corner, and the rest of the cell after it. A cell
+in which the excitation has corners is taken in parts, too.
 
 Laws that are no tables of numbers are asked in Python: `march` then returns whenever it needs the force of a motion.
 
@@ -36,7 +39,8 @@ class Tables(NamedTuple):
 
     turn (R, q) takes zeta to the end, observe (R, 2 q, (s + 1) 2 m) to d and v at the nodes;
     feedback (R, (s + 1) 2 m, s m) takes w there, push (R, s m, 2 q) to zeta.
-    drive (R, C, (s + 1) 2 m), k (R, C, s, S): steady d and v, and stiffness of the springs, at the nodes.
+    drive (R, C, (s + 1) 2 m): steady d and v at the nodes. k (R, C, s, S + m): stiffness of the springs there, then
+    kr e + c e' of the elements whose e has corners.
     """
 
     turn: ComplexArray
@@ -53,7 +57,9 @@ class Plan(NamedTuple):
     poles (R, q), output (R, 2 m, q) of d and v, input (R, q, m), kr (R, m): the structure, one mode of each pair.
     steady (R, L + 1, 2 m), stiffness (R, S, K + 1): harmonics of d and v of the linear part alone, and of the springs.
     slope, offset (R, S, P), low, high (R, m, P), cubic (R, m, 2): as of `LawTable`.
-    h (R,): duration of a cell.
+    h (R,): duration of a cell. c (R, m): dampers of the elements.
+    at (R, S + m, P), rows (R, S + m, P, 4): stiffness and displacements with corners, as of `Excitation`.
+    first (R, N + 1), place, kink (R, I), (R, I, m): its `stops`.
     """
 
     poles: ComplexArray
@@ -68,6 +74,12 @@ class Plan(NamedTuple):
     high: Array
     cubic: Array
     h: Array
+    c: Array
+    at: Array
+    rows: Array
+    first: Integers
+    place: Array
+    kink: Array
 
 
 class Method(NamedTuple):
@@ -92,8 +104,8 @@ class Method(NamedTuple):
 class Work(NamedTuple):
     """Where the motions under way stand, G of them at once, and room to compute in.
 
-    place (G, 5): cell, aim, corrections, rounds, iterations. laid (G,): whether a step is laid out. span (G, 2): x and
-    length of it, in cells.
+    place (G, 6): cell, aim, corrections, rounds, iterations, whether the cell has corners. laid (G,): whether a step is
+    laid out. span (G, 2): x and length of it, in cells.
     free, y (G, (s + 1) 2 m), w (G, s m): of the step, d and v without w and with it.
     at (G, m), gone (G, m): where in it elements leave their pieces, and through which end.
     given (G, 3, s, m): p, dp/dd, dp/dv of the laws that are asked.
@@ -118,20 +130,20 @@ class Work(NamedTuple):
     spare: Array
 
 
-_CELL, _AIM, _CORRECTED, _PASSED, _ITERATED = range(5)  # columns of Work.place
+_CELL, _AIM, _CORRECTED, _PASSED, _ITERATED, _CUT = range(6)  # columns of Work.place
 
 
 def tables_for(rows: int, cells: int, s: int, m: int, q: int, springs: int) -> Tables:
     """Tables yet to be filled in."""
     n = (s + 1) * 2 * m
-    shapes = (rows, 2 * q, n), (rows, n, s * m), (rows, s * m, 2 * q), (rows, cells, n), (rows, cells, s, springs)
+    shapes = (rows, 2 * q, n), (rows, n, s * m), (rows, s * m, 2 * q), (rows, cells, n), (rows, cells, s, springs + m)
     return Tables(np.zeros((rows, q), dtype=complex), *map(np.zeros, shapes))
 
 
 def work_for(motions: int, s: int, m: int, q: int) -> Work:
     """For so many motions at once, none of them under way."""
     G, n, r, z, integer, pair = motions, (s + 1) * 2 * m, s * m, np.zeros, np.int64, complex
-    place = z((G, 5), dtype=integer)
+    place = z((G, 6), dtype=integer)
     place[:, _AIM] = _SCAN
     return Work(
         place=place, laid=z(G, dtype=np.bool_), span=z((G, 2)), free=z((G, n)), y=z((G, n)), w=z((G, r)), at=z((G, m)),
@@ -188,6 +200,7 @@ def march(
         kr, cubic, slope, offset = plan.kr[r], plan.cubic[r], plan.slope[r], plan.offset[r]
         low, high, h, steady, stiffness = plan.low[r], plan.high[r], plan.h[r], plan.steady[r], plan.stiffness[r]
         poles, output, input = plan.poles[r], plan.output[r], plan.input[r]
+        c, starts, pieces, stop_of, stops = plan.c[r], plan.at[r], plan.rows[r], plan.first[r], plan.place[r]
         turn, observe, feedback, push = whole.turn[r], whole.observe[r], whole.feedback[r], whole.push[r]
         drive, k, cut_drive, cut_k = whole.drive[r], whole.k[r], cut.drive[g], cut.k[g]
         cut_turn, cut_observe, cut_feedback, cut_push = cut.turn[g], cut.observe[g], cut.feedback[g], cut.push[g]
@@ -197,12 +210,15 @@ def march(
         if not asks:
             place[_CELL] = begin
         while True:
-            cell, uncut = place[_CELL] % N, place[_PASSED] == 0 and place[_AIM] == _SCAN
+            cell, uncut = place[_CELL] % N, place[_PASSED] == 0 and place[_AIM] == _SCAN and place[_CUT] == 0
             if not work.laid[g]:
                 if place[_CELL] >= end:
                     break
                 if uncut:
-                    span[0], span[1] = 0.0, 1.0
+                    span[0], span[1] = 0.0, _until(stop_of, stops, cell, 0.0)
+                    uncut = span[1] == 1.0
+                    place[_CUT] = 0 if uncut else 1
+                if uncut:
                     if leaps:
                         _leap(folded, cell, on, low.shape[1], z, y, ahead)
                     else:
@@ -219,6 +235,8 @@ def march(
                             cut_push, turns, inner, powers, spare,
                         )  # fmt: skip
                     excite(steady, stiffness, nodes, cell + span[0], span[1], N, only, cut_drive, cut_k)
+                    if len(stops):
+                        add_pieces(starts, pieces, kr, c, h, nodes, cell + span[0], span[1], N, only, cut_drive, cut_k)
                     _predict(cut_observe, cut_drive, only, z, free, y, w)
                 work.laid[g], place[_ITERATED] = True, 0
                 if asks:
@@ -251,7 +269,9 @@ def march(
                         span[1] *= at[stop]
                         place[_AIM], place[_CORRECTED] = stop, 0
                         continue
-            elif place[_AIM] >= 0 and _misses(y, on, low, high, h, gone, place, span):
+            elif place[_AIM] >= 0 and _misses(
+                y, on, low, high, h, gone, place, span, _until(stop_of, stops, cell, span[0])
+            ):
                 continue
             if fine.shape[3]:
                 _record(dense, y, x, rate, span, h, samples, place[_CELL] * FINE, b, fine)
@@ -264,7 +284,9 @@ def march(
                 _turn(cut_turn, cut_push, w, z)
             for j in range(len(x)):
                 x[j], rate[j] = y[len(y) - 2 * len(x) + j], y[len(y) - len(x) + j]
-            if _arrive(on, at, gone, place, span) and len(strobes) and place[_CELL] % N == 0:
+            if len(stops):
+                _kick(stop_of, stops, plan.kink[r], cell, span, rate)
+            if _arrive(on, at, gone, place, span, stop_of, stops, cell) and len(strobes) and place[_CELL] % N == 0:
                 for i in range(len(z)):
                     strobes[place[_CELL] // N - 1, b, i] = z[i]
     return waiting
@@ -283,6 +305,11 @@ def fill(plan: Plan, method: Method, lengths: Array, work: Work, out: Tables) ->
             excite(
                 plan.steady[r], plan.stiffness[r], method.nodes, float(cell), 1.0, cells, cell, out.drive[i], out.k[i]
             )
+            if plan.place.shape[1]:
+                add_pieces(
+                    plan.at[r], plan.rows[r], plan.kr[r], plan.c[r], plan.h[r], method.nodes, float(cell), 1.0, cells,
+                    cell, out.drive[i], out.k[i],
+                )  # fmt: skip
 
 
 @kernel
@@ -424,6 +451,59 @@ def excite(
 
 
 @kernel
+def add_pieces(
+    at: Array, rows: Array, kr: Array, c: Array, h: float, nodes: Array, x: float, length: float, N: int, cell: int,
+    drive: Array, k: Array,
+) -> None:  # fmt: skip
+    """Add to what `excite` gives the functions with corners, of which none lies in the part.
+
+    The stiffness of springs goes to k, -e and -e' to the drive, kr e + c e' to the end of k.
+    """
+    m, unit, rate = len(kr), 2 * np.pi / N, 2 * np.pi / (N * h)
+    springs = len(at) - m
+    for q in range(len(at)):
+        middle, piece = unit * (x + 0.5 * length), 0
+        while piece + 1 < at.shape[1] and at[q, piece + 1] <= middle:
+            piece += 1
+        a, b, f, g = rows[q, piece, 0], rows[q, piece, 1], rows[q, piece, 2], rows[q, piece, 3]
+        for i in range(len(nodes)):
+            y = unit * (x + length * nodes[i]) - at[q, piece]
+            value = a + y * (b + y * (f + y * g))
+            if q < springs:
+                if i < k.shape[1]:
+                    k[cell, i, q] += value
+                continue
+            j, slope = q - springs, rate * (b + y * (2.0 * f + 3.0 * y * g))
+            drive[cell, i * 2 * m + j] -= value
+            drive[cell, i * 2 * m + m + j] -= slope
+            if i < k.shape[1]:
+                k[cell, i, q] = kr[j] * value + c[j] * slope
+
+
+@kernel
+def _until(first: Integers, place: Array, cell: int, x: float) -> float:
+    """Where the step from x on in a cell ends: at the next corner of the excitation, or the end of the cell."""
+    if len(place):
+        for i in range(first[cell], first[cell + 1]):
+            end: float = place[i]
+            if end > x + 1e-12:
+                return end
+    return 1.0
+
+
+@kernel
+def _kick(first: Integers, place: Array, kink: Array, cell: int, span: Array, v: Array) -> None:
+    """Let v jump if the step ends at a corner of the excitation; after `_until` from its start, each is met once."""
+    end = span[0] + span[1]
+    if 1.0 - end <= 1e-12:
+        end = 1.0
+    for i in range(first[cell], first[cell + 1]):
+        if span[0] + 1e-12 < place[i] <= end + 1e-12:
+            for j in range(len(v)):
+                v[j] -= kink[i, j]
+
+
+@kernel
 def _linearise(
     kr: Array, cubic: Array, element: Integers, slope: Array, offset: Array, piece: Integers, asked: Bools,
     given: Array, k: Array, cell: int, feedback: Array, y: Array, w: Array, J: Array, right: Array, spare: Array,
@@ -448,7 +528,7 @@ def _linearise(
                 right[a], spare[0, a] = given[0, i, j], given[1, i, j]
             pull, bend = kr[j] * y[row], spare[0, a] - kr[j]
             size = max(size, abs(right[a]) + abs(pull))
-            right[a] -= pull + w[a]
+            right[a] -= pull + w[a] + k[cell, i, len(element) + j]
             for e in range(s * m):
                 J[a, e] = bend * feedback[row, e]
             if asked[j]:
@@ -515,7 +595,9 @@ def _turn(turn: ComplexArray, push: Array, w: Array, zeta: Array) -> None:
 
 
 @kernel
-def _arrive(piece: Integers, at: Array, gone: Integers, place: Integers, span: Array) -> bool:
+def _arrive(
+    piece: Integers, at: Array, gone: Integers, place: Integers, span: Array, first: Integers, stops: Array, cell: int
+) -> bool:
     """Go on from the end of a step: on the other side of a corner, or in the next cell; whether it is the latter."""
     span[0] += span[1]
     if place[_AIM] >= 0:
@@ -523,28 +605,32 @@ def _arrive(piece: Integers, at: Array, gone: Integers, place: Integers, span: A
         for j in range(len(piece)):
             if at[j] <= stop:
                 piece[j] += gone[j]
-        if 1.0 - span[0] > 1e-12:
-            span[1] = 1.0 - span[0]
-            place[_PASSED] += 1
-            place[_AIM] = _SCAN if place[_PASSED] < _ROUNDS else _LAST
-            return False
+        place[_PASSED] += 1
+    if 1.0 - span[0] > 1e-12:
+        span[1] = _until(first, stops, cell, span[0]) - span[0]
+        place[_AIM] = _SCAN if place[_PASSED] < _ROUNDS else _LAST
+        return False
     place[_CELL] += 1
-    place[_AIM], place[_PASSED] = _SCAN, 0
+    place[_AIM], place[_PASSED], place[_CUT] = _SCAN, 0, 0
     return True
 
 
 @kernel
 def _misses(
-    y: Array, piece: Integers, low: Array, high: Array, h: float, gone: Integers, place: Integers, span: Array
-) -> bool:
-    """Whether a step that is to end on a corner does not, and is to be taken again with the length it now has."""
+    y: Array, piece: Integers, low: Array, high: Array, h: float, gone: Integers, place: Integers, span: Array,
+    limit: float,
+) -> bool:  # fmt: skip
+    """Whether a step that is to end on a corner does not, and is to be taken again with the length it now has.
+
+    It does not go beyond the limit, in the cell.
+    """
     j, m, end = place[_AIM], len(piece), len(y) - 2 * len(piece)
     level = high[j, piece[j]] if gone[j] > 0 else low[j, piece[j]]
     miss, rate = y[end + j] - level, y[end + m + j]
     if not abs(miss) > _NEAR * (1.0 + abs(level)) or place[_CORRECTED] >= _CORRECTIONS:
         return False
     way = miss / rate / h if abs(rate) > 1e-6 else 0.0
-    span[1] = max(0.5 * span[1], min(span[1] - way, 1.5 * span[1], 1.0 - span[0]))
+    span[1] = max(0.5 * span[1], min(span[1] - way, 1.5 * span[1], limit - span[0]))
     place[_CORRECTED] += 1
     return True
 
