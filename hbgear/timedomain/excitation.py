@@ -28,7 +28,7 @@ class Excitation:
     """The functions with corners of R systems: the stiffness of S springs, then the displacements of m elements.
 
     at (R, S + m, P) : phases where pieces begin; inf beyond the last. rows (R, S + m, P, 4) : coefficients; zero of
-    functions without corners. P = 0 if there are none at all. phases : all corners of each system, ascending.
+    functions without corners. phases : all corners of each system, ascending.
     kinks : jumps (I, m) of the first derivatives of the displacements there.
     """
 
@@ -43,7 +43,7 @@ class Excitation:
         each = [_functions(system) for system in systems]
         phases = tuple(_phases(system) for system in systems)
         pieces = [[f.pieces() if isinstance(f, Periodic) else None for f in functions] for functions in each]
-        P = max((len(piece.at) for one in pieces for piece in one if piece), default=0)
+        P = max((len(piece.at) for one in pieces for piece in one if piece), default=1)
         Q = len(each[0])
         at, rows = np.full((len(each), Q, P), np.inf), np.zeros((len(each), Q, P, 4))
         at[:, :, :1] = 0.0
@@ -53,6 +53,11 @@ class Excitation:
                     at[i, q, : len(piece.at)] = piece.at
                     rows[i, q, : len(piece.at), : piece.rows.shape[1]] = piece.rows
         return Excitation(at, rows, phases, tuple(map(_kinks, systems, phases)))
+
+    @property
+    def any(self) -> bool:
+        """Whether there are corners."""
+        return any(map(len, self.phases))
 
     def cells(self, least: int) -> int:
         """At least so many cells of the period; if few more are enough for all corners to be ends of cells, these."""

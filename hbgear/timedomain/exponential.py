@@ -184,9 +184,9 @@ class Stepper:
         self.N = steps or self.excitation.cells(self._enough())
         counted(f"steps per period at Omega = {self.Omega.min():g}", self.N, _MOST_STEPS, least=3)
         self._steady()
-        self.plan, self.method = self._plan()
+        self.plan, self.method, self.corners = self._plan()
         self.reading = np.concatenate([self.plan.output.real, -self.plan.output.imag], axis=2)
-        self.steps = Steps.of(self.plan, self.method, self.N)
+        self.steps = Steps.of(self.plan, self.method, self.corners, self.N)
 
     def _enough(self) -> int:
         """Steps per period so that neither the contact stiffness nor the excitation changes much in one of them."""
@@ -231,8 +231,8 @@ class Stepper:
         self.z = _parted(z)
 
     def _plan(self) -> Any:
-        """The machines, and the way of all motions."""
-        from hbgear.timedomain.stepping import Method, Plan
+        """The machines, the way of all motions, and the corners of the excitation."""
+        from hbgear.timedomain.stepping import Method, Plan, Stops
 
         R, q, m, table = self.rows, self.q, self.m, self.table
         poles, output, input = (np.zeros(shape, dtype=complex) for shape in ((R, q), (R, 2 * m, q), (R, q, m)))
@@ -243,15 +243,16 @@ class Stepper:
             d = modes.output[:, kept] * half.twice
             output[row, :, :size] = np.concatenate([d, d * modes.poles[kept]])
         kr, c = (np.array([getattr(self.structures[i], name) for i in self.of]) for name in ("kr", "c"))
-        stops = self.excitation.stops(self.N, self.of, self.Omega)
-        pieces = self.excitation.at[self.of], self.excitation.rows[self.of]
         laws = (table.stiffness, table.slope, table.offset, table.low, table.high, table.cubic)
-        h = 2 * np.pi / (self.N * self.Omega)
-        each = (poles, output, input, kr, self.y, *(x[self.of] for x in laws), h, c, *pieces, *stops)
+        each = (poles, output, input, kr, self.y, *(x[self.of] for x in laws), 2 * np.pi / (self.N * self.Omega))
         x, lagrange = gauss(self.s)
         straight = not (table.asked.any() or table.cubic[..., 1].any())
         method = Method(table.element, table.asked, straight, np.append(x, 1.0), lagrange, *dense(self.s))
-        return Plan(*packed(each)), Method(*packed(method))
+        corners = None
+        if self.excitation.any:
+            pieces = self.excitation.at[self.of], self.excitation.rows[self.of]
+            corners = Stops(*packed((*pieces, *self.excitation.stops(self.N, self.of, self.Omega), kr, c)))
+        return Plan(*packed(each)), Method(*packed(method)), corners
 
     def select(self, motions: Integers) -> Stepper:
         """The stepper for some of the motions."""
@@ -261,7 +262,7 @@ class Stepper:
         out.__dict__.update(self.__dict__)
         out.of, out.Omega, out.rows = self.of[motions], self.Omega[motions], len(motions)
         out.z, out.y, out.reading = self.z[motions], self.y[motions], self.reading[motions]
-        out.plan = type(self.plan)(*(x[motions] for x in self.plan))
+        out.plan, out.corners = (each and type(each)(*(x[motions] for x in each)) for each in (self.plan, self.corners))
         out.steps = self.steps.select(motions)
         return out
 
@@ -359,7 +360,7 @@ class Stepper:
         together = min(B if few else -(-B // (4 * processors())), _AT_ONCE)
         block = max(1, int(_LONG / (cost * max(1, together))))
 
-        shared = (self.plan, self.method, self.steps.whole, self.steps.folded, self.steps.curves(not few))
+        shared = (self.plan, self.method, self.corners, self.steps.whole, self.steps.folded, self.steps.curves(not few))
 
         def carry(first: int, stop: Event) -> None:
             last = min(first + together, B)

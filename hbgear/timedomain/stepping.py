@@ -57,9 +57,7 @@ class Plan(NamedTuple):
     poles (R, q), output (R, 2 m, q) of d and v, input (R, q, m), kr (R, m): the structure, one mode of each pair.
     steady (R, L + 1, 2 m), stiffness (R, S, K + 1): harmonics of d and v of the linear part alone, and of the springs.
     slope, offset (R, S, P), low, high (R, m, P), cubic (R, m, 2): as of `LawTable`.
-    h (R,): duration of a cell. c (R, m): dampers of the elements.
-    at (R, S + m, P), rows (R, S + m, P, 4): stiffness and displacements with corners, as of `Excitation`.
-    first (R, N + 1), place, kink (R, I), (R, I, m): its `stops`.
+    h (R,): duration of a cell.
     """
 
     poles: ComplexArray
@@ -74,12 +72,22 @@ class Plan(NamedTuple):
     high: Array
     cubic: Array
     h: Array
-    c: Array
+
+
+class Stops(NamedTuple):
+    """Corners of the excitation, for each row of the plan. Kernels take None for none, and are then compiled without.
+
+    at (R, S + m, P), rows (R, S + m, P, 4): stiffness and displacements with corners, as of `Excitation`.
+    first (R, N + 1), place, kink (R, I), (R, I, m): its `stops`. kr, c (R, m): springs and dampers of the elements.
+    """
+
     at: Array
     rows: Array
     first: Integers
     place: Array
     kink: Array
+    kr: Array
+    c: Array
 
 
 class Method(NamedTuple):
@@ -157,6 +165,7 @@ def work_for(motions: int, s: int, m: int, q: int) -> Work:
 def march(
     plan: Plan,
     method: Method,
+    corners: Stops | None,
     whole: Tables,
     folded: Array,
     curves: Tables,
@@ -200,7 +209,6 @@ def march(
         kr, cubic, slope, offset = plan.kr[r], plan.cubic[r], plan.slope[r], plan.offset[r]
         low, high, h, steady, stiffness = plan.low[r], plan.high[r], plan.h[r], plan.steady[r], plan.stiffness[r]
         poles, output, input = plan.poles[r], plan.output[r], plan.input[r]
-        c, starts, pieces, stop_of, stops = plan.c[r], plan.at[r], plan.rows[r], plan.first[r], plan.place[r]
         turn, observe, feedback, push = whole.turn[r], whole.observe[r], whole.feedback[r], whole.push[r]
         drive, k, cut_drive, cut_k = whole.drive[r], whole.k[r], cut.drive[g], cut.k[g]
         cut_turn, cut_observe, cut_feedback, cut_push = cut.turn[g], cut.observe[g], cut.feedback[g], cut.push[g]
@@ -210,14 +218,18 @@ def march(
         if not asks:
             place[_CELL] = begin
         while True:
-            cell, uncut = place[_CELL] % N, place[_PASSED] == 0 and place[_AIM] == _SCAN and place[_CUT] == 0
+            cell, uncut = place[_CELL] % N, place[_PASSED] == 0 and place[_AIM] == _SCAN
+            if corners is not None:
+                uncut = uncut and place[_CUT] == 0
             if not work.laid[g]:
                 if place[_CELL] >= end:
                     break
                 if uncut:
-                    span[0], span[1] = 0.0, _until(stop_of, stops, cell, 0.0)
-                    uncut = span[1] == 1.0
-                    place[_CUT] = 0 if uncut else 1
+                    span[0], span[1] = 0.0, 1.0
+                    if corners is not None:
+                        span[1] = _until(corners.first, corners.place, r, cell, 0.0)
+                        uncut = span[1] == 1.0
+                        place[_CUT] = 0 if uncut else 1
                 if uncut:
                     if leaps:
                         _leap(folded, cell, on, low.shape[1], z, y, ahead)
@@ -235,8 +247,8 @@ def march(
                             cut_push, turns, inner, powers, spare,
                         )  # fmt: skip
                     excite(steady, stiffness, nodes, cell + span[0], span[1], N, only, cut_drive, cut_k)
-                    if len(stops):
-                        add_pieces(starts, pieces, kr, c, h, nodes, cell + span[0], span[1], N, only, cut_drive, cut_k)
+                    if corners is not None:
+                        add_pieces(corners, r, h, nodes, cell + span[0], span[1], N, only, cut_drive, cut_k)
                     _predict(cut_observe, cut_drive, only, z, free, y, w)
                 work.laid[g], place[_ITERATED] = True, 0
                 if asks:
@@ -246,13 +258,14 @@ def march(
                 size = moved = 0.0
             elif uncut:
                 size = _linearise(
-                    kr, cubic, element, slope, offset, on, asked, given, k, cell, feedback, y, w, J, right, spare
-                )
+                    kr, cubic, element, slope, offset, on, asked, given, k, cell, feedback, y, w, J, right, spare,
+                    corners,
+                )  # fmt: skip
                 moved = _correct(J, right, feedback, free, y, w)
             else:
                 size = _linearise(
                     kr, cubic, element, slope, offset, on, asked, given, cut_k, only, cut_feedback, y, w, J, right,
-                    spare,
+                    spare, corners,
                 )  # fmt: skip
                 moved = _correct(J, right, cut_feedback, free, y, w)
             place[_ITERATED] += 1
@@ -269,10 +282,12 @@ def march(
                         span[1] *= at[stop]
                         place[_AIM], place[_CORRECTED] = stop, 0
                         continue
-            elif place[_AIM] >= 0 and _misses(
-                y, on, low, high, h, gone, place, span, _until(stop_of, stops, cell, span[0])
-            ):
-                continue
+            elif place[_AIM] >= 0:
+                limit = 1.0
+                if corners is not None:
+                    limit = _until(corners.first, corners.place, r, cell, span[0])
+                if _misses(y, on, low, high, h, gone, place, span, limit):
+                    continue
             if fine.shape[3]:
                 _record(dense, y, x, rate, span, h, samples, place[_CELL] * FINE, b, fine)
             if uncut and leaps:
@@ -284,16 +299,19 @@ def march(
                 _turn(cut_turn, cut_push, w, z)
             for j in range(len(x)):
                 x[j], rate[j] = y[len(y) - 2 * len(x) + j], y[len(y) - len(x) + j]
-            if len(stops):
-                _kick(stop_of, stops, plan.kink[r], cell, span, rate)
-            if _arrive(on, at, gone, place, span, stop_of, stops, cell) and len(strobes) and place[_CELL] % N == 0:
-                for i in range(len(z)):
-                    strobes[place[_CELL] // N - 1, b, i] = z[i]
+            if corners is not None:
+                _kick(corners, r, cell, span, rate)
+            if _arrive(on, at, gone, place, span):
+                if len(strobes) and place[_CELL] % N == 0:
+                    for i in range(len(z)):
+                        strobes[place[_CELL] // N - 1, b, i] = z[i]
+            elif corners is not None:
+                span[1] = _until(corners.first, corners.place, r, cell, span[0]) - span[0]
     return waiting
 
 
 @kernel
-def fill(plan: Plan, method: Method, lengths: Array, work: Work, out: Tables) -> None:
+def fill(plan: Plan, method: Method, corners: Stops | None, lengths: Array, work: Work, out: Tables) -> None:
     """Tables of steps of these lengths in cells, one for each row; with drive and k of as many cells as they have."""
     for i in range(len(lengths)):
         r, cells = i if len(plan.h) > 1 else 0, out.drive.shape[1]
@@ -305,15 +323,12 @@ def fill(plan: Plan, method: Method, lengths: Array, work: Work, out: Tables) ->
             excite(
                 plan.steady[r], plan.stiffness[r], method.nodes, float(cell), 1.0, cells, cell, out.drive[i], out.k[i]
             )
-            if plan.place.shape[1]:
-                add_pieces(
-                    plan.at[r], plan.rows[r], plan.kr[r], plan.c[r], plan.h[r], method.nodes, float(cell), 1.0, cells,
-                    cell, out.drive[i], out.k[i],
-                )  # fmt: skip
+            if corners is not None:
+                add_pieces(corners, r, plan.h[r], method.nodes, float(cell), 1.0, cells, cell, out.drive[i], out.k[i])
 
 
 @kernel
-def fold(plan: Plan, method: Method, whole: Tables, work: Work, out: Array) -> None:
+def fold(plan: Plan, method: Method, corners: Stops | None, whole: Tables, work: Work, out: Array) -> None:
     """Steps over whole cells with straight laws as what they are in all: linear in zeta.
 
     out (N, combinations of pieces, 2 q + 1, (s + 1) 2 m + 2 q): what each part of zeta, and last the loads, add to d
@@ -333,6 +348,7 @@ def fold(plan: Plan, method: Method, whole: Tables, work: Work, out: Array) -> N
                 _linearise(
                     plan.kr[0], plan.cubic[0], method.element, plan.slope[0], plan.offset[0], piece, method.asked,
                     work.given[0], whole.k[0], cell, whole.feedback[0], y, w, work.J, work.right, work.spare,
+                    corners,
                 )  # fmt: skip
                 _correct(work.J, work.right, whole.feedback[0], free, y, w)
                 _turn(whole.turn[0], whole.push[0], w, zeta)
@@ -452,22 +468,22 @@ def excite(
 
 @kernel
 def add_pieces(
-    at: Array, rows: Array, kr: Array, c: Array, h: float, nodes: Array, x: float, length: float, N: int, cell: int,
-    drive: Array, k: Array,
-) -> None:  # fmt: skip
-    """Add to what `excite` gives the functions with corners, of which none lies in the part.
+    corners: Stops, r: int, h: float, nodes: Array, x: float, length: float, N: int, cell: int, drive: Array, k: Array
+) -> None:
+    """Add to what `excite` gives the functions with corners of row r, of which none lies in the part.
 
     The stiffness of springs goes to k, -e and -e' to the drive, kr e + c e' to the end of k.
     """
-    m, unit, rate = len(kr), 2 * np.pi / N, 2 * np.pi / (N * h)
-    springs = len(at) - m
-    for q in range(len(at)):
+    at, rows, kr, c = corners.at, corners.rows, corners.kr, corners.c
+    m, unit, rate = kr.shape[1], 2 * np.pi / N, 2 * np.pi / (N * h)
+    springs = at.shape[1] - m
+    for q in range(at.shape[1]):
         middle, piece = unit * (x + 0.5 * length), 0
-        while piece + 1 < at.shape[1] and at[q, piece + 1] <= middle:
+        while piece + 1 < at.shape[2] and at[r, q, piece + 1] <= middle:
             piece += 1
-        a, b, f, g = rows[q, piece, 0], rows[q, piece, 1], rows[q, piece, 2], rows[q, piece, 3]
+        a, b, f, g = rows[r, q, piece, 0], rows[r, q, piece, 1], rows[r, q, piece, 2], rows[r, q, piece, 3]
         for i in range(len(nodes)):
-            y = unit * (x + length * nodes[i]) - at[q, piece]
+            y = unit * (x + length * nodes[i]) - at[r, q, piece]
             value = a + y * (b + y * (f + y * g))
             if q < springs:
                 if i < k.shape[1]:
@@ -477,36 +493,36 @@ def add_pieces(
             drive[cell, i * 2 * m + j] -= value
             drive[cell, i * 2 * m + m + j] -= slope
             if i < k.shape[1]:
-                k[cell, i, q] = kr[j] * value + c[j] * slope
+                k[cell, i, q] = kr[r, j] * value + c[r, j] * slope
 
 
 @kernel
-def _until(first: Integers, place: Array, cell: int, x: float) -> float:
+def _until(first: Integers, place: Array, r: int, cell: int, x: float) -> float:
     """Where the step from x on in a cell ends: at the next corner of the excitation, or the end of the cell."""
-    if len(place):
-        for i in range(first[cell], first[cell + 1]):
-            end: float = place[i]
-            if end > x + 1e-12:
-                return end
+    for i in range(first[r, cell], first[r, cell + 1]):
+        end: float = place[r, i]
+        if end > x + 1e-12:
+            return end
     return 1.0
 
 
 @kernel
-def _kick(first: Integers, place: Array, kink: Array, cell: int, span: Array, v: Array) -> None:
+def _kick(corners: Stops, r: int, cell: int, span: Array, v: Array) -> None:
     """Let v jump if the step ends at a corner of the excitation; after `_until` from its start, each is met once."""
     end = span[0] + span[1]
     if 1.0 - end <= 1e-12:
         end = 1.0
-    for i in range(first[cell], first[cell + 1]):
-        if span[0] + 1e-12 < place[i] <= end + 1e-12:
+    for i in range(corners.first[r, cell], corners.first[r, cell + 1]):
+        if span[0] + 1e-12 < corners.place[r, i] <= end + 1e-12:
             for j in range(len(v)):
-                v[j] -= kink[i, j]
+                v[j] -= corners.kink[r, i, j]
 
 
 @kernel
 def _linearise(
     kr: Array, cubic: Array, element: Integers, slope: Array, offset: Array, piece: Integers, asked: Bools,
     given: Array, k: Array, cell: int, feedback: Array, y: Array, w: Array, J: Array, right: Array, spare: Array,
+    corners: Stops | None,
 ) -> float:  # fmt: skip
     """The equations of Newton's next step of w, J step = right; the size of the forces."""
     s, m, size = k.shape[1], len(kr), 0.0
@@ -528,7 +544,9 @@ def _linearise(
                 right[a], spare[0, a] = given[0, i, j], given[1, i, j]
             pull, bend = kr[j] * y[row], spare[0, a] - kr[j]
             size = max(size, abs(right[a]) + abs(pull))
-            right[a] -= pull + w[a] + k[cell, i, len(element) + j]
+            right[a] -= pull + w[a]
+            if corners is not None:
+                right[a] -= k[cell, i, len(element) + j]
             for e in range(s * m):
                 J[a, e] = bend * feedback[row, e]
             if asked[j]:
@@ -595,10 +613,8 @@ def _turn(turn: ComplexArray, push: Array, w: Array, zeta: Array) -> None:
 
 
 @kernel
-def _arrive(
-    piece: Integers, at: Array, gone: Integers, place: Integers, span: Array, first: Integers, stops: Array, cell: int
-) -> bool:
-    """Go on from the end of a step: on the other side of a corner, or in the next cell; whether it is the latter."""
+def _arrive(piece: Integers, at: Array, gone: Integers, place: Integers, span: Array) -> bool:
+    """Go on from the end of a step: in the rest of the cell, or in the next cell; whether it is the latter."""
     span[0] += span[1]
     if place[_AIM] >= 0:
         stop = at[place[_AIM]] + 1e-9
@@ -607,7 +623,7 @@ def _arrive(
                 piece[j] += gone[j]
         place[_PASSED] += 1
     if 1.0 - span[0] > 1e-12:
-        span[1] = _until(first, stops, cell, span[0]) - span[0]
+        span[1] = 1.0 - span[0]
         place[_AIM] = _SCAN if place[_PASSED] < _ROUNDS else _LAST
         return False
     place[_CELL] += 1
