@@ -24,10 +24,12 @@ from hbgear.continuation.tracer import trace
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.design.study import Cases, cases
 from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
+from hbgear.harmonic.answers import Answers, answers
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.critical import Critical, NoFold, critical
 from hbgear.harmonic.jump_map import JumpMap, jump_map
 from hbgear.harmonic.peaks import peaks
+from hbgear.harmonic.runs import Run, run
 from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
 from hbgear.harmonic.survey import Survey, trace_all
 from hbgear.io.npz import load
@@ -47,6 +49,7 @@ from hbgear.timedomain.sweep import sweep
 from hbgear.timedomain.validate import validate
 
 __all__ = [
+    "Answers",
     "Backlash",
     "Branch",
     "Cases",
@@ -79,6 +82,7 @@ __all__ = [
     "ProgressCallback",
     "Range",
     "Reduction",
+    "Run",
     "Series",
     "Settings",
     "SpecialPoint",
@@ -91,6 +95,7 @@ __all__ = [
     "Unilateral",
     "Unlikely",
     "__version__",
+    "answers",
     "basins",
     "cases",
     "critical",
@@ -106,6 +111,7 @@ __all__ = [
     "peaks",
     "plot",
     "reduce",
+    "run",
     "shoot",
     "sweep",
     "switch",

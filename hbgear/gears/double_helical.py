@@ -47,7 +47,7 @@ from hbgear.gears.geometry import (
     shaft_stiffness,
     transverse_pressure_angle,
 )
-from hbgear.gears.given import checked_given
+from hbgear.gears.given import checked_given, stiffness_of
 from hbgear.gears.spur import amplitudes, mesh_stiffness
 from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.laws import Backlash
@@ -432,9 +432,7 @@ class DoubleHelicalPair(Model):
     @property
     def mesh_stiffness(self) -> Phased:
         """k(tau) of the left half, over k_mean."""
-        if self.stiffness is not None:
-            return self.stiffness.varied(self.eps_scale)
-        return mesh_stiffness(self.eps, self.eps_scale)
+        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale))
 
     @property
     def transmission_error(self) -> Phased:

@@ -22,3 +22,8 @@ def checked_given(owner: str, stiffness: Phased | None, eps: tuple[float, ...]) 
         checked_contact(owner, stiffness)
         if eps:
             raise ValueError(f"{owner}: eps = {quoted(eps)} and a stiffness are both given; keep one, eps=() the other")
+
+
+def stiffness_of(given: Phased | None, factor: float, otherwise: Phased) -> Phased:
+    """A stiffness that was given with its alternating part times a factor; another one if none was."""
+    return otherwise if given is None else given.varied(factor)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
-from hbgear.gears.given import checked_given
+from hbgear.gears.given import checked_given, stiffness_of
 from hbgear.gears.spur import amplitudes, checked_phase, mesh_stiffness, transmission_error
 from hbgear.mechanics.laws import Backlash
 from hbgear.mechanics.model import Element, Load, Model, System
@@ -154,9 +154,7 @@ class GearRotorBearing(Model):
     @property
     def mesh_stiffness(self) -> Phased:
         """k(tau)."""
-        if self.stiffness is not None:
-            return self.stiffness.varied(self.eps_scale)
-        return mesh_stiffness(self.eps, self.eps_scale)
+        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale))
 
     @property
     def transmission_error(self) -> Phased:

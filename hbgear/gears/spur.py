@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from hbgear.common.ranges import NOT_NEGATIVE, Range, counted
-from hbgear.gears.given import checked_given
+from hbgear.gears.given import checked_given, stiffness_of
 from hbgear.mechanics.fourier import MOST_HARMONICS, Series
 from hbgear.mechanics.laws import Backlash
 from hbgear.mechanics.model import Element, Load, Model, System
@@ -166,9 +166,7 @@ class SpurPair(Model):
     @property
     def mesh_stiffness(self) -> Phased:
         """k(tau)."""
-        if self.stiffness is not None:
-            return self.stiffness.varied(self.eps_scale)
-        return mesh_stiffness(self.eps, self.eps_scale)
+        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale))
 
     @property
     def transmission_error(self) -> Phased:

@@ -6,8 +6,8 @@ Their harmonics are sums of moments, integrals of polynomials times exponentials
 
     int_0^w p(x) exp(-i n x) dx = sum_q [p^(q)(0) - exp(-i n w) p^(q)(w)] / (i n)^(q + 1)
 
-by parts where n w is large; where it is small, and parts would cancel, by a Gauss rule that is exact to rounding. Nothing
-is cut off: any number of harmonics can be asked for.
+by parts where n w is large; where it is small, and parts would cancel, by a Gauss rule that is exact to rounding.
+Nothing is cut off: any number of harmonics can be asked for.
 """
 
 from __future__ import annotations
