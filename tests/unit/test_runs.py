@@ -29,10 +29,11 @@ def test_a_run_is_what_a_slow_sweep_measures(curve):
         near = int(np.argmin(np.abs(before.values - speeds[0])))
         start = state_of(curve.problem, before.branch.X[before.rows[near]], Omega=float(before.values[near]))
         swept = hb.sweep(hb.SpurPair(eps=(0.2,)), speeds, found.direction, start=start)
-        order = np.argsort(found.values, kind="stable")
-        expected = np.interp(swept.values, found.values[order], found.amplitude("rms")[order])
-        beside = np.abs(swept.values - jump.value) > 1e-9
-        np.testing.assert_allclose(swept.rms[beside, 0], expected[beside], rtol=1e-2)  # rows are joined straight
+        for stretch, side in ((before, -1), (after, 1)):
+            here = (swept.values - jump.value) * way * side > 1e-9
+            expected = np.interp(way * swept.values[here], way * stretch.values, stretch.amplitude("rms", 0))
+            assert here.sum() == 5
+            np.testing.assert_allclose(swept.rms[here, 0], expected, rtol=1e-2)  # rows are joined straight
 
 
 def test_a_run_goes_on_along_doubled_motions():
