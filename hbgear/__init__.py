@@ -24,10 +24,12 @@ from hbgear.continuation.tracer import trace
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.design.study import Cases, cases
 from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
+from hbgear.harmonic.answers import Answers, answers
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.critical import Critical, NoFold, critical
 from hbgear.harmonic.jump_map import JumpMap, jump_map
 from hbgear.harmonic.peaks import peaks
+from hbgear.harmonic.runs import Run, run
 from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
 from hbgear.harmonic.survey import Survey, trace_all
 from hbgear.io.npz import load
@@ -38,6 +40,7 @@ from hbgear.mechanics.functions import model
 from hbgear.mechanics.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
 from hbgear.mechanics.model import Element, Load, Model, System
 from hbgear.mechanics.oscillators import Duffing
+from hbgear.mechanics.periodic import Periodic
 from hbgear.mechanics.reduction import Reduction, reduce
 from hbgear.timedomain.basins import basins
 from hbgear.timedomain.integrate import integrate
@@ -47,6 +50,7 @@ from hbgear.timedomain.sweep import sweep
 from hbgear.timedomain.validate import validate
 
 __all__ = [
+    "Answers",
     "Backlash",
     "Branch",
     "Cases",
@@ -73,12 +77,14 @@ __all__ = [
     "Parallel",
     "Peak",
     "PeriodDoubling",
+    "Periodic",
     "PiecewiseLinear",
     "Point",
     "Progress",
     "ProgressCallback",
     "Range",
     "Reduction",
+    "Run",
     "Series",
     "Settings",
     "SpecialPoint",
@@ -91,6 +97,7 @@ __all__ = [
     "Unilateral",
     "Unlikely",
     "__version__",
+    "answers",
     "basins",
     "cases",
     "critical",
@@ -106,6 +113,7 @@ __all__ = [
     "peaks",
     "plot",
     "reduce",
+    "run",
     "second_opinion",
     "shoot",
     "sweep",

@@ -304,9 +304,7 @@ def _computed(model: Model, work: Work) -> Result:
     problem = HarmonicBalance(model, work.harmonics)
     if work.compute:
         stability = set(work.compute) != {"peak"}
-        branch = trace(
-            problem, "Omega", work.span, stability=stability, special=stability, cover=False, accuracy=None
-        )
+        branch = trace(problem, "Omega", work.span, stability=stability, special=stability, cover=False, accuracy=None)
         whole(branch)
         if branch.status != Status.REACHED_END:
             raise ValueError(f"the curve ended early: {branch.message}")

@@ -47,10 +47,12 @@ from hbgear.gears.geometry import (
     shaft_stiffness,
     transverse_pressure_angle,
 )
+from hbgear.gears.given import checked_given, stiffness_of
 from hbgear.gears.spur import amplitudes, mesh_stiffness
 from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.laws import Backlash
 from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.periodic import Phased
 
 NODES = ("pL", "gL", "pR", "gR")
 
@@ -113,6 +115,8 @@ class DoubleHelicalPair(Model):
     support_damping : "tabulated", or "zeta" for c = 2 zeta sqrt(k m) instead of the c_ values.
     tilt : False takes the tilts out of the mesh vector (they then stand still).
     mesh_helix : "pitch" or "base", the helix angle beta in the mesh vector.
+    stiffness : k_j(tau) of the left half over k_mean, a `Series` or a `Periodic`, in place of eps, which must be ().
+    error : e(tau) of the left half in place of e, over b_c, before its sign and lag; `Series` or `Periodic`.
 
     Raises
     ------
@@ -176,6 +180,8 @@ class DoubleHelicalPair(Model):
     support_damping: Literal["tabulated", "zeta"] = "tabulated"
     tilt: bool = True
     mesh_helix: Literal["pitch", "base"] = "pitch"
+    stiffness: Phased | None = None
+    error: Phased | None = None
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -254,6 +260,7 @@ class DoubleHelicalPair(Model):
         super().__post_init__()
         for name in ("eps", "e"):
             object.__setattr__(self, name, amplitudes("DoubleHelicalPair", name, getattr(self, name)))
+        checked_given("DoubleHelicalPair", self.stiffness, self.eps)
         self._check_numbers()
         self._check_choices()
 
@@ -423,15 +430,21 @@ class DoubleHelicalPair(Model):
     # The dimensionless system
 
     @property
-    def transmission_error(self) -> Series:
+    def mesh_stiffness(self) -> Phased:
+        """k(tau) of the left half, over k_mean."""
+        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale))
+
+    @property
+    def transmission_error(self) -> Phased:
         """e(tau) of the left half, in units of b_c."""
-        return Series(sine=self.e).scaled(self.e_sign * self.e_scale).shifted(self.e_phase)
+        e = Series(sine=self.e) if self.error is None else self.error
+        return e.scaled(self.e_sign * self.e_scale).shifted(self.e_phase)
 
     def system(self) -> System:
         """Dimensionless equations of motion, elements "gap L" and "gap R"; scaling at the head of this file."""
         S, m_c, omega_n = self._scale(), self.m_c, self.omega_n
         M, C, K = self.structure()
-        stiffness, error = mesh_stiffness(self.eps, self.eps_scale), self.transmission_error
+        stiffness, error = self.mesh_stiffness, self.transmission_error
         gaps = [
             Element(
                 direction=S * w,

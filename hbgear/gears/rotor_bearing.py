@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
+from hbgear.gears.given import checked_given, stiffness_of
 from hbgear.gears.spur import amplitudes, checked_phase, mesh_stiffness, transmission_error
-from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.laws import Backlash
 from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.periodic import Phased
 
 _POSITIVE = ("mu_1", "mu_2", "kappa_1", "kappa_2")
 
@@ -68,6 +69,8 @@ class GearRotorBearing(Model):
     b : half backlash of the mesh, >= 0.
     b_1, b_2 : half clearances of the bearings, >= 0; 0 makes a bearing a linear spring.
     eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
+    stiffness : k(tau) over k_mean in place of eps: a `Series` or a `Periodic`, as `Periodic.rectangular`.
+    error : e(tau) over b_c in place of e: a `Series` or a `Periodic` without jumps, as `Periodic.table`.
 
     Raises
     ------
@@ -106,6 +109,8 @@ class GearRotorBearing(Model):
     b_2: float = 1.0
     eps_scale: float = 1.0
     e_scale: float = 1.0
+    stiffness: Phased | None = None
+    error: Phased | None = None
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -144,10 +149,18 @@ class GearRotorBearing(Model):
         checked_phase("GearRotorBearing", self.phase)
         for name in ("eps", "e"):
             object.__setattr__(self, name, amplitudes("GearRotorBearing", name, getattr(self, name)))
+        checked_given("GearRotorBearing", self.stiffness, self.eps)
 
     @property
-    def transmission_error(self) -> Series:
+    def mesh_stiffness(self) -> Phased:
+        """k(tau)."""
+        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale))
+
+    @property
+    def transmission_error(self) -> Phased:
         """e(tau)."""
+        if self.error is not None:
+            return self.error.scaled(self.e_scale)
         return transmission_error(self.e, self.phase, self.e_scale)
 
     def system(self) -> System:
@@ -155,7 +168,7 @@ class GearRotorBearing(Model):
         m_1, m_2 = 1 / self.mu_1, 1 / self.mu_2
         gap = Element(
             direction=[1.0, -1.0, 1.0],
-            law=Backlash(b=self.b, stiffness=mesh_stiffness(self.eps, self.eps_scale)),
+            law=Backlash(b=self.b, stiffness=self.mesh_stiffness),
             displacement=self.transmission_error,
             damping=2 * self.zeta,
             name="gap",

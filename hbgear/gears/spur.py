@@ -14,9 +14,11 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from hbgear.common.ranges import NOT_NEGATIVE, Range, counted
+from hbgear.gears.given import checked_given, stiffness_of
 from hbgear.mechanics.fourier import MOST_HARMONICS, Series
 from hbgear.mechanics.laws import Backlash
 from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.periodic import Phased
 
 
 def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
@@ -105,6 +107,8 @@ class SpurPair(Model):
     phase : "cos" or "sin", of the transmission error.
     b : half backlash over b_c, >= 0.
     eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
+    stiffness : k(tau) over k_mean in place of eps: a `Series` or a `Periodic`, as `Periodic.rectangular`.
+    error : e(tau) over b_c in place of e: a `Series` or a `Periodic` without jumps, as `Periodic.table`.
 
     Raises
     ------
@@ -121,6 +125,9 @@ class SpurPair(Model):
     >>> pair = hb.SpurPair(e=(0.1, 0.02))
     >>> pair.e_scale, pair.replace(zeta=0.1).zeta
     (1.0, 0.1)
+    >>> teeth = hb.SpurPair(stiffness=hb.Periodic.rectangular(high=1.16, low=0.76, share=0.6))
+    >>> len(hb.HarmonicBalance(teeth, 8).start(Omega=1.2))
+    17
     """
 
     zeta: float = 0.05
@@ -131,6 +138,8 @@ class SpurPair(Model):
     b: float = 1.0
     eps_scale: float = 1.0
     e_scale: float = 1.0
+    stiffness: Phased | None = None
+    error: Phased | None = None
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -152,17 +161,25 @@ class SpurPair(Model):
         checked_phase("SpurPair", self.phase)
         for name in ("eps", "e"):
             object.__setattr__(self, name, amplitudes("SpurPair", name, getattr(self, name)))
+        checked_given("SpurPair", self.stiffness, self.eps)
 
     @property
-    def transmission_error(self) -> Series:
+    def mesh_stiffness(self) -> Phased:
+        """k(tau)."""
+        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale))
+
+    @property
+    def transmission_error(self) -> Phased:
         """e(tau)."""
+        if self.error is not None:
+            return self.error.scaled(self.e_scale)
         return transmission_error(self.e, self.phase, self.e_scale)
 
     def system(self) -> System:
         """One coordinate q = x + e(tau) on no other spring than the mesh."""
         gap = Element(
             direction=[1.0],
-            law=Backlash(b=self.b, stiffness=mesh_stiffness(self.eps, self.eps_scale)),
+            law=Backlash(b=self.b, stiffness=self.mesh_stiffness),
             displacement=self.transmission_error,
             damping=2 * self.zeta,
             name="gap",

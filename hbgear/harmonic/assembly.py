@@ -276,6 +276,14 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
     spectrum(samples[:, 2], numbers.basis, part)
     damping = np.zeros((n, n))
     add_product(part, damping)
+    grid = numbers.corners.grid
+    if grid.shape[2]:
+        spectrum(samples[:, 2] * grid[1, j], numbers.basis, part)
+        for k in range(n // 2 + 1):
+            a, b = (2.0 * part[k].real, -2.0 * part[k].imag) if k else (part[0].real, 0.0)
+            dR[j * n + (2 * k - 1 if k else 0)] += a / numbers.linear.nu
+            if k:
+                dR[j * n + 2 * k] += b / numbers.linear.nu
     for i in range(n):
         for k in range(1, n // 2 + 1):
             a, b = damping[i, 2 * k - 1] * k, damping[i, 2 * k] * k

@@ -284,7 +284,7 @@ class HarmonicBalance(FullProblem):
             raise ValueError(
                 f"a motion of order nu = {layout.nu} is not periodic with nu = {self.nu}; need a multiple of it"
             )
-        return resize(stretch(X.reshape(self.m, -1), self.nu // layout.nu), self.H).ravel()
+        return self._resized(stretch(X.reshape(self.m, -1), self.nu // layout.nu)).ravel()
 
     @checked_arguments()
     def with_tolerance(self, tolerance: float) -> HarmonicBalance:
@@ -369,7 +369,18 @@ class HarmonicBalance(FullProblem):
         """Unknowns of any number of harmonics, cut or padded to this problem's."""
         if len(X) == self.size:
             return X
-        return resize(X.reshape(self.m, -1), self.H).ravel()
+        return self._resized(X.reshape(self.m, -1)).ravel()
+
+    def _resized(self, rows: Array) -> Array:
+        """Rows (m, 2h + 1) of any number of harmonics with this problem's.
+
+        Displacements with corners are in the gaps with all of their harmonics, in the unknowns with those up to H.
+        """
+        out, known = resize(rows, self.H), rows.shape[1]
+        kept = self.compiled({}).numbers.corners.kept
+        if known < out.shape[1] and kept.any():
+            out[:, known:] -= to_real(kept.T)[:, known:]
+        return out
 
     def _check_size(self) -> None:
         """Refuse what would fill the memory before any work."""
@@ -515,7 +526,10 @@ class HarmonicBalance(FullProblem):
 
     def graze(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
         """One entry of `clearance`, and the phase at which its extremum lies."""
-        return self.compiled(parameters).graze(X, which // 2, 1.0 if which % 2 else -1.0)
+        compiled, corner, sign = self.compiled(parameters), which // 2, 1 if which % 2 else -1
+        element = int(compiled.element[corner])
+        value, theta = compiled.highest(element, X.reshape(self.m, -1)[element], float(sign))
+        return float(sign * value - compiled.corner[corner]), theta
 
     def force_rows(self, X: Array, **parameters: float) -> Array:
         """Law forces of each element (without its damper) as real rows (m, 2H + 1)."""

@@ -18,6 +18,7 @@ from hbgear.common.compiling import kernel
 from hbgear.continuation.elimination import eliminate
 from hbgear.harmonic.crossings import waves_of
 from hbgear.harmonic.phi import integrals
+from hbgear.harmonic.pieces import piece_of, polynomial, waves_with
 from hbgear.harmonic.projection import instants
 
 COARSE = 32  # phases of an excitation period at which the modulations are looked at for their size
@@ -25,12 +26,14 @@ COARSE = 32  # phases of an excitation period at which the modulations are looke
 
 @kernel
 def corners(numbers: Any, rows: Any) -> Any:
-    """Phases in [0, 2 pi) at which any element crosses a corner of its law, ascending."""
+    """Phases in [0, 2 pi), ascending, at which an element crosses a corner of its law, or the excitation has one."""
     theta, _, count, _ = instants(numbers, rows, False)
-    total = n = 0
+    total = n = numbers.corners.phases.shape[0]
     for i in range(count.shape[0]):
         total += count[i]
     out = np.empty(total)
+    for i in range(n):
+        out[i] = numbers.corners.phases[i]
     for i in range(count.shape[0]):
         for j in range(count[i]):
             at, k = theta[i, j] % (2 * math.pi), n
@@ -66,14 +69,20 @@ def pieces(theta: Any, longest: float) -> Any:
 
 
 @kernel
-def stiffness(laws: Any, c: Any, j: int, theta: Any, out: Any) -> None:
-    """Add dp/dd of element j, whose motion has the coefficients c, at phases theta of the basis to out."""
+def stiffness(numbers: Any, row: Any, j: int, theta: Any, out: Any) -> None:
+    """Add dp/dd of element j, whose motion is the row, at phases theta of the basis to out."""
+    laws, corners = numbers.laws, numbers.corners
+    first, end = corners.moves[j], corners.moves[j + 1]
+    c = waves_of(row) if first == end else waves_with(row, corners.kept[:, j])
     for n in range(theta.shape[0]):
         z = complex(math.cos(theta[n]), math.sin(theta[n]))
         p = 0j
         for k in range(c.shape[0] - 1, 0, -1):
             p = (p + c[k]) * z
         d = c[0].real + p.real
+        if first < end:
+            i = piece_of(corners.at, first, end, theta[n] % (2 * math.pi))
+            d += polynomial(corners.rows[i], theta[n] % (2 * math.pi) - corners.at[i])
         out[n] += laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * d * d
         for s in range(laws.of.shape[0]):
             if laws.of[s] != j:
@@ -88,6 +97,9 @@ def stiffness(laws: Any, c: Any, j: int, theta: Any, out: Any) -> None:
                 if slope != 0.0 and a != 0.0:
                     at = laws.shifts[i] * theta[n]
                     factor += 2 * (a.real * math.cos(at) - a.imag * math.sin(at))
+            if corners.parts[s] < corners.parts[s + 1]:
+                i = piece_of(corners.begin, corners.parts[s], corners.parts[s + 1], theta[n] % (2 * math.pi))
+                factor *= polynomial(corners.weight[i], theta[n] % (2 * math.pi) - corners.begin[i])
             out[n] += factor * slope
 
 
@@ -101,7 +113,7 @@ def pace(numbers: Any, rows: Any, mobility: Any, nu: int) -> float:
     for j in range(rows.shape[0]):
         for i in range(COARSE * nu):
             theta[i], k[i] = 2 * math.pi * i / (COARSE * nu), 0.0
-        stiffness(numbers.laws, waves_of(rows[j]), j, theta, k)
+        stiffness(numbers, rows[j], j, theta, k)
         largest = numbers.linear.springs[0, j]
         for i in range(COARSE * nu):
             largest = max(largest, abs(k[i]))
@@ -125,7 +137,7 @@ def moduli(numbers: Any, rows: Any, ports: Any, cut: Any, x: Any) -> Any:
     for p in range(ports.shape[0]):
         for i in range(steps * s):
             k[i] = -numbers.linear.springs[0, ports[p]]
-        stiffness(numbers.laws, waves_of(rows[ports[p]]), ports[p], theta, k)
+        stiffness(numbers, rows[ports[p]], ports[p], theta, k)
         for i in range(steps * s):
             D[0, i // s, i % s, p] = k[i]
     return D

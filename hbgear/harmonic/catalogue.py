@@ -12,6 +12,7 @@ from hbgear.mechanics.fields import check_names, made, plain_kinds_of
 from hbgear.mechanics.model import Model
 from hbgear.mechanics.named import installed, named
 from hbgear.mechanics.oscillators import Duffing
+from hbgear.mechanics.periodic import undescribed
 
 MODELS: dict[str, type[Model]] = {
     "duffing": Duffing,
@@ -81,7 +82,7 @@ def rebuild(meta: Any, cls: type[Model] | None = None) -> Model:
     elif meta["class"] not in classes:
         raise KeyError(f"the catalogue has no class '{meta['class']}'{_advice(meta, classes)}")
     cls = cls or classes[meta["class"]]
-    fields = {name: tuple(v) if isinstance(v, list) else v for name, v in meta["fields"].items()}
+    fields = {name: tuple(v) if isinstance(v, list) else undescribed(v) for name, v in meta["fields"].items()}
     _check_types(cls, fields)
     return made(cls, fields)
 

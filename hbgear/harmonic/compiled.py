@@ -9,11 +9,12 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.recent import Recent
+from hbgear.harmonic.corners import beyond, corners_of
 from hbgear.harmonic.modes import Parts, parts_of
 from hbgear.harmonic.numbers import Numbers, laws_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
 from hbgear.harmonic.sampled import SampledLaws
-from hbgear.mechanics.fourier import Transform, to_real
+from hbgear.mechanics.fourier import Transform, evaluate, to_real
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.model import System
 
@@ -54,10 +55,11 @@ class Compiled:
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
         self.H, self.nu, self.N, self.reduce = H, nu, transform.N, reduce
         self._transform = transform
-        laws, left = laws_of(self.laws, sampled, nu)
-        self.numbers = Numbers(laws, self.receptance.numbers, transform.basis)
+        laws, springs, left = laws_of(self.laws, sampled, nu)
         self.asked = tuple((int(j), self.laws[j]) for j in (*left, *laws.own))
-        self.sampled = SampledLaws(self.laws, left, transform, nu) if left.size else None
+        corners = corners_of(system.elements, springs, laws.cubic, H, nu, self.N if self.asked else 0)
+        self.numbers = Numbers(laws, self.receptance.numbers, transform.basis, corners)
+        self.sampled = SampledLaws(self.laws, left, transform, nu, corners.grid) if left.size else None
         self.corner, self.element = laws.level, laws.owner
         self._linear: tuple[float, LinearPart] | None = None
         self._parts: Recent[Parts] = Recent(16)
@@ -156,6 +158,27 @@ class Compiled:
         some = np.arange(theta.shape[1]) < count[:, None]
         return Crossings(np.nonzero(some)[0], theta[some], sign[some].astype(int))
 
+    def gap(self, j: int, row: Array, theta: Array, order: int = 0) -> Array:
+        """Gap of element j, or a derivative in theta, at phases theta of the basis, its motion being the row."""
+        e, kept = self.system.elements[j].displacement, self.numbers.corners.kept
+        return evaluate(row, theta, order) + (beyond(e, kept[:, j], self.nu, theta, order) if e.corners else 0.0)
+
+    def highest(self, j: int, row: Array, side: float) -> tuple[float, float]:
+        """The largest value of side times the gap of element j, and its phase."""
+        corners = self.numbers.corners
+        first, last = corners.moves[j : j + 2].tolist()
+        from hbgear.harmonic.crossings import highest, sampled, waves_of
+        from hbgear.harmonic.pieces import highest_on, waves_with
+
+        if first == last:
+            samples = np.empty(self.N)
+            sampled(row, self.numbers.basis, samples)
+            value, theta = highest(waves_of(row), samples, side)
+            return float(value), float(theta)
+        c = waves_with(np.ascontiguousarray(row), corners.kept[:, j])
+        top: tuple[float, float] = highest_on(c, corners.at, corners.rows, first, last, self.N, side)
+        return top
+
     def reach(self, X: Array) -> tuple[Array, np.ndarray]:
         """Clearances (P, 2 K) and regimes (P, m) of motions X (P, n)."""
         from hbgear.harmonic.observing import reach
@@ -163,16 +186,6 @@ class Compiled:
         clearance, regime = np.empty((len(X), 2 * len(self.corner))), np.zeros((len(X), self.m), dtype=np.int8)
         reach(self.numbers_of(X), np.ascontiguousarray(X), clearance, regime)
         return clearance, regime
-
-    def graze(self, X: Array, corner: int, side: float) -> tuple[float, float]:
-        """Highest (side +1) or lowest (-1) value of an element less a corner of its law, and its phase."""
-        from hbgear.harmonic.crossings import highest, sampled, waves_of
-
-        self._length(X)
-        row, samples = X.reshape(self.m, -1)[self.element[corner]], np.empty(self.N)
-        sampled(row, self.numbers.basis, samples)
-        value, theta = highest(waves_of(row), samples, side)
-        return float(side * value - self.corner[corner]), float(theta)
 
     def processed(self, X: Array, Omega: Array) -> Array:
         """Motions X (P, n) with the harmonics H < k <= 2H that their own forces drive, (P, m (4H + 1))."""

@@ -43,8 +43,6 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.collocation import gauss
 from hbgear.harmonic.compiled import Compiled
 from hbgear.harmonic.modes import Part, Parts
-from hbgear.harmonic.realbasis import derivative
-from hbgear.mechanics.fourier import evaluate
 
 _SHARE = 0.2  # longest step as a share of the excitation period, whatever the structure
 
@@ -230,6 +228,6 @@ def _slopes(compiled: Compiled, rows: Array, omega: float, theta: Array) -> Arra
     """dp/dd and dp/dv (2, m, T) of the laws that must be asked at phases theta of the basis; zero of all others."""
     out = np.zeros((2, compiled.m, len(theta)))
     for j, law in compiled.asked:
-        d, v = evaluate(rows[j], theta), evaluate(omega * derivative(rows[j][None])[0], theta)
+        d, v = compiled.gap(j, rows[j], theta), omega * compiled.gap(j, rows[j], theta, 1)
         out[:, j] = law.force(d, v, compiled.nu * theta)[1:]
     return out

@@ -17,9 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.harmonic.corners import Corners
 from hbgear.mechanics.compiled_law import CompiledLaw
-from hbgear.mechanics.fourier import stretch, to_complex
-from hbgear.mechanics.laws import Law, springs_of
+from hbgear.mechanics.fourier import Series, stretch, to_complex
+from hbgear.mechanics.laws import Law, PiecewiseLinear, springs_of
+from hbgear.mechanics.periodic import Phased
 
 
 class Laws(NamedTuple):
@@ -28,7 +30,7 @@ class Laws(NamedTuple):
     level, owner (K,) : the corners x of all laws, element after element, and the element each belongs to.
     ramped (K,) : whether a spring of the table turns there.
     of (S,), base (S, 2), series (S, L) : of each spring its element, s0 and g0, and the two-sided coefficients of its
-        stiffness at the basis harmonics shifts (L,), of which the first is 0.
+        stiffness at the basis harmonics shifts (L,), of which the first is 0; of one with corners 1, see `corners`.
     at, part (R,), change (R,) : of each change of slope its corner, its spring and D.
     cubic (m, 2) : k1 and k3.
     own, address (Q,), given (Q, G) : of each compiled law of the user its element, its code and its parameters.
@@ -68,18 +70,23 @@ class Linear(NamedTuple):
 
 
 class Numbers(NamedTuple):
-    """A model for kernels: its laws, its linear part, and the basis (2H + 1, N) on the grid of N samples."""
+    """A model for kernels: its laws, its linear part, the basis (2H + 1, N) on the grid of N samples, its corners."""
 
     laws: Laws
     linear: Linear
     basis: Array
+    corners: Corners
 
 
-def laws_of(laws: Sequence[Law], sampled: bool, nu: int) -> tuple[Laws, np.ndarray]:
-    """The table of laws, and the numbers of the elements whose laws it does not hold."""
+Springs = list[tuple[int, PiecewiseLinear]]
+"""Springs of laws, each with the number of its element."""
+
+
+def laws_of(laws: Sequence[Law], sampled: bool, nu: int) -> tuple[Laws, Springs, np.ndarray]:
+    """The table of laws, the springs in it, and the numbers of the elements whose laws it does not hold."""
     known = [None if sampled else springs_of(law) for law in laws]
     springs = [(j, spring) for j, parts in enumerate(known) if parts for spring in parts[0]]
-    rows = [_two_sided(spring.stiffness.row(), nu) for _, spring in springs]
+    rows = [_two_sided(_series_of(spring.stiffness), nu) for _, spring in springs]
     shifts = sorted({0} | {k for row in rows for k in np.flatnonzero(row).tolist()})
     series = np.zeros((len(springs), len(shifts)), dtype=complex)
     for own, row in zip(series, rows, strict=True):
@@ -101,7 +108,7 @@ def laws_of(laws: Sequence[Law], sampled: bool, nu: int) -> tuple[Laws, np.ndarr
         at, np.asarray(part, dtype=np.int64), np.asarray(change, dtype=float), cubic, *_own(laws),
     )  # fmt: skip
     unknown = [parts is None and type(law) is not CompiledLaw for parts, law in zip(known, laws, strict=True)]
-    return table, np.flatnonzero(unknown)
+    return table, springs, np.flatnonzero(unknown)
 
 
 def _own(laws: Sequence[Law]) -> tuple[np.ndarray, np.ndarray, Array]:
@@ -120,6 +127,11 @@ def _own(laws: Sequence[Law]) -> tuple[np.ndarray, np.ndarray, Array]:
 def in_two(z: ComplexArray) -> Array:
     """Real and imaginary parts (..., 2, r) of (..., r)."""
     return np.ascontiguousarray(np.stack([z.real, z.imag], axis=-2))
+
+
+def _series_of(stiffness: Phased) -> Array:
+    """The row of a Fourier series; 1 of what has corners, which stands in another table."""
+    return stiffness.row() if isinstance(stiffness, Series) else np.ones(1)
 
 
 def _two_sided(row: Array, nu: int) -> ComplexArray:

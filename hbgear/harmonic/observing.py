@@ -12,6 +12,7 @@ import numpy as np
 from hbgear.common.compiling import kernel
 from hbgear.harmonic.assembly import receptance
 from hbgear.harmonic.crossings import highest, sampled, waves_of
+from hbgear.harmonic.pieces import highest_on, waves_with
 from hbgear.harmonic.projection import projected
 from hbgear.harmonic.sampling import neglected_samples
 
@@ -19,7 +20,7 @@ from hbgear.harmonic.sampling import neglected_samples
 @kernel
 def reach(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
     """Clearances (P, 2 K) of the extrema from the corners, and numbers (P, m) of corners crossed, at most 2."""
-    laws = numbers.laws
+    laws, corners = numbers.laws, numbers.corners
     samples, m = np.empty(numbers.basis.shape[1]), regime.shape[1]
     regime[:, :] = 0
     low = high = 0.0
@@ -28,9 +29,15 @@ def reach(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
         for i in range(laws.level.shape[0]):
             j = laws.owner[i]
             if j != last:
-                last, c = j, waves_of(rows[j])
-                sampled(rows[j], numbers.basis, samples)
-                low, high = -highest(c, samples, -1.0)[0], highest(c, samples, 1.0)[0]
+                last, first, end = j, corners.moves[j], corners.moves[j + 1]
+                if first < end:
+                    c, N = waves_with(rows[j], corners.kept[:, j]), samples.shape[0]
+                    low = -highest_on(c, corners.at, corners.rows, first, end, N, -1.0)[0]
+                    high = highest_on(c, corners.at, corners.rows, first, end, N, 1.0)[0]
+                else:
+                    c = waves_of(rows[j])
+                    sampled(rows[j], numbers.basis, samples)
+                    low, high = -highest(c, samples, -1.0)[0], highest(c, samples, 1.0)[0]
             clearance[p, 2 * i], clearance[p, 2 * i + 1] = low - laws.level[i], high - laws.level[i]
             if low < laws.level[i] < high and regime[p, j] < 2:
                 regime[p, j] += 1
@@ -38,8 +45,11 @@ def reach(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
 
 @kernel
 def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
-    """One-sided force harmonics H+1..2H (P, m, H) at Omega (P,): in closed form, but of compiled laws by samples."""
-    H, m = f.shape[2], f.shape[1]
+    """One-sided force harmonics H+1..2H (P, m, H) at Omega (P,): in closed form, but of compiled laws by samples.
+
+    The dampers' part is that of the displacements with corners, which alone have harmonics above H.
+    """
+    H, m, beyond = f.shape[2], f.shape[1], numbers.corners.beyond
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
         kappa, chi, _ = projected(numbers, rows, 3 * H)
@@ -51,6 +61,10 @@ def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
                     total += 0.5 * (kappa[j, k - n] * c[n] + kappa[j, k + n] * c[n].conjugate())
                 f[p, j, k - H - 1] = 2.0 * total
         neglected_samples(numbers, rows, Omega[p] / numbers.linear.nu, f[p])
+        for j in range(m):
+            for k in range(H + 1, 2 * H + 1):
+                rate = numbers.linear.springs[1, j] * Omega[p] * k / numbers.linear.nu
+                f[p, j, k - H - 1] -= 1j * rate * beyond[k - H - 1, j]
 
 
 @kernel

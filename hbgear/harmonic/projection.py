@@ -13,6 +13,9 @@ stiffness,
 A law that is a sum of such springs with different stiffness series has the sum of their kappa and chi. A cubic spring
 adds k1 + k3 d^2 to kappa, and 2 k3 d^2 more to what stands in the derivative.
 
+Where the stiffness k or the prescribed displacement e has corners, the same with d = t - e: for s stand the
+coefficients of k where d > x, and of -k e there besides, which is all that has corners; see `corners`.
+
 No boundary term appears in the derivative because g is continuous. Nothing is sampled: the only discrete
 decision is which roots exist, and it is checked at the extrema between grid points.
 
@@ -30,6 +33,7 @@ import numpy as np
 
 from hbgear.common.compiling import kernel
 from hbgear.harmonic.crossings import crossings, sampled, waves_of
+from hbgear.harmonic.pieces import crossings_on, spans, waves_with
 
 
 @kernel
@@ -40,19 +44,29 @@ def instants(numbers: Any, rows: Any, ramped: bool) -> Any:
 
     Returns
     -------
-    theta, sign (K, 2H + 4), count (K,), above (K,): whether the element starts above the corner.
+    theta, sign (K, 2H + 4 and more with corners of e), count (K,), above (K,): whether the element starts above the
+        corner.
     """
-    laws, basis = numbers.laws, numbers.basis
-    K = laws.level.shape[0]
-    theta, sign = np.empty((K, rows.shape[1] + 3)), np.empty((K, rows.shape[1] + 3))
+    laws, basis, corners = numbers.laws, numbers.basis, numbers.corners
+    K, room = laws.level.shape[0], rows.shape[1] + 3 + 2 * corners.at.shape[0]
+    theta, sign = np.empty((K, room)), np.empty((K, room))
     count, above = np.zeros(K, dtype=np.int64), np.zeros(K, dtype=np.bool_)
     samples, last = np.empty(basis.shape[1]), -1
     c = waves_of(rows[0])
     for i in range(K):
         if ramped and not laws.ramped[i]:
             continue
-        if laws.owner[i] != last:
-            last = laws.owner[i]
+        j = laws.owner[i]
+        first, end = corners.moves[j], corners.moves[j + 1]
+        if first < end:
+            c = waves_with(rows[j], corners.kept[:, j])
+            count[i], above[i] = crossings_on(
+                c, laws.level[i], corners.at, corners.rows, first, end, basis.shape[1], theta[i], sign[i]
+            )
+            last = -1
+            continue
+        if j != last:
+            last = j
             c = waves_of(rows[last])
             sampled(rows[last], basis, samples)
         count[i] = crossings(c, laws.level[i], samples, theta[i], sign[i])
@@ -63,20 +77,33 @@ def instants(numbers: Any, rows: Any, ramped: bool) -> Any:
 @kernel
 def projected(numbers: Any, rows: Any, order: int) -> Any:
     """kappa and chi, two-sided coefficients 0..order of each element (m, order + 1); and what kappa lacks of dP/dd."""
-    laws, m = numbers.laws, rows.shape[0]
+    laws, m, corners = numbers.laws, rows.shape[0], numbers.corners
     kappa, more = np.zeros((m, order + 1), dtype=np.complex128), np.zeros((m, order + 1), dtype=np.complex128)
     chi = np.zeros((m, order + 1), dtype=np.complex128)
     S = laws.of.shape[0]
     if S:
         theta, sign, count, above = instants(numbers, rows, True)
         length = order + laws.shifts[laws.shifts.shape[0] - 1] + 1
-        s = np.empty(length, dtype=np.complex128)
+        s, pull = np.empty(length, dtype=np.complex128), np.empty(length, dtype=np.complex128)
         both = np.zeros((2, S, length), dtype=np.complex128)
         for p in range(S):
-            both[0, p, 0], both[1, p, 0] = laws.base[p, 0], laws.base[p, 1]
+            if corners.parts[p] == corners.parts[p + 1]:
+                both[0, p, 0], both[1, p, 0] = laws.base[p, 0], laws.base[p, 1]
+                continue
+            spans(corners, p, theta[0], sign[0], 0, True, s, pull)
+            for n in range(length):
+                both[0, p, n] = laws.base[p, 0] * s[n]
+                both[1, p, n] = laws.base[p, 1] * s[n] + laws.base[p, 0] * pull[n]
         last = -1
         for r in range(laws.at.shape[0]):
             i, p, D = laws.at[r], laws.part[r], laws.change[r]
+            if corners.parts[p] < corners.parts[p + 1]:
+                spans(corners, p, theta[i], sign[i], count[i], above[i], s, pull)
+                last = -1
+                for n in range(length):
+                    both[0, p, n] += D * s[n]
+                    both[1, p, n] += D * (pull[n] - laws.level[i] * s[n])
+                continue
             if i != last:
                 _indicator(theta[i], sign[i], count[i], above[i], s)
                 last = i
@@ -87,9 +114,45 @@ def projected(numbers: Any, rows: Any, order: int) -> Any:
             _modulate(laws.shifts, laws.series[p], both[0, p], kappa[laws.of[p]])
             _modulate(laws.shifts, laws.series[p], both[1, p], chi[laws.of[p]])
     for j in range(m):
-        if laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0:
-            _add_cubic(rows[j], laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j])
+        cubic, cornered = laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0, corners.moves[j] < corners.moves[j + 1]
+        if cubic and not cornered:
+            _add_cubic(waves_of(rows[j]), laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j])
+        elif cubic:
+            c = waves_with(rows[j], corners.kept[:, j])
+            _add_cubic(c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j])
+            _add_moved_cubic(c, corners.powers[j], laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], chi[j], more[j])
+        if cornered:
+            _add_kept(corners.kept[:, j], kappa[j], chi[j])
     return kappa, chi, more
+
+
+@kernel
+def _add_kept(kept: Any, kappa: Any, chi: Any) -> None:
+    """Add to chi what kappa makes of the harmonics kept of a displacement, as far up as kappa is known for that."""
+    H = kept.shape[0] - 1
+    for k in range(chi.shape[0] - H):
+        total = kappa[k] * kept[0]
+        for n in range(1, H + 1):
+            before = kappa[k - n] if k >= n else kappa[n - k].conjugate()
+            total += 0.5 * (before * kept[n] + kappa[k + n] * kept[n].conjugate())
+        chi[k] += total
+
+
+@kernel
+def _add_moved_cubic(c: Any, w: Any, k1: float, k3: float, kappa: Any, chi: Any, more: Any) -> None:
+    """What a cubic spring adds for t + w beside that for t: w (3, L) coefficients of w, w^2, w^3.
+
+    kappa has 3 k3 (t w + w^2), chi k1 w + k3 w^3, and the derivative 3 k3 t w more than kappa.
+    """
+    H = c.shape[0] - 1
+    for k in range(min(kappa.shape[0], w.shape[1] - H)):
+        both = c[0] * w[0, k]
+        for n in range(1, H + 1):
+            before = w[0, k - n] if k >= n else w[0, n - k].conjugate()
+            both += 0.5 * (before * c[n] + w[0, k + n] * c[n].conjugate())
+        kappa[k] += 3.0 * k3 * (both + w[1, k])
+        chi[k] += k1 * w[0, k] + k3 * w[2, k]
+        more[k] += 3.0 * k3 * both
 
 
 @kernel
@@ -125,9 +188,8 @@ def _modulate(shifts: Any, series: Any, s: Any, out: Any) -> None:
 
 
 @kernel
-def _add_cubic(row: Any, k1: float, k3: float, kappa: Any, more: Any) -> None:
+def _add_cubic(c: Any, k1: float, k3: float, kappa: Any, more: Any) -> None:
     """Add k1 + k3 d^2 to kappa, and 2 k3 d^2 to what else stands in the derivative."""
-    c = waves_of(row)
     H, order = c.shape[0] - 1, kappa.shape[0] - 1
     both = np.empty(2 * H + 1, dtype=np.complex128)
     both[H] = c[0]

@@ -409,7 +409,7 @@ class Receptance:
         self.k = np.arange(H + 1)
         self.e = np.zeros((H + 1, structure.m), dtype=complex)
         for j, element in enumerate(system.elements):
-            c = to_complex(stretch(element.displacement.row(), nu))[: H + 1]
+            c = to_complex(stretch(element.displacement.row(H // nu), nu))
             self.e[: len(c), j] = c
         self._loads: list[_LoadPart] = []
         for load in system.loads:

@@ -23,22 +23,28 @@ class SampledLaws:
     Parameters
     ----------
     laws : of all elements; elements : numbers of those that are sampled. nu : subharmonic order.
+    grid : (2, m, N) what gaps have beside the unknowns, and its derivative in theta; N = 0 for nothing.
     """
 
-    def __init__(self, laws: Sequence[Law], elements: np.ndarray, transform: Transform, nu: int) -> None:
+    def __init__(self, laws: Sequence[Law], elements: np.ndarray, transform: Transform, nu: int, grid: Array) -> None:
         self.elements, self.nu, self._transform = elements, nu, transform
         self.laws = [laws[j] for j in elements]
+        self._grid = grid[:, elements] if grid.shape[2] else np.zeros((2, len(elements), 1))
         self.rated = any(law.rated for law in self.laws)
         self._bound = [law.bind(2 * np.pi * nu * np.arange(transform.N) / transform.N) for law in self.laws]
 
-    def forces(self, rows: Array, Omega: float) -> tuple[Array, Array, Array | None]:
+    def forces(self, rows: Array, Omega: float) -> tuple[Array, Array, Array | None, Array | float]:
         """Force harmonics (s, 2H + 1) of the s laws, and their derivatives (s, 2H + 1, 2H + 1) in d and d'.
 
-        rows (m, 2H + 1) are the motions of all elements; the second derivative is None if no law depends on d'.
+        rows (m, 2H + 1) are the motions of all elements; the second derivative is None if no law depends on d'. Last
+        come the harmonics (s, 2H + 1) of the damping times what gaps have beside the unknowns, 0 if nothing.
         """
         c = to_complex(rows[self.elements])
         waves = [c, Omega / self.nu * derive(c)] if self.rated else [c]
         samples = self._transform.samples(np.concatenate(waves)).reshape(len(waves), len(c), -1)
+        samples[0] += self._grid[0]
+        if self.rated:
+            samples[1] += Omega / self.nu * self._grid[1]
         rest = np.zeros(self._transform.N)
         found = [law(d, samples[1, i] if self.rated else rest) for i, (law, d) in enumerate(
             zip(self._bound, samples[0], strict=True))]  # fmt: skip
@@ -47,13 +53,18 @@ class SampledLaws:
         spectra = self._transform.spectrum(np.concatenate([p, stiffness, damping] if damped else [p, stiffness]))
         force, *slopes = spectra.reshape(-1, len(self.laws), spectra.shape[-1])
         T = [products(one) for one in slopes]
-        return to_real(one_sided(force[:, : rows.shape[1] // 2 + 1])), T[0], T[1] if damped else None
+        H = rows.shape[1] // 2
+        moved: Array | float = 0.0
+        if damped and self._grid.any():
+            moved = to_real(one_sided(self._transform.spectrum(damping * self._grid[1])[:, : H + 1]))
+        return to_real(one_sided(force[:, : H + 1])), T[0], T[1] if damped else None, moved
 
     def add_to(self, rows: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
         """Add the forces to the balance of all elements, R, J and dR; the norm of the forces."""
         m, n = rows.shape
-        f, stiffness, damping = self.forces(rows, Omega)
+        f, stiffness, damping, moved = self.forces(rows, Omega)
         R.reshape(m, n)[self.elements] += f
+        dR.reshape(m, n)[self.elements] += moved / self.nu
         blocks = J.reshape(m, n, m, n)
         for i, j in enumerate(self.elements):
             blocks[j, :, j] += stiffness[i]
@@ -68,8 +79,9 @@ class SampledLaws:
         N = self._transform.N
         c = to_complex(X.reshape(P, m, -1))[:, self.elements]
         velocity = samples_of((Omega / self.nu)[:, None, None] * derive(c), N)
+        velocity += (Omega / self.nu)[:, None, None] * self._grid[1]
         tau = np.tile(2 * np.pi * self.nu * np.arange(N) / N, P)
-        for i, (j, d) in enumerate(zip(self.elements, samples_of(c, N).swapaxes(0, 1), strict=True)):
+        for i, (j, d) in enumerate(zip(self.elements, (samples_of(c, N) + self._grid[0]).swapaxes(0, 1), strict=True)):
             p = self.laws[i].force(d.ravel(), velocity[:, i].ravel(), tau)[0].reshape(P, -1)
             tail = np.fft.rfft(p)[:, H + 1 : min(2 * H, N // 2 - 1) + 1]
             f[:, j, : tail.shape[1]] = 2 * tail / N

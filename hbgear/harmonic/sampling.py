@@ -25,6 +25,10 @@ def samples_of(numbers: Any, rows: Any, which: int, omega: float) -> Any:
         speed[2 * k - 1], speed[2 * k] = omega * k * row[2 * k], -omega * k * row[2 * k - 1]
     sampled(row, numbers.basis, d)
     sampled(speed, numbers.basis, v)
+    grid = numbers.corners.grid
+    for n in range(grid.shape[2]):
+        d[n] += grid[0, laws.own[which], n]
+        v[n] += omega * grid[1, laws.own[which], n]
     for n in range(N):
         tau[n] = 2 * math.pi * ((numbers.linear.nu * n) % N) / N
     out = np.empty((N, 3))

@@ -15,7 +15,6 @@ import scipy
 
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
-from hbgear.mechanics.fourier import extrema
 from hbgear.mechanics.model import Model, System
 
 _FAR_ABOVE = 30.0  # Omega over the highest natural frequency that is hardly meant
@@ -85,7 +84,7 @@ def of_model(model: Model, system: System) -> None:
     _of_matrices(system)
     for element in system.elements:
         springs = (spring for part in element.law.parts for spring in part.piecewise or ())
-        if any(extrema(spring.stiffness.row())[0] < 0 for spring in springs):
+        if any(spring.stiffness.extremes()[0] < 0 for spring in springs):
             tell(f"the stiffness of {element.name} is negative over part of the period: see its amplitudes")
     if not _excited(system):
         tell(
@@ -133,7 +132,7 @@ def _of_matrices(system: System) -> None:
 def _excited(system: System) -> bool:
     """Whether anything varies with tau, as far as can be told of the laws."""
     for element in system.elements:
-        if np.any(element.displacement.row()[1:]) or not element.law.steady:
+        if element.displacement.varies or not element.law.steady:
             return True
     return any(np.any(v) for load in system.loads for v in [*load.cosine.values(), *load.sine.values()])
 

@@ -233,6 +233,26 @@ class Series:
         """Highest harmonic with a coefficient."""
         return max(len(self.cosine), len(self.sine))
 
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Empty: it is smooth."""
+        return ()
+
+    @property
+    def varies(self) -> bool:
+        """Whether it depends on tau."""
+        return any(self.cosine) or any(self.sine)
+
+    @property
+    def bound(self) -> float:
+        """A bound of its absolute value."""
+        return float(np.abs(self.row()).sum())
+
+    def extremes(self) -> tuple[float, float]:
+        """The smallest and the largest value."""
+        low, _, high, _ = extrema(self.row())
+        return float(low), float(high)
+
     @checked_arguments()
     def row(self, H: int | None = None) -> Array:
         """Real row ``(2H + 1,)``; harmonics above H are left out, H = None keeps all."""
@@ -244,11 +264,12 @@ class Series:
         out[2 : 2 * len(self.sine) + 1 : 2] = self.sine
         return out if H is None else resize(out, H)
 
-    def __call__(self, tau: ArrayLike) -> Array:
+    def __call__(self, tau: ArrayLike, derivative: int = 0) -> Array:
+        """Value, or a derivative in tau, at any phases."""
         tau = real_numbers("Series: tau", tau, "a number or an array of numbers")
         if not np.isfinite(tau).all():
             raise ValueError(f"Series: tau = {quoted(tau)} must be finite")
-        return evaluate(self.row(), tau.ravel()).reshape(tau.shape)
+        return evaluate(self.row(), tau.ravel(), derivative).reshape(tau.shape)
 
     @checked_arguments()
     def shifted(self, phase: float) -> Series:
@@ -260,6 +281,11 @@ class Series:
     def scaled(self, factor: float) -> Series:
         """The function times a factor."""
         return Series(factor * self.mean, tuple(factor * x for x in self.cosine), tuple(factor * x for x in self.sine))
+
+    @checked_arguments()
+    def varied(self, factor: float) -> Series:
+        """The function with its alternating part times a factor: ``mean + factor (s - mean)``."""
+        return Series(self.mean, tuple(factor * x for x in self.cosine), tuple(factor * x for x in self.sine))
 
 
 def samples_of(c: ComplexArray, N: int) -> Array:

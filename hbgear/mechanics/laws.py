@@ -13,7 +13,8 @@ Contract for a new law
 6. ``piecewise`` may give the law as a sum of piecewise-linear springs, p = sum_i k_i(tau) g_i(d), whose forces add up
    to ``force``. Then harmonic balance projects it exactly instead of sampling it, folds are found by Newton, and where
    the sum is a single spring, time integration takes its straight pieces. Rules 4 and 5 then need not be stated.
-7. ``parts`` lists the laws it is the sum of, if it is one; ``steady`` is whether ``p`` is known not to depend on
+7. ``phases`` lists the phases tau at which ``p`` or one of its derivatives jumps: the period is cut there, too.
+8. ``parts`` lists the laws it is the sum of, if it is one; ``steady`` is whether ``p`` is known not to depend on
    ``tau``. They serve warnings and the choice of a time step, and change no result.
 
 A law of your own that is projected exactly:
@@ -54,6 +55,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
 from hbgear.mechanics.fourier import Series, is_listed, real_numbers
+from hbgear.mechanics.periodic import Periodic, Phased
 
 Forces = tuple[Array, Array, Array]
 
@@ -61,10 +63,26 @@ Forces = tuple[Array, Array, Array]
 _ONE = Series(mean=1.0)
 
 
-def _series(owner: str, stiffness: Series) -> None:
-    if not isinstance(stiffness, Series):
+def _phased(owner: str, stiffness: Phased) -> None:
+    if not isinstance(stiffness, Phased):
         raise ValueError(
-            f"{owner}: stiffness = {quoted(stiffness)} must be a Series such as Series(mean=1.0, cosine=(0.1,))"
+            f"{owner}: stiffness = {quoted(stiffness)} must be a Series such as Series(mean=1.0, cosine=(0.1,)), or a "
+            "Periodic such as Periodic.rectangular(high=1.2, low=0.8, share=0.6)"
+        )
+
+
+def checked_contact(owner: str, stiffness: Phased) -> None:
+    """Refuse a contact stiffness that is no periodic function, or a table of one that is not positive.
+
+    Raises
+    ------
+    ValueError
+    """
+    _phased(owner, stiffness)
+    if isinstance(stiffness, Periodic) and stiffness.extremes()[0] <= 0:
+        raise ValueError(
+            f"{owner}: the stiffness goes down to {stiffness.extremes()[0]:.4g}; teeth in contact push, so it must be "
+            "positive throughout: see the values of the table (a spline may overshoot between them: kind='linear')"
         )
 
 
@@ -110,6 +128,11 @@ class Law(ABC):
         return tuple(sorted({x for spring in self.piecewise or () for x in spring.corners}))
 
     @property
+    def phases(self) -> tuple[float, ...]:
+        """Phases tau in [0, 2 pi), ascending, at which p or one of its derivatives jumps."""
+        return tuple(sorted({x for spring in self.piecewise or () for x in spring.stiffness.corners}))
+
+    @property
     def rated(self) -> bool:
         """Whether p may depend on v."""
         return self.piecewise is None
@@ -122,7 +145,7 @@ class Law(ABC):
     @property
     def steady(self) -> bool:
         """Whether p is known not to depend on tau."""
-        return self.piecewise is not None and not any(spring.stiffness.row()[1:].any() for spring in self.piecewise)
+        return self.piecewise is not None and not any(spring.stiffness.varies for spring in self.piecewise)
 
     def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
         """The law on a fixed grid of phases, so that what depends on tau alone is evaluated once."""
@@ -187,7 +210,7 @@ class PiecewiseLinear(Law):
     corners : (p,) ascending values of d where the slope changes.
     slopes : (p + 1,) stiffness left of, between and right of the corners.
     force_at_zero : g(0).
-    stiffness : `Series` in tau (default 1).
+    stiffness : `Series` or `Periodic` in tau (default 1).
 
     Raises
     ------
@@ -206,7 +229,7 @@ class PiecewiseLinear(Law):
     corners: tuple[float, ...]
     slopes: tuple[float, ...]
     force_at_zero: float = 0.0
-    stiffness: Series = _ONE
+    stiffness: Phased = _ONE
 
     def __post_init__(self) -> None:
         for name in ("corners", "slopes"):
@@ -217,7 +240,7 @@ class PiecewiseLinear(Law):
                 )
             object.__setattr__(self, name, tuple(row.tolist()))
         checked("PiecewiseLinear", "force_at_zero", self.force_at_zero)
-        _series("PiecewiseLinear", self.stiffness)
+        _phased("PiecewiseLinear", self.stiffness)
         if len(self.slopes) != len(self.corners) + 1:
             raise ValueError(
                 f"{len(self.corners)} corners separate {len(self.corners) + 1} slopes, got {len(self.slopes)} slopes"
@@ -259,7 +282,7 @@ class PiecewiseLinear(Law):
         return self.bind(tau)(d, v)
 
     def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
-        k: Array | float = self.stiffness(tau) if self.stiffness.order else self.stiffness.mean
+        k: Array | float = self.stiffness(tau) if self.stiffness.varies else self.stiffness.mean
 
         def forces(d: Array, v: Array) -> Forces:
             g, slope = self._shape(d)
@@ -268,7 +291,7 @@ class PiecewiseLinear(Law):
         return forces
 
 
-def Backlash(b: float = 1.0, k: float = 1.0, stiffness: Series = _ONE) -> PiecewiseLinear:
+def Backlash(b: float = 1.0, k: float = 1.0, stiffness: Phased = _ONE) -> PiecewiseLinear:
     """Backlash spring with half-gap b.
 
         p(d, tau) = k stiffness(tau) f(d),   f(d) = d - b (d > b),  0 (|d| <= b),  d + b (d < -b)
@@ -277,12 +300,12 @@ def Backlash(b: float = 1.0, k: float = 1.0, stiffness: Series = _ONE) -> Piecew
     ----------
     b : half backlash, >= 0 [unit of d]; 0 gives the linear spring.
     k : contact stiffness, > 0 [force / length].
-    stiffness : periodic factor of mean about 1.
+    stiffness : periodic factor of mean about 1, a `Series` or a `Periodic`.
 
     Raises
     ------
     ValueError
-        If b is negative, k not positive, or either not finite.
+        If b is negative, k not positive, or either not finite, or a `Periodic` stiffness is not positive throughout.
 
     References
     ----------
@@ -298,13 +321,13 @@ def Backlash(b: float = 1.0, k: float = 1.0, stiffness: Series = _ONE) -> Piecew
     """
     checked("Backlash", "k", k, POSITIVE)
     checked("Backlash", "half backlash b", b, NOT_NEGATIVE)
-    _series("Backlash", stiffness)
+    checked_contact("Backlash", stiffness)
     if b == 0:
         return PiecewiseLinear((), (k,), stiffness=stiffness)
     return PiecewiseLinear((-b, b), (k, 0.0, k), stiffness=stiffness)
 
 
-def Unilateral(k: float = 1.0, gap: float = 0.0, stiffness: Series = _ONE) -> PiecewiseLinear:
+def Unilateral(k: float = 1.0, gap: float = 0.0, stiffness: Phased = _ONE) -> PiecewiseLinear:
     """One-sided spring (a stop) that is met at d = gap.
 
         p(d, tau) = k stiffness(tau) max(d - gap, 0)
@@ -313,11 +336,12 @@ def Unilateral(k: float = 1.0, gap: float = 0.0, stiffness: Series = _ONE) -> Pi
     ----------
     k : contact stiffness, > 0.
     gap : clearance; negative for a preloaded stop.
+    stiffness : periodic factor of mean about 1, a `Series` or a `Periodic`.
 
     Raises
     ------
     ValueError
-        If k is not positive or gap not finite.
+        If k is not positive or gap not finite, or a `Periodic` stiffness is not positive throughout.
 
     Examples
     --------
@@ -329,6 +353,7 @@ def Unilateral(k: float = 1.0, gap: float = 0.0, stiffness: Series = _ONE) -> Pi
     """
     checked("Unilateral", "k", k, POSITIVE)
     checked("Unilateral", "gap", gap)
+    checked_contact("Unilateral", stiffness)
     return PiecewiseLinear((gap,), (0.0, k), force_at_zero=k * max(-gap, 0.0), stiffness=stiffness)
 
 
@@ -391,6 +416,10 @@ class Parallel(Law):
         return tuple(sorted({x for law in self.laws for x in law.breakpoints}))
 
     @property
+    def phases(self) -> tuple[float, ...]:
+        return tuple(sorted({x for law in self.laws for x in law.phases}))
+
+    @property
     def rated(self) -> bool:
         return any(law.rated for law in self.laws)
 
@@ -447,10 +476,17 @@ def _merged(springs: Iterable[PiecewiseLinear]) -> tuple[PiecewiseLinear, ...]:
     return tuple(found)
 
 
-def _ratio(a: Series, b: Series) -> float | None:
+def _ratio(a: Phased, b: Phased) -> float | None:
     """The number r with a = r b to rounding; None if there is none."""
-    L = max(a.order, b.order)
-    x, y = (np.pad(series.row(), (0, 2 * (L - series.order))) for series in (a, b))
+    if isinstance(a, Periodic) and isinstance(b, Periodic):
+        if a.phases != b.phases or [*map(len, a.coefficients)] != [*map(len, b.coefficients)]:
+            return None
+        x, y = (np.concatenate(each.coefficients) for each in (a, b))
+    elif isinstance(a, Series) and isinstance(b, Series):
+        L = max(a.order, b.order)
+        x, y = (np.pad(series.row(), (0, 2 * (L - series.order))) for series in (a, b))
+    else:
+        return None
     largest = int(np.argmax(np.abs(y)))
     ratio = float(x[largest] / y[largest]) if y[largest] else 0.0
     return ratio if np.allclose(x, ratio * y, rtol=0, atol=4 * np.finfo(float).eps * np.abs(x).max()) else None

@@ -30,6 +30,7 @@ from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked, counted
 from hbgear.mechanics.fields import check_names, parameters_of
 from hbgear.mechanics.fourier import MOST_HARMONICS, Series, is_listed, real_numbers
 from hbgear.mechanics.laws import Law
+from hbgear.mechanics.periodic import Periodic, Phased, described
 
 Matrix: TypeAlias = Any
 
@@ -122,14 +123,14 @@ class Element:
     ----------
     direction : (n,) w.
     law : `Law`.
-    displacement : `Series`, the prescribed displacement e(tau).
+    displacement : `Series` or `Periodic`, the prescribed displacement e(tau); it has no jumps.
     damping : viscous coefficient c of the damper beside the law, >= 0.
     name : shown in tables and legends.
 
     Raises
     ------
     ValueError
-        If the direction is zero or not finite, or damping negative.
+        If the direction is zero or not finite, damping negative, or the displacement jumps.
     TypeError
         If the law is no `Law`.
 
@@ -143,7 +144,7 @@ class Element:
 
     direction: ArrayLike
     law: Law
-    displacement: Series = field(default_factory=Series)
+    displacement: Phased = field(default_factory=Series)
     damping: float = 0.0
     name: str = ""
 
@@ -155,8 +156,14 @@ class Element:
             raise ValueError(f"element '{self.name}': direction must be a finite non-zero vector, got {w}")
         if not isinstance(self.law, Law):
             raise TypeError(f"element '{self.name}': law must be a hbgear Law, got {quoted(self.law)}")
-        if not isinstance(self.displacement, Series):
-            raise ValueError(f"{owner}: displacement = {self.displacement!r} must be a Series")
+        if not isinstance(self.displacement, Phased):
+            raise ValueError(f"{owner}: displacement = {self.displacement!r} must be a Series or a Periodic")
+        if isinstance(self.displacement, Periodic) and not self.displacement.continuous:
+            raise ValueError(
+                f"{owner}: the displacement jumps at tau = {self.displacement.corners[0]:.4g} or another of its "
+                "corners, which would take a force without bound of its damper; give it a steep ramp, as by "
+                "Periodic.trapezoidal or Periodic.table"
+            )
         checked(owner, "damping", self.damping, NOT_NEGATIVE)
         w.flags.writeable = False
         object.__setattr__(self, "direction", w)
@@ -355,6 +362,8 @@ def describe(model: Model) -> dict[str, Any]:
     fields: dict[str, Any] = {}
     for each in dataclasses.fields(model):  # type: ignore[arg-type]
         value = getattr(model, each.name)
+        if isinstance(value, Phased):
+            value = described(value)
         if isinstance(value, np.generic):
             value = value.item()
         try:

@@ -52,7 +52,7 @@ def receded(system: System) -> System | None:
 def longest(system: System) -> float:
     """The largest length that laws and prescribed displacements of a system know; 0 if they know none."""
     corners = [abs(x) for element in system.elements for x in element.law.breakpoints]
-    return max([*corners, *(float(np.abs(e.displacement.row()).sum()) for e in system.elements)], default=0.0)
+    return max([*corners, *(e.displacement.bound for e in system.elements)], default=0.0)
 
 
 class Receded(Model):

@@ -11,6 +11,7 @@ Examples
 
 from hbgear.plot.curves import jump_map, response, responses, speed_axes
 from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
+from hbgear.plot.runs import RUNS, orders, runs, waterfall
 from hbgear.plot.simulation import (
     BASINS,
     DIRECTIONS,
@@ -61,6 +62,7 @@ __all__ = [
     "MEASURES",
     "PERCENTILES",
     "REFINED",
+    "RUNS",
     "STYLE",
     "SYMBOLS",
     "WIDTHS",
@@ -73,15 +75,18 @@ __all__ = [
     "jump_distribution",
     "jump_map",
     "legend_entry",
+    "orders",
     "percentiles",
     "phase_diagram",
     "portrait",
     "response",
     "responses",
+    "runs",
     "save",
     "spectrum",
     "speed_axes",
     "sweeps",
     "time_history",
     "validation",
+    "waterfall",
 ]

@@ -104,7 +104,7 @@ def response(
         if special:
             _marks(ax, branch, measure, element)
         _to_infinity(ax, [branch], [color or "black"], measure, element, own)
-        _name_axes(ax, branch, measure, element)
+        name_axes(ax, branch, measure, element)
         if (own if speeds is None else speeds) and speed_axes(ax, [branch]) and own:
             heighten(ax)
         if own:
@@ -170,7 +170,7 @@ def responses(
             _marks(ax, branch, measure, element, numbered=True)
         colours = [BRANCHES[i % len(BRANCHES)] for i in range(len(branches))]
         _to_infinity(ax, branches, colours, measure, element, own)
-        _name_axes(ax, branches[0], measure, element)
+        name_axes(ax, branches[0], measure, element)
         if (own if speeds is None else speeds) and speed_axes(ax, branches) and own:
             heighten(ax)
         if legend:
@@ -341,7 +341,8 @@ def _arrow_out(ax: Axes, x: Array, y: Array, colour: str, top: float) -> None:
 _TIP = 0.995  # share of the height of the axes at which an arrow ends
 
 
-def _name_axes(ax: Axes, branch: Branch, measure: str, element: int | str) -> None:
+def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str) -> None:
+    """Axes named after the parameter of a branch, and the measure of an element."""
     layout = layout_of(branch)
     names = layout.labels if layout else {}
     ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))

@@ -27,7 +27,7 @@ from hbgear.common.replacing import replacing
 from hbgear.continuation.branch import Status
 from hbgear.continuation.ending import Ending
 from hbgear.mechanics.doubts import of_frequency, of_model
-from hbgear.mechanics.fourier import evaluate, real_numbers
+from hbgear.mechanics.fourier import real_numbers
 from hbgear.mechanics.model import Model, System
 from hbgear.timedomain.exponential import Flight, Stepper
 from hbgear.timedomain.settle import OBSERVED, Settling, settle_into, unsettled
@@ -221,9 +221,9 @@ def _plane(
             raise ValueError("the directions of the plane must differ, and not be those of a free motion")
         return through, directions
     element, w = system.elements[which], system.W[:, which]
-    row, a = element.displacement.row(), np.linalg.solve(stepper.structures[0].M, w)
+    e, a = element.displacement, np.linalg.solve(stepper.structures[0].M, w)
     a /= w @ a
-    here = w @ through[:n] - evaluate(row, 0.0)[0], w @ through[n:] - Omega * evaluate(row, 0.0, 1)[0]
+    here = w @ through[:n] - float(e(0.0)), w @ through[n:] - Omega * float(e(0.0, 1))
     directions = np.zeros((2, 2 * n))
     directions[0, :n], directions[1, n:] = a, a
     return through - np.asarray(here) @ directions, directions

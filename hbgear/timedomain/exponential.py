@@ -4,6 +4,8 @@ The coordinates z of the modes of the structure closed by its reference springs 
 
     z' = poles z + left F(tau) - input (p - kr d - kr e - c e'),   d = output z - e
 
+Of an e with corners kr e + c e' stands with p, a polynomial in every step, for steps end at the corners.
+
 In a step of length h the linear part and the loads are exact; w = p - kr d is a polynomial through its values at s
 Gauss points, found with the displacements there, d(c_i h) = d_linear(c_i h) - sum_j A_ij w_j. Neither stiff supports
 nor fast modes limit the step. The order is 2s where |poles| h is small, and falls towards s + 1 for what stiff modes
@@ -29,8 +31,9 @@ from hbgear.common.threads import for_each, processors
 from hbgear.harmonic.collocation import gauss
 from hbgear.harmonic.modes import halves, mobility_of
 from hbgear.harmonic.receptance import Modes, Structure
-from hbgear.mechanics.fourier import to_complex
+from hbgear.mechanics.fourier import Series, to_complex
 from hbgear.mechanics.model import Model
+from hbgear.timedomain.excitation import Excitation
 from hbgear.timedomain.lawtable import LawTable
 from hbgear.timedomain.segments import FINE, Integers, piece_at
 from hbgear.timedomain.steptables import Steps, dense, packed
@@ -156,6 +159,7 @@ class Stepper:
         self.q = max(len(half.kept) for half in self.halves)
         self.laws = [tuple(e.law for e in system.elements) for system in self.systems]
         self.table = LawTable.stacked([LawTable.of(laws) for laws in self.laws])
+        self.excitation = Excitation.of(self.systems)
         self._idle: list[Any] = []  # room to compute in that is not in use
         self._tune(Omega, steps)
 
@@ -177,12 +181,12 @@ class Stepper:
         self.rows = max(models, len(Omega))  # of the plan: 1, or one for each motion
         self.of = np.broadcast_to(self._models, self.rows) if models == 1 else self._models
         self.Omega = np.broadcast_to(Omega, self.rows).copy()
-        self.N = steps or self._enough()
+        self.N = steps or self.excitation.cells(self._enough())
         counted(f"steps per period at Omega = {self.Omega.min():g}", self.N, _MOST_STEPS, least=3)
         self._steady()
-        self.plan, self.method = self._plan()
+        self.plan, self.method, self.corners = self._plan()
         self.reading = np.concatenate([self.plan.output.real, -self.plan.output.imag], axis=2)
-        self.steps = Steps.of(self.plan, self.method, self.N)
+        self.steps = Steps.of(self.plan, self.method, self.corners, self.N)
 
     def _enough(self) -> int:
         """Steps per period so that neither the contact stiffness nor the excitation changes much in one of them."""
@@ -212,8 +216,9 @@ class Stepper:
             e = np.zeros((L + 1, self.m), dtype=complex)
             F = np.zeros((L + 1, structure.n), dtype=complex)
             for j, element in enumerate(system.elements):
-                c = to_complex(element.displacement.row())
-                e[: len(c), j] = c
+                if isinstance(element.displacement, Series):
+                    c = to_complex(element.displacement.row())
+                    e[: len(c), j] = c
             for load in system.loads:
                 for order, vector in load.complex(structure.n).items():
                     F[order] += Omega**load.power * vector
@@ -226,8 +231,8 @@ class Stepper:
         self.z = _parted(z)
 
     def _plan(self) -> Any:
-        """The machines, and the way of all motions."""
-        from hbgear.timedomain.stepping import Method, Plan
+        """The machines, the way of all motions, and the corners of the excitation."""
+        from hbgear.timedomain.stepping import Method, Plan, Stops
 
         R, q, m, table = self.rows, self.q, self.m, self.table
         poles, output, input = (np.zeros(shape, dtype=complex) for shape in ((R, q), (R, 2 * m, q), (R, q, m)))
@@ -237,13 +242,17 @@ class Stepper:
             poles[row, :size], input[row, :size] = modes.poles[kept], modes.input[kept]
             d = modes.output[:, kept] * half.twice
             output[row, :, :size] = np.concatenate([d, d * modes.poles[kept]])
-        kr = np.array([self.structures[i].kr for i in self.of])
+        kr, c = (np.array([getattr(self.structures[i], name) for i in self.of]) for name in ("kr", "c"))
         laws = (table.stiffness, table.slope, table.offset, table.low, table.high, table.cubic)
         each = (poles, output, input, kr, self.y, *(x[self.of] for x in laws), 2 * np.pi / (self.N * self.Omega))
         x, lagrange = gauss(self.s)
         straight = not (table.asked.any() or table.cubic[..., 1].any())
         method = Method(table.element, table.asked, straight, np.append(x, 1.0), lagrange, *dense(self.s))
-        return Plan(*packed(each)), Method(*packed(method))
+        corners = None
+        if self.excitation.any:
+            pieces = self.excitation.at[self.of], self.excitation.rows[self.of]
+            corners = Stops(*packed((*pieces, *self.excitation.stops(self.N, self.of, self.Omega), kr, c)))
+        return Plan(*packed(each)), Method(*packed(method)), corners
 
     def select(self, motions: Integers) -> Stepper:
         """The stepper for some of the motions."""
@@ -253,7 +262,7 @@ class Stepper:
         out.__dict__.update(self.__dict__)
         out.of, out.Omega, out.rows = self.of[motions], self.Omega[motions], len(motions)
         out.z, out.y, out.reading = self.z[motions], self.y[motions], self.reading[motions]
-        out.plan = type(self.plan)(*(x[motions] for x in self.plan))
+        out.plan, out.corners = (each and type(each)(*(x[motions] for x in each)) for each in (self.plan, self.corners))
         out.steps = self.steps.select(motions)
         return out
 
@@ -279,9 +288,19 @@ class Stepper:
     def fly(self, z: Array) -> Flight:
         """Motions from modal states z (B, 2 q) at tau = 0."""
         zeta = z - self.z
-        y = (self.reading @ zeta[..., None])[..., 0] + self.y.sum(axis=1).real
+        y = (self.reading @ zeta[..., None])[..., 0] + self.y.sum(axis=1).real - self._moved()
         d, v = np.ascontiguousarray(y[:, : self.m]), np.ascontiguousarray(y[:, self.m :])
         return Flight(zeta, d, v, piece_at(self.plan.high, d, v))
+
+    def _moved(self) -> Array:
+        """e and e' (rows, 2 m) at tau = 0 of the elements whose e has corners."""
+        out = np.zeros((self.rows, 2 * self.m))
+        for row, i in enumerate(self.of):
+            for j, element in enumerate(self.systems[i].elements):
+                if element.displacement.corners:
+                    out[row, j] = element.displacement(0.0)
+                    out[row, self.m + j] = self.Omega[row] * element.displacement(0.0, 1)
+        return out
 
     def land(self, flight: Flight) -> Array:
         """Modal states z (B, 2 q) of motions at tau = 0."""
@@ -341,7 +360,7 @@ class Stepper:
         together = min(B if few else -(-B // (4 * processors())), _AT_ONCE)
         block = max(1, int(_LONG / (cost * max(1, together))))
 
-        shared = (self.plan, self.method, self.steps.whole, self.steps.folded, self.steps.curves(not few))
+        shared = (self.plan, self.method, self.corners, self.steps.whole, self.steps.folded, self.steps.curves(not few))
 
         def carry(first: int, stop: Event) -> None:
             last = min(first + together, B)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.mechanics.fourier import to_complex
+from hbgear.mechanics.fourier import Series, to_complex
 from hbgear.mechanics.laws import Law, PiecewiseLinear, springs_of
 from hbgear.timedomain.segments import Bools, Integers
 
@@ -26,7 +26,7 @@ class LawTable:
 
     element : (S,) which element a spring belongs to.
     slope, offset : (S, P) of a spring on each piece of its element.
-    stiffness : (S, L + 1) one-sided complex harmonics of k_i.
+    stiffness : (S, L + 1) one-sided complex harmonics of k_i; zero where it has corners, see `excitation`.
     low, high : (m, P) ends of the pieces of each element.
     cubic : (m, 2) k1, k3.
     asked : (m,) whether the law must be asked for its force, of which the table then says nothing.
@@ -59,8 +59,9 @@ class LawTable:
             start, changes, corners = spring.ramps
             slope[i, : len(on)] = np.array(spring.slopes)[on]
             offset[i, : len(on)] = start - np.concatenate([[0.0], np.cumsum(changes * corners)])[on]
-            row = to_complex(spring.stiffness.row())
-            stiffness[i, : len(row)] = row
+            if isinstance(spring.stiffness, Series):
+                row = to_complex(spring.stiffness.row())
+                stiffness[i, : len(row)] = row
         cubic = np.array([part[1:] for part in parts]).reshape(len(laws), 2)
         element = np.array([j for j, _ in springs], dtype=int)
         asked = np.array([part is None for part in known], dtype=bool)

@@ -1,7 +1,8 @@
 """Time integration of the coordinates (q, q') by the Runge-Kutta methods of scipy, from corner to corner.
 
 Each step ends where an element reaches a corner of its law. On its piece a piecewise-linear law is a straight line,
-which a step may overshoot without harm; the step is then taken again up to the corner.
+which a step may overshoot without harm; the step is then taken again up to the corner. Corners of the excitation are
+known beforehand: between two of them stiffness and error are polynomials, which go on beyond the corner.
 
 References
 ----------
@@ -11,16 +12,19 @@ Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I (1993), http
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
+from math import factorial
 from typing import Any
 
 import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array
-from hbgear.mechanics.fourier import derive, to_complex
+from hbgear.mechanics.fourier import Series, derive, to_complex
 from hbgear.mechanics.model import System
-from hbgear.timedomain.segments import FINE, Integers, Pieces, first_exit, stiffness_row
+from hbgear.mechanics.periodic import Phased
+from hbgear.timedomain.segments import FINE, Integers, Pieces, first_exit, stiffness_of
 
 METHODS = ("DOP853", "RK45", "Radau")
 """Methods of scipy."""
@@ -28,6 +32,20 @@ METHODS = ("DOP853", "RK45", "Radau")
 
 Lines = tuple[Array, Array]
 """Slope and offset (m,) of the straight pieces the elements are on."""
+
+
+@dataclass(frozen=True)
+class Between:
+    """The time between two corners of the excitation.
+
+    begin, end : instants. at, rows (3 m, 4) : phase, and coefficients about it of e, e' and the stiffness of the lines
+    so far as they are made of pieces.
+    """
+
+    begin: float
+    end: float
+    at: float
+    rows: Array
 
 
 class Flow:
@@ -51,6 +69,9 @@ class Flow:
         self._curved = np.flatnonzero(~self.pieces.line)
         self._matrices(system)
         self._series(system)
+        phases = [x for e in system.elements for x in (*e.law.phases, *e.displacement.corners)]
+        self.corners = np.unique(phases)
+        self._nowhere = Between(-np.inf, np.inf, 0.0, np.zeros((3 * self.m, 4)))
 
     def _matrices(self, system: System) -> None:
         n, Wd = self.n, self.W * self.c
@@ -67,10 +88,14 @@ class Flow:
         self.invert = invert
 
     def _series(self, system: System) -> None:
-        """Complex coefficients of e, e', the stiffness of the lines and the loads over the phase, one row each."""
+        """Complex coefficients of e, e', the stiffness of the lines and the loads over the phase, one row each.
+
+        What of these is made of pieces is left out.
+        """
         n, m = self.n, self.m
-        stiffness = [stiffness_row(law) for law in self.laws]
-        rows = [e.displacement.row() for e in system.elements]
+        self._excitation = [e.displacement for e in system.elements], [stiffness_of(law) for law in self.laws]
+        rows, stiffness = ([one.row() if isinstance(one, Series) else np.zeros(1) for one in each]
+                           for each in self._excitation)  # fmt: skip
         L = max([len(r) // 2 for r in (*rows, *stiffness)] + [load.order for load in system.loads])
         c = np.zeros((3 * m + n, L + 1), dtype=complex)
         for j in range(m):
@@ -83,14 +108,31 @@ class Flow:
         c[3 * m :] = self.invert(c[3 * m :].real) + 1j * self.invert(c[3 * m :].imag)
         self.series, self.orders = c, np.arange(L + 1)
 
-    def _at(self, t: float) -> tuple[Array, Array, Array, Array]:
-        s = (self.series @ np.exp(1j * self.Omega * t * self.orders)).real
-        m = self.m
+    def between(self, t: float) -> Between:
+        """The time between the corners of the excitation that an instant lies in, or begins."""
+        if not self.corners.size:
+            return self._nowhere
+        tau = self.Omega * t
+        turns = np.floor((tau - self.corners[0]) / (2 * np.pi))
+        around = np.append(self.corners, self.corners[0] + 2 * np.pi) + 2 * np.pi * (turns + np.array([[-1], [0], [1]]))
+        corners = np.unique(around) / self.Omega
+        i = int(np.searchsorted(corners, t + 1e-13 * (abs(t) + 1 / self.Omega), side="right"))
+        begin, end = float(corners[i - 1]), float(corners[i])
+        at, (e, k), m = 0.5 * self.Omega * (begin + end), self._excitation, self.m
+        rows = np.zeros((3 * m, 4))
+        rows[:m], rows[2 * m :] = _expanded(e, at), _expanded(k, at)
+        rows[m : 2 * m, :3] = self.Omega * rows[:m, 1:] * [1, 2, 3]
+        return Between(begin, end, at, rows)
+
+    def _at(self, t: float, between: Between) -> tuple[Array, Array, Array, Array]:
+        s, m = (self.series @ np.exp(1j * self.Omega * t * self.orders)).real, self.m
+        if between is not self._nowhere:
+            s[: 3 * m] += between.rows @ (self.Omega * t - between.at) ** np.arange(4)
         return s[:m], s[m : 2 * m], s[2 * m : 3 * m], s[3 * m :]
 
-    def gaps(self, t: float, y: Array) -> tuple[Array, Array]:
-        """d and v (m,) of a state (its first column)."""
-        e, de, *_ = self._at(t)
+    def gaps(self, t: float, y: Array, between: Between | None = None) -> tuple[Array, Array]:
+        """d and v (m,) of a state (its first column); at a corner of the excitation what they are after it."""
+        e, de, *_ = self._at(t, between or self.between(t))
         y = y.reshape(2 * self.n, -1)[:, 0]
         return self.W.T @ y[: self.n] - e, self.W.T @ y[self.n :] - de
 
@@ -98,15 +140,19 @@ class Flow:
         """d and v (m, T) of states (size, T) at instants t."""
         m, y = self.m, Y.reshape(2 * self.n, -1, len(t))[:, 0]
         s = (self.series[: 2 * m] @ np.exp(1j * self.Omega * self.orders[:, None] * t)).real
+        for j, e in enumerate(self._excitation[0]):
+            if e.corners:
+                s[j] += e(self.Omega * t)
+                s[m + j] += self.Omega * e(self.Omega * t, 1)
         return self.W.T @ y[: self.n] - s[:m], self.W.T @ y[self.n :] - s[m:]
 
-    def rates(self, line: Lines, t: float, Y: Array) -> Array:
+    def rates(self, line: Lines, between: Between, t: float, Y: Array) -> Array:
         """y', or (y', Phi') flattened, with each element on its line."""
         n = self.n
-        e, de, k, f = self._at(t)
+        e, de, k, f = self._at(t, between)
         Y = Y.reshape(2 * n, -1)
         d, v = self.W.T @ Y[:n, 0] - e, self.W.T @ Y[n:, 0] - de
-        p, kd, kv = self._forces(line, d, v, self.Omega * t, k)
+        p, kd, kv = self._forces(line, d, v, self._phase(t, between), k)
         out = self.A @ Y
         out[n:, 0] += f
         out[:, 0] -= self.B @ (p - self.c * de)
@@ -114,10 +160,17 @@ class Flow:
             out[:, 1:] -= self.B @ (kd[:, None] * (self.W.T @ Y[:n, 1:]) + kv[:, None] * (self.W.T @ Y[n:, 1:]))
         return out.ravel()
 
-    def slopes(self, line: Lines, t: float, y: Array) -> Array:
+    def _phase(self, t: float, between: Between) -> float:
+        """tau, at the ends of the time between two corners just inside of them, for laws that are asked for a force."""
+        if between is self._nowhere:
+            return self.Omega * t
+        inside = 1e-14 * (abs(t) + 1 / self.Omega)
+        return self.Omega * min(max(t, between.begin + inside), between.end - inside)
+
+    def slopes(self, line: Lines, between: Between, t: float, y: Array) -> Array:
         """df/dy (2n, 2n), for implicit methods."""
-        d, v = self.gaps(t, y)
-        _, kd, kv = self._forces(line, d, v, self.Omega * t, self._at(t)[2])
+        d, v = self.gaps(t, y, between)
+        _, kd, kv = self._forces(line, d, v, self._phase(t, between), self._at(t, between)[2])
         J = self.A.copy()
         J[:, : self.n] -= (self.B * kd) @ self.W.T
         J[:, self.n :] -= (self.B * kv) @ self.W.T
@@ -151,13 +204,27 @@ class Flow:
         self, t: float, Y: Array, end: float, method: str, tolerance: float,
         visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
     ) -> tuple[Array, list[float], int]:  # fmt: skip
-        Y = np.asarray(Y, dtype=float).ravel()
-        piece, instants, count = self.pieces.at(*self.gaps(t, Y)), [], 0
-        atol, every = tolerance * self._sizes(t, Y), np.arange(self.m)
+        Y, instants, count = np.asarray(Y, dtype=float).ravel(), [], 0
+        atol, nearly = tolerance * self._sizes(t, Y), 1e-14 * abs(end)
+        while end - t > nearly:
+            between = self.between(t)
+            stop = between.end if end - between.end > nearly else end
+            Y, more, steps = self._march_between(between, t, Y, stop, method, tolerance, atol, visit)
+            t, count = stop, count + steps
+            instants += more
+        return Y, instants, count
+
+    def _march_between(
+        self, between: Between, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array,
+        visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
+    ) -> tuple[Array, list[float], int]:  # fmt: skip
+        """`march` where the excitation has no corner before the end."""
+        piece, instants, count = self.pieces.at(*self.gaps(t, Y, between)), [], 0
+        every = np.arange(self.m)
         while end - t > 1e-14 * abs(end):
             line = self.pieces.slope[every, piece], self.pieces.offset[every, piece]
-            f = partial(self.rates, line)
-            extra = {"jac": partial(self.slopes, line)} if method == "Radau" and self.columns == 1 else {}
+            f = partial(self.rates, line, between)
+            extra = {"jac": partial(self.slopes, line, between)} if method == "Radau" and self.columns == 1 else {}
             solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, **extra)
             while solver.status == "running":
                 before = solver.y
@@ -168,7 +235,7 @@ class Flow:
                         f"{method} could not go on at t = {solver.t:.6g}: the motion runs away, or Omega = "
                         f"{self.Omega:.6g} or tolerance = {tolerance:g} is too small"
                     )
-                at, side = self._exit(solver, before, piece)
+                at, side = self._exit(solver, before, piece, between)
                 stop = float(at.min())
                 if not np.isfinite(stop):
                     if visit:
@@ -189,7 +256,9 @@ class Flow:
         """What errors are measured against: the larger of the state's q and of the lengths the laws and errors set."""
         y = Y.reshape(2 * self.n, -1)[:, 0]
         corners = [abs(x) for law in self.laws for x in law.breakpoints]
-        length = max([float(np.abs(y[: self.n]).max()), *corners, float(np.abs(self.series[: self.m]).max())]) or 1.0
+        moved = [e.bound for e in self._excitation[0] if e.corners]
+        moved.append(float(np.abs(self.series[: self.m]).max()))
+        length = max([float(np.abs(y[: self.n]).max()), *corners, *moved]) or 1.0
         rate = max(float(np.abs(y[self.n :]).max()), self.Omega * length)
         size = np.ones((2 * self.n, self.columns))
         size[: self.n, 0], size[self.n :, 0] = length, rate
@@ -207,11 +276,11 @@ class Flow:
         y: Array = solver.y
         return y
 
-    def _exit(self, solver: Any, before: Array, piece: Integers) -> tuple[Array, Integers]:
+    def _exit(self, solver: Any, before: Array, piece: Integers, between: Between) -> tuple[Array, Integers]:
         """Instant in the step just made at which each element first leaves its piece (inf), and through which end."""
         every = np.arange(self.m)
         low, high = self.pieces.low[every, piece], self.pieces.high[every, piece]
-        (d0, v0), (d1, v1) = self.gaps(solver.t_old, before), self.gaps(solver.t, solver.y)
+        (d0, v0), (d1, v1) = self.gaps(solver.t_old, before, between), self.gaps(solver.t, solver.y, between)
         reach = 2 * (solver.t - solver.t_old) * np.maximum(np.abs(v0), np.abs(v1))
         if np.all((np.maximum(d0, d1) + reach < high) & (np.minimum(d0, d1) - reach > low)):
             return np.full(self.m, np.inf), np.zeros(self.m, dtype=int)
@@ -220,6 +289,15 @@ class Flow:
         d, v = self.gaps_over(t, dense(t))
 
         def value(rows: Integers, at: Array) -> Array:
-            return np.array([self.gaps(x, dense(x))[0][j] for j, x in zip(rows, at, strict=True)])
+            return np.array([self.gaps(x, dense(x), between)[0][j] for j, x in zip(rows, at, strict=True)])
 
         return first_exit(t, d, v, low, high, value)
+
+
+def _expanded(functions: list[Phased], tau: float) -> Array:
+    """Coefficients (m, 4) about tau of functions that have corners; zero of the others."""
+    out = np.zeros((len(functions), 4))
+    for own, function in zip(out, functions, strict=True):
+        if function.corners:
+            own[:] = [float(function(tau, q)) / factorial(q) for q in range(4)]
+    return out

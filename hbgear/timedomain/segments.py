@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.laws import Law, PiecewiseLinear
+from hbgear.mechanics.periodic import Phased
 
 Integers = np.ndarray
 
@@ -81,10 +83,10 @@ def spring_of(law: Law) -> PiecewiseLinear | None:
     return springs[0] if len(springs) == 1 else None
 
 
-def stiffness_row(law: Law) -> Array:
-    """Real row of the stiffness that multiplies the lines of a law."""
+def stiffness_of(law: Law) -> Phased:
+    """The stiffness that multiplies the lines of a law."""
     spring = spring_of(law)
-    return np.ones(1) if spring is None else spring.stiffness.row()
+    return Series(1.0) if spring is None else spring.stiffness
 
 
 def first_exit(

@@ -24,7 +24,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.newton import NoConvergence
 from hbgear.harmonic.receptance import Structure
-from hbgear.mechanics.fourier import to_real
+from hbgear.mechanics.fourier import resize, stretch, to_real
 from hbgear.mechanics.model import Model
 from hbgear.timedomain.exponential import modal_state, physical_state
 from hbgear.timedomain.integrate import Motion, integrate
@@ -64,10 +64,16 @@ class Orbit:
 
     def rows(self, H: int, motion: Motion | None = None) -> Array:
         """Element coordinates as real rows (m, 2H + 1) in the basis phase theta = tau / nu."""
-        d = (motion or self.motion()).d
-        c = np.fft.rfft(d, axis=-1)[:, : H + 1] / d.shape[-1]
+        motion = motion or self.motion()
+        e = [element.displacement for element in self.model.system().elements]
+        smooth = motion.d + np.array([one(motion.tau) if one.corners else 0 * motion.tau for one in e])
+        c = np.fft.rfft(smooth, axis=-1)[:, : H + 1] / smooth.shape[-1]
         c[:, 1:] *= 2
-        return to_real(c)
+        rows = to_real(c)
+        for row, one in zip(rows, e, strict=True):
+            if one.corners:  # whose harmonics are known better than its samples tell
+                row -= resize(stretch(one.row(H // self.nu), self.nu), H)
+        return rows
 
 
 def variation(

@@ -2,9 +2,12 @@
 
     zeta' = poles zeta - input w,   d, v = Re(output zeta) + steady(tau),   w = p - kr d
 
+of displacements e with corners steady has -e, and w = p - kr (d + e) - c e'.
+
 The period is cut into N cells. A step over a whole cell has its tables ready; one over a part (x, x + length) makes
 its own. Newton's iterations on w at the Gauss points end after the first where the laws are straight.
-A step in which an element leaves its piece is taken again up to the corner, and the rest of the cell after it.
+A step in which an element leaves its piece is taken again up to the corner, and the rest of the cell after it. A cell
+in which the excitation has corners is taken in parts, too.
 
 Laws that are no tables of numbers are asked in Python: `march` then returns whenever it needs the force of a motion.
 
@@ -36,7 +39,8 @@ class Tables(NamedTuple):
 
     turn (R, q) takes zeta to the end, observe (R, 2 q, (s + 1) 2 m) to d and v at the nodes;
     feedback (R, (s + 1) 2 m, s m) takes w there, push (R, s m, 2 q) to zeta.
-    drive (R, C, (s + 1) 2 m), k (R, C, s, S): steady d and v, and stiffness of the springs, at the nodes.
+    drive (R, C, (s + 1) 2 m): steady d and v at the nodes. k (R, C, s, S + m): stiffness of the springs there, then
+    kr e + c e' of the elements whose e has corners.
     """
 
     turn: ComplexArray
@@ -70,6 +74,22 @@ class Plan(NamedTuple):
     h: Array
 
 
+class Stops(NamedTuple):
+    """Corners of the excitation, for each row of the plan. Kernels take None for none, and are then compiled without.
+
+    at (R, S + m, P), rows (R, S + m, P, 4): stiffness and displacements with corners, as of `Excitation`.
+    first (R, N + 1), place, kink (R, I), (R, I, m): its `stops`. kr, c (R, m): springs and dampers of the elements.
+    """
+
+    at: Array
+    rows: Array
+    first: Integers
+    place: Array
+    kink: Array
+    kr: Array
+    c: Array
+
+
 class Method(NamedTuple):
     """What is the same for all motions.
 
@@ -92,8 +112,8 @@ class Method(NamedTuple):
 class Work(NamedTuple):
     """Where the motions under way stand, G of them at once, and room to compute in.
 
-    place (G, 5): cell, aim, corrections, rounds, iterations. laid (G,): whether a step is laid out. span (G, 2): x and
-    length of it, in cells.
+    place (G, 6): cell, aim, corrections, rounds, iterations, whether the cell has corners. laid (G,): whether a step is
+    laid out. span (G, 2): x and length of it, in cells.
     free, y (G, (s + 1) 2 m), w (G, s m): of the step, d and v without w and with it.
     at (G, m), gone (G, m): where in it elements leave their pieces, and through which end.
     given (G, 3, s, m): p, dp/dd, dp/dv of the laws that are asked.
@@ -118,20 +138,20 @@ class Work(NamedTuple):
     spare: Array
 
 
-_CELL, _AIM, _CORRECTED, _PASSED, _ITERATED = range(5)  # columns of Work.place
+_CELL, _AIM, _CORRECTED, _PASSED, _ITERATED, _CUT = range(6)  # columns of Work.place
 
 
 def tables_for(rows: int, cells: int, s: int, m: int, q: int, springs: int) -> Tables:
     """Tables yet to be filled in."""
     n = (s + 1) * 2 * m
-    shapes = (rows, 2 * q, n), (rows, n, s * m), (rows, s * m, 2 * q), (rows, cells, n), (rows, cells, s, springs)
+    shapes = (rows, 2 * q, n), (rows, n, s * m), (rows, s * m, 2 * q), (rows, cells, n), (rows, cells, s, springs + m)
     return Tables(np.zeros((rows, q), dtype=complex), *map(np.zeros, shapes))
 
 
 def work_for(motions: int, s: int, m: int, q: int) -> Work:
     """For so many motions at once, none of them under way."""
     G, n, r, z, integer, pair = motions, (s + 1) * 2 * m, s * m, np.zeros, np.int64, complex
-    place = z((G, 5), dtype=integer)
+    place = z((G, 6), dtype=integer)
     place[:, _AIM] = _SCAN
     return Work(
         place=place, laid=z(G, dtype=np.bool_), span=z((G, 2)), free=z((G, n)), y=z((G, n)), w=z((G, r)), at=z((G, m)),
@@ -145,6 +165,7 @@ def work_for(motions: int, s: int, m: int, q: int) -> Work:
 def march(
     plan: Plan,
     method: Method,
+    corners: Stops | None,
     whole: Tables,
     folded: Array,
     curves: Tables,
@@ -198,11 +219,18 @@ def march(
             place[_CELL] = begin
         while True:
             cell, uncut = place[_CELL] % N, place[_PASSED] == 0 and place[_AIM] == _SCAN
+            if corners is not None:
+                uncut = uncut and place[_CUT] == 0
             if not work.laid[g]:
                 if place[_CELL] >= end:
                     break
                 if uncut:
                     span[0], span[1] = 0.0, 1.0
+                    if corners is not None:
+                        span[1] = _until(corners.first, corners.place, r, cell, 0.0)
+                        uncut = span[1] == 1.0
+                        place[_CUT] = 0 if uncut else 1
+                if uncut:
                     if leaps:
                         _leap(folded, cell, on, low.shape[1], z, y, ahead)
                     else:
@@ -219,6 +247,8 @@ def march(
                             cut_push, turns, inner, powers, spare,
                         )  # fmt: skip
                     excite(steady, stiffness, nodes, cell + span[0], span[1], N, only, cut_drive, cut_k)
+                    if corners is not None:
+                        add_pieces(corners, r, h, nodes, cell + span[0], span[1], N, only, cut_drive, cut_k)
                     _predict(cut_observe, cut_drive, only, z, free, y, w)
                 work.laid[g], place[_ITERATED] = True, 0
                 if asks:
@@ -228,13 +258,14 @@ def march(
                 size = moved = 0.0
             elif uncut:
                 size = _linearise(
-                    kr, cubic, element, slope, offset, on, asked, given, k, cell, feedback, y, w, J, right, spare
-                )
+                    kr, cubic, element, slope, offset, on, asked, given, k, cell, feedback, y, w, J, right, spare,
+                    corners,
+                )  # fmt: skip
                 moved = _correct(J, right, feedback, free, y, w)
             else:
                 size = _linearise(
                     kr, cubic, element, slope, offset, on, asked, given, cut_k, only, cut_feedback, y, w, J, right,
-                    spare,
+                    spare, corners,
                 )  # fmt: skip
                 moved = _correct(J, right, cut_feedback, free, y, w)
             place[_ITERATED] += 1
@@ -251,8 +282,12 @@ def march(
                         span[1] *= at[stop]
                         place[_AIM], place[_CORRECTED] = stop, 0
                         continue
-            elif place[_AIM] >= 0 and _misses(y, on, low, high, h, gone, place, span):
-                continue
+            elif place[_AIM] >= 0:
+                limit = 1.0
+                if corners is not None:
+                    limit = _until(corners.first, corners.place, r, cell, span[0])
+                if _misses(y, on, low, high, h, gone, place, span, limit):
+                    continue
             if fine.shape[3]:
                 _record(dense, y, x, rate, span, h, samples, place[_CELL] * FINE, b, fine)
             if uncut and leaps:
@@ -264,14 +299,19 @@ def march(
                 _turn(cut_turn, cut_push, w, z)
             for j in range(len(x)):
                 x[j], rate[j] = y[len(y) - 2 * len(x) + j], y[len(y) - len(x) + j]
-            if _arrive(on, at, gone, place, span) and len(strobes) and place[_CELL] % N == 0:
-                for i in range(len(z)):
-                    strobes[place[_CELL] // N - 1, b, i] = z[i]
+            if corners is not None:
+                _kick(corners, r, cell, span, rate)
+            if _arrive(on, at, gone, place, span):
+                if len(strobes) and place[_CELL] % N == 0:
+                    for i in range(len(z)):
+                        strobes[place[_CELL] // N - 1, b, i] = z[i]
+            elif corners is not None:
+                span[1] = _until(corners.first, corners.place, r, cell, span[0]) - span[0]
     return waiting
 
 
 @kernel
-def fill(plan: Plan, method: Method, lengths: Array, work: Work, out: Tables) -> None:
+def fill(plan: Plan, method: Method, corners: Stops | None, lengths: Array, work: Work, out: Tables) -> None:
     """Tables of steps of these lengths in cells, one for each row; with drive and k of as many cells as they have."""
     for i in range(len(lengths)):
         r, cells = i if len(plan.h) > 1 else 0, out.drive.shape[1]
@@ -283,10 +323,12 @@ def fill(plan: Plan, method: Method, lengths: Array, work: Work, out: Tables) ->
             excite(
                 plan.steady[r], plan.stiffness[r], method.nodes, float(cell), 1.0, cells, cell, out.drive[i], out.k[i]
             )
+            if corners is not None:
+                add_pieces(corners, r, plan.h[r], method.nodes, float(cell), 1.0, cells, cell, out.drive[i], out.k[i])
 
 
 @kernel
-def fold(plan: Plan, method: Method, whole: Tables, work: Work, out: Array) -> None:
+def fold(plan: Plan, method: Method, corners: Stops | None, whole: Tables, work: Work, out: Array) -> None:
     """Steps over whole cells with straight laws as what they are in all: linear in zeta.
 
     out (N, combinations of pieces, 2 q + 1, (s + 1) 2 m + 2 q): what each part of zeta, and last the loads, add to d
@@ -306,6 +348,7 @@ def fold(plan: Plan, method: Method, whole: Tables, work: Work, out: Array) -> N
                 _linearise(
                     plan.kr[0], plan.cubic[0], method.element, plan.slope[0], plan.offset[0], piece, method.asked,
                     work.given[0], whole.k[0], cell, whole.feedback[0], y, w, work.J, work.right, work.spare,
+                    corners,
                 )  # fmt: skip
                 _correct(work.J, work.right, whole.feedback[0], free, y, w)
                 _turn(whole.turn[0], whole.push[0], w, zeta)
@@ -424,9 +467,62 @@ def excite(
 
 
 @kernel
+def add_pieces(
+    corners: Stops, r: int, h: float, nodes: Array, x: float, length: float, N: int, cell: int, drive: Array, k: Array
+) -> None:
+    """Add to what `excite` gives the functions with corners of row r, of which none lies in the part.
+
+    The stiffness of springs goes to k, -e and -e' to the drive, kr e + c e' to the end of k.
+    """
+    at, rows, kr, c = corners.at, corners.rows, corners.kr, corners.c
+    m, unit, rate = kr.shape[1], 2 * np.pi / N, 2 * np.pi / (N * h)
+    springs = at.shape[1] - m
+    for q in range(at.shape[1]):
+        middle, piece = unit * (x + 0.5 * length), 0
+        while piece + 1 < at.shape[2] and at[r, q, piece + 1] <= middle:
+            piece += 1
+        a, b, f, g = rows[r, q, piece, 0], rows[r, q, piece, 1], rows[r, q, piece, 2], rows[r, q, piece, 3]
+        for i in range(len(nodes)):
+            y = unit * (x + length * nodes[i]) - at[r, q, piece]
+            value = a + y * (b + y * (f + y * g))
+            if q < springs:
+                if i < k.shape[1]:
+                    k[cell, i, q] += value
+                continue
+            j, slope = q - springs, rate * (b + y * (2.0 * f + 3.0 * y * g))
+            drive[cell, i * 2 * m + j] -= value
+            drive[cell, i * 2 * m + m + j] -= slope
+            if i < k.shape[1]:
+                k[cell, i, q] = kr[r, j] * value + c[r, j] * slope
+
+
+@kernel
+def _until(first: Integers, place: Array, r: int, cell: int, x: float) -> float:
+    """Where the step from x on in a cell ends: at the next corner of the excitation, or the end of the cell."""
+    for i in range(first[r, cell], first[r, cell + 1]):
+        end: float = place[r, i]
+        if end > x + 1e-12:
+            return end
+    return 1.0
+
+
+@kernel
+def _kick(corners: Stops, r: int, cell: int, span: Array, v: Array) -> None:
+    """Let v jump if the step ends at a corner of the excitation; after `_until` from its start, each is met once."""
+    end = span[0] + span[1]
+    if 1.0 - end <= 1e-12:
+        end = 1.0
+    for i in range(corners.first[r, cell], corners.first[r, cell + 1]):
+        if span[0] + 1e-12 < corners.place[r, i] <= end + 1e-12:
+            for j in range(len(v)):
+                v[j] -= corners.kink[r, i, j]
+
+
+@kernel
 def _linearise(
     kr: Array, cubic: Array, element: Integers, slope: Array, offset: Array, piece: Integers, asked: Bools,
     given: Array, k: Array, cell: int, feedback: Array, y: Array, w: Array, J: Array, right: Array, spare: Array,
+    corners: Stops | None,
 ) -> float:  # fmt: skip
     """The equations of Newton's next step of w, J step = right; the size of the forces."""
     s, m, size = k.shape[1], len(kr), 0.0
@@ -449,6 +545,8 @@ def _linearise(
             pull, bend = kr[j] * y[row], spare[0, a] - kr[j]
             size = max(size, abs(right[a]) + abs(pull))
             right[a] -= pull + w[a]
+            if corners is not None:
+                right[a] -= k[cell, i, len(element) + j]
             for e in range(s * m):
                 J[a, e] = bend * feedback[row, e]
             if asked[j]:
@@ -516,35 +614,39 @@ def _turn(turn: ComplexArray, push: Array, w: Array, zeta: Array) -> None:
 
 @kernel
 def _arrive(piece: Integers, at: Array, gone: Integers, place: Integers, span: Array) -> bool:
-    """Go on from the end of a step: on the other side of a corner, or in the next cell; whether it is the latter."""
+    """Go on from the end of a step: in the rest of the cell, or in the next cell; whether it is the latter."""
     span[0] += span[1]
     if place[_AIM] >= 0:
         stop = at[place[_AIM]] + 1e-9
         for j in range(len(piece)):
             if at[j] <= stop:
                 piece[j] += gone[j]
-        if 1.0 - span[0] > 1e-12:
-            span[1] = 1.0 - span[0]
-            place[_PASSED] += 1
-            place[_AIM] = _SCAN if place[_PASSED] < _ROUNDS else _LAST
-            return False
+        place[_PASSED] += 1
+    if 1.0 - span[0] > 1e-12:
+        span[1] = 1.0 - span[0]
+        place[_AIM] = _SCAN if place[_PASSED] < _ROUNDS else _LAST
+        return False
     place[_CELL] += 1
-    place[_AIM], place[_PASSED] = _SCAN, 0
+    place[_AIM], place[_PASSED], place[_CUT] = _SCAN, 0, 0
     return True
 
 
 @kernel
 def _misses(
-    y: Array, piece: Integers, low: Array, high: Array, h: float, gone: Integers, place: Integers, span: Array
-) -> bool:
-    """Whether a step that is to end on a corner does not, and is to be taken again with the length it now has."""
+    y: Array, piece: Integers, low: Array, high: Array, h: float, gone: Integers, place: Integers, span: Array,
+    limit: float,
+) -> bool:  # fmt: skip
+    """Whether a step that is to end on a corner does not, and is to be taken again with the length it now has.
+
+    It does not go beyond the limit, in the cell.
+    """
     j, m, end = place[_AIM], len(piece), len(y) - 2 * len(piece)
     level = high[j, piece[j]] if gone[j] > 0 else low[j, piece[j]]
     miss, rate = y[end + j] - level, y[end + m + j]
     if not abs(miss) > _NEAR * (1.0 + abs(level)) or place[_CORRECTED] >= _CORRECTIONS:
         return False
     way = miss / rate / h if abs(rate) > 1e-6 else 0.0
-    span[1] = max(0.5 * span[1], min(span[1] - way, 1.5 * span[1], 1.0 - span[0]))
+    span[1] = max(0.5 * span[1], min(span[1] - way, 1.5 * span[1], limit - span[0]))
     place[_CORRECTED] += 1
     return True
 

@@ -71,19 +71,19 @@ class Steps:
     _curves: dict[bool, Any] = field(default_factory=dict)
 
     @staticmethod
-    def of(plan: Any, method: Any, N: int) -> Steps:
-        """Of N steps a period."""
+    def of(plan: Any, method: Any, corners: Any, N: int) -> Steps:
+        """Of N steps a period; corners of the excitation or None."""
         from hbgear.timedomain.stepping import fill, fold
 
         (R, m, P), size, s = plan.low.shape, 2 * plan.poles.shape[1], len(method.lagrange)
         n, r, (whole, work) = (s + 1) * 2 * m, s * m, _empty(plan, method, R, N)
-        fill(plan, method, np.ones(R), work, whole)
+        fill(plan, method, corners, np.ones(R), work, whole)
         cost = size * n + 2 * r * n + r**3 + size * r
         shape = (N, P**m, size + 1, n + size)
         if R > 1 or not method.straight or size * (n + size) > cost or math.prod(shape) > _FOLDED:
             return Steps(plan, method, whole, np.empty((0, 0, 0, 0)), cost)
         folded = np.empty(shape)
-        fold(plan, method, whole, work, folded)
+        fold(plan, method, corners, whole, work, folded)
         return Steps(plan, method, whole, folded, size * (n + size))
 
     def select(self, rows: Integers) -> Steps:
@@ -99,7 +99,7 @@ class Steps:
             D = self._terms() if many and len(self.plan.h) == 1 else 0
             out, work = _empty(self.plan, self.method, D, 0)
             angle = np.pi * (np.arange(D) + 0.5) / max(D, 1)
-            fill(self.plan, self.method, 0.5 * (1 + np.cos(angle)), work, out)
+            fill(self.plan, self.method, None, 0.5 * (1 + np.cos(angle)), work, out)
             to_series = np.cos(np.arange(D)[:, None] * angle) * 2 / max(D, 1)
             to_series[:1] /= 2
             self._curves[many] = type(out)(*packed(np.tensordot(to_series, x, 1) if x.size else x for x in out))

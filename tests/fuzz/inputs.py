@@ -120,7 +120,7 @@ SYSTEM: Pool = {
 
 RECORDS = {
     "Branch", "Cases", "Critical", "Jump", "JumpMap", "Point", "Reduction", "SpecialPoint", "Survey", "Law", "Model",
-    "NoConvergence", "NoFold", "Evaluation", "Unlikely",
+    "NoConvergence", "NoFold", "Evaluation", "Unlikely", "Run", "Answers",
     "model", "Steps", "Progress", "ProgressCallback", "Status", "plot", "__version__",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
@@ -151,7 +151,7 @@ def targets() -> tuple[Target, ...]:
     problem, measure = [balance, spur], _is("rms", "pp2", "max", "mean", "H1")
     element, model = _is(0), [hb.Duffing, hb.SpurPair]
     with_Omega = {"Omega": _is(0.9)}
-    series = _is(hb.Series(1.0), hb.Series(1.0, (0.1,)))
+    series = _is(hb.Series(1.0), hb.Series(1.0, (0.1,)), hb.Periodic.trapezoidal(1.2, 0.8, 0.3, 0.1))
     out = [
         Target("Backlash", hb.Backlash, {"b": _is(1.0, 0.0), "k": _is(1.0), "stiffness": series}, 2),
         Target("Unilateral", hb.Unilateral, {"k": _is(1.0), "gap": _is(0.5), "stiffness": series}),
@@ -181,6 +181,32 @@ def targets() -> tuple[Target, ...]:
         Target("Series", hb.Series, {"mean": _is(1.0), "cosine": _is((0.1,)), "sine": _is((0.1, 0.2))}),
         Target("Series.__call__", hb.Series(1.0, (0.1,)), {"tau": _is(0.3, np.zeros(3))}, 0.5),
         Target("Series.row", hb.Series(1.0, (0.1,)).row, {"H": _is(3, None)}, 0.5),
+        Target("Periodic", hb.Periodic, {"phases": _is((0.0, 1.0)), "coefficients": _is(((1.0,), (0.5, 0.1)))}, 2),
+        Target(
+            "Periodic.rectangular",
+            hb.Periodic.rectangular,
+            {"high": _is(1.2), "low": _is(0.8), "share": _is(0.6), "start": _is(0.0)},
+            2,
+        ),
+        Target(
+            "Periodic.trapezoidal",
+            hb.Periodic.trapezoidal,
+            {"high": _is(1.2), "low": _is(0.8), "share": _is(0.3), "ramp": _is(0.1), "start": _is(0.0)},
+            2,
+        ),
+        Target(
+            "Periodic.table",
+            hb.Periodic.table,
+            {
+                "phase": _is([0, 1, 2], [0, 1, 2, 3]),
+                "values": _is([0.1, 0.2, 0.3], [0.1, 0.2, 0.3, 0.1]),
+                "period": _is(3),
+                "kind": _is("linear", "cubic"),
+            },
+            2,
+        ),
+        Target("Periodic.__call__", hb.Periodic.rectangular(1.2, 0.8, 0.6), {"tau": _is(0.3, np.zeros(3))}, 0.5),
+        Target("Periodic.row", hb.Periodic.rectangular(1.2, 0.8, 0.6).row, {"H": _is(3)}, 0.5),
         Target("Series.shifted", hb.Series(1.0, (0.1,)).shifted, {"phase": _is(0.3)}, 0.5),
         Target("Series.scaled", hb.Series(1.0, (0.1,)).scaled, {"factor": _is(0.3)}, 0.5),
         Target(
@@ -461,6 +487,8 @@ def targets() -> tuple[Target, ...]:
         ),
         Target("reduce", hb.reduce, {"model": [system, hb.SpurPair], "modes": _is(1, 2)}, 2),
         Target("load", hb.load, {"path": _is("no.npz"), "problem": _is(None)}, free=frozenset({"problem"})),
+        Target("run", hb.run, {"branch": [curve], "direction": _is("up", "down"), "others": _is(())}),
+        Target("answers", hb.answers, {"branch": [curve], "element": element, "dof": _is(None, 0)}),
         Target("Branch.__getitem__", lambda key: curve()[key], {"key": _is(0, "LP1", -1)}),
         Target(
             "Branch.amplitude",

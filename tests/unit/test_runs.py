@@ -1,0 +1,111 @@
+"""Run-up, run-down, their figures, and answers in the engineer's units."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.timedomain.integrate import state_of
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return hb.trace(hb.HarmonicBalance(hb.SpurPair(eps=(0.2,)), 12), "Omega", (1.5, 0.3))
+
+
+def test_a_run_is_what_a_slow_sweep_measures(curve):
+    """Against integration in time, on both sides of the jumps."""
+    up, down = hb.run(curve, "up"), hb.run(curve, "down")
+    assert [jump.direction for jump in (*up.jumps, *down.jumps)] == [1, -1]
+    assert up.message == "Omega = 1.5 reached" and down.message == "Omega = 0.3 reached"
+    for found, way in ((up, 1), (down, -1)):
+        assert (np.diff(found.values) * way >= 0).all()
+        (jump,), (before, after) = found.jumps, found.stretches
+        assert before.values[-1] == after.values[0] == jump.value
+        assert after.amplitude("rms", 0)[0] == jump.after.amplitude("rms")
+        speeds = np.linspace(jump.value - 0.05 * way, jump.value + 0.05 * way, 11)
+        near = int(np.argmin(np.abs(before.values - speeds[0])))
+        start = state_of(curve.problem, before.branch.X[before.rows[near]], Omega=float(before.values[near]))
+        swept = hb.sweep(hb.SpurPair(eps=(0.2,)), speeds, found.direction, start=start)
+        for stretch, side in ((before, -1), (after, 1)):
+            here = (swept.values - jump.value) * way * side > 1e-9
+            expected = np.interp(way * swept.values[here], way * stretch.values, stretch.amplitude("rms", 0))
+            assert here.sum() == 5
+            np.testing.assert_allclose(swept.rms[here, 0], expected, rtol=1e-2)  # rows are joined straight
+
+
+def test_a_run_goes_on_along_doubled_motions():
+    curve = hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 8), "Omega", (1.0, 0.2))
+    alone = hb.run(curve, "down")
+    assert "loses its stability at PD1, and no curve goes on" in alone.message
+    doubled = hb.switch(curve, "PD1")
+    down = hb.run(curve, "down", [doubled])
+    assert down.message == "Omega = 0.2 reached" and down.stretches[-2].branch is doubled
+    axes = hb.plot.runs(curve, others=[doubled])
+    assert sum(line.get_gid() == "on another curve" for line in axes.lines) >= 1
+
+
+def test_runs_that_cannot_be_meant(curve):
+    with pytest.raises(ValueError, match="direction = 'left' must be 'up' or 'down'"):
+        hb.run(curve, "left")
+    blind = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9), stability=False)
+    with pytest.raises(ValueError, match="whose stability is known"):
+        hb.run(blind)
+    along = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "F", (0.1, 0.12), at={"Omega": 0.8})
+    with pytest.raises(ValueError, match="a waterfall is over Omega; this run is along F"):
+        hb.plot.waterfall(hb.run(along))
+
+
+def test_figures_of_runs(curve):
+    up = hb.run(curve, "up")
+    axes = hb.plot.orders(up, (1, 3), derivative=2)
+    lines = [line for line in axes.lines if line.get_gid() == "order 3"]
+    np.testing.assert_array_equal(lines[1].get_ydata(), up.stretches[1].amplitude("H3", 0, 2))
+    assert axes.get_yscale() == "log" and "acceleration of" in axes.get_ylabel()
+    axes = hb.plot.waterfall(up)
+    levels = [c.get_array().max() for c in axes.collections if c.get_gid() == "order 1"]
+    assert len(levels) == 2 and max(levels) == pytest.approx(0.0, abs=0.3)  # the middle of a step beside the largest
+    arrows = [text for text in hb.plot.runs(curve).texts if text.arrowprops]
+    assert len(arrows) == 2
+
+
+class Scaled(hb.SpurPair):
+    """A pair that knows its units."""
+
+    scales = SimpleNamespace(length=25e-6, force=2e4, acceleration=25e-6 * 3e4**2)
+
+    def replace(self, /, **changes):
+        return self
+
+
+def test_answers(curve, tmp_path):
+    found, i = hb.answers(curve), curve["LP1"].index - 15  # stable, with contact loss
+    Omega = float(curve.values[i])
+    orbit = hb.shoot(hb.SpurPair(eps=(0.2,)), Omega, state_of(curve.problem, curve.X[i], Omega=Omega)).motion()
+    force = (1 - 0.2 * np.cos(orbit.tau)) * (np.maximum(orbit.d[0] - 1, 0) + np.minimum(orbit.d[0] + 1, 0))
+    assert found["force, largest"][i] == pytest.approx(force.max(), rel=2e-2)
+    assert found["force, static"][i] == pytest.approx(0.1, rel=1e-4)
+    assert found["dynamic factor"][i] == pytest.approx(found["force, largest"][i] / found["force, static"][i])
+    dte = orbit.d[0] + 0.05 * np.cos(orbit.tau)
+    assert found["dte, half peak-to-peak"][i] == pytest.approx(np.ptp(dte) / 2, rel=2e-2)
+    found.save(tmp_path / "answers.csv")
+    head, *rows = (tmp_path / "answers.csv").read_text().splitlines()
+    assert head.startswith("Omega [-],stable,") and len(rows) == len(curve)
+    with pytest.raises(KeyError, match="there is no answer 'dynamik factor'"):
+        found["dynamik factor"]
+    with pytest.raises(ValueError, match="answers need the model"):
+        hb.answers(replace(curve, problem=None))
+
+
+def test_answers_in_units_of_the_machine():
+    curve = hb.trace(hb.HarmonicBalance(Scaled(), 8), "Omega", (1.5, 1.4))
+    found = hb.answers(curve, dof="q")
+    bare = hb.answers(hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 1.4)), dof="q")
+    assert {"dte, half peak-to-peak [um]", "force, largest [N]", "acceleration, rms [m/s^2]"} <= found.columns.keys()
+    np.testing.assert_allclose(found["force, largest"], 2e4 * bare["force, largest"], rtol=1e-9)
+    np.testing.assert_allclose(found["dte, half peak-to-peak"], 25 * bare["dte, half peak-to-peak"], rtol=1e-9)
+    acceleration = found["acceleration, rms"]
+    np.testing.assert_allclose(acceleration, 25e-6 * 3e4**2 * bare["acceleration, rms"], rtol=1e-9)
+    np.testing.assert_allclose(found["acceleration, level"], 20 * np.log10(acceleration / 1e-6), rtol=1e-12)
