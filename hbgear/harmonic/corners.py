@@ -60,6 +60,9 @@ def corners_of(
     cubic (m, 2) : k1 and k3 of the elements. N : samples of the grid, 0 for none.
     """
     m, S = len(elements), len(springs)
+    phases = [x for element in elements for x in (*element.law.phases, *element.displacement.corners)]
+    if not phases:
+        return _nothing(m, S, H)
     e = [element.displacement for element in elements]
     moved = [_pieces(one, nu).scaled(-1.0) if one.corners else None for one in e]
     with_corners = [j for j in range(m) if e[j].corners]
@@ -76,7 +79,6 @@ def corners_of(
     ]
     count = [len(one[0].at) if one else 0 for one in made]
     sums = [one[2] for one in made if one]
-    phases = [x for element in elements for x in (*element.law.phases, *element.displacement.corners)]
     return Corners(
         phases=np.unique((np.array(phases)[None, :] + TURN * np.arange(nu)[:, None]) / nu),
         moves=_ends([len(one.at) if one else 0 for one in moved]),
@@ -92,6 +94,17 @@ def corners_of(
         powers=_powers(moved, cubic, length),
         grid=_grid(e, kept, nu, N),
     )
+
+
+@lru_cache(maxsize=64)
+def _nothing(m: int, S: int, H: int) -> Corners:
+    """Of m elements and S springs without corners."""
+    none, pairs = np.empty(0), np.zeros((0, 2, 0), dtype=complex)
+    return Corners(
+        none, _ends([0] * m), none, np.empty((0, 4)), np.zeros((H + 1, m), dtype=complex),
+        np.zeros((H, m), dtype=complex), _ends([0] * S), none, np.empty((0, 4)), pairs, np.empty((0, 7)),
+        np.zeros((m, 3, 0), dtype=complex), np.zeros((2, m, 0)),
+    )  # fmt: skip
 
 
 def beyond(displacement: Phased, kept: ComplexArray, nu: int, theta: Array, order: int = 0) -> Array:

@@ -342,7 +342,17 @@ _TIP = 0.995  # share of the height of the axes at which an arrow ends
 
 
 def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str) -> None:
-    """Axes named after the parameter of a branch, and the measure of an element."""
+    """Axes named after the parameter of a branch, and the measure of an element.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9))
+    >>> axes = hb.plot.time_history(curve[0])
+    >>> hb.plot.curves.name_axes(axes, curve, "rms", 0)
+    >>> axes.get_ylabel()
+    'alternating rms of $x$ [-]'
+    """
     layout = layout_of(branch)
     names = layout.labels if layout else {}
     ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))
