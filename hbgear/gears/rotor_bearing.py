@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
-from hbgear.gears.spur import amplitudes, checked_phase, mesh_stiffness, transmission_error
+from hbgear.gears.spur import amplitudes, checked_lags, checked_phase, mesh_stiffness, scales_of, transmission_error
 from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.laws import Backlash
 from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.scales import Scales
 
 _POSITIVE = ("mu_1", "mu_2", "kappa_1", "kappa_2")
 
@@ -68,6 +69,7 @@ class GearRotorBearing(Model):
     b : half backlash of the mesh, >= 0.
     b_1, b_2 : half clearances of the bearings, >= 0; 0 makes a bearing a linear spring.
     eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
+    eps_lag, e_lag, reference : as of `SpurPair`.
 
     Raises
     ------
@@ -106,6 +108,9 @@ class GearRotorBearing(Model):
     b_2: float = 1.0
     eps_scale: float = 1.0
     e_scale: float = 1.0
+    eps_lag: tuple[float, ...] = ()
+    e_lag: tuple[float, ...] = ()
+    reference: tuple[float, ...] = ()
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -144,18 +149,26 @@ class GearRotorBearing(Model):
         checked_phase("GearRotorBearing", self.phase)
         for name in ("eps", "e"):
             object.__setattr__(self, name, amplitudes("GearRotorBearing", name, getattr(self, name)))
+            lag = checked_lags("GearRotorBearing", name, getattr(self, name), getattr(self, f"{name}_lag"))
+            object.__setattr__(self, f"{name}_lag", lag)
+        object.__setattr__(self, "reference", amplitudes("GearRotorBearing", "reference", self.reference))
+        scales_of("GearRotorBearing", self.reference)
+
+    @property
+    def scales(self) -> Scales | None:
+        return scales_of("GearRotorBearing", self.reference)
 
     @property
     def transmission_error(self) -> Series:
         """e(tau)."""
-        return transmission_error(self.e, self.phase, self.e_scale)
+        return transmission_error(self.e, self.phase, self.e_scale, self.e_lag)
 
     def system(self) -> System:
         """Coordinates y_1, y_2, x; elements "gap" (the mesh), "bearing 1" and "bearing 2"."""
         m_1, m_2 = 1 / self.mu_1, 1 / self.mu_2
         gap = Element(
             direction=[1.0, -1.0, 1.0],
-            law=Backlash(b=self.b, stiffness=mesh_stiffness(self.eps, self.eps_scale)),
+            law=Backlash(b=self.b, stiffness=mesh_stiffness(self.eps, self.eps_scale, self.eps_lag)),
             displacement=self.transmission_error,
             damping=2 * self.zeta,
             name="gap",
