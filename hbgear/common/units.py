@@ -25,6 +25,9 @@ _QUANTITY = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*[^\W\d_]?[\w\s/*.%°-]*(\^
 """A number and what may be a unit: letters, products, quotients and whole powers."""
 
 
+_LAST_DIGIT = 2.5e-16  # relative, what the product with a unit's factor is off by
+
+
 @lru_cache(maxsize=1)
 def _registry() -> Any:
     import pint
@@ -81,9 +84,11 @@ def _converted(owner: str, name: str, value: Any, unit: str) -> float:
     if hasattr(value, "m_as") and not unit and not value.dimensionless:
         raise refusal
     try:
-        return float(f"{float(number):.15g}")  # 80e-6, not 7.999999999999999e-05
+        exact = float(number)
     except (TypeError, ValueError):
         raise refusal from None
+    short = float(f"{exact:.15g}")  # 80e-6, not 7.999999999999999e-05
+    return short if abs(short - exact) <= _LAST_DIGIT * abs(exact) else exact
 
 
 class Measured:
@@ -134,9 +139,11 @@ class Measured:
         checked(owner, self.name, number, self.allowed)
         if number not in self.plausible:
             unit = f" {self.unit}" if self.unit else ""
+            example = EXAMPLES.get(self.unit, self.unit)
+            way = f"numbers are in {self.unit}, other units are given as text such as {example}"
             raise ValueError(
-                f"{owner}: {self.name} = {number:g}{unit} is beyond any machine (it must {self.plausible}); numbers "
-                f"are in {self.unit or 'no unit'}, other units are given as text such as {EXAMPLES.get(self.unit)}"
+                f"{owner}: {self.name} = {number:g}{unit} is beyond any machine (it must {self.plausible}); "
+                f"{way if unit else 'percent are given as text such as 4 %'}"
             )
         return number
 

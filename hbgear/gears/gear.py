@@ -226,7 +226,7 @@ class Gear:
             1 - sin(self.pressure_angle))  # fmt: skip
         least = straight - self.teeth * sin(alpha_t) ** 2 / (2 * cos(self.helix_angle))
         if self.profile_shift < least - _SLIGHT:
-            fewest = 2 * (straight - self.profile_shift) * cos(self.helix_angle) / sin(alpha_t) ** 2
+            fewest = 2 * (straight - _SLIGHT - self.profile_shift) * cos(self.helix_angle) / sin(alpha_t) ** 2
             raise ValueError(
                 f"Gear: {self.teeth} teeth with profile_shift = {self.profile_shift:g} and a pressure angle of "
                 f"{degrees(self.pressure_angle):g} deg are undercut: give profile_shift of at least {least:.3f}, "

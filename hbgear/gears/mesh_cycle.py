@@ -28,7 +28,7 @@ from hbgear.common.units import si
 from hbgear.mechanics.fourier import real_numbers
 
 _CLOSED = 1e-3  # of the range of values: how well the last value of a table is the first
-MOST = 32
+MOST = 24
 """Harmonics of a table that models take at most."""
 
 
@@ -54,8 +54,8 @@ class Table:
     (150000000.0, 0.6366)
     """
 
-    phase: Array
-    value: Array
+    phase: Any
+    value: Any
 
     def __post_init__(self) -> None:
         for name in ("phase", "value"):
@@ -193,7 +193,7 @@ def _joined(a: Array, b: Array) -> Array:
 
 def _at(table: Table, x: Array) -> Array:
     """Values at phases of which one that is there twice is a jump."""
-    out = np.interp(x, table.phase, table.value)
+    out: Array = np.interp(x, table.phase, table.value)
     for i in range(len(x)):
         twice = np.flatnonzero(table.phase == x[i])
         if len(twice) == 2:

@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import acos, cos, degrees, hypot, pi, sin, sqrt, tan
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from hbgear.common.arguments import check
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
@@ -63,7 +63,7 @@ class GearPair:
     pinion: Gear
     wheel: Gear
     backlash: MeasuredOrNone = MeasuredOrNone("m", NOT_NEGATIVE)
-    backlash_measure: Literal["circumferential", "normal", "action"] = "circumferential"
+    backlash_measure: str = "circumferential"
     center_distance: MeasuredOrNone = MeasuredOrNone("m", POSITIVE, Range(1e-4, 50))
     pitch_error: Measured = Measured("m", Range(), Range(-1e-3, 1e-3), 0.0)
 
@@ -247,7 +247,7 @@ class GearPair:
             raise ValueError(
                 f"GearPair: a {p.hand} pinion of {degrees(p.helix_angle):g} deg and a {w.hand} wheel of "
                 f"{degrees(w.helix_angle):g} deg do not mesh: on parallel axes helices are equal and {rule}; give the "
-                f"wheel helix_angle = '{degrees(wanted):g} deg'"
+                f"wheel helix_angle = '{degrees(wanted) + 0.0:g} deg'"
             )
         if w.internal and w.teeth <= p.teeth:
             raise ValueError(f"GearPair: a ring of {w.teeth} teeth has no room for a pinion of {p.teeth}")
@@ -290,14 +290,14 @@ class GearPair:
                 if clearance < 0:
                     raise ValueError(
                         f"GearPair: the tips of the {gear.teeth} teeth reach {-clearance * mm:.3f} mm into the "
-                        f"roots of the other gear; give a smaller tip_diameter than {gear.tip_diameter_used * mm:.6g} mm, or a "
-                        f"larger centre distance than {self.working_center_distance * mm:.6g} mm"
+                        f"roots of the other gear; give a tip_diameter below {gear.tip_diameter_used * mm:.6g} mm, or "
+                        f"a larger centre distance than {self.working_center_distance * mm:.6g} mm"
                     )
         if self.contact_ratio + self.overlap_ratio < 1 or self.contact_ratio <= 0:
             raise ValueError(
                 f"GearPair: the contact ratio is {self.total_contact_ratio:.3f}; it must be at least 1, or no tooth "
-                "is in contact for a part of the time: give larger tip diameters, more teeth, a smaller centre distance or "
-                "pressure angle"
+                "is in contact for a part of the time: give larger tip diameters, more teeth, or a smaller centre "
+                "distance or pressure angle"
             )
         self._check_interference(begin, end)
 

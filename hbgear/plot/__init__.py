@@ -10,6 +10,7 @@ Examples
 """
 
 from hbgear.plot.curves import jump_map, response, responses, speed_axes
+from hbgear.plot.mesh import drive, mesh_cycles
 from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
 from hbgear.plot.simulation import (
     BASINS,
@@ -68,11 +69,13 @@ __all__ = [
     "against_parameters",
     "basins",
     "bifurcation",
+    "drive",
     "envelope",
     "figures",
     "jump_distribution",
     "jump_map",
     "legend_entry",
+    "mesh_cycles",
     "percentiles",
     "phase_diagram",
     "portrait",

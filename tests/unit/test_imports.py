@@ -156,6 +156,8 @@ FILES = {
         "archive": "",
         "forms": "archive",
         "npz": "archive forms",
+        "toml_file": "archive",
+        "machine_file": "toml_file",
         "tables": "npz",
     },
     "design": {
@@ -171,10 +173,11 @@ FILES = {
         "labels": "",
         "style": "",
         "curves": "style",
+        "mesh": "curves style",
         "motions": "style",
         "study": "style",
         "simulation": "curves style",
-        "__init__": "curves motions simulation study style",
+        "__init__": "curves mesh motions simulation study style",
     },
     "cli": {
         "__init__": "",
@@ -182,9 +185,10 @@ FILES = {
         "support": "complete",
         "files": "support",
         "design": "complete files support",
+        "gear": "files support",
         "study": "files support",
         "time": "files support",
-        "app": "complete design files study support time",
+        "app": "complete design files gear study support time",
     },
 }
 
@@ -194,7 +198,7 @@ ONLY_IN = {
     "pyfftw": {"mechanics.fourier"},
     "typer": {"cli"},
     "rich": {"cli"},
-    "pydantic": {"harmonic.catalogue", "design.study_file"},
+    "pydantic": {"harmonic.catalogue", "design.study_file", "io.machine_file"},
     "distributed": {"cli.study"},
     "numba": {"common.compiling", "mechanics.calling"},
     "platformdirs": {"common.compiling"},
