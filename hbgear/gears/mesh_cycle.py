@@ -50,7 +50,7 @@ class Table:
     --------
     >>> import hbgear as hb
     >>> square = hb.Table(phase=[0, 0.5, 0.5, 1], value=[2e8, 2e8, 1e8, 1e8])
-    >>> square.mean, round(abs(square.coefficients(1)[0]) / 1e8, 4)
+    >>> square.mean, round(float(abs(square.coefficients(1)[0])) / 1e8, 4)
     (150000000.0, 0.6366)
     """
 

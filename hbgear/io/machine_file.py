@@ -119,13 +119,14 @@ def _schema() -> Any:
     support = table("support", Support, ("stiffness",))
     supports = create_model("supports", __config__=strict, pinion=(support, ...), wheel=(support, ...))
     mesh = create_model("mesh", __config__=strict, stiffness=(str, ...), error=(str, None))
-    return create_model(
-        "machine", __config__=strict, torque=(str | float, ...), damping=(str | float, ...),
-        form=(_KINDS["form"], None),
-        pinion=(table("pinion", Gear, ("teeth", "module", "face_width")), ...),
-        wheel=(table("wheel", Gear, ("teeth",)), ...),
-        pair=(table("pair", GearPair, (), ("pinion", "wheel")), None), support=(supports, None), mesh=(mesh, None),
-    )  # fmt: skip
+    whole: dict[str, Any] = {
+        "torque": (str | float, ...), "damping": (str | float, ...), "form": (_KINDS["form"], None),
+        "pinion": (table("pinion", Gear, ("teeth", "module", "face_width")), ...),
+        "wheel": (table("wheel", Gear, ("teeth",)), ...),
+        "pair": (table("pair", GearPair, (), ("pinion", "wheel")), None),
+        "support": (supports, None), "mesh": (mesh, None),
+    }  # fmt: skip
+    return create_model("machine", __config__=strict, **whole)
 
 
 _KINDS: dict[str, Any] = {
