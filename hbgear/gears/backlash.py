@@ -14,6 +14,8 @@ from __future__ import annotations
 
 from math import cos
 
+from hbgear.common.messages import quoted
+
 MEASURES = ("circumferential", "normal", "action")
 """How a backlash may be given: j_wt, j_bn or j_bt."""
 
@@ -46,6 +48,6 @@ def converted(value: float, given: str, wanted: str, working_angle: float, base_
     """
     known = factors(working_angle, base_helix)
     for name in (given, wanted):
-        if name not in known:
-            raise ValueError(f"backlash is measured as {', '.join(MEASURES)}; got {name!r}")
+        if not isinstance(name, str) or name not in known:
+            raise ValueError(f"backlash is measured as {', '.join(MEASURES)}; got {quoted(name)}")
     return value * known[wanted] / known[given]

@@ -11,6 +11,8 @@ from __future__ import annotations
 from math import degrees, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from hbgear.common.arguments import check
+from hbgear.common.messages import quoted
 from hbgear.common.ranges import NOT_NEGATIVE, Range
 from hbgear.common.units import Measured, si
 from hbgear.gears.helical import HelicalPair
@@ -70,10 +72,11 @@ def model_of(
     ValueError
         If the form or a quantity is none, supports are missing, or there is no backlash.
     """
-    if form not in FORMS:
-        raise ValueError(f"GearPair.model: form = {form!r} must be one of {', '.join(FORMS)}")
+    if not isinstance(form, str) or form not in FORMS:
+        raise ValueError(f"GearPair.model: form = {quoted(form)} must be one of {', '.join(FORMS)}")
     torque = si("GearPair.model", "torque", torque, "N m")
     zeta = DAMPING.read("GearPair.model", damping)
+    check("GearPair.model", "cycle", cycle, MeshCycle | None)
     mesh = _mesh(pair, pair.mesh(torque) if cycle is None else cycle, pair.transverse_force(torque))
     if form == "torsion":
         if supports is not None:

@@ -40,8 +40,8 @@ class Gear:
     tip_diameter : d_a [m]; from addendum and profile shift by default.
     body_diameter : bore of an external gear, outside of a ring [m]; 0 for solid (a ring: root circle and 6 modules).
     tip_relief : material taken off at the tip, along the normal in the transverse plane [m].
-    tip_relief_length : over which the relief runs out, along the line of action [m]; by default to the highest point of
-        contact of a single pair of teeth.
+    tip_relief_length : over which the relief runs out, along the line of action [m]; by default to where fewer pairs
+        are in contact: of usual gears, the highest point of single contact.
     crowning : material taken off at both ends of the face width, a parabola between [m].
     mass : [kg]; of a cylinder of the diameter between root and tip, by default.
     inertia : polar moment of inertia [kg m^2]; of the same cylinder.

@@ -31,6 +31,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.common.messages import quoted
 from hbgear.common.ranges import counted
 from hbgear.common.units import si
 from hbgear.gears.gear import Gear
@@ -81,8 +82,8 @@ def loaded_mesh(
     torque = si("GearPair.mesh", "torque", torque, "N m")
     if torque <= 0:
         raise ValueError(f"GearPair.mesh: torque = {torque:g} N m must be positive: the mesh is computed under load")
-    if linearized not in ("secant", "tangent"):
-        raise ValueError(f"GearPair.mesh: linearized = {linearized!r} must be 'secant' or 'tangent'")
+    if not isinstance(linearized, str) or linearized not in ("secant", "tangent"):
+        raise ValueError(f"GearPair.mesh: linearized = {quoted(linearized)} must be 'secant' or 'tangent'")
     counted("GearPair.mesh: phases", phases, 100_000, least=8)
     crowned = pair.pinion.crowning > 0 or pair.wheel.crowning > 0
     if slices is None:
@@ -154,10 +155,10 @@ def _gaps(pair: GearPair, s: Array, across: Array) -> Array:
 
 
 def relief_length(pair: GearPair, gear: Gear) -> float:
-    """Length of the tip relief along the line of action [m]; by default to the highest point of single contact."""
+    """Length of the tip relief along the line of action [m]; by default to where the fewest pairs begin."""
     if gear.tip_relief_length is not None:
         return gear.tip_relief_length
-    return max(pair.contact_ratio - 1, 0.1) * pair.base_pitch
+    return max(pair.contact_ratio % 1.0, 0.1) * pair.base_pitch
 
 
 def _balanced(pair: GearPair, c: _Contacts, force: float) -> tuple[Array, Array]:

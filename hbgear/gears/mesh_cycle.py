@@ -16,13 +16,16 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbgear.common.arguments import check_fields, checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import quoted
+from hbgear.common.ranges import NOT_NEGATIVE, checked
 from hbgear.common.replacing import checked_suffix, replacing
 from hbgear.common.units import si
 from hbgear.mechanics.fourier import real_numbers
@@ -154,6 +157,9 @@ class MeshCycle:
     force: float | None = None
 
     def __post_init__(self) -> None:
+        check_fields(self)
+        if self.force is not None:
+            checked("MeshCycle", "force", self.force, NOT_NEGATIVE)
         least = float(self.stiffness.value.min())
         if least <= 0:
             where = float(self.stiffness.phase[np.argmin(self.stiffness.value)])
@@ -202,6 +208,7 @@ def _at(table: Table, x: Array) -> Array:
     return out
 
 
+@checked_arguments()
 def read_table(path: str | os.PathLike[str], column: int = 1, unit: str = "N/m") -> Table:
     """A function over a mesh cycle from a .csv file of phases and values, measured or computed by other programs.
 
@@ -227,8 +234,12 @@ def read_table(path: str | os.PathLike[str], column: int = 1, unit: str = "N/m")
     >>> hb.GearPair(pinion, wheel).mesh("200 N m").export("mesh.csv")  # doctest: +SKIP
     >>> stiffness = hb.read_table("mesh.csv")  # doctest: +SKIP
     """
-    with open(path, encoding="utf-8-sig", newline="") as handle:
-        lines = [line for line in handle if line.strip() and not line.lstrip().startswith("#")]
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is no text (UTF-8)"
+        raise ValueError(f"'{path}' cannot be read as a table of a mesh cycle: {reason.lower()}") from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
         raise ValueError(
             f"{path}: it is empty; need a line such as 'phase [cycle], stiffness [N/m]' and rows of numbers"

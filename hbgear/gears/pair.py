@@ -20,6 +20,7 @@ from math import acos, cos, degrees, hypot, pi, sin, sqrt, tan
 from typing import TYPE_CHECKING, Any
 
 from hbgear.common.arguments import check
+from hbgear.common.messages import quoted
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.common.units import Measured, MeasuredOrNone, si
 from hbgear.gears.backlash import MEASURES, converted
@@ -70,8 +71,8 @@ class GearPair:
     def __post_init__(self) -> None:
         for name in ("pinion", "wheel"):
             check("GearPair", name, getattr(self, name), Gear)
-        if self.backlash_measure not in MEASURES:
-            raise ValueError(f"GearPair: backlash_measure = {self.backlash_measure!r} must be one of "
+        if not isinstance(self.backlash_measure, str) or self.backlash_measure not in MEASURES:
+            raise ValueError(f"GearPair: backlash_measure = {quoted(self.backlash_measure)} must be one of "
                              f"{', '.join(MEASURES)}")  # fmt: skip
         self._check_fit()
         self._check_distance()

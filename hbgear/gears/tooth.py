@@ -114,7 +114,7 @@ class Tooth:
         x, y = self.x[None, :], self.y[None, :]
         arm = (x_F[:, None] - x) * c - y_F[:, None] * s
         density = arm**2 / (g.E * (2 * y) ** 3 / 12) + 1.2 * c**2 / (G * 2 * y) + s**2 / (g.E * 2 * y)
-        step = np.diff(x, axis=1)
+        step = np.maximum(np.diff(x, axis=1), 1e-12 * g.module)  # a sharp rack leaves a fillet of one point
         below = np.clip((x_F[:, None] - x[:, :-1]) / step, 0.0, 1.0)  # part of each interval below the force
         total: Array = np.sum((density[:, 1:] + density[:, :-1]) / 2 * step * below, axis=1)
         return total

@@ -210,6 +210,23 @@ def test_tables_that_are_none(tmp_path, text, said):
         hb.read_table(path)
 
 
+def test_a_table_that_is_not_there(tmp_path):
+    with pytest.raises(ValueError, match=r"none.csv' cannot be read as a table of a mesh cycle: no such file"):
+        hb.read_table(tmp_path / "none.csv")
+    (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ValueError, match="it is no text"):
+        hb.read_table(tmp_path / "b.csv")
+
+
+@pytest.mark.parametrize("fields", [{"stiffness": 1e8}, {"error": 0.0}, {"force": "much"}, {"force": -1.0}])
+def test_what_is_no_mesh_cycle(fields):
+    good = {"stiffness": hb.Table([0, 1], [1e8, 1e8]), "error": hb.Table([0, 1], [0, 0])}
+    with pytest.raises((ValueError, TypeError), match="MeshCycle"):
+        hb.MeshCycle(**{**good, **fields})
+    with pytest.raises((ValueError, TypeError), match="cycle"):
+        drawing().model(TORQUE, 0.04, cycle=1e8)
+
+
 def test_stiffness_must_be_positive():
     with pytest.raises(ValueError, match=r"-1e\+08 N/m at 0.5 of the cycle; it must be positive"):
         hb.MeshCycle(hb.Table([0, 0.5, 1], [1e8, -1e8, 1e8]), hb.Table([0, 1], [0, 0]))
