@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 import hbgear as hb
 from hbgear.gears.iso_stiffness import iso_stiffness
+from hbgear.gears.loaded_mesh import relief_length
 from hbgear.gears.tooth import Tooth
 
 STANDARD = [(25, 40, 3, 0, 0), (20, 20, 3, 0.3, 0.3), (20, 60, 4, 0.2, 0), (50, 50, 3, 0, 0), (30, 90, 5, 0, 0),
@@ -176,6 +177,66 @@ def test_slices_of_a_helical_pair_converge_and_a_spur_pair_is_one_slice():
     np.testing.assert_allclose(
         spur.mesh(200.0, slices=1).stiffness.value, spur.mesh(200.0, slices=7).stiffness.value, rtol=1e-9
     )
+
+
+@pytest.mark.parametrize("beta", [5, 10, 15, 20, 25])
+def test_helical_within_ten_percent_of_iso(beta):
+    """From 0.95 to 0.91 of it as the helix rises: slices do not hold each other, which real teeth do."""
+    helical = hb.GearPair(*(hb.Gear(z, "3 mm", "20 mm", helix_angle=radians(h), profile_shift=x)
+                            for z, h, x in ((25, beta, 0.2), (75, -beta, 0.0))))  # fmt: skip
+    mean = helical.mesh(LOAD * 0.02 * helical.base_radii[0]).stiffness.mean / 0.02
+    assert mean == pytest.approx(iso_stiffness(helical).mesh, rel=0.1)
+
+
+def test_a_helix_of_nothing_is_a_spur_gear():
+    """In the limit; and with a whole overlap ratio the stiffness does not vary."""
+    spur = pair(25, 40, 3).mesh(200.0).stiffness
+    almost = hb.GearPair(*(hb.Gear(z, "3 mm", "20 mm", helix_angle=radians(h)) for z, h in ((25, 0.05), (40, -0.05))))
+    assert almost.mesh(200.0).stiffness.mean == pytest.approx(spur.mean, rel=1e-3)
+    beta, width = radians(15), 3e-3 * pi / np.sin(radians(15))
+    whole = hb.GearPair(*(hb.Gear(z, "3 mm", width, helix_angle=h) for z, h in ((25, beta), (40, -beta))))
+    assert whole.overlap_ratio == pytest.approx(1.0, rel=1e-12)
+    varied = whole.mesh(200.0 * width / 0.02).stiffness
+    assert varied.range < 0.05 * varied.mean and spur.range > 0.4 * spur.mean
+
+
+def test_helical_pair_of_whole_overlap_against_its_integral():
+    """Contact lines then lie over the whole path at all times: F = b eps_alpha <F'(s)>, where F' per length of contact
+    presses the normal sections together by delta cos(beta_b)."""
+    beta = radians(20)
+    width = 3e-3 * pi / np.sin(beta)
+    p = hb.GearPair(*(hb.Gear(z, "3 mm", width, helix_angle=h) for z, h in ((25, beta), (40, -beta))))
+    helix, F = cos(p.pinion.base_helix_angle), 3e5 * width
+    places = np.linspace(*p.path, 201)
+    teeth, soft = (Tooth(p.pinion), Tooth(p.wheel)), [(1 - 0.09) / 206e9] * 2
+    bodies, depths = [], []
+    for g, tooth, way in zip((p.pinion, p.wheel), teeth, (places, p.tangent_length - places), strict=True):
+        body, deep = tooth.compliance(np.hypot(way, g.base_diameter / 2) - g.reference_diameter / 2)
+        bodies.append(body)
+        depths.append(deep)
+    rho = places * (p.tangent_length - places) / p.tangent_length / helix
+
+    def pressed(load):
+        a = np.sqrt(4 / pi * load * rho * sum(soft))
+        contact = sum(2 / pi * e * (np.log(2 * deep / a) - 0.3 / 1.4) for e, deep in zip(soft, depths, strict=True))
+        return load * (sum(bodies) + contact)
+
+    def force(delta):
+        low, high = np.full(201, 1.0), np.full(201, 1e8)
+        for _ in range(80):
+            middle = (low + high) / 2
+            above = pressed(middle) > delta * helix
+            low, high = np.where(above, low, middle), np.where(above, middle, high)
+        return width * p.contact_ratio * np.trapezoid(low, places) / (places[-1] - places[0])
+
+    delta = brentq(lambda d: force(d) - F, 1e-7, 1e-3)
+    assert p.mesh(F * p.base_radii[0], slices=192).stiffness.mean == pytest.approx(F / delta, rel=2e-3)
+
+
+def test_relief_ends_where_single_contact_begins():
+    gears = [hb.Gear(z, "3 mm", "20 mm", tip_relief="10 um") for z in (25, 40)]
+    p = hb.GearPair(*gears)
+    assert relief_length(p, p.pinion) == pytest.approx((p.contact_ratio - 1) * p.base_pitch, rel=1e-12)
 
 
 def test_more_load_is_stiffer_and_crowning_softer():
