@@ -76,7 +76,7 @@ class Table:
     @property
     def mean(self) -> float:
         """Mean over the cycle."""
-        return float(np.trapezoid(self.value, self.phase))
+        return float(np.sum(np.diff(self.phase) * (self.value[1:] + self.value[:-1])) / 2)
 
     @property
     def range(self) -> float:
