@@ -23,10 +23,22 @@ from hbgear.continuation.switching import switch
 from hbgear.continuation.tracer import trace
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.design.study import Cases, cases
-from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
+from hbgear.gears import (
+    DoubleHelicalPair,
+    Gear,
+    GearPair,
+    GearRotorBearing,
+    HelicalPair,
+    MeshCycle,
+    SpurPair,
+    Support,
+    Table,
+    read_table,
+)
 from hbgear.harmonic.answers import Answers, answers
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.critical import Critical, NoFold, critical
+from hbgear.harmonic.dynamic_factor import dynamic_factor
 from hbgear.harmonic.jump_map import JumpMap, jump_map
 from hbgear.harmonic.peaks import peaks
 from hbgear.harmonic.runs import Run, run
@@ -63,13 +75,17 @@ __all__ = [
     "Evaluation",
     "Event",
     "Fold",
+    "Gear",
+    "GearPair",
     "GearRotorBearing",
     "Grazing",
     "HarmonicBalance",
+    "HelicalPair",
     "Jump",
     "JumpMap",
     "Law",
     "Load",
+    "MeshCycle",
     "Model",
     "NoConvergence",
     "NoFold",
@@ -92,8 +108,10 @@ __all__ = [
     "Status",
     "StepControl",
     "Steps",
+    "Support",
     "Survey",
     "System",
+    "Table",
     "Unilateral",
     "Unlikely",
     "__version__",
@@ -101,6 +119,7 @@ __all__ = [
     "basins",
     "cases",
     "critical",
+    "dynamic_factor",
     "extend",
     "follow",
     "grid",
@@ -112,6 +131,7 @@ __all__ = [
     "monte_carlo",
     "peaks",
     "plot",
+    "read_table",
     "reduce",
     "run",
     "second_opinion",

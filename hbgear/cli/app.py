@@ -22,6 +22,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import design as cli_design
+from hbgear.cli import gear as cli_gear
 from hbgear.cli import study as cli_study
 from hbgear.cli import time as cli_time
 from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
@@ -119,7 +120,8 @@ def _run(args: list[str]) -> int:
             raise KeyboardInterrupt
         return code
     except (ValueError, KeyError, OSError, hb.NoConvergence) as error:
-        say("error", error.args[0] if isinstance(error, KeyError) else error)
+        for problem in getattr(error, "problems", [error.args[0] if isinstance(error, KeyError) else error]):
+            say("error", problem)
         return BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):  # where there was nothing to keep, or No was the answer
         say("error", "stopped before it was done")
@@ -139,6 +141,9 @@ cli_study.register(app)
 
 
 cli_time.register(app)
+
+
+cli_gear.register(app)
 
 
 # ---- commands

@@ -45,7 +45,8 @@ Model = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
-        help=f"One of: {', '.join(catalogue.MODELS)}; of your own FILE.py:NAME or MODULE:NAME, whose code is run.",
+        help=f"One of: {', '.join(catalogue.MODELS)}; a machine FILE.toml (see hbgear gear -o); "
+        "of your own FILE.py:NAME or MODULE:NAME, whose code is run.",
         autocompletion=cli_complete.models,
     ),
 ]
@@ -305,7 +306,8 @@ def start_of(text: str) -> tuple[hb.Branch, hb.Point]:
 
 def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] | None) -> hb.Model:
     """The model of a saved curve at one of its points, with the values of --set; it must be the one that is named."""
-    about, cls = branch.meta.get("model", {}), catalogue.class_of(name)
+    own = type(chosen_model(name, None)) if name.endswith(".toml") else catalogue.class_of(name)
+    about, cls = branch.meta.get("model", {}), own
     if catalogue.is_description(about) and about["class"] != cls.__name__:
         raise ValueError(f"the curve of --start is of {about['class']}; '{name}' is {cls.__name__}")
     model = catalogue.rebuild(about, cls)
@@ -329,7 +331,12 @@ def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
 
 
 def chosen_model(name: str, changes: list[str] | None) -> hb.Model:
-    """The model of MODEL with the values of --set."""
+    """The model of MODEL, by its name or of a machine's file, with the values of --set."""
+    if name.endswith(".toml"):
+        from hbgear.io.machine_file import read_machine
+
+        made_of_it = read_machine(name).model()
+        return made_of_it.replace(**fields_of(type(made_of_it), changes or []))
     cls = catalogue.class_of(name)
     fields = fields_of(cls, changes or [])
     missing = [field for field in required_of(cls) if field not in fields]

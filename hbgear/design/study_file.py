@@ -3,31 +3,23 @@
 from __future__ import annotations
 
 import os
-import tomllib
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from hbgear.common.messages import did_you_mean, quoted, shortened
+from hbgear.common.messages import shortened
 from hbgear.design.sampling import METHODS, Grid, Sample, distribution, grid
 from hbgear.design.study import KINDS, Work
 from hbgear.harmonic.catalogue import class_of
-from hbgear.io.archive import too_deep
+from hbgear.io.toml_file import Place, TomlFileError, located, parsed, told
 from hbgear.mechanics.fields import made, plain_kinds_of, required_of
 from hbgear.mechanics.model import Model
 
-Place = tuple[str | int, ...]
 
-
-class StudyFileError(ValueError):
+class StudyFileError(TomlFileError):
     """What is wrong with a study file, one text for each error."""
-
-    def __init__(self, problems: Sequence[str]) -> None:
-        super().__init__("; ".join(problems))
-        self.problems = tuple(problems)
 
 
 @dataclass(frozen=True)
@@ -47,35 +39,14 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     StudyFileError
         If it cannot be read, or a key, type or value is wrong.
     """
-    text, data = _parsed(path)
+    text, data = parsed(path, "a study", StudyFileError)
     problems, checked = _checked(data)
     if not problems:
         try:
             return _study(checked)
         except _Wrong as wrong:
             problems = [(wrong.place, str(wrong))]
-    where = lines_of(text)
-    lines = sorted((line_of(where, place), message) for place, message in problems)
-    raise StudyFileError([f"{path}, line {line}: {message}" for line, message in lines])
-
-
-def _parsed(path: str | os.PathLike[str]) -> tuple[str, dict[str, Any]]:
-    """Text of the file, and what TOML reads in it."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-        data = tomllib.loads(text)
-        if not too_deep(data):
-            return text, data
-        reason = "a value in it is nested too deeply"
-    except OSError as error:
-        reason = str(error.strerror)
-    except UnicodeDecodeError:
-        reason = "it is no text (UTF-8)"
-    except tomllib.TOMLDecodeError as error:
-        reason = shortened(str(error), 200).replace("at end of document", f"at the end, line {len(text.splitlines())}")
-    except RecursionError:
-        reason = "a value in it is nested too deeply"
-    raise StudyFileError([f"'{path}' cannot be read as a study: {reason}"])
+    raise StudyFileError(located(path, text, problems))
 
 
 class _Wrong(Exception):
@@ -92,59 +63,6 @@ def _within(table: str) -> Iterator[None]:
         yield
     except (ValueError, KeyError) as error:
         raise _Wrong(table, error) from None
-
-
-def lines_of(text: str) -> dict[Place, int]:
-    """Line at which the statement begins that brings each key into a TOML text.
-
-    Statements are parsed one by one: a table header, or a key with its value, which may go over several lines.
-    """
-    found: dict[Place, int] = {}
-    header: Place = ()
-    start, statement = 1, ""
-    for n, line in enumerate(text.splitlines(), 1):
-        start, statement = (start, f"{statement}\n{line}") if statement else (n, line)
-        if start != n and not any(end in line for end in ("]", "}", '"""', "'''")):
-            continue  # within a value of several lines, which ends with one of these
-        try:
-            data = tomllib.loads(statement)
-        except tomllib.TOMLDecodeError:
-            continue
-        places = list(_places(data))
-        if statement.lstrip().startswith("["):
-            header = _numbered(places[-1], found)
-            places = [header[:k] for k in range(1, len(header) + 1)]
-        else:
-            places = [(*header, *place) for place in places]
-        for place in places:
-            found.setdefault(place, start)
-        statement = ""
-    return found
-
-
-def _places(data: Any) -> Iterator[Place]:
-    """Where keys and entries of lists are, from the outside in."""
-    pairs = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
-    for key, value in pairs:
-        yield (key,)
-        yield from ((key, *place) for place in _places(value))
-
-
-def _numbered(header: Place, found: dict[Place, int]) -> Place:
-    """The header; of an array of tables, ``[[x]]``, with the number of this one."""
-    if not isinstance(header[-1], int):
-        return header
-    number = 0
-    while (*header[:-1], number) in found:
-        number += 1
-    return (*header[:-1], number)
-
-
-def line_of(lines: Mapping[Place, int], place: Place) -> int:
-    """Line of a key, or of the table it is missing in; 1 if it is nowhere."""
-    while place and place not in lines:
-        place = place[:-1]
-    return lines.get(place, 1)
 
 
 def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
@@ -174,24 +92,8 @@ def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
     try:
         checked = schema.model_validate(data)
     except pydantic.ValidationError as error:
-        problems += [_told(schema, each) for each in error.errors()]
+        problems += [told(schema, each) for each in error.errors()]
     return problems, checked
-
-
-def _told(schema: Any, error: Any) -> tuple[Place, str]:
-    """Place and text of an error of pydantic."""
-    place: Place = tuple(error["loc"])
-    name = ".".join(map(str, place))
-    if error["type"] == "extra_forbidden":
-        for key in place[:-1]:
-            schema = schema.model_fields[key].annotation
-        return place, f"unknown key '{shortened(name)}'{did_you_mean(str(place[-1]), schema.model_fields)}"
-    if error["type"] == "missing":
-        return place, f"'{shortened(name)}' is missing"
-    return (
-        place,
-        f"{shortened(name)} = {quoted(error['input'])}: {shortened(error['msg'].removeprefix('Value error, '), 300)}",
-    )
 
 
 def _schema(cls: type[Model] | None) -> Any:

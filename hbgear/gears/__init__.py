@@ -1,7 +1,23 @@
 """Gear drives: geometry, mesh excitation and ready-made models."""
 
 from hbgear.gears.double_helical import DoubleHelicalPair
+from hbgear.gears.gear import Gear
+from hbgear.gears.helical import HelicalPair
+from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
+from hbgear.gears.pair import GearPair
 from hbgear.gears.rotor_bearing import GearRotorBearing
 from hbgear.gears.spur import SpurPair
+from hbgear.gears.support import Support
 
-__all__ = ["DoubleHelicalPair", "GearRotorBearing", "SpurPair"]
+__all__ = [
+    "DoubleHelicalPair",
+    "Gear",
+    "GearPair",
+    "GearRotorBearing",
+    "HelicalPair",
+    "MeshCycle",
+    "SpurPair",
+    "Support",
+    "Table",
+    "read_table",
+]

@@ -33,7 +33,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, pi, radians, sin, sqrt
-from typing import ClassVar, Literal, TypeVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -53,6 +53,7 @@ from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.laws import Backlash
 from hbgear.mechanics.model import Element, Load, Model, System
 from hbgear.mechanics.periodic import Phased
+from hbgear.mechanics.scales import Numbers, Scales
 
 NODES = ("pL", "gL", "pR", "gR")
 
@@ -61,9 +62,6 @@ AXES = ("x", "y", "z", "theta_x", "theta_y", "theta")
 
 
 ROTATIONS = slice(3, 6)
-
-
-Numbers = TypeVar("Numbers", float, Array)
 
 
 _SIZES = ("outer_p", "outer_g", "module", "shaft_length", "face_width")
@@ -349,22 +347,26 @@ class DoubleHelicalPair(Model):
     @checked_arguments()
     def mesh_frequency(self, Omega: Numbers) -> Numbers:
         """Mesh frequency Omega omega_n / (2 pi) [Hz]."""
-        return _times(Omega, self.omega_n / (2 * pi))
+        return self.scales.mesh_frequency(Omega)
 
     @checked_arguments()
     def from_mesh_frequency(self, frequency: Numbers) -> Numbers:
         """Omega at a mesh frequency [Hz]."""
-        return _times(frequency, 2 * pi / self.omega_n)
+        return self.scales.from_mesh_frequency(frequency)
 
     @checked_arguments()
     def pinion_speed(self, Omega: Numbers) -> Numbers:
         """Pinion speed 60 mesh_frequency / teeth_p [r/min]."""
-        return _times(self.mesh_frequency(Omega), 60 / self.teeth_p)
+        return self.scales.pinion_speed(Omega)
 
     @checked_arguments()
     def from_pinion_speed(self, speed: Numbers) -> Numbers:
         """Omega at a pinion speed [r/min]."""
-        return self.from_mesh_frequency(_times(speed, self.teeth_p / 60))
+        return self.scales.from_pinion_speed(speed)
+
+    @property
+    def scales(self) -> Scales:
+        return Scales(self.omega_n, self.b_c, self.k_mean * self.b_c, self.teeth_p)
 
     @property
     def units(self) -> Array:
@@ -464,9 +466,3 @@ class DoubleHelicalPair(Model):
             load=Load(constant=S * self.torques() / (self.k_mean * self.b_c)),
             dof_names=[f"{axis}_{node}" for node in NODES for axis in AXES],
         )
-
-
-def _times(values: Numbers, factor: float) -> Numbers:
-    """Values times a factor, those of a list too."""
-    product: Numbers = np.multiply(values, factor)
-    return product

@@ -1,9 +1,38 @@
-"""Geometry of helical gears and stiffness of the shafts that carry them. Angles in radians, lengths in metres."""
+"""Geometry of helical gears and stiffness of the shafts that carry them. Angles in radians, lengths in metres.
+
+inv(alpha) = tan(alpha) - alpha
+"""
 
 from __future__ import annotations
 
 from math import asin, atan, cos, pi, sin, tan
 from typing import NamedTuple
+
+
+def involute(alpha: float) -> float:
+    """Involute function inv(alpha) = tan(alpha) - alpha."""
+    return tan(alpha) - alpha
+
+
+def inverse_involute(value: float) -> float:
+    """The angle [rad] from 0 to pi/2 of an involute function.
+
+    Newton's method from above, where the function is convex: it converges to rounding from any value.
+
+    Raises
+    ------
+    ValueError
+        If the value is negative: there is no such angle.
+    """
+    if value < 0:
+        raise ValueError(f"no pressure angle has the involute function {value:g}, which must not be negative")
+    alpha: float = min((3 * value) ** (1 / 3), pi / 2 - 1 / (value + 2))  # both lie above the root
+    for _ in range(60):
+        step = (involute(alpha) - value) / max(tan(alpha) ** 2, 1e-300)
+        if not step > 1e-16 * alpha:  # as far as rounding lets it
+            break
+        alpha -= step
+    return alpha
 
 
 def transverse_pressure_angle(alpha_n: float, beta: float) -> float:

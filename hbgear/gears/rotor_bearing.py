@@ -13,10 +13,11 @@ from typing import ClassVar, Literal
 
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.gears.given import checked_given, stiffness_of
-from hbgear.gears.spur import amplitudes, checked_phase, mesh_stiffness, transmission_error
+from hbgear.gears.spur import amplitudes, checked_lags, checked_phase, mesh_stiffness, scales_of, transmission_error
 from hbgear.mechanics.laws import Backlash
 from hbgear.mechanics.model import Element, Load, Model, System
 from hbgear.mechanics.periodic import Phased
+from hbgear.mechanics.scales import Scales
 
 _POSITIVE = ("mu_1", "mu_2", "kappa_1", "kappa_2")
 
@@ -71,6 +72,7 @@ class GearRotorBearing(Model):
     eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
     stiffness : k(tau) over k_mean in place of eps: a `Series` or a `Periodic`, as `Periodic.rectangular`.
     error : e(tau) over b_c in place of e: a `Series` or a `Periodic` without jumps, as `Periodic.table`.
+    eps_lag, e_lag, reference : as of `SpurPair`.
 
     Raises
     ------
@@ -111,6 +113,9 @@ class GearRotorBearing(Model):
     e_scale: float = 1.0
     stiffness: Phased | None = None
     error: Phased | None = None
+    eps_lag: tuple[float, ...] = ()
+    e_lag: tuple[float, ...] = ()
+    reference: tuple[float, ...] = ()
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -149,19 +154,27 @@ class GearRotorBearing(Model):
         checked_phase("GearRotorBearing", self.phase)
         for name in ("eps", "e"):
             object.__setattr__(self, name, amplitudes("GearRotorBearing", name, getattr(self, name)))
+            lag = checked_lags("GearRotorBearing", name, getattr(self, name), getattr(self, f"{name}_lag"))
+            object.__setattr__(self, f"{name}_lag", lag)
         checked_given("GearRotorBearing", self.stiffness, self.eps)
+        object.__setattr__(self, "reference", amplitudes("GearRotorBearing", "reference", self.reference))
+        scales_of("GearRotorBearing", self.reference)
+
+    @property
+    def scales(self) -> Scales | None:
+        return scales_of("GearRotorBearing", self.reference)
 
     @property
     def mesh_stiffness(self) -> Phased:
         """k(tau)."""
-        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale))
+        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale, self.eps_lag))
 
     @property
     def transmission_error(self) -> Phased:
         """e(tau)."""
         if self.error is not None:
             return self.error.scaled(self.e_scale)
-        return transmission_error(self.e, self.phase, self.e_scale)
+        return transmission_error(self.e, self.phase, self.e_scale, self.e_lag)
 
     def system(self) -> System:
         """Coordinates y_1, y_2, x; elements "gap" (the mesh), "bearing 1" and "bearing 2"."""

@@ -7,8 +7,10 @@ Kahraman & Singh (1990), J. Sound Vib. 142(1), 49-75, https://doi.org/10.1016/00
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from math import pi
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -19,6 +21,7 @@ from hbgear.mechanics.fourier import MOST_HARMONICS, Series
 from hbgear.mechanics.laws import Backlash
 from hbgear.mechanics.model import Element, Load, Model, System
 from hbgear.mechanics.periodic import Phased
+from hbgear.mechanics.scales import Scales
 
 
 def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
@@ -47,31 +50,82 @@ def checked_phase(owner: str, phase: str) -> None:
         raise ValueError(f"{owner}: phase = {phase!r} must be 'cos' or 'sin'")
 
 
-def transmission_error(e: tuple[float, ...], phase: str, scale: float = 1.0) -> Series:
+def lagging(values: tuple[float, ...], lag: tuple[float, ...]) -> Series:
+    """A sum of cosines, each with a lag of its own.
+
+        sum_l values[l-1] cos(l tau - lag[l-1])
+
+    Parameters
+    ----------
+    values : (L,) amplitudes, entry 0 for l = 1.
+    lag : (L,) phases [rad]; () for none.
+    """
+    if not lag:
+        return Series(cosine=values)
+    c = np.asarray(values) * np.exp(1j * np.asarray(lag))
+    return Series(cosine=tuple(c.real), sine=tuple(c.imag))
+
+
+def checked_lags(owner: str, name: str, values: tuple[float, ...], lag: Any) -> tuple[float, ...]:
+    """Lags as a tuple of floats, as many as amplitudes or none.
+
+    Raises
+    ------
+    ValueError
+        If they are others.
+    """
+    out = amplitudes(owner, f"{name}_lag", lag)
+    if out and len(out) != len(values):
+        raise ValueError(f"{owner}: {name}_lag has {len(out)} entries and {name} has {len(values)}: give one lag for "
+                         "each amplitude, or () for none")  # fmt: skip
+    return out
+
+
+def transmission_error(e: tuple[float, ...], phase: str, scale: float = 1.0, lag: tuple[float, ...] = ()) -> Series:
     """Transmission error.
 
-        e(tau) = scale sum_l e[l-1] cos(l tau), or sin(l tau)
+        e(tau) = scale sum_l e[l-1] cos(l tau - lag[l-1]), or sin
 
     Parameters
     ----------
     e : (L,) amplitudes, entry 0 for l = 1.
     phase : "cos" or "sin".
     scale : factor of all of them.
+    lag : (L,) phases [rad]; () for none.
     """
-    return (Series(cosine=e) if phase == "cos" else Series(sine=e)).scaled(scale)
+    if phase == "cos" or not lag:
+        return (lagging(e, lag) if phase == "cos" else Series(sine=e)).scaled(scale)
+    return lagging(e, tuple(x + pi / 2 for x in lag)).scaled(scale)
 
 
-def mesh_stiffness(eps: tuple[float, ...], scale: float = 1.0) -> Series:
+def mesh_stiffness(eps: tuple[float, ...], scale: float = 1.0, lag: tuple[float, ...] = ()) -> Series:
     """Mesh stiffness over its mean.
 
-        k(tau) = 1 - scale sum_l eps[l-1] cos(l tau)
+        k(tau) = 1 - scale sum_l eps[l-1] cos(l tau - lag[l-1])
 
     Parameters
     ----------
     eps : (L,) amplitudes, entry 0 for l = 1.
     scale : factor of all of them.
+    lag : (L,) phases [rad]; () for none.
     """
-    return Series(mean=1.0, cosine=tuple(-scale * amplitude for amplitude in eps))
+    return dataclasses.replace(lagging(tuple(-scale * amplitude for amplitude in eps), lag), mean=1.0)
+
+
+def scales_of(owner: str, reference: tuple[float, ...]) -> Scales | None:
+    """`Scales` of a field ``reference``: (omega_n [rad/s], b_c [m], k_mean b_c [N], teeth of the pinion), or ().
+
+    Raises
+    ------
+    ValueError
+        If they are neither none nor four positive numbers.
+    """
+    if not reference:
+        return None
+    if len(reference) != 4 or not all(x > 0 for x in reference):
+        raise ValueError(f"{owner}: reference = {reference!r} must be omega_n [rad/s], b_c [m], k_mean b_c [N] and the "
+                         "number of teeth of the pinion, all positive; or ()")  # fmt: skip
+    return Scales(*reference)
 
 
 @dataclass(frozen=True)
@@ -109,6 +163,9 @@ class SpurPair(Model):
     eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
     stiffness : k(tau) over k_mean in place of eps: a `Series` or a `Periodic`, as `Periodic.rectangular`.
     error : e(tau) over b_c in place of e: a `Series` or a `Periodic` without jumps, as `Periodic.table`.
+    eps_lag, e_lag : (L,) phases by which each harmonic lags, cos(l tau - lag_l) [rad]; () for none.
+    reference : (omega_n [rad/s], b_c [m], k_mean b_c [N], teeth of the pinion), by which the pair knows Hz, r/min, um
+        and N (`scales`); () if they are unknown. `GearPair.model` fills it in.
 
     Raises
     ------
@@ -140,6 +197,9 @@ class SpurPair(Model):
     e_scale: float = 1.0
     stiffness: Phased | None = None
     error: Phased | None = None
+    eps_lag: tuple[float, ...] = ()
+    e_lag: tuple[float, ...] = ()
+    reference: tuple[float, ...] = ()
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -161,19 +221,27 @@ class SpurPair(Model):
         checked_phase("SpurPair", self.phase)
         for name in ("eps", "e"):
             object.__setattr__(self, name, amplitudes("SpurPair", name, getattr(self, name)))
+            lag = checked_lags("SpurPair", name, getattr(self, name), getattr(self, f"{name}_lag"))
+            object.__setattr__(self, f"{name}_lag", lag)
         checked_given("SpurPair", self.stiffness, self.eps)
+        object.__setattr__(self, "reference", amplitudes("SpurPair", "reference", self.reference))
+        scales_of("SpurPair", self.reference)
+
+    @property
+    def scales(self) -> Scales | None:
+        return scales_of("SpurPair", self.reference)
 
     @property
     def mesh_stiffness(self) -> Phased:
         """k(tau)."""
-        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale))
+        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale, self.eps_lag))
 
     @property
     def transmission_error(self) -> Phased:
         """e(tau)."""
         if self.error is not None:
             return self.error.scaled(self.e_scale)
-        return transmission_error(self.e, self.phase, self.e_scale)
+        return transmission_error(self.e, self.phase, self.e_scale, self.e_lag)
 
     def system(self) -> System:
         """One coordinate q = x + e(tau) on no other spring than the mesh."""

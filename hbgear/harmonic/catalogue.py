@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hbgear.common.messages import did_you_mean
-from hbgear.gears import DoubleHelicalPair, GearRotorBearing, SpurPair
+from hbgear.gears import DoubleHelicalPair, GearRotorBearing, HelicalPair, SpurPair
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.mechanics.fields import check_names, made, plain_kinds_of
 from hbgear.mechanics.model import Model
@@ -18,6 +18,7 @@ MODELS: dict[str, type[Model]] = {
     "duffing": Duffing,
     "spur-pair": SpurPair,
     "gear-rotor-bearing": GearRotorBearing,
+    "helical-pair": HelicalPair,
     "double-helical": DoubleHelicalPair,
 }
 

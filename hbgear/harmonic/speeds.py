@@ -2,7 +2,8 @@
 
     f_mesh = Omega model.mesh_frequency(1) [Hz],   n = Omega model.pinion_speed(1) [r/min]
 
-Any model with the methods ``mesh_frequency`` and ``pinion_speed``, both proportional to Omega, is understood.
+Any model with `Model.scales`, or with methods ``mesh_frequency`` and ``pinion_speed`` of its own, both proportional to
+Omega, is understood.
 """
 
 from __future__ import annotations
@@ -33,9 +34,10 @@ def model_of(branch: Branch) -> Model | None:
 def scales(model: Model | None, parameters: Mapping[str, float]) -> dict[str, float]:
     """Hz and r/min at Omega = 1 with these values of the parameters; nothing if the model does not know its units."""
     known: Any = model
-    if not (hasattr(known, "mesh_frequency") and hasattr(known, "pinion_speed")):
+    if not getattr(known, "scales", None) and not (hasattr(known, "mesh_frequency") and hasattr(known, "pinion_speed")):
         return {}
     known = known.replace(**{name: value for name, value in parameters.items() if name in known.parameters})
+    known = getattr(known, "scales", None) or known
     return {MESH: float(known.mesh_frequency(1.0)), PINION: float(known.pinion_speed(1.0))}
 
 

@@ -31,6 +31,7 @@ from hbgear.mechanics.fields import check_names, parameters_of
 from hbgear.mechanics.fourier import MOST_HARMONICS, Series, is_listed, real_numbers
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.periodic import Periodic, Phased, described
+from hbgear.mechanics.scales import Scales
 
 Matrix: TypeAlias = Any
 
@@ -90,6 +91,11 @@ class Model(ABC):
     @abstractmethod
     def system(self) -> System:
         """The equations of motion this model stands for."""
+
+    @property
+    def scales(self) -> Scales | None:
+        """Hz, r/min, m and N of a dimensionless model that knows its machine; None of any other."""
+        return None
 
     @property
     def parameters(self) -> dict[str, float]:

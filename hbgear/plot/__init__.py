@@ -10,6 +10,7 @@ Examples
 """
 
 from hbgear.plot.curves import jump_map, response, responses, speed_axes
+from hbgear.plot.mesh import drive, mesh_cycles
 from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
 from hbgear.plot.runs import RUNS, orders, runs, waterfall
 from hbgear.plot.simulation import (
@@ -70,11 +71,13 @@ __all__ = [
     "against_parameters",
     "basins",
     "bifurcation",
+    "drive",
     "envelope",
     "figures",
     "jump_distribution",
     "jump_map",
     "legend_entry",
+    "mesh_cycles",
     "orders",
     "percentiles",
     "phase_diagram",

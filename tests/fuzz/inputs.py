@@ -110,6 +110,20 @@ def _is(*values: Any) -> list[Callable[[], Any]]:
     return [lambda value=value: value for value in values]
 
 
+GEAR: Pool = {
+    "teeth": _is(25, 40), "module": _is("3 mm", 3e-3), "face_width": _is("20 mm", 0.02),
+    "pressure_angle": _is("20 deg"),
+    "helix_angle": _is("10 deg", 0.0, -0.2), "profile_shift": _is(0.2, "0.1"), "internal": _is(False),
+    "tip_relief": _is("10 um", 0.0), "E": _is("206 GPa"), "density": _is(7850.0),
+}  # fmt: skip
+
+
+@cache
+def drawing() -> hb.GearPair:
+    """A pair as drawn."""
+    return hb.GearPair(hb.Gear(25, 3e-3, 0.02), hb.Gear(40, 3e-3, 0.02), 8e-5)
+
+
 SYSTEM: Pool = {
     "M": [lambda: np.eye(2), lambda: [[1, 0], [0, 1]], lambda: sparse.eye_array(2)],
     "C": [lambda: 0.1 * np.eye(2), lambda: None], "K": [lambda: np.array([[2.0, -1.0], [-1.0, 2.0]])],
@@ -232,6 +246,51 @@ def targets() -> tuple[Target, ...]:
         Target("StepControl", hb.StepControl, {}, 2),
         Target("Settling", Settling, {}),
         *(Target(cls.__name__, cls, {}, 4, _traced) for cls in (hb.Duffing, hb.SpurPair, hb.GearRotorBearing)),
+        Target("HelicalPair", hb.HelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),
+        Target("Gear", hb.Gear, GEAR, 4, lambda gear: (gear.mass_used, gear.inertia_used, gear.form_diameter)),
+        Target("Support", hb.Support, {"stiffness": _is(3e8, "3e8 N/m"), "tilt": _is(None, 5e5)}, 2),
+        Target(
+            "GearPair",
+            hb.GearPair,
+            {
+                "pinion": [lambda: hb.Gear(25, 3e-3, 0.02)],
+                "wheel": [lambda: hb.Gear(40, 3e-3, 0.02)],
+                "backlash": _is("80 um", 8e-5, None),
+                "backlash_measure": _is("circumferential", "normal"),
+                "center_distance": _is(None, 0.098),
+                "pitch_error": _is(0.0, "3 um"),
+            },
+            3,
+            lambda pair: pair.mesh(200.0, phases=16).stiffness.mean,
+        ),
+        Target(
+            "GearPair.mesh", drawing().mesh, {"torque": _is("200 N m", 150.0), "phases": _is(16), "slices": _is(3)}, 2
+        ),
+        Target(
+            "GearPair.model",
+            drawing().model,
+            {
+                "torque": _is("200 N m", 150.0),
+                "damping": _is(0.04, "4 %"),
+                "form": _is("torsion"),
+                "supports": _is(None),
+                "cycle": _is(None),
+            },
+            2,
+        ),
+        Target("GearPair.backlash_as", drawing().backlash_as, {"measure": _is("normal", "action")}, 0.5),
+        Target("Table", hb.Table, {"phase": _is([0.0, 0.5, 1.0]), "value": _is([1e8, 2e8, 1e8])}, 2),
+        Target(
+            "MeshCycle",
+            hb.MeshCycle,
+            {
+                "stiffness": [lambda: hb.Table([0.0, 0.5, 1.0], [1e8, 2e8, 1e8])],
+                "error": [lambda: hb.Table([0.0, 1.0], [0.0, 0.0])],
+                "force": _is(None, 100.0),
+            },
+        ),
+        Target("read_table", hb.read_table, {"path": _is("no.csv"), "column": _is(1), "unit": _is("N/m")}),
+        Target("dynamic_factor", hb.dynamic_factor, {"model": _is(hb.Duffing()), "point": [point], "element": element}),
         Target("DoubleHelicalPair", hb.DoubleHelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),
         Target("Model.replace", hb.Duffing().replace, {"zeta": _is(0.05), "k3": _is(0.1)}),
         Target("DoubleHelicalPair.mesh_frequency", hb.DoubleHelicalPair().mesh_frequency, with_Omega, 0.5),

@@ -8,14 +8,14 @@ import pkgutil
 import pytest
 
 import hbgear as hb
-from hbgear.plot import curves, simulation, study
+from hbgear.plot import curves, mesh, simulation, study
 
 NAMES = sorted(
     name for name in hb.__all__ if isinstance(getattr(hb, name), type) or inspect.isroutine(getattr(hb, name))
 )
 DRAWN = sorted(
     f"{module.__name__.rpartition('.')[2]}.{name}"
-    for module in (curves, simulation, study)
+    for module in (curves, mesh, simulation, study)
     for name, value in vars(module).items()
     if inspect.isfunction(value) and value.__module__ == module.__name__ and not name.startswith("_")
 )
@@ -49,7 +49,10 @@ def test_example_of_a_figure(name):
     before = plt.get_backend()
     plt.switch_backend("Agg")
     try:
-        run(f"hb.plot.{name}", getattr({"curves": curves, "simulation": simulation, "study": study}[module], function))
+        run(
+            f"hb.plot.{name}",
+            getattr({"curves": curves, "mesh": mesh, "simulation": simulation, "study": study}[module], function),
+        )
     finally:
         plt.close("all")
         plt.switch_backend(before)

@@ -25,6 +25,7 @@ from hbgear.cli import app as cli
 from hbgear.continuation.branch import NEUTRAL
 from hbgear.design.study_file import read_study
 from hbgear.harmonic.observables import REGIMES
+from hbgear.io.machine_file import read_machine
 
 REPOSITORY = Path(__file__).parents[2]
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
@@ -39,7 +40,7 @@ SHORTER = {
 """Options that are added to a command, to the same work with less of it."""
 CASES = 3
 """Cases of a study instead of those in its file."""
-RUN = ("hbgear models", "hbgear study designs.toml", "hbgear trace mine.py:two")
+RUN = ("hbgear models", "hbgear gear", "hbgear study designs.toml", "hbgear trace mine.py:two")
 """What is in the blocks of commands that tests of this file run."""
 ADDRESS = "tcp://127.0.0.1:8786"
 
@@ -217,7 +218,7 @@ def check_what_the_comments_say(out):
 
 
 def test_the_other_commands_study_the_file_that_is_shown(folder, capsys):
-    (file,) = blocks("toml")
+    (file,) = [block for block in blocks("toml") if "model =" in block]
     Path("designs.toml").write_text(file, encoding="utf-8")
     study = read_study(Path("designs.toml"))
     assert study.vary.size == 200 and study.model == hb.DoubleHelicalPair(zeta=0.055)
@@ -228,6 +229,19 @@ def test_the_other_commands_study_the_file_that_is_shown(folder, capsys):
     with cluster(folder) as (address, *_):
         code, out, err = run([*there[:-1], address, "-o", "by_dask"], capsys)
     assert (code, err) == (0, "") and Path("by_dask/table.csv").exists(), out
+
+
+def test_commands_from_a_drawing(folder, capsys):
+    """And the file that is shown, which the first of them would have written with less in it."""
+    Path("docs").mkdir()
+    for words in block_with("hbgear gear"):
+        code, _, err = run(words, capsys)
+        assert (code, err) == (0, ""), f"hbgear {' '.join(words)}: {err}"
+    assert all(Path(name).exists() for name in ("gearbox.toml", "docs/gear.png", "gearbox.npz", "gearbox.png"))
+    (file,) = [block for block in blocks("toml") if "[pinion]" in block]
+    Path("other.toml").write_text(file, encoding="utf-8")
+    model = read_machine("other.toml").model()
+    assert isinstance(model, hb.GearRotorBearing) and model.b_1 * model.scales.length == pytest.approx(5e-6)
 
 
 def test_commands_with_a_machine_of_your_own(folder, capsys, monkeypatch):

@@ -3,7 +3,8 @@
 import pytest
 
 import hbgear as hb
-from hbgear.design.study_file import StudyFileError, line_of, lines_of, read_study
+from hbgear.design.study_file import StudyFileError, read_study
+from hbgear.io.toml_file import line_of, lines_of
 
 GOOD = """model = "double-helical"
 [base]
@@ -108,7 +109,7 @@ def test_every_statement_is_parsed_once(monkeypatch):
     import tomllib
 
     parsed, loads = [], tomllib.loads
-    monkeypatch.setattr("hbgear.design.study_file.tomllib.loads", lambda text: parsed.append(text) or loads(text))
+    monkeypatch.setattr("hbgear.io.toml_file.tomllib.loads", lambda text: parsed.append(text) or loads(text))
     text = "".join(f"[t{i}]\nvalue = {i}\nmany = [\n  {i},\n  2,\n]\n" for i in range(300))
     lines = lines_of(text)
     assert [line_of(lines, (f"t{i}", "many", 1)) for i in range(300)] == [6 * i + 3 for i in range(300)]

@@ -1,0 +1,297 @@
+"""Commands for machines in the engineer's words: ``hbgear gear`` and ``hbgear speed``."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from math import degrees, floor, log10, pi
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+import hbgear as hb
+from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
+from hbgear.cli.support import (
+    Changes,
+    Figure,
+    Harmonics,
+    chosen_model,
+    digits_of,
+    exit_code,
+    harmonics_of,
+    print_table,
+    text_at,
+    traced,
+)
+from hbgear.common.digits import rounded
+
+if TYPE_CHECKING:
+    from hbgear.io.machine_file import Machine
+
+_LOOKED_AT = 5  # motions of a curve of which the dynamic factor is computed to find the largest
+
+USUAL_DAMPING = 0.04
+"""Damping ratio of a mesh that is assumed where none is given: measured ones lie between 0.02 and 0.1."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command()(gear)
+    app.command()(speed)
+
+
+def gear(
+    z: Annotated[str, typer.Option("--z", metavar="Z1,Z2", help="Teeth of pinion and wheel; -Z2 for a ring.")],
+    module: Annotated[str, typer.Option(help="Normal module, such as 3mm.")],
+    width: Annotated[str, typer.Option(help="Face width, such as 20mm.")],
+    torque: Annotated[str, typer.Option(help="On the pinion, such as 200Nm.")],
+    backlash: Annotated[str, typer.Option(help="Circumferential on the working pitch circle, such as 80um.")],
+    damping: Annotated[
+        str | None, typer.Option(help="Damping ratio of the mesh.", show_default=str(USUAL_DAMPING))
+    ] = None,
+    helix: Annotated[str, typer.Option(help="Helix angle of the pinion, positive right-handed.")] = "0 deg",
+    pressure: Annotated[str, typer.Option(help="Normal pressure angle.")] = "20 deg",
+    shift: Annotated[str, typer.Option(metavar="X1,X2", help="Profile shifts over the module.")] = "0,0",
+    relief: Annotated[str, typer.Option(help="Tip relief of both gears, such as 15um.")] = "0 um",
+    measure: Annotated[
+        str, typer.Option("--backlash-as", help="How backlash is given: circumferential, normal or action.")
+    ] = "circumferential",
+    harmonics: Harmonics = "24",
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the machine as .toml.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.", show_default="gear-Z1-Z2.png")
+    ] = None,
+) -> None:
+    """From a drawing to a jump: geometry, mesh stiffness, natural frequency, and at what speeds the pair jumps.
+
+    What was assumed is told with what the jumps become if it is otherwise. -o writes a file for hbgear trace and hbgear
+    speed, in which everything else can be said: other inertias, centre distance, crowning, bearings.
+    Exit codes: 0 the end was reached, 2 bad input, 3 stopped early.
+    """
+    from hbgear.io.machine_file import write_machine
+
+    teeth = _pair_of("--z", z, int, "25,40")
+    plot = plot or Path(f"gear-{teeth[0]}-{abs(teeth[1])}.png")
+    check_writable(output, (".toml",))
+    check_writable(plot, FIGURES)
+    machine = _machine(
+        teeth, module, width, torque, backlash, damping or str(USUAL_DAMPING), helix, pressure,
+        _pair_of("--shift", shift, float, "0.2,0"), relief, measure,
+    )  # fmt: skip
+    count, cycle = harmonics_of(harmonics), machine.mesh
+    model = machine.model(cycle=cycle)
+    curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
+    with outputs() as out:
+        out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
+        out.figure(plot, lambda drawing: drawing.drive(cycle, curve))
+        print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
+        print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
+        show_speeds(model, curve)
+        _show_assumed(machine, model, curve, count, damping is None)
+    raise typer.Exit(exit_code(curve))
+
+
+def speed(
+    file: Annotated[str, typer.Argument(metavar="FILE.toml", help="The machine, as hbgear gear -o writes it.")],
+    changes: Changes = None,
+    first: Annotated[
+        str | None, typer.Option("--from", help="Speed of the pinion to begin at, such as 15000r/min.")
+    ] = None,
+    last: Annotated[str | None, typer.Option("--to", help="Speed of the pinion to end at.")] = None,
+    harmonics: Harmonics = "24",
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the curve as .npz, .csv or .mat.")] = None,
+    plot: Figure = None,
+) -> None:
+    """At what speeds a machine jumps, with the dynamic factor before and after.
+
+    Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (what was traced is saved).
+    """
+    check_writable(output, BRANCHES)
+    check_writable(plot, FIGURES)
+    model = chosen_model(file, changes)
+    if model.scales is None:
+        raise ValueError(
+            f"'{file}' does not know its speeds in r/min: give the file of a machine, as of hbgear gear -o"
+        )
+    span = [_Omega(option, text, model, usual) for option, text, usual in
+            zip(("--from", "--to"), (first, last), model.default_span, strict=True)]  # fmt: skip
+    curve = traced(hb.HarmonicBalance(model, harmonics_of(harmonics)), "Omega", (span[0], span[1]))
+    with outputs() as out:
+        out.branch(output, curve)
+        out.figure(plot, lambda drawing: drawing.response(curve))
+        print(f"{file}: {len(curve)} points; {curve.message}")
+        show_speeds(model, curve)
+    raise typer.Exit(exit_code(curve))
+
+
+def show_speeds(model: hb.Model, curve: hb.Branch) -> None:
+    """Print the jumps of a curve and of the others of its span in r/min, with dynamic factors."""
+    if model.scales is None:
+        raise ValueError("the model does not know its speeds in r/min")
+    rows = []
+    for branch in (curve, *curve.others):
+        for jump in branch.jumps():
+            digits = digits_of(jump.before, 6)
+            factors = [rounded(hb.dynamic_factor(model, at), min(digits, 3)) if at else "-"
+                       for at in (jump.before, jump.after)]  # fmt: skip
+            rpm = _plainly(float(model.scales.pinion_speed(jump.value)), digits)
+            hertz = _plainly(float(model.scales.mesh_frequency(jump.value)), digits)
+            direction = "increasing" if jump.direction > 0 else "decreasing"
+            rows.append([jump.label, rpm, hertz, text_at(jump.before, "Omega"), direction, *factors])
+    if not rows:
+        print("no jumps")
+        return
+    headers = ["", "pinion r/min", "mesh Hz", "Omega", "while", "dynamic factor before", "after"]
+    print_table(headers, rows, "jumps of a slow sweep; dynamic factor = largest over static force of the mesh")
+
+
+def _plainly(value: float, digits: int) -> str:
+    """A number of so many digits that hold, without an exponent."""
+    after = digits - 1 - floor(log10(abs(value)))
+    return f"{round(value, after):.{max(after, 0)}f}"
+
+
+# ---- what hbgear gear says
+
+
+def _machine(
+    teeth: tuple[int, int], module: str, width: str, torque: str, backlash: str, damping: str, helix: str,
+    pressure: str, shift: tuple[float, float], relief: str, measure: str,
+) -> Machine:  # fmt: skip
+    from hbgear.common.units import si
+    from hbgear.gears.forms import DAMPING
+    from hbgear.io.machine_file import Machine
+
+    beta = si("--helix", "angle", helix, "rad")
+    ring = teeth[1] < 0
+    pinion, wheel = (
+        hb.Gear(abs(number), module, width, pressure, angle, x, internal, tip_relief=relief)
+        for number, angle, x, internal in zip(teeth, (beta, beta if ring else -beta), shift, (False, ring), strict=True)
+    )
+    pair = hb.GearPair(pinion, wheel, backlash, measure)
+    zeta = DAMPING.read("--damping", _plain(damping))
+    return Machine(pair, si("--torque", "torque", torque, "N m"), zeta)
+
+
+def _plain(text: str) -> Any:
+    """A number where a text is one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _gears(pair: hb.GearPair) -> Iterator[list[str]]:
+    both = (pair.pinion, pair.wheel)
+    yield ["teeth", *(f"{g.teeth}{' (ring)' if g.internal else ''}" for g in both)]
+    yield ["normal module [mm], face width [mm]", *(f"{g.module * 1e3:g}, {g.face_width * 1e3:g}" for g in both)]
+    if pair.pinion.helix_angle:
+        yield ["helix [deg]", *(f"{degrees(abs(g.helix_angle)):g} {g.hand}" for g in both)]
+    yield ["profile shift [module]", *(f"{g.profile_shift:g}" for g in both)]
+    for name in ("reference", "base", "tip_diameter_used", "root"):
+        values = (getattr(g, name if "used" in name else f"{name}_diameter") for g in both)
+        yield [f"{name.partition('_')[0]} diameter [mm]", *(f"{value * 1e3:.4f}" for value in values)]
+    yield ["mass [kg] (solid)", *(f"{g.mass_used:.4g}" for g in both)]
+    yield ["inertia [kg m^2] (solid)", *(f"{g.inertia_used:.4g}" for g in both)]
+
+
+def _mesh(machine: Machine, cycle: hb.MeshCycle, model: hb.Model) -> Iterator[list[str]]:
+    from hbgear.gears.iso_stiffness import iso_stiffness
+
+    pair, scales = machine.pair, model.scales
+    assert scales is not None
+    iso = iso_stiffness(pair)
+    yield ["centre distance", f"{pair.working_center_distance * 1e3:.4f} mm, "
+           f"working pressure angle {degrees(pair.working_pressure_angle):.4f} deg"]  # fmt: skip
+    overlap = f", overlap {pair.overlap_ratio:.4f}" if pair.overlap_ratio else ""
+    yield ["contact ratio", f"{pair.contact_ratio:.5f} transverse{overlap}"]
+    sizes = ", ".join(f"{pair.backlash_as(how) * 1e6:.1f} {how}" for how in ("circumferential", "normal"))
+    yield ["backlash [um]", f"{sizes}; half gap along the line of action {pair.half_backlash * 1e6:.1f}"]
+    yield ["force along the line of action", f"{pair.transverse_force(machine.torque):.1f} N"]
+    k = cycle.stiffness
+    yield ["mesh stiffness", f"{k.mean:.4g} N/m mean ({k.mean / pair.face_width / 1e9:.2f} N/(mm um)), "
+           f"{k.value.min():.4g} to {k.value.max():.4g}"]  # fmt: skip
+    yield ["by ISO 6336-1, method B", f"{iso.mesh * pair.face_width:.4g} N/m "
+           f"(c' {iso.single / 1e9:.2f}, c_gamma {iso.mesh / 1e9:.2f} N/(mm um))"]  # fmt: skip
+    yield ["static transmission error", f"{cycle.peak_to_peak * 1e6:.2f} um peak to peak"]
+    yield ["natural frequency", f"{scales.frequency / (2 * pi):.1f} Hz of the mesh, "
+           f"{float(scales.pinion_speed(1.0)):.0f} r/min of the pinion"]  # fmt: skip
+
+
+def _show_assumed(machine: Machine, model: hb.Model, curve: hb.Branch, count: Any, by_default: bool) -> None:
+    """What the jumps become if an assumption is otherwise."""
+    rows = [["as computed", _worst(model, curve), _speeds(model, curve)]]
+    for name, other in _others(machine, by_default):
+        changed = other()
+        branch = traced(hb.HarmonicBalance(changed, count), "Omega", changed.default_span)
+        rows.append([name, _worst(changed, branch), _speeds(changed, branch)])
+    headers = ["assumed, and if it is otherwise", "largest factor", "jumps at r/min, while rising (+) or falling (-)"]
+    print_table(headers, rows)
+
+
+def _others(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], hb.Model]]]:
+    zeta, pair = machine.damping, machine.pair
+
+    def made(**changes: Any) -> Callable[[], hb.Model]:
+        return dataclasses.replace(machine, **changes).model
+
+    def paired(**changes: Any) -> Callable[[], hb.Model]:
+        return made(pair=dataclasses.replace(pair, **changes))
+
+    why = "assumed" if by_default else "given"
+    for factor in (0.5, 1.5):
+        if zeta and zeta * factor <= 1:
+            yield f"damping {zeta:g} ({why}): {zeta * factor:g}", made(damping=zeta * factor)
+    yield "no pitch error: 5 um", paired(pitch_error=5e-6)
+    if not pair.pinion.tip_relief:
+        relieved = {name: dataclasses.replace(getattr(pair, name), tip_relief=10e-6) for name in ("pinion", "wheel")}
+        yield "no tip relief: 10 um", paired(**relieved)
+    lighter = {name: dataclasses.replace(getattr(pair, name), inertia=0.8 * getattr(pair, name).inertia_used)
+               for name in ("pinion", "wheel")}  # fmt: skip
+    yield "solid gears, nothing else turns: inertia 20 % less", paired(**lighter)
+    tangent = pair.mesh(machine.torque, linearized="tangent")
+    yield "mesh as the secant of its load: the tangent", made(cycle=tangent)
+
+
+def _speeds(model: hb.Model, curve: hb.Branch) -> str:
+    assert model.scales is not None
+    jumps = [jump for one in (curve, *curve.others) for jump in one.jumps()]
+    found = sorted((float(model.scales.pinion_speed(jump.value)), jump.direction) for jump in jumps)
+    return ", ".join(f"{rpm:.0f}{'+' if way > 0 else '-'}" for rpm, way in found) or "none"
+
+
+def _worst(model: hb.Model, curve: hb.Branch) -> str:
+    """Largest dynamic factor of the stable motions, of those looked at that move most."""
+    points = []
+    for one in (curve, *curve.others):
+        size = one.amplitude("max") * (one.stable if one.stable is not None else 1.0)
+        points += [one[int(i)] for i in np.argsort(size)[-_LOOKED_AT:]]
+    return rounded(max(hb.dynamic_factor(model, point) for point in points), 3)
+
+
+# ---- input
+
+
+def _pair_of(option: str, text: str, kind: type, example: str) -> tuple[Any, Any]:
+    """Two numbers with a comma between them."""
+    parts = [part.strip() for part in text.split(",")]
+    try:
+        first, second = (kind(part) for part in parts)
+    except ValueError:
+        raise ValueError(f"{option} {text}: need two numbers, such as {option} {example}") from None
+    return first, second
+
+
+def _Omega(option: str, text: str | None, model: hb.Model, usual: float) -> float:
+    """A speed of the pinion as Omega."""
+    if text is None:
+        return usual
+    from hbgear.common.units import si
+
+    if _plain(text) != text:
+        raise ValueError(f"{option} {text}: need a speed with its unit, such as {option} 9000r/min")
+    rate = si(option, "speed", text, "rad/s")
+    assert model.scales is not None
+    return float(model.scales.from_pinion_speed(rate * 30 / pi))

@@ -1,0 +1,306 @@
+"""Mesh stiffness and transmission error over one mesh cycle: computed, or a table from elsewhere.
+
+    force = k(tau) (d - e(tau)) while the teeth touch,   tau = 2 pi phase
+
+Both are straight between their points; a phase that is there twice is a jump. Their Fourier coefficients are those of
+the straight pieces, exactly:
+
+    c_l = 1/(i l) sum_j [jump_j + (slope change)_j / (i l)] exp(-i l tau_j) / pi
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbgear.common.arguments import check_fields, checked_arguments
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.messages import quoted
+from hbgear.common.ranges import NOT_NEGATIVE, checked
+from hbgear.common.replacing import checked_suffix, replacing
+from hbgear.common.units import si
+from hbgear.mechanics.fourier import real_numbers
+
+_CLOSED = 1e-3  # of the range of values: how well the last value of a table is the first
+MOST = 24
+"""Harmonics of a table that models take at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A function over a mesh cycle that is straight between its points.
+
+    Parameters
+    ----------
+    phase : (P,) from 0 to 1, the share of the cycle, ascending; twice the same phase is a jump.
+    value : (P,) first and last are the same, unless it jumps there.
+
+    Raises
+    ------
+    ValueError
+        If phases do not ascend or do not go over one whole cycle, or numbers are not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> square = hb.Table(phase=[0, 0.5, 0.5, 1], value=[2e8, 2e8, 1e8, 1e8])
+    >>> square.mean, round(float(abs(square.coefficients(1)[0])) / 1e8, 4)
+    (150000000.0, 0.6366)
+    """
+
+    phase: Any
+    value: Any
+
+    def __post_init__(self) -> None:
+        for name in ("phase", "value"):
+            row = real_numbers(f"Table: {name}", getattr(self, name), "a sequence of numbers")
+            row.flags.writeable = False
+            object.__setattr__(self, name, row)
+        x, y = self.phase, self.value
+        if x.ndim != 1 or x.shape != y.shape or len(x) < 2 or not np.isfinite([x, y]).all():
+            raise ValueError("Table: phase and value must be as many finite numbers, two at least")
+        if np.any(np.diff(x) < 0) or np.any(x[2:] == x[:-2]):
+            raise ValueError("Table: phases must ascend; one that is there twice is a jump")
+        if x[0] != 0 or abs(x[-1] - 1) > 1e-9:
+            raise ValueError(f"Table: phases go from {x[0]:g} to {x[-1]:g}; they must go from 0 to 1, a whole cycle")
+
+    @property
+    def mean(self) -> float:
+        """Mean over the cycle."""
+        return float(np.sum(np.diff(self.phase) * (self.value[1:] + self.value[:-1])) / 2)
+
+    @property
+    def range(self) -> float:
+        """Largest minus smallest value."""
+        return float(self.value.max() - self.value.min())
+
+    def __call__(self, phase: ArrayLike) -> Array:
+        """Values at shares of the cycle; on a jump the value after it."""
+        x = np.mod(np.asarray(phase, dtype=float), 1.0)
+        right = np.clip(np.searchsorted(self.phase, x, side="right"), 1, len(self.phase) - 1)
+        a, b = self.phase[right - 1], self.phase[right]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.where(b > a, (x - a) / (b - a), 0.0)
+        out: Array = self.value[right - 1] + share * (self.value[right] - self.value[right - 1])
+        return out
+
+    def coefficients(self, count: int) -> ComplexArray:
+        """Complex amplitudes c_l (count,) of l = 1..count, exactly: the function is mean + sum Re(c_l exp(i l tau))."""
+        tau = 2 * pi * self.phase
+        steps, rises = np.diff(tau), np.diff(self.value)
+        slopes = np.where(steps > 0, rises / np.where(steps > 0, steps, 1.0), 0.0)
+        l = np.arange(1, count + 1)[:, None]  # noqa: E741 the order of a harmonic, as everywhere
+        turn = np.exp(-1j * l * tau[None, :])
+        straight = slopes * (turn[:, 1:] - turn[:, :-1]) / l**2  # int s' exp(-i l tau) / (i l), with 1/(i l) twice
+        jumps = np.where(steps > 0, 0.0, rises) * turn[:, 1:] / (1j * l)
+        around = (self.value[0] - self.value[-1]) / (1j * l[:, 0])
+        out: ComplexArray = (np.sum(straight + jumps, axis=1) + around) / pi
+        return out
+
+    def remainder(self, count: int) -> float:
+        """rms of what the first ``count`` harmonics leave out."""
+        x, y = self.phase, self.value
+        square = float(np.sum(np.diff(x) * (y[1:] ** 2 + y[1:] * y[:-1] + y[:-1] ** 2)) / 3)
+        kept = float(np.sum(np.abs(self.coefficients(count)) ** 2)) / 2 if count else 0.0
+        return float(np.sqrt(max(square - self.mean**2 - kept, 0.0)))
+
+    def harmonics(self, tolerance: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Amplitudes and lags of as many harmonics as leave out no more than a tolerance, rms, or `MOST`.
+
+            mean + sum_l amplitude_l cos(l tau - lag_l)
+
+        Parameters
+        ----------
+        tolerance : [unit of the values].
+        """
+        c = self.coefficients(MOST)
+        counts = [n for n in range(MOST) if self.remainder(n) <= tolerance]
+        c = c[: counts[0]] if counts else c
+        return tuple(np.abs(c).tolist()), tuple((-np.angle(c)).tolist())
+
+
+@dataclass(frozen=True, eq=False)
+class MeshCycle:
+    """Mesh stiffness and transmission error over a mesh cycle, along the line of action in the transverse plane.
+
+    Parameters
+    ----------
+    stiffness : `Table` of k(tau) [N/m], positive.
+    error : `Table` of e(tau) [m], the transmission error without load: positive where material is missing.
+    force : of the mesh [N] at which both were computed; None for tables of unknown load.
+
+    Raises
+    ------
+    ValueError
+        If the stiffness is not positive.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pinion, wheel = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    >>> cycle = hb.GearPair(pinion, wheel, "80 um").mesh("200 N m")
+    >>> round(cycle.stiffness.mean / 1e8, 2), round(cycle.peak_to_peak * 1e6, 1)
+    (3.95, 9.3)
+    """
+
+    stiffness: Table
+    error: Table
+    force: float | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.force is not None:
+            checked("MeshCycle", "force", self.force, NOT_NEGATIVE)
+        least = float(self.stiffness.value.min())
+        if least <= 0:
+            where = float(self.stiffness.phase[np.argmin(self.stiffness.value)])
+            raise ValueError(f"the mesh stiffness is {least:g} N/m at {where:g} of the cycle; it must be positive "
+                             "throughout: is the column or its unit wrong, or was a mean taken off?")  # fmt: skip
+
+    @property
+    def static_error(self) -> Table:
+        """Static transmission error e(tau) + F/k(tau) under the force [m]; of unknown load, e(tau) alone."""
+        x = _joined(self.stiffness.phase, self.error.phase)
+        k, e = _at(self.stiffness, x), _at(self.error, x)
+        return Table(x, e + (self.force or 0.0) / k)
+
+    @property
+    def peak_to_peak(self) -> float:
+        """Of the static transmission error [m]."""
+        return self.static_error.range
+
+    def export(self, path: str | os.PathLike[str]) -> None:
+        """Write a table (.csv) with columns phase, k, e and static transmission error; `read_table` reads it again."""
+        checked_suffix(path, (".csv",), "tables of a mesh cycle are .csv")
+        x = _joined(self.stiffness.phase, self.error.phase)
+        columns = [x, _at(self.stiffness, x), _at(self.error, x), self.static_error.value]
+        if any(column[0] != column[-1] for column in columns[1:]):  # a jump where the cycle begins
+            columns = [np.append(column, column[0] if i else 1.0) for i, column in enumerate(columns)]
+        with replacing(path, "x", encoding="utf-8", newline="") as handle:
+            writer = csv.writer(handle)
+            writer.writerow(["phase [cycle]", "stiffness [N/m]", "error [m]", "static error [m]"])
+            writer.writerows(zip(*columns, strict=True))
+
+
+def _joined(a: Array, b: Array) -> Array:
+    """Phases of two tables in one; a jump of either is one there too."""
+    counts = {float(x): max(int(np.sum(a == x)), int(np.sum(b == x))) for x in np.union1d(a, b)}
+    return np.repeat(list(counts), list(counts.values()))
+
+
+def _at(table: Table, x: Array) -> Array:
+    """Values at phases of which one that is there twice is a jump."""
+    out: Array = np.interp(x, table.phase, table.value)
+    for i in range(len(x)):
+        twice = np.flatnonzero(table.phase == x[i])
+        if len(twice) == 2:
+            before = i + 1 < len(x) and x[i + 1] == x[i]
+            out[i] = table.value[twice[0] if before else twice[1]]
+    return out
+
+
+@checked_arguments()
+def read_table(path: str | os.PathLike[str], column: int = 1, unit: str = "N/m") -> Table:
+    """A function over a mesh cycle from a .csv file of phases and values, measured or computed by other programs.
+
+    The first line names the columns with their units: ``phase [deg], stiffness [N/um]``. Phases are shares of a mesh
+    cycle [cycle], [rad] or [deg] of it, over one whole cycle; the last row may be the first of the next cycle or the
+    last before it. Lines that begin with # are left out.
+
+    Parameters
+    ----------
+    path : of the file.
+    column : of the values, 1 for the second one.
+    unit : that the values are converted to.
+
+    Raises
+    ------
+    ValueError
+        If the file is no such table, a unit is missing or does not fit, or the values do not come back after a cycle.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pinion, wheel = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    >>> hb.GearPair(pinion, wheel).mesh("200 N m").export("mesh.csv")  # doctest: +SKIP
+    >>> stiffness = hb.read_table("mesh.csv")  # doctest: +SKIP
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is no text (UTF-8)"
+        raise ValueError(f"'{path}' cannot be read as a table of a mesh cycle: {reason.lower()}") from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise ValueError(
+            f"{path}: it is empty; need a line such as 'phase [cycle], stiffness [N/m]' and rows of numbers"
+        )
+    rows = list(csv.reader(lines, delimiter=";" if ";" in lines[0] else ","))
+    heads = [_unit_of(path, head) for head in rows[0]]
+    if not 0 < column < len(heads):
+        raise ValueError(f"{path}: it has {len(heads)} columns and none with the number {column}, from 0")
+    numbers = _numbers(path, rows[1:], (0, column))
+    phase = numbers[:, 0] * _cycles(path, heads[0])
+    factor = si(str(path), f"column {column}, its unit", f"1 {heads[column]}", unit)
+    return Table(*_closed(path, phase, numbers[:, 1] * factor))
+
+
+def _unit_of(path: Any, head: str) -> str:
+    found = re.search(r"\[([^\]]+)\]", head)
+    if found is None:
+        raise ValueError(f"{path}: the column {quoted(head.strip())} says no unit; write it as in 'phase [cycle]' or "
+                         "'stiffness [N/m]'")  # fmt: skip
+    return found[1].strip()
+
+
+def _cycles(path: Any, unit: str) -> float:
+    known = {"cycle": 1.0, "-": 1.0, "rad": 1 / (2 * pi), "deg": 1 / 360}
+    if unit not in known:
+        raise ValueError(f"{path}: phases are in [cycle], [rad] or [deg] of the mesh cycle, got [{unit}]")
+    return known[unit]
+
+
+def _numbers(path: Any, rows: Sequence[Sequence[str]], columns: tuple[int, int]) -> Array:
+    out = []
+    for number, row in enumerate(rows, 2):
+        try:
+            out.append([float(row[i]) for i in columns])
+        except (ValueError, IndexError):
+            raise ValueError(f"{path}: row {number} is {quoted(','.join(row))}; need numbers in the columns "
+                             f"{columns[0] + 1} and {columns[1] + 1}") from None  # fmt: skip
+    if len(out) < 3:
+        raise ValueError(f"{path}: {len(out)} rows of numbers are too few for a mesh cycle")
+    numbers = np.array(out)
+    if not np.isfinite(numbers).all():
+        raise ValueError(f"{path}: it has numbers that are not finite")
+    return numbers
+
+
+def _closed(path: Any, phase: Array, value: Array) -> tuple[Array, Array]:
+    """Phases from 0 to 1 with the value of the end at both; refuses what does not come back."""
+    if np.any(np.diff(phase) < 0):
+        row = int(np.flatnonzero(np.diff(phase) < 0)[0]) + 3
+        raise ValueError(f"{path}: phases must ascend; row {row} goes back")
+    phase = phase - phase[0]
+    length, step = float(phase[-1]), float(np.diff(phase).max())
+    if abs(length - 1) < 1e-6:
+        phase = phase / length
+        apart = abs(value[-1] - value[0])
+        if apart > max(_CLOSED * (value.max() - value.min()), 1e-12 * np.abs(value).max()):
+            raise ValueError(
+                f"{path}: it is not periodic: it begins with {value[0]:.6g} and ends with {value[-1]:.6g} one cycle "
+                "later; give one whole mesh cycle (with a jump there, its phase twice)"
+            )
+        return phase, np.append(value[:-1], value[0])
+    if not (length < 1 and 1 - length <= 1.5 * step):
+        raise ValueError(f"{path}: its phases go over {length:.4g} mesh cycles; need one whole cycle, periodic")
+    return np.append(phase, 1.0), np.append(value, value[0])

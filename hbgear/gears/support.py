@@ -1,0 +1,41 @@
+"""What holds a gear: shaft and bearings as springs and dampers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
+from hbgear.common.units import Measured, MeasuredOrNone
+
+
+@dataclass(frozen=True)
+class Support:
+    """Shaft and bearings of one gear, as seen from the gear.
+
+    Parameters
+    ----------
+    stiffness : radial, the same in all directions [N/m].
+    axial : [N/m]; 0 for a gear that floats.
+    tilt : of tilting about a diameter [N m/rad]; two bearings of half the stiffness each, a distance s apart: k s^2/4.
+    damping : damping ratio of each of them with the mass of the gear.
+    clearance : half of the radial clearance [m]; only the form "bearings" knows it.
+    preload : force on the gear along the line of action, positive as the loaded mesh pushes it [N]; likewise.
+
+    Raises
+    ------
+    ValueError
+        If a quantity is in another unit, or out of range.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> hb.Support(stiffness="3e8 N/m", clearance="5 um").clearance
+    5e-06
+    """
+
+    stiffness: Measured = Measured("N/m", POSITIVE, Range(1e3, 1e13))
+    axial: Measured = Measured("N/m", NOT_NEGATIVE, Range(0, 1e13), 0.0)
+    tilt: MeasuredOrNone = MeasuredOrNone("N m/rad", POSITIVE, Range(1e-3, 1e14))
+    damping: Measured = Measured("", NOT_NEGATIVE, Range(0, 5), 0.02)
+    clearance: Measured = Measured("m", NOT_NEGATIVE, Range(0, 5e-3), 0.0)
+    preload: Measured = Measured("N", Range(), Range(-1e8, 1e8), 0.0)

@@ -1,0 +1,130 @@
+"""Files in TOML: read whole, and errors by the line they are in."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hbgear.common.messages import did_you_mean, quoted, shortened
+from hbgear.io.archive import too_deep
+
+Place = tuple[str | int, ...]
+"""Where something is in a file: keys and numbers of entries, from the outside in."""
+
+
+class TomlFileError(ValueError):
+    """What is wrong with a file, one text for each error."""
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        super().__init__("; ".join(problems))
+        self.problems = tuple(problems)
+
+
+def parsed(path: str | os.PathLike[str], what: str, error_class: type[TomlFileError]) -> tuple[str, dict[str, Any]]:
+    """Text of a file, and what TOML reads in it.
+
+    Parameters
+    ----------
+    path : of the file.
+    what : it is to be, for errors: "a study".
+    error_class : raised if it cannot be read.
+
+    Raises
+    ------
+    TomlFileError
+        Of the class given.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        data = tomllib.loads(text)
+        if not too_deep(data):
+            return text, data
+        reason = "a value in it is nested too deeply"
+    except OSError as error:
+        reason = str(error.strerror)
+    except UnicodeDecodeError:
+        reason = "it is no text (UTF-8)"
+    except tomllib.TOMLDecodeError as error:
+        reason = shortened(str(error), 200).replace("at end of document", f"at the end, line {len(text.splitlines())}")
+    except RecursionError:
+        reason = "a value in it is nested too deeply"
+    raise error_class([f"'{path}' cannot be read as {what}: {reason}"])
+
+
+def located(path: str | os.PathLike[str], text: str, problems: Sequence[tuple[Place, str]]) -> list[str]:
+    """Errors by place as texts with their lines, in the order of the lines."""
+    where = lines_of(text)
+    lines = sorted((line_of(where, place), message) for place, message in problems)
+    return [f"{path}, line {line}: {message}" for line, message in lines]
+
+
+def lines_of(text: str) -> dict[Place, int]:
+    """Line at which the statement begins that brings each key into a TOML text.
+
+    Statements are parsed one by one: a table header, or a key with its value, which may go over several lines.
+    """
+    found: dict[Place, int] = {}
+    header: Place = ()
+    start, statement = 1, ""
+    for n, line in enumerate(text.splitlines(), 1):
+        start, statement = (start, f"{statement}\n{line}") if statement else (n, line)
+        if start != n and not any(end in line for end in ("]", "}", '"""', "'''")):
+            continue  # within a value of several lines, which ends with one of these
+        try:
+            data = tomllib.loads(statement)
+        except tomllib.TOMLDecodeError:
+            continue
+        places = list(_places(data))
+        if statement.lstrip().startswith("["):
+            header = _numbered(places[-1], found)
+            places = [header[:k] for k in range(1, len(header) + 1)]
+        else:
+            places = [(*header, *place) for place in places]
+        for place in places:
+            found.setdefault(place, start)
+        statement = ""
+    return found
+
+
+def _places(data: Any) -> Iterator[Place]:
+    """Where keys and entries of lists are, from the outside in."""
+    pairs = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in pairs:
+        yield (key,)
+        yield from ((key, *place) for place in _places(value))
+
+
+def _numbered(header: Place, found: dict[Place, int]) -> Place:
+    """The header; of an array of tables, ``[[x]]``, with the number of this one."""
+    if not isinstance(header[-1], int):
+        return header
+    number = 0
+    while (*header[:-1], number) in found:
+        number += 1
+    return (*header[:-1], number)
+
+
+def line_of(lines: Mapping[Place, int], place: Place) -> int:
+    """Line of a key, or of the table it is missing in; 1 if it is nowhere."""
+    while place and place not in lines:
+        place = place[:-1]
+    return lines.get(place, 1)
+
+
+def told(schema: Any, error: Any) -> tuple[Place, str]:
+    """Place and text of an error of pydantic."""
+    place: Place = tuple(error["loc"])
+    name = ".".join(map(str, place))
+    if error["type"] == "extra_forbidden":
+        for key in place[:-1]:
+            schema = schema.model_fields[key].annotation
+        return place, f"unknown key '{shortened(name)}'{did_you_mean(str(place[-1]), schema.model_fields)}"
+    if error["type"] == "missing":
+        return place, f"'{shortened(name)}' is missing"
+    return (
+        place,
+        f"{shortened(name)} = {quoted(error['input'])}: {shortened(error['msg'].removeprefix('Value error, '), 300)}",
+    )

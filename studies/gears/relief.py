@@ -1,0 +1,128 @@
+"""How much tip relief cures the jump of a spur pair at its load, and what the same relief does at half of it.
+
+    python -m studies.gears.relief [--quick] [-o DIR]
+
+25 and 40 teeth, module 3 mm, 20 mm wide, steel, 200 N m on the pinion, backlash 80 um, damping ratio 0.04 (assumed): as
+drawn the pair jumps, and its teeth carry ten times the static force. Linear relief of both gears, from the tips to the
+highest point of single contact, takes material where teeth deflect; at the load it is made for the transmission error
+is smooth and no jump is left. At another load the same relief is too little or too much. Above the responses at 200 N
+m; below the largest dynamic factor of the stable motions between 0.3 and 1.5 of the natural frequency, and the speeds
+at which slow sweeps jump, over the relief.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+
+import hbgear as hb
+from hbgear import plot as draw
+from studies import study
+from studies.gears.drawing import response
+
+TORQUES = (200.0, 100.0)
+"""On the pinion [N m]: that the relief is made for, and half of it."""
+RELIEFS = (0.0, 2.5, 5.0, 7.5, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 22.0, 25.0, 30.0)
+"""[um]"""
+SHOWN = (0.0, 10.0, 18.0)
+"""Reliefs whose responses are drawn [um]."""
+DAMPING, SPAN, HARMONICS = 0.04, (1.5, 0.3), 24
+
+
+@dataclass(frozen=True)
+class Case:
+    """One relief under one torque: the curve, and what is read from it."""
+
+    relief: float
+    torque: float
+    ripple: float
+    """Static transmission error, peak to peak [um]."""
+    curve: hb.Branch
+    model: hb.SpurPair
+    jumps: tuple[tuple[float, int], ...]
+    """Speed [r/min] and direction of each jump, ascending."""
+    factor: float
+    """Largest dynamic factor of stable motions."""
+    speed: float
+    """Where it is [r/min]."""
+
+
+def pair(relief: float) -> hb.GearPair:
+    """The drawing, with a relief [um]."""
+    gears = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm", tip_relief=relief * 1e-6) for z in (25, 40))
+    return hb.GearPair(*gears, backlash="80 um")
+
+
+def case(relief: float, torque: float) -> Case:
+    """Trace one."""
+    cycle = pair(relief).mesh(torque)
+    model = pair(relief).model(torque, DAMPING, cycle=cycle)
+    curve = hb.trace(hb.HarmonicBalance(model, HARMONICS), "Omega", SPAN)
+    rpm = model.scales.pinion_speed
+    curves = (curve, *curve.others)
+    jumps = tuple(sorted((float(rpm(jump.value)), jump.direction) for one in curves for jump in one.jumps()))
+    factors = [(hb.dynamic_factor(model, one[i]), float(rpm(one.values[i])))
+               for one in curves for i in np.flatnonzero(one.stable)]  # fmt: skip
+    return Case(relief, torque, cycle.peak_to_peak * 1e6, curve, model, jumps, *max(factors))
+
+
+def run(quick: bool = False) -> tuple[Case, ...]:
+    """All cases; the quick form has three reliefs under the first torque."""
+    reliefs, torques = (SHOWN, TORQUES[:1]) if quick else (RELIEFS, TORQUES)
+    return tuple(case(relief, torque) for torque in torques for relief in reliefs)
+
+
+def plot(results: Sequence[Case]) -> Figure:
+    """Responses above; dynamic factors and jumps over the relief below."""
+    figure, axes = plt.subplots(2, 2, figsize=(8.4, 6.4), layout="constrained")
+    grid = axes[0, 0].get_gridspec()
+    for ax in axes[0]:
+        ax.remove()
+    top = figure.add_subplot(grid[0, :])
+    at_load = [c for c in results if c.torque == TORQUES[0]]
+    for c, color in zip([c for c in at_load if c.relief in SHOWN], draw.BRANCHES, strict=False):
+        scales = c.model.scales
+        name = rf"relief {c.relief:g} $\mu$m"
+        response(top, c.curve, "pp2", scales.pinion_speed, scales.length * 1e6, color, name)
+    top.set(xlabel="speed of the pinion [r/min]", ylabel=r"half peak-to-peak of $x$ [$\mu$m]", xlim=(4000, 22000))
+    top.set_ylim(bottom=0)
+    top.legend(loc="upper right")
+    for torque, color, marker in zip(TORQUES, (study.BLUE, study.ORANGE), "os", strict=True):
+        here = [c for c in results if c.torque == torque]
+        if here:
+            axes[1, 0].plot([c.relief for c in here], [c.factor for c in here], marker + "-", ms=4, color=color,
+                            label=f"{torque:g} N m")  # fmt: skip
+        for c in here:
+            for rpm, direction in c.jumps:
+                axes[1, 1].plot(c.relief, rpm, "^" if direction > 0 else "v", ms=5, color=color, mfc="white")
+    axes[1, 0].set(xlabel=r"tip relief [$\mu$m]", ylabel="largest dynamic factor [-]", ylim=(0, None))
+    axes[1, 0].axhline(1, color=draw.GREY, lw=0.8)
+    axes[1, 0].legend()
+    axes[1, 1].set(xlabel=r"tip relief [$\mu$m]", ylabel="jumps at [r/min]", xlim=axes[1, 0].get_xlim())
+    for marker, way in ("^", "rising"), ("v", "falling"):
+        axes[1, 1].plot([], [], marker, ms=5, color="black", mfc="white", label=f"{way} speed")
+    axes[1, 1].legend(loc="lower center")
+    return figure
+
+
+def report(results: Sequence[Case]) -> str:
+    """Every case in a table, in Markdown."""
+    lines = [
+        "Jumps while the speed rises (+) or falls (-). The dynamic factor is the largest over the static mesh force.",
+        "",
+        "| torque [N m] | tip relief [um] | static error, peak to peak [um] | jumps at [r/min] "
+        "| largest dynamic factor | at [r/min] |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for c in results:
+        jumps = ", ".join(f"{rpm:.0f}{'+' if way > 0 else '-'}" for rpm, way in c.jumps) or "none"
+        lines.append(f"| {c.torque:g} | {c.relief:g} | {c.ripple:.2f} | {jumps} | {c.factor:.2f} | {c.speed:.0f} |")
+    return "\n".join([*lines, ""])
+
+
+if __name__ == "__main__":
+    study.main()

@@ -1,0 +1,189 @@
+"""Geometry of gears and pairs against formulas written another way, and what cannot be made."""
+
+from math import acos, atan, cos, degrees, pi, radians, sin, sqrt, tan
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import hbgear as hb
+from hbgear.gears.backlash import converted
+from hbgear.gears.geometry import inverse_involute, involute
+from hbgear.gears.tooth import Tooth
+
+
+def gear(z, **fields):
+    return hb.Gear(**{"teeth": z, "module": "3 mm", "face_width": "20 mm", **fields})
+
+
+def pair(z_1=25, z_2=40, x_1=0.0, x_2=0.0, beta=0.0, **fields):
+    """A pair whose pinion has a right-hand helix of beta degrees."""
+    gears = (gear(z, profile_shift=x, helix_angle=radians(h)) for z, x, h in ((z_1, x_1, beta), (z_2, x_2, -beta)))
+    return hb.GearPair(*gears, **fields)
+
+
+@pytest.mark.parametrize("alpha", [1e-3, 0.1, 0.35, 1.0, 1.4, 1.56])
+def test_inverse_involute(alpha):
+    assert inverse_involute(involute(alpha)) == pytest.approx(alpha, rel=1e-9)
+
+
+def test_inverse_involute_of_nothing():
+    assert inverse_involute(0.0) == 0.0
+    with pytest.raises(ValueError, match="not be negative"):
+        inverse_involute(-1e-3)
+
+
+def test_published_contact_ratios():
+    """A rotor-dynamics code's test pair, and the third stage of the NREL 5 MW gearbox with its shortened tips."""
+    twins = hb.GearPair(*(hb.Gear(62, "2 mm", "20 mm") for _ in range(2)))
+    assert twins.contact_ratio == pytest.approx(1.78978, abs=5e-6)
+    beta, shifts, teeth = radians(10), (0.480, 0.669), (24, 95)
+    d = [14e-3 * z / cos(beta) for z in teeth]
+    shortened = sum(shifts) - (0.861 - sum(d) / 2) / 14e-3
+    gears = [
+        hb.Gear(z, "14 mm", "360 mm", helix_angle=h, profile_shift=x, tip_diameter=d_0 + 28e-3 * (1 + x - shortened))
+        for z, x, d_0, h in zip(teeth, shifts, d, (beta, -beta), strict=True)
+    ]
+    stage = hb.GearPair(*gears, backlash=0.0, center_distance="861 mm")
+    assert stage.contact_ratio == pytest.approx(1.462659, abs=2e-4)  # 2e-4: the tips are rounded in the source
+    assert stage.overlap_ratio == pytest.approx(0.36 * sin(beta) / (pi * 14e-3), rel=1e-12)
+
+
+def test_pair_against_the_construction():
+    """Shifted helical pair: the working angle by a root finder, the path of contact from circles and their tangent."""
+    p = pair(19, 33, 0.3, 0.15, 14)
+    beta = radians(14)
+    alpha_t = atan(tan(radians(20)) / cos(beta))
+    inv = involute(alpha_t) + 2 * tan(radians(20)) * 0.45 / 52
+    alpha_w = brentq(lambda a: involute(a) - inv, 0.1, 1.0, xtol=1e-15)
+    r_b = [3e-3 * z / cos(beta) / 2 * cos(alpha_t) for z in (19, 33)]
+    a = sum(r_b) / cos(alpha_w)
+    assert p.working_center_distance == pytest.approx(a, rel=1e-12)
+    begin, end = p.path
+    along = np.array(
+        [sin(alpha_w), cos(alpha_w)]
+    )  # the line of action; it touches the base circle of the pinion in foot
+    foot = r_b[0] * np.array([cos(alpha_w), -sin(alpha_w)])
+    for s, centre, g in ((begin, (a, 0.0), p.wheel), (end, (0.0, 0.0), p.pinion)):
+        at = foot + s * along
+        assert np.hypot(*(at - centre)) == pytest.approx(g.tip_diameter_used / 2, rel=1e-9)
+
+
+def test_ring_against_the_construction():
+    p = hb.GearPair(gear(20, profile_shift=0.2), gear(60, internal=True, addendum=0.8, profile_shift=-0.2))
+    assert p.working_center_distance == pytest.approx(60e-3, rel=1e-12)  # x_1 = -x_2 leave a ring where it was
+    begin, end = p.path
+    r_b = p.base_radii[0]
+    alpha = acos(r_b / (30e-3))
+    along, foot = np.array([sin(alpha), cos(alpha)]), r_b * np.array([cos(alpha), -sin(alpha)])
+    assert np.hypot(*(foot + begin * along - (-60e-3, 0))) == pytest.approx(p.wheel.tip_diameter_used / 2, rel=1e-9)
+    assert np.hypot(*(foot + end * along)) == pytest.approx(p.pinion.tip_diameter_used / 2, rel=1e-9)
+    assert 1.4 < p.contact_ratio < 2
+
+
+def test_backlash_of_a_wider_centre_distance():
+    """j_bt = 2 (r_b1 + r_b2) (inv(alpha_w) - inv(alpha)): both base circles unwind that much more."""
+    p = pair(beta=12, center_distance="100.2 mm")
+    r, alpha = sum(p.base_radii), p.pinion.transverse_pressure_angle
+    expected = 2 * r * (involute(acos(r / 0.1002)) - involute(alpha))
+    assert p.backlash_as("action") == pytest.approx(expected, rel=1e-9)
+    assert p.half_backlash == pytest.approx(expected / 2, rel=1e-9)
+    assert pair(beta=12).half_backlash == 0.0
+
+
+def test_backlash_in_all_measures():
+    """At the reference circle j_bn = j_t cos(alpha_n) cos(beta)."""
+    p = pair(beta=12, backlash="80 um")
+    assert p.backlash_as("normal") == pytest.approx(80e-6 * cos(radians(20)) * cos(radians(12)), rel=1e-12)
+    assert 2 * p.half_backlash == pytest.approx(80e-6 * cos(p.working_pressure_angle), rel=1e-12)
+    for measure in ("normal", "action"):
+        same = pair(beta=12, backlash=p.backlash_as(measure), backlash_measure=measure)
+        assert same.half_backlash == pytest.approx(p.half_backlash, rel=1e-12)
+    with pytest.raises(ValueError, match="circumferential, normal, action"):
+        converted(1e-4, "normal", "tangential", 0.35, 0.0)
+
+
+def test_mass_and_inertia_of_the_cylinder():
+    g = gear(25, body_diameter="30 mm")
+    d = (0.081 + 0.0675) / 2
+    m = 7850 * pi / 4 * (d**2 - 0.03**2) * 0.02
+    assert g.mass_used == pytest.approx(m, rel=1e-12)
+    assert g.inertia_used == pytest.approx(m * (d**2 + 0.03**2) / 8, rel=1e-12)
+    assert gear(25, mass="2 kg", inertia="1 g*m^2").inertia_used == pytest.approx(1e-3)
+    p = pair()
+    J, r = [x.inertia_used for x in (p.pinion, p.wheel)], p.base_radii
+    assert p.equivalent_mass == pytest.approx(J[0] * J[1] / (J[1] * r[0] ** 2 + J[0] * r[1] ** 2), rel=1e-12)
+
+
+@pytest.mark.parametrize("fields", [{}, {"profile_shift": 0.4}, {"helix_angle": "20 deg"}, {"fillet_radius": 0.2},
+                                    {"profile_shift": -0.2, "dedendum": 1.3}])  # fmt: skip
+def test_outline_is_what_the_rack_leaves(fields):
+    """Half the space at a radius is as far as any position of the rolling rack cuts it."""
+    g = gear(23, **fields)
+    tooth = Tooth(g)
+    m, alpha, r, rho = g.module, g.pressure_angle, tooth.pitch, g.rack_fillet * g.module
+
+    def half_width(depth):
+        """Half the tooth of the rack at a depth below the pitch line; nan below its tip."""
+        depth = depth + g.profile_shift * m
+        straight = pi / 4 * m - depth * tan(alpha)
+        below = depth - (g.dedendum * m - rho)
+        corner = pi / 4 * m - g.dedendum * m * tan(alpha) - rho * (1 - sin(alpha)) / cos(alpha)
+        with np.errstate(invalid="ignore"):
+            rounded = corner + np.sqrt(rho**2 - below**2)
+        return np.where(below < rho * sin(alpha), straight, rounded)
+
+    psi = np.linspace(-0.5, 0.5, 400_001)
+    for i in (5, 60, 120, 148, 160, 250, 400):
+        R = tooth.radius[i]
+        cut = psi - (R * np.sin(psi) - half_width(r - R * np.cos(psi))) / r
+        assert pi / tooth.teeth - np.nanmax(cut) == pytest.approx(tooth.half_angle[i], abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: gear(14), "undercut: give profile_shift of at least 0.181"),
+        (lambda: gear(14, profile_shift=0.15), "undercut"),
+        (lambda: gear(25, profile_shift=1.9), "pointed"),
+        (lambda: gear(25.5), "whole number"),
+        (lambda: gear(25, module=3), "beyond any machine.*'3 mm'"),
+        (lambda: gear(25, module="3 kg"), "quantity in m"),
+        (lambda: gear(25, pressure_angle=20), "'20 deg'"),
+        (lambda: gear(25, tip_diameter="60 mm"), "above the root diameter"),
+        (lambda: gear(25, body_diameter="70 mm"), "it is the bore"),
+        (lambda: gear(25, internal="yes"), "True or False"),
+        (lambda: gear(20, internal=True), "above its base diameter"),
+        (lambda: pair(backlash="80 mm"), "as large as a tooth.*'80 um'"),
+        (lambda: pair(backlash=-1e-5), "not be negative"),
+        (lambda: pair(backlash="80 um", backlash_measure="axial"), "circumferential, normal, action"),
+        (lambda: hb.GearPair(gear(25, helix_angle="10 deg"), gear(40, helix_angle="10 deg")), "of opposite hands"),
+        (lambda: hb.GearPair(gear(25, helix_angle="10 deg"), gear(40)), "give the wheel helix_angle = '-10 deg'"),
+        (lambda: hb.GearPair(gear(20, helix_angle="9 deg"), gear(70, helix_angle="-9 deg", internal=True)),
+         "of the same hand"),
+        (lambda: hb.GearPair(gear(25), gear(40, module="2 mm")), "same normal module"),
+        (lambda: hb.GearPair(gear(25), gear(40, pressure_angle="25 deg")), "give both the same"),
+        (lambda: hb.GearPair(gear(25), "wheel"), "wheel"),
+        (lambda: hb.GearPair(gear(60, internal=True), gear(25)), "give the ring as the wheel"),
+        (lambda: hb.GearPair(gear(25, tip_diameter="76 mm"), gear(40, tip_diameter="121 mm")), "ratio is 0.318"),
+        (lambda: pair(center_distance="97 mm"), "overlap by"),
+        (lambda: pair(center_distance="80 mm"), "base circles touch"),
+        (lambda: hb.GearPair(gear(25), gear(40, tip_diameter="128 mm")), "into the roots"),
+        (lambda: hb.GearPair(gear(18), gear(200, addendum=1.2)), "interference: .* meet the pinion"),
+        (lambda: hb.GearPair(gear(20), gear(24, internal=True, addendum=0.6)), "strike those of the ring"),
+        (lambda: hb.GearPair(gear(25), gear(24, internal=True, addendum=0.6)), "no room"),
+        (lambda: pair(17, 17).mesh(0.0), "torque = 0 N m must be positive"),
+        (lambda: pair().mesh("200 N"), "quantity in N m"),
+        (lambda: pair().mesh(200.0, linearized="chord"), "'secant' or 'tangent'"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_made_is_refused(make, said):
+    with pytest.raises((ValueError, TypeError), match=said):
+        make()
+
+
+def test_numbers_of_the_example():
+    p = pair(backlash="80 um")
+    path = sqrt(40.5**2 - 35.2384732**2) + sqrt(63**2 - 56.3815572**2) - 97.5 * sin(radians(20))
+    assert p.contact_ratio == pytest.approx(path / (pi * 3 * cos(radians(20))), rel=1e-7)
+    assert degrees(p.working_pressure_angle) == pytest.approx(20, rel=1e-12)

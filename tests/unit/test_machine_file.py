@@ -1,0 +1,243 @@
+"""Machines as files, and the commands gear and speed."""
+
+import dataclasses
+import re
+import tomllib
+
+import pytest
+
+import hbgear as hb
+from hbgear.cli import app as cli
+from hbgear.io.machine_file import Machine, MachineFileError, read_machine, write_machine
+
+TEXT = """torque = "200 N m"
+damping = 0.04
+
+[pinion]
+teeth = 25
+module = "3 mm"
+face_width = "20 mm"
+
+[wheel]
+teeth = 40
+
+[pair]
+backlash = "80 um"
+"""
+HELD = """
+[support.pinion]
+stiffness = "3e8 N/m"
+tilt = "5e5 N m/rad"
+[support.wheel]
+stiffness = "3e8 N/m"
+tilt = "5e5 N m/rad"
+"""
+DRAWING = ["--z", "25,40", "--module", "3mm", "--width", "20mm", "--torque", "200Nm", "--backlash", "80um"]
+
+
+def pair(**fields):
+    return hb.GearPair(*(hb.Gear(z, "3 mm", "20 mm", **fields) for z in (25, 40)), backlash="80 um")
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "box.toml"
+    path.write_text(TEXT)
+    return path
+
+
+@pytest.fixture
+def run(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def call(*args):
+        with pytest.raises(SystemExit) as stop:
+            cli.main([str(arg) for arg in args])
+        return stop.value.code, *capsys.readouterr()
+
+    return call
+
+
+def test_a_file_is_the_pair(file):
+    machine = read_machine(file)
+    assert machine == Machine(pair(), 200.0, 0.04)
+    assert machine.model() == pair().model(200.0, 0.04)
+
+
+@pytest.mark.parametrize("form", ["torsion", "bearings", "spatial"])
+def test_what_is_written_is_read_again(tmp_path, form):
+    gears = [hb.Gear(z, "3.175 mm", 0.0203, helix_angle=h, profile_shift=x, crowning=3e-6, tip_relief="12 um")
+             for z, h, x in ((23, 0.25, 0.21), (41, -0.25, 0.0))]  # fmt: skip
+    held = (hb.Support(3.3e8, tilt=1e6), hb.Support("2e8 N/m", axial=1e8, tilt="2 MN*m/rad", damping=0.05))
+    machine = Machine(hb.GearPair(*gears, "61 um", "normal", pitch_error=2e-6), 1 / 3, 0.03, form,
+                      None if form == "torsion" else held)  # fmt: skip
+    path = tmp_path / "m.toml"
+    write_machine(machine, path, ("first", "second"))
+    assert read_machine(path) == machine
+    assert path.read_text().startswith("# first\n# second\n")
+    assert tomllib.loads(path.read_text())["pinion"]["tip_relief"] == "12 um"
+
+
+def test_tables_of_the_mesh_are_files_beside_it(file, tmp_path):
+    cycle = pair(tip_relief="10 um").mesh(200.0)
+    cycle.export(tmp_path / "mesh.csv")
+    rows = [line.split(",") for line in (tmp_path / "mesh.csv").read_text().splitlines()]
+    (tmp_path / "e.csv").write_text("\n".join(f"{row[0]},{row[2]}" for row in rows))
+    file.write_text(TEXT + '\n[mesh]\nstiffness = "mesh.csv"\nerror = "e.csv"\n')
+    found, wanted = read_machine(file).model(), pair().model(200.0, 0.04, cycle=cycle)
+    assert found.eps == pytest.approx(wanted.eps, abs=1e-9) and found.e == pytest.approx(wanted.e, abs=1e-9)
+    with pytest.raises(ValueError, match=r"\[mesh\]"):
+        write_machine(read_machine(file), tmp_path / "n.toml")
+    (tmp_path / "mesh.csv").write_text("phase [cycle], k [N/m]\n0, 1e8\n0.5, -2e8\n1, 1e8\n")
+    with pytest.raises(MachineFileError, match=r"line 15: the mesh stiffness is .* must be positive"):
+        read_machine(file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"80 um"', '"80 mm"', "line 12: backlash = 80 mm is as large as a tooth.*'80 um'"),
+        ("teeth = 25", "teeth = 12", "line 4: 12 teeth .* undercut"),
+        ('"3 mm"', '"3"', "line 6: module = '3' has no unit"),
+        ('"3 mm"', "3", "line 6: module = 3 m is beyond any machine"),
+        ('"20 mm"', '"20 kg"', "line 7: face_width = '20 kg' must be a quantity in m"),
+        (
+            "damping = 0.04",
+            "dampng = 0.04",
+            "line 1: 'damping' is missing; .*line 2: unknown key 'dampng'; did you mean",
+        ),
+        ('"200 N m"', '"200 N"', "line 1: torque = '200 N' must be a quantity in N m"),
+        ('"200 N m"', "-3.0", "line 1: torque = -3 N m must be positive"),
+        ("0.04", "7", "line 2: damping = 7 is beyond"),
+        ("teeth = 40", 'teeth = "x"', "line 10: wheel.teeth = 'x': .*integer"),
+        ("teeth = 40", 'teeth = 40\nhelix_angle = "10 deg"', "line 13: .* give the wheel helix_angle = '0 deg'"),
+        ('backlash = "80 um"', "", "line 12: the pair has no backlash"),
+        ("damping", 'form = "spatial"\ndamping', "line 2: the form 'spatial' needs supports"),
+        ("damping", 'form = "plane"\ndamping', "line 2: form = 'plane'"),
+        ("[pair]", "[pairs]", "unknown key 'pairs'; did you mean 'pair'"),
+        ("teeth = 40", "", "line 9: 'wheel.teeth' is missing"),
+        ('backlash = "80 um"', 'backlash = "80 um"\nbacklash_measure = "axial"', "line 14: pair.backlash_measure"),
+        ('"80 um"\n', '"80 um"\n[support.pinion]\nstiffness = 1e8\n', "'support.wheel' is missing"),
+        ("torque", "torque =", "cannot be read as a machine"),
+    ],
+)
+def test_errors_have_their_line(file, old, new, said):
+    file.write_text(TEXT.replace(old, new, 1))
+    with pytest.raises(MachineFileError, match=said):
+        read_machine(file)
+
+
+def test_all_errors_at_once(file):
+    file.write_text(TEXT.replace('"3 mm"', '"3"').replace('"20 mm"', '"20 kg"').replace('"200 N m"', '"200"'))
+    with pytest.raises(MachineFileError) as refused:
+        read_machine(file)
+    assert [text.partition(": ")[0][-6:] for text in refused.value.problems] == ["line 1", "line 6", "line 7"]
+
+
+def test_supports_make_the_other_forms(file):
+    file.write_text('form = "spatial"\n' + TEXT + HELD)
+    assert isinstance(read_machine(file).model(), hb.HelicalPair)
+    file.write_text('form = "bearings"\n' + TEXT + HELD)
+    assert isinstance(read_machine(file).model(), hb.GearRotorBearing)
+
+
+# ---- commands
+
+
+def test_trace_and_speed_of_a_file(run, file):
+    code, out, err = run("trace", file, "--harmonics", 24, "-o", "box.npz")
+    assert (code, err) == (0, "")
+    curve = hb.load("box.npz")
+    model = pair().model(200.0, 0.04)
+    code, out, err = run("speed", file, "-o", "again.npz", "--plot", "box.png", "--harmonics", 24)
+    assert (code, err) == (0, "")
+    shown = [float(x) for x in re.findall(r"LP\d +(\d+\.?\d*)", out)]
+    speeds = [float(model.scales.pinion_speed(jump.value)) for jump in curve.jumps()]
+    assert len(speeds) >= 4 and shown == pytest.approx(speeds, rel=1e-5)
+    first = curve.jumps()[0]
+    line = next(x for x in out.splitlines() if x.strip().startswith("LP1"))
+    assert float(line.split()[-2]) == pytest.approx(hb.dynamic_factor(model, first.before), rel=5e-3)
+    assert float(line.split()[-1]) == pytest.approx(hb.dynamic_factor(model, first.after), rel=5e-3)
+
+
+def test_speed_over_a_span_in_its_own_unit(run, file):
+    code, out, _ = run("speed", file, "--from", "16000 r/min", "--to", "1570 rad/s", "--set", "zeta=0.06")
+    assert code == 0 and "Omega = 1.03" in out and "no jumps" in out, out
+    assert run("speed", file, "--to", "9000")[2] == (
+        "hbgear: error: --to 9000: need a speed with its unit, such as --to 9000r/min\n"
+    )
+
+
+def test_gear_says_what_is_asked(run, tmp_path):
+    code, out, err = run("gear", *DRAWING, "--damping", 0.04, "-o", "box.toml")
+    assert (code, err) == (0, "")
+    assert read_machine(tmp_path / "box.toml") == Machine(pair(), 200.0, 0.04)
+    assert (tmp_path / "gear-25-40.png").stat().st_size > 20_000
+    for text in ("1.66259", "97.5000 mm", "80.0 circumferential, 75.2 normal", "37.6", "c' 13.02, c_gamma 19.49",
+                 "6062", "damping 0.04 (given): 0.02", "no pitch error: 5 um", "no tip relief: 10 um",
+                 "inertia 20 % less", "the tangent", "dynamic factor before"):  # fmt: skip
+        assert text in out, text
+    model = pair().model(200.0, 0.04)
+    curve = hb.trace(hb.HarmonicBalance(model, 24), "Omega", model.default_span)
+    speeds = [float(model.scales.pinion_speed(jump.value)) for jump in curve.jumps()]
+    assert [float(x) for x in re.findall(r"LP\d +(\d+\.?\d*)", out)] == pytest.approx(speeds, rel=1e-5)
+    lighter = next(x for x in out.splitlines() if "inertia 20 % less" in x)
+    assert f"{max(speeds) / 0.8**0.5:.0f}+" in lighter  # speeds go with the root of stiffness over mass
+
+
+def test_gear_assumes_what_is_not_said(run):
+    out = run("gear", *DRAWING, "--harmonics", 8, "--plot", "x.pdf")[1]
+    assert "damping 0.04 (assumed): 0.02" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--z", "25"], "--z 25: need two numbers, such as --z 25,40"),
+        (["--z", "14,40"], "undercut"),
+        (["--module", "3"], "module = '3' has no unit"),
+        (["--backlash", "80mm"], "as large as a tooth"),
+        (["--backlash-as", "axial"], "circumferential, normal, action"),
+        (["--torque", "200N"], "must be a quantity in N m"),
+        (["--helix", "10"], "has no unit"),
+        (["--damping", "4"], "damping = 4 is beyond any machine"),
+        (["--shift", "1"], "--shift 1: need two numbers"),
+        (["-o", "box.txt"], "the name must end in .toml"),
+        (["--plot", "box.txt"], "the name must end in"),
+        (["--z", "25,-26"], "interference|ring|base"),
+    ],
+)
+def test_gear_refuses_in_a_sentence(run, words, said):
+    code, out, err = run("gear", *DRAWING, *words)
+    assert (code, out) == (2, "") and err.startswith("hbgear: error: ") and err.count("\n") == 1
+    assert re.search(said, err)
+
+
+def test_errors_of_a_file_are_a_line_each(run, file):
+    file.write_text(TEXT.replace('"3 mm"', '"3"').replace('"20 mm"', '"20 kg"'))
+    for command in ("trace", "speed"):
+        code, _, err = run(command, file)
+        assert code == 2 and len(err.splitlines()) == 2 and all("box.toml, line " in x for x in err.splitlines())
+
+
+def test_speed_needs_a_machine(run):
+    assert "does not know its speeds" in run("speed", "duffing")[2]
+
+
+def test_a_helical_ring_on_the_command_line(run, tmp_path):
+    code, out, err = run("gear", "--z", "21,-72", "--module", "2 mm", "--width", "25 mm", "--torque", "80 N m",
+                         "--backlash", "60 um", "--helix", "12 deg", "--shift", "0.4,-0.4", "-o",
+                         "ring.toml")  # fmt: skip
+    assert code in (0, 2)
+    if code == 0:
+        wheel = read_machine(tmp_path / "ring.toml").pair.wheel
+        assert wheel.internal and wheel.hand == "right" and "72 (ring)" in out
+    else:
+        assert "interference" in err
+
+
+def test_replacing_keeps_a_machine_a_machine(file):
+    machine = read_machine(file)
+    other = dataclasses.replace(machine, torque=100.0)
+    assert other.model().F_m < machine.model().F_m

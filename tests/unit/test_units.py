@@ -1,0 +1,81 @@
+"""Quantities with units: what is taken, what is refused and how."""
+
+import dataclasses
+import pickle
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import hbgear
+from hbgear.common.ranges import POSITIVE, Range
+from hbgear.common.units import Measured, MeasuredOrNone, si
+
+
+@dataclass(frozen=True)
+class Thing:
+    size: Measured = Measured("m", POSITIVE, Range(1e-5, 0.1))
+    angle: Measured = Measured("rad", default=0.5)
+    other: MeasuredOrNone = MeasuredOrNone("m")
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "number"),
+    [("3 mm", "m", 0.003), ("3mm", "m", 0.003), ("80 µm", "m", 80e-6), ("80um", "m", 80e-6), (0.25, "m", 0.25),
+     ("200 Nm", "N m", 200.0), ("200 N m", "N m", 200.0), ("0.2 kN*m", "N m", 200.0),
+     ("90 deg", "rad", 1.5707963267949),
+     ("1 inch", "m", 0.0254), ("5 %", "", 0.05), ("206 GPa", "Pa", 206e9), ("3e8 N/m", "N/m", 3e8),
+     ("60 r/min", "rad/s", 6.28318530717959), ("-12 deg", "rad", -0.20943951023932)],
+)  # fmt: skip
+def test_quantities_are_read(value, unit, number):
+    assert si("x", "y", value, unit) == pytest.approx(number, rel=1e-14)
+
+
+def test_a_pint_quantity_is_read():
+    import pint
+
+    assert si("x", "y", pint.UnitRegistry().Quantity(3.0, "mm"), "m") == 0.003
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "said"),
+    [("3", "m", "has no unit"), ("3 kg", "m", "must be a quantity in m"), ("three", "m", "must be a quantity in m"),
+     ("mm", "m", "must be a quantity in m"), ("9e9**9e9 m", "m", "must be a quantity"),
+     ("3 mm", "", "must be a number"),
+     (float("nan"), "m", "finite"), (True, "m", "finite"), (None, "m", "finite"), ("", "m", "must be a quantity"),
+     ("1e999 m", "m", "finite"), ("3 mm; 4", "m", "must be a quantity"), ([1], "m", "finite")],
+)  # fmt: skip
+def test_what_is_no_quantity_is_refused(value, unit, said):
+    with pytest.raises(ValueError, match=said):
+        si("x", "y", value, unit)
+
+
+def test_a_field_reads_and_is_frozen():
+    thing = Thing("3 mm", other="1 m")
+    assert (thing.size, thing.angle, thing.other) == (0.003, 0.5, 1.0)
+    assert Thing("3 mm").other is None
+    assert dataclasses.replace(thing, size="4 mm").size == 0.004
+    assert pickle.loads(pickle.dumps(thing)) == thing and hash(thing) == hash(Thing(0.003, other=1))
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        thing.size = 1.0  # type: ignore[misc]
+    with pytest.raises(TypeError, match="size"):
+        Thing()
+
+
+@pytest.mark.parametrize(("value", "said"), [(3, "beyond any machine .* '3 mm'"), (-1e-3, "be positive")])
+def test_a_field_refuses_other_units(value, said):
+    with pytest.raises(ValueError, match=f"Thing: size = .*{said}"):
+        Thing(value)
+
+
+def test_pint_waits_for_a_text():
+    code = (
+        "import sys, hbgear as hb\n"
+        "g = hb.Gear(25, 0.003, 0.02); print('pint' in sys.modules)\n"
+        "g = hb.Gear(25, '3 mm', 0.02); print('pint' in sys.modules)"
+    )
+    root = Path(hbgear.__file__).parents[1]
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root)
+    assert out.stdout.split() == ["False", "True"]
