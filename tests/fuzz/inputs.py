@@ -134,7 +134,7 @@ SYSTEM: Pool = {
 
 RECORDS = {
     "Branch", "Cases", "Critical", "Jump", "JumpMap", "Point", "Reduction", "SpecialPoint", "Survey", "Law", "Model",
-    "NoConvergence", "NoFold", "Evaluation", "Unlikely", "Run", "Answers",
+    "NoConvergence", "NoFold", "Evaluation", "Unlikely", "Run", "Answers", "Opinion",
     "model", "Steps", "Progress", "ProgressCallback", "Status", "plot", "__version__",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
@@ -328,6 +328,7 @@ def targets() -> tuple[Target, ...]:
                 "settings": _is(hb.Settings()),
                 "stability": _is(True, False),
                 "special": _is(True, False),
+                "accuracy": _is(None, 1e-4),
             },
             8,
         ),
@@ -399,7 +400,13 @@ def targets() -> tuple[Target, ...]:
         Target(
             "peaks",
             hb.peaks,
-            {"branch": [curve, gears], "measure": measure, "element": element, "share": _is(0.0, 0.9)},
+            {
+                "branch": [curve, gears],
+                "measure": measure,
+                "element": element,
+                "share": _is(0.0, 0.9),
+                "accuracy": _is(None, 1e-4),
+            },
             2,
         ),
         Target(
@@ -546,6 +553,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target("reduce", hb.reduce, {"model": [system, hb.SpurPair], "modes": _is(1, 2)}, 2),
         Target("load", hb.load, {"path": _is("no.npz"), "problem": _is(None)}, free=frozenset({"problem"})),
+        Target("second_opinion", hb.second_opinion, {"branch": [curve, gears], "point": _is(1, "LP1")}, 0.3),
         Target("run", hb.run, {"branch": [curve], "direction": _is("up", "down"), "others": _is(())}),
         Target("answers", hb.answers, {"branch": [curve], "element": element, "dof": _is(None, 0)}),
         Target("Branch.__getitem__", lambda key: curve()[key], {"key": _is(0, "LP1", -1)}),

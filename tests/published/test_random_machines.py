@@ -65,7 +65,7 @@ def test_it_goes_on_where_it_stopped(campaign, tmp_path, monkeypatch):
 def test_true_points_are_those_of_shooting(campaign, model, span, kinds):
     """With six harmonics they are off, and it shows; what shooting finds is where sixty harmonics have it."""
     it = campaign.Machine("spur", 0, model, span)
-    rough, middle, fine = (campaign.truth.traced(it, H) for H in (6, 24, 60))
+    rough, middle, fine = (campaign.truth.traced(it, H, accuracy=None) for H in (6, 24, 60))
     found = campaign.truth.special_points(it, rough, middle, np.random.default_rng(0))
     assert {p.kind for p in found} == kinds and all(p.by == "shooting" for p in found)
     for p in found:
@@ -106,7 +106,7 @@ def test_untrue_ends_are_seen(campaign):
     assert list(campaign.untrue(it, curve)) == []
     half = curve.values > 0.9
     arrays = {name: getattr(curve, name)[half] for name in
-              ("values", "X", "iterations", "residual", "error", "step", "regime", "multipliers")}  # fmt: skip
+              ("values", "X", "iterations", "residual", "error", "step", "regime", "multipliers", "modulus_error")}  # fmt: skip
     short = replace(curve, **arrays, special=(), jump_records=())
     told = list(campaign.untrue(it, short))
     assert any("reached_end at" in text for text in told) and any("without a word" in text for text in told)

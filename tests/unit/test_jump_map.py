@@ -59,7 +59,7 @@ def test_one_fold_curve_and_its_two_arms(jumps):
     assert len(jumps.folds) == 1 and len(jumps.arms) == 2
     for arm in jumps.arms:
         assert np.all(np.diff(arm.values) >= 0) and arm.values[0] == pytest.approx(SPAN[0], abs=1e-12)
-        assert arm.values[-1] == pytest.approx(jumps.cusps[0].parameters["zeta"], abs=1e-12)
+        assert arm.values[-1] == pytest.approx(jumps.folds[0].values[jumps.cusps[0].index], abs=1e-12)
     ends = [arm.Omega[-1] for arm in jumps.arms]
     assert ends[0] == pytest.approx(ends[1], abs=1e-12)
     assert jumps.labels["zeta"] and jumps.span == SPAN
@@ -140,10 +140,11 @@ def test_found_from_a_model_without_a_jump(in_zeta):
 
 def test_load_and_error_matter_by_their_ratio():
     """While no tooth touches on its back the equation is homogeneous in F_m, e and x - b: e_crit / F_m = e / F_crit."""
-    error = critical(PAIR, "e_scale", harmonics=3, **NEAR)
-    load = critical(PAIR, "F_m", harmonics=3, **NEAR)
-    assert error.value * load.value == pytest.approx(0.1, rel=1e-7)
-    assert error.Omega == pytest.approx(load.Omega, abs=1e-7)
+    error = critical(PAIR, "e_scale", harmonics=8, **NEAR)
+    load = critical(PAIR, "F_m", harmonics=8, **NEAR)
+    stated = error.point.error / error.value + load.point.error / load.value
+    assert error.value * load.value == pytest.approx(0.1, rel=3 * stated + 1e-7) and stated < 2e-5
+    assert error.Omega == pytest.approx(load.Omega, abs=1e-5)
     assert (error.jump_below, load.jump_below) == (False, True)
 
 
@@ -180,7 +181,8 @@ def test_folds_of_the_critical_value_can_be_followed_on(problem, in_zeta):
     """Any of its points is a start: back through the cusp from a point on the far arm."""
     back = trace(Fold(problem), "zeta", SPAN, in_zeta.folds[len(in_zeta.folds) - 1])
     assert [p.kind for p in back.special] == ["CP"]
-    assert back["CP1"].parameters["zeta"] == pytest.approx(in_zeta.value, abs=1e-8)
+    stated = back["CP1"].error + in_zeta.point.error
+    assert back["CP1"].parameters["zeta"] == pytest.approx(in_zeta.value, abs=3 * stated + 1e-8)
 
 
 def test_a_number_of_harmonics_that_varies_is_refused():
