@@ -105,8 +105,8 @@ def test_untrue_ends_are_seen(campaign):
     curve = campaign.truth.traced(it, 8)
     assert list(campaign.untrue(it, curve)) == []
     half = curve.values > 0.9
-    arrays = {name: getattr(curve, name)[half] for name in
-              ("values", "X", "iterations", "residual", "error", "step", "regime", "multipliers", "modulus_error")}  # fmt: skip
+    names = ("values", "X", "iterations", "residual", "error", "step", "regime", "multipliers", "modulus_error")
+    arrays = {name: getattr(curve, name)[half] for name in names}
     short = replace(curve, **arrays, special=(), jump_records=())
     told = list(campaign.untrue(it, short))
     assert any("reached_end at" in text for text in told) and any("without a word" in text for text in told)
