@@ -32,7 +32,7 @@ import scipy  # its parts are imported when they are first used
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.continuation.algebra import as_dense, bordered, norm, norms, slogdet
+from hbgear.continuation.algebra import as_dense, bordered, norms, slogdet
 from hbgear.continuation.bordered import Augmented, Fold, Level
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status
 from hbgear.continuation.newton import NoConvergence, Settings, refine, solution_at, solve
@@ -217,7 +217,8 @@ class Turning(Event):
         dp/ds = a + b s + c s^2,   least at s = -b / 2c
         """
         p, length = np.array([row.u[-1] for row in rows]), lengths(rows, scale)
-        slope = np.array([row.tangent[-1] / norm(row.tangent / scale) for row in rows])
+        tangents = np.array([row.tangent for row in rows])
+        slope = tangents[:, -1] / norms(tangents / scale)
         begin, end = slope[:-1] * length, slope[1:] * length
         b, c = 6 * np.diff(p) - 4 * begin - 2 * end, 3 * (begin + end) - 6 * np.diff(p)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -279,7 +280,15 @@ class BranchPoint(Event):
 
     def departure(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[FullProblem, Departure] | None:
         """Across the traced curve, within the null space of [dR/dX, dR/dp]."""
-        return as_problem(branch.problem), Departure(point.X, dict(point.parameters), side * _across(branch, point))
+        there = as_traced(branch, point)
+        return as_problem(branch.problem), Departure(there.X, dict(there.parameters), side * _across(branch, there))
+
+
+def as_traced(branch: Branch, point: SpecialPoint) -> SpecialPoint:
+    """The point as the branch has it, if it was solved for with more unknowns."""
+    if point.layout == branch.layout:
+        return point
+    return replace(point, X=branch.X[point.index], parameters=branch.parameters_at(point.index), layout=branch.layout)
 
 
 def _across(branch: Branch, point: SpecialPoint) -> Array:

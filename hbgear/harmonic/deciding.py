@@ -21,7 +21,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.continuation.algebra import norm
+from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.newton import NoConvergence
 from hbgear.continuation.problem import linearise
 from hbgear.harmonic.floquet import multipliers_of
@@ -44,11 +44,12 @@ def decide(
     """See `HarmonicBalance.decided`."""
     for told in seen:
         told["modulus_error"] = math.nan
-    known = [i for i, told in enumerate(seen) if not np.isnan(told["multipliers"]).any()]
-    mu = np.array([seen[i]["multipliers"] for i in known])
-    far = np.abs(_modulus(mu) - 1.0) * [problem.motion_size(X[i]) for i in known]
-    near = np.flatnonzero(_SENSITIVE * np.array([seen[i]["error"] for i in known]) > far)
-    some = [known[i] for i in near]
+    mu = np.array([told["multipliers"] for told in seen])
+    known = np.flatnonzero(~np.isnan(mu).any(axis=1))
+    mu = mu[known]
+    far = np.abs(_modulus(mu) - 1.0) * norms(X[known].reshape(len(known), problem.m, -1)[:, :, 1:])
+    near = np.flatnonzero(_SENSITIVE * np.array([seen[i]["error"] for i in known.tolist()]) > far)
+    some: list[int] = known[near].tolist()
     if not some:
         return
     for i, one, error in zip(some, mu[near], _errors(problem, X[some], mu[near], name, values[some], parameters),

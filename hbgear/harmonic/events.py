@@ -28,7 +28,19 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.algebra import norm
 from hbgear.continuation.bordered import Augmented
 from hbgear.continuation.branch import NEUTRAL, Branch, SpecialPoint, Status
-from hbgear.continuation.events import BranchPoint, Cusp, Event, Found, Turning, dips, lengths, newton, root, singular
+from hbgear.continuation.events import (
+    BranchPoint,
+    Cusp,
+    Event,
+    Found,
+    Turning,
+    as_traced,
+    dips,
+    lengths,
+    newton,
+    root,
+    singular,
+)
 from hbgear.continuation.newton import NoConvergence, refine, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment
@@ -83,9 +95,9 @@ class Doubling(Event):
 
     def departure(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[FullProblem, Departure] | None:
         """Onto the motion of twice the period, along the null vector of the half-integer block."""
-        doubling = PeriodDoubling(branch.problem, branch.parameter)
-        direction = np.append(side * doubling.null_vector(point.X, **point.parameters), 0.0)
-        return doubling.doubled, Departure(doubling.embed(point.X), dict(point.parameters), direction)
+        doubling, there = PeriodDoubling(branch.problem, branch.parameter), as_traced(branch, point)
+        direction = np.append(side * doubling.null_vector(there.X, **there.parameters), 0.0)
+        return doubling.doubled, Departure(doubling.embed(there.X), dict(there.parameters), direction)
 
 
 class NeimarkSacker(Event):

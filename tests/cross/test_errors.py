@@ -112,3 +112,54 @@ def test_a_cusp_and_a_peak_state_their_errors():
         (true,) = hb.peaks(fine, measure, share=0.99)
         away = abs(top.parameters["Omega"] - true.parameters["Omega"])
         assert away <= STATED * (top.error + true.error) and top.error < 1e-5, measure
+
+
+def test_a_doubling_solved_for_with_more_harmonics_is_left_as_before():
+    """The branch of twice the period leaves the curve as traced, whose point it is near."""
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 5), "Omega", (2.1, 1.8), accuracy=1e-9)
+    point = curve["PD1"]
+    assert point.layout.harmonics > 5 and curve.values[point.index] != point.parameters["Omega"]
+    doubled = hb.switch(curve, "PD1", steps=hb.StepControl(max_points=6))
+    assert doubled.problem.nu == 2 and np.linalg.norm(doubled.problem.subharmonic_part(doubled.X[-1])) > 1e-2
+
+
+def test_files_keep_points_of_more_harmonics_than_their_curve(tmp_path):
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 5), "Omega", (1.0, 0.6), accuracy=1e-7)
+    curve.save(tmp_path / "a.npz")
+    again = hb.load(tmp_path / "a.npz")
+    for mine, read in zip(curve.special, again.special, strict=True):
+        np.testing.assert_array_equal(mine.X, read.X)
+        assert (mine.error, mine.truncation, mine.layout) == (read.error, read.truncation, read.layout)
+    np.testing.assert_array_equal(curve.modulus_error, again.modulus_error)
+    assert again.doubts == curve.doubts == () and max(p.layout.harmonics for p in again.special) > 5
+
+
+def test_what_cannot_be_decided_is_listed_and_drawn(tmp_path):
+    """A row whose error reaches the unit circle is neither stable nor unstable."""
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.0))
+    modulus = np.abs(curve.multipliers).max(axis=1)
+    doubtful = replace(curve, modulus_error=np.where(np.arange(len(curve)) == 7, 1.0 - modulus + 1e-3, np.nan))
+    assert doubtful.verdicts[7] == "undecided" == doubtful[7].verdict and doubtful[7].stable is None
+    assert doubtful.undecided.sum() == 1 and not doubtful.stable[7] and doubtful.stable.sum() == len(curve) - 1
+    assert "stability undecided at 1 points with Omega = " in doubtful.doubts[0]
+    styles = {line.get_linestyle() for line in hb.plot.response(doubtful).lines}
+    assert ":" in styles and ":" not in {line.get_linestyle() for line in hb.plot.response(curve).lines}
+
+
+@pytest.mark.parametrize("accuracy", [0.0, -1.0, np.nan, "fine"])
+def test_an_accuracy_that_is_none(accuracy):
+    with pytest.raises((ValueError, TypeError), match="accuracy"):
+        hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.0), accuracy=accuracy)
+
+
+def test_three_opinions_agree_with_each_other():
+    """Also where the rows are unstable; without the model there is none."""
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 20), "Omega", (1.0, 0.6))
+    inside = curve["LP1"].index + 3  # between the folds
+    for i, verdict in ((3, "stable"), (inside, "unstable")):
+        opinion = hb.second_opinion(curve, i)
+        assert opinion.agree and set(opinion.verdicts.values()) == {verdict} and len(opinion.moduli) == 3
+        assert opinion.moduli["carried"] == pytest.approx(opinion.moduli["shot"], abs=1e-4)
+        assert opinion.moduli["hill"] == pytest.approx(opinion.moduli["shot"], abs=1e-3)
+    with pytest.raises(ValueError, match="a second opinion needs the model"):
+        hb.second_opinion(replace(curve, problem=None), 3)
