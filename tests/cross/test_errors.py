@@ -58,7 +58,10 @@ def test_verdicts_of_two_masses():
 
 
 def test_a_backlash_fifty_times_as_stiff():
-    """Points that 16 harmonics come near enough to are right; of the others the branch says that they are not known."""
+    """Points that 16 harmonics come near enough to are right; of the others the branch says that they are not known.
+
+    Those are below Omega = 0.53, where motions are off by a sixth; which of them are found hangs on their last digit.
+    """
     system = hb.System(
         np.diag([0.8534, 1.922]), [[0.1714, -0.0922], [-0.0922, 0.1114]], [[1.4258, -0.8069], [-0.8069, 0.8069]],
         [hb.Element([0, 1], hb.Unilateral(k=2.2025, gap=0.7689)), hb.Element([1, 0], hb.Backlash(b=0.27504, k=54.957))],
@@ -67,7 +70,8 @@ def test_a_backlash_fifty_times_as_stiff():
     curve = hb.trace(hb.HarmonicBalance(system, 16), "Omega", (2.5, 0.35))
     fine = hb.trace(hb.HarmonicBalance(system, 64), "Omega", (2.5, 0.35), accuracy=None)
     known = [p for p in curve.special if p.error <= 2e-5 * p.parameters["Omega"]]
-    assert len(known) >= 12 and curve.status.complete
+    assert curve.status.complete
+    assert all(p in known for p in curve.special if p.parameters["Omega"] > 0.53)
     for mine in known:
         others = [p.parameters["Omega"] for p in fine.special if p.kind == mine.kind]
         assert np.abs(np.array(others) - mine.parameters["Omega"]).min() <= STATED * mine.error + 1e-5, mine.label
