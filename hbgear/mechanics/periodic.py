@@ -87,7 +87,8 @@ class Periodic:
     def __post_init__(self) -> None:
         phases = real_numbers("Periodic: phases", self.phases, "a sequence of numbers")
         rows = self.coefficients
-        if not isinstance(rows, Sequence | np.ndarray) or phases.ndim != 1 or len(rows) != len(phases):
+        listed = isinstance(rows, tuple | list) or (isinstance(rows, np.ndarray) and rows.ndim > 0)
+        if not listed or phases.ndim != 1 or len(rows) != len(phases):
             raise ValueError(f"Periodic: coefficients = {quoted(rows)} must be a row of numbers for each of the phases")
         counted("Periodic: number of pieces", len(phases), MOST_PIECES)
         table = []

@@ -243,7 +243,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target("System", hb.System, SYSTEM, 3, _traced),
         Target("Settings", hb.Settings, {}),
-        Target("StepControl", hb.StepControl, {}, 2),
+        Target("StepControl", hb.StepControl, {}, 2, free=frozenset({"first"})),  # None is its default
         Target("Settling", Settling, {}),
         *(Target(cls.__name__, cls, {}, 4, _traced) for cls in (hb.Duffing, hb.SpurPair, hb.GearRotorBearing)),
         Target("HelicalPair", hb.HelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),

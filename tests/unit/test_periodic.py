@@ -153,6 +153,7 @@ Table = hb.Periodic.table
         (lambda: hb.Periodic((0.0, 7.0), ((1.0,), (2.0,))), "phases from 0 to 7 are more than the period 6.28319"),
         (lambda: hb.Periodic((0.0,), ((1.0, 2.0, 3.0, 4.0, 5.0),)), "must be 1 to 4 finite numbers"),
         (lambda: hb.Periodic((0.0, 1.0), ((1.0,),)), "must be a row of numbers for each of the phases"),
+        (lambda: hb.Periodic((0.0, 1.0), np.ma.masked), "must be a row of numbers for each of the phases"),
         (
             lambda: hb.Backlash(stiffness=hb.Periodic.rectangular(1.0, 0.0, 0.5)),
             "goes down to 0; teeth in contact",
