@@ -107,7 +107,8 @@ def judged(args: list[str], folder: Path) -> pool.Wrong | None:
         return pool.Wrong("exit", name, f"exit code {code}: {err[-300:]}")
     if strange := [line for line in lines if not line.startswith(("hbgear: error: ", "hbgear: warning: ", "hbgear: "))]:
         return pool.Wrong("stderr", name, strange[0][:300])
-    if code == 2 and not (errors if name == "study" else len(errors) == 1):
+    several = any(str(arg).endswith(".toml") for arg in args)  # a file is told all that is wrong with it
+    if code == 2 and not (errors if several else len(errors) == 1):
         return pool.Wrong("exit", name, f"exit code 2 with {len(errors)} errors: {err[:300]!r}")
     if code == 2 and out and name not in ("study",) and "wrote" in out:
         return pool.Wrong("exit", name, f"exit code 2 after it said that it wrote: {out[-200:]!r}")
