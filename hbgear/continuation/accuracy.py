@@ -12,7 +12,6 @@ judged anew.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,12 +19,11 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import norm, solve_linear
 from hbgear.continuation.branch import SpecialPoint
-from hbgear.continuation.corrector import correct
 from hbgear.continuation.events import Found, Sharp
 from hbgear.continuation.newton import NoConvergence, refine, solution_at, solve
 from hbgear.continuation.problem import FullProblem, as_problem, linearise, observe_all
 from hbgear.continuation.record import fields_of
-from hbgear.continuation.segment import CurvePoint, Segment, normal_of, row_along
+from hbgear.continuation.segment import CurvePoint, Segment, solved_again, widened
 
 _ROUNDING = 1e-12  # of a parameter, relative to its unit: no error is told to be smaller
 
@@ -39,36 +37,34 @@ _MISSED = 2  # times in a row that a point is not found with more unknowns, afte
 _SKETCH = 0.5  # error of a solution relative to its size above which it is no start for one with more unknowns
 
 
-def assessed(
-    arc: Segment, found: Found, accuracy: float, find: Callable[[Segment], list[Found]] | None = None
-) -> Found:
+def assessed(arc: Segment, found: Found, accuracy: float) -> Found:
     """A special point with its error, solved for with more unknowns where that is above the accuracy.
 
     Parameters
     ----------
     arc : the piece of the curve on which it was found.
     accuracy : largest error wanted, relative to the size of the parameter (`FullProblem.unit_of`).
-    find : what finds the point on a piece of the curve; by default its event.
 
     Returns
     -------
     Found
         Its error is infinite if it is not found again with more unknowns, nan if nothing could be said.
     """
-    if arc.problem.finer is None or _is_sketch(arc):
+    rough = (is_sketch(arc.problem, end.X, end.observed.get("error", 0.0)) for end in (arc.a, arc.b))
+    if arc.problem.finer is None or any(rough):
         return found
     unit = arc.problem.unit_of(arc.name, found.row.value)
     goal = accuracy * unit
     best = _by_equations(arc, found, goal) if found.located and arc.problem.smooth else found
     if not best.error <= goal:
-        other = _by_pieces(arc, found, goal, find or (found.finder or found.event).find)
+        other = _by_pieces(arc, found, goal)
         best = best if best.error <= other.error else other
     return replace(best, error=max(best.error, _ROUNDING * unit))
 
 
-def _is_sketch(arc: Segment) -> bool:
-    """Whether the solutions at the ends of the piece are too rough."""
-    return any(end.observed.get("error", 0.0) > _SKETCH * arc.problem.motion_size(end.X) for end in (arc.a, arc.b))
+def is_sketch(problem: FullProblem, X: Array, error: float) -> bool:
+    """Whether a solution with this error is too rough to be solved for with more unknowns."""
+    return error > _SKETCH * problem.motion_size(X)
 
 
 def _by_equations(arc: Segment, found: Found, goal: float) -> Found:
@@ -99,13 +95,14 @@ def _by_equations(arc: Segment, found: Found, goal: float) -> Found:
     return found
 
 
-def _by_pieces(arc: Segment, found: Found, goal: float, find: Callable[[Segment], list[Found]]) -> Found:
+def _by_pieces(arc: Segment, found: Found, goal: float) -> Found:
     """`assessed` by looking for the point again on the piece of the curve solved with more unknowns."""
     place, missed = found.row.value if found.located else math.nan, 0
+    find = (found.finder or found.event).find
     found = replace(found, error=math.inf)
     while arc.problem.finer is not None and missed < _MISSED:
         try:
-            arc = _solved_again(arc, as_problem(arc.problem.finer))
+            arc = _again(arc, as_problem(arc.problem.finer))
             again = [p for p in find(arc) if p.located and p.event.kind == found.event.kind]
         except (NoConvergence, np.linalg.LinAlgError):
             break
@@ -120,30 +117,15 @@ def _by_pieces(arc: Segment, found: Found, goal: float, find: Callable[[Segment]
     return found
 
 
-def _solved_again(arc: Segment, finer: FullProblem) -> Segment:
+def _again(arc: Segment, finer: FullProblem) -> Segment:
     """The piece with its ends solved for with more unknowns, and observed."""
-    scale = _scale(arc, finer)
+    scale = widened(arc.scale, finer, len(finer.fitted(arc.a.X)))
     finer = finer.based(finer.fitted(arc.a.X), {**arc.parameters, arc.name: arc.a.value})
-    ends = []
-    for row in (arc.a, arc.b):
-        direction = np.append(finer.fitted(row.tangent[:-1]), row.tangent[-1])
-        normal = normal_of(direction, scale)
-        u = np.append(finer.fitted(row.X), row.value)
-        point = correct(finer, u, normal / norm(normal), arc.name, arc.parameters, arc.settings)
-        ends.append(row_along(point, scale, row.step, row))
-    seen = observe_all(
-        finer, np.array([end.u for end in ends]), arc.name, arc.parameters, "multipliers" in arc.a.observed
-    )
-    for end, told in zip(ends, seen, strict=True):
+    a, b = (solved_again(row, finer, arc.name, arc.parameters, scale, arc.settings) for row in (arc.a, arc.b))
+    seen = observe_all(finer, np.array([a.u, b.u]), arc.name, arc.parameters, "multipliers" in arc.a.observed)
+    for end, told in zip((a, b), seen, strict=True):
         end.observed.update(told)
-    return replace(arc, problem=finer, a=ends[0], b=ends[1], scale=scale)
-
-
-def _scale(arc: Segment, finer: FullProblem) -> Array:
-    """The scales of the piece for more unknowns."""
-    own = 1 + len(finer.unknown_parameters)
-    front = len(finer.fitted(arc.a.X)) + 1 - own
-    return np.concatenate([np.full(front, arc.scale[0]), arc.scale[-own:]])
+    return replace(arc, problem=finer, a=a, b=b, scale=scale)
 
 
 def _row_at(arc: Segment, problem: FullProblem, u: Array, iterations: int) -> CurvePoint:

@@ -52,21 +52,7 @@ def branch_of(
             known = fields_of(problem, name, fixed, rows[mark.index]) | {
                 "multipliers": None if mu is None else mu[mark.index], "regime": regime[mark.index]
             }  # fmt: skip
-        special.append(
-            SpecialPoint(
-                **known | {"error": found.error},
-                truncation=known["error"],
-                label=f"{kind}{count[kind]}",
-                kind=kind,
-                index=mark.index,
-                located=found.located,
-                interval=mark.interval,
-                note=found.note,
-                meaning=found.event.meaning,
-                marker=found.event.marker,
-                event=found.event,
-            )
-        )
+        special.append(special_of(found, known, f"{kind}{count[kind]}", mark.index, mark.interval))
     return Branch(
         parameter=name,
         values=np.array([r.value for r in rows]),
@@ -92,6 +78,17 @@ def branch_of(
         },
         problem=problem.original,
     )
+
+
+def special_of(
+    found: Found, known: dict[str, Any], label: str, index: int, interval: tuple[float, float]
+) -> SpecialPoint:
+    """What was found at a row, with what is known of its motion: `fields_of`."""
+    return SpecialPoint(
+        **known | {"error": found.error}, truncation=known["error"], label=label, kind=found.event.kind, index=index,
+        located=found.located, interval=interval, note=found.note, meaning=found.event.meaning,
+        marker=found.event.marker, event=found.event,
+    )  # fmt: skip
 
 
 def _column(rows: list[CurvePoint], name: str, nothing: Any) -> Array | None:

@@ -159,6 +159,32 @@ def row_along(point: Corrected, scale: Array, step: float = 0.0, before: CurvePo
     return CurvePoint(u, unit, point.orientation, solution.residual, solution.iterations, step, heading)
 
 
+def solved_again(
+    row: CurvePoint, problem: FullProblem, name: str, parameters: Mapping[str, float], scale: Array,
+    settings: Settings, still: bool = False,
+) -> CurvePoint:  # fmt: skip
+    """A row with the unknowns of another problem, whose scales are given.
+
+    still : at its value of the parameter, as the ends of a curve; else in the plane across the curve.
+
+    Raises
+    ------
+    NoConvergence, numpy.linalg.LinAlgError
+        If it is not found.
+    """
+    X, direction = problem.fitted(row.X), np.append(problem.fitted(row.tangent[:-1]), row.tangent[-1])
+    normal = np.append(np.zeros(len(X)), row.heading or 1.0) if still else normal_of(direction, scale)
+    normal = normal / np.linalg.norm(normal)
+    point = correct(problem, np.append(X, row.value), normal, name, parameters, settings)
+    return row_along(point, scale, row.step, row)
+
+
+def widened(scale: Array, problem: FullProblem, size: int) -> Array:
+    """Scales (size + 1,) of a problem with another number of unknowns, its parameters among them as they were."""
+    own = 1 + len(problem.unknown_parameters)
+    return np.concatenate([np.full(size + 1 - own, scale[0]), scale[-own:]])
+
+
 def heading_of(unit: Array, scale: Array, before: int) -> int:
     """Whether lambda rises or falls along a unit tangent; as before where it stands still."""
     moves = float(unit[-1] / scale[-1])

@@ -38,7 +38,17 @@ from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import NoConvergence, Settings, solve
 from hbgear.continuation.problem import AnyProblem, FullProblem, as_problem, observe_all
 from hbgear.continuation.record import Mark, branch_of
-from hbgear.continuation.segment import CurvePoint, Departure, Segment, cosine, normal_of, row_along, row_of
+from hbgear.continuation.segment import (
+    CurvePoint,
+    Departure,
+    Segment,
+    cosine,
+    normal_of,
+    row_along,
+    row_of,
+    solved_again,
+    widened,
+)
 from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.stride import Strider
 
@@ -679,13 +689,8 @@ class _Tracer:
 
         still : at its value of the parameter, as the ends of the curve; else in the plane across the curve.
         """
-        X, direction = problem.fitted(last.X), np.append(problem.fitted(last.tangent[:-1]), last.tangent[-1])
-        scale = self._wide(problem)
-        normal = np.append(np.zeros(len(X)), last.heading or 1.0) if still else normal_of(direction, scale)
-        normal = normal / np.linalg.norm(normal)
         try:
-            point = correct(problem, np.append(X, last.value), normal, self.name, self.fixed, self.settings)
-            row = row_along(point, scale, last.step, last)
+            row = solved_again(last, problem, self.name, self.fixed, self._wide(problem), self.settings, still)
         except (NoConvergence, np.linalg.LinAlgError):
             return None
         self._observe([row], problem)
@@ -693,7 +698,7 @@ class _Tracer:
 
     def _wide(self, problem: FullProblem) -> Array:
         """The present scales for the unknowns of another problem."""
-        return np.append(np.full(_size(problem), self.scale[0]), self.scale[-1])
+        return widened(self.scale, problem, _size(problem))
 
     def _as_now(self, row: CurvePoint) -> CurvePoint:
         """An earlier row in the present number of unknowns."""

@@ -304,8 +304,9 @@ def _computed(model: Model, work: Work) -> Result:
     problem = HarmonicBalance(model, work.harmonics)
     if work.compute:
         stability = set(work.compute) != {"peak"}
-        branch = trace(problem, "Omega", work.span, stability=stability, special=stability, cover=False, accuracy=None)
-        whole(branch)
+        branch = whole(
+            trace(problem, "Omega", work.span, stability=stability, special=stability, cover=False, accuracy=None)
+        )
         if branch.status != Status.REACHED_END:
             raise ValueError(f"the curve ended early: {branch.message}")
         for kind, take in _OF_CURVE.items():

@@ -21,6 +21,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.accuracy import is_sketch
 from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.newton import NoConvergence
 from hbgear.continuation.problem import linearise
@@ -30,9 +31,6 @@ _SENSITIVE = 1e4  # error of the largest modulus over the relative error of the 
 
 
 _SAFETY = 3.0  # times that the difference of two moduli is taken for the error
-
-
-_SKETCH = 0.5  # relative error of a motion above which it is no start for one with more harmonics
 
 
 _TIMES = 3  # doublings of the number of harmonics where a verdict is in doubt
@@ -54,8 +52,7 @@ def decide(
         return
     for i, one, error in zip(some, mu[near], _errors(problem, X[some], mu[near], name, values[some], parameters),
                              strict=True):  # fmt: skip
-        sketch = seen[i]["error"] > _SKETCH * problem.motion_size(X[i])
-        if abs(_modulus(one) - 1.0) <= error and not sketch:
+        if abs(_modulus(one) - 1.0) <= error and not is_sketch(problem, X[i], seen[i]["error"]):
             one, error = _with_more(problem, X[i], name, {**parameters, name: float(values[i])}, one, error)
         seen[i]["multipliers"], seen[i]["modulus_error"] = one, float(error)
 

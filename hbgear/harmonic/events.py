@@ -23,6 +23,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are imported when they are first used
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.algebra import norm
@@ -41,10 +42,11 @@ from hbgear.continuation.events import (
     root,
     singular,
 )
-from hbgear.continuation.newton import NoConvergence, refine, solve
+from hbgear.continuation.newton import NoConvergence, refine, solution_at, solve
 from hbgear.continuation.problem import FullProblem
-from hbgear.continuation.segment import CurvePoint, Departure, Segment
+from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
 from hbgear.harmonic.meeting import meetings
+from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
 
 
@@ -288,7 +290,7 @@ def _at_doubling(segment: Segment, row: CurvePoint) -> CurvePoint:
 
 
 class AmplitudePeak(Event):
-    """An amplitude is largest: found by `hbgear.peaks` on a finished curve, not while it is traced."""
+    """An amplitude is largest: looked for by `hbgear.peaks` on a finished curve, not while it is traced."""
 
     kind, meaning, marker = "PK", "peak of an amplitude", "^"
     judged_by = 3
@@ -300,11 +302,41 @@ class AmplitudePeak(Event):
         return np.zeros(len(rows) - 1, dtype=bool)
 
     def find(self, segment: Segment) -> list[Found]:
-        return []
+        """The row of the largest amplitude on a piece of the curve."""
+        layout, measure = segment.problem.layout, self.measure
+        assert isinstance(layout, Layout)
+
+        def low(s: float) -> float:
+            return -float(layout.measure(measure, segment.at(s).X, self.element))
+
+        def search(xatol: float) -> CurvePoint:
+            best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": xatol})
+            return segment.at(float(best.x))
+
+        sharp = self._sharp(segment, search(_ROUGH)) if measure not in _BY_EXTREMA else None
+        return [Found(self, 0.5, sharp or search(_SEARCHED), True, f"peak of {measure}")]
+
+    def _sharp(self, segment: Segment, row: CurvePoint) -> CurvePoint | None:
+        """All digits of a peak by Newton, if it stays on the piece."""
+        peak = Peak(segment.problem, segment.name, self.measure, self.element)
+        try:
+            U = solve(peak, row.u, {**segment.parameters, segment.name: row.value}).X
+        except NoConvergence:
+            return None
+        if np.linalg.norm((U - row.u) / segment.scale) > 0.1 * segment.length:
+            return None
+        solution = solution_at(segment.problem, U, segment.name, segment.parameters, row.iterations)
+        return row_of(solution, normal_of(row.tangent, segment.scale), segment.scale)
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         """See `Peak`; "max", "pp2" and "mean" have none."""
-        return None if self.measure in ("max", "pp2", "mean") else Peak(problem, parameter, self.measure, self.element)
+        return None if self.measure in _BY_EXTREMA else Peak(problem, parameter, self.measure, self.element)
+
+
+_BY_EXTREMA = ("max", "pp2", "mean")  # measures whose peaks have no equations
+
+
+_ROUGH, _SEARCHED = 1e-2, 1e-7  # shares of a piece to which a peak is searched for: before Newton, and instead of it
 
 
 def motion_events(nu: int) -> tuple[Event, ...]:

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import numpy as np
-import scipy
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.accuracy import assessed
 from hbgear.continuation.branch import Branch, SpecialPoint
 from hbgear.continuation.events import Found
-from hbgear.continuation.newton import NoConvergence, Settings, Solution, solution_at, solve
+from hbgear.continuation.newton import NoConvergence, Settings, Solution
 from hbgear.continuation.problem import as_problem, linearise
-from hbgear.continuation.record import fields_of
+from hbgear.continuation.record import fields_of, special_of
 from hbgear.continuation.segment import CurvePoint, Segment, normal_of, row_of
 from hbgear.harmonic.events import AmplitudePeak
-from hbgear.harmonic.observables import Layout, layout_of
-from hbgear.harmonic.observables import measure as measured
-from hbgear.harmonic.special import Peak
+from hbgear.harmonic.observables import layout_of
 
 
 @checked_arguments()
@@ -65,8 +61,7 @@ def peaks(
     arcs = [_arc(branch, i) for i in tops]
     found = [_on(arc, i, branch, event) for arc, i in zip(arcs, tops, strict=True)]
     if accuracy is not None:
-        find = partial(_find, event=event)
-        found = [assessed(arc, one, accuracy, find) for arc, one in zip(arcs, found, strict=True)]
+        found = [assessed(arc, one, accuracy) for arc, one in zip(arcs, found, strict=True)]
     return tuple(_point(branch, i, n, one) for n, (i, one) in enumerate(zip(tops, found, strict=True), 1))
 
 
@@ -78,55 +73,17 @@ def _point(branch: Branch, i: int, number: int, found: Found) -> SpecialPoint:
         problem.observe(row.X, stability=branch.multipliers is not None, **fixed, **{branch.parameter: row.value})
     )
     known = fields_of(problem, branch.parameter, fixed, row)
-    return SpecialPoint(
-        **known | {"error": found.error}, truncation=known["error"], label=f"PK{number}", kind="PK", index=i,
-        located=found.located, interval=(float(branch.values[i - 1]), float(branch.values[i + 1])), note=found.note,
-        meaning=found.event.meaning, marker=found.event.marker, event=found.event,
-    )  # fmt: skip
+    interval = (float(branch.values[i - 1]), float(branch.values[i + 1]))
+    return special_of(found, known, f"PK{number}", i, interval)
 
 
 def _on(arc: Segment, i: int, branch: Branch, event: AmplitudePeak) -> Found:
     """The peak near row i; that row, not located, if it cannot be found."""
     try:
-        return _find(arc, event)[0]
+        return event.find(arc)[0]
     except (NoConvergence, np.linalg.LinAlgError):
         row = _row(branch, i, arc.scale, arc.b.u - arc.a.u)
         return Found(event, 0.5, row, False, f"peak of {event.measure}")
-
-
-def _find(arc: Segment, event: AmplitudePeak) -> list[Found]:
-    """The row of the largest amplitude on a piece of the curve."""
-    layout, measure, element = arc.problem.layout, event.measure, event.element
-    assert isinstance(layout, Layout)
-
-    def low(s: float) -> float:
-        return -float(measured(measure, layout.rows(arc.at(s).X, element), layout.nu))
-
-    def search(xatol: float) -> CurvePoint:
-        best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": xatol})
-        return arc.at(float(best.x))
-
-    sharp = None
-    if measure not in ("max", "pp2", "mean"):
-        sharp = _newton(arc, search(_ROUGH), measure, element)
-    return [Found(event, 0.5, sharp or search(_FINE), True, f"peak of {measure}")]
-
-
-_ROUGH, _FINE = 1e-2, 1e-7  # shares of the arc to which a peak is searched for: before Newton, and instead of it
-
-
-def _newton(arc: Segment, row: CurvePoint, measure: str, element: int) -> CurvePoint | None:
-    """All digits of a peak by Newton, if it stays on the arc."""
-    peak = Peak(arc.problem, arc.name, measure, element)
-    here = {**arc.parameters, arc.name: row.value}
-    try:
-        U = solve(peak, row.u, here).X
-    except NoConvergence:
-        return None
-    if np.linalg.norm((U - row.u) / arc.scale) > 0.1 * arc.length:
-        return None
-    solution = solution_at(arc.problem, U, arc.name, arc.parameters, row.iterations)
-    return row_of(solution, normal_of(row.tangent, arc.scale), arc.scale)
 
 
 def _arc(branch: Branch, i: int) -> Segment:
