@@ -109,9 +109,14 @@ def _draw(make: Callable[[Any], Any], path: Path) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
     from hbgear import plot as drawing
 
-    drawing.save(make(drawing), path)
+    try:
+        drawing.save(make(drawing), path)
+    finally:
+        plt.close("all")
 
 
 def _fallbacks(path: Path) -> Iterator[Path]:

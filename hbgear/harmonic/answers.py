@@ -14,6 +14,7 @@ import csv
 import io
 import os
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,11 +25,10 @@ from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.replacing import replacing
 from hbgear.continuation.branch import Branch
 from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.dynamic_factor import force_samples
 from hbgear.harmonic.observables import half_peak_to_peak
 from hbgear.harmonic.speeds import speeds_at
 from hbgear.mechanics.fourier import to_real
-
-_SAMPLES = 4096  # of a period, of forces: a corner between two of them is missed by 1e-6 of the force
 
 REFERENCE = 1e-6
 """Acceleration of 0 dB [m/s^2]."""
@@ -128,10 +128,9 @@ def answers(branch: Branch, element: int | str = 0, dof: int | str | None = None
 def _of_motion(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> tuple[float, float, float]:
     """dte, and the force that is largest in the direction of the mean one, and this, in units of the model."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    row, theta = X.reshape(problem.m, -1)[index], 2 * np.pi * np.arange(_SAMPLES) / _SAMPLES
-    rate = here["Omega"] / problem.nu
-    d, v = compiled.gap(index, row, theta), rate * compiled.gap(index, row, theta, 1)
-    force = compiled.laws[index].force(d, v, problem.nu * theta)[0]
+    row = X.reshape(problem.m, -1)[index]
+    moved = partial(compiled.gap, index, row)
+    force = force_samples(compiled.laws[index], moved, here["Omega"] / problem.nu, problem.nu)
     static = float(force.mean())
     largest = float(force[np.argmax(force if static >= 0 else -force)])
     dte = row + to_real(compiled.receptance.e.T)[index]
@@ -140,7 +139,4 @@ def _of_motion(problem: HarmonicBalance, X: Array, here: dict[str, float], index
 
 def _scales_of(problem: HarmonicBalance, here: dict[str, float]) -> Any:
     """Units of the model with these parameters: length, force, acceleration; None if it does not know them."""
-    model: Any = problem.model
-    if getattr(model, "scales", None) is None:
-        return None
-    return model.replace(**{name: value for name, value in here.items() if name in model.parameters}).scales
+    return None if problem.model.scales is None else problem.model.at(here).scales

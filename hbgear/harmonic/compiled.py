@@ -9,12 +9,12 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.recent import Recent
-from hbgear.harmonic.corners import beyond, corners_of
+from hbgear.harmonic.corners import corners_of, gap
 from hbgear.harmonic.modes import Parts, parts_of
 from hbgear.harmonic.numbers import Numbers, laws_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
 from hbgear.harmonic.sampled import SampledLaws
-from hbgear.mechanics.fourier import Transform, evaluate, to_real
+from hbgear.mechanics.fourier import Transform, to_real
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.model import System
 
@@ -160,16 +160,16 @@ class Compiled:
 
     def gap(self, j: int, row: Array, theta: Array, order: int = 0) -> Array:
         """Gap of element j, or a derivative in theta, at phases theta of the basis, its motion being the row."""
-        e, kept = self.system.elements[j].displacement, self.numbers.corners.kept
-        return evaluate(row, theta, order) + (beyond(e, kept[:, j], self.nu, theta, order) if e.corners else 0.0)
+        displacement, kept = self.system.elements[j].displacement, self.numbers.corners.kept[:, j]
+        return gap(displacement, kept, self.nu, row, theta, order)
 
     def highest(self, j: int, row: Array, side: float) -> tuple[float, float]:
         """The largest value of side times the gap of element j, and its phase."""
-        corners = self.numbers.corners
-        first, last = corners.moves[j : j + 2].tolist()
         from hbgear.harmonic.crossings import highest, sampled, waves_of
         from hbgear.harmonic.pieces import highest_on, waves_with
 
+        corners = self.numbers.corners
+        first, last = corners.moves[j : j + 2].tolist()
         if first == last:
             samples = np.empty(self.N)
             sampled(row, self.numbers.basis, samples)

@@ -117,6 +117,11 @@ def beyond(displacement: Phased, kept: ComplexArray, nu: int, theta: Array, orde
     return out
 
 
+def gap(displacement: Phased, kept: ComplexArray, nu: int, row: Array, theta: Array, order: int = 0) -> Array:
+    """Gap of an element whose motion is a row, or a derivative of it in theta; kept as of `beyond`."""
+    return evaluate(row, theta, order) + (beyond(displacement, kept, nu, theta, order) if displacement.corners else 0.0)
+
+
 def _grid(e: Sequence[Phased], kept: ComplexArray, nu: int, N: int) -> Array:
     some = [j for j, one in enumerate(e) if one.corners]
     out = np.zeros((2, len(e), N if some else 0))

@@ -8,12 +8,18 @@ force over a period is nothing.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from hbgear.common.arguments import checked_arguments
+from hbgear.common.arrays import Array
 from hbgear.continuation.branch import Point
-from hbgear.harmonic.observables import Layout, derivative, layout_of
-from hbgear.mechanics.fourier import evaluate
+from hbgear.harmonic.corners import gap
+from hbgear.harmonic.observables import Layout, layout_of
+from hbgear.mechanics.fourier import stretch, to_complex
+from hbgear.mechanics.laws import Law
 from hbgear.mechanics.model import Model
 
 _SAMPLES = 4096  # a corner of the force between two of them is missed by 1e-6 of the force
@@ -46,20 +52,22 @@ def dynamic_factor(model: Model, point: Point, element: int | str = 0) -> float:
     layout = layout_of(point)
     if layout is None:
         raise ValueError("dynamic_factor: the point does not say how its unknowns are to be read")
-    model = model.replace(**{name: value for name, value in point.parameters.items() if name in model.parameters})
-    force = forces(model, point, layout, element)
+    force = _forces(model.at(point.parameters), point, layout, layout.index(element))
     mean = float(force.mean())
     if abs(mean) < 1e-12 * float(np.abs(force).max() or 1.0):
         raise ValueError("dynamic_factor: the mean force is nothing, so there is nothing to compare with")
     return float(np.max(force / mean))
 
 
-def forces(model: Model, point: Point, layout: Layout, element: int | str) -> np.ndarray:
+def _forces(model: Model, point: Point, layout: Layout, index: int) -> Array:
     """Force of the law of an element at equal steps of its period (N,)."""
-    row = point.coefficients(element)
-    index = layout.elements.index(element) if isinstance(element, str) else element
-    law = model.system().elements[index].law
+    one, row, nu = model.system().elements[index], point.coefficients(index), layout.nu
+    kept = to_complex(stretch(one.displacement.row(layout.harmonics // nu), nu))
+    return force_samples(one.law, partial(gap, one.displacement, kept, nu, row), point.parameters["Omega"] / nu, nu)
+
+
+def force_samples(law: Law, d: Callable[..., Array], rate: float, nu: int) -> Array:
+    """Force of a law at equal steps of a period (N,); d(theta, order) is the gap, rate = dtheta/dt."""
     theta = 2 * np.pi * np.arange(_SAMPLES) / _SAMPLES
-    rate = derivative(row, point.parameters["Omega"] / layout.nu, 1)
-    force: np.ndarray = law.force(evaluate(row, theta), evaluate(rate, theta), layout.nu * theta)[0]
+    force: Array = law.force(d(theta), rate * d(theta, 1), nu * theta)[0]
     return force

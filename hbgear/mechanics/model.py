@@ -115,6 +115,17 @@ class Model(ABC):
         check_names(type(self), changes)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
+    def at(self, parameters: Mapping[str, float]) -> Self:
+        """A copy with those of these values that are of its own parameters, such as those of a `Point`.
+
+        Examples
+        --------
+        >>> import hbgear as hb
+        >>> hb.Duffing().at({"zeta": 0.1, "Omega": 1.2}).zeta
+        0.1
+        """
+        return self.replace(**{name: value for name, value in parameters.items() if name in self.parameters})
+
 
 _LARGEST = 1e60  # of a parameter, so that products of several are numbers
 

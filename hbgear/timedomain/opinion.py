@@ -8,7 +8,7 @@ import numpy as np
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import ComplexArray
-from hbgear.continuation.branch import Branch, Point
+from hbgear.continuation.branch import NEUTRAL, Branch, Point
 from hbgear.continuation.newton import NoConvergence
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.hill import hill_multipliers
@@ -57,7 +57,7 @@ class Opinion:
     @property
     def verdicts(self) -> dict[str, str]:
         """Whether each way says stable or unstable."""
-        return {name: "stable" if modulus <= 1.0 + 1e-6 else "unstable" for name, modulus in self.moduli.items()}
+        return {name: "stable" if modulus <= 1.0 + NEUTRAL else "unstable" for name, modulus in self.moduli.items()}
 
     @property
     def agree(self) -> bool:
@@ -110,8 +110,7 @@ def second_opinion(branch: Branch, point: int | str | Point) -> Opinion:
     except ValueError as error:
         notes.append(str(error))
     try:
-        model = problem.model.replace(**{name: value for name, value in at.items() if name in problem.model.parameters})
-        orbit = shoot(model, at["Omega"], state_of(problem, X, **at), problem.nu)
+        orbit = shoot(problem.model.at(at), at["Omega"], state_of(problem, X, **at), problem.nu)
     except (ValueError, NoConvergence, ArithmeticError, np.linalg.LinAlgError) as error:
         notes.append(f"shooting: {error}")
     shot = None if orbit is None else orbit.multipliers

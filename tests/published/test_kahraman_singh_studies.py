@@ -4,7 +4,6 @@ import importlib
 from pathlib import Path
 
 import matplotlib
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -19,8 +18,6 @@ matplotlib.use("Agg")
 @pytest.fixture(autouse=True)
 def on_path(monkeypatch):
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
-    yield
-    plt.close("all")
 
 
 def study(name):

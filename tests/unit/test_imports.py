@@ -139,11 +139,11 @@ FILES = {
         "catalogue": "balance",
         "fold_curves": "balance",
         "survey": "balance",
-        "answers": "balance observables speeds",
+        "answers": "balance dynamic_factor observables speeds",
         "critical": "balance fold_curves",
         "jump_map": "balance fold_curves",
         "speeds": "catalogue",
-        "dynamic_factor": "observables",
+        "dynamic_factor": "corners observables",
     },
     "timedomain": {
         "__init__": "",

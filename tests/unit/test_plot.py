@@ -25,12 +25,6 @@ LABELS = {"Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$", "amplitude": r"$
 FIXED = {"zeta": 0.04, "F": 0.12}
 
 
-@pytest.fixture(autouse=True)
-def _close():
-    yield
-    plt.close("all")
-
-
 def frequency(A, side, k3, zeta, F):
     """Omega at which x'' + 2 zeta x' + x + k3 x^3 = F cos(Omega t) has the amplitude A, with one harmonic.
 

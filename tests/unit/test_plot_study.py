@@ -4,7 +4,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import matplotlib
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -15,12 +14,6 @@ from hbgear.design.swept import stable_parts, swept, swept_cases
 matplotlib.use("Agg")
 ZETA = [0.1, 0.15, 0.2, 0.25, 0.3]
 HARD = [0.04, 0.05, 0.5]
-
-
-@pytest.fixture(autouse=True)
-def closed():
-    yield
-    plt.close("all")
 
 
 def cases(vary, compute, k3=0.0, F=0.15):

@@ -16,6 +16,7 @@ import tokenize
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from cross.test_dask import cluster
@@ -198,6 +199,7 @@ def test_commands(folder, capsys):
             if option in ("-o", "--plot"):
                 assert os.path.exists(name), f"hbgear {' '.join(words)} did not write {name}"
     check_what_the_comments_say(out)
+    assert not plt.get_fignums(), "a command that wrote its figure left it open"
 
 
 def check_what_the_comments_say(out):

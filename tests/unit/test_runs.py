@@ -89,6 +89,15 @@ def test_answers(curve, tmp_path):
         hb.answers(replace(curve, problem=None))
 
 
+def test_the_dynamic_factor_of_an_error_with_corners():
+    """It is that of the whole gap, as in the answers."""
+    error = hb.Periodic.trapezoidal(high=0.06, low=-0.06, share=0.5, ramp=0.1)
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(), error=error), 6), "Omega", (1.5, 1.3))
+    told = hb.answers(curve)["dynamic factor"]
+    for i in (0, len(curve) - 1):
+        assert hb.dynamic_factor(curve.problem.model, curve[i]) == pytest.approx(told[i], rel=1e-12)
+
+
 def test_answers_in_units_of_the_machine():
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(reference=(3e4, 25e-6, 2e4, 25)), 8), "Omega", (1.5, 1.4))
     found = hb.answers(curve, dof="q")
