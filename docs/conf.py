@@ -4,6 +4,7 @@ Pages are those of this folder, in Markdown. Four folders beside them are writte
 `tutorials` and `gallery` from the scripts that run, `api` from the docstrings, `studies` from the folder of that name.
 """
 
+import logging
 import sys
 from pathlib import Path
 
@@ -12,6 +13,8 @@ sys.path.insert(0, str(Path(__file__).parent / "_site"))
 import mathml
 
 import hbgear
+
+logging.getLogger("pint.util").setLevel(logging.ERROR)  # that Nm is defined anew
 
 project, author, version = "hbgear", "hbgear developers", hbgear.__version__
 release = version
@@ -31,6 +34,8 @@ extensions = [
 exclude_patterns = ["_site", "scripts", "README.md"]
 suppress_warnings = ["config.cache", "ref.python"]  # `size` may be that of several classes
 default_role = "obj"  # `trace` in a docstring
+
+rst_prolog = ".. currentmodule:: hbgear\n"
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
@@ -52,6 +57,7 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "download_all_examples": False,
     "write_computation_times": False,
+    "ignore_repr_types": r"matplotlib[.](axes|figure)",
     "show_memory": False,
     "show_signature": False,
     "min_reported_time": 10,

@@ -44,11 +44,21 @@ TITLES = {
 """Of the pages of rooms; a room that is not here has the first line of its docstring."""
 
 
+def forget() -> None:
+    """Remove pages of scripts, studies and rooms that are no more."""
+    for folder in ("tutorials", "gallery"):
+        scripts = {path.stem for path in (DOCS / "scripts" / folder).glob("*.py")} | {"index"}
+        for path in (DOCS / folder).glob("*.*"):
+            if path.name.partition(".")[0] not in scripts:
+                path.unlink()
+    for folder in ("api", "studies"):
+        shutil.rmtree(DOCS / folder, ignore_errors=True)
+
+
 def write(path: Path, text: str) -> None:
-    """Write a page if it is another one than is there: what is unchanged is not read again."""
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+    """Write a page."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
 
 
 # ---- public names
@@ -151,7 +161,7 @@ def command_page() -> None:
     """All commands, as their own help says."""
     group: Any = typer.main.get_command(commands)
     parts = ["# Commands\n", "As `hbgear COMMAND --help` prints them.\n"]
-    for name, command in group.commands.items():
+    for name, command in sorted(group.commands.items()):
         if command.hidden:
             continue
         context = command.context_class(command, info_name=f"hbgear {name}")
@@ -201,6 +211,7 @@ def read(app: Sphinx, name: str, source: list[str]) -> None:
 
 def all_pages(app: Sphinx) -> None:
     """Write them all."""
+    forget()
     api_pages()
     command_page()
     study_pages()
