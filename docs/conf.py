@@ -44,6 +44,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the sections Parameters say it
 autodoc_preserve_defaults = True
 napoleon_google_docstring = False
+napoleon_use_param = False  # parameters that are described together stay together
 napoleon_use_rtype = False
 napoleon_attr_annotations = False
 

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
-from sphinx.application import Sphinx
-from sphinx.util import logging
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 LOADS = {("script", "src"), ("link", "href"), ("img", "src"), ("source", "src"), ("iframe", "src"), ("object", "data")}
 
@@ -54,6 +55,8 @@ def faults(root: Path) -> list[str]:
 
 def check(app: Sphinx, error: Exception | None) -> None:
     """Warn of every fault of the built site."""
+    from sphinx.util import logging
+
     if error is None and app.builder.name == "html":
         for fault in faults(Path(app.outdir)):
             logging.getLogger(__name__).warning("%s", fault)

@@ -18,15 +18,17 @@ import shutil
 from collections import defaultdict
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from docstrings import escaped
-from sphinx.application import Sphinx
 
 import hbgear as hb
 from hbgear import plot
 from hbgear.cli.app import app as commands
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 DOCS = Path(__file__).parents[1]
 STUDIES = DOCS.parent / "studies"
@@ -71,8 +73,9 @@ def room_of(thing: Any) -> str:
 
 def returned(function: Any) -> list[str]:
     """Full names of classes of hbgear that a function returns, as its annotation says."""
-    names = re.findall(r"\w+", str(getattr(function, "__annotations__", {}).get("return", "")))
-    found = [getattr(function, "__globals__", {}).get(name) for name in names]
+    plain = inspect.unwrap(function) if inspect.isfunction(function) else function
+    names = re.findall(r"\w+", str(getattr(plain, "__annotations__", {}).get("return", "")))
+    found = [getattr(plain, "__globals__", {}).get(name) for name in names]
     own = [thing for thing in found if inspect.isclass(thing) and thing.__module__.startswith("hbgear.")]
     return [
         f"{thing.__module__}.{thing.__qualname__}" for thing in own if getattr(hb, thing.__name__, None) is not thing

@@ -295,6 +295,22 @@ def test_times_are_those_of_the_studies():
     assert "no faster with two threads than with one" in ALL and threads > 0.9
 
 
+def test_comparison_is_that_of_the_studies():
+    """The page that says beside what hbgear stands."""
+    own, other, spur, spur_other, error, other_error = stated(
+        r"takes hbgear ([\d.]+) s with stability and folds, the next package ([\d.]+) s without stability; a spur pair "
+        r"with backlash ([\d.]+) s and ([\d.]+) s\. The folds of the spur pair come out to ([\de-]+) and ([\de-]+)\."
+    )
+    columns = ("curve [s]", "curve [s]", "curve [s]", "curve [s]", "error of folds", "error of folds")
+    rows = [[p, t] for p in ("Duffing", "spur pair") for t in ("hbgear, stability", "pyHarm")]
+    found = [
+        float(cell("peers", "| problem |", row, column)) for row, column in zip(rows + rows[2:], columns, strict=True)
+    ]
+    assert [own, other, spur, spur_other] == [round(value, 2) for value in found[:4]]
+    assert [error, other_error] == found[4:]
+    assert cell("peers", "| problem |", ["spur pair", "mousai"], "folds") == "0"  # "some of them find no fold"
+
+
 def test_cost_of_sweeps_and_of_size_is_that_of_the_studies():
     count, ratio, slow = stated(r"sweep of (\d+) frequencies.*? costs (\d+) times .*? about (\d+) times")
     row = "| sweeps, 131 frequencies up and down, settled to |"

@@ -20,8 +20,8 @@ hb.plot.responses(
 )
 
 # %%
-# The pinion in its bearing, of the machine with clearance; the colour says which contact is
-# lost.
+# The pinion in its bearing, of the machine with clearance: blue while it stays in contact,
+# orange where it lifts off and comes back on the same side.
 
 hb.plot.response(curve, "rms", element="bearing 1", legend=False)
 plt.show()

@@ -45,7 +45,7 @@ hb.plot.mesh_cycles([pair.mesh("200 N m"), cycle], names=["computed", "measured 
 
 curves = [
     hb.trace(hb.HarmonicBalance(model, harmonics=20), "Omega", (1.4, 0.4))
-    for model in (pair.model("200 N m", 0.04), pair.model("200 N m", 0.04, cycle=cycle))
+    for model in (pair.model("200 N m", 0.06), pair.model("200 N m", 0.06, cycle=cycle))
 ]
 hb.plot.responses(curves, names=["computed", "measured error"])
 
