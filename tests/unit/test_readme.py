@@ -332,3 +332,8 @@ def test_numbers_of_the_double_helical_pair():
     assert dofs == pair.system().n == stated(r"scales the (\d+) coordinates back")[0]
     assert f"as published (zeta = {pair.zeta:g}) has none, with zeta = 0.05 it has two" in text
     assert all(f"`{name}`" in text for name in ("pp2", "rms", "max", "mean", *REGIMES[:3]))
+
+
+def test_every_status_has_its_advice_on_the_page():
+    rows = dict(table_after(TEXTS["docs/howto/trouble.md"], "| status |")[2:])
+    assert rows == {f"`{status}`": status.advice for status in hb.Status}
