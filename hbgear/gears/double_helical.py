@@ -40,6 +40,7 @@ import numpy as np
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
+from hbgear.gears.excited import Excited
 from hbgear.gears.geometry import (
     ShaftStiffness,
     base_helix_angle,
@@ -47,18 +48,14 @@ from hbgear.gears.geometry import (
     shaft_stiffness,
     transverse_pressure_angle,
 )
-from hbgear.gears.given import checked_given, stiffness_of
-from hbgear.gears.spur import amplitudes, mesh_stiffness
+from hbgear.gears.support import AXES
 from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.laws import Backlash
-from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.model import Element, Load, System
 from hbgear.mechanics.periodic import Phased
 from hbgear.mechanics.scales import Numbers, Scales
 
 NODES = ("pL", "gL", "pR", "gR")
-
-
-AXES = ("x", "y", "z", "theta_x", "theta_y", "theta")
 
 
 ROTATIONS = slice(3, 6)
@@ -77,7 +74,7 @@ _NOT_NEGATIVE = ("zeta", "inner_p", "inner_g", "k_pthx", "k_pthy", "k_gthx", "k_
 
 
 @dataclass(frozen=True)
-class DoubleHelicalPair(Model):
+class DoubleHelicalPair(Excited):
     """Marine double-helical gear pair of Dong et al. (2022); equations at the head of this file.
 
     Element coordinates and Omega are in units of b_c and omega_n. The defaults are the paper's Tables 1 and 2; what it
@@ -256,9 +253,6 @@ class DoubleHelicalPair(Model):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("eps", "e"):
-            object.__setattr__(self, name, amplitudes("DoubleHelicalPair", name, getattr(self, name)))
-        checked_given("DoubleHelicalPair", self.stiffness, self.eps)
         self._check_numbers()
         self._check_choices()
 
@@ -430,11 +424,6 @@ class DoubleHelicalPair(Model):
         return load.ravel()
 
     # The dimensionless system
-
-    @property
-    def mesh_stiffness(self) -> Phased:
-        """k(tau) of the left half, over k_mean."""
-        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale))
 
     @property
     def transmission_error(self) -> Phased:

@@ -1,7 +1,7 @@
 """Models of a gear pair from its drawing: torsion alone, with bearings, or in space.
 
-    k_mean, eps_l, e_l from k(tau), e(tau) of the loaded mesh;   b_c = b;   omega_n = sqrt(k_mean/m_c)
-    F_m = T / (r_b1 k_mean b_c)
+    k_mean = mean k(tau),   stiffness = k(tau)/k_mean,   error = e(tau)/b_c,   of the loaded mesh, with their jumps
+    b_c = b,   omega_n = sqrt(k_mean/m_c),   F_m = T / (r_b1 k_mean b_c)
 
 All forms share the mesh, and lengths along the line of action in the transverse plane.
 """
@@ -20,6 +20,8 @@ from hbgear.gears.mesh_cycle import MeshCycle
 from hbgear.gears.rotor_bearing import GearRotorBearing
 from hbgear.gears.spur import SpurPair
 from hbgear.gears.support import Support
+from hbgear.mechanics.fourier import Series
+from hbgear.mechanics.periodic import Periodic, Phased
 
 if TYPE_CHECKING:
     from hbgear.gears.pair import GearPair
@@ -28,8 +30,11 @@ if TYPE_CHECKING:
 FORMS = ("torsion", "bearings", "spatial")
 """Forms of a model: one degree of freedom; three, with bearings along the line of action; twelve."""
 
-TOLERANCE = 0.01
-"""rms of what is left out of the mesh stiffness, over its mean, and of the transmission error, over F/k_mean."""
+TOLERANCE = 1e-4
+"""By how much cubics may miss the mesh stiffness, over its mean, and the transmission error, over F/k_mean."""
+
+MOST = 24
+"""Harmonics of an error that jumps: the damper of the mesh has no force for a jump."""
 
 DAMPING = Measured("", NOT_NEGATIVE, Range(0, 1))
 """Damping ratio of a mesh."""
@@ -42,7 +47,7 @@ class _Mesh(NamedTuple):
     k_mean: float
     b_c: float
     fields: dict[str, Any]
-    """eps, eps_lag, e, e_lag."""
+    """stiffness, error."""
 
 
 def model_of(
@@ -96,12 +101,20 @@ def _mesh(pair: GearPair, cycle: MeshCycle, force: float) -> _Mesh:
         raise ValueError(
             "GearPair.model: the pair has no backlash; give backlash, or a center_distance that leaves some"
         )
-    k, e = cycle.stiffness, cycle.error
-    eps, eps_lag = k.harmonics(TOLERANCE * k.mean)
-    amplitude, e_lag = e.harmonics(TOLERANCE * force / k.mean)
-    opposite = tuple(-value / k.mean for value in eps)  # k(tau)/k_mean = 1 - sum eps_l cos(l tau - lag_l)
-    fields = {"eps": opposite, "eps_lag": eps_lag, "e": tuple(x / b_c for x in amplitude), "e_lag": e_lag}
+    k = cycle.stiffness.function(TOLERANCE * cycle.stiffness.mean)
+    e = cycle.error.function(TOLERANCE * force / k.mean)
+    fields: dict[str, Any] = {"eps": (), "stiffness": k.scaled(1 / k.mean), "e": ()}
+    if e.varies:
+        fields["error"] = _without_jumps(e).scaled(1 / b_c)
     return _Mesh(k.mean, b_c, fields)
+
+
+def _without_jumps(e: Phased) -> Phased:
+    """An error that jumps, as that of pairs of teeth which come with a pitch error, by its first harmonics."""
+    if not isinstance(e, Periodic) or e.continuous:
+        return e
+    row = e.row(MOST)
+    return Series(float(row[0]), tuple(row[1::2].tolist()), tuple(row[2::2].tolist()))
 
 
 def _reference(pair: GearPair, mesh: _Mesh) -> tuple[float, ...]:

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.common.units import Measured, MeasuredOrNone
 
+AXES = ("x", "y", "z", "theta_x", "theta_y", "theta")
+"""Directions in which a gear in space moves: across the shaft, along it (z), tilts, rotation."""
+
 
 @dataclass(frozen=True)
 class Support:

@@ -11,9 +11,9 @@ def test_relief_cures_the_jump():
     """As drawn it jumps at six speeds and carries ten times the static force; with 18 um, none, and 1.3 times."""
     study = importlib.import_module("studies.gears.relief")
     plain, some, enough = study.run(quick=True)
-    assert len(plain.jumps) == 6 and plain.factor == pytest.approx(10.2, abs=0.1)
+    assert len(plain.jumps) == 6 and plain.factor == pytest.approx(9.951, abs=0.02)
     assert [direction for _, direction in some.jumps] == [-1, 1] and some.jumps[-1][0] == pytest.approx(12795, abs=20)
-    assert enough.jumps == () and enough.factor == pytest.approx(1.27, abs=0.02)
+    assert enough.jumps == () and enough.factor == pytest.approx(1.25, abs=0.02)
     assert enough.ripple < plain.ripple / 5
     figure = study.plot((plain, some, enough))
     top = next(ax for ax in figure.axes if ax.get_xlabel() == "speed of the pinion [r/min]")

