@@ -33,6 +33,7 @@ from hbgear.gears import (
     SpurPair,
     Support,
     Table,
+    iso_dynamic_factor,
     read_table,
 )
 from hbgear.harmonic.answers import Answers, answers
@@ -50,7 +51,7 @@ from hbgear.mechanics.doubts import Unlikely
 from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.functions import model
 from hbgear.mechanics.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
-from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.model import Element, Load, Model, Reaction, System
 from hbgear.mechanics.oscillators import Duffing
 from hbgear.mechanics.periodic import Periodic
 from hbgear.mechanics.reduction import Reduction, reduce
@@ -99,6 +100,7 @@ __all__ = [
     "Progress",
     "ProgressCallback",
     "Range",
+    "Reaction",
     "Reduction",
     "Run",
     "Series",
@@ -124,6 +126,7 @@ __all__ = [
     "follow",
     "grid",
     "integrate",
+    "iso_dynamic_factor",
     "jump_map",
     "latin_hypercube",
     "load",

@@ -227,6 +227,23 @@ class SpecialPoint(Point):
         return {**vars(self), "event": None}
 
 
+def coordinate(dof: int | str, names: Sequence[str]) -> int:
+    """Position of a degree of freedom given by number or name.
+
+    Raises
+    ------
+    KeyError
+        If there is none.
+    """
+    if isinstance(dof, str):
+        if dof not in names:
+            raise KeyError(f"the model has no degree of freedom '{dof}'{did_you_mean(dof, list(names))}")
+        return list(names).index(dof)
+    if not 0 <= dof < len(names):
+        raise KeyError(f"the model has no degree of freedom {dof}; there are {len(names)}, from 0")
+    return dof
+
+
 @dataclass(frozen=True, eq=False)
 class Jump:
     """Where a slow sweep leaves the branch at the special point ``label``, and where it lands.
@@ -516,14 +533,7 @@ class Branch:
         if not isinstance(self.problem, Moving):
             raise ValueError(f"dof={dof!r} needs the model; load the branch with hbgear.load(path, problem=...)")
         q = np.array([self.problem.motion(X, **self.parameters_at(i)) for i, X in enumerate(self.X)])
-        if isinstance(dof, str):
-            names = list(self.problem.dof_names)
-            if dof not in names:
-                raise KeyError(f"the model has no degree of freedom '{dof}'{did_you_mean(dof, names)}")
-            dof = names.index(dof)
-        elif not 0 <= dof < q.shape[1]:
-            raise KeyError(f"the model has no degree of freedom {dof}; there are {q.shape[1]}, from 0")
-        return q[:, dof]
+        return q[:, coordinate(dof, self.problem.dof_names)]
 
     @checked_arguments()
     def peak(self, measure: str = "rms", element: int | str = 0) -> Point:

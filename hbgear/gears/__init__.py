@@ -3,6 +3,7 @@
 from hbgear.gears.double_helical import DoubleHelicalPair
 from hbgear.gears.gear import Gear
 from hbgear.gears.helical import HelicalPair
+from hbgear.gears.iso_dynamics import iso_dynamic_factor
 from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
 from hbgear.gears.pair import GearPair
 from hbgear.gears.rotor_bearing import GearRotorBearing
@@ -19,5 +20,6 @@ __all__ = [
     "SpurPair",
     "Support",
     "Table",
+    "iso_dynamic_factor",
     "read_table",
 ]

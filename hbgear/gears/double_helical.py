@@ -48,10 +48,10 @@ from hbgear.gears.geometry import (
     shaft_stiffness,
     transverse_pressure_angle,
 )
-from hbgear.gears.support import AXES
+from hbgear.gears.support import AXES, reactions
 from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.laws import Backlash
-from hbgear.mechanics.model import Element, Load, System
+from hbgear.mechanics.model import Element, Load, Reaction, System
 from hbgear.mechanics.periodic import Phased
 from hbgear.mechanics.scales import Numbers, Scales
 
@@ -403,6 +403,13 @@ class DoubleHelicalPair(Excited):
             C[both] = np.kron(own, np.diag(c)) + np.kron(between, np.diag(c_shaft))
             K[both] = np.kron(own, np.diag(k)) + np.kron(between, np.diag(k_shaft))
         return M, C, K
+
+    @property
+    def reactions(self) -> dict[str, Reaction]:
+        """Radial and axial forces in the supports of the four halves, over k_mean b_c."""
+        halves = [self._node(name[0]) for name in NODES]
+        C, K = (np.concatenate([half[i] for half in halves]) for i in (1, 2))
+        return reactions(NODES, K / self.k_mean, C / (self.m_c * self.omega_n))
 
     def mesh_vectors(self) -> Array:
         """w_L, w_R as columns (24, 2), in SI units."""

@@ -30,9 +30,9 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.gears.excited import Excited
-from hbgear.gears.support import AXES
+from hbgear.gears.support import AXES, reactions
 from hbgear.mechanics.laws import Backlash
-from hbgear.mechanics.model import Element, Load, System
+from hbgear.mechanics.model import Element, Load, Reaction, System
 from hbgear.mechanics.periodic import Phased
 from hbgear.mechanics.scales import Scales
 
@@ -215,6 +215,12 @@ class HelicalPair(Excited):
             K.append(stiffness)
             C.append(2 * getattr(self, f"zeta_{g}") * np.sqrt(stiffness * inertia))
         return np.diag(np.concatenate(M)), np.diag(np.concatenate(C)), np.diag(np.concatenate(K))
+
+    @property
+    def reactions(self) -> dict[str, Reaction]:
+        """Radial and axial forces in the supports of both gears, over k_mean b_c."""
+        _, C, K = self.structure()
+        return reactions(("pinion", "wheel"), np.diag(K) / self.k_mean, np.diag(C) / (self.m_c * self.omega_n))
 
     def mesh_vector(self) -> Array:
         """w (12,), in SI units."""

@@ -98,6 +98,11 @@ class Model(ABC):
         return None
 
     @property
+    def reactions(self) -> Mapping[str, Reaction]:
+        """Forces in linear supports that are told along a curve, by name; none by default."""
+        return {}
+
+    @property
     def parameters(self) -> dict[str, float]:
         """Float fields by name: what a curve can be traced in besides Omega."""
         if not dataclasses.is_dataclass(self):
@@ -125,6 +130,43 @@ class Model(ABC):
         0.1
         """
         return self.replace(**{name: value for name, value in parameters.items() if name in self.parameters})
+
+
+@dataclass(frozen=True, eq=False)
+class Reaction:
+    """Force by which a linear support holds the structure, in one direction or several that are told as one size.
+
+        F = stiffness q + damping q'
+
+    Parameters
+    ----------
+    stiffness, damping : (r, n), a row for each direction, on the coordinates of the system and in its units.
+
+    Raises
+    ------
+    ValueError
+        If they are not finite matrices of the same shape.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> spring = hb.Reaction(stiffness=[[1.0, 0.0]], damping=[[0.1, 0.0]])
+    >>> spring.stiffness.shape
+    (1, 2)
+    """
+
+    stiffness: Any
+    damping: Any
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping"):
+            rows = real_numbers(f"Reaction: {name}", getattr(self, name), "a row of numbers for each direction")
+            if rows.ndim != 2 or not rows.size or not np.isfinite(rows).all():
+                raise ValueError(f"Reaction: {name} must be a finite matrix (directions, coordinates)")
+            object.__setattr__(self, name, rows)
+        if self.stiffness.shape != self.damping.shape:
+            raise ValueError(f"Reaction: stiffness {self.stiffness.shape} and damping {self.damping.shape} must have "
+                             "the same shape")  # fmt: skip
 
 
 _LARGEST = 1e60  # of a parameter, so that products of several are numbers

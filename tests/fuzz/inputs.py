@@ -289,6 +289,17 @@ def targets() -> tuple[Target, ...]:
                 "force": _is(None, 100.0),
             },
         ),
+        Target(
+            "iso_dynamic_factor",
+            hb.iso_dynamic_factor,
+            {
+                "pair": _is(drawing()),
+                "torque": _is(200.0, "200 N m"),
+                "speed": _is(1000.0, [1.0, 2.0]),
+                "grade": _is(6),
+            },
+        ),
+        Target("Reaction", hb.Reaction, {"stiffness": _is([[1.0, 0.0]]), "damping": _is([[0.1, 0.0]])}),
         Target("read_table", hb.read_table, {"path": _is("no.csv"), "column": _is(1), "unit": _is("N/m")}),
         Target("dynamic_factor", hb.dynamic_factor, {"model": _is(hb.Duffing()), "point": [point], "element": element}),
         Target("DoubleHelicalPair", hb.DoubleHelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),
@@ -555,7 +566,7 @@ def targets() -> tuple[Target, ...]:
         Target("load", hb.load, {"path": _is("no.npz"), "problem": _is(None)}, free=frozenset({"problem"})),
         Target("second_opinion", hb.second_opinion, {"branch": [curve, gears], "point": _is(1, "LP1")}, 0.3),
         Target("run", hb.run, {"branch": [curve], "direction": _is("up", "down"), "others": _is(())}),
-        Target("answers", hb.answers, {"branch": [curve], "element": element, "dof": _is(None, 0)}),
+        Target("answers", hb.answers, {"found": [curve, point], "element": element, "dof": _is(None, 0)}),
         Target("Branch.__getitem__", lambda key: curve()[key], {"key": _is(0, "LP1", -1)}),
         Target(
             "Branch.amplitude",
