@@ -37,6 +37,7 @@ from hbgear.gears import (
 )
 from hbgear.harmonic.answers import Answers, answers
 from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.campbell import Campbell, CriticalSpeed, campbell
 from hbgear.harmonic.critical import Critical, NoFold, critical
 from hbgear.harmonic.dynamic_factor import dynamic_factor
 from hbgear.harmonic.jump_map import JumpMap, jump_map
@@ -54,6 +55,7 @@ from hbgear.mechanics.model import Element, Load, Model, System
 from hbgear.mechanics.oscillators import Duffing
 from hbgear.mechanics.periodic import Periodic
 from hbgear.mechanics.reduction import Reduction, reduce
+from hbgear.mechanics.speed import MatrixTable, SpeedTerms
 from hbgear.timedomain.basins import basins
 from hbgear.timedomain.integrate import integrate
 from hbgear.timedomain.opinion import Opinion, second_opinion
@@ -65,9 +67,11 @@ __all__ = [
     "Answers",
     "Backlash",
     "Branch",
+    "Campbell",
     "Cases",
     "CompiledLaw",
     "Critical",
+    "CriticalSpeed",
     "Cubic",
     "DoubleHelicalPair",
     "Duffing",
@@ -85,6 +89,7 @@ __all__ = [
     "JumpMap",
     "Law",
     "Load",
+    "MatrixTable",
     "MeshCycle",
     "Model",
     "NoConvergence",
@@ -104,6 +109,7 @@ __all__ = [
     "Series",
     "Settings",
     "SpecialPoint",
+    "SpeedTerms",
     "SpurPair",
     "Status",
     "StepControl",
@@ -117,6 +123,7 @@ __all__ = [
     "__version__",
     "answers",
     "basins",
+    "campbell",
     "cases",
     "critical",
     "dynamic_factor",

@@ -12,6 +12,7 @@ Examples
 from hbgear.plot.curves import jump_map, response, responses, speed_axes
 from hbgear.plot.mesh import drive, mesh_cycles
 from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
+from hbgear.plot.rotors import campbell
 from hbgear.plot.runs import RUNS, orders, runs, waterfall
 from hbgear.plot.simulation import (
     BASINS,
@@ -71,6 +72,7 @@ __all__ = [
     "against_parameters",
     "basins",
     "bifurcation",
+    "campbell",
     "drive",
     "envelope",
     "figures",

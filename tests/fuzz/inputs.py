@@ -133,9 +133,9 @@ SYSTEM: Pool = {
 }  # fmt: skip
 
 RECORDS = {
-    "Branch", "Cases", "Critical", "Jump", "JumpMap", "Point", "Reduction", "SpecialPoint", "Survey", "Law", "Model",
-    "NoConvergence", "NoFold", "Evaluation", "Unlikely", "Run", "Answers", "Opinion",
-    "model", "Steps", "Progress", "ProgressCallback", "Status", "plot", "__version__",
+    "Answers", "Branch", "Campbell", "Cases", "Critical", "CriticalSpeed", "Evaluation", "Jump", "JumpMap", "Law",
+    "Model", "NoConvergence", "NoFold", "Opinion", "Point", "Progress", "ProgressCallback", "Reduction", "Run",
+    "SpecialPoint", "Status", "Steps", "Survey", "Unlikely", "__version__", "model", "plot",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
 
@@ -242,6 +242,38 @@ def targets() -> tuple[Target, ...]:
             2,
         ),
         Target("System", hb.System, SYSTEM, 3, _traced),
+        Target(
+            "MatrixTable",
+            hb.MatrixTable,
+            {"Omega": _is([0.1, 2.0]), "matrices": _is([0.1 * np.eye(2), 0.2 * np.eye(2)])},
+            1,
+            lambda table: table(1.0),
+        ),
+        Target(
+            "SpeedTerms",
+            hb.SpeedTerms,
+            {
+                "gyroscopic": _is(None, [[0.0, 0.1], [-0.1, 0.0]]),
+                "ratio": _is(1.0, 0.1),
+                "damping": _is(None, hb.MatrixTable([0.1, 2.0], [0.1 * np.eye(2), 0.2 * np.eye(2)])),
+                "stiffness": [lambda: None, lambda: lambda Omega: 0.1 * Omega * np.eye(2)],
+            },
+            2,
+            lambda terms: _traced(hb.System(**{name: each[0]() for name, each in SYSTEM.items()}, speed=terms)),
+        ),
+        Target(
+            "campbell",
+            hb.campbell,
+            {
+                "model": [hb.SpurPair, hb.GearRotorBearing],
+                "span": _is((0.5, 1.5)),
+                "orders": _is(None, {"shaft": 0.1}),
+                "points": _is(5),
+                "modes": _is(None, 1),
+                "closed": _is(True, False),
+            },
+            1,
+        ),
         Target("Settings", hb.Settings, {}),
         Target("StepControl", hb.StepControl, {}, 2, free=frozenset({"first"})),  # None is its default
         Target("Settling", Settling, {}),
