@@ -24,15 +24,20 @@ from hbgear.continuation.tracer import trace
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.design.study import Cases, cases
 from hbgear.gears import (
+    Bearing,
     DoubleHelicalPair,
     Gear,
     GearPair,
     GearRotorBearing,
     HelicalPair,
+    Mesh,
     MeshCycle,
+    Shaft,
     SpurPair,
     Support,
     Table,
+    Train,
+    Wheel,
     read_table,
 )
 from hbgear.harmonic.answers import Answers, answers
@@ -66,6 +71,7 @@ from hbgear.timedomain.validate import validate
 __all__ = [
     "Answers",
     "Backlash",
+    "Bearing",
     "Branch",
     "Campbell",
     "Cases",
@@ -90,6 +96,7 @@ __all__ = [
     "Law",
     "Load",
     "MatrixTable",
+    "Mesh",
     "MeshCycle",
     "Model",
     "NoConvergence",
@@ -108,6 +115,7 @@ __all__ = [
     "Run",
     "Series",
     "Settings",
+    "Shaft",
     "SpecialPoint",
     "SpeedTerms",
     "SpurPair",
@@ -118,8 +126,10 @@ __all__ = [
     "Survey",
     "System",
     "Table",
+    "Train",
     "Unilateral",
     "Unlikely",
+    "Wheel",
     "__version__",
     "answers",
     "basins",

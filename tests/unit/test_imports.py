@@ -105,7 +105,10 @@ FILES = {
         "iso_stiffness": "gear pair",
         "loaded_mesh": "gear mesh_cycle pair tooth",
         "forms": "helical mesh_cycle rotor_bearing spur support",
-        "__init__": "double_helical gear helical mesh_cycle pair rotor_bearing spur support",
+        "train_parts": "gear geometry mesh_cycle pair spur",
+        "phasing": "train_parts",
+        "train": "phasing train_parts",
+        "__init__": "double_helical gear helical mesh_cycle pair rotor_bearing spur support train train_parts",
     },
     "harmonic": {
         "__init__": "",
