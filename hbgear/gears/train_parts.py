@@ -139,7 +139,7 @@ class Shaft:
     >>> import hbgear as hb
     >>> shaft = hb.Shaft.section("motor", "pinion", outer="40 mm", length="200 mm")
     >>> round(shaft.torsion)
-    99557
+    99564
     """
 
     first: str
@@ -345,7 +345,7 @@ class Mesh:
 
     @property
     def name(self) -> str:
-        """"pinion-wheel", for tables and legends."""
+        """For tables and legends: "pinion-wheel"."""
         return f"{self.first}-{self.second}"
 
     def stiffness_used(self, scale: float = 1.0) -> Phased:

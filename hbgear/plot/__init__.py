@@ -48,6 +48,7 @@ from hbgear.plot.style import (
     legend_entry,
     save,
 )
+from hbgear.plot.trains import train
 
 __all__ = [
     "BASINS",
@@ -92,6 +93,7 @@ __all__ = [
     "speed_axes",
     "sweeps",
     "time_history",
+    "train",
     "validation",
     "waterfall",
 ]

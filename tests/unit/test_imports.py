@@ -178,6 +178,7 @@ FILES = {
         "npz": "archive forms",
         "toml_file": "archive",
         "machine_file": "toml_file",
+        "train_file": "toml_file",
         "tables": "npz",
     },
     "design": {
@@ -199,7 +200,8 @@ FILES = {
         "runs": "curves style",
         "simulation": "curves style",
         "rotors": "style",
-        "__init__": "curves mesh motions rotors runs simulation study style",
+        "trains": "style",
+        "__init__": "curves mesh motions rotors runs simulation study style trains",
     },
     "cli": {
         "__init__": "",
@@ -220,7 +222,7 @@ ONLY_IN = {
     "pyfftw": {"mechanics.fourier"},
     "typer": {"cli"},
     "rich": {"cli"},
-    "pydantic": {"harmonic.catalogue", "design.study_file", "io.machine_file"},
+    "pydantic": {"harmonic.catalogue", "design.study_file", "io.machine_file", "io.toml_file", "io.train_file"},
     "distributed": {"cli.study"},
     "numba": {"common.compiling", "mechanics.calling"},
     "platformdirs": {"common.compiling"},
