@@ -24,20 +24,26 @@ from hbgear.continuation.tracer import trace
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.design.study import Cases, cases
 from hbgear.gears import (
+    Bearing,
     DoubleHelicalPair,
     Gear,
     GearPair,
     GearRotorBearing,
     HelicalPair,
+    Mesh,
     MeshCycle,
+    Shaft,
     SpurPair,
     Support,
     Table,
+    Train,
+    Wheel,
     iso_dynamic_factor,
     read_table,
 )
 from hbgear.harmonic.answers import Answers, answers
 from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.campbell import Campbell, CriticalSpeed, campbell
 from hbgear.harmonic.critical import Critical, NoFold, critical
 from hbgear.harmonic.dynamic_factor import dynamic_factor
 from hbgear.harmonic.jump_map import JumpMap, jump_map
@@ -55,6 +61,7 @@ from hbgear.mechanics.model import Element, Load, Model, Reaction, System
 from hbgear.mechanics.oscillators import Duffing
 from hbgear.mechanics.periodic import Periodic
 from hbgear.mechanics.reduction import Reduction, reduce
+from hbgear.mechanics.speed import MatrixTable, SpeedTerms
 from hbgear.timedomain.basins import basins
 from hbgear.timedomain.integrate import integrate
 from hbgear.timedomain.opinion import Opinion, second_opinion
@@ -65,10 +72,13 @@ from hbgear.timedomain.validate import validate
 __all__ = [
     "Answers",
     "Backlash",
+    "Bearing",
     "Branch",
+    "Campbell",
     "Cases",
     "CompiledLaw",
     "Critical",
+    "CriticalSpeed",
     "Cubic",
     "DoubleHelicalPair",
     "Duffing",
@@ -86,6 +96,8 @@ __all__ = [
     "JumpMap",
     "Law",
     "Load",
+    "MatrixTable",
+    "Mesh",
     "MeshCycle",
     "Model",
     "NoConvergence",
@@ -105,7 +117,9 @@ __all__ = [
     "Run",
     "Series",
     "Settings",
+    "Shaft",
     "SpecialPoint",
+    "SpeedTerms",
     "SpurPair",
     "Status",
     "StepControl",
@@ -114,11 +128,14 @@ __all__ = [
     "Survey",
     "System",
     "Table",
+    "Train",
     "Unilateral",
     "Unlikely",
+    "Wheel",
     "__version__",
     "answers",
     "basins",
+    "campbell",
     "cases",
     "critical",
     "dynamic_factor",

@@ -9,17 +9,24 @@ from hbgear.gears.pair import GearPair
 from hbgear.gears.rotor_bearing import GearRotorBearing
 from hbgear.gears.spur import SpurPair
 from hbgear.gears.support import Support
+from hbgear.gears.train import Train
+from hbgear.gears.train_parts import Bearing, Mesh, Shaft, Wheel
 
 __all__ = [
+    "Bearing",
     "DoubleHelicalPair",
     "Gear",
     "GearPair",
     "GearRotorBearing",
     "HelicalPair",
+    "Mesh",
     "MeshCycle",
+    "Shaft",
     "SpurPair",
     "Support",
     "Table",
+    "Train",
+    "Wheel",
     "iso_dynamic_factor",
     "read_table",
 ]

@@ -20,8 +20,6 @@ from hbgear.gears.mesh_cycle import MeshCycle
 from hbgear.gears.rotor_bearing import GearRotorBearing
 from hbgear.gears.spur import SpurPair
 from hbgear.gears.support import Support
-from hbgear.mechanics.fourier import Series
-from hbgear.mechanics.periodic import Periodic, Phased
 
 if TYPE_CHECKING:
     from hbgear.gears.pair import GearPair
@@ -29,12 +27,6 @@ if TYPE_CHECKING:
 
 FORMS = ("torsion", "bearings", "spatial")
 """Forms of a model: one degree of freedom; three, with bearings along the line of action; twelve."""
-
-TOLERANCE = 1e-4
-"""By how much cubics may miss the mesh stiffness, over its mean, and the transmission error, over F/k_mean."""
-
-MOST = 24
-"""Harmonics of an error that jumps: the damper of the mesh has no force for a jump."""
 
 DAMPING = Measured("", NOT_NEGATIVE, Range(0, 1))
 """Damping ratio of a mesh."""
@@ -101,20 +93,11 @@ def _mesh(pair: GearPair, cycle: MeshCycle, force: float) -> _Mesh:
         raise ValueError(
             "GearPair.model: the pair has no backlash; give backlash, or a center_distance that leaves some"
         )
-    k = cycle.stiffness.function(TOLERANCE * cycle.stiffness.mean)
-    e = cycle.error.function(TOLERANCE * force / k.mean)
-    fields: dict[str, Any] = {"eps": (), "stiffness": k.scaled(1 / k.mean), "e": ()}
-    if e.varies:
-        fields["error"] = _without_jumps(e).scaled(1 / b_c)
-    return _Mesh(k.mean, b_c, fields)
-
-
-def _without_jumps(e: Phased) -> Phased:
-    """An error that jumps, as that of pairs of teeth which come with a pitch error, by its first harmonics."""
-    if not isinstance(e, Periodic) or e.continuous:
-        return e
-    row = e.row(MOST)
-    return Series(float(row[0]), tuple(row[1::2].tolist()), tuple(row[2::2].tolist()))
+    k_mean, stiffness, error = cycle.functions(force)
+    fields: dict[str, Any] = {"eps": (), "stiffness": stiffness, "e": ()}
+    if error.varies:
+        fields["error"] = error.scaled(1 / b_c)
+    return _Mesh(k_mean, b_c, fields)
 
 
 def _reference(pair: GearPair, mesh: _Mesh) -> tuple[float, ...]:

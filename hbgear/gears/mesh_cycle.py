@@ -29,6 +29,12 @@ from hbgear.common.units import si
 from hbgear.mechanics.fourier import Series, real_numbers
 from hbgear.mechanics.periodic import Periodic, Phased
 
+TOLERANCE = 1e-4
+"""By how much cubics may miss the mesh stiffness, over its mean, and the transmission error, over F/k_mean."""
+
+MOST = 24
+"""Harmonics of an error that jumps: the damper of the mesh has no force for a jump."""
+
 _CLOSED = 1e-3  # of the range of values: how well the last value of a table is the first
 
 
@@ -175,6 +181,17 @@ class MeshCycle:
         k, e = _at(self.stiffness, x), _at(self.error, x)
         return Table(x, e + (self.force or 0.0) / k)
 
+    def functions(self, force: float) -> tuple[float, Phased, Phased]:
+        """As models take it: k_mean [N/m], k(tau)/k_mean, and e(tau) [m], which has no jumps.
+
+        Parameters
+        ----------
+        force : of the mesh [N], for the size of the errors that matter.
+        """
+        k = self.stiffness.function(TOLERANCE * self.stiffness.mean)
+        e = self.error.function(TOLERANCE * abs(force) / k.mean)
+        return k.mean, k.scaled(1 / k.mean), _without_jumps(e)
+
     @property
     def peak_to_peak(self) -> float:
         """Of the static transmission error [m]."""
@@ -191,6 +208,14 @@ class MeshCycle:
             writer = csv.writer(handle)
             writer.writerow(["phase [cycle]", "stiffness [N/m]", "error [m]", "static error [m]"])
             writer.writerows(zip(*columns, strict=True))
+
+
+def _without_jumps(e: Phased) -> Phased:
+    """An error that jumps, as that of pairs of teeth which come with a pitch error, by its first harmonics."""
+    if not isinstance(e, Periodic) or e.continuous:
+        return e
+    row = e.row(MOST)
+    return Series(float(row[0]), tuple(row[1::2].tolist()), tuple(row[2::2].tolist()))
 
 
 def _joined(a: Array, b: Array) -> Array:

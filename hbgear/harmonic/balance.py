@@ -41,6 +41,7 @@ from hbgear.harmonic.floquet import is_reduced, multipliers_of, reduction
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.realbasis import derivative
 from hbgear.harmonic.receptance import Structure
+from hbgear.harmonic.spinning import Spinning
 from hbgear.harmonic.starts import from_elsewhere, guesses
 from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, of_truncation, tell
 from hbgear.mechanics.fourier import (
@@ -218,12 +219,16 @@ class HarmonicBalance(FullProblem):
             raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
 
     def range_of(self, name: str) -> Range:
-        """Values a parameter may have; Omega is positive."""
-        return POSITIVE if name == "Omega" else self.model.ranges.get(name, ANY)
+        """Values a parameter may have; Omega is positive, and within the tables of a structure that has some."""
+        if name != "Omega":
+            return self.model.ranges.get(name, ANY)
+        speed = self.compiled({}).system.speed
+        return POSITIVE if speed is None else speed.range
 
     def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
         """Warn of an Omega far above every natural frequency of the model."""
-        of_frequency(self.compiled({}).structure, high if name == "Omega" else fixed["Omega"])
+        Omega = high if name == "Omega" else fixed["Omega"]
+        of_frequency(self.compiled({}).structure.at(Omega), Omega)
 
     def missing(self, known: Sequence[str]) -> Sequence[str]:
         """Omega is given with every evaluation."""
@@ -419,6 +424,8 @@ class HarmonicBalance(FullProblem):
 
     def _structure(self, system: System) -> Structure:
         """Eigen-decompositions are shared between parameter sets that differ in laws and loads only."""
+        if system.speed is not None:
+            return Spinning(system)
         fresh = tuple(np.array([e.law.reference, e.damping]).tobytes() for e in system.elements)
         dense = [A for A in (system.M, system.C, system.K) if isinstance(A, np.ndarray)]
         loads = tuple(b"" if ld.constant is None else np.asarray(ld.constant).tobytes() for ld in system.loads)
