@@ -493,10 +493,11 @@ class HarmonicBalance(FullProblem):
         Omega = float(parameters["Omega"])
         R, J, dR, size = self.compiled(parameters).linearise(X, Omega)
         if name != "Omega":
-            here = {name: self._own.get(name, 0.0), **parameters} if name else {}
-            (dR,) = (
-                in_parameter(self, name, here, lambda at: (self.linearise(X, "", **at).R,)) if name else (np.zeros(len(R)),)
-            )
+            here = {name: self._own.get(name, 0.0), **parameters}
+            if name:
+                (dR,) = in_parameter(self, name, here, lambda at: (self.linearise(X, "", **at).R,))
+            else:
+                dR = np.zeros(len(R))
         return Evaluation(R, J, dR, size)
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:

@@ -57,7 +57,7 @@ class Sensitivity:
     label : of the point.
     parameters, values : (A,) names, entries of tuples as ``eps[0]``, and values in the model.
     quantities, sizes : (Q,) names and values: the parameter of the curve, "mesh Hz" and "pinion r/min" of models that
-        know their units, the amplitude ("pp2", also "pp2 [m]"; of a jump "pp2 before" and "pp2 after").
+        know their units, the amplitude ("pp2", also "pp2 m"; of a jump "pp2 before" and "pp2 after").
     slopes : (Q, A) derivatives, in the units of quantity and parameter; nan where there is none.
 
     Examples
@@ -254,8 +254,6 @@ def _names(
     own = {parameter, *problem.unknown_parameters}
     if wanted is None:
         return tuple(name for name in here if name not in own)
-    if isinstance(wanted, str):
-        raise ValueError(f"parameters = {quoted(wanted)}: give a list of names, such as ['{wanted}']")
     for name in wanted:
         problem.check_parameter(name)
         if name in own:
@@ -398,11 +396,12 @@ class _At:
         known = there.parameters | there.entries
         changes = np.zeros((len(self.names), len(keys)))
         for row, name in zip(changes, self.names, strict=True):
+
+            def values(at: dict[str, float], name: str = name) -> tuple[float, ...]:
+                return tuple(_units_of(there.replace(**{name: at[name]})).values())
+
             if name in known:
-                row[:] = in_parameter(
-                    self.problem, name, self.here,
-                    lambda at, name=name: tuple(_units_of(there.replace(**{name: at[name]})).values()),
-                )  # fmt: skip
+                row[:] = in_parameter(self.problem, name, self.here, values)
         return own, dict(zip(keys, changes.T, strict=True))
 
     def amplitudes(self, name: str, measure: str, element: int | str, X_a: Array, units: _Units) -> list[_Row]:
@@ -419,7 +418,7 @@ class _At:
         rows: list[_Row] = [(name, size(X), moved)]
         own, changes = units
         if LENGTH in own:
-            rows.append((f"{name} [{LENGTH}]", own[LENGTH] * size(X), own[LENGTH] * moved + size(X) * changes[LENGTH]))
+            rows.append((f"{name} {LENGTH}", own[LENGTH] * size(X), own[LENGTH] * moved + size(X) * changes[LENGTH]))
         return rows
 
     def landed(self, after: Point, p_a: Array) -> tuple[_At, Array]:

@@ -83,9 +83,10 @@ def parameters_of(cls: type) -> tuple[str, ...]:
     return tuple(name for name, kind in kinds_of(cls).items() if kind is float)
 
 
-def entries_of(instance: Any) -> dict[str, float]:
+def entries_of(instance: object) -> dict[str, float]:
     """The numbers in tuples among the fields of an instance, each by the name it has in Python: ``eps[0]``."""
-    lists = ((name, getattr(instance, name)) for name in _lists_of(type(instance)))
+    cls: type = type(instance)
+    lists = ((name, getattr(instance, name)) for name in _lists_of(cls))
     return {f"{name}[{i}]": float(x) for name, values in lists for i, x in enumerate(values)}
 
 
@@ -99,7 +100,7 @@ def _lists_of(cls: type) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def with_entries(instance: Any, changes: Mapping[str, Any]) -> dict[str, Any]:
+def with_entries(instance: object, changes: Mapping[str, Any]) -> dict[str, Any]:
     """Changes of fields in which those of entries, such as ``eps[0]``, are put into the tuples they belong to.
 
     Raises

@@ -47,6 +47,7 @@ from hbgear.plot.style import (
     legend_entry,
     save,
 )
+from hbgear.plot.tornado import tornado
 
 __all__ = [
     "BASINS",
@@ -90,6 +91,7 @@ __all__ = [
     "speed_axes",
     "sweeps",
     "time_history",
+    "tornado",
     "validation",
     "waterfall",
 ]

@@ -52,6 +52,7 @@ FILES = {
         "passing": "branch",
         "problem": "algebra branch differences reading",
         "bordered": "algebra branch differences problem reading",
+        "sensitivity": "algebra bordered differences problem",
         "newton": "algebra problem",
         "corrector": "algebra newton problem",
         "deflation": "algebra newton problem",
@@ -138,6 +139,7 @@ FILES = {
         "balance": "compiled deciding events floquet observables realbasis receptance starts",
         "catalogue": "balance",
         "fold_curves": "balance",
+        "sensitivity": "balance observables special speeds",
         "survey": "balance",
         "answers": "balance dynamic_factor observables speeds",
         "critical": "balance fold_curves",
@@ -191,7 +193,8 @@ FILES = {
         "study": "style",
         "runs": "curves style",
         "simulation": "curves style",
-        "__init__": "curves mesh motions runs simulation study style",
+        "tornado": "style",
+        "__init__": "curves mesh motions runs simulation study style tornado",
     },
     "cli": {
         "__init__": "",
@@ -199,10 +202,11 @@ FILES = {
         "support": "complete",
         "files": "support",
         "design": "complete files support",
+        "fit": "complete files support",
         "gear": "files support",
         "study": "files support",
         "time": "files support",
-        "app": "complete design files gear study support time",
+        "app": "complete design files fit gear study support time",
     },
 }
 
