@@ -49,6 +49,7 @@ from hbgear.harmonic.dynamic_factor import dynamic_factor
 from hbgear.harmonic.jump_map import JumpMap, jump_map
 from hbgear.harmonic.peaks import peaks
 from hbgear.harmonic.runs import Run, run
+from hbgear.harmonic.sensitivity import Sensitivity, sensitivity
 from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
 from hbgear.harmonic.survey import Survey, trace_all
 from hbgear.io.npz import load
@@ -115,6 +116,7 @@ __all__ = [
     "Reaction",
     "Reduction",
     "Run",
+    "Sensitivity",
     "Series",
     "Settings",
     "Shaft",
@@ -155,6 +157,7 @@ __all__ = [
     "reduce",
     "run",
     "second_opinion",
+    "sensitivity",
     "shoot",
     "sweep",
     "switch",

@@ -13,7 +13,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,6 +128,7 @@ class Point:
     regime : (m,) code of each element, named by ``layout.regimes``; -1 is unknown.
     error : estimated error of the solution, nan if unknown. Of a special point that of its place; see `SpecialPoint`.
     modulus_error : estimated error of the largest modulus of the multipliers; nan where that is far from 1, or unknown.
+    problem : what it solves, perhaps with more unknowns than that; None if it is not known. It is not saved.
 
     Examples
     --------
@@ -149,6 +150,11 @@ class Point:
     layout: Reader | None
     label: str = ""
     modulus_error: float = dataclasses.field(default=math.nan, kw_only=True)
+    problem: Any = dataclasses.field(default=None, kw_only=True)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For pickle: the problem goes with the branch, not with each of its points."""
+        return {**vars(self), "problem": None}
 
     def __repr__(self) -> str:
         place = "".join(f" at {name} = {self.parameters[name]:.6g}" for name in list(self.parameters)[-1:])
@@ -224,7 +230,7 @@ class SpecialPoint(Point):
 
     def __getstate__(self) -> dict[str, Any]:
         """For pickle: an event may hold any function."""
-        return {**vars(self), "event": None}
+        return {**super().__getstate__(), "event": None}
 
 
 def coordinate(dof: int | str, names: Sequence[str]) -> int:
@@ -365,7 +371,20 @@ class Branch:
     others: tuple[Branch, ...] = ()
     modulus_error: Array | None = None
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._tell_points()
+
+    def _tell_points(self) -> None:
+        """Tell the points that were singled out which problem they solve, as far as they do not know."""
+        if self.problem is None:
+            return
+        set_ = object.__setattr__
+        set_(self, "special", tuple(_knowing(point, self.problem) for point in self.special))
+        set_(self, "jump_records", tuple(_jump_knowing(jump, self.problem) for jump in self.jump_records))
+
     def __post_init__(self) -> None:
+        self._tell_points()
         set_ = object.__setattr__
         if self.modulus_error is None:
             set_(self, "modulus_error", np.full(np.size(self.values), math.nan))
@@ -408,7 +427,7 @@ class Branch:
         return Point(
             self.X[key], self.parameters_at(key), float(self.residual[key]), int(self.iterations[key]),
             mu, self.regime[key], float(self.error[key]), self.layout,
-            modulus_error=float(np.asarray(self.modulus_error)[key]),
+            modulus_error=float(np.asarray(self.modulus_error)[key]), problem=self.problem,
         )  # fmt: skip
 
     @property
@@ -553,6 +572,25 @@ class Branch:
         from hbgear.io import tables as export
 
         export.export(self, path)
+
+
+_AnyPoint = TypeVar("_AnyPoint", bound=Point)
+
+
+def _knowing(point: _AnyPoint, problem: Any) -> _AnyPoint:
+    """The point, which knows its problem."""
+    return point if point.problem is not None else dataclasses.replace(point, problem=problem)
+
+
+def _jump_knowing(jump: Jump, problem: Any) -> Jump:
+    """The jump, whose points know their problem."""
+    points = (jump.before, *(() if jump.after is None else (jump.after,)), *jump.candidates)
+    if all(point.problem is not None for point in points):
+        return jump
+    return dataclasses.replace(
+        jump, before=_knowing(jump.before, problem), after=jump.after and _knowing(jump.after, problem),
+        candidates=tuple(_knowing(point, problem) for point in jump.candidates),
+    )  # fmt: skip
 
 
 def continued(first: Branch, second: Branch) -> Branch:

@@ -125,7 +125,7 @@ def seen_points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point
     points = iter([
         Point(
             solution.X, p, solution.residual, solution.iterations, one.get("multipliers"),
-            one.get("regime", np.zeros(0, np.int8)), one.get("error", math.nan), branch.layout,
+            one.get("regime", np.zeros(0, np.int8)), one.get("error", math.nan), branch.layout, problem=branch.problem,
         ) for solution, p, one in zip(every, here, seen, strict=True)
     ])  # fmt: skip
     return [[next(points) for _ in group] for group in groups]

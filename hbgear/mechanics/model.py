@@ -27,7 +27,7 @@ from hbgear.common.arguments import check, check_fields
 from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked, counted
-from hbgear.mechanics.fields import check_names, parameters_of
+from hbgear.mechanics.fields import check_names, entries_of, parameters_of, with_entries
 from hbgear.mechanics.fourier import MOST_HARMONICS, Series, is_listed, real_numbers
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.matrices import square
@@ -114,14 +114,27 @@ class Model(ABC):
             return {}
         return {name: getattr(self, name) for name in parameters_of(type(self))}
 
+    @property
+    def entries(self) -> dict[str, float]:
+        """Entries of its tuples of numbers by name, ``eps[0]``; a curve can be traced in each as in a parameter.
+
+        Examples
+        --------
+        >>> import hbgear as hb
+        >>> hb.SpurPair(e=(0.1, 0.02)).entries
+        {'e[0]': 0.1, 'e[1]': 0.02}
+        """
+        return entries_of(self) if dataclasses.is_dataclass(self) else {}
+
     def replace(self, /, **changes: Any) -> Self:
-        """A copy with other field values; unknown names are refused.
+        """A copy with other field values; unknown names are refused. ``**{"eps[0]": 0.1}`` changes one entry.
 
         Raises
         ------
         KeyError
-            If a name is not a field of the model.
+            If a name is not a field of the model, or no entry of it.
         """
+        changes = with_entries(self, changes)
         check_names(type(self), changes)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
@@ -134,7 +147,8 @@ class Model(ABC):
         >>> hb.Duffing().at({"zeta": 0.1, "Omega": 1.2}).zeta
         0.1
         """
-        return self.replace(**{name: value for name, value in parameters.items() if name in self.parameters})
+        known = self.parameters | self.entries
+        return self.replace(**{name: value for name, value in parameters.items() if name in known})
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,6 +48,7 @@ from hbgear.plot.style import (
     legend_entry,
     save,
 )
+from hbgear.plot.tornado import tornado
 from hbgear.plot.trains import train
 
 __all__ = [
@@ -93,6 +94,7 @@ __all__ = [
     "speed_axes",
     "sweeps",
     "time_history",
+    "tornado",
     "train",
     "validation",
     "waterfall",

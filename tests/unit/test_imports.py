@@ -52,6 +52,7 @@ FILES = {
         "passing": "branch",
         "problem": "algebra branch differences reading",
         "bordered": "algebra branch differences problem reading",
+        "sensitivity": "algebra bordered differences problem",
         "newton": "algebra problem",
         "corrector": "algebra newton problem",
         "deflation": "algebra newton problem",
@@ -146,6 +147,7 @@ FILES = {
         "balance": "compiled deciding events floquet observables realbasis receptance spinning starts",
         "catalogue": "balance",
         "fold_curves": "balance",
+        "sensitivity": "balance observables special speeds",
         "survey": "balance",
         "answers": "balance catalogue dynamic_factor observables speeds",
         "critical": "balance fold_curves",
@@ -203,7 +205,8 @@ FILES = {
         "simulation": "curves style",
         "rotors": "style",
         "trains": "style",
-        "__init__": "curves mesh motions rotors runs simulation study style trains",
+        "tornado": "style",
+        "__init__": "curves mesh motions rotors runs simulation study style tornado trains",
     },
     "cli": {
         "__init__": "",
@@ -211,10 +214,11 @@ FILES = {
         "support": "complete",
         "files": "support",
         "design": "complete files support",
+        "fit": "complete files support",
         "gear": "files support",
         "study": "files support",
         "time": "files support",
-        "app": "complete design files gear study support time",
+        "app": "complete design files fit gear study support time",
     },
 }
 
