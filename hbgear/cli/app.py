@@ -49,7 +49,6 @@ from hbgear.cli.support import (
     element_of,
     equation_of,
     exit_code,
-    facts_of,
     known_landing,
     landed_as,
     loaded,
@@ -67,13 +66,13 @@ from hbgear.cli.support import (
     show_whole,
     start_of,
     summary_of,
-    text_at,
     traced,
 )
 from hbgear.common.signals import sigterm_like_ctrl_c
 from hbgear.harmonic import catalogue
 from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.speeds import model_of
+from hbgear.harmonic.telling import facts_of, text_at
 from hbgear.mechanics.named import installed
 
 RENAMED = {

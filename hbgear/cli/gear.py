@@ -18,14 +18,13 @@ from hbgear.cli.support import (
     Figure,
     Harmonics,
     chosen_model,
-    digits_of,
     exit_code,
     harmonics_of,
     print_table,
-    text_at,
     traced,
 )
 from hbgear.common.digits import rounded
+from hbgear.harmonic.telling import digits_of, text_at
 
 if TYPE_CHECKING:
     from hbgear.io.machine_file import Machine

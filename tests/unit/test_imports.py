@@ -17,7 +17,8 @@ ROOMS = ("common", "continuation", "mechanics", "gears", "harmonic", "timedomain
 APART = {("continuation", "mechanics"), ("mechanics", "continuation")}
 
 # Imports of higher rooms, all inside of functions: what a branch can be asked to do with files is done by io.
-UPWARD = {("continuation.branch", "io.npz"), ("continuation.branch", "io.tables"),
+UPWARD = {("continuation.branch", "io.npz"), ("continuation.branch", "io.tables"), ("continuation.branch", "io.frames"),
+          ("continuation.branch", "harmonic.catalogue"),
           ("continuation.branch", "timedomain.landing")}  # fmt: skip
 
 # Files of each room, lowest first: which others of the room each imports when it is itself imported.
@@ -28,6 +29,8 @@ FILES = {
         "messages": "",
         "arguments": "messages",
         "command": "",
+        "optional": "",
+        "symbols": "",
         "progress": "",
         "ranges": "messages",
         "units": "messages ranges",
@@ -143,6 +146,7 @@ FILES = {
         "critical": "balance fold_curves",
         "jump_map": "balance fold_curves",
         "speeds": "catalogue",
+        "telling": "catalogue events landings observables speeds",
         "dynamic_factor": "corners observables",
     },
     "timedomain": {
@@ -171,7 +175,9 @@ FILES = {
         "npz": "archive forms",
         "toml_file": "archive",
         "machine_file": "toml_file",
-        "tables": "npz",
+        "columns": "",
+        "frames": "columns",
+        "tables": "columns npz",
     },
     "design": {
         "__init__": "",
@@ -217,6 +223,8 @@ ONLY_IN = {
     "numba": {"common.compiling", "mechanics.calling"},
     "platformdirs": {"common.compiling"},
     "pint": {"common.units"},
+    "pandas": {"continuation.branch", "io.frames"},
+    "xarray": {"continuation.branch", "io.frames"},
 }
 
 PATHS = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in sorted(ROOT.rglob("*.py"))}
@@ -370,6 +378,7 @@ def test_imports_in_functions_are_seen():
 
 def test_import_of_hbgear_leaves_what_is_slow_alone():
     slow = ["matplotlib", "pydantic", "distributed", "dask", "pyfftw", "typer", "rich", "PIL", "numba", "pint"]
+    slow += ["pandas", "xarray"]
     slow += [f"scipy.{part}" for part in ("fft", "integrate", "io", "linalg", "optimize", "signal", "sparse", "stats")]
     code = f"import sys, hbgear; print([name for name in {slow} if name in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT.parent)
