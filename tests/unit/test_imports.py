@@ -13,7 +13,7 @@ import hbgear
 ROOT = Path(hbgear.__file__).parent
 
 # Each room may import those above it. Continuation and mechanics know nothing of each other.
-ROOMS = ("common", "continuation", "mechanics", "gears", "harmonic", "timedomain", "io", "design", "plot", "cli")
+ROOMS = ("common", "continuation", "mechanics", "gears", "harmonic", "timedomain", "io", "design", "plot", "web", "cli")
 APART = {("continuation", "mechanics"), ("mechanics", "continuation")}
 
 # Imports of higher rooms, all inside of functions: what a branch can be asked to do with files is done by io.
@@ -177,6 +177,7 @@ FILES = {
         "machine_file": "toml_file",
         "columns": "",
         "frames": "columns",
+        "measured": "",
         "tables": "columns npz",
     },
     "design": {
@@ -191,13 +192,20 @@ FILES = {
     "plot": {
         "labels": "",
         "style": "",
-        "curves": "style",
+        "stretches": "style",
+        "curves": "stretches style",
         "mesh": "curves style",
         "motions": "style",
         "study": "style",
         "runs": "curves style",
         "simulation": "curves style",
         "__init__": "curves mesh motions runs simulation study style",
+    },
+    "web": {
+        "page": "",
+        "view": "",
+        "reporting": "page view",
+        "__init__": "reporting",
     },
     "cli": {
         "__init__": "",
@@ -206,9 +214,10 @@ FILES = {
         "files": "support",
         "design": "complete files support",
         "gear": "files support",
+        "pages": "files support",
         "study": "files support",
         "time": "files support",
-        "app": "complete design files gear study support time",
+        "app": "complete design files gear pages study support time",
     },
 }
 
@@ -223,6 +232,7 @@ ONLY_IN = {
     "numba": {"common.compiling", "mechanics.calling"},
     "platformdirs": {"common.compiling"},
     "pint": {"common.units"},
+    "markupsafe": {"web.page"},
     "pandas": {"continuation.branch", "io.frames"},
     "xarray": {"continuation.branch", "io.frames"},
 }
@@ -378,7 +388,7 @@ def test_imports_in_functions_are_seen():
 
 def test_import_of_hbgear_leaves_what_is_slow_alone():
     slow = ["matplotlib", "pydantic", "distributed", "dask", "pyfftw", "typer", "rich", "PIL", "numba", "pint"]
-    slow += ["pandas", "xarray"]
+    slow += ["pandas", "xarray", "plotly", "jinja2", "markupsafe", "flask"]
     slow += [f"scipy.{part}" for part in ("fft", "integrate", "io", "linalg", "optimize", "signal", "sparse", "stats")]
     code = f"import sys, hbgear; print([name for name in {slow} if name in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT.parent)
