@@ -69,6 +69,7 @@ from hbgear.timedomain.opinion import Opinion, second_opinion
 from hbgear.timedomain.shooting import shoot
 from hbgear.timedomain.sweep import sweep
 from hbgear.timedomain.validate import validate
+from hbgear.web import report
 
 __all__ = [
     "Answers",
@@ -155,6 +156,7 @@ __all__ = [
     "plot",
     "read_table",
     "reduce",
+    "report",
     "run",
     "second_opinion",
     "sensitivity",

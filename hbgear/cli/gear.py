@@ -21,17 +21,16 @@ from hbgear.cli.support import (
     Harmonics,
     OwnModel,
     chosen_model,
-    digits_of,
     exit_code,
     harmonics_of,
     loaded,
     print_table,
     problem_in,
-    text_at,
     traced,
 )
 from hbgear.common.digits import rounded
 from hbgear.harmonic.answers import problem_along
+from hbgear.harmonic.telling import digits_of, text_at
 
 if TYPE_CHECKING:
     from hbgear.io.machine_file import Machine

@@ -13,7 +13,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,10 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.ranges import counted
 from hbgear.continuation.reading import Moving, Reader
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 NEUTRAL = 1e-6
 """A multiplier within this distance outside the unit circle counts as on it (free rotations have mu = 1)."""
@@ -531,7 +535,8 @@ class Branch:
         ----------
         measure : "rms", "pp2", "max", "mean", "H1", "H2", ...
         element : which element, by number or name.
-        dof : a degree of freedom of the model instead, by number or name; needs the branch's problem.
+        dof : a degree of freedom of the model instead, by number or name; needs the branch's problem, which a file of a
+            model of hbgear tells too.
         derivative : 0 for displacement, 1 for velocity, 2 for acceleration (in time).
 
         Raises
@@ -549,10 +554,20 @@ class Branch:
 
     def _motion(self, dof: int | str) -> Array:
         """Rows of a degree of freedom, (P, ...), from the problem."""
-        if not isinstance(self.problem, Moving):
+        problem = self.problem if self.problem is not None else self._retold()
+        if not isinstance(problem, Moving):
             raise ValueError(f"dof={dof!r} needs the model; load the branch with hbgear.load(path, problem=...)")
-        q = np.array([self.problem.motion(X, **self.parameters_at(i)) for i, X in enumerate(self.X)])
-        return q[:, coordinate(dof, self.problem.dof_names)]
+        q = np.array([problem.motion(X, **self.parameters_at(i)) for i, X in enumerate(self.X)])
+        return q[:, coordinate(dof, problem.dof_names)]
+
+    def _retold(self) -> Any:
+        """The problem as the file tells it; None if its model is none of hbgear, for no code is loaded."""
+        from hbgear.harmonic import catalogue
+
+        try:
+            return catalogue.problem_of(self.meta)
+        except (KeyError, ValueError):
+            return None
 
     @checked_arguments()
     def peak(self, measure: str = "rms", element: int | str = 0) -> Point:
@@ -568,10 +583,43 @@ class Branch:
 
     @checked_arguments()
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all."""
+        """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all.
+
+        A .csv begins with lines "# name = text" that say what the curve is and what its columns mean; ``explained``
+        of a .mat says what its variables are.
+        """
         from hbgear.io import tables as export
 
         export.export(self, path)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The columns of the .csv as a pandas DataFrame, of the others of the span too.
+
+        Its ``attrs`` say what the curve is, and have ``units`` and ``long_names`` by column. Needs ``hbgear[data]``.
+
+        Raises
+        ------
+        ValueError
+            If pandas is not installed.
+        """
+        from hbgear.io import frames
+
+        return frames.to_dataframe(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """An xarray Dataset with named dimensions, units and long names; ``.to_netcdf(path)`` writes it.
+
+        Dimensions are point, element, term (a0, a1, b1, ...), measure and multiplier; the parameter is a coordinate of
+        the points. ``curve.to_xarray().amplitude.sel(measure="pp2")``. Needs ``hbgear[data]``.
+
+        Raises
+        ------
+        ValueError
+            If xarray is not installed.
+        """
+        from hbgear.io import frames
+
+        return frames.to_xarray(self)
 
 
 _AnyPoint = TypeVar("_AnyPoint", bound=Point)

@@ -119,6 +119,7 @@ def answers(
         if found.stable is not None:
             columns["stable"] = np.asarray(found.stable)
         return Answers(columns)
+    problem = found.problem if problem is None else problem
     if not isinstance(problem, HarmonicBalance):
         raise ValueError("answers of a point need the problem of its curve; give problem=curve.problem")
     return Answers(_columns(problem.fitting(found), found.X[None], [dict(found.parameters)], element, dof))

@@ -17,6 +17,7 @@ from hbgear.harmonic.events import named
 from hbgear.harmonic.landings import landings
 from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.speeds import common_scales, model_of, same_scales, scales
+from hbgear.plot.stretches import ABOVE, bounded, stretches
 from hbgear.plot.style import (
     BRANCHES,
     COLOURS,
@@ -25,7 +26,6 @@ from hbgear.plot.style import (
     LINES,
     MEASURES,
     WIDTHS,
-    State,
     add_legend,
     axes_or_new,
     dress,
@@ -33,7 +33,6 @@ from hbgear.plot.style import (
     heighten,
     in_words,
     legend_entry,
-    regime_of,
     scaled_axes,
     styled,
 )
@@ -258,31 +257,6 @@ def _shade(ax: Axes, jumps: JumpMap) -> None:
                         label="several motions")  # fmt: skip
 
 
-def _states(branch: Branch, element: int | str) -> list[State]:
-    """Regime of the element and stability of each row."""
-    known: dict[str, bool | str] = {"stable": True, "unstable": False, "undecided": "undecided"}
-    stable = [known.get(verdict) for verdict in branch.verdicts]
-    layout = layout_of(branch)
-    return [(regime_of(layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]
-
-
-def _runs(branch: Branch, element: int | str) -> list[tuple[State, int, int]]:
-    """Stretches ``(state, first row, last row)`` of one regime and stability; each starts where the last one ended.
-
-    A special point is the border between two stretches: the piece of curve beside it has the state of its other end.
-    """
-    states = _states(branch, element)
-    border = {point.index for point in branch.special}
-    runs = [(states[0], 0, 0)] if len(states) == 1 else []
-    for i in range(len(states) - 1):
-        state = states[i + 1] if i in border and i + 1 not in border else states[i]
-        if runs and runs[-1][0] == state:
-            runs[-1] = (state, runs[-1][1], i + 1)
-        else:
-            runs.append((state, i, i + 1))
-    return runs
-
-
 def _curve(
     ax: Axes,
     branch: Branch,
@@ -292,7 +266,7 @@ def _curve(
     label: str | None,
     widths: dict[str, float] | None = None,
 ) -> None:
-    for (regime, stable), first, last in _runs(branch, element):
+    for (regime, stable), first, last in stretches(branch, element):
         name = "_curve" if color or regime == "unknown" else in_words(regime)
         style, width = LINES[stable]
         if widths:
@@ -309,7 +283,7 @@ def _to_infinity(ax: Axes, branches: Sequence[Branch], colours: Sequence[str], h
     if not any(branch.asymptotes for branch in branches):
         return
     amplitudes = [height.along(branch) for branch in branches]
-    top = _ABOVE * max(_bounded(branch, each) for branch, each in zip(branches, amplitudes, strict=True))
+    top = ABOVE * max(bounded(branch, each) for branch, each in zip(branches, amplitudes, strict=True))
     if own and 0 < top < max(float(each.max()) for each in amplitudes):
         low = min(float(each.min()) for each in amplitudes)
         ax.set_ylim(low - 0.05 * (top - low), top)
@@ -321,17 +295,6 @@ def _to_infinity(ax: Axes, branches: Sequence[Branch], colours: Sequence[str], h
         for end in branch.asymptotes:
             way = slice(None, None, -1) if end == "first" else slice(None)
             _arrow_out(ax, branch.values[way], each[way], colour, top)
-
-
-_ABOVE = 4.0  # height of axes over the largest amplitude of what stays bounded, if a curve runs off to infinity
-
-
-def _bounded(branch: Branch, amplitude: Array) -> float:
-    """The largest amplitude of a branch before it runs off to infinity: up to its last special points on both sides."""
-    marks = [point.index for point in branch.special]
-    first = min(marks, default=len(branch) - 1) if "first" in branch.asymptotes else 0
-    last = max(marks, default=0) if "last" in branch.asymptotes else len(branch) - 1
-    return float(amplitude[min(first, last) : max(first, last) + 1].max())
 
 
 def _arrow_out(ax: Axes, x: Array, y: Array, colour: str, top: float) -> None:
@@ -469,7 +432,7 @@ _ROOM = (0.085, 0.08)  # what their tick labels take on the left and below
 def _unstable(branch: Branch, element: int | str) -> list[tuple[int, int]]:
     """First and last row of every unstable stretch."""
     out: list[tuple[int, int]] = []
-    for (_, stable), first, last in _runs(branch, element):
+    for (_, stable), first, last in stretches(branch, element):
         if stable is False and out and out[-1][1] == first:
             out[-1] = (out[-1][0], last)
         elif stable is False:

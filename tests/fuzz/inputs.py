@@ -702,6 +702,19 @@ def targets() -> tuple[Target, ...]:
             {"branches": [lambda: [curve()]], "measure": measure, "element": element},
             0.5,
         ),
+        Target(
+            "report",
+            hb.report,
+            {
+                "branches": [curve, gears],
+                "title": _is(None, "a"),
+                "names": _is(None, ["a"]),
+                "validation": _is(()),
+                "studies": _is(()),
+                "measured": _is(()),
+            },
+            0.2,
+        ),
         Target("plot.portrait", plot.portrait, {"point": [point], "element": element}, 0.3),
         Target("plot.spectrum", plot.spectrum, {"point": [point], "element": element}, 0.3),
         Target(

@@ -13,11 +13,12 @@ import hbgear
 ROOT = Path(hbgear.__file__).parent
 
 # Each room may import those above it. Continuation and mechanics know nothing of each other.
-ROOMS = ("common", "continuation", "mechanics", "gears", "harmonic", "timedomain", "io", "design", "plot", "cli")
+ROOMS = ("common", "continuation", "mechanics", "gears", "harmonic", "timedomain", "io", "design", "plot", "web", "cli")
 APART = {("continuation", "mechanics"), ("mechanics", "continuation")}
 
 # Imports of higher rooms, all inside of functions: what a branch can be asked to do with files is done by io.
-UPWARD = {("continuation.branch", "io.npz"), ("continuation.branch", "io.tables"),
+UPWARD = {("continuation.branch", "io.npz"), ("continuation.branch", "io.tables"), ("continuation.branch", "io.frames"),
+          ("continuation.branch", "harmonic.catalogue"),
           ("continuation.branch", "timedomain.landing")}  # fmt: skip
 
 # Files of each room, lowest first: which others of the room each imports when it is itself imported.
@@ -28,6 +29,8 @@ FILES = {
         "messages": "",
         "arguments": "messages",
         "command": "",
+        "optional": "",
+        "symbols": "",
         "progress": "",
         "ranges": "messages",
         "units": "messages ranges",
@@ -153,6 +156,7 @@ FILES = {
         "critical": "balance fold_curves",
         "jump_map": "balance fold_curves",
         "speeds": "catalogue",
+        "telling": "catalogue events landings observables speeds",
         "dynamic_factor": "corners observables",
         "campbell": "receptance speeds",
     },
@@ -183,7 +187,10 @@ FILES = {
         "toml_file": "archive",
         "machine_file": "toml_file",
         "train_file": "toml_file",
-        "tables": "npz",
+        "columns": "",
+        "frames": "columns",
+        "measured": "",
+        "tables": "columns npz",
     },
     "design": {
         "__init__": "",
@@ -197,7 +204,8 @@ FILES = {
     "plot": {
         "labels": "",
         "style": "",
-        "curves": "style",
+        "stretches": "style",
+        "curves": "stretches style",
         "mesh": "curves style",
         "motions": "style",
         "study": "style",
@@ -208,6 +216,12 @@ FILES = {
         "tornado": "style",
         "__init__": "curves mesh motions rotors runs simulation study style tornado trains",
     },
+    "web": {
+        "page": "",
+        "view": "",
+        "reporting": "page view",
+        "__init__": "reporting",
+    },
     "cli": {
         "__init__": "",
         "complete": "",
@@ -216,9 +230,10 @@ FILES = {
         "design": "complete files support",
         "fit": "complete files support",
         "gear": "files support",
+        "pages": "files support",
         "study": "files support",
         "time": "files support",
-        "app": "complete design files fit gear study support time",
+        "app": "complete design files fit gear pages study support time",
     },
 }
 
@@ -233,6 +248,9 @@ ONLY_IN = {
     "numba": {"common.compiling", "mechanics.calling"},
     "platformdirs": {"common.compiling"},
     "pint": {"common.units"},
+    "markupsafe": {"web.page"},
+    "pandas": {"continuation.branch", "io.frames"},
+    "xarray": {"continuation.branch", "io.frames"},
 }
 
 PATHS = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in sorted(ROOT.rglob("*.py"))}
@@ -386,6 +404,7 @@ def test_imports_in_functions_are_seen():
 
 def test_import_of_hbgear_leaves_what_is_slow_alone():
     slow = ["matplotlib", "pydantic", "distributed", "dask", "pyfftw", "typer", "rich", "PIL", "numba", "pint"]
+    slow += ["pandas", "xarray", "plotly", "jinja2", "markupsafe", "flask"]
     slow += [f"scipy.{part}" for part in ("fft", "integrate", "io", "linalg", "optimize", "signal", "sparse", "stats")]
     code = f"import sys, hbgear; print([name for name in {slow} if name in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT.parent)
