@@ -19,3 +19,16 @@ def test_relief_cures_the_jump():
     top = next(ax for ax in figure.axes if ax.get_xlabel() == "speed of the pinion [r/min]")
     assert len(top.get_legend().get_texts()) == 3
     assert study.report((plain, enough)).count("| none |") == 1
+
+
+def test_a_marine_pair_from_its_drawing():
+    """Half the stiffness that is published, a third of its variation, and tests far below the resonance."""
+    study = importlib.import_module("studies.gears.rig")
+    found = study.run(quick=True)
+    k = found.cycle.stiffness
+    assert k.mean == pytest.approx(1.8456e9 / 2, rel=0.05)
+    assert k.function().row(1)[1:] @ k.function().row(1)[1:] < (0.06 * k.mean) ** 2
+    assert study.line(found.curves["from the drawing"], 8000, 1) > 1000
+    assert study.line(found.curves["from the drawing"], 600, 1) != study.line(found.curves["as published"], 8000, 1)
+    assert study.report(found).count("| 400 |") == 3
+    assert len(study.plot(found).axes) == 2
