@@ -33,6 +33,7 @@ extensions = [
 ]
 exclude_patterns = ["_site", "scripts", "README.md"]
 suppress_warnings = ["config.cache", "ref.python"]  # `size` may be that of several classes
+smartquotes = False  # "--harmonics" is two dashes
 default_role = "obj"  # `trace` in a docstring
 
 rst_prolog = ".. currentmodule:: hbgear\n"

@@ -234,7 +234,7 @@ def test_ci_runs_the_commands():
 
 
 def test_exit_codes(folder, capsys):
-    codes = re.search(r"Exit codes: (.*?)\.\s\s", TEXTS["docs/howto/command_line.md"], re.DOTALL)
+    codes = re.search(r"Exit codes: (.*?)\.\s", TEXTS["docs/howto/command_line.md"], re.DOTALL)
     assert codes and re.findall(r"\d", codes[1]) == ["0", "1", "2", "3"]
     assert run(shlex.split("trace duffing --harmonics 5 --max-points 20 -o a.npz"), capsys)[0] == 3
     curve = hb.load("a.npz")
@@ -332,3 +332,8 @@ def test_numbers_of_the_double_helical_pair():
     assert dofs == pair.system().n == stated(r"scales the (\d+) coordinates back")[0]
     assert f"as published (zeta = {pair.zeta:g}) has none, with zeta = 0.05 it has two" in text
     assert all(f"`{name}`" in text for name in ("pp2", "rms", "max", "mean", *REGIMES[:3]))
+
+
+def test_every_status_has_its_advice_on_the_page():
+    rows = dict(table_after(TEXTS["docs/howto/trouble.md"], "| status |")[2:])
+    assert rows == {f"`{status}`": status.advice for status in hb.Status}
