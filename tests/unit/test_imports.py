@@ -204,7 +204,10 @@ FILES = {
     "web": {
         "page": "",
         "view": "",
+        "subject": "",
         "reporting": "page view",
+        "explorer": "reporting subject view",
+        "server": "explorer page",
         "__init__": "reporting",
     },
     "cli": {
