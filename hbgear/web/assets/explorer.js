@@ -113,7 +113,12 @@ const explorer = (() => {
     if (value < Number(p.slider.min)) p.slider.min = value;
     if (value > Number(p.slider.max)) p.slider.max = value;
     p.slider.value = value;
-    if (document.activeElement !== p.field || Number(p.field.value) !== value) p.field.value = hbgear.short(value, 7);
+    if (document.activeElement !== p.field || Number(p.field.value) !== value) p.field.value = written(value);
+  }
+
+  function written(value) { // short enough for its field
+    const size = Math.abs(value);
+    return size && (size >= 1e6 || size < 1e-4) ? String(Number(value.toPrecision(7)).toExponential()) : hbgear.short(value, 7);
   }
 
   function set(name, value) { now.values[name] = value; put(name); }
@@ -180,7 +185,7 @@ const explorer = (() => {
 
   function fillMap() {
     const names = ["Omega", ...data.parameters.filter((p) => p.map).map((p) => p.name)];
-    for (const [id, chosen] of [["mapx", "Omega"], ["mapy", names[1]]]) {
+    for (const [id, chosen] of [["mapx", "Omega"], ["mapy", names.includes("zeta") ? "zeta" : names[1]]]) {
       $(id).replaceChildren(...names.map((name) => new Option(name, name, false, name === chosen)));
       $(id).addEventListener("change", () => mapRange(id));
       mapRange(id);
