@@ -10,6 +10,7 @@ from types import ModuleType
 from hbgear._version import __version__
 from hbgear.common import command as _command  # noqa: F401 sees to Ctrl-C while all that follows is imported
 from hbgear.common.progress import Progress, ProgressCallback
+from hbgear.common.progress_bar import ProgressBar
 from hbgear.common.ranges import Range
 from hbgear.continuation.bordered import Fold
 from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
@@ -112,6 +113,7 @@ __all__ = [
     "PiecewiseLinear",
     "Point",
     "Progress",
+    "ProgressBar",
     "ProgressCallback",
     "Range",
     "Reaction",

@@ -413,6 +413,12 @@ class Branch:
         others = f", {len(self.others)} other curve{'s' * (len(self.others) > 1)}" if self.others else ""
         return f"<Branch in {self.parameter}: {span}{len(self)} points, {labels}, {self.status}{others}>"
 
+    def _repr_html_(self) -> str:
+        """For notebooks: what it is, its jumps and its figure."""
+        from hbgear.plot import notebook
+
+        return notebook.branch_html(self)
+
     def __len__(self) -> int:
         return self.values.size
 

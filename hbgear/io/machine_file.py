@@ -220,6 +220,13 @@ def write_machine(machine: Machine, path: str | os.PathLike[str], remarks: tuple
         If the machine has tables, or the path another ending.
     """
     checked_suffix(path, (".toml",), "the file of a machine is .toml")
+    text = machine_text(machine, remarks)
+    with replacing(path, "x", encoding="utf-8") as handle:
+        handle.write(text)
+
+
+def machine_text(machine: Machine, remarks: tuple[str, ...] = ()) -> str:
+    """What `write_machine` writes."""
     if machine.cycle is not None:
         raise ValueError("a machine with tables of the mesh is written by naming their files in [mesh]")
     lines = [f"# {remark}" for remark in remarks]
@@ -230,8 +237,7 @@ def write_machine(machine: Machine, path: str | os.PathLike[str], remarks: tuple
     tables += zip(("support.pinion", "support.wheel"), machine.supports or (), strict=False)
     for name, thing in tables:
         lines += ["", f"[{name}]", *_entries(thing)]
-    with replacing(path, "x", encoding="utf-8") as handle:
-        handle.write("\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def _entries(thing: Any) -> list[str]:

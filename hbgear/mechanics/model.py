@@ -92,6 +92,12 @@ class Model(ABC):
     def system(self) -> System:
         """The equations of motion this model stands for."""
 
+    def _repr_html_(self) -> str:
+        """For notebooks: its parameters with units."""
+        from hbgear.plot import notebook
+
+        return notebook.model_html(self)
+
     @property
     def scales(self) -> Scales | None:
         """Hz, r/min, m and N of a dimensionless model that knows its machine; None of any other."""

@@ -49,7 +49,7 @@ def page(template: str, data: Any, **values: Any) -> str:
     return str(
         environment.get_template(template).render(
             version=__version__, data=in_script(data), settings=in_script(settings), style=asset("page.css"),
-            curves=asset("curves.js"), **values,
+            curves=asset("curves.js"), explorer=asset("explorer.js"), **values,
         )
     )  # fmt: skip
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hbgear.common.arguments import checked_arguments
+from hbgear.common.messages import shortened
 from hbgear.common.replacing import checked_suffix, replacing
 from hbgear.continuation.branch import Branch
 from hbgear.design.study import Cases
@@ -111,7 +112,7 @@ def report(
     models = [described(branch) for branch in branches]
     alike = len(set(models)) < len(models)
     shown = views(branches, names or ([f"curve {i + 1}" for i in range(len(branches))] if alike else models))
-    title = title or models[0]
+    title = title or shortened(models[0], 100)
     checks = [validation] if isinstance(validation, Validation) else list(validation)
     behind = [line for study in studies for line in lines_of(study)] + [dots_of(path, branches) for path in measured]
     data = {"curves": shown, "behind": behind}

@@ -28,8 +28,10 @@ from hbgear.plot.style import legend_entry
 _FIGURES = 7  # significant digits of numbers that are drawn
 
 
-def views(branches: Sequence[Branch], names: Sequence[str]) -> list[dict[str, Any]]:
+def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) -> list[dict[str, Any]]:
     """Each curve as `view`, the others of its span after it; jumps land on whichever it is.
+
+    whole : with their tables.
 
     Raises
     ------
@@ -45,7 +47,7 @@ def views(branches: Sequence[Branch], names: Sequence[str]) -> list[dict[str, An
         if layout_of(curve) is None or not len(curve):
             raise ValueError(f"{name} is no curve of periodic motions, which alone can be shown on a page")
     return [
-        view(curve, name, found) | tables(curve, curves, called)
+        view(curve, name, found) | (tables(curve, curves, called) if whole else {})
         for curve, name, found in zip(curves, called, landings(curves), strict=True)
     ]
 
@@ -82,8 +84,8 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, 
         "regimes": branch.regimes,
         "coefficients": packed(branch.X),
         "multipliers": None if branch.multipliers is None else multipliers(branch),
-        "special": [_special(branch, layout, point) for point in branch.special],
-        "jumps": [_jump(branch, landing) for landing in found],
+        "special": _special(branch, layout),
+        "jumps": _jumps(layout, found),
         "asymptotes": list(branch.asymptotes.values()),
         "top": _tops(branch, each) if branch.asymptotes else None,
         "status": str(branch.status),
@@ -144,33 +146,36 @@ def _verdict(stable: bool | str | None) -> str:
     return {True: "stable", False: "unstable", None: "unknown"}.get(stable, str(stable))  # type: ignore[arg-type]
 
 
-def _sizes(layout: Layout, point: Point) -> dict[str, list[float | None]]:
-    return {m: plain([point.amplitude(m, j) for j in range(len(layout.elements))]) for m in MEASURES}
+def _sizes(layout: Layout, points: Sequence[Point]) -> list[dict[str, list[float | None]]]:
+    """Measures of some motions, of every element; all are measured at once."""
+    if not points:
+        return []
+    X = [point.X.reshape(len(layout.elements), -1) for point in points]
+    width = max(rows.shape[1] for rows in X)  # special points may have more harmonics than their curve
+    padded = np.array([np.pad(rows, ((0, 0), (0, width - rows.shape[1]))) for rows in X])
+    sizes = {m: layout.measure_rows(m, padded) for m in MEASURES}
+    return [{m: plain(of[i]) for m, of in sizes.items()} for i in range(len(points))]
 
 
-def _special(branch: Branch, layout: Layout, point: Any) -> dict[str, Any]:
-    event = named(point)
-    return {
-        "label": point.label,
-        "kind": point.kind,
-        "meaning": legend_entry(event),
-        "marker": event.marker,
-        "row": point.index,
-        "x": point.parameters[branch.parameter],
-        "sizes": _sizes(layout, point),
-        "verdict": point.verdict,
-    }
+def _special(branch: Branch, layout: Layout) -> list[dict[str, Any]]:
+    out = []
+    for point, sizes in zip(branch.special, _sizes(layout, branch.special), strict=True):
+        event = named(point)
+        out.append({
+            "label": point.label, "kind": point.kind, "meaning": legend_entry(event), "marker": event.marker,
+            "row": point.index, "x": point.parameters[branch.parameter], "sizes": sizes, "verdict": point.verdict,
+        })  # fmt: skip
+    return out
 
 
-def _jump(branch: Branch, landing: Landing) -> dict[str, Any]:
-    jump, layout = landing.jump, layout_of(branch)
-    assert layout is not None
-    after = None if jump.after is None else layout_of(jump.after)
-    return {
-        "label": jump.label,
-        "x": jump.value,
-        "direction": jump.direction,
-        "before": _sizes(layout, jump.before),
-        "after": None if after is None or jump.after is None else _sizes(after, jump.after),
-        "decided": jump.decided,
-    }
+def _jumps(layout: Layout, found: Sequence[Landing]) -> list[dict[str, Any]]:
+    before = _sizes(layout, [landing.jump.before for landing in found])
+    out = []
+    for landing, size in zip(found, before, strict=True):
+        jump = landing.jump
+        end = None if jump.after is None else layout_of(jump.after)
+        out.append({
+            "label": jump.label, "x": jump.value, "direction": jump.direction, "before": size, "decided": jump.decided,
+            "after": None if end is None or jump.after is None else _sizes(end, [jump.after])[0],
+        })  # fmt: skip
+    return out

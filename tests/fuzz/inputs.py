@@ -702,6 +702,7 @@ def targets() -> tuple[Target, ...]:
             {"branches": [lambda: [curve()]], "measure": measure, "element": element},
             0.5,
         ),
+        Target("ProgressBar", hb.ProgressBar, {"text": _is("a")}, 0.1),
         Target(
             "report",
             hb.report,

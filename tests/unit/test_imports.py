@@ -18,7 +18,8 @@ APART = {("continuation", "mechanics"), ("mechanics", "continuation")}
 
 # Imports of higher rooms, all inside of functions: what a branch can be asked to do with files is done by io.
 UPWARD = {("continuation.branch", "io.npz"), ("continuation.branch", "io.tables"), ("continuation.branch", "io.frames"),
-          ("continuation.branch", "harmonic.catalogue"),
+          ("continuation.branch", "harmonic.catalogue"), ("continuation.branch", "plot.notebook"),
+          ("mechanics.model", "plot.notebook"),
           ("continuation.branch", "timedomain.landing")}  # fmt: skip
 
 # Files of each room, lowest first: which others of the room each imports when it is itself imported.
@@ -32,6 +33,7 @@ FILES = {
         "optional": "",
         "symbols": "",
         "progress": "",
+        "progress_bar": "progress",
         "ranges": "messages",
         "units": "messages ranges",
         "recent": "",
@@ -215,11 +217,15 @@ FILES = {
         "trains": "style",
         "tornado": "style",
         "__init__": "curves mesh motions rotors runs simulation study style tornado trains",
+        "notebook": "curves",
     },
     "web": {
         "page": "",
         "view": "",
+        "subject": "",
         "reporting": "page view",
+        "explorer": "reporting subject view",
+        "server": "explorer page",
         "__init__": "reporting",
     },
     "cli": {

@@ -212,6 +212,7 @@ const hbgear = (() => {
       annotations: jumpArrows(),
       shapes: state.curves.flatMap((curve) => curve.asymptotes.map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
         line: { color: ink.line, width: 1, dash: "dot" } }))),
+      showlegend: !(narrow && document.body.classList.contains("explorer")),
       legend: narrow ? { orientation: "h", y: -0.22, x: 0 } : { x: 1.01, y: 1, xanchor: "left", tracegroupgap: 2 },
     });
     if (topOf()) layout.yaxis.range = [0, topOf()];
@@ -224,7 +225,8 @@ const hbgear = (() => {
                   marker: { symbol: "arrow-up", size: 11, color: ink.text } });
     if (state.at) data.push(chosenTrace());
     let above = 0;
-    for (const [scale, title] of [[Hz, "mesh frequency [Hz]"], [rpm, "speed of the pinion [r/min]"]]) {
+    const low = ($("response").clientHeight || 520) < 400; // room for one axis only
+    for (const [scale, title] of [[low ? null : Hz, "mesh frequency [Hz]"], [rpm, "speed of the pinion [r/min]"]]) {
       if (!scale || first.parameter !== "Omega") continue;
       above += 1;
       layout[`xaxis${above + 1}`] = axis(title, {
@@ -237,7 +239,7 @@ const hbgear = (() => {
     const tall = $("response").clientHeight || 520;
     if (above === 2) layout.yaxis.domain = [0, 1 - 62 / (tall - 110 - (narrow ? 150 : 0))];
     layout.margin.t = above ? 52 : 36;
-    return { data, layout, scales: [Hz, rpm].filter((x) => x) };
+    return { data, layout, scales: [low ? null : Hz, rpm].filter((x) => x) };
   }
 
   function chosenTrace() {
@@ -333,7 +335,7 @@ const hbgear = (() => {
             { xaxis: axis(name + unit), yaxis: axis("its velocity d/dt" + unit), shapes: cornerLines(curve, j, m.d, true) }),
       small("spectrum", [{ x: stems.x, y: stems.y, mode: "lines", line, hoverinfo: "skip" },
                          { x: marks.map((p) => p[0]), y: marks.map((p) => p[1]), mode: "markers", marker: { color, size: 5 }, hoverinfo: "x+y" }],
-            { xaxis: axis("frequency / excitation frequency [-]", { rangemode: "tozero" }),
+            { xaxis: axis("multiples of the excitation [-]", { rangemode: "tozero" }),
               yaxis: axis(`amplitude of ${name}${unit}`, { type: "log", exponentformat: "power", dtick: 1, minor: { ticks: "" }, range: [Math.log10(floor), Math.log10(3 * top)] }) }),
     ];
     const circle = { x: [], y: [] };
