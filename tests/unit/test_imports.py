@@ -108,7 +108,9 @@ FILES = {
         "train_parts": "gear geometry mesh_cycle pair spur",
         "phasing": "train_parts",
         "train": "phasing train_parts",
-        "__init__": "double_helical gear helical mesh_cycle pair rotor_bearing spur support train train_parts",
+        "planetary": "phasing spur train_parts",
+        "__init__": "double_helical gear helical mesh_cycle pair planetary rotor_bearing spur support train "
+        "train_parts",
     },
     "harmonic": {
         "__init__": "",
