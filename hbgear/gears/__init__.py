@@ -6,6 +6,7 @@ from hbgear.gears.helical import HelicalPair
 from hbgear.gears.iso_dynamics import iso_dynamic_factor
 from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
 from hbgear.gears.pair import GearPair
+from hbgear.gears.planetary import PlanetarySet, PlanetMode
 from hbgear.gears.rotor_bearing import GearRotorBearing
 from hbgear.gears.spur import SpurPair
 from hbgear.gears.support import Support
@@ -21,6 +22,8 @@ __all__ = [
     "HelicalPair",
     "Mesh",
     "MeshCycle",
+    "PlanetMode",
+    "PlanetarySet",
     "Shaft",
     "SpurPair",
     "Support",

@@ -57,8 +57,10 @@ def inner_first(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[Wheel, Wheel]:
     return (b, a) if a.internal else (a, b)
 
 
-def kinematics(wheels: Mapping[str, Wheel], shafts: Sequence[Shaft], meshes: Sequence[Mesh]) -> Kinematics:
-    """How a train turns.
+def kinematics(
+    wheels: Mapping[str, Wheel], shafts: Sequence[Shaft], meshes: Sequence[Mesh], backward: bool = False
+) -> Kinematics:
+    """How a train turns; backward if the second wheel of the first mesh drives the first.
 
     Raises
     ------
@@ -82,7 +84,7 @@ def kinematics(wheels: Mapping[str, Wheel], shafts: Sequence[Shaft], meshes: Seq
         )
     angles = tuple(_angles(mesh, wheels) for mesh in meshes)
     sides = _sides(wheels, groups, meshes, speeds)
-    turning = sides[0] * (-1 if wheels[meshes[0].first].internal else 1)
+    turning = sides[0] * (-1 if wheels[meshes[0].first].internal else 1) * (-1 if backward else 1)
     signed = {name: turning * speed for name, speed in speeds.items()}
     lags = _lags(wheels, groups, meshes, signed, sides, angles)
     return Kinematics(signed, orders, ratio, sides, lags, angles)

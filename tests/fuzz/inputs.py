@@ -141,8 +141,8 @@ SYSTEM: Pool = {
 
 RECORDS = {
     "Answers", "Branch", "Campbell", "Cases", "Critical", "CriticalSpeed", "Evaluation", "Jump", "JumpMap", "Law",
-    "Model", "NoConvergence", "NoFold", "Opinion", "Point", "Progress", "ProgressCallback", "Reduction", "Run",
-    "SpecialPoint", "Status", "Steps", "Survey", "Unlikely", "__version__", "model", "plot",
+    "Model", "NoConvergence", "NoFold", "Opinion", "PlanetMode", "Point", "Progress", "ProgressCallback", "Reduction",
+    "Run", "SpecialPoint", "Status", "Steps", "Survey", "Unlikely", "__version__", "model", "plot",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
 
@@ -285,6 +285,7 @@ def targets() -> tuple[Target, ...]:
         Target("StepControl", hb.StepControl, {}, 2, free=frozenset({"first"})),  # None is its default
         Target("Settling", Settling, {}),
         *(Target(cls.__name__, cls, {}, 4, _traced) for cls in (hb.Duffing, hb.SpurPair, hb.GearRotorBearing)),
+        Target("PlanetarySet", hb.PlanetarySet, {}, 3, lambda model: hb.HarmonicBalance(model, 2)),
         Target("HelicalPair", hb.HelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),
         Target("Gear", hb.Gear, GEAR, 4, lambda gear: (gear.mass_used, gear.inertia_used, gear.form_diameter)),
         Target(

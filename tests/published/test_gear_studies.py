@@ -7,6 +7,18 @@ import pytest
 pytestmark = pytest.mark.usefixtures("on_path")
 
 
+def test_planets_in_phase_and_one_after_the_other():
+    """In phase the sun turns and rests in its bearings; else it moves sideways, and the symmetry breaks."""
+    study = importlib.import_module("studies.gears.phasing")
+    together, in_turn = study.run(quick=True)
+    assert together.broken is None and in_turn.broken is not None
+    assert together.largest("x_sun") < 1e-6 and together.largest("u_sun") == pytest.approx(1.36, abs=0.02)
+    assert in_turn.largest("x_sun") == pytest.approx(3.08, abs=0.03)
+    assert together.jumps == ["6414 -", "7049 +"] and len(in_turn.jumps) == 4
+    figure = study.plot((together, in_turn))
+    assert [ax.get_title() for ax in figure.axes[:2]] == ["in phase: 28, 36, 100 teeth", "sequential: 27, 35, 97 teeth"]
+
+
 def test_relief_cures_the_jump():
     """As drawn it jumps at six speeds and carries ten times the static force; with 18 um, none, and 1.3 times."""
     study = importlib.import_module("studies.gears.relief")

@@ -115,7 +115,8 @@ FILES = {
         "train_parts": "excited gear geometry mesh_cycle pair",
         "phasing": "train_parts",
         "train": "phasing support train_parts",
-        "__init__": "double_helical gear helical iso_dynamics mesh_cycle pair rotor_bearing spur support train "
+        "planetary": "excited phasing train_parts",
+        "__init__": "double_helical gear helical iso_dynamics mesh_cycle pair planetary rotor_bearing spur support train "
         "train_parts",
     },
     "harmonic": {
