@@ -22,7 +22,9 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import design as cli_design
+from hbgear.cli import fit as cli_fit
 from hbgear.cli import gear as cli_gear
+from hbgear.cli import pages as cli_pages
 from hbgear.cli import study as cli_study
 from hbgear.cli import time as cli_time
 from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
@@ -49,7 +51,6 @@ from hbgear.cli.support import (
     element_of,
     equation_of,
     exit_code,
-    facts_of,
     known_landing,
     landed_as,
     loaded,
@@ -67,13 +68,13 @@ from hbgear.cli.support import (
     show_whole,
     start_of,
     summary_of,
-    text_at,
     traced,
 )
 from hbgear.common.signals import sigterm_like_ctrl_c
 from hbgear.harmonic import catalogue
 from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.speeds import model_of
+from hbgear.harmonic.telling import facts_of, text_at
 from hbgear.mechanics.named import installed
 
 RENAMED = {
@@ -137,6 +138,9 @@ def _run(args: list[str]) -> int:
 cli_design.register(app)
 
 
+cli_fit.register(app)
+
+
 cli_study.register(app)
 
 
@@ -144,6 +148,9 @@ cli_time.register(app)
 
 
 cli_gear.register(app)
+
+
+cli_pages.register(app)
 
 
 # ---- commands

@@ -25,7 +25,6 @@ from hbgear.cli.support import (
     OwnModel,
     bar,
     chosen_model,
-    digits_of,
     element_of,
     end_of,
     exit_code,
@@ -36,9 +35,9 @@ from hbgear.cli.support import (
     range_of,
     show_branch,
     span_of,
-    text_at,
 )
 from hbgear.common.digits import rounded
+from hbgear.harmonic.telling import digits_of, text_at
 
 
 def register(app: typer.Typer) -> None:

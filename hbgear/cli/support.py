@@ -8,27 +8,21 @@ import os
 import re
 import sys
 import typing
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
-from hbgear.common.digits import concise, rounded
 from hbgear.common.messages import shortened
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.continuation.branch import LANDINGS
 from hbgear.continuation.passing import passings
 from hbgear.harmonic import catalogue
-from hbgear.harmonic.events import named
-from hbgear.harmonic.landings import landings
-from hbgear.harmonic.observables import layout_of
-from hbgear.harmonic.speeds import model_of, speeds_at
+from hbgear.harmonic.telling import jump_table, special_table, text_of, trust
 from hbgear.mechanics.fields import check_names, defaults_of, kinds_of, made, required_of
 
 if TYPE_CHECKING:
@@ -334,8 +328,9 @@ def chosen_model(name: str, changes: list[str] | None) -> hb.Model:
     """The model of MODEL, by its name or of a machine's file, with the values of --set."""
     if name.endswith(".toml"):
         from hbgear.io.machine_file import read_machine
+        from hbgear.io.train_file import is_train, read_train
 
-        made_of_it = read_machine(name).model()
+        made_of_it = read_train(name) if is_train(name) else read_machine(name).model()
         return made_of_it.replace(**fields_of(type(made_of_it), changes or []))
     cls = catalogue.class_of(name)
     fields = fields_of(cls, changes or [])
@@ -424,37 +419,6 @@ def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float
 # ---- output
 
 
-def digits_of(motions: hb.Point | hb.Branch, most: int = 8) -> int:
-    """Significant digits of amplitudes that hold, from the error of the harmonics left out, relative to the motion.
-
-    The last digit is of the size of that error. The worst of many motions.
-    """
-    if motions.layout is None:
-        return min(_UNKNOWN, most)
-    sizes = np.array([motions.amplitude("rms", j) for j in range(len(motions.layout.elements))])
-    with np.errstate(all="ignore"):
-        errors = motions.truncation if isinstance(motions, hb.SpecialPoint) else motions.error
-        error = float(np.max(np.asarray(errors) / np.max(sizes, axis=0)))
-    held = _UNKNOWN if math.isnan(error) else most if error == 0 else math.floor(-math.log10(error)) + 1
-    return min(max(held, 3), most)
-
-
-_UNKNOWN = 6  # digits where nothing is known of the error
-
-
-def text_at(point: hb.Point, name: str) -> str:
-    """The value of a parameter at a point, with the digits that hold; where it is known with its error, with that."""
-    value = point.parameters[name]
-    if isinstance(point, hb.SpecialPoint) and name == list(point.parameters)[-1] and not math.isnan(point.error):
-        return concise(value, point.error)
-    return rounded(value, digits_of(point))
-
-
-def size_text(point: hb.Point, measure: str, element: int | str) -> str:
-    """An amplitude with the digits that hold."""
-    return rounded(point.amplitude(measure, element), digits_of(point, 5))
-
-
 def print_text_table(table: Table) -> None:
     """A table; wide enough for all of it where no terminal sets the width."""
     from rich.console import Console
@@ -504,14 +468,7 @@ def show_branch(
         print("no special points")
         show_doubts(branch)
         return
-    rows = []
-    for point in branch.special:
-        place = [text_at(point, name) for name in (branch.parameter, *branch.tracked)]
-        place += speeds_in_text(branch, point)
-        rows.append(
-            [point.label, *place, size_text(point, measure, element), regime_of(point), what_happens(branch, point)]
-        )
-    headers = ["", branch.parameter, *branch.tracked, *speeds_of(branch, branch[0]), measure, "regime", "what happens"]
+    headers, rows = special_table(branch, measure, element)
     print_table(headers, rows, "special points")
     show_jumps(branch, measure, element, beside, names)
     show_doubts(branch)
@@ -519,18 +476,11 @@ def show_branch(
 
 def show_doubts(branch: hb.Branch) -> None:
     """A line that says whether a curve can be trusted, and what to do if not."""
-    if branch.meta.get("trace", {}).get("accuracy") is None:
-        return
-    doubts = branch.doubts
-    if doubts:
-        for doubt in doubts:
-            print(f"doubt: {doubt}")
+    lines = trust(branch)
+    for line in lines:
+        print(line)
+    if branch.doubts and lines:
         print("  more harmonics decide it: --harmonics 32 or auto")
-        return
-    errors = [p.error / abs(p.parameters[branch.parameter]) for p in branch.special if p.parameters[branch.parameter]]
-    points = f"what is labelled to {np.nanmax(errors):.0e}, " if errors and not np.isnan(errors).all() else ""
-    verdicts = "" if branch.multipliers is None else ", stability sure at every point"
-    print(f"to be trusted: {points}motions to {branch.relative_error:.0e}{verdicts}")
 
 
 def show_jumps(
@@ -540,117 +490,14 @@ def show_jumps(
     beside: Sequence[hb.Branch] = (),
     names: Sequence[str] = (),
 ) -> None:
-    """Print the jumps of a branch as a table, or that there are none.
-
-    ``beside`` are other traced branches, with their names, on which a jump may land; the table then names the branch.
-    The last column says how the landing was decided: as the nearest of the stable motions known, or integrated. What
-    else integration has to say follows the table.
-    """
+    """Print the jumps of a branch as a table, or that there are none; see `jump_table`."""
     if not branch.jumps():
         print("no jumps" if branch.multipliers is not None else "no jumps known: traced without stability")
         return
-    rows, notes = [], []
-    for landing in landings((branch, *beside))[0]:
-        jump, where = landing.jump, landing.branch
-        speeds = speeds_in_text(branch, jump.before)
-        before = size_text(jump.before, measure, element)
-        if jump.after is None:
-            curves = "these curves" if beside else "this curve"
-            after = f"no stable motion on {curves}" if jump.landing == "nearest" else "not periodic"
-        else:
-            after = size_text(jump.after, measure, element)
-            after = f"{names[where - 1]}, {after}" if where else after
-        if jump.note:
-            notes.append(f"{jump.label}: {jump.note}")
-        direction = "increasing" if jump.direction > 0 else "decreasing"
-        rows.append([jump.label, text_at(jump.before, jump.parameter), *speeds, direction, before, after, jump.decided])
-    sizes = [f"{measure} before", f"{measure} after"]
-    headers = ["", branch.parameter, *speeds_of(branch, branch[0]), "while", *sizes, "decided"]
+    headers, rows, notes = jump_table(branch, measure, element, beside, names)
     print_table(headers, rows, "jumps of a slow sweep")
     for note in notes:
         print(note)
-
-
-def what_happens(branch: hb.Branch, point: hb.SpecialPoint) -> str:
-    """A special point in words, with what it does to stability."""
-    text = named(point).meaning
-    if point.kind in ("PD", "NS") and branch.stable is not None and 0 < point.index < len(branch) - 1:
-        before, after = branch.stable[point.index - 1], branch.stable[point.index + 1]
-        text += "" if before == after else "; stability is lost" if before else "; stability is regained"
-    where = "" if point.located else f" (only known to lie within {point.interval[0]:.8g} and {point.interval[1]:.8g})"
-    return f"{text}{f' ({point.note})' if point.note else ''}{where}"
-
-
-def regime_of(point: hb.Point) -> str:
-    """Regime in words; laws without corners have none."""
-    layout = layout_of(point)
-    corners = layout is None or any(layout.breakpoints)
-    return point.regime_name.replace("_sided", "-sided").replace("_", " ") if corners else "-"
-
-
-def speeds_of(branch: hb.Branch, point: hb.Point) -> dict[str, float]:
-    """Mesh frequency and speed of models that know their units."""
-    return speeds_at(model_of(branch), point.parameters)
-
-
-def speeds_in_text(branch: hb.Branch, point: hb.Point) -> list[str]:
-    """`speeds_of` a point with the digits that hold."""
-    own = point.parameters.get("Omega", 0.0)
-    error = point.error / own if isinstance(point, hb.SpecialPoint) and branch.parameter == "Omega" else math.nan
-    return [
-        rounded(value, digits_of(point, 6)) if math.isnan(error) else concise(value, abs(error * value), 6)
-        for value in speeds_of(branch, point).values()
-    ]
-
-
-def facts_of(branch: hb.Branch, measure: str) -> Iterator[tuple[str, str]]:
-    """What there is to say of a branch, name and text."""
-    stable, layout = branch.stable, branch.layout
-    balance = branch.meta.get("balance")
-    settings = balance if isinstance(balance, dict) else {}
-    yield "model", described(branch)
-    yield "settings", ", ".join(f"{name} = {text_of(value)}" for name, value in settings.items() if value is not None)
-    yield "held", ", ".join(f"{name} = {branch.fixed[name]:.6g}" for name in ("Omega",) if name in branch.fixed)
-    yield "curve", f"{branch.parameter} from {branch.values[0]:.6g} to {branch.values[-1]:.6g}, {len(branch)} points"
-    yield "status", f"{branch.status}: {branch.message}"
-    far = [f"{branch.parameter} = {value:.9g} (behind the {end} point)" for end, value in branch.asymptotes.items()]
-    yield "asymptotes", ", ".join(far)
-    if stable is None:
-        yield "stability", "not computed"
-    else:
-        counts = Counter(branch.verdicts)
-        known = [f"{counts[name]} {name}" for name in ("unstable", "undecided", "unknown") if counts[name]]
-        yield "stability", ", ".join([f"{counts['stable']} points stable", *known])
-    yield "regimes", ", ".join(dict.fromkeys(regime_of(branch[i]) for i in range(len(branch))))
-    for j, name in enumerate(layout.elements if layout else ()):
-        size = branch.amplitude(measure, j)
-        top = branch.values[int(np.nanargmax(size))]
-        yield f"{measure} of {name}", f"{size.min():.5g} to {size.max():.5g} (at {branch.parameter} = {top:.6g})"
-    yield "worst residual", f"{np.nanmax(branch.residual):.1e} of the forces"
-    if not np.isnan(branch.error).all():
-        yield "worst error", f"{np.nanmax(branch.error):.1e} rms of the motion, estimated from the harmonics left out"
-    yield "Newton steps", f"{branch.iterations.mean():.2f} per point"
-    yield "hbgear", str(branch.meta.get("hbgear", "unknown"))
-
-
-def described(branch: hb.Branch) -> str:
-    """Model with the fields that differ from its defaults."""
-    model = model_of(branch)
-    about: Any = branch.meta.get("model")
-    if model is None:
-        name = about["class"] if catalogue.is_description(about) else "unknown"
-        source = about.get("from") if catalogue.is_description(about) else None
-        return f"{name} (not one of hbgear models{f'; from {source}' if isinstance(source, str) else ''})"
-    usual, fields = defaults_of(type(model)), kinds_of(type(model))
-    changed = [f"{f}={text_of(getattr(model, f))}" for f in fields if f not in usual or getattr(model, f) != usual[f]]
-    return f"{type(model).__name__}({', '.join(changed)}){'' if changed else ', all defaults'}"
-
-
-def text_of(value: Any) -> str:
-    """A value as --set would take it."""
-    if isinstance(value, list | tuple):
-        return f"({','.join(map(text_of, value))})"
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def summary_of(cls: type) -> str:

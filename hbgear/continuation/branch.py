@@ -13,7 +13,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,10 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.ranges import counted
 from hbgear.continuation.reading import Moving, Reader
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 NEUTRAL = 1e-6
 """A multiplier within this distance outside the unit circle counts as on it (free rotations have mu = 1)."""
@@ -128,6 +132,7 @@ class Point:
     regime : (m,) code of each element, named by ``layout.regimes``; -1 is unknown.
     error : estimated error of the solution, nan if unknown. Of a special point that of its place; see `SpecialPoint`.
     modulus_error : estimated error of the largest modulus of the multipliers; nan where that is far from 1, or unknown.
+    problem : what it solves, perhaps with more unknowns than that; None if it is not known. It is not saved.
 
     Examples
     --------
@@ -149,6 +154,11 @@ class Point:
     layout: Reader | None
     label: str = ""
     modulus_error: float = dataclasses.field(default=math.nan, kw_only=True)
+    problem: Any = dataclasses.field(default=None, kw_only=True)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For pickle: the problem goes with the branch, not with each of its points."""
+        return {**vars(self), "problem": None}
 
     def __repr__(self) -> str:
         place = "".join(f" at {name} = {self.parameters[name]:.6g}" for name in list(self.parameters)[-1:])
@@ -224,7 +234,24 @@ class SpecialPoint(Point):
 
     def __getstate__(self) -> dict[str, Any]:
         """For pickle: an event may hold any function."""
-        return {**vars(self), "event": None}
+        return {**super().__getstate__(), "event": None}
+
+
+def coordinate(dof: int | str, names: Sequence[str]) -> int:
+    """Position of a degree of freedom given by number or name.
+
+    Raises
+    ------
+    KeyError
+        If there is none.
+    """
+    if isinstance(dof, str):
+        if dof not in names:
+            raise KeyError(f"the model has no degree of freedom '{dof}'{did_you_mean(dof, list(names))}")
+        return list(names).index(dof)
+    if not 0 <= dof < len(names):
+        raise KeyError(f"the model has no degree of freedom {dof}; there are {len(names)}, from 0")
+    return dof
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,7 +375,20 @@ class Branch:
     others: tuple[Branch, ...] = ()
     modulus_error: Array | None = None
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._tell_points()
+
+    def _tell_points(self) -> None:
+        """Tell the points that were singled out which problem they solve, as far as they do not know."""
+        if self.problem is None:
+            return
+        set_ = object.__setattr__
+        set_(self, "special", tuple(_knowing(point, self.problem) for point in self.special))
+        set_(self, "jump_records", tuple(_jump_knowing(jump, self.problem) for jump in self.jump_records))
+
     def __post_init__(self) -> None:
+        self._tell_points()
         set_ = object.__setattr__
         if self.modulus_error is None:
             set_(self, "modulus_error", np.full(np.size(self.values), math.nan))
@@ -373,6 +413,12 @@ class Branch:
         others = f", {len(self.others)} other curve{'s' * (len(self.others) > 1)}" if self.others else ""
         return f"<Branch in {self.parameter}: {span}{len(self)} points, {labels}, {self.status}{others}>"
 
+    def _repr_html_(self) -> str:
+        """For notebooks: what it is, its jumps and its figure."""
+        from hbgear.plot import notebook
+
+        return notebook.branch_html(self)
+
     def __len__(self) -> int:
         return self.values.size
 
@@ -391,7 +437,7 @@ class Branch:
         return Point(
             self.X[key], self.parameters_at(key), float(self.residual[key]), int(self.iterations[key]),
             mu, self.regime[key], float(self.error[key]), self.layout,
-            modulus_error=float(np.asarray(self.modulus_error)[key]),
+            modulus_error=float(np.asarray(self.modulus_error)[key]), problem=self.problem,
         )  # fmt: skip
 
     @property
@@ -495,7 +541,8 @@ class Branch:
         ----------
         measure : "rms", "pp2", "max", "mean", "H1", "H2", ...
         element : which element, by number or name.
-        dof : a degree of freedom of the model instead, by number or name; needs the branch's problem.
+        dof : a degree of freedom of the model instead, by number or name; needs the branch's problem, which a file of a
+            model of hbgear tells too.
         derivative : 0 for displacement, 1 for velocity, 2 for acceleration (in time).
 
         Raises
@@ -513,17 +560,20 @@ class Branch:
 
     def _motion(self, dof: int | str) -> Array:
         """Rows of a degree of freedom, (P, ...), from the problem."""
-        if not isinstance(self.problem, Moving):
+        problem = self.problem if self.problem is not None else self._retold()
+        if not isinstance(problem, Moving):
             raise ValueError(f"dof={dof!r} needs the model; load the branch with hbgear.load(path, problem=...)")
-        q = np.array([self.problem.motion(X, **self.parameters_at(i)) for i, X in enumerate(self.X)])
-        if isinstance(dof, str):
-            names = list(self.problem.dof_names)
-            if dof not in names:
-                raise KeyError(f"the model has no degree of freedom '{dof}'{did_you_mean(dof, names)}")
-            dof = names.index(dof)
-        elif not 0 <= dof < q.shape[1]:
-            raise KeyError(f"the model has no degree of freedom {dof}; there are {q.shape[1]}, from 0")
-        return q[:, dof]
+        q = np.array([problem.motion(X, **self.parameters_at(i)) for i, X in enumerate(self.X)])
+        return q[:, coordinate(dof, problem.dof_names)]
+
+    def _retold(self) -> Any:
+        """The problem as the file tells it; None if its model is none of hbgear, for no code is loaded."""
+        from hbgear.harmonic import catalogue
+
+        try:
+            return catalogue.problem_of(self.meta)
+        except (KeyError, ValueError):
+            return None
 
     @checked_arguments()
     def peak(self, measure: str = "rms", element: int | str = 0) -> Point:
@@ -539,10 +589,62 @@ class Branch:
 
     @checked_arguments()
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all."""
+        """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all.
+
+        A .csv begins with lines "# name = text" that say what the curve is and what its columns mean; ``explained``
+        of a .mat says what its variables are.
+        """
         from hbgear.io import tables as export
 
         export.export(self, path)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The columns of the .csv as a pandas DataFrame, of the others of the span too.
+
+        Its ``attrs`` say what the curve is, and have ``units`` and ``long_names`` by column. Needs ``hbgear[data]``.
+
+        Raises
+        ------
+        ValueError
+            If pandas is not installed.
+        """
+        from hbgear.io import frames
+
+        return frames.to_dataframe(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """An xarray Dataset with named dimensions, units and long names; ``.to_netcdf(path)`` writes it.
+
+        Dimensions are point, element, term (a0, a1, b1, ...), measure and multiplier; the parameter is a coordinate of
+        the points. ``curve.to_xarray().amplitude.sel(measure="pp2")``. Needs ``hbgear[data]``.
+
+        Raises
+        ------
+        ValueError
+            If xarray is not installed.
+        """
+        from hbgear.io import frames
+
+        return frames.to_xarray(self)
+
+
+_AnyPoint = TypeVar("_AnyPoint", bound=Point)
+
+
+def _knowing(point: _AnyPoint, problem: Any) -> _AnyPoint:
+    """The point, which knows its problem."""
+    return point if point.problem is not None else dataclasses.replace(point, problem=problem)
+
+
+def _jump_knowing(jump: Jump, problem: Any) -> Jump:
+    """The jump, whose points know their problem."""
+    points = (jump.before, *(() if jump.after is None else (jump.after,)), *jump.candidates)
+    if all(point.problem is not None for point in points):
+        return jump
+    return dataclasses.replace(
+        jump, before=_knowing(jump.before, problem), after=jump.after and _knowing(jump.after, problem),
+        candidates=tuple(_knowing(point, problem) for point in jump.candidates),
+    )  # fmt: skip
 
 
 def continued(first: Branch, second: Branch) -> Branch:

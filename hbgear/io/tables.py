@@ -1,4 +1,8 @@
-"""Tables of a branch for other programs: rows as .csv, everything as .mat for MATLAB and Octave."""
+"""Tables of a branch for other programs: rows as .csv, everything as .mat for MATLAB and Octave.
+
+A .csv begins with lines "# name = text" that say what the curve is and what its columns mean; then comes the line of
+names (``pandas.read_csv(path, comment="#")``). A .mat has the same as its variables ``about`` and ``explained``.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +10,24 @@ import csv
 import dataclasses
 import json
 import os
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from hbgear.common.replacing import checked_suffix, replacing
-from hbgear.continuation.branch import Branch, SpecialPoint, Status, name_of_regime, saved_fields
-from hbgear.harmonic.observables import MEASURES, layout_of
+from hbgear.continuation.branch import Branch, SpecialPoint, Status, saved_fields
+from hbgear.harmonic.observables import MEASURES
+from hbgear.io.columns import about, bracketed, columns_of
 from hbgear.io.npz import encode
 
 
 def export(branch: Branch, path: str | os.PathLike[str]) -> None:
     """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all."""
     if checked_suffix(path, (".csv", ".mat"), "use save for .npz") == ".csv":
-        table = _whole_table(branch)
+        table, head = _whole_table(branch), "".join(f"{line}\n" for line in _head(branch))
         with replacing(path, "x", encoding="utf-8", newline="") as handle:
+            handle.write(head)
             writer = csv.writer(handle)
             writer.writerow(table)
             writer.writerows(zip(*table.values(), strict=True))
@@ -41,34 +48,19 @@ def _whole_table(branch: Branch) -> dict[str, Any]:
 
 
 def _table(branch: Branch) -> dict[str, Any]:
-    """Columns of one curve: parameters, stability, per element its regime, measures and coefficients.
+    return {name: column.values for name, column in columns_of(branch).items()}
 
-    special_value, special_error : where a special point lies, more accurately than its row may, and the error of that.
-    landing : how it was decided where the jump from a special point lands.
-    stable : 1 or 0; nothing where it is undecided or unknown.
-    """
-    columns: dict[str, Any] = {branch.parameter: branch.values, **branch.tracked}
-    points = {point.index: point for point in branch.special}
-    columns["special"] = [points[i].label if i in points else "" for i in range(len(branch))]
-    columns["special_value"] = [
-        points[i].parameters[branch.parameter] if i in points else "" for i in range(len(branch))
-    ]
-    columns["special_error"] = [points[i].error if i in points else "" for i in range(len(branch))]
-    decided = {jump.label: jump.decided for jump in branch.jumps()}
-    columns["landing"] = [decided.get(label, "") for label in columns["special"]]
-    if branch.multipliers is not None:
-        columns["stable"] = [{"stable": 1, "unstable": 0}.get(verdict, "") for verdict in branch.verdicts]
-        columns["multiplier_max"] = np.abs(branch.multipliers).max(axis=-1, initial=0.0)
-    columns |= {name: getattr(branch, name) for name in ("residual", "iterations", "error")}
-    layout = layout_of(branch)
-    if layout is None:
-        return columns | {f"X{i}": column for i, column in enumerate(branch.X.T)}
-    terms = ["a0", *(f"{letter}{k + 1}" for k in range(layout.harmonics) for letter in "ab")]
-    for j, name in enumerate(layout.elements):
-        columns[f"regime_{name}"] = [name_of_regime(codes[j : j + 1], layout) for codes in branch.regime]
-        columns |= {f"{measure}_{name}": branch.amplitude(measure, j) for measure in MEASURES}
-        columns |= {f"{term}_{name}": x for term, x in zip(terms, layout.rows(branch.X, j).T, strict=True)}
-    return columns
+
+def _head(branch: Branch) -> Iterator[str]:
+    """Lines before the table: what the curve is, and what its columns mean; of all elements alike in one line."""
+    yield from (f"# {name} = {text}" for name, text in about(branch).items())
+    columns, told = columns_of(branch), set()
+    for name, column in columns.items():
+        key = f"{column.key}_ELEMENT" if column.element else name
+        higher = column.key[1:].isdigit() and column.key not in ("a0", "a1", "b1")
+        if key not in told and not higher:
+            told.add(key)
+            yield f"# column {key}: {column.meaning}{bracketed(column.unit)}"
 
 
 def _matlab(branch: Branch) -> dict[str, Any]:
@@ -92,8 +84,40 @@ def _matlab(branch: Branch) -> dict[str, Any]:
 
     out: dict[str, Any] = convert(branch) | {"meta": json.dumps(encode(branch.meta, "meta", {}))}
     out["jumps"] = out.pop("jump_records")
+    out["about"] = about(branch)
     if branch.layout:
         each = range(len(branch.layout.elements))
         rows = {name: [branch.amplitude(name, j) for j in each] for name in MEASURES}
         out["amplitude"] = {name: np.stack(columns, axis=-1) for name, columns in rows.items()}
-    return out if branch.stable is None else out | {"stable": branch.stable, "undecided": branch.undecided}
+    if branch.stable is not None:
+        out |= {"stable": branch.stable, "undecided": branch.undecided}
+    speeds = {name: columns_of(branch).get(name) for name in ("mesh_Hz", "pinion_rpm")}
+    out |= {name: column.values for name, column in speeds.items() if column is not None}
+    return out | {"explained": {name: text for name, text in EXPLAINED.items() if name in out}}
+
+
+EXPLAINED = {
+    "parameter": "name of what was varied",
+    "values": "its value in each row [P x 1]",
+    "X": "unknowns of each row [P x n]: of each element a0, a1, b1, ..., aH, bH",
+    "fixed": "parameters that were held",
+    "tracked": "further parameters that vary along the curve",
+    "multipliers": "Floquet multipliers of each row [P x r], complex",
+    "iterations": "Newton steps of each row",
+    "residual": "residual of each row, relative to the forces",
+    "regime": "impact regime of each element in each row: 0 no impact, 1 single-sided, 2 double-sided, -1 unknown",
+    "error": "estimated error of the motion of each row, rms",
+    "step": "arclength step to each row",
+    "special": "special points: kind, label, row (from 1), parameters, multipliers, error of the place",
+    "jumps": "jumps of a slow sweep: value, direction, motion before and after",
+    "status": "why the trace ended", "message": "the same in words",
+    "layout": "how X is read: harmonics H, subharmonic order nu, names of the elements, corners of their laws",
+    "meta": "versions, model and settings, in JSON",
+    "others": "further curves of the span, of the same form",
+    "modulus_error": "estimated error of the largest modulus of the multipliers",
+    "amplitude": "measures of amplitude [P x m]: rms of the alternating part, pp2 half peak-to-peak, max, mean",
+    "stable": "whether each row is known to be stable", "undecided": "whether its error leaves that open",
+    "mesh_Hz": "mesh frequency of each row [Hz]", "pinion_rpm": "speed of the pinion of each row [r/min]",
+    "about": "what the curve is, in words",
+}  # fmt: skip
+"""What the variables of a .mat are."""

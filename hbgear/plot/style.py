@@ -21,6 +21,7 @@ from hbgear.continuation.events import Event
 from hbgear.harmonic.events import KINDS
 from hbgear.harmonic.observables import REGIMES, Layout
 from hbgear.harmonic.speeds import MESH, PINION
+from hbgear.io.columns import MEASURED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,7 +59,7 @@ MARKERS = {kind: (event.marker, legend_entry(event)) for kind, event in KINDS.it
 """Marker and entry of a legend of every kind of special point that hbgear knows itself; users' events bring theirs."""
 
 
-MEASURES = {"rms": "alternating rms", "pp2": "half peak-to-peak", "max": "largest magnitude", "mean": "mean"}
+MEASURES = MEASURED
 """Measures of amplitude in words."""
 
 

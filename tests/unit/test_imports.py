@@ -13,11 +13,13 @@ import hbgear
 ROOT = Path(hbgear.__file__).parent
 
 # Each room may import those above it. Continuation and mechanics know nothing of each other.
-ROOMS = ("common", "continuation", "mechanics", "gears", "harmonic", "timedomain", "io", "design", "plot", "cli")
+ROOMS = ("common", "continuation", "mechanics", "gears", "harmonic", "timedomain", "io", "design", "plot", "web", "cli")
 APART = {("continuation", "mechanics"), ("mechanics", "continuation")}
 
 # Imports of higher rooms, all inside of functions: what a branch can be asked to do with files is done by io.
-UPWARD = {("continuation.branch", "io.npz"), ("continuation.branch", "io.tables"),
+UPWARD = {("continuation.branch", "io.npz"), ("continuation.branch", "io.tables"), ("continuation.branch", "io.frames"),
+          ("continuation.branch", "harmonic.catalogue"), ("continuation.branch", "plot.notebook"),
+          ("mechanics.model", "plot.notebook"),
           ("continuation.branch", "timedomain.landing")}  # fmt: skip
 
 # Files of each room, lowest first: which others of the room each imports when it is itself imported.
@@ -28,7 +30,10 @@ FILES = {
         "messages": "",
         "arguments": "messages",
         "command": "",
+        "optional": "",
+        "symbols": "",
         "progress": "",
+        "progress_bar": "progress",
         "ranges": "messages",
         "units": "messages ranges",
         "recent": "",
@@ -52,6 +57,7 @@ FILES = {
         "passing": "branch",
         "problem": "algebra branch differences reading",
         "bordered": "algebra branch differences problem reading",
+        "sensitivity": "algebra bordered differences problem",
         "newton": "algebra problem",
         "corrector": "algebra newton problem",
         "deflation": "algebra newton problem",
@@ -77,7 +83,9 @@ FILES = {
         "periodic": "fourier",
         "laws": "fourier periodic",
         "scales": "",
-        "model": "fields fourier laws periodic scales",
+        "matrices": "fourier",
+        "speed": "fourier matrices",
+        "model": "fields fourier laws matrices periodic scales speed",
         "calling": "",
         "compiled_law": "laws",
         "doubts": "model",
@@ -90,20 +98,26 @@ FILES = {
     "gears": {
         "geometry": "",
         "backlash": "",
-        "given": "",
-        "spur": "given",
+        "excited": "",
+        "spur": "excited",
         "support": "",
         "mesh_cycle": "",
-        "double_helical": "geometry given spur",
-        "rotor_bearing": "given spur",
-        "helical": "spur",
+        "double_helical": "excited geometry support",
+        "rotor_bearing": "excited",
+        "helical": "excited support",
         "gear": "geometry",
         "tooth": "gear geometry",
         "pair": "backlash gear geometry",
         "iso_stiffness": "gear pair",
+        "iso_dynamics": "gear iso_stiffness pair",
         "loaded_mesh": "gear mesh_cycle pair tooth",
         "forms": "helical mesh_cycle rotor_bearing spur support",
-        "__init__": "double_helical gear helical mesh_cycle pair rotor_bearing spur support",
+        "train_parts": "excited gear geometry mesh_cycle pair",
+        "phasing": "train_parts",
+        "train": "phasing support train_parts",
+        "planetary": "excited phasing train_parts",
+        "__init__": "double_helical gear helical iso_dynamics mesh_cycle pair planetary rotor_bearing spur support train "
+        "train_parts",
     },
     "harmonic": {
         "__init__": "",
@@ -117,6 +131,7 @@ FILES = {
         "phi": "",
         "realbasis": "",
         "receptance": "numbers",
+        "spinning": "receptance",
         "special": "",
         "meeting": "",
         "events": "meeting observables special",
@@ -135,15 +150,18 @@ FILES = {
         "starts": "compiled",
         "deciding": "floquet",
         "hill": "compiled",
-        "balance": "compiled deciding events floquet observables realbasis receptance starts",
+        "balance": "compiled deciding events floquet observables realbasis receptance spinning starts",
         "catalogue": "balance",
         "fold_curves": "balance",
+        "sensitivity": "balance observables special speeds",
         "survey": "balance",
-        "answers": "balance dynamic_factor observables speeds",
+        "answers": "balance catalogue dynamic_factor observables speeds",
         "critical": "balance fold_curves",
         "jump_map": "balance fold_curves",
         "speeds": "catalogue",
+        "telling": "catalogue events landings observables speeds",
         "dynamic_factor": "corners observables",
+        "campbell": "receptance speeds",
     },
     "timedomain": {
         "__init__": "",
@@ -171,7 +189,11 @@ FILES = {
         "npz": "archive forms",
         "toml_file": "archive",
         "machine_file": "toml_file",
-        "tables": "npz",
+        "train_file": "toml_file",
+        "columns": "",
+        "frames": "columns",
+        "measured": "",
+        "tables": "columns npz",
     },
     "design": {
         "__init__": "",
@@ -185,13 +207,27 @@ FILES = {
     "plot": {
         "labels": "",
         "style": "",
-        "curves": "style",
+        "stretches": "style",
+        "curves": "stretches style",
         "mesh": "curves style",
         "motions": "style",
         "study": "style",
         "runs": "curves style",
         "simulation": "curves style",
-        "__init__": "curves mesh motions runs simulation study style",
+        "rotors": "style",
+        "trains": "style",
+        "tornado": "style",
+        "__init__": "curves mesh motions rotors runs simulation study style tornado trains",
+        "notebook": "curves",
+    },
+    "web": {
+        "page": "",
+        "view": "",
+        "subject": "",
+        "reporting": "page view",
+        "explorer": "reporting subject view",
+        "server": "explorer page",
+        "__init__": "reporting",
     },
     "cli": {
         "__init__": "",
@@ -199,10 +235,12 @@ FILES = {
         "support": "complete",
         "files": "support",
         "design": "complete files support",
+        "fit": "complete files support",
         "gear": "files support",
+        "pages": "files support",
         "study": "files support",
         "time": "files support",
-        "app": "complete design files gear study support time",
+        "app": "complete design files fit gear pages study support time",
     },
 }
 
@@ -212,11 +250,14 @@ ONLY_IN = {
     "pyfftw": {"mechanics.fourier"},
     "typer": {"cli"},
     "rich": {"cli"},
-    "pydantic": {"harmonic.catalogue", "design.study_file", "io.machine_file"},
+    "pydantic": {"harmonic.catalogue", "design.study_file", "io.machine_file", "io.toml_file", "io.train_file"},
     "distributed": {"cli.study"},
     "numba": {"common.compiling", "mechanics.calling"},
     "platformdirs": {"common.compiling"},
     "pint": {"common.units"},
+    "markupsafe": {"web.page"},
+    "pandas": {"continuation.branch", "io.frames"},
+    "xarray": {"continuation.branch", "io.frames"},
 }
 
 PATHS = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in sorted(ROOT.rglob("*.py"))}
@@ -370,6 +411,7 @@ def test_imports_in_functions_are_seen():
 
 def test_import_of_hbgear_leaves_what_is_slow_alone():
     slow = ["matplotlib", "pydantic", "distributed", "dask", "pyfftw", "typer", "rich", "PIL", "numba", "pint"]
+    slow += ["pandas", "xarray", "plotly", "jinja2", "markupsafe", "flask"]
     slow += [f"scipy.{part}" for part in ("fft", "integrate", "io", "linalg", "optimize", "signal", "sparse", "stats")]
     code = f"import sys, hbgear; print([name for name in {slow} if name in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT.parent)

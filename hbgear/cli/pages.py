@@ -1,0 +1,152 @@
+"""Commands for the browser: ``hbgear report`` and ``hbgear explore``."""
+
+from __future__ import annotations
+
+import dataclasses
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import hbgear as hb
+from hbgear.cli.files import check_writable, outputs
+from hbgear.cli.support import (
+    STOPPED_EARLY,
+    Changes,
+    First,
+    Last,
+    OwnModel,
+    bar,
+    chosen_model,
+    one_thread,
+    problem_in,
+    say,
+    span_of,
+)
+from hbgear.common.optional import needed
+from hbgear.design.sampling import Grid
+from hbgear.design.study_file import read_study
+from hbgear.harmonic import catalogue
+from hbgear.harmonic.observables import layout_of
+from hbgear.io.machine_file import read_machine
+from hbgear.web.page import check_installed
+from hbgear.web.subject import MachineSubject, ModelSubject, Subject
+
+Measured = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--measured",
+        metavar="FILE",
+        help="A table of measured points: Omega, or a speed with its unit [Hz] or [r/min] in the first line, and half "
+        "peak-to-peak; can be repeated.",
+    ),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command()(report)
+    app.command()(explore)
+
+
+def report(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Curves saved by hbgear trace -o.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The page, .html.")] = Path("report.html"),
+    title: Annotated[str | None, typer.Option(help="Title of the page.", show_default="the model")] = None,
+    validate: Annotated[
+        int, typer.Option(min=0, help="So many points of each curve are held against integration in time first.")
+    ] = 0,
+    model: OwnModel = None,
+    measured: Measured = None,
+) -> None:
+    """Write one page with curves, motions, jumps and accuracy, which any browser opens without a network.
+
+    Exit codes: 0 done, 2 bad input, 3 a validation was interrupted (the page has what was checked).
+    """
+    check_writable(output, (".html", ".htm"))
+    check_installed()
+    branches = [hb.load(file) for file in files]
+    checks = []
+    for branch in branches if validate else ():
+        known = dataclasses.replace(branch, problem=problem_in(branch, model))
+        with one_thread(), bar("points") as progress:
+            checks.append(hb.validate(known, validate, progress=progress))
+    names = [file.stem for file in files] if len(files) > 1 else None
+    made = hb.report(branches, title=title, names=names, validation=checks, measured=measured or ())
+    with outputs() as out:
+        out.write(output, made.save)
+    if not all(check.complete for check in checks):
+        raise typer.Exit(STOPPED_EARLY)
+
+
+def explore(
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL|FILE", help="A model, the .toml of a machine or a study, or a saved curve (.npz)."
+        ),
+    ],
+    changes: Changes = None,
+    first: First = None,
+    last: Last = None,
+    harmonics: Annotated[
+        int | None, typer.Option(min=1, max=256, help="H to begin with.", show_default="16, or that of the curve")
+    ] = None,
+    model: OwnModel = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="To listen at; 0 for any that is free.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+) -> None:
+    """Open a page with every parameter as a slider, and the response curve drawn anew while one moves.
+
+    It is served by this machine to this machine alone, and ends with Ctrl-C, which leaves nothing behind.
+    Exit codes: 0 ended by Ctrl-C, 2 bad input.
+    """
+    import webbrowser
+
+    from hbgear.web.explorer import Explorer
+    from hbgear.web.server import Server
+
+    check_installed()
+    needed("flask", "explore", "the explorer")
+    subject, span, H, saved = _explored(what, changes, model)
+    span = (span[0] if first is None else first, span[1] if last is None else last)
+    server = Server(Explorer(subject, span, harmonics or H, saved), Path(what).stem, port)
+    print(f"open {server.address}\nend with Ctrl-C", flush=True)
+    if browser and not webbrowser.open(server.address):
+        say("warning", "no browser could be opened; open the address above in one")
+    with one_thread(), suppress(KeyboardInterrupt):
+        server.run()
+    print("ended")
+
+
+def _explored(
+    what: str, changes: list[str] | None, own: str | None
+) -> tuple[Subject, tuple[float, float], int, hb.Branch | None]:
+    """What is explored, the span and harmonics to begin with, and the curve of a file."""
+    if what.endswith(".npz"):
+        if changes:
+            raise ValueError("--set: the values are those of the curve; move them on the page")
+        branch = hb.load(what)
+        cls = None if own is None else catalogue.class_of(own)
+        problem = catalogue.problem_of(branch.meta, cls)
+        if branch.parameter != "Omega" or branch.tracked:
+            raise ValueError(f"'{what}' is a curve in {branch.parameter}; the explorer draws curves in Omega")
+        machine = problem.model.at(branch.fixed)
+        name = own or next((name for name, each in catalogue.MODELS.items() if each is type(machine)), "")
+        layout = layout_of(branch)
+        ends = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
+        return ModelSubject(machine, name), (float(ends[0]), float(ends[1])), layout.harmonics if layout else 16, branch
+    if what.endswith(".toml"):
+        text = Path(what).read_text(encoding="utf-8") if Path(what).is_file() else ""
+        if any(line.replace(" ", "").startswith("model=") for line in text.splitlines()):
+            study = read_study(what)
+            name = next((name for name, each in catalogue.MODELS.items() if each is type(study.model)), "")
+            first = study.model.replace(**next(study.vary.rows())) if isinstance(study.vary, Grid) else study.model
+            return ModelSubject(first, name), study.work.span, study.work.harmonics, None
+        machine_file = read_machine(what)
+        if changes:
+            raise ValueError("--set: the values are those of the file; move them on the page")
+        return MachineSubject(machine_file), machine_file.model().default_span, 16, None
+    machine = chosen_model(what, changes)
+    return ModelSubject(machine, what), span_of(machine, None, None), 16, None

@@ -1,0 +1,26 @@
+"""Libraries that only some things need: imported when they are, with an error that says how to install them."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+
+def needed(library: str, extra: str, what: str) -> Any:
+    """The library, imported.
+
+    Parameters
+    ----------
+    library : its name in Python.
+    extra : of hbgear that installs it.
+    what : needs it, in words.
+
+    Raises
+    ------
+    ValueError
+        If it is not installed.
+    """
+    try:
+        return importlib.import_module(library)
+    except ImportError as error:
+        raise ValueError(f"{what} needs {library}, which is not installed; pip install 'hbgear[{extra}]'") from error

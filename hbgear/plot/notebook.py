@@ -1,0 +1,66 @@
+"""How curves and models are shown in notebooks: a table, and of a curve its figure."""
+
+from __future__ import annotations
+
+import base64
+import html
+import inspect
+import io
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from hbgear.common.symbols import in_html, unit_of
+from hbgear.continuation.branch import Branch
+from hbgear.harmonic.observables import layout_of
+from hbgear.harmonic.telling import facts_of, jump_table, trust
+from hbgear.io.columns import bracketed
+from hbgear.mechanics.model import Model
+from hbgear.plot.curves import response
+
+
+def branch_html(branch: Branch) -> str:
+    """What a curve is, its jumps, and its figure if it is one of periodic motions."""
+    known = layout_of(branch) is not None and len(branch) > 0
+    facts = [(name, text) for name, text in facts_of(branch, "pp2") if text] if known else []
+    parts = [f"<b>{html.escape(repr(branch))}</b>", _table((), facts)]
+    if known and branch.jumps():
+        headers, rows, _ = jump_table(branch, "pp2", 0)
+        parts += ["<p>jumps of a slow sweep</p>", _table(headers, rows)]
+    parts += [f"<p>{html.escape(line)}</p>" for line in (trust(branch) if known else ())]
+    if known:
+        parts.append(f'<img alt="response curve" src="data:image/png;base64,{_figure(branch)}">')
+    return f"<div>{''.join(parts)}</div>"
+
+
+def model_html(model: Model) -> str:
+    """The parameters of a model, with what they mean and their units."""
+    about = (inspect.getdoc(type(model)) or "").partition("\n")[0]
+    head = f"<b>{html.escape(type(model).__name__)}</b><p>{html.escape(about)}</p>"
+    rows = []
+    for name, value in model.parameters.items():
+        label = str(model.labels.get(name, ""))
+        unit = bracketed(unit_of(label)).strip()
+        meaning = in_html(label)
+        if unit and meaning.endswith("]"):
+            meaning = meaning[: meaning.rindex("[")]
+        rows.append(
+            f"<tr><td><code>{name}</code></td><td>{value:.8g}</td><td>{html.escape(unit)}</td><td>{meaning}</td></tr>"
+        )
+    return f"<div>{head}<table>{''.join(rows)}</table></div>"
+
+
+def _table(headers: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    head = "".join(f"<th>{html.escape(text)}</th>" for text in headers)
+    body = "".join(f"<tr>{''.join(f'<td>{html.escape(text)}</td>' for text in row)}</tr>" for row in rows)
+    return f"<table>{f'<tr>{head}</tr>' if head else ''}{body}</table>"
+
+
+def _figure(branch: Branch) -> str:
+    """The response curve as a .png in base64; no figure is left open."""
+    import matplotlib.pyplot as plt
+
+    figure: Any = response(branch).figure
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=110)
+    plt.close(figure)
+    return base64.b64encode(file.getvalue()).decode()

@@ -1,0 +1,320 @@
+/* The explorer: sliders ask for curves, the newest answer is shown. */
+const explorer = (() => {
+  const $ = (id) => document.getElementById(id);
+  const session = crypto.randomUUID ? crypto.randomUUID() : String(Math.random());
+  const LONG = 0.4; // seconds of a computation that is worth cancelling when it is overtaken
+  const now = { values: {}, from: 0, to: 0, harmonics: 16 };
+  const timings = []; // milliseconds from a slider to the new curve
+  const past = [], future = [];
+  let data = null, token = "", flying = 0, quiet = 0, wanted = false, newest = 0, shownSerial = 0, took = 0, before = null, started = 0, last = {};
+
+  async function asked(path, body, raw = false) {
+    const answer = await fetch(path, { method: "POST", body: JSON.stringify(body),
+      headers: { "Content-Type": "application/json", "X-Hbgear-Token": token } });
+    if (raw && answer.ok) return answer;
+    const found = await answer.json().catch(() => ({ error: `the server answered ${answer.status}` }));
+    if (!answer.ok && answer.status !== 409) throw new Error(found.error || `the server answered ${answer.status}`);
+    return answer.status === 409 ? null : found;
+  }
+
+  const question = () => ({ session, values: { ...now.values }, span: [now.from, now.to], harmonics: now.harmonics });
+
+  function say(text, wrong = false) {
+    $("status").textContent = text;
+    $("status").className = wrong ? "doubt" : "quiet";
+  }
+
+  /* ---- the curve */
+
+  function compute() { // at once; while a short computation runs, after it
+    if (flying && took < LONG && performance.now() - started < 1000 * LONG) { wanted = true; return Promise.resolve(); }
+    return send();
+  }
+
+  async function send() {
+    const serial = ++newest, moved = now.moved || performance.now();
+    now.moved = null; wanted = false; flying += 1; started = performance.now();
+    const watch = setTimeout(() => follow("curve"), 500);
+    try {
+      const found = await asked("/curve", question());
+      if (!found || serial < shownSerial) return;
+      shownSerial = serial; took = found.seconds;
+      await hbgear.show(found.curves, false);
+      timings.push(performance.now() - moved);
+      clearTimeout(quiet);
+      quiet = setTimeout(() => rest(found, serial), 80);
+    } catch (error) {
+      if (serial === newest) say(`${error.message}; the curve that is shown is the one before`, true);
+    } finally {
+      clearTimeout(watch);
+      flying -= 1;
+      if (!flying) $("work").hidden = true;
+      if (wanted && !flying) send();
+    }
+  }
+
+  async function rest(found, serial) { // what follows the curve once nothing moves: its motion and what is said of it
+    await hbgear.drawMotion();
+    const told = await asked("/details", question()).catch(() => null);
+    if (told && serial === newest) describe(found, told);
+  }
+
+  function describe(found, told) {
+    const jumps = found.curves.reduce((sum, curve) => sum + curve.jumps.length, 0);
+    const parts = [told.model, `${found.curves[0].x.length} points in ${found.seconds.toPrecision(2)} s`,
+                   `${jumps} jump${jumps === 1 ? "" : "s"}`, ...told.tables.flatMap((table) => table.trust)];
+    if (found.ended) parts.push(found.ended);
+    say(parts.join("; "), parts.some((line) => line.startsWith("doubt")) || Boolean(found.ended));
+    $("python").textContent = told.python;
+    const headers = told.tables[0].jumpTable[0], rows = told.tables.flatMap((table) => table.jumpTable[1]), cell = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
+    const line = (tag, texts) => { const row = document.createElement("tr"); row.append(...texts.map((t) => cell(tag, t))); return row; };
+    $("jumps").replaceChildren(...(rows.length ? [line("th", headers), ...rows.map((row) => line("td", row))] : [line("td", ["none"])]));
+  }
+
+  async function follow(kind) { // how far a long computation is
+    const bar = kind === "curve" ? $("work") : null;
+    const answer = await fetch(`/progress?session=${session}&kind=${kind}`, { headers: { "X-Hbgear-Token": token } });
+    const found = await answer.json();
+    if (bar && found.busy && flying) {
+      bar.hidden = false;
+      if (found.done === null) $("done").removeAttribute("value"); else $("done").value = found.done;
+      $("doing").textContent = found.text || "computing";
+    }
+    if (found.busy) {
+      if (kind === "map") $("mapstatus").textContent = found.text || "computing";
+      setTimeout(() => follow(kind), 300);
+    }
+  }
+
+  /* ---- parameters */
+
+  function parameterRow(p) {
+    const row = document.createElement("div"), id = `p-${p.name}`;
+    row.className = "parameter";
+    row.dataset.words = `${p.name} ${p.label} ${p.unit}`.toLowerCase();
+    row.innerHTML = `<label for="${id}">${p.label} <code></code></label><input type="range" aria-label="slider"><span><input type="number" step="any" id="${id}"> <span class="unit"></span></span>`;
+    row.querySelector("code").textContent = p.name;
+    row.querySelector(".unit").textContent = p.unit;
+    const slider = row.querySelector("input[type=range]"), field = row.querySelector("input[type=number]");
+    slider.setAttribute("aria-label", `${p.name} as a slider`);
+    Object.assign(slider, { min: p.low, max: p.high, step: (p.high - p.low) / 400 || "any" });
+    slider.addEventListener("input", () => { remember(); set(p.name, Number(slider.value)); moved(); });
+    slider.addEventListener("change", () => settle(p.name));
+    field.addEventListener("change", () => {
+      if (field.value === "" || !isFinite(field.value)) { put(p.name); return; }
+      remember(); set(p.name, Number(field.value)); moved(); settle();
+    });
+    p.slider = slider; p.field = field;
+    return row;
+  }
+
+  function put(name) { // a value into its slider and field
+    const p = data.parameters.find((each) => each.name === name), value = now.values[name];
+    if (value < Number(p.slider.min)) p.slider.min = value;
+    if (value > Number(p.slider.max)) p.slider.max = value;
+    p.slider.value = value;
+    if (document.activeElement !== p.field || Number(p.field.value) !== value) p.field.value = written(value);
+  }
+
+  function written(value) { // short enough for its field
+    const size = Math.abs(value);
+    return size && (size >= 1e6 || size < 1e-4) ? String(Number(value.toPrecision(7)).toExponential()) : hbgear.short(value, 7);
+  }
+
+  function set(name, value) { now.values[name] = value; put(name); }
+
+  function moved() { now.moved = performance.now(); compute(); }
+
+  /* ---- undo, links */
+
+  const copy = () => JSON.stringify({ values: now.values, from: now.from, to: now.to, harmonics: now.harmonics });
+
+  function remember() { if (before === null) before = copy(); } // as it was before a slider began to move
+
+  function settle(what = "") { // many small moves of one parameter, as by keys, are undone at once
+    const again = what && what === last.what && performance.now() - last.when < 1000;
+    if (before !== null && before !== copy()) {
+      if (!again) past.push(before);
+      future.length = 0;
+      last = { what, when: performance.now() };
+    }
+    before = null;
+    buttons();
+    history.replaceState(null, "", `#${link()}`);
+  }
+
+  function buttons() { $("undo").disabled = !past.length; $("redo").disabled = !future.length; }
+
+  function take(text) {
+    const found = JSON.parse(text);
+    Object.assign(now, { from: found.from, to: found.to, harmonics: found.harmonics });
+    for (const [name, value] of Object.entries(found.values)) if (name in now.values) set(name, value);
+    fill();
+    moved();
+    buttons();
+    history.replaceState(null, "", `#${link()}`);
+  }
+
+  function back(from, to) { last = {}; if (from.length) { to.push(copy()); take(from.pop()); } }
+
+  function link() { // what differs from the start, with the span and the harmonics
+    const words = new URLSearchParams();
+    for (const p of data.parameters) if (now.values[p.name] !== p.value) words.set(p.name, now.values[p.name]);
+    words.set("from", now.from); words.set("to", now.to); words.set("harmonics", now.harmonics);
+    return words.toString();
+  }
+
+  function readLink() {
+    const words = new URLSearchParams(location.hash.slice(1));
+    for (const [name, text] of words) {
+      const value = Number(text);
+      if (text === "" || !isFinite(value)) continue;
+      if (name in now.values) now.values[name] = value;
+      else if (name === "from" || name === "to") now[name] = value;
+      else if (name === "harmonics" && Number.isInteger(value) && value > 0) now.harmonics = value;
+    }
+  }
+
+  function fill() {
+    $("from").value = now.from; $("to").value = now.to;
+    const choices = [...new Set([4, 8, 12, 16, 24, 32, 48, now.harmonics])].sort((a, b) => a - b);
+    $("harmonics").replaceChildren(...choices.map((H) => new Option(H, H, false, H === now.harmonics)));
+  }
+
+  /* ---- jump map */
+
+  function fillMap() {
+    const names = ["Omega", ...data.parameters.filter((p) => p.map).map((p) => p.name)];
+    for (const [id, chosen] of [["mapx", "Omega"], ["mapy", names.includes("zeta") ? "zeta" : names[1]]]) {
+      $(id).replaceChildren(...names.map((name) => new Option(name, name, false, name === chosen)));
+      $(id).addEventListener("change", () => mapRange(id));
+      mapRange(id);
+    }
+    $("makemap").disabled = names.length < 2;
+  }
+
+  function mapRange(id) {
+    const name = $(id).value, p = data.parameters.find((each) => each.name === name);
+    const [low, high] = name === "Omega" ? [Math.min(now.from, now.to), Math.max(now.from, now.to)]
+      : [Number(p.slider.min), Number(p.slider.max)];
+    $(`${id}0`).value = hbgear.short(low, 5); $(`${id}1`).value = hbgear.short(high, 5);
+  }
+
+  async function makeMap() {
+    const axis = (id) => [$(id).value, Number($(`${id}0`).value), Number($(`${id}1`).value)];
+    const at = hbgear.state.at, Omega = at ? hbgear.state.curves[at[0]].Omega[at[1]] : null;
+    const axes = { x: axis("mapx"), y: axis("mapy"), Omega };
+    $("makemap").disabled = true; $("cancelmap").hidden = false; $("mapstatus").textContent = "computing";
+    setTimeout(() => follow("map"), 300);
+    try {
+      const found = await asked("/map", { ...question(), axes });
+      $("mapstatus").textContent = found ? found.message : "cancelled";
+      if (found && found.lines.length) await drawMap(found, axes);
+      if (found && !found.message) $("mapstatus").textContent = "A click on the map takes its values.";
+    } catch (error) {
+      $("mapstatus").textContent = error.message;
+    } finally {
+      $("makemap").disabled = false; $("cancelmap").hidden = true;
+    }
+  }
+
+  async function drawMap(found, axes) {
+    const ink = hbgear.palette(), seen = new Set(), div = $("map");
+    const styles = { "jump while Omega rises": { color: ink.regimes.no_impact, dash: "solid" },
+                     "jump while Omega falls": { color: ink.regimes.single_sided, dash: "dashdot" } };
+    const traces = found.lines.map((line) => {
+      const first = !seen.has(line.kind);
+      seen.add(line.kind);
+      return { x: line.x, y: line.y, mode: "lines", name: line.kind.replace("Omega", "Ω"), showlegend: first, legendgroup: line.kind,
+               line: { width: 2, ...(styles[line.kind] || { color: ink.regimes.no_impact }) }, hoverinfo: "x+y+name" };
+    });
+    const value = (name) => (name === "Omega" ? axes.Omega : now.values[name]);
+    traces.push({ x: [value(axes.x[0])], y: [value(axes.y[0])], mode: "markers", name: "now", hoverinfo: "x+y+name",
+                  marker: { symbol: "circle-open", size: 11, color: ink.text, line: { width: 2 } } });
+    div.hidden = false;
+    await Plotly.react(div, traces, hbgear.layoutOf({ xaxis: hbgear.axis(found.labels[0]), yaxis: hbgear.axis(found.labels[1]),
+      margin: { l: 62, r: 14, t: 14, b: 48 }, legend: { orientation: "h", y: -0.2 }, uirevision: String(newest) }), hbgear.CONFIG);
+    drawn = [found, axes];
+    div.removeAllListeners("plotly_click");
+    div.on("plotly_click", (event) => {
+      const p = event.points[0];
+      remember();
+      for (const [name, x] of [[axes.x[0], p.x], [axes.y[0], p.y]]) if (name in now.values) set(name, x);
+      moved(); settle();
+    });
+  }
+  let drawn = null;
+
+  /* ---- files */
+
+  async function save(kind) {
+    try {
+      const answer = await asked(`/save/${kind}`, question(), true);
+      const anchor = document.createElement("a");
+      anchor.href = URL.createObjectURL(await answer.blob());
+      anchor.download = answer.headers.get("X-Name");
+      anchor.click();
+      setTimeout(() => URL.revokeObjectURL(anchor.href), 1000);
+      say(`saved as ${anchor.download}`);
+    } catch (error) { say(error.message, true); }
+  }
+
+  async function overlay(file) {
+    try {
+      const found = await asked("/measured", { ...question(), text: await file.text(), name: file.name });
+      hbgear.state.behind = [...hbgear.state.behind.filter((b) => b.name !== found.name), found];
+      await hbgear.redraw();
+      say(`${found.x.length} measured points of ${found.name}`);
+    } catch (error) { say(error.message, true); }
+  }
+
+  async function copied(text, what) {
+    try { await navigator.clipboard.writeText(text); say(`${what} copied`); }
+    catch { say(`the browser does not let ${what} be copied; it is: ${text}`, true); }
+  }
+
+  function begin(given, settings, secret) {
+    data = given; token = secret;
+    Object.assign(now, { from: data.span[0], to: data.span[1], harmonics: data.harmonics });
+    for (const p of data.parameters) now.values[p.name] = p.value;
+    readLink();
+    $("parameters").replaceChildren(...data.parameters.map(parameterRow));
+    data.parameters.forEach((p) => put(p.name));
+    fill(); fillMap(); buttons();
+    for (const [id, key] of [["from", "from"], ["to", "to"], ["harmonics", "harmonics"]])
+      $(id).addEventListener("change", (event) => {
+        const value = Number(event.target.value);
+        if (event.target.value === "" || !isFinite(value)) { fill(); return; }
+        remember(); now[key] = value; hbgear.state.frame = null; moved(); settle();
+      });
+    $("find").addEventListener("input", () => {
+      const word = $("find").value.toLowerCase();
+      document.querySelectorAll(".parameter").forEach((row) => { row.hidden = !row.dataset.words.includes(word); });
+    });
+    $("undo").addEventListener("click", () => back(past, future));
+    $("redo").addEventListener("click", () => back(future, past));
+    $("reset").addEventListener("click", () => {
+      remember();
+      for (const p of data.parameters) set(p.name, p.value);
+      Object.assign(now, { from: data.span[0], to: data.span[1], harmonics: data.harmonics });
+      fill(); moved(); settle();
+    });
+    document.addEventListener("keydown", (event) => {
+      if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z" || event.target.type === "number") return;
+      event.preventDefault();
+      if (event.shiftKey) back(future, past); else back(past, future);
+    });
+    $("cancel").addEventListener("click", () => { asked("/cancel", { session, kind: "curve" }); say("cancelled; the curve that is shown is the one before", true); });
+    $("cancelmap").addEventListener("click", () => asked("/cancel", { session, kind: "map" }));
+    $("makemap").addEventListener("click", makeMap);
+    document.querySelectorAll("[data-save]").forEach((button) => button.addEventListener("click", () => save(button.dataset.save)));
+    $("link").addEventListener("click", () => { settle(); copied(location.href, "the link"); });
+    $("copy").addEventListener("click", () => copied($("python").textContent, "the script"));
+    $("measured").addEventListener("change", (event) => { if (event.target.files[0]) overlay(event.target.files[0]); });
+    $("theme").addEventListener("click", () => { if (drawn) drawMap(...drawn); });
+    hbgear.begin({ curves: [], behind: data.behind }, settings);
+    return send();
+  }
+
+  return { begin, now, timings, past };
+})();

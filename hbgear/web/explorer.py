@@ -1,0 +1,300 @@
+"""What stands behind the page of an explorer: curves and jump maps of whatever values it asks for.
+
+Each page is a session. A computation that a later one of the same session overtakes is cancelled where it is.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.messages import shortened
+from hbgear.common.progress import Progress
+from hbgear.common.symbols import in_html
+from hbgear.continuation.branch import Branch
+from hbgear.continuation.following import follow
+from hbgear.continuation.tracer import trace
+from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.jump_map import jump_map
+from hbgear.harmonic.speeds import scales
+from hbgear.harmonic.telling import described
+from hbgear.io.measured import measured
+from hbgear.io.npz import packed
+from hbgear.mechanics.model import Model
+from hbgear.web.reporting import report
+from hbgear.web.subject import Subject
+from hbgear.web.view import plain, tables, views
+
+_SESSIONS = 16  # pages whose last curve is kept
+_MOST_HARMONICS = 256
+
+
+class Overtaken(Exception):
+    """A later question made the answer to this one useless."""
+
+
+@dataclass(eq=False)
+class Job:
+    """A computation under way: how far it is, and whether it is still wanted."""
+
+    now: Progress = field(default_factory=Progress)
+    unwanted: bool = False
+
+    def __call__(self, now: Progress) -> None:
+        self.now = now
+        if self.unwanted:
+            raise Overtaken
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a page asks for: values by parameter, the span of Omega and the number of harmonics."""
+
+    values: dict[str, float]
+    span: tuple[float, float]
+    harmonics: int
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Asked:
+        """What a page sent.
+
+        Raises
+        ------
+        ValueError
+            If it is not of that form.
+        """
+        values, span, harmonics = given.get("values"), given.get("span"), given.get("harmonics")
+        if not isinstance(values, dict) or not all(isinstance(name, str) for name in values):
+            raise ValueError("values must be numbers by name")
+        if not isinstance(span, list) or len(span) != 2:
+            raise ValueError("the span must be two numbers")
+        if not isinstance(harmonics, int) or not 1 <= harmonics <= _MOST_HARMONICS:
+            raise ValueError(f"the number of harmonics must be from 1 to {_MOST_HARMONICS}")
+        numbers = {name: _number(name, value) for name, value in values.items()}
+        return cls(numbers, (_number("the span", span[0]), _number("the span", span[1])), harmonics)
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError(f"{name} must be a finite number")
+    return float(value)
+
+
+class Explorer:
+    """Computes what pages ask for.
+
+    Parameters
+    ----------
+    subject : what is explored.
+    span, harmonics : to begin with.
+    saved : a curve that is drawn behind.
+    """
+
+    def __init__(
+        self, subject: Subject, span: tuple[float, float], harmonics: int = 16, saved: Branch | None = None
+    ) -> None:
+        self.subject, self.span, self.harmonics, self.saved = subject, span, harmonics, saved
+        self._jobs: dict[tuple[str, str], Job] = {}
+        self._curves: OrderedDict[str, Branch] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def start(self) -> dict[str, Any]:
+        """What the page begins with."""
+        labels = self.subject.model({}).labels
+        return {
+            "parameters": [asdict(parameter) for parameter in self.subject.parameters()],
+            "span": list(self.span),
+            "harmonics": self.harmonics,
+            "Omega": in_html(str(labels.get("Omega", "Omega"))),
+            "behind": [] if self.saved is None else [_line(self.saved)],
+        }
+
+    @contextmanager
+    def _job(self, session: str, kind: str) -> Iterator[Job]:
+        """A computation of a session, which ends the one of that kind before it."""
+        job = Job()
+        with self._lock:
+            earlier = self._jobs.get((session, kind))
+            self._jobs[session, kind] = job
+        if earlier is not None:
+            earlier.unwanted = True
+        try:
+            yield job
+            if job.unwanted:
+                raise Overtaken
+        finally:
+            with self._lock:
+                if self._jobs.get((session, kind)) is job:
+                    del self._jobs[session, kind]
+
+    def progress(self, session: str, kind: str) -> dict[str, Any]:
+        """How far a computation is."""
+        with self._lock:
+            job = self._jobs.get((session, kind))
+        if job is None:
+            return {"busy": False}
+        return {"busy": True, "done": None if math.isnan(job.now.done) else job.now.done, "text": job.now.text}
+
+    def cancel(self, session: str | None = None, kind: str | None = None) -> None:
+        """End the computations of a session, or of all."""
+        with self._lock:
+            for (whose, what), job in self._jobs.items():
+                if session in (None, whose) and kind in (None, what):
+                    job.unwanted = True
+
+    def curve(self, session: str, asked: Asked) -> dict[str, Any]:
+        """The response curve, to be drawn.
+
+        Raises
+        ------
+        Overtaken
+            If another was asked for since.
+        ValueError, KeyError, NoConvergence
+            If a value is refused, or no motion is found.
+        """
+        started = time.perf_counter()
+        with self._job(session, "curve") as job:
+            branch = self._traced(asked, job)
+        with self._lock:
+            self._curves[session] = branch
+            self._curves.move_to_end(session)
+            while len(self._curves) > _SESSIONS:
+                self._curves.popitem(last=False)
+        return {
+            "curves": views([branch], [described(branch)], whole=False),
+            "seconds": time.perf_counter() - started,
+            "ended": "" if branch.status.complete else branch.message,
+        }
+
+    def details(self, session: str, asked: Asked) -> dict[str, Any]:
+        """What is said of the curve that was last shown, and how to write it in Python.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        branch = self._shown(session)
+        curves = (branch, *branch.others)
+        names = [f"branch {i + 1}" for i in range(len(curves))]
+        told = [tables(curve, curves, names) for curve in curves]
+        return {"tables": told, "model": shortened(described(branch), 160), "python": self.python(asked)}
+
+    def _shown(self, session: str) -> Branch:
+        with self._lock:
+            branch = self._curves.get(session)
+        if branch is None:
+            raise ValueError("there is no curve yet")
+        return branch
+
+    def _traced(self, asked: Asked, job: Job) -> Branch:
+        problem = HarmonicBalance(self.subject.model(asked.values), asked.harmonics)
+        return trace(problem, "Omega", asked.span, progress=job)
+
+    def python(self, asked: Asked) -> str:
+        """A script that computes the same curve."""
+        return (
+            f"import hbgear as hb\n\n{self.subject.python(asked.values)}\n"
+            f"curve = hb.trace(hb.HarmonicBalance(model, {asked.harmonics}), 'Omega', {asked.span!r})\n"
+            "for jump in curve.jumps():\n    print(jump.label, jump.value, jump.direction)\n"
+        )
+
+    def jump_map(self, session: str, asked: Asked, axes: Mapping[str, Any]) -> dict[str, Any]:
+        """Where jumps are in a plane of two parameters, of which one may be Omega.
+
+        Parameters
+        ----------
+        axes : ``{"x": [name, from, to], "y": [name, from, to], "Omega": held if neither is Omega}``.
+        """
+        ends = {}
+        for axis in ("x", "y"):
+            name, low, high = axes[axis]
+            ends[str(name)] = (_number(str(name), low), _number(str(name), high))
+        if len(ends) < 2:
+            raise ValueError("a jump map needs two different parameters")
+        model = self.subject.model(asked.values)
+        for name in ends:
+            if name != "Omega" and name not in model.parameters:
+                raise KeyError(f"{type(model).__name__} has no parameter '{name}'")
+        with self._job(session, "map") as job:
+            if "Omega" in ends:
+                lines, message = _over_Omega(model, ends, asked.harmonics, job)
+            else:
+                lines, message = _over_two(model, ends, asked.harmonics, _number("Omega", axes.get("Omega")), job)
+        x = str(axes["x"][0])
+        for line in lines:
+            line["x"], line["y"] = (plain(line[name], 9) for name in (x, str(axes["y"][0])))
+        kept = [{key: line[key] for key in ("x", "y", "kind")} for line in lines]
+        labels = {name: in_html(str(model.labels.get(name, name))) for name in ends}
+        return {"lines": kept, "labels": [labels[x], labels[str(axes["y"][0])]], "message": message}
+
+    def measured(self, asked: Asked, text: str, name: str) -> dict[str, Any]:
+        """Measured points of a file that the page has read."""
+        model = self.subject.model(asked.values)
+        x, y = measured(text, name, scales(model, model.parameters))
+        return {"name": name, "mode": "markers", "x": plain(x), "y": plain(y)}
+
+    def saved_as(self, session: str, kind: str, asked: Asked) -> tuple[str, bytes]:
+        """Name and bytes of a file: the curve that was last shown as "npz" or "html", the design as "toml" or "py".
+
+        Raises
+        ------
+        ValueError
+            If there is no curve yet, or no such kind of file.
+        """
+        if kind == "toml":
+            return "design.toml", self.subject.toml(asked.values, asked.span, asked.harmonics).encode()
+        if kind == "py":
+            return "design.py", self.python(asked).encode()
+        branch = self._shown(session)
+        if kind == "npz":
+            return "curve.npz", packed(branch)
+        if kind == "html":
+            return "report.html", report(branch).html.encode()
+        raise ValueError("a file is npz, html, toml or py")
+
+
+def _line(branch: Branch) -> dict[str, Any]:
+    return {"name": "saved curve", "mode": "lines", "x": plain(branch.values), "y": plain(branch.amplitude("pp2"))}
+
+
+def _over_Omega(
+    model: Model, ends: Mapping[str, tuple[float, float]], harmonics: int, job: Job
+) -> tuple[list[dict[str, Any]], str]:
+    """Jump frequencies over a parameter."""
+    parameter = next(name for name in ends if name != "Omega")
+    low, high = sorted(ends["Omega"])
+    found = jump_map(model, parameter, ends[parameter], frequencies=(low, high), harmonics=harmonics, progress=job)
+    names = {1: "jump while Omega rises", -1: "jump while Omega falls"}
+    lines = [{parameter: arm.values, "Omega": arm.Omega, "kind": names[arm.direction]} for arm in found.arms]
+    return lines, "" if found.status.complete and lines else found.message or "no jump found in this range"
+
+
+def _over_two(
+    model: Model, ends: Mapping[str, tuple[float, float]], harmonics: int, Omega: float, job: Job
+) -> tuple[list[dict[str, Any]], str]:
+    """Folds of curves in one parameter at an Omega, followed in another."""
+    (first, span), (second, other) = ends.items()
+    lines: list[dict[str, Any]] = []
+    value = model.parameters[second]
+    inside = min(other) <= value <= max(other)
+    for start in [value] if inside else np.linspace(*other, 3).tolist():
+        problem = HarmonicBalance(model.replace(**{second: start}), harmonics)
+        curve = trace(problem, first, span, at={"Omega": Omega}, progress=job)
+        for point in [p for p in curve.special if p.kind == "LP" and p.located]:
+            for end in other:
+                if end != start:
+                    folds = follow(curve, point, second, (start, end), progress=job)
+                    x = folds.tracked[first]
+                    within = (x >= min(span)) & (x <= max(span))
+                    shown = np.where(within, x, np.nan)
+                    lines.append({first: shown, second: folds.values, "kind": f"fold ({point.label})"})
+    return lines, "" if lines else f"no fold in {first} at Omega = {Omega:g}: choose a wider range or another Omega"

@@ -1,0 +1,165 @@
+"""A report in one page: what was computed and with what, curves to look at, tables, validation. It needs no network."""
+
+from __future__ import annotations
+
+import html
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hbgear.common.arguments import checked_arguments
+from hbgear.common.messages import shortened
+from hbgear.common.replacing import checked_suffix, replacing
+from hbgear.continuation.branch import Branch
+from hbgear.design.study import Cases
+from hbgear.harmonic.speeds import common_scales
+from hbgear.harmonic.telling import described
+from hbgear.io.measured import measured as read_measured
+from hbgear.timedomain.validate import Report as Validation
+from hbgear.web.page import page, plotly_script
+from hbgear.web.view import plain, views
+
+
+@dataclass(frozen=True)
+class Report:
+    """A page of HTML that stands by itself.
+
+    Parameters
+    ----------
+    title : of the page.
+    html : all of it.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 1.6))
+    >>> hb.report(curve, title="Duffing")  # doctest: +SKIP
+    <Report: Duffing, 5.0 MB>
+    """
+
+    title: str
+    html: str
+
+    def __repr__(self) -> str:
+        return f"<Report: {self.title}, {len(self.html.encode()) / 1e6:.1f} MB>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the page in a frame of its own."""
+        return (
+            f'<iframe srcdoc="{html.escape(self.html)}" title="{html.escape(self.title)}" '
+            'style="width:100%;height:780px;border:1px solid #ccc"></iframe>'
+        )
+
+    @checked_arguments()
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write to an .html, whole or not at all.
+
+        Raises
+        ------
+        ValueError
+            If the path ends in something else.
+        """
+        checked_suffix(path, (".html", ".htm"), "a report is a page")
+        with replacing(path, "x", encoding="utf-8") as handle:
+            handle.write(self.html)
+
+
+@checked_arguments()
+def report(
+    branches: Branch | Sequence[Branch],
+    *,
+    title: str | None = None,
+    names: Sequence[str] | None = None,
+    validation: Validation | Sequence[Validation] = (),
+    studies: Sequence[Cases] = (),
+    measured: Sequence[str | os.PathLike[str]] = (),
+) -> Report:
+    """A report on curves: one page that any browser opens, without a network. Needs ``hbgear[report]``.
+
+    It has the response curves (regimes, stability, special points, jumps; axes in Hz and r/min where the model knows
+    its units), the time history, phase diagram, spectrum and multipliers of the point that is clicked, and tables of
+    special points, jumps and accuracy.
+
+    Parameters
+    ----------
+    branches : one or several; the others of their spans are shown too.
+    title : by default the model.
+    names : of the branches; by default their models, or if these are alike "curve 1", ...
+    validation : what `validate` found; its table is shown too.
+    studies : `Cases` computed with "curve", whose curves are drawn thin behind the others.
+    measured : tables of measured points, drawn as dots: a column of Omega, or of speeds with the unit [Hz] or [r/min]
+        in the first line, and one of half peak-to-peaks in the units of the model.
+
+    Raises
+    ------
+    ValueError
+        If there is no curve, not a name for each, one is not of periodic motions, a study has no curves, or Plotly is
+        not installed.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 1.6))
+    >>> hb.report(curve).save("duffing.html")  # doctest: +SKIP
+    """
+    branches = (branches,) if isinstance(branches, Branch) else tuple(branches)
+    if not branches:
+        raise ValueError("no curve to report on")
+    if names is not None and len(names) != len(branches):
+        raise ValueError(f"{len(names)} names for {len(branches)} branches; give one for each")
+    models = [described(branch) for branch in branches]
+    alike = len(set(models)) < len(models)
+    shown = views(branches, names or ([f"curve {i + 1}" for i in range(len(branches))] if alike else models))
+    title = title or shortened(models[0], 100)
+    checks = [validation] if isinstance(validation, Validation) else list(validation)
+    behind = [line for study in studies for line in lines_of(study)] + [dots_of(path, branches) for path in measured]
+    data = {"curves": shown, "behind": behind}
+    text = page(
+        "report.html", data, title=title, shown=shown, checks=[_checked(check) for check in checks],
+        plotly=plotly_script(),
+    )  # fmt: skip
+    return Report(title, text)
+
+
+def _checked(check: Validation) -> dict[str, Any]:
+    tables = [("harmonic balance against time integration", *check.table())]
+    if check.jumps:
+        tables.append(("where jumps land by integration", *check.jump_table()))
+    return {"summary": check.summary, "ok": check.ok, "tables": tables}
+
+
+def lines_of(study: Cases) -> list[dict[str, Any]]:
+    """The curves of a study, each as a thin line.
+
+    Raises
+    ------
+    ValueError
+        If it has none.
+    """
+    if not study.curves:
+        raise ValueError('the study has no curves to draw; compute them: cases(..., compute=("curve",))')
+    return [
+        {"name": f"case {case}", "mode": "lines", "x": plain(curve[0]), "y": plain(curve[1])}
+        for case, curve in study.curves.items()
+    ]
+
+
+def dots_of(path: str | os.PathLike[str], branches: Sequence[Branch]) -> dict[str, Any]:
+    """Measured amplitudes of a file; see `hbgear.io.measured`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If there is no such file, or it has not two columns of numbers.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise FileNotFoundError(f"there is no file '{path}'; give a table of measured points") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is no text (UTF-8)"
+        raise ValueError(f"'{path}' cannot be read as measured points: {reason}") from None
+    x, y = read_measured(text, str(path), common_scales(branches))
+    return {"name": os.path.basename(os.fspath(path)), "mode": "markers", "x": plain(x), "y": plain(y)}

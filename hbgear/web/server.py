@@ -1,0 +1,215 @@
+"""The explorer in a browser: a server on this machine alone, which answers its own page only.
+
+It listens on 127.0.0.1. Every request must name that host, come from its own page if it says where it comes from, and
+carry the token of this run, which only who started it can see.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import socket
+from collections.abc import Callable
+from typing import Any
+
+from hbgear.common.optional import needed
+from hbgear.continuation.newton import NoConvergence
+from hbgear.web.explorer import Asked, Explorer, Overtaken
+from hbgear.web.page import page, plotly_script
+
+HOST = "127.0.0.1"
+_MOST_BYTES = 8_000_000  # of a request
+_CONTENT = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+
+
+def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], set[str]]) -> Any:
+    """The pages and answers of an explorer, for Flask.
+
+    Parameters
+    ----------
+    explorer, title : what is explored, and what the page is called.
+    token : that every request must carry, as the parameter ``token`` or in the header X-Hbgear-Token.
+    hosts : names by which this server may be asked for, with the port.
+
+    Raises
+    ------
+    ValueError
+        If Flask is not installed.
+    """
+    flask = needed("flask", "explore", "the explorer")
+    app = flask.Flask("hbgear", static_folder=None)
+    app.config["MAX_CONTENT_LENGTH"] = _MOST_BYTES
+    app.json.sort_keys = False
+    request = flask.request
+
+    @app.before_request
+    def guard() -> Any:
+        """Refuse other hosts, other pages, and whoever does not know the token."""
+        known = hosts()
+        origin = request.headers.get("Origin")
+        given = request.headers.get("X-Hbgear-Token") or request.args.get("token", "")
+        if request.host not in known:
+            return "this host is not served here", 403
+        if origin is not None and origin not in {f"http://{host}" for host in known}:
+            return "requests from other pages are refused", 403
+        if request.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
+            return "requests from other pages are refused", 403
+        if not secrets.compare_digest(given.encode(), token.encode()):
+            return "the token is missing or of another run; open the address that hbgear explore printed", 403
+        return None
+
+    @app.after_request
+    def closed(response: Any) -> Any:
+        response.headers["Content-Security-Policy"] = _CONTENT
+        response.headers["Referrer-Policy"] = "no-referrer"
+        response.headers["X-Content-Type-Options"] = "nosniff"
+        response.headers["Cache-Control"] = "no-store"
+        return response
+
+    def asked() -> tuple[dict[str, Any], str, Asked]:
+        given = request.get_json(silent=True)
+        if not isinstance(given, dict):
+            raise ValueError("need an object of JSON")
+        return given, str(given.get("session", ""))[:64], Asked.of(given)
+
+    def answered(work: Callable[[], Any]) -> Any:
+        """What was computed, or one sentence that says why not."""
+        try:
+            return work()
+        except Overtaken:
+            return flask.jsonify(error="cancelled"), 409
+        except (ValueError, KeyError, NoConvergence, ArithmeticError) as error:
+            text = error.args[0] if isinstance(error, KeyError) and error.args else error
+            return flask.jsonify(error=str(text)), 422
+
+    @app.get("/")
+    def whole() -> Any:
+        return page("explorer.html", explorer.start(), title=title, token=token, plotly=plotly_script())
+
+    @app.post("/curve")
+    def curve() -> Any:
+        def work() -> Any:
+            _, session, values = asked()
+            return explorer.curve(session, values)
+
+        return answered(work)
+
+    @app.post("/details")
+    def details() -> Any:
+        def work() -> Any:
+            _, session, values = asked()
+            return explorer.details(session, values)
+
+        return answered(work)
+
+    @app.post("/map")
+    def jump_map() -> Any:
+        def work() -> Any:
+            given, session, values = asked()
+            return explorer.jump_map(session, values, given.get("axes", {}))
+
+        return answered(work)
+
+    @app.get("/progress")
+    def progress() -> Any:
+        return explorer.progress(request.args.get("session", ""), request.args.get("kind", ""))
+
+    @app.post("/cancel")
+    def cancel() -> Any:
+        given = request.get_json(silent=True) or {}
+        explorer.cancel(str(given.get("session", "")), str(given.get("kind", "")))
+        return {}
+
+    @app.post("/measured")
+    def measured() -> Any:
+        def work() -> Any:
+            given, _, values = asked()
+            return explorer.measured(values, str(given.get("text", "")), str(given.get("name", "points"))[:80])
+
+        return answered(work)
+
+    @app.post("/save/<kind>")
+    def save(kind: str) -> Any:
+        def work() -> Any:
+            _, session, values = asked()
+            name, content = explorer.saved_as(session, kind, values)
+            return flask.Response(content, mimetype="application/octet-stream", headers={"X-Name": name})
+
+        return answered(work)
+
+    return app
+
+
+class Server:
+    """An explorer that listens.
+
+    Parameters
+    ----------
+    explorer, title : as of `application`.
+    port : to listen at; 0 for any that is free.
+
+    Raises
+    ------
+    ValueError
+        If Flask is not installed, or the port is taken or not allowed.
+    """
+
+    def __init__(self, explorer: Explorer, title: str, port: int = 0) -> None:
+        serving = needed("werkzeug.serving", "explore", "the explorer")
+        self.explorer, self.token = explorer, secrets.token_urlsafe(24)
+        app = application(explorer, title, self.token, self._hosts)
+
+        class Quiet(serving.WSGIRequestHandler):  # type: ignore[name-defined,misc]
+            """Says nothing of each request, for its address has the token."""
+
+            protocol_version = "HTTP/1.1"
+
+            def log(self, type: str, message: str, *args: Any) -> None:
+                pass
+
+        try:
+            taken = _listening(port)
+            self.port = int(taken.getsockname()[1])
+            self._server = serving.make_server(
+                HOST, self.port, app, threaded=True, request_handler=Quiet, fd=taken.fileno()
+            )
+            taken.close()  # the server has its own
+        except OSError as error:
+            taken_already = error.errno == errno.EADDRINUSE
+            why = "is taken by another program" if taken_already else f"cannot be used ({error.strerror})"
+            raise ValueError(f"port {port} {why}; give another by --port, or none for any that is free") from None
+        self._server.daemon_threads = True
+
+    def _hosts(self) -> set[str]:
+        return {f"{HOST}:{self.port}", f"localhost:{self.port}"}
+
+    @property
+    def address(self) -> str:
+        """To be opened in a browser."""
+        return f"http://{HOST}:{self.port}/?token={self.token}"
+
+    def run(self) -> None:
+        """Answer until Ctrl-C; what is being computed then is ended."""
+        try:
+            self._server.serve_forever(poll_interval=0.2)
+        finally:
+            self.explorer.cancel()
+            self._server.server_close()
+
+
+def _listening(port: int) -> Any:
+    """A socket that listens at a port."""
+    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    if os.name == "posix":  # a port that was left a moment ago may be taken again; elsewhere this would share it
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        found.bind((HOST, port))
+        found.listen(64)
+    except (OSError, OverflowError):
+        found.close()
+        raise
+    return found

@@ -1,0 +1,181 @@
+"""What a page needs to know of a curve, as plain numbers and texts, fit for JSON.
+
+Amplitudes are those of every row; coefficients and multipliers go as arrays of 32 bit in base64, from which the page
+draws the motion of any row. Numbers of tables are texts with the digits that hold.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.symbols import in_html, unit_of, without_unit
+from hbgear.continuation.branch import Branch, Point
+from hbgear.harmonic.events import named
+from hbgear.harmonic.landings import Landing, landings
+from hbgear.harmonic.observables import MEASURES, Layout, layout_of
+from hbgear.harmonic.speeds import MESH, PINION, common_scales
+from hbgear.harmonic.telling import facts_of, jump_table, special_table, trust
+from hbgear.io.columns import MEASURED, bracketed, label_of
+from hbgear.plot.stretches import ABOVE, bounded, stretches
+from hbgear.plot.style import legend_entry
+
+_FIGURES = 7  # significant digits of numbers that are drawn
+
+
+def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) -> list[dict[str, Any]]:
+    """Each curve as `view`, the others of its span after it; jumps land on whichever it is.
+
+    whole : with their tables.
+
+    Raises
+    ------
+    ValueError
+        If one of them is no curve of periodic motions.
+    """
+    curves, called = [], []
+    for branch, name in zip(branches, names, strict=True):
+        for number, curve in enumerate((branch, *branch.others), 1):
+            curves.append(curve)
+            called.append(f"{name}, branch {number}" if branch.others else name)
+    for curve, name in zip(curves, called, strict=True):
+        if layout_of(curve) is None or not len(curve):
+            raise ValueError(f"{name} is no curve of periodic motions, which alone can be shown on a page")
+    return [
+        view(curve, name, found) | (tables(curve, curves, called) if whole else {})
+        for curve, name, found in zip(curves, called, landings(curves), strict=True)
+    ]
+
+
+def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, Any]:
+    """All that is drawn of one curve; ``found`` are its jumps."""
+    layout = layout_of(branch)
+    assert layout is not None
+    each = range(len(layout.elements))
+    known = common_scales([branch])
+    label = label_of(branch, branch.parameter)
+    motion = layout.labels.get("amplitude", "gap")
+    Omega = [branch.parameters_at(i).get("Omega", math.nan) for i in range(len(branch))]
+    return {
+        "name": name,
+        "parameter": branch.parameter,
+        "label": in_html(label),
+        "motion": in_html(motion).removesuffix(" [-]"),
+        "motionText": without_unit(motion),
+        "unit": unit_of(motion),
+        "x": plain(branch.values, 10),
+        "Omega": plain(Omega, 10),
+        "scales": {"Hz": known.get(MESH), "rpm": known.get(PINION)},
+        "elements": list(layout.elements),
+        "corners": [list(corners) for corners in layout.breakpoints],
+        "harmonics": layout.harmonics,
+        "nu": layout.nu,
+        "amplitudes": {m: [plain(branch.amplitude(m, j)) for j in each] for m in MEASURES},
+        "measures": MEASURED,
+        "stretches": [
+            [[regime, _verdict(s), first, last] for (regime, s), first, last in stretches(branch, j)] for j in each
+        ],
+        "verdicts": branch.verdicts,
+        "regimes": branch.regimes,
+        "coefficients": packed(branch.X),
+        "multipliers": None if branch.multipliers is None else multipliers(branch),
+        "special": _special(branch, layout),
+        "jumps": _jumps(layout, found),
+        "asymptotes": list(branch.asymptotes.values()),
+        "top": _tops(branch, each) if branch.asymptotes else None,
+        "status": str(branch.status),
+        "message": branch.message,
+    }
+
+
+def tables(branch: Branch, curves: Sequence[Branch], names: Sequence[str]) -> dict[str, Any]:
+    """What a page says of a curve in words, and its tables."""
+    beside = [(curve, name) for curve, name in zip(curves, names, strict=True) if curve is not branch]
+    headers, rows, notes = jump_table(branch, "pp2", 0, [curve for curve, _ in beside], [name for _, name in beside])
+    return {
+        "parameters": parameter_rows(branch),
+        "facts": [[name, text] for name, text in facts_of(branch, "pp2") if text],
+        "specialTable": special_table(branch, "pp2", 0),
+        "jumpTable": [headers, rows],
+        "notes": notes,
+        "trust": trust(branch),
+    }
+
+
+def parameter_rows(branch: Branch) -> list[list[str]]:
+    """Name, value, unit and meaning of the parameters that were held."""
+    rows = []
+    for name, value in branch.fixed.items():
+        label = label_of(branch, name)
+        meaning = without_unit(label)
+        rows.append([name, f"{value:.10g}", bracketed(unit_of(label)).strip(" []"), "" if meaning == name else meaning])
+    return rows
+
+
+def plain(values: Any, digits: int = _FIGURES) -> list[float | None]:
+    """Numbers as JSON has them, nan as null."""
+    return [float(f"{x:.{digits}g}") if math.isfinite(x) else None for x in np.asarray(values, dtype=float).tolist()]
+
+
+def packed(array: Array) -> str:
+    """An array row by row as 32-bit numbers, low byte first, in base64."""
+    return base64.b64encode(np.ascontiguousarray(array, dtype="<f4").tobytes()).decode()
+
+
+def multipliers(branch: Branch) -> dict[str, Any]:
+    """Real and imaginary parts, row by row, the largest moduli; those that are zero in every row are left out."""
+    assert branch.multipliers is not None
+    mu = branch.multipliers
+    seen = np.nanmax(np.abs(np.nan_to_num(mu)), axis=0, initial=0.0) > 1e-9
+    mu = mu[:, seen] if seen.any() else mu[:, :1]
+    largest = np.abs(mu).max(axis=1, initial=0.0)
+    return {"count": mu.shape[1], "real": packed(mu.real), "imag": packed(mu.imag), "largest": plain(largest)}
+
+
+def _tops(branch: Branch, elements: Sequence[int]) -> dict[str, list[float]]:
+    """How far up figures go where a curve runs off to infinity, by measure and element."""
+    return {m: [ABOVE * bounded(branch, branch.amplitude(m, j)) for j in elements] for m in MEASURES}
+
+
+def _verdict(stable: bool | str | None) -> str:
+    return {True: "stable", False: "unstable", None: "unknown"}.get(stable, str(stable))  # type: ignore[arg-type]
+
+
+def _sizes(layout: Layout, points: Sequence[Point]) -> list[dict[str, list[float | None]]]:
+    """Measures of some motions, of every element; all are measured at once."""
+    if not points:
+        return []
+    X = [point.X.reshape(len(layout.elements), -1) for point in points]
+    width = max(rows.shape[1] for rows in X)  # special points may have more harmonics than their curve
+    padded = np.array([np.pad(rows, ((0, 0), (0, width - rows.shape[1]))) for rows in X])
+    sizes = {m: layout.measure_rows(m, padded) for m in MEASURES}
+    return [{m: plain(of[i]) for m, of in sizes.items()} for i in range(len(points))]
+
+
+def _special(branch: Branch, layout: Layout) -> list[dict[str, Any]]:
+    out = []
+    for point, sizes in zip(branch.special, _sizes(layout, branch.special), strict=True):
+        event = named(point)
+        out.append({
+            "label": point.label, "kind": point.kind, "meaning": legend_entry(event), "marker": event.marker,
+            "row": point.index, "x": point.parameters[branch.parameter], "sizes": sizes, "verdict": point.verdict,
+        })  # fmt: skip
+    return out
+
+
+def _jumps(layout: Layout, found: Sequence[Landing]) -> list[dict[str, Any]]:
+    before = _sizes(layout, [landing.jump.before for landing in found])
+    out = []
+    for landing, size in zip(found, before, strict=True):
+        jump = landing.jump
+        end = None if jump.after is None else layout_of(jump.after)
+        out.append({
+            "label": jump.label, "x": jump.value, "direction": jump.direction, "before": size, "decided": jump.decided,
+            "after": None if end is None or jump.after is None else _sizes(end, [jump.after])[0],
+        })  # fmt: skip
+    return out

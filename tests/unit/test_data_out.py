@@ -1,0 +1,134 @@
+"""Data for other programs: frames, data sets, tables that explain themselves, and files that need nothing else."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import hbgear as hb
+from hbgear.common import optional
+from hbgear.common.symbols import in_html, in_text, unit_of, without_unit
+from hbgear.io.tables import EXPLAINED
+
+
+@pytest.fixture(scope="module")
+def pair():
+    model = hb.SpurPair(zeta=0.04, reference=(38000.0, 37.6e-6, 15000.0, 25))
+    return hb.trace(hb.HarmonicBalance(model, 6), "Omega", (1.5, 0.3))
+
+
+@pytest.fixture(scope="module")
+def wild():
+    return hb.trace(hb.HarmonicBalance(hb.SpurPair(zeta=0.01, eps=(0, 0.2)), 8), "Omega", (1.5, 0.3))
+
+
+def test_dataframe_has_the_columns_of_the_csv(pair, tmp_path):
+    pd = pytest.importorskip("pandas")
+    frame = pair.to_dataframe()
+    pair.export(tmp_path / "pair.csv")
+    read = pd.read_csv(tmp_path / "pair.csv", comment="#")
+    assert list(read) == list(frame) and len(frame) == len(pair)
+    for name in ("Omega", "pp2_gap", "mesh_Hz", "a3_gap", "stable"):
+        np.testing.assert_allclose(frame[name].to_numpy(float), read[name].to_numpy(float), rtol=1e-13)
+    assert frame["special"][pair["LP1"].index] == "LP1" and frame["special"].to_list().count("") < len(frame)
+    assert frame.attrs["units"]["pinion_rpm"] == "r/min" and "zeta=0.04" in frame.attrs["model"]
+    assert frame.attrs["long_names"]["pp2_gap"] == "half peak-to-peak of x"
+
+
+def test_speeds_are_those_of_the_model(pair):
+    pytest.importorskip("pandas")
+    frame, scales = pair.to_dataframe(), pair.problem.model.scales
+    # n = 60 Omega omega_n / (2 pi z), with omega_n = 38000 rad/s and 25 teeth
+    np.testing.assert_allclose(frame["pinion_rpm"], 60 * 38000.0 * pair.values / (2 * math.pi * 25), rtol=1e-14)
+    np.testing.assert_allclose(frame["mesh_Hz"], scales.mesh_frequency(pair.values), rtol=1e-14)
+
+
+def test_dataframe_of_several_curves(wild):
+    pytest.importorskip("pandas")
+    frame = wild.to_dataframe()
+    assert len(frame) == sum(map(len, (wild, *wild.others))) and set(frame["curve"]) == {1, 2}
+
+
+def test_xarray_has_named_dimensions_and_survives_netcdf(pair, tmp_path):
+    xr = pytest.importorskip("xarray")
+    data = pair.to_xarray()
+    assert data.amplitude.dims == ("point", "element", "measure")
+    np.testing.assert_array_equal(data.amplitude.sel(measure="pp2", element="gap"), pair.amplitude("pp2"))
+    np.testing.assert_array_equal(data.coefficients.sel(element="gap", term="b2"), pair.X[:, 4])
+    assert data.pinion_rpm.attrs == {"long_name": "speed of the pinion", "units": "r/min"}
+    assert data.zeta.attrs["long_name"] == "damping ratio ζ" and float(data.zeta) == 0.04
+    data.to_netcdf(tmp_path / "pair.nc", engine="scipy")
+    with xr.open_dataset(tmp_path / "pair.nc", engine="scipy") as again:
+        np.testing.assert_array_equal(again.Omega, pair.values)
+        np.testing.assert_array_equal(again.multipliers_real + 1j * again.multipliers_imag, pair.multipliers)
+        assert again.attrs["model"] == data.attrs["model"] and again.Omega.attrs["units"] == "1"
+
+
+def test_xarray_of_any_equations():
+    pytest.importorskip("xarray")
+
+    class Ellipse:
+        def evaluate(self, X, p):
+            return np.array([X[0] ** 2 + p**2 - 1]), np.array([[2 * X[0]]])
+
+    curve = hb.trace(Ellipse(), "p", (0, 2), np.array([1.0]))
+    data = curve.to_xarray()
+    assert data.X.dims == ("point", "unknown") and "p" in data.coords
+    assert next(iter(curve.to_dataframe())) == "p"
+
+
+def test_csv_says_what_it_is(pair, tmp_path):
+    pair.export(tmp_path / "pair.csv")
+    lines = (tmp_path / "pair.csv").read_text(encoding="utf-8").splitlines()
+    head = [line for line in lines if line.startswith("# ")]
+    assert lines[: len(head)] == head  # before the table, nowhere else
+    assert "# zeta = 0.04 (damping ratio ζ)" in head and any(line.startswith("# model = SpurPair(") for line in head)
+    assert "# column pinion_rpm: speed of the pinion [r/min]" in head
+    rows = list(csv.DictReader(lines[len(head) :]))
+    assert float(rows[0]["pinion_rpm"]) == pytest.approx(pair.problem.model.scales.pinion_speed(1.5), rel=1e-14)
+
+
+def test_mat_explains_its_names(pair, tmp_path):
+    pair.export(tmp_path / "pair.mat")
+    found = loadmat(tmp_path / "pair.mat", simplify_cells=True)
+    names = {name for name in found if not name.startswith("_")} - {"explained"}
+    assert set(found["explained"]) == names <= set(EXPLAINED) | {"about"}
+    speeds = pair.problem.model.scales.pinion_speed(pair.values)
+    np.testing.assert_allclose(found["pinion_rpm"], speeds, rtol=1e-14)
+
+
+def test_degrees_of_freedom_need_nothing_but_the_file(tmp_path):
+    curve = hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(), 3), "Omega", (1.6, 1.5))
+    curve.save(tmp_path / "pair.npz")
+    again = hb.load(tmp_path / "pair.npz")
+    for derivative in (0, 2):
+        expected = curve.amplitude("rms", dof="x_pL", derivative=derivative)
+        np.testing.assert_array_equal(again.amplitude("rms", dof="x_pL", derivative=derivative), expected)
+    with pytest.raises(KeyError, match="no degree of freedom 'x_pl'; did you mean"):
+        again.amplitude(dof="x_pl")
+
+
+def test_what_is_not_installed_is_told(pair, monkeypatch):
+    def missing(name):
+        raise ImportError(name)
+
+    monkeypatch.setattr(optional.importlib, "import_module", missing)
+    for call in (pair.to_dataframe, pair.to_xarray):
+        with pytest.raises(ValueError, match=r"which is not installed; pip install 'hbgear\[data\]'"):
+            call()
+
+
+@pytest.mark.parametrize("model", [hb.Duffing, hb.SpurPair, hb.GearRotorBearing, hb.HelicalPair, hb.DoubleHelicalPair])
+def test_labels_of_models_are_read(model):
+    for label in model.labels.values():
+        for text in (in_text(label), without_unit(label), in_html(label)):
+            assert not set(text) & set("\\${}"), label
+    assert in_text(model.labels["Omega"]).startswith("Ω = ω") and unit_of(model.labels["Omega"]) == "1"
+
+
+def test_labels_in_html():
+    assert in_html(r"$d / b_c$ [-]") == "d / b<sub>c</sub> [-]"
+    assert in_html("x_one <b> & $a^{10}$") == "x_one &lt;b&gt; &amp; a<sup>10</sup>"
+    assert in_text(r"$\lambda_\mathrm{max}$") == "λ_max"

@@ -1,0 +1,436 @@
+"""The explorer: what it computes, whom it refuses, and that a person can use it in a real browser."""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.error
+import urllib.request
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import browser, clicked, complaints, opened, resized
+
+import hbgear as hb
+from hbgear.cli.app import main
+from hbgear.design.study_file import read_study
+from hbgear.io.machine_file import Machine, read_machine, write_machine
+from hbgear.web.explorer import Asked, Explorer, Overtaken
+from hbgear.web.server import Server
+from hbgear.web.subject import MachineSubject, ModelSubject
+
+pytest.importorskip("flask")
+pytest.importorskip("plotly")
+MODEL = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25), eps=(0.1,))
+SPAN = (1.5, 0.3)
+
+
+def explorer(model=MODEL, span=SPAN, harmonics=8):
+    return Explorer(ModelSubject(model, "spur-pair"), span, harmonics)
+
+
+def machine():
+    pinion, wheel = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    return Machine(hb.GearPair(pinion, wheel, backlash="80 um"), 200.0, 0.04)
+
+
+@contextmanager
+def served(found):
+    """A server in a thread of its own."""
+    server = Server(found, "test")
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    try:
+        yield server
+    finally:
+        server._server.shutdown()
+        thread.join(10)
+        assert not thread.is_alive()
+
+
+@pytest.fixture(scope="module")
+def server():
+    with served(explorer()) as found:
+        yield found
+
+
+def answer(server, path, body=None, token=None, **headers):
+    """Status and text of an answer."""
+    request = urllib.request.Request(
+        f"http://127.0.0.1:{server.port}{path}", None if body is None else json.dumps(body).encode(),
+        {"X-Hbgear-Token": server.token if token is None else token, "Content-Type": "application/json", **headers},
+    )  # fmt: skip
+    try:
+        with urllib.request.urlopen(request, timeout=30) as found:
+            return found.status, found.read().decode()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode()
+
+
+def question(**values):
+    return {"session": "s", "values": values, "span": list(SPAN), "harmonics": 8}
+
+
+# ---- subjects
+
+
+def test_every_number_of_a_model_is_a_parameter():
+    found = {p.name: p for p in ModelSubject(MODEL, "spur-pair").parameters()}
+    assert {"zeta", "F_m", "b", "eps[1]", "reference[4]"} <= set(found)
+    assert found["F_m"].unit == "-" and found["F_m"].label == "mean load F<sub>m</sub>"
+    assert all(p.low <= p.value <= p.high for p in found.values())
+    pair = {p.name: p for p in ModelSubject(hb.DoubleHelicalPair(), "double-helical").parameters()}
+    assert pair["I_p"].unit == "kg m^2"
+
+
+def test_values_make_the_model_and_leave_the_rest():
+    subject = ModelSubject(MODEL, "spur-pair")
+    assert subject.model({p.name: p.value for p in subject.parameters()}) == MODEL
+    assert subject.model({"eps[1]": 0.3, "zeta": 0.2}) == MODEL.replace(eps=(0.3,), zeta=0.2)
+    for name in ("nope", "eps[2]", "nope[1]"):
+        with pytest.raises(KeyError):
+            subject.model({name: 1.0})
+    with pytest.raises(ValueError, match="zeta"):
+        subject.model({"zeta": -1.0})
+
+
+@pytest.mark.parametrize("subject", [ModelSubject(MODEL, "spur-pair"), MachineSubject(machine())])
+def test_python_and_toml_make_the_same_model(subject, tmp_path):
+    values = {p.name: p.value for p in subject.parameters()}
+    changed = (
+        {"zeta": 0.07} if "zeta" in values else {"torque": 250.0, "pair.backlash": 90.0, "pinion.tip_relief": 10.0}
+    )
+    expected = subject.model(values | changed)
+    names = {}
+    exec(f"import hbgear as hb\n{subject.python(values | changed)}", names)
+    assert names["model"] == expected and expected != subject.model(values)
+    path = tmp_path / "design.toml"
+    path.write_text(subject.toml(values | changed, SPAN, 8), encoding="utf-8")
+    if isinstance(subject, MachineSubject):
+        model = read_machine(path).model()  # micrometres are written with twelve digits
+        assert model.parameters == pytest.approx(expected.parameters, rel=1e-11)
+    else:
+        study = read_study(path)
+        assert study.model.replace(**next(study.vary.rows())) == expected
+        assert (study.work.span, study.work.harmonics) == (SPAN, 8)
+
+
+# ---- what is computed
+
+
+def test_curve_is_the_traced_one():
+    found = explorer()
+    told = found.curve("s", Asked.of(question(zeta=0.06)))
+    curve = hb.trace(hb.HarmonicBalance(MODEL.replace(zeta=0.06), 8), "Omega", SPAN)
+    np.testing.assert_allclose(told["curves"][0]["x"], curve.values, rtol=1e-9)
+    assert [jump["x"] for jump in told["curves"][0]["jumps"]] == [jump.value for jump in curve.jumps()]
+    details = found.details("s", Asked.of(question(zeta=0.06)))
+    assert details["tables"][0]["jumpTable"][1][0][0] == "LP1" and "zeta=0.06" in details["python"]
+
+
+def test_what_is_overtaken_is_cancelled():
+    found, ended = explorer(harmonics=32), []
+
+    def slow():
+        try:
+            found.curve("s", Asked({}, (1.5, 0.001), 64))
+        except Overtaken:
+            ended.append("overtaken")
+
+    thread = threading.Thread(target=slow)
+    thread.start()
+    while not found.progress("s", "curve")["busy"] and thread.is_alive():
+        time.sleep(0.001)
+    assert found.curve("other", Asked.of(question()))["curves"]  # another page is not in the way
+    assert found.curve("s", Asked.of(question()))["curves"]
+    thread.join(60)
+    assert ended == ["overtaken"] and found.progress("s", "curve") == {"busy": False}
+
+
+def test_jump_map_is_that_of_the_library():
+    axes = {"x": ["Omega", 0.3, 1.5], "y": ["zeta", 0.05, 0.12], "Omega": None}
+    told = explorer().jump_map("s", Asked.of(question()), axes)
+    jumps = hb.jump_map(MODEL, "zeta", (0.05, 0.12), frequencies=(0.3, 1.5), harmonics=8)
+    assert len(told["lines"]) == len(jumps.arms) and told["message"] == ""
+    for line, arm in zip(told["lines"], jumps.arms, strict=True):
+        np.testing.assert_allclose(line["x"], arm.Omega, rtol=1e-8)
+        np.testing.assert_allclose(line["y"], arm.values, rtol=1e-8)
+
+
+def test_jump_map_of_two_parameters_holds_omega():
+    axes = {"x": ["F_m", 0.05, 0.3], "y": ["zeta", 0.045, 0.055], "Omega": 0.75}
+    told = explorer().jump_map("s", Asked({}, SPAN, 4), axes)
+    assert told["lines"]
+    line = told["lines"][0]
+    F_m, zeta = next((x, y) for x, y in zip(line["x"][3:], line["y"][3:], strict=True) if x is not None)
+    problem = hb.HarmonicBalance(MODEL.replace(zeta=zeta), 4)
+    curve = hb.trace(problem, "F_m", (0.05, 0.3), at={"Omega": 0.75})
+    folds = [p.parameters["F_m"] for p in curve.special if p.kind == "LP"]
+    assert min(abs(fold - F_m) for fold in folds) < 1e-4 * F_m
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"values": [1]}, "numbers by name"), ({"values": {"zeta": "x"}}, "zeta must be a finite number"),
+        ({"values": {"zeta": True}}, "zeta must be"), ({"span": [1]}, "two numbers"), ({"harmonics": 0}, "from 1 to"),
+        ({"harmonics": 10**6}, "from 1 to"),
+    ],
+)  # fmt: skip
+def test_questions_that_are_none_are_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        Asked.of(question() | change)
+
+
+# ---- whom it answers
+
+
+def test_answers_its_own_page_only(server):
+    assert answer(server, "/curve", question())[0] == 200
+    assert answer(server, "/curve", question(), token="")[0] == 403
+    assert (
+        answer(
+            server,
+            "/curve",
+            question(),
+            token=server.token[:-1] + "\N{LATIN SMALL LETTER E WITH ACUTE}".encode().decode("latin-1"),
+        )[0]
+        == 403
+    )
+    assert answer(server, "/", token="x")[0] == 403
+    own = f"http://127.0.0.1:{server.port}"
+    assert answer(server, "/curve", question(), Origin=own)[0] == 200
+    for origin in ("http://example.com", "null", f"https://127.0.0.1:{server.port}", "http://127.0.0.1:1"):
+        assert answer(server, "/curve", question(), Origin=origin)[0] == 403
+    assert answer(server, "/curve", question(), Host="example.com")[0] == 403
+    assert answer(server, "/curve", question(), **{"Sec-Fetch-Site": "cross-site"})[0] == 403
+    assert answer(server, f"/?token={server.token}", token="")[0] == 200
+
+
+def test_listens_on_this_machine_only(server):
+    assert server._server.socket.getsockname() == ("127.0.0.1", server.port)
+
+
+def test_bad_values_are_told_in_a_sentence(server):
+    status, text = answer(server, "/curve", question(zeta=-1))
+    assert status == 422 and json.loads(text)["error"].startswith("SpurPair: zeta = -1")
+    assert answer(server, "/curve", question(nope=1))[0] == 422
+    assert answer(server, "/curve", [1])[0] == 422
+    assert answer(server, "/save/exe", question())[0] == 422
+    assert answer(server, "/nothing")[0] == 404
+    assert (
+        "choose"
+        in json.loads(
+            answer(
+                server, "/map", question() | {"axes": {"x": ["zeta", 0.1, 0.2], "y": ["F_m", 0.1, 0.11], "Omega": 3.0}}
+            )[1]
+        )["message"]
+    )
+
+
+def test_files_are_those_of_the_curve(server, tmp_path):
+    answer(server, "/curve", question(zeta=0.06))
+    request = urllib.request.Request(
+        f"http://127.0.0.1:{server.port}/save/npz", json.dumps(question()).encode(), {"X-Hbgear-Token": server.token}
+    )
+    request.add_header("Content-Type", "application/json")
+    with urllib.request.urlopen(request) as found:
+        (tmp_path / "c.npz").write_bytes(found.read())
+    assert hb.load(tmp_path / "c.npz").meta["model"]["fields"]["zeta"] == 0.06
+    assert answer(server, "/save/html", question())[1].startswith("<!DOCTYPE html>")
+
+
+def test_a_port_in_use_is_said_and_two_explorers_are_none_in_the_way(server):
+    with pytest.raises(ValueError, match=f"port {server.port} is taken by another program; give another by --port"):
+        Server(explorer(), "second", server.port)
+    with served(explorer()) as second:
+        assert second.port != server.port and second.token != server.token
+        assert answer(second, "/curve", question(), token=server.token)[0] == 403
+
+
+# ---- the command
+
+
+def run(capsys, *words):
+    with pytest.raises(SystemExit) as end:
+        main(["explore", *words])
+    return end.value.code, capsys.readouterr().err
+
+
+def test_command_refuses_what_cannot_be_explored(tmp_path, capsys):
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "F", (0.1, 0.12), at={"Omega": 0.9})
+    curve.save(tmp_path / "F.npz")
+    for words, said in (
+        (["nope"], "there is no model 'nope'"), ([str(tmp_path / "F.npz")], "a curve in F"),
+        ([str(tmp_path / "no.npz")], "there is no file"), ([str(tmp_path / "no.toml")], "cannot be read as a machine"),
+    ):  # fmt: skip
+        code, err = run(capsys, *words, "--no-browser")
+        assert code == 2 and said in err and err.count("\n") == 1
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        code, err = run(capsys, "duffing", "--no-browser", "--port", str(other.getsockname()[1]))
+    assert code == 2 and "is taken by another program" in err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are sent otherwise")
+@pytest.mark.parametrize("what", ["machine.toml", "curve.npz"])
+def test_ctrl_c_ends_it_and_leaves_nothing(tmp_path, what):
+    write_machine(machine(), tmp_path / "machine.toml")
+    hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5, 1.6)).save(tmp_path / "curve.npz")
+    before = sorted(tmp_path.iterdir())
+    root = str(Path(hb.__file__).parents[1])
+    process = subprocess.Popen(
+        [sys.executable, "-m", "hbgear", "explore", what, "--no-browser"], cwd=tmp_path, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "PYTHONPATH": root},
+    )  # fmt: skip
+    try:
+        assert process.stdout
+        address = re.match(r"open (http://127\.0\.0\.1:(\d+)/\?token=\S+)\n", process.stdout.readline())
+        assert address
+        with urllib.request.urlopen(address[1], timeout=30) as page:
+            assert b"explorer.begin" in page.read()
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert process.returncode == 0 and out.endswith("ended\n") and not err
+    assert sorted(tmp_path.iterdir()) == before
+    with socket.socket() as again:
+        assert again.connect_ex(("127.0.0.1", int(address[2]))) != 0
+
+
+# ---- in a browser
+
+
+@pytest.fixture(scope="module")
+def driver():
+    with browser(1400, 1100) as found:
+        yield found
+
+
+@pytest.fixture
+def shown(driver, server):
+    resized(driver, 1400, 1100)
+    opened(driver, server.address)
+    settled(driver)
+    return driver
+
+
+def settled(driver):
+    """Wait until what is said is of the curve that is shown."""
+    waited_for(driver, "document.getElementById('status').textContent.includes(' points in ')")
+
+
+def waited_for(driver, condition, seconds=30):
+    end = time.monotonic() + seconds
+    while not driver.execute_script(f"return Boolean({condition})"):
+        assert time.monotonic() < end, (
+            f"waited for {condition}: {driver.execute_script('return document.getElementById(`status`).textContent')}"
+        )
+        time.sleep(0.02)
+
+
+def jumps_shown(driver):
+    return driver.execute_script("return hbgear.state.curves[0].jumps.map(jump => jump.x)")
+
+
+def slide(driver, name, keys):
+    """Move a slider by the keyboard, as a person without a mouse."""
+    before = driver.execute_script("return explorer.timings.length")
+    driver.find_element("css selector", f"[aria-label='{name} as a slider']").send_keys(keys)
+    waited_for(driver, f"explorer.timings.length > {before}")
+
+
+def value_of(driver, name):
+    return driver.execute_script(f"return explorer.now.values[{name!r}]")
+
+
+def test_a_slider_draws_another_curve(shown):
+    from selenium.webdriver.common.keys import Keys
+
+    before = jumps_shown(shown)
+    slide(shown, "zeta", Keys.ARROW_RIGHT * 20)
+    waited_for(shown, "document.getElementById('python').textContent.includes('zeta=')")
+    zeta = value_of(shown, "zeta")
+    assert zeta > 0.05
+    problem = hb.HarmonicBalance(MODEL.replace(zeta=zeta), 8)
+    expected = [jump.value for jump in hb.trace(problem, "Omega", SPAN).jumps()]
+    waited_for(shown, f"Math.abs(hbgear.state.curves[0].jumps[0].x - {expected[0]}) < 1e-9")
+    assert jumps_shown(shown) == pytest.approx(expected, rel=1e-9) and before != expected
+    assert complaints(shown) == []
+
+
+def test_undo_link_and_reset(shown):
+    from selenium.webdriver.common.keys import Keys
+
+    start = jumps_shown(shown)
+    slide(shown, "F_m", Keys.ARROW_RIGHT * 5)
+    moved = value_of(shown, "F_m")
+    link = shown.current_url
+    assert f"F_m={moved}" in link
+    shown.find_element("id", "undo").click()
+    waited_for(shown, f"Math.abs(hbgear.state.curves[0].jumps[0].x - {start[0]}) < 1e-9")
+    assert value_of(shown, "F_m") == 0.1 and not shown.find_element("id", "redo").get_property("disabled")
+    shown.get("about:blank")
+    opened(shown, link)
+    assert value_of(shown, "F_m") == moved and jumps_shown(shown) != start
+    shown.find_element("id", "reset").click()
+    waited_for(shown, f"Math.abs(hbgear.state.curves[0].jumps[0].x - {start[0]}) < 1e-9")
+
+
+def test_a_refused_value_is_told_and_the_curve_stays(shown):
+    from selenium.webdriver.common.keys import Keys
+
+    before = jumps_shown(shown)
+    field = shown.find_element("id", "p-zeta")
+    field.send_keys(Keys.CONTROL, "a")
+    field.send_keys("-1", Keys.ENTER)
+    waited_for(shown, "document.getElementById('status').textContent.includes('zeta = -1')")
+    assert "the one before" in shown.find_element("id", "status").text and jumps_shown(shown) == before
+    complaints(shown)  # the browser notes the refusal
+
+
+def test_a_click_shows_the_motion(shown):
+    curve = hb.trace(hb.HarmonicBalance(MODEL, 8), "Omega", SPAN)
+    i = int(np.argmin(abs(curve.values - 1.2)))
+    clicked(shown, curve.values[i], curve.amplitude("pp2")[i])
+    assert f"Omega = {curve.values[i]:.6g}; " in shown.find_element("id", "chosen").text
+
+
+def test_jump_map_is_drawn_and_taken(shown):
+    button = shown.find_element("id", "makemap")
+    shown.execute_script("arguments[0].scrollIntoView()", button)
+    for name, value in (("mapy0", "0.05"), ("mapy1", "0.12")):
+        field = shown.find_element("id", name)
+        field.clear()
+        field.send_keys(value)
+    button.click()
+    waited_for(shown, "!document.getElementById('map').hidden && document.getElementById('map').data")
+    kinds = shown.execute_script("return document.getElementById('map').data.map(trace => trace.name)")
+    assert {"jump while Ω rises", "jump while Ω falls", "now"} == set(kinds)
+
+
+def test_measured_points_lie_over_the_curve(shown, tmp_path):
+    (tmp_path / "run.csv").write_text("speed [r/min], x\n14515, 0.1\n")
+    shown.find_element("id", "measured").send_keys(str(tmp_path / "run.csv"))
+    waited_for(shown, "hbgear.state.behind.length === 1")
+    x = shown.execute_script("return hbgear.state.behind[0].x[0]")
+    assert x == pytest.approx(MODEL.scales.from_pinion_speed(14515.0), rel=1e-6)
+
+
+def test_fits_a_phone_with_the_curve_beside_the_sliders(driver, server):
+    resized(driver, 390, 844)
+    opened(driver, server.address)
+    settled(driver)
+    assert driver.execute_script("return document.documentElement.scrollWidth") <= 390
+    driver.execute_script("document.getElementById('p-b').scrollIntoView({block: 'center'})")
+    top = driver.execute_script("return document.getElementById('response').getBoundingClientRect().top")
+    assert abs(top) < 2  # it stays at the top while sliders are moved

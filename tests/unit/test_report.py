@@ -1,0 +1,233 @@
+"""Reports: one page that says everything, and is used in a real browser as a person would."""
+
+import base64
+import json
+import re
+
+import numpy as np
+import pytest
+from browser import browser, clicked, complaints, opened, resized
+
+import hbgear as hb
+from hbgear.cli.app import main
+from hbgear.common import optional
+from hbgear.continuation.passing import passings
+from hbgear.harmonic.speeds import MESH, PINION
+from hbgear.io.measured import measured
+from hbgear.web import view
+from hbgear.web.page import PALETTES, in_script
+
+pytest.importorskip("plotly")
+
+
+@pytest.fixture(scope="module")
+def pair():
+    model = hb.SpurPair(zeta=0.04, reference=(38000.0, 37.6e-6, 15000.0, 25))
+    return hb.trace(hb.HarmonicBalance(model, 8), "Omega", (1.5, 0.3))
+
+
+@pytest.fixture(scope="module")
+def page(pair, tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "pair.html"
+    hb.report(pair, title="A <pair> & more", validation=hb.validate(pair, 1)).save(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def driver():
+    with browser() as found:
+        yield found
+
+
+@pytest.fixture
+def shown(driver, page):
+    """The page, opened without a network."""
+    resized(driver, 1280, 1000)
+    nothing = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
+    driver.execute_cdp_cmd("Network.emulateNetworkConditions", nothing)
+    opened(driver, page.as_uri())
+    return driver
+
+
+# ---- what is written
+
+
+def test_what_is_drawn_is_the_curve(pair):
+    (drawn,) = view.views([pair], ["pair"])
+    assert json.loads(json.dumps(drawn, allow_nan=False)) == json.loads(json.dumps(drawn))
+    np.testing.assert_allclose(drawn["amplitudes"]["pp2"][0], pair.amplitude("pp2"), rtol=1e-6)
+    X = np.frombuffer(base64.b64decode(drawn["coefficients"]), "<f4").reshape(pair.X.shape)
+    np.testing.assert_allclose(X, pair.X, rtol=1e-6, atol=1e-12)
+    assert drawn["scales"]["rpm"] == pytest.approx(pair.problem.model.scales.pinion_speed(1.0))
+    dashed = [(first, last) for _, verdict, first, last in drawn["stretches"][0] if verdict == "unstable"]
+    inside = [i for first, last in dashed for i in range(first + 1, last)]
+    assert inside and not pair.stable[inside].any()
+    assert [jump["x"] for jump in drawn["jumps"]] == [jump.value for jump in pair.jumps()]
+    np.testing.assert_allclose(drawn["multipliers"]["largest"], np.abs(pair.multipliers).max(axis=1), rtol=1e-6)
+
+
+def test_report_has_jumps_accuracy_and_validation(page, pair):
+    text = page.read_text(encoding="utf-8")
+    assert "<h1>A &lt;pair&gt; &amp; more</h1>" in text and len(text.encode()) < 6e6
+    body = re.sub(r"<script>.*?</script>", "", text, flags=re.S)
+    for word in ("Jumps of a slow sweep", "LP1", "to be trusted", "1 of 1 points agree", "mean load F_m", "11639"[:2]):
+        assert word in body
+    assert "http://" not in body and "https://" not in body  # nothing to be fetched
+
+
+def test_several_curves_with_measured_points_and_a_study(pair, tmp_path):
+    (tmp_path / "run.csv").write_text("speed [r/min], x\n9000, 0.1\n10000; 0.2\n".replace(";", ","))
+    study = hb.cases(hb.SpurPair(), hb.grid(zeta=[0.06]), ("curve",), harmonics=4, span=(1.5, 0.3), processes=1)
+    made = hb.report([pair, pair], names=["a", "b"], measured=[tmp_path / "run.csv"], studies=[study])
+    assert '"name":"case 0"' in made.html and '"name":"run.csv","mode":"markers"' in made.html
+    assert "<iframe srcdoc=" in made._repr_html_() and "MB>" in repr(made)
+
+
+def test_what_cannot_be_reported_is_refused(pair, tmp_path):
+    with pytest.raises(ValueError, match="no curve to report on"):
+        hb.report([])
+    with pytest.raises(ValueError, match="1 names for 2 branches"):
+        hb.report([pair, pair], names=["a"])
+    with pytest.raises(ValueError, match=r"must end in \.html"):
+        hb.report(pair).save(tmp_path / "a.txt")
+    with pytest.raises(FileNotFoundError, match="give a table of measured points"):
+        hb.report(pair, measured=[tmp_path / "no.csv"])
+
+    class Line:
+        def evaluate(self, X, p):
+            return X - p, np.eye(1)
+
+    with pytest.raises(ValueError, match="no curve of periodic motions"):
+        hb.report(hb.trace(Line(), "p", (0, 1), np.array([0.0])))
+
+
+def test_data_cannot_end_its_script():
+    assert in_script({"a": "</script><!--"}) == '{"a":"\\u003c/script>\\u003c!--"}'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("", "it has no rows"), ("a,b\n1,2\n3,x", "a row is '3,x'"), ("f [Hz], x\n1,2", "does not know its units")],
+)
+def test_measured_points_that_are_none(text, message):
+    with pytest.raises(ValueError, match=message):
+        measured(text, "m.csv", {})
+
+
+def test_measured_points_in_every_unit():
+    scales = {MESH: 100.0, PINION: 600.0}
+    for text in ("Omega x\n0.5 1\n1 2", "f [Hz];x\n50;1\n100;2", "n [rpm]\tx\n300\t1\n600\t2", "0.5,1\n# no\n1,2"):
+        x, y = measured(text, "m", scales)
+        assert x.tolist() == [0.5, 1.0] and y.tolist() == [1.0, 2.0]
+
+
+def test_command(pair, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    pair.save("pair.npz")
+
+    def run(*words):
+        with pytest.raises(SystemExit) as end:
+            main(["report", *words])
+        return end.value.code, capsys.readouterr()
+
+    code, said = run("pair.npz", "-o", "a.html", "--validate", "1", "--title", "Pair")
+    assert code == 0 and "wrote a.html" in said.out and "Validation" in (tmp_path / "a.html").read_text("utf-8")
+    assert run("pair.npz", "-o", "a.png")[0] == 2
+    monkeypatch.setattr(optional.importlib, "import_module", lambda name: (_ for _ in ()).throw(ImportError(name)))
+    code, said = run("pair.npz")
+    assert code == 2 and "pip install 'hbgear[report]'" in said.err
+
+
+def contrast(one: str, other: str) -> float:
+    """Ratio of luminances by WCAG 2.1."""
+
+    def luminance(colour: str) -> float:
+        parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        linear = [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    a, b = sorted((luminance(one), luminance(other)))
+    return (b + 0.05) / (a + 0.05)
+
+
+@pytest.mark.parametrize("theme", PALETTES)
+def test_colours_stand_out_from_the_paper(theme):
+    ink = PALETTES[theme]
+    assert contrast(ink["text"], ink["paper"]) >= 7
+    assert all(contrast(colour, ink["paper"]) >= 3 for colour in ink["regimes"].values())
+    assert all(contrast(colour, ink["paper"]) >= 2.2 for colour in ink["branches"])
+
+
+# ---- in a browser
+
+
+def test_page_needs_no_network_and_has_no_errors(shown):
+    assert shown.execute_script("return performance.getEntriesByType('resource').length") == 0
+    assert complaints(shown) == []
+
+
+def test_curve_is_drawn_as_engineers_draw(shown, pair):
+    drawn = shown.execute_script(
+        "const d = document.getElementById('response'); return {dashes: d.data.map(t => t.line && t.line.dash),"
+        "titles: ['xaxis', 'xaxis2', 'xaxis3'].map(a => d.layout[a].title.text), ranges: ['xaxis', 'xaxis2', 'xaxis3']"
+        ".map(a => d.layout[a].range), arrows: d.layout.annotations.map(a => [a.x, a.ay, a.y])}"
+    )
+    assert {"solid", "dash"} <= set(drawn["dashes"])
+    assert drawn["titles"][1:] == ["mesh frequency [Hz]", "speed of the pinion [r/min]"] and "Ω" in drawn["titles"][0]
+    scales = pair.problem.model.scales
+    np.testing.assert_allclose(drawn["ranges"][1], scales.mesh_frequency(np.array(drawn["ranges"][0])))
+    np.testing.assert_allclose(drawn["ranges"][2], scales.pinion_speed(np.array(drawn["ranges"][0])))
+    arrows = [[jump.value, jump.before.amplitude("pp2"), jump.after.amplitude("pp2")] for jump in pair.jumps()]
+    np.testing.assert_allclose(drawn["arrows"], arrows, rtol=1e-5)
+
+
+def test_a_click_shows_the_motion(shown, pair):
+    from selenium.webdriver.common.by import By
+
+    place = passings(pair, 1.2)[0].nearest
+    clicked(shown, pair.values[place], pair.amplitude("pp2")[place])
+    assert f"Omega = {pair.values[place]:.6g}; " in shown.find_element(By.ID, "chosen").text
+    d, t = shown.execute_script("const d = document.getElementById('time'); return [d.data[0].y, d.data[0].x]")
+    theta, expected = pair[place].samples(0, len(d) - 1)
+    np.testing.assert_allclose(d[:-1], expected, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(t[:-1], theta / (2 * np.pi), rtol=0, atol=1e-12)
+    v = shown.execute_script("return document.getElementById('phase').data[0].y")
+    speed = pair.values[place] * pair[place].samples(0, len(d) - 1, order=1)[1]
+    np.testing.assert_allclose(v[:-1], speed, rtol=0, atol=1e-5)
+    mu = shown.execute_script("return document.getElementById('multipliers').data[1].x")
+    np.testing.assert_allclose(sorted(mu), sorted(pair.multipliers[place].real), atol=1e-6)
+
+
+def test_keys_go_along_the_curve(shown):
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+
+    before = shown.execute_script("return hbgear.state.at")
+    response = shown.find_element(By.ID, "response")
+    shown.execute_script("arguments[0].focus()", response)
+    shown.switch_to.active_element.send_keys(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_LEFT)
+    assert shown.execute_script("return hbgear.state.at") == [before[0], before[1] + 1]
+
+
+def test_measure_and_theme_can_be_chosen(shown, pair):
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.support.ui import Select
+
+    Select(shown.find_element(By.ID, "measure")).select_by_value("H2")
+    axis, y = shown.execute_script(
+        "const d = document.getElementById('response'); return [d.layout.yaxis.title.text, d.data[0].y]"
+    )
+    assert "harmonic 2" in axis
+    rows = [i for i, point in enumerate(y) if point is not None]
+    assert y[0] == pytest.approx(pair.amplitude("H2")[0], rel=1e-5) and rows
+    papers = [shown.execute_script("return document.getElementById('response').layout.paper_bgcolor")]
+    shown.find_element(By.ID, "theme").click()
+    papers.append(shown.execute_script("return document.getElementById('response').layout.paper_bgcolor"))
+    assert set(papers) == {theme["paper"] for theme in PALETTES.values()}
+
+
+def test_page_fits_a_phone(shown):
+    resized(shown, 390, 844)
+    shown.refresh()
+    shown.execute_async_script("hbgear.ready.then(() => requestAnimationFrame(arguments[0]))")
+    assert shown.execute_script("return document.documentElement.scrollWidth") <= 390
