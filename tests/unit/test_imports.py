@@ -116,8 +116,8 @@ FILES = {
         "phasing": "train_parts",
         "train": "phasing support train_parts",
         "planetary": "excited phasing train_parts",
-        "__init__": "double_helical gear helical iso_dynamics mesh_cycle pair planetary rotor_bearing spur support train "
-        "train_parts",
+        "__init__": "double_helical gear helical iso_dynamics mesh_cycle pair planetary rotor_bearing spur support "
+        "train train_parts",
     },
     "harmonic": {
         "__init__": "",
