@@ -91,7 +91,8 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
         )  # fmt: skip
     for name, value in branch.fixed.items():
         data[name] = ((), value, _told(*_words(label_of(branch, name))))
-    return xr.Dataset(data, coords, about(branch))
+    dataset: xarray.Dataset = xr.Dataset(data, coords, about(branch))
+    return dataset
 
 
 def _words(label: str) -> tuple[str, str]:
