@@ -225,6 +225,9 @@ def test_bad_values_are_told_in_a_sentence(server):
     assert answer(server, "/curve", [1])[0] == 422
     assert answer(server, "/save/exe", question())[0] == 422
     assert answer(server, "/nothing")[0] == 404
+    for axes in (None, [], {"x": 1}, {"x": ["zeta", 1, 2], "y": ["zeta", 1, 2]}, {"x": ["zeta", "a", 2], "y": []}):
+        status, text = answer(server, "/map", question() | {"axes": axes})
+        assert status == 422 and json.loads(text)["error"]
     assert (
         "choose"
         in json.loads(
