@@ -25,24 +25,34 @@ from hbgear.continuation.tracer import trace
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.design.study import Cases, cases
 from hbgear.gears import (
+    Bearing,
     DoubleHelicalPair,
     Gear,
     GearPair,
     GearRotorBearing,
     HelicalPair,
+    Mesh,
     MeshCycle,
+    PlanetarySet,
+    PlanetMode,
+    Shaft,
     SpurPair,
     Support,
     Table,
+    Train,
+    Wheel,
+    iso_dynamic_factor,
     read_table,
 )
 from hbgear.harmonic.answers import Answers, answers
 from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.campbell import Campbell, CriticalSpeed, campbell
 from hbgear.harmonic.critical import Critical, NoFold, critical
 from hbgear.harmonic.dynamic_factor import dynamic_factor
 from hbgear.harmonic.jump_map import JumpMap, jump_map
 from hbgear.harmonic.peaks import peaks
 from hbgear.harmonic.runs import Run, run
+from hbgear.harmonic.sensitivity import Sensitivity, sensitivity
 from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
 from hbgear.harmonic.survey import Survey, trace_all
 from hbgear.io.npz import load
@@ -51,10 +61,11 @@ from hbgear.mechanics.doubts import Unlikely
 from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.functions import model
 from hbgear.mechanics.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
-from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.model import Element, Load, Model, Reaction, System
 from hbgear.mechanics.oscillators import Duffing
 from hbgear.mechanics.periodic import Periodic
 from hbgear.mechanics.reduction import Reduction, reduce
+from hbgear.mechanics.speed import MatrixTable, SpeedTerms
 from hbgear.timedomain.basins import basins
 from hbgear.timedomain.integrate import integrate
 from hbgear.timedomain.opinion import Opinion, second_opinion
@@ -66,10 +77,13 @@ from hbgear.web import report
 __all__ = [
     "Answers",
     "Backlash",
+    "Bearing",
     "Branch",
+    "Campbell",
     "Cases",
     "CompiledLaw",
     "Critical",
+    "CriticalSpeed",
     "Cubic",
     "DoubleHelicalPair",
     "Duffing",
@@ -87,6 +101,8 @@ __all__ = [
     "JumpMap",
     "Law",
     "Load",
+    "MatrixTable",
+    "Mesh",
     "MeshCycle",
     "Model",
     "NoConvergence",
@@ -97,16 +113,22 @@ __all__ = [
     "PeriodDoubling",
     "Periodic",
     "PiecewiseLinear",
+    "PlanetMode",
+    "PlanetarySet",
     "Point",
     "Progress",
     "ProgressBar",
     "ProgressCallback",
     "Range",
+    "Reaction",
     "Reduction",
     "Run",
+    "Sensitivity",
     "Series",
     "Settings",
+    "Shaft",
     "SpecialPoint",
+    "SpeedTerms",
     "SpurPair",
     "Status",
     "StepControl",
@@ -115,11 +137,14 @@ __all__ = [
     "Survey",
     "System",
     "Table",
+    "Train",
     "Unilateral",
     "Unlikely",
+    "Wheel",
     "__version__",
     "answers",
     "basins",
+    "campbell",
     "cases",
     "critical",
     "dynamic_factor",
@@ -127,6 +152,7 @@ __all__ = [
     "follow",
     "grid",
     "integrate",
+    "iso_dynamic_factor",
     "jump_map",
     "latin_hypercube",
     "load",
@@ -139,6 +165,7 @@ __all__ = [
     "report",
     "run",
     "second_opinion",
+    "sensitivity",
     "shoot",
     "sweep",
     "switch",

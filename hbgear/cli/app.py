@@ -22,6 +22,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import design as cli_design
+from hbgear.cli import fit as cli_fit
 from hbgear.cli import gear as cli_gear
 from hbgear.cli import pages as cli_pages
 from hbgear.cli import study as cli_study
@@ -135,6 +136,9 @@ def _run(args: list[str]) -> int:
 
 
 cli_design.register(app)
+
+
+cli_fit.register(app)
 
 
 cli_study.register(app)

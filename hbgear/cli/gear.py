@@ -1,4 +1,4 @@
-"""Commands for machines in the engineer's words: ``hbgear gear`` and ``hbgear speed``."""
+"""Commands for machines in the engineer's words: ``hbgear gear``, ``hbgear speed``, ``hbgear answers``."""
 
 from __future__ import annotations
 
@@ -15,21 +15,29 @@ import hbgear as hb
 from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli.support import (
     Changes,
+    Element,
     Figure,
+    File,
     Harmonics,
+    OwnModel,
     chosen_model,
     exit_code,
     harmonics_of,
+    loaded,
     print_table,
+    problem_in,
     traced,
 )
 from hbgear.common.digits import rounded
+from hbgear.harmonic.answers import problem_along
 from hbgear.harmonic.telling import digits_of, text_at
 
 if TYPE_CHECKING:
     from hbgear.io.machine_file import Machine
 
 _LOOKED_AT = 5  # motions of a curve of which the dynamic factor is computed to find the largest
+
+_GRADE = 6  # of accuracy, for K_v: the usual one of ground gears
 
 USUAL_DAMPING = 0.04
 """Damping ratio of a mesh that is assumed where none is given: measured ones lie between 0.02 and 0.1."""
@@ -39,6 +47,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command()(gear)
     app.command()(speed)
+    app.command()(answers)
 
 
 def gear(
@@ -87,7 +96,7 @@ def gear(
         out.figure(plot, lambda drawing: drawing.drive(cycle, curve))
         print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
         print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
-        show_speeds(model, curve)
+        show_speeds(model, curve, machine)
         _show_assumed(machine, model, curve, count, damping is None)
     raise typer.Exit(exit_code(curve))
 
@@ -107,6 +116,8 @@ def speed(
 
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (what was traced is saved).
     """
+    from hbgear.io.machine_file import read_machine
+
     check_writable(output, BRANCHES)
     check_writable(plot, FIGURES)
     model = chosen_model(file, changes)
@@ -121,12 +132,69 @@ def speed(
         out.branch(output, curve)
         out.figure(plot, lambda drawing: drawing.response(curve))
         print(f"{file}: {len(curve)} points; {curve.message}")
-        show_speeds(model, curve)
+        show_speeds(model, curve, None if changes else read_machine(Path(file)))
     raise typer.Exit(exit_code(curve))
 
 
-def show_speeds(model: hb.Model, curve: hb.Branch) -> None:
-    """Print the jumps of a curve and of the others of its span in r/min, with dynamic factors."""
+def answers(
+    file: File,
+    answer: Annotated[
+        str,
+        typer.Argument(metavar="[ANSWER]", help="Which one to tell at jumps and to draw, such as 'force, largest'."),
+    ] = "dynamic factor",
+    own: OwnModel = None,
+    element: Element = "0",
+    dof: Annotated[
+        str | None, typer.Option(help="A coordinate whose acceleration is wanted, by number or name.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save all answers of all rows as .csv.")] = None,
+    plot: Figure = None,
+) -> None:
+    """Forces, dynamic factor, transmission error, reactions, acceleration along a saved curve, in units of the machine.
+
+    Exit codes: 0 done, 2 bad input.
+    """
+    check_writable(output, (".csv",))
+    check_writable(plot, FIGURES)
+    branch, which = loaded(file, "pp2", element)
+    at = int(dof) if dof is not None and dof.isdecimal() else dof
+    problem = problem_in(branch, own) if own else None
+    found = hb.answers(branch, which, at, problem=problem)
+    title = found.title(answer)
+    with outputs() as out:
+        out.write(output, found.save)
+        out.figure(plot, lambda drawing: drawing.response(branch, answer, which, dof=at))
+        print_table(["largest of stable motions", "", "at Omega", "at r/min"], list(_largest(branch, found)))
+        problem = problem or problem_along(branch)
+        rows = []
+        for jump in branch.jumps():
+            ends = (hb.answers(end, which, at, problem=problem)[answer][0] if end else None
+                    for end in (jump.before, jump.after))  # fmt: skip
+            direction = "increasing" if jump.direction > 0 else "decreasing"
+            rows.append([jump.label, text_at(jump.before, branch.parameter), direction,
+                         *("-" if end is None else rounded(float(end), 4) for end in ends)])  # fmt: skip
+        if rows:
+            print_table(["", branch.parameter, "while", f"{title} before", "after"], rows, "jumps of a slow sweep")
+    raise typer.Exit(0)
+
+
+def _largest(branch: hb.Branch, found: hb.Answers) -> Iterator[list[str]]:
+    """Each answer: its largest value, and where."""
+    columns = found.columns
+    stable = columns.get("stable", np.ones(len(branch))).astype(bool)
+    if not stable.any():
+        stable[:] = True
+    rpm = columns.get("pinion [r/min]")
+    for name, values in columns.items():
+        if name in ("stable", "Omega [-]", "mesh [Hz]", "pinion [r/min]", f"{branch.parameter} [-]"):
+            continue
+        i = int(np.nanargmax(np.where(stable, values, -np.inf)))
+        yield [name, rounded(float(values[i]), 4), rounded(float(columns["Omega [-]"][i]), 5),
+               "-" if rpm is None else f"{rpm[i]:.0f}"]  # fmt: skip
+
+
+def show_speeds(model: hb.Model, curve: hb.Branch, machine: Machine | None = None) -> None:
+    """Print the jumps of a curve and of the others of its span in r/min, with dynamic factors, and K_v of a machine."""
     if model.scales is None:
         raise ValueError("the model does not know its speeds in r/min")
     rows = []
@@ -138,12 +206,20 @@ def show_speeds(model: hb.Model, curve: hb.Branch) -> None:
             rpm = _plainly(float(model.scales.pinion_speed(jump.value)), digits)
             hertz = _plainly(float(model.scales.mesh_frequency(jump.value)), digits)
             direction = "increasing" if jump.direction > 0 else "decreasing"
-            rows.append([jump.label, rpm, hertz, text_at(jump.before, "Omega"), direction, *factors])
+            row = [jump.label, rpm, hertz, text_at(jump.before, "Omega"), direction, *factors]
+            if machine is not None:
+                speed = float(model.scales.pinion_speed(jump.value))
+                row.append(f"{float(hb.iso_dynamic_factor(machine.pair, machine.torque, speed, _GRADE)):.2f}")
+            rows.append(row)
     if not rows:
         print("no jumps")
         return
     headers = ["", "pinion r/min", "mesh Hz", "Omega", "while", "dynamic factor before", "after"]
-    print_table(headers, rows, "jumps of a slow sweep; dynamic factor = largest over static force of the mesh")
+    title = "jumps of a slow sweep; dynamic factor = largest over static force of the mesh"
+    if machine is not None:
+        headers.append("K_v")
+        title += f"; K_v of ISO 6336-1, method B, grade {_GRADE}"
+    print_table(headers, rows, title)
 
 
 def _plainly(value: float, digits: int) -> str:
@@ -224,7 +300,7 @@ def _show_assumed(machine: Machine, model: hb.Model, curve: hb.Branch, count: An
     rows = [["as computed", _worst(model, curve), _speeds(model, curve)]]
     for name, other in _others(machine, by_default):
         changed = other()
-        branch = traced(hb.HarmonicBalance(changed, count), "Omega", changed.default_span)
+        branch = traced(hb.HarmonicBalance(changed, count), "Omega", changed.default_span, accuracy=None)
         rows.append([name, _worst(changed, branch), _speeds(changed, branch)])
     headers = ["assumed, and if it is otherwise", "largest factor", "jumps at r/min, while rising (+) or falling (-)"]
     print_table(headers, rows)

@@ -328,8 +328,9 @@ def chosen_model(name: str, changes: list[str] | None) -> hb.Model:
     """The model of MODEL, by its name or of a machine's file, with the values of --set."""
     if name.endswith(".toml"):
         from hbgear.io.machine_file import read_machine
+        from hbgear.io.train_file import is_train, read_train
 
-        made_of_it = read_machine(name).model()
+        made_of_it = read_train(name) if is_train(name) else read_machine(name).model()
         return made_of_it.replace(**fields_of(type(made_of_it), changes or []))
     cls = catalogue.class_of(name)
     fields = fields_of(cls, changes or [])

@@ -48,14 +48,17 @@ from hbgear.continuation.reading import Reader
 
 
 class Extra(NamedTuple):
-    """The equations of the solution with their derivatives in p and name, and g with its own in X, p and name."""
+    """The equations of the solution and g, and their derivatives.
+
+    now : R with its derivatives in X and p. g, g_X, g_p : g with its own. moved : derivatives of R and g in each of
+    the further parameters that were asked for.
+    """
 
     now: Evaluation
-    R_name: Array | None
     g: float
     g_X: Array
     g_p: float
-    g_name: float
+    moved: tuple[tuple[Array, float], ...]
 
 
 def sides(problem: FullProblem, X: Array, here: Mapping[str, float], name: str) -> tuple[Array, Matrix]:
@@ -106,8 +109,8 @@ class Augmented(FullProblem):
     # ---- the added equation
 
     @abstractmethod
-    def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
-        """R and g at X with all parameters, and their derivatives; name may be empty."""
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Base) -> Extra:
+        """R and g at X with all parameters, and their derivatives, in further parameters too."""
 
     @abstractmethod
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
@@ -229,14 +232,17 @@ class Augmented(FullProblem):
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """{R, g} (n + 1,), its Jacobian in (X, p) and its derivative in a further parameter; X are U = (X, p) here."""
+        now, moved = self.linearised(X, (name,) if name else (), **parameters)
+        return now._replace(dR_dp=moved[0]) if name else now
+
+    def linearised(self, X: Array, names: Sequence[str], **parameters: float) -> tuple[Evaluation, Array]:
+        """As `linearise` without a name, and the derivatives (len(names), n + 1) of {R, g} in many parameters."""
         X, own = self.split(X)
         here = {**parameters, **own}
-        extra = self.extra(X, here, name, self.base or replace(self.base_at(X, here), weight=1.0))
+        extra = self.extra(X, here, names, self.base or replace(self.base_at(X, here), weight=1.0))
         J = bordered(extra.now.dR_dX, extra.now.dR_dp, extra.g_X, extra.g_p)
-        dR = np.zeros(len(X) + 1)
-        if name:
-            dR[:-1], dR[-1] = extra.R_name, extra.g_name
-        return Evaluation(np.append(extra.now.R, extra.g), J, dR, extra.now.size)
+        moved = np.array([np.append(dR, dg) for dR, dg in extra.moved]).reshape(len(names), len(X) + 1)
+        return Evaluation(np.append(extra.now.R, extra.g), J, np.zeros(len(X) + 1), extra.now.size), moved
 
 
 def borders_of(A: Matrix) -> tuple[Array, Array, float]:
@@ -342,18 +348,16 @@ class Fold(Augmented):
         now = linearise(self.problem, X, "", here)
         return now.dR_dX, now.size
 
-    def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Base) -> Extra:
         """See `Augmented.extra`."""
         assert base.b is not None and base.c is not None
         now = linearise(self.problem, X, self.parameter, here)
         v, w, g = null_vectors(now.dR_dX, base.b, base.c)
         k = base.weight
         along, across = self.problem.curvature(X, v, self.parameter, **here)
-        dR, dJ = sides(self.problem, X, here, name) if name else (None, None)
-        return Extra(
-            now, dR, k * g, -k * (w @ along),
-            -k * float(w @ (across @ v)), 0.0 if dJ is None else -k * float(w @ (dJ @ v)),
-        )  # fmt: skip
+        changes = (sides(self.problem, X, here, name) for name in names)
+        moved = tuple((dR, -k * float(w @ (dJ @ v))) for dR, dJ in changes)
+        return Extra(now, k * g, -k * (w @ along), -k * float(w @ (across @ v)), moved)
 
     def direction(self, U: Array, **parameters: float) -> int:
         """+1 if the solutions of this fold exist below it only, -1 if above: the sense in which a sweep meets it.
@@ -417,7 +421,7 @@ class Level(Augmented):
             raise ValueError(f"the function of the level is {value} at {point}; it must be finite")
         return value
 
-    def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Base) -> Extra:
         """See `Augmented.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
         h = STEP * max(1e-3, norm(X))
@@ -426,10 +430,9 @@ class Level(Augmented):
             e = np.zeros(len(X))
             e[i] = h
             gradient[i] = (self.value(X + e, here) - self.value(X - e, here)) / (2 * h)
-        R_name = linearise(self.problem, X, name, here).dR_dp if name else None
         k = base.weight
-        return Extra(now, R_name, k * self.value(X, here), k * gradient, k * self._moved(X, here, self.parameter),
-                     k * self._moved(X, here, name) if name else 0.0)  # fmt: skip
+        moved = tuple((linearise(self.problem, X, name, here).dR_dp, k * self._moved(X, here, name)) for name in names)
+        return Extra(now, k * self.value(X, here), k * gradient, k * self._moved(X, here, self.parameter), moved)
 
     def _moved(self, X: Array, here: dict[str, float], name: str) -> float:
         """Derivative of the function in a parameter."""

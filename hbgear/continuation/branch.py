@@ -13,7 +13,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,6 +132,7 @@ class Point:
     regime : (m,) code of each element, named by ``layout.regimes``; -1 is unknown.
     error : estimated error of the solution, nan if unknown. Of a special point that of its place; see `SpecialPoint`.
     modulus_error : estimated error of the largest modulus of the multipliers; nan where that is far from 1, or unknown.
+    problem : what it solves, perhaps with more unknowns than that; None if it is not known. It is not saved.
 
     Examples
     --------
@@ -153,6 +154,11 @@ class Point:
     layout: Reader | None
     label: str = ""
     modulus_error: float = dataclasses.field(default=math.nan, kw_only=True)
+    problem: Any = dataclasses.field(default=None, kw_only=True)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For pickle: the problem goes with the branch, not with each of its points."""
+        return {**vars(self), "problem": None}
 
     def __repr__(self) -> str:
         place = "".join(f" at {name} = {self.parameters[name]:.6g}" for name in list(self.parameters)[-1:])
@@ -228,7 +234,24 @@ class SpecialPoint(Point):
 
     def __getstate__(self) -> dict[str, Any]:
         """For pickle: an event may hold any function."""
-        return {**vars(self), "event": None}
+        return {**super().__getstate__(), "event": None}
+
+
+def coordinate(dof: int | str, names: Sequence[str]) -> int:
+    """Position of a degree of freedom given by number or name.
+
+    Raises
+    ------
+    KeyError
+        If there is none.
+    """
+    if isinstance(dof, str):
+        if dof not in names:
+            raise KeyError(f"the model has no degree of freedom '{dof}'{did_you_mean(dof, list(names))}")
+        return list(names).index(dof)
+    if not 0 <= dof < len(names):
+        raise KeyError(f"the model has no degree of freedom {dof}; there are {len(names)}, from 0")
+    return dof
 
 
 @dataclass(frozen=True, eq=False)
@@ -352,7 +375,20 @@ class Branch:
     others: tuple[Branch, ...] = ()
     modulus_error: Array | None = None
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._tell_points()
+
+    def _tell_points(self) -> None:
+        """Tell the points that were singled out which problem they solve, as far as they do not know."""
+        if self.problem is None:
+            return
+        set_ = object.__setattr__
+        set_(self, "special", tuple(_knowing(point, self.problem) for point in self.special))
+        set_(self, "jump_records", tuple(_jump_knowing(jump, self.problem) for jump in self.jump_records))
+
     def __post_init__(self) -> None:
+        self._tell_points()
         set_ = object.__setattr__
         if self.modulus_error is None:
             set_(self, "modulus_error", np.full(np.size(self.values), math.nan))
@@ -401,7 +437,7 @@ class Branch:
         return Point(
             self.X[key], self.parameters_at(key), float(self.residual[key]), int(self.iterations[key]),
             mu, self.regime[key], float(self.error[key]), self.layout,
-            modulus_error=float(np.asarray(self.modulus_error)[key]),
+            modulus_error=float(np.asarray(self.modulus_error)[key]), problem=self.problem,
         )  # fmt: skip
 
     @property
@@ -528,14 +564,7 @@ class Branch:
         if not isinstance(problem, Moving):
             raise ValueError(f"dof={dof!r} needs the model; load the branch with hbgear.load(path, problem=...)")
         q = np.array([problem.motion(X, **self.parameters_at(i)) for i, X in enumerate(self.X)])
-        if isinstance(dof, str):
-            names = list(problem.dof_names)
-            if dof not in names:
-                raise KeyError(f"the model has no degree of freedom '{dof}'{did_you_mean(dof, names)}")
-            dof = names.index(dof)
-        elif not 0 <= dof < q.shape[1]:
-            raise KeyError(f"the model has no degree of freedom {dof}; there are {q.shape[1]}, from 0")
-        return q[:, dof]
+        return q[:, coordinate(dof, problem.dof_names)]
 
     def _retold(self) -> Any:
         """The problem as the file tells it; None if its model is none of hbgear, for no code is loaded."""
@@ -597,6 +626,25 @@ class Branch:
         from hbgear.io import frames
 
         return frames.to_xarray(self)
+
+
+_AnyPoint = TypeVar("_AnyPoint", bound=Point)
+
+
+def _knowing(point: _AnyPoint, problem: Any) -> _AnyPoint:
+    """The point, which knows its problem."""
+    return point if point.problem is not None else dataclasses.replace(point, problem=problem)
+
+
+def _jump_knowing(jump: Jump, problem: Any) -> Jump:
+    """The jump, whose points know their problem."""
+    points = (jump.before, *(() if jump.after is None else (jump.after,)), *jump.candidates)
+    if all(point.problem is not None for point in points):
+        return jump
+    return dataclasses.replace(
+        jump, before=_knowing(jump.before, problem), after=jump.after and _knowing(jump.after, problem),
+        candidates=tuple(_knowing(point, problem) for point in jump.candidates),
+    )  # fmt: skip
 
 
 def continued(first: Branch, second: Branch) -> Branch:

@@ -2,7 +2,9 @@
 
     df/dp = (f(p + h) - f(p - h)) / 2h + O(h^2),   h = STEP * unit,   unit the size of p (`FullProblem.unit_of`)
 
-At the end of the parameter's range, where f exists on one side only, f(p) takes the place of the other: O(h).
+At the end of the parameter's range, where f exists on one side only, by the parabola through three points there:
+
+    df/dp = (4 f(p + h) - f(p + 2h) - 3 f(p)) / 2h + O(h^2)
 """
 
 from __future__ import annotations
@@ -64,6 +66,10 @@ def in_parameter(
             if refused is not None:
                 raise
             refused = error
-            ends.append((value, of({**here, name: value})))
-    (a, above), (b, below) = ends
-    return tuple((x - y) / (a - b) for x, y in zip(above, below, strict=True))
+    if len(ends) == 2:
+        (a, above), (b, below) = ends
+        return tuple((x - y) / (a - b) for x, y in zip(above, below, strict=True))
+    ((near, first),) = ends
+    far = value + 2 * (near - value)
+    second, own = of({**here, name: far}), of({**here, name: value})
+    return tuple((4 * y - z - 3 * x) / (far - value) for x, y, z in zip(own, first, second, strict=True))

@@ -312,8 +312,13 @@ RESERVED = ("LP", "CP", "BP", "PD", "NS", "GR", "PK", "EP")
 
 def event_of(branch: Branch, point: SpecialPoint) -> Event | None:
     """The event a special point of the branch is one of: that it was located by; of a loaded one the problem's."""
+    return event_at(as_problem(branch.problem), branch.parameter, point)
+
+
+def event_at(problem: FullProblem, parameter: str, point: SpecialPoint) -> Event | None:
+    """`event_of` a point of a curve of the problem in the parameter."""
     known = [] if point.event is None else [point.event]
-    own = events_of(as_problem(branch.problem), branch.parameter)
+    own = events_of(problem, parameter)
     return next((event for event in (*known, *own) if event.kind == point.kind), None)
 
 

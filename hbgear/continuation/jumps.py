@@ -37,7 +37,7 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
         # a fold ends one stable part; where rows in doubt make it look like two, the longer run is the true one
         side, point = max(sides, key=lambda found: _stable_run(branch, fold.index, found[0]))
         direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
-        left.append((point, direction, _crossed(branch, point, fold, settings)))
+        left.append((point, direction, _crossed(branch, point, fold, direction, settings)))
     jumps = []
     for (point, direction, _), found in zip(left, seen_points(branch, [found for *_, found in left]), strict=True):
         value, stable = point.parameters[branch.parameter], tuple(p for p in found if p.stable)
@@ -78,10 +78,22 @@ def _stable_run(branch: Branch, start: int, side: int) -> int:
     return count
 
 
-def _crossed(branch: Branch, left: SpecialPoint, fold: SpecialPoint, settings: Settings) -> list[Solution]:
-    """The motions on other parts of the curve at the parameter of the point left."""
+def _crossed(
+    branch: Branch, left: SpecialPoint, fold: SpecialPoint, direction: int, settings: Settings
+) -> list[Solution]:
+    """The motions on other parts of the curve at the parameter of the point left.
+
+    A fold that was solved for with more unknowns may lie before that of the rows, which then pass its value once more
+    on both sides: these are the motions that are left, not others.
+    """
+    value = left.parameters[branch.parameter]
     low, high = sorted((left.index, fold.index))
-    return motions_at(branch, left.parameters[branch.parameter], settings, skip=range(low - 1, high + 1))
+    past = (branch.values - value) * direction > 0 if left is fold else np.zeros(len(branch), dtype=bool)
+    while low > 0 and past[low]:
+        low -= 1
+    while high < len(branch) - 1 and past[high]:
+        high += 1
+    return motions_at(branch, value, settings, skip=range(low - 1, high + 1))
 
 
 def motions_at(branch: Branch, value: float, settings: Settings, *, skip: range = range(0)) -> list[Solution]:
@@ -113,7 +125,7 @@ def seen_points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point
     points = iter([
         Point(
             solution.X, p, solution.residual, solution.iterations, one.get("multipliers"),
-            one.get("regime", np.zeros(0, np.int8)), one.get("error", math.nan), branch.layout,
+            one.get("regime", np.zeros(0, np.int8)), one.get("error", math.nan), branch.layout, problem=branch.problem,
         ) for solution, p, one in zip(every, here, seen, strict=True)
     ])  # fmt: skip
     return [[next(points) for _ in group] for group in groups]

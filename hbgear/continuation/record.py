@@ -52,6 +52,7 @@ def branch_of(
             known = fields_of(problem, name, fixed, rows[mark.index]) | {
                 "multipliers": None if mu is None else mu[mark.index], "regime": regime[mark.index]
             }  # fmt: skip
+        known["problem"] = problem.original
         special.append(special_of(found, known, f"{kind}{count[kind]}", mark.index, mark.interval))
     return Branch(
         parameter=name,
@@ -119,4 +120,5 @@ def fields_of(problem: FullProblem, name: str, fixed: Mapping[str, float], row: 
         "regime": np.asarray(regime, dtype=np.int8),
         "error": row.observed.get("error", math.nan),
         "layout": problem.layout,
+        "problem": problem.original,
     }

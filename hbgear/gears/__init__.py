@@ -3,21 +3,33 @@
 from hbgear.gears.double_helical import DoubleHelicalPair
 from hbgear.gears.gear import Gear
 from hbgear.gears.helical import HelicalPair
+from hbgear.gears.iso_dynamics import iso_dynamic_factor
 from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
 from hbgear.gears.pair import GearPair
+from hbgear.gears.planetary import PlanetarySet, PlanetMode
 from hbgear.gears.rotor_bearing import GearRotorBearing
 from hbgear.gears.spur import SpurPair
 from hbgear.gears.support import Support
+from hbgear.gears.train import Train
+from hbgear.gears.train_parts import Bearing, Mesh, Shaft, Wheel
 
 __all__ = [
+    "Bearing",
     "DoubleHelicalPair",
     "Gear",
     "GearPair",
     "GearRotorBearing",
     "HelicalPair",
+    "Mesh",
     "MeshCycle",
+    "PlanetMode",
+    "PlanetarySet",
+    "Shaft",
     "SpurPair",
     "Support",
     "Table",
+    "Train",
+    "Wheel",
+    "iso_dynamic_factor",
     "read_table",
 ]

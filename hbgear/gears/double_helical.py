@@ -40,6 +40,7 @@ import numpy as np
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
+from hbgear.gears.excited import Excited
 from hbgear.gears.geometry import (
     ShaftStiffness,
     base_helix_angle,
@@ -47,18 +48,14 @@ from hbgear.gears.geometry import (
     shaft_stiffness,
     transverse_pressure_angle,
 )
-from hbgear.gears.given import checked_given, stiffness_of
-from hbgear.gears.spur import amplitudes, mesh_stiffness
+from hbgear.gears.support import AXES, reactions
 from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.laws import Backlash
-from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.model import Element, Load, Reaction, System
 from hbgear.mechanics.periodic import Phased
 from hbgear.mechanics.scales import Numbers, Scales
 
 NODES = ("pL", "gL", "pR", "gR")
-
-
-AXES = ("x", "y", "z", "theta_x", "theta_y", "theta")
 
 
 ROTATIONS = slice(3, 6)
@@ -77,7 +74,7 @@ _NOT_NEGATIVE = ("zeta", "inner_p", "inner_g", "k_pthx", "k_pthy", "k_gthx", "k_
 
 
 @dataclass(frozen=True)
-class DoubleHelicalPair(Model):
+class DoubleHelicalPair(Excited):
     """Marine double-helical gear pair of Dong et al. (2022); equations at the head of this file.
 
     Element coordinates and Omega are in units of b_c and omega_n. The defaults are the paper's Tables 1 and 2; what it
@@ -256,9 +253,6 @@ class DoubleHelicalPair(Model):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("eps", "e"):
-            object.__setattr__(self, name, amplitudes("DoubleHelicalPair", name, getattr(self, name)))
-        checked_given("DoubleHelicalPair", self.stiffness, self.eps)
         self._check_numbers()
         self._check_choices()
 
@@ -410,6 +404,13 @@ class DoubleHelicalPair(Model):
             K[both] = np.kron(own, np.diag(k)) + np.kron(between, np.diag(k_shaft))
         return M, C, K
 
+    @property
+    def reactions(self) -> dict[str, Reaction]:
+        """Radial and axial forces in the supports of the four halves, over k_mean b_c."""
+        halves = [self._node(name[0]) for name in NODES]
+        C, K = (np.concatenate([half[i] for half in halves]) for i in (1, 2))
+        return reactions(NODES, K / self.k_mean, C / (self.m_c * self.omega_n))
+
     def mesh_vectors(self) -> Array:
         """w_L, w_R as columns (24, 2), in SI units."""
         c_b, s_b = cos(self.beta_mesh), sin(self.beta_mesh)
@@ -430,11 +431,6 @@ class DoubleHelicalPair(Model):
         return load.ravel()
 
     # The dimensionless system
-
-    @property
-    def mesh_stiffness(self) -> Phased:
-        """k(tau) of the left half, over k_mean."""
-        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale))
 
     @property
     def transmission_error(self) -> Phased:

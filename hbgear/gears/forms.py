@@ -1,7 +1,7 @@
 """Models of a gear pair from its drawing: torsion alone, with bearings, or in space.
 
-    k_mean, eps_l, e_l from k(tau), e(tau) of the loaded mesh;   b_c = b;   omega_n = sqrt(k_mean/m_c)
-    F_m = T / (r_b1 k_mean b_c)
+    k_mean = mean k(tau),   stiffness = k(tau)/k_mean,   error = e(tau)/b_c,   of the loaded mesh, with their jumps
+    b_c = b,   omega_n = sqrt(k_mean/m_c),   F_m = T / (r_b1 k_mean b_c)
 
 All forms share the mesh, and lengths along the line of action in the transverse plane.
 """
@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 FORMS = ("torsion", "bearings", "spatial")
 """Forms of a model: one degree of freedom; three, with bearings along the line of action; twelve."""
 
-TOLERANCE = 0.01
-"""rms of what is left out of the mesh stiffness, over its mean, and of the transmission error, over F/k_mean."""
-
 DAMPING = Measured("", NOT_NEGATIVE, Range(0, 1))
 """Damping ratio of a mesh."""
 DAMPING.__set_name__(object, "damping")
@@ -42,7 +39,7 @@ class _Mesh(NamedTuple):
     k_mean: float
     b_c: float
     fields: dict[str, Any]
-    """eps, eps_lag, e, e_lag."""
+    """stiffness, error."""
 
 
 def model_of(
@@ -96,12 +93,11 @@ def _mesh(pair: GearPair, cycle: MeshCycle, force: float) -> _Mesh:
         raise ValueError(
             "GearPair.model: the pair has no backlash; give backlash, or a center_distance that leaves some"
         )
-    k, e = cycle.stiffness, cycle.error
-    eps, eps_lag = k.harmonics(TOLERANCE * k.mean)
-    amplitude, e_lag = e.harmonics(TOLERANCE * force / k.mean)
-    opposite = tuple(-value / k.mean for value in eps)  # k(tau)/k_mean = 1 - sum eps_l cos(l tau - lag_l)
-    fields = {"eps": opposite, "eps_lag": eps_lag, "e": tuple(x / b_c for x in amplitude), "e_lag": e_lag}
-    return _Mesh(k.mean, b_c, fields)
+    k_mean, stiffness, error = cycle.functions(force)
+    fields: dict[str, Any] = {"eps": (), "stiffness": stiffness, "e": ()}
+    if error.varies:
+        fields["error"] = error.scaled(1 / b_c)
+    return _Mesh(k_mean, b_c, fields)
 
 
 def _reference(pair: GearPair, mesh: _Mesh) -> tuple[float, ...]:

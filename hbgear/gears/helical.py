@@ -23,24 +23,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, radians, sin, sqrt, tan
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
-from hbgear.gears.spur import amplitudes, checked_lags, lagging, mesh_stiffness
+from hbgear.gears.excited import Excited
+from hbgear.gears.support import AXES, reactions
 from hbgear.mechanics.laws import Backlash
-from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.model import Element, Load, Reaction, System
+from hbgear.mechanics.periodic import Phased
 from hbgear.mechanics.scales import Scales
 
-AXES = ("x", "y", "z", "theta_x", "theta_y", "theta")
 _POSITIVE = ("r_p", "r_g", "m_p", "m_g", "I_p", "I_g", "D_p", "D_g", "k_mean", "b_c")
 _NOT_NEGATIVE = ("zeta", "zeta_p", "zeta_g", "b", "k_p", "k_g", "k_pz", "k_gz", "k_pt", "k_gt")
 
 
 @dataclass(frozen=True)
-class HelicalPair(Model):
+class HelicalPair(Excited):
     """Helical or spur gear pair that bends, twists and shifts its shafts; equations at the head of this file.
 
     Element coordinates and Omega are in units of b_c and omega_n. `GearPair.model` makes it from a drawing; the
@@ -69,6 +70,7 @@ class HelicalPair(Model):
     eps, eps_lag : (L,) amplitudes and lags of the mesh stiffness over k_mean.
     e, e_lag : (L,) amplitudes over b_c and lags of the transmission error.
     eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
+    stiffness, error : k(tau) over k_mean and e(tau) over b_c in place of eps and e, as of `SpurPair`.
 
     Raises
     ------
@@ -116,6 +118,8 @@ class HelicalPair(Model):
     e_lag: tuple[float, ...] = ()
     eps_scale: float = 1.0
     e_scale: float = 1.0
+    stiffness: Phased | None = None
+    error: Phased | None = None
 
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
@@ -171,10 +175,6 @@ class HelicalPair(Model):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("eps", "e"):
-            object.__setattr__(self, name, amplitudes("HelicalPair", name, getattr(self, name)))
-            lag = checked_lags("HelicalPair", name, getattr(self, name), getattr(self, f"{name}_lag"))
-            object.__setattr__(self, f"{name}_lag", lag)
         for name in ("teeth_p", "teeth_g"):
             if getattr(self, name) < 1:
                 raise ValueError(f"HelicalPair: {name} = {getattr(self, name)} must be at least 1")
@@ -216,6 +216,12 @@ class HelicalPair(Model):
             C.append(2 * getattr(self, f"zeta_{g}") * np.sqrt(stiffness * inertia))
         return np.diag(np.concatenate(M)), np.diag(np.concatenate(C)), np.diag(np.concatenate(K))
 
+    @property
+    def reactions(self) -> dict[str, Reaction]:
+        """Radial and axial forces in the supports of both gears, over k_mean b_c."""
+        _, C, K = self.structure()
+        return reactions(("pinion", "wheel"), np.diag(K) / self.k_mean, np.diag(C) / (self.m_c * self.omega_n))
+
     def mesh_vector(self) -> Array:
         """w (12,), in SI units."""
         alpha, phi = radians(self.alpha_deg), radians(self.phi_deg)
@@ -233,11 +239,6 @@ class HelicalPair(Model):
 
     # The dimensionless system
 
-    @property
-    def transmission_error(self) -> Any:
-        """e(tau) in units of b_c."""
-        return lagging(self.e, self.e_lag).scaled(self.e_scale)
-
     def system(self) -> System:
         """Dimensionless equations of motion, element "gap"; scaling at the head of this file."""
         S, m_c, omega_n = self._scale(), self.m_c, self.omega_n
@@ -245,7 +246,7 @@ class HelicalPair(Model):
         SS = np.outer(S, S)
         gap = Element(
             direction=S * self.mesh_vector(),
-            law=Backlash(b=self.b, stiffness=mesh_stiffness(self.eps, self.eps_scale, self.eps_lag)),
+            law=Backlash(b=self.b, stiffness=self.mesh_stiffness),
             displacement=self.transmission_error,
             damping=2 * self.zeta,
             name="gap",

@@ -53,7 +53,7 @@ class _Contacts:
     gap: Array
     depth: tuple[Array, Array]
     rho: Array
-    width: float
+    widths: Array
 
 
 def loaded_mesh(
@@ -123,8 +123,10 @@ def _contacts(pair: GearPair, phase: Array, side: Array, slices: int) -> _Contac
     pairs = np.arange(ceil(length + pair.overlap_ratio) + 1)
     where = (phase[:, None, None] + pairs[None, :, None] - lag[None, None, :]).reshape(len(phase), -1)
     nudge = side[:, None] * 1e-9  # whether a pair that comes or goes right here is counted
-    there = (where + nudge > 0) & (where + nudge < length)
-    s = np.clip(begin + where * pair.base_pitch, begin, end)
+    reach = pair.overlap_ratio / (2 * slices)  # half of what a slice covers of the path, in base pitches
+    first, last = np.clip(where - reach, 0.0, length), np.clip(where + reach, 0.0, length)
+    share = (last - first) / (2 * reach) if reach else ((where + nudge > 0) & (where + nudge < length)).astype(float)
+    s = np.clip(begin + (first + last) / 2 * pair.base_pitch, begin, end)
     across = np.tile(z, len(pairs))[None, :]
     gap = _gaps(pair, s, across)
     grid = np.linspace(begin, end, _ALONG)
@@ -139,7 +141,8 @@ def _contacts(pair: GearPair, phase: Array, side: Array, slices: int) -> _Contac
     rho = np.abs(s * far / pair.tangent_length) / helix
     width = pair.face_width / slices
     # k_t = k_n cos^2(beta_b) over the length of contact, width / cos(beta_b)
-    return _Contacts(there, teeth / (width * helix), gap, (depth[0], depth[1]), rho, width)
+    widths = width * np.maximum(share, _LEAST)
+    return _Contacts(share > _LEAST, teeth / (widths * helix), gap, (depth[0], depth[1]), rho, widths)
 
 
 def _gaps(pair: GearPair, s: Array, across: Array) -> Array:
@@ -201,7 +204,7 @@ def _of_springs(k: Array, gap: Array, force: float) -> Array:
 def _hertz(pair: GearPair, c: _Contacts, load: Array) -> tuple[Array, Array]:
     """Compliance c_h of the contacts in the transverse plane, and -F dc_h/dF, by which the tangent is smaller."""
     helix = cos(pair.pinion.base_helix_angle)
-    length = c.width / helix
+    length = c.widths / helix
     elastic = [(1 - gear.poisson**2) / gear.E for gear in (pair.pinion, pair.wheel)]
     line = np.maximum(
         load / helix / length, 1.0
@@ -211,5 +214,5 @@ def _hertz(pair: GearPair, c: _Contacts, load: Array) -> tuple[Array, Array]:
     for gear, soft, deep in zip((pair.pinion, pair.wheel), elastic, c.depth, strict=True):
         logs = np.log(np.maximum(2 * deep / a, 1.5))
         total = total + soft * (logs - gear.poisson / (2 * (1 - gear.poisson)))
-    scale = 2 / (pi * c.width * helix)
-    return scale * total, np.full_like(load, scale * sum(elastic) / 2)
+    scale = 2 / (pi * c.widths * helix)
+    return scale * total, scale * sum(elastic) / 2

@@ -2,10 +2,7 @@
 
     force = k(tau) (d - e(tau)) while the teeth touch,   tau = 2 pi phase
 
-Both are straight between their points; a phase that is there twice is a jump. Their Fourier coefficients are those of
-the straight pieces, exactly:
-
-    c_l = 1/(i l) sum_j [jump_j + (slope change)_j / (i l)] exp(-i l tau_j) / pi
+Both are straight between their points; a phase that is there twice is a jump.
 """
 
 from __future__ import annotations
@@ -15,6 +12,7 @@ import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -23,16 +21,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hbgear.common.arguments import check_fields, checked_arguments
-from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.ranges import NOT_NEGATIVE, checked
 from hbgear.common.replacing import checked_suffix, replacing
 from hbgear.common.units import si
-from hbgear.mechanics.fourier import real_numbers
+from hbgear.mechanics.fourier import Series, real_numbers
+from hbgear.mechanics.periodic import Periodic, Phased
+
+TOLERANCE = 1e-4
+"""By how much cubics may miss the mesh stiffness, over its mean, and the transmission error, over F/k_mean."""
+
+MOST = 24
+"""Harmonics of an error that jumps: the damper of the mesh has no force for a jump."""
 
 _CLOSED = 1e-3  # of the range of values: how well the last value of a table is the first
-MOST = 24
-"""Harmonics of a table that models take at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +56,8 @@ class Table:
     --------
     >>> import hbgear as hb
     >>> square = hb.Table(phase=[0, 0.5, 0.5, 1], value=[2e8, 2e8, 1e8, 1e8])
-    >>> square.mean, round(float(abs(square.coefficients(1)[0])) / 1e8, 4)
-    (150000000.0, 0.6366)
+    >>> square.mean, len(square.function().corners)
+    (150000000.0, 2)
     """
 
     phase: Any
@@ -93,39 +96,44 @@ class Table:
         out: Array = self.value[right - 1] + share * (self.value[right] - self.value[right - 1])
         return out
 
-    def coefficients(self, count: int) -> ComplexArray:
-        """Complex amplitudes c_l (count,) of l = 1..count, exactly: the function is mean + sum Re(c_l exp(i l tau))."""
-        tau = 2 * pi * self.phase
-        steps, rises = np.diff(tau), np.diff(self.value)
-        slopes = np.where(steps > 0, rises / np.where(steps > 0, steps, 1.0), 0.0)
-        l = np.arange(1, count + 1)[:, None]  # noqa: E741 the order of a harmonic, as everywhere
-        turn = np.exp(-1j * l * tau[None, :])
-        straight = slopes * (turn[:, 1:] - turn[:, :-1]) / l**2  # int s' exp(-i l tau) / (i l), with 1/(i l) twice
-        jumps = np.where(steps > 0, 0.0, rises) * turn[:, 1:] / (1j * l)
-        around = (self.value[0] - self.value[-1]) / (1j * l[:, 0])
-        out: ComplexArray = (np.sum(straight + jumps, axis=1) + around) / pi
-        return out
+    def function(self, tolerance: float = 0.0) -> Phased:
+        """The table as a function of the phase tau, with its jumps, for models; without tolerance straight as it is.
 
-    def remainder(self, count: int) -> float:
-        """rms of what the first ``count`` harmonics leave out."""
-        x, y = self.phase, self.value
-        square = float(np.sum(np.diff(x) * (y[1:] ** 2 + y[1:] * y[:-1] + y[:-1] ** 2)) / 3)
-        kept = float(np.sum(np.abs(self.coefficients(count)) ** 2)) / 2 if count else 0.0
-        return float(np.sqrt(max(square - self.mean**2 - kept, 0.0)))
-
-    def harmonics(self, tolerance: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Amplitudes and lags of as many harmonics as leave out no more than a tolerance, rms, or `MOST`.
-
-            mean + sum_l amplitude_l cos(l tau - lag_l)
+        Between jumps, as few cubics as miss no value by more than the tolerance, each through the values at its ends.
 
         Parameters
         ----------
         tolerance : [unit of the values].
         """
-        c = self.coefficients(MOST)
-        counts = [n for n in range(MOST) if self.remainder(n) <= tolerance]
-        c = c[: counts[0]] if counts else c
-        return tuple(np.abs(c).tolist()), tuple((-np.angle(c)).tolist())
+        checked("Table.function", "tolerance", tolerance, NOT_NEGATIVE)
+        if not self.range > tolerance:
+            return Series(self.mean)
+        pieces: list[tuple[float, list[float]]] = []
+        jumps = np.flatnonzero(np.diff(self.phase) == 0)
+        ends = [-1, *jumps.tolist(), len(self.phase) - 1]
+        for before, last in pairwise(ends):
+            if last > before + 1:  # a jump where the cycle begins or ends has nothing beyond it
+                _fit(2 * pi * self.phase, self.value, before + 1, last, tolerance, pieces)
+        return Periodic(tuple(begin for begin, _ in pieces), tuple(tuple(row) for _, row in pieces))
+
+
+def _fit(x: Array, y: Array, first: int, last: int, tolerance: float, pieces: list[tuple[float, list[float]]]) -> None:
+    """Add the pieces of some points: one cubic if it misses none by the tolerance, else those of both halves."""
+    width = x[last] - x[first]
+    chord = (y[last] - y[first]) / width
+    row = [float(y[first]), float(chord)]
+    if last > first + 1:
+        s = (x[first : last + 1] - x[first]) / width
+        missed = y[first : last + 1] - y[first] - chord * width * s
+        bends = np.column_stack([s * (1 - s), s * s * (1 - s)])  # nothing at the ends
+        a, b = np.linalg.lstsq(bends, missed, rcond=None)[0] if tolerance else (0.0, 0.0)
+        if np.abs(missed - bends @ [a, b]).max() > tolerance:
+            middle = (first + last) // 2
+            _fit(x, y, first, middle, tolerance, pieces)
+            _fit(x, y, middle, last, tolerance, pieces)
+            return
+        row = [row[0], row[1] + a / width, (b - a) / width**2, -b / width**3]
+    pieces.append((float(x[first]), row))
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +181,17 @@ class MeshCycle:
         k, e = _at(self.stiffness, x), _at(self.error, x)
         return Table(x, e + (self.force or 0.0) / k)
 
+    def functions(self, force: float) -> tuple[float, Phased, Phased]:
+        """As models take it: k_mean [N/m], k(tau)/k_mean, and e(tau) [m], which has no jumps.
+
+        Parameters
+        ----------
+        force : of the mesh [N], for the size of the errors that matter.
+        """
+        k = self.stiffness.function(TOLERANCE * self.stiffness.mean)
+        e = self.error.function(TOLERANCE * abs(force) / k.mean)
+        return k.mean, k.scaled(1 / k.mean), _without_jumps(e)
+
     @property
     def peak_to_peak(self) -> float:
         """Of the static transmission error [m]."""
@@ -189,6 +208,14 @@ class MeshCycle:
             writer = csv.writer(handle)
             writer.writerow(["phase [cycle]", "stiffness [N/m]", "error [m]", "static error [m]"])
             writer.writerows(zip(*columns, strict=True))
+
+
+def _without_jumps(e: Phased) -> Phased:
+    """An error that jumps, as that of pairs of teeth which come with a pitch error, by its first harmonics."""
+    if not isinstance(e, Periodic) or e.continuous:
+        return e
+    row = e.row(MOST)
+    return Series(float(row[0]), tuple(row[1::2].tolist()), tuple(row[2::2].tolist()))
 
 
 def _joined(a: Array, b: Array) -> Array:

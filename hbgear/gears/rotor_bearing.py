@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
-from hbgear.gears.given import checked_given, stiffness_of
-from hbgear.gears.spur import amplitudes, checked_lags, checked_phase, mesh_stiffness, scales_of, transmission_error
+from hbgear.gears.excited import Excited
 from hbgear.mechanics.laws import Backlash
-from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.model import Element, Load, System
 from hbgear.mechanics.periodic import Phased
-from hbgear.mechanics.scales import Scales
 
 _POSITIVE = ("mu_1", "mu_2", "kappa_1", "kappa_2")
 
@@ -26,7 +24,7 @@ _NOT_NEGATIVE = ("zeta", "zeta_1", "zeta_2", "b", "b_1", "b_2")
 
 
 @dataclass(frozen=True)
-class GearRotorBearing(Model):
+class GearRotorBearing(Excited):
     """Spur gear pair whose gears also move along the line of action, held by bearings with radial clearance.
 
         y_1'' + 2 zeta_1 y_1' + kappa_1 f_1(y_1) + mu_1 [2 zeta p' + k(tau) f(p)] = -F_1
@@ -148,33 +146,6 @@ class GearRotorBearing(Model):
         "eps": Range(-1, 1),
         "e": Range(-20, 20),
     }
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        checked_phase("GearRotorBearing", self.phase)
-        for name in ("eps", "e"):
-            object.__setattr__(self, name, amplitudes("GearRotorBearing", name, getattr(self, name)))
-            lag = checked_lags("GearRotorBearing", name, getattr(self, name), getattr(self, f"{name}_lag"))
-            object.__setattr__(self, f"{name}_lag", lag)
-        checked_given("GearRotorBearing", self.stiffness, self.eps)
-        object.__setattr__(self, "reference", amplitudes("GearRotorBearing", "reference", self.reference))
-        scales_of("GearRotorBearing", self.reference)
-
-    @property
-    def scales(self) -> Scales | None:
-        return scales_of("GearRotorBearing", self.reference)
-
-    @property
-    def mesh_stiffness(self) -> Phased:
-        """k(tau)."""
-        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale, self.eps_lag))
-
-    @property
-    def transmission_error(self) -> Phased:
-        """e(tau)."""
-        if self.error is not None:
-            return self.error.scaled(self.e_scale)
-        return transmission_error(self.e, self.phase, self.e_scale, self.e_lag)
 
     def system(self) -> System:
         """Coordinates y_1, y_2, x; elements "gap" (the mesh), "bearing 1" and "bearing 2"."""

@@ -1,4 +1,4 @@
-"""One spur gear pair as an oscillator of one degree of freedom, and the mesh series all gear models share.
+"""One spur gear pair as an oscillator of one degree of freedom.
 
 References
 ----------
@@ -7,129 +7,19 @@ Kahraman & Singh (1990), J. Sound Vib. 142(1), 49-75, https://doi.org/10.1016/00
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import pi
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
-import numpy as np
-
-from hbgear.common.ranges import NOT_NEGATIVE, Range, counted
-from hbgear.gears.given import checked_given, stiffness_of
-from hbgear.mechanics.fourier import MOST_HARMONICS, Series
+from hbgear.common.ranges import NOT_NEGATIVE, Range
+from hbgear.gears.excited import Excited
 from hbgear.mechanics.laws import Backlash
-from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.model import Element, Load, System
 from hbgear.mechanics.periodic import Phased
-from hbgear.mechanics.scales import Scales
-
-
-def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
-    """Harmonic amplitudes as a tuple of floats, entry 0 for l = 1.
-
-    Raises
-    ------
-    ValueError
-        If ``values`` is not a sequence of finite numbers, or too long for a `Series`.
-    """
-    try:
-        if isinstance(values, str) or not isinstance(values, Iterable):
-            raise TypeError
-        out = tuple(float(value) for value in values)
-    except (TypeError, ValueError):
-        raise ValueError(f"{owner}: {name} = {values!r} must be a sequence of numbers such as (0.1, 0.05)") from None
-    if not np.all(np.isfinite(out)):
-        raise ValueError(f"{owner}: {name} = {values!r} has entries that are not finite")
-    counted(f"{owner}: number of entries of {name}", len(out), MOST_HARMONICS, least=0)
-    return out
-
-
-def checked_phase(owner: str, phase: str) -> None:
-    """Refuse a phase of the transmission error that is neither "cos" nor "sin"."""
-    if phase not in ("cos", "sin"):
-        raise ValueError(f"{owner}: phase = {phase!r} must be 'cos' or 'sin'")
-
-
-def lagging(values: tuple[float, ...], lag: tuple[float, ...]) -> Series:
-    """A sum of cosines, each with a lag of its own.
-
-        sum_l values[l-1] cos(l tau - lag[l-1])
-
-    Parameters
-    ----------
-    values : (L,) amplitudes, entry 0 for l = 1.
-    lag : (L,) phases [rad]; () for none.
-    """
-    if not lag:
-        return Series(cosine=values)
-    c = np.asarray(values) * np.exp(1j * np.asarray(lag))
-    return Series(cosine=tuple(c.real), sine=tuple(c.imag))
-
-
-def checked_lags(owner: str, name: str, values: tuple[float, ...], lag: Any) -> tuple[float, ...]:
-    """Lags as a tuple of floats, as many as amplitudes or none.
-
-    Raises
-    ------
-    ValueError
-        If they are others.
-    """
-    out = amplitudes(owner, f"{name}_lag", lag)
-    if out and len(out) != len(values):
-        raise ValueError(f"{owner}: {name}_lag has {len(out)} entries and {name} has {len(values)}: give one lag for "
-                         "each amplitude, or () for none")  # fmt: skip
-    return out
-
-
-def transmission_error(e: tuple[float, ...], phase: str, scale: float = 1.0, lag: tuple[float, ...] = ()) -> Series:
-    """Transmission error.
-
-        e(tau) = scale sum_l e[l-1] cos(l tau - lag[l-1]), or sin
-
-    Parameters
-    ----------
-    e : (L,) amplitudes, entry 0 for l = 1.
-    phase : "cos" or "sin".
-    scale : factor of all of them.
-    lag : (L,) phases [rad]; () for none.
-    """
-    if phase == "cos" or not lag:
-        return (lagging(e, lag) if phase == "cos" else Series(sine=e)).scaled(scale)
-    return lagging(e, tuple(x + pi / 2 for x in lag)).scaled(scale)
-
-
-def mesh_stiffness(eps: tuple[float, ...], scale: float = 1.0, lag: tuple[float, ...] = ()) -> Series:
-    """Mesh stiffness over its mean.
-
-        k(tau) = 1 - scale sum_l eps[l-1] cos(l tau - lag[l-1])
-
-    Parameters
-    ----------
-    eps : (L,) amplitudes, entry 0 for l = 1.
-    scale : factor of all of them.
-    lag : (L,) phases [rad]; () for none.
-    """
-    return dataclasses.replace(lagging(tuple(-scale * amplitude for amplitude in eps), lag), mean=1.0)
-
-
-def scales_of(owner: str, reference: tuple[float, ...]) -> Scales | None:
-    """`Scales` of a field ``reference``: (omega_n [rad/s], b_c [m], k_mean b_c [N], teeth of the pinion), or ().
-
-    Raises
-    ------
-    ValueError
-        If they are neither none nor four positive numbers.
-    """
-    if not reference:
-        return None
-    if len(reference) != 4 or not all(x > 0 for x in reference):
-        raise ValueError(f"{owner}: reference = {reference!r} must be omega_n [rad/s], b_c [m], k_mean b_c [N] and the "
-                         "number of teeth of the pinion, all positive; or ()")  # fmt: skip
-    return Scales(*reference)
 
 
 @dataclass(frozen=True)
-class SpurPair(Model):
+class SpurPair(Excited):
     """Spur gear pair reduced to its gap x along the line of action, all quantities dimensionless.
 
         x'' + 2 zeta x' + k(tau) f(x) = F_m + sum_l (l Omega)^2 e_l cos(l tau)      (or sin, by `phase`)
@@ -215,33 +105,6 @@ class SpurPair(Model):
     usual: ClassVar[Mapping[str, Range]] = {
         "zeta": Range(0, 1), "F_m": Range(-20, 20), "b": Range(0, 100), "eps": Range(-1, 1), "e": Range(-20, 20),
     }  # fmt: skip
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        checked_phase("SpurPair", self.phase)
-        for name in ("eps", "e"):
-            object.__setattr__(self, name, amplitudes("SpurPair", name, getattr(self, name)))
-            lag = checked_lags("SpurPair", name, getattr(self, name), getattr(self, f"{name}_lag"))
-            object.__setattr__(self, f"{name}_lag", lag)
-        checked_given("SpurPair", self.stiffness, self.eps)
-        object.__setattr__(self, "reference", amplitudes("SpurPair", "reference", self.reference))
-        scales_of("SpurPair", self.reference)
-
-    @property
-    def scales(self) -> Scales | None:
-        return scales_of("SpurPair", self.reference)
-
-    @property
-    def mesh_stiffness(self) -> Phased:
-        """k(tau)."""
-        return stiffness_of(self.stiffness, self.eps_scale, mesh_stiffness(self.eps, self.eps_scale, self.eps_lag))
-
-    @property
-    def transmission_error(self) -> Phased:
-        """e(tau)."""
-        if self.error is not None:
-            return self.error.scaled(self.e_scale)
-        return transmission_error(self.e, self.phase, self.e_scale, self.e_lag)
 
     def system(self) -> System:
         """One coordinate q = x + e(tau) on no other spring than the mesh."""

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.common.units import Measured, MeasuredOrNone
+from hbgear.mechanics.model import Reaction
+
+AXES = ("x", "y", "z", "theta_x", "theta_y", "theta")
+"""Directions in which a gear in space moves: across the shaft, along it (z), tilts, rotation."""
 
 
 @dataclass(frozen=True)
@@ -39,3 +47,21 @@ class Support:
     damping: Measured = Measured("", NOT_NEGATIVE, Range(0, 5), 0.02)
     clearance: Measured = Measured("m", NOT_NEGATIVE, Range(0, 5e-3), 0.0)
     preload: Measured = Measured("N", Range(), Range(-1e8, 1e8), 0.0)
+
+
+def reactions(gears: Sequence[str], stiffness: Array, damping: Array) -> dict[str, Reaction]:
+    """Radial and axial forces in the supports of gears of six coordinates each, in the order of `AXES`.
+
+    Parameters
+    ----------
+    gears : their names.
+    stiffness, damping : (6 G,) of the supports to ground.
+    """
+    rows = np.diag(stiffness), np.diag(damping)
+    found = {}
+    for i, name in enumerate(gears):
+        for what, axes in (("radial", [0, 1]), ("axial", [2])):
+            at = [6 * i + axis for axis in axes]
+            if stiffness[at].any():
+                found[f"{name} {what}"] = Reaction(*(row[at] for row in rows))
+    return found

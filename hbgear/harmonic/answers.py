@@ -4,6 +4,7 @@
     p(tau)                            force of the law of an element, of the whole gap and without its damper
     K = max p / mean p                dynamic factor; the mean of p is the static force, for dampers have none
     a = rms of q'',   L = 20 lg(a / 1e-6 m/s^2)        of a coordinate; the level as of ISO 1683
+    F = |K q + C q'|                  reaction of a support that the model names (`Model.reactions`)
 
 In SI units where the model knows its scales, else in those of the model.
 """
@@ -21,17 +22,21 @@ import numpy as np
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.messages import did_you_mean, quoted
+from hbgear.common.messages import quoted
 from hbgear.common.replacing import replacing
-from hbgear.continuation.branch import Branch
+from hbgear.continuation.branch import Branch, Point, coordinate
 from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.catalogue import problem_of
 from hbgear.harmonic.dynamic_factor import force_samples
-from hbgear.harmonic.observables import half_peak_to_peak
+from hbgear.harmonic.observables import derivative, half_peak_to_peak, rms
 from hbgear.harmonic.speeds import speeds_at
-from hbgear.mechanics.fourier import to_real
+from hbgear.mechanics.fourier import evaluate, to_real
+from hbgear.mechanics.model import Reaction
 
 REFERENCE = 1e-6
 """Acceleration of 0 dB [m/s^2]."""
+
+_PHASES = 1024  # of a period, of reactions, which are smooth
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +48,7 @@ class Answers:
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 12), "Omega", (1.5, 0.6))
     >>> found = hb.answers(curve)
-    >>> list(found.columns)[2:]
+    >>> list(found.columns)[1:-1]
     ['dte, half peak-to-peak [-]', 'force, largest [-]', 'force, static [-]', 'dynamic factor [-]']
     >>> round(float(found["dynamic factor"].max()), 1)
     3.7
@@ -53,11 +58,21 @@ class Answers:
 
     def __getitem__(self, name: str) -> Array:
         """A column by its name, with the unit or without."""
-        for full, column in self.columns.items():
+        return self.columns[self.title(name)]
+
+    def title(self, name: str) -> str:
+        """The whole name of a column, with its unit.
+
+        Raises
+        ------
+        KeyError
+            If there is none.
+        """
+        for full in self.columns:
             if name in (full, full.partition(" [")[0]):
-                return column
-        known = [full.partition(" [")[0] for full in self.columns]
-        raise KeyError(f"there is no answer {quoted(name)}{did_you_mean(name, known)}")
+                return full
+        known = ", ".join(quoted(full.partition(" [")[0]) for full in self.columns)
+        raise KeyError(f"there is no answer {quoted(name)}; there are {known}")
 
     @checked_arguments()
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -71,19 +86,22 @@ class Answers:
 
 
 @checked_arguments()
-def answers(branch: Branch, element: int | str = 0, dof: int | str | None = None) -> Answers:
+def answers(
+    found: Branch | Point, element: int | str = 0, dof: int | str | None = None, problem: Any = None
+) -> Answers:
     """Forces, dynamic factor, transmission error and acceleration along a curve; equations at the head of this file.
 
     Parameters
     ----------
-    branch : a curve of a harmonic balance, with its problem.
+    found : a curve of a harmonic balance, loaded ones too, or one point with the problem of its curve.
     element : a mesh, or a bearing that is an element, by number or name.
     dof : a coordinate of the model whose acceleration is wanted, by number or name.
+    problem : `HarmonicBalance`; by default that of the curve, or what its file says.
 
     Raises
     ------
     ValueError, KeyError
-        If the curve has no problem (load it with ``problem=``), or there is no such element or coordinate.
+        If there is no problem and the file does not say it, or no such element or coordinate.
 
     Examples
     --------
@@ -93,23 +111,55 @@ def answers(branch: Branch, element: int | str = 0, dof: int | str | None = None
     >>> [name for name in found.columns if name.startswith("acc")]
     ['acceleration, rms [-]']
     """
-    problem = branch.problem
+    if isinstance(found, Branch):
+        problem = problem_along(found, problem)
+        each = [found.parameters_at(i) for i in range(len(found))]
+        columns = {} if found.parameter == "Omega" else {f"{found.parameter} [-]": found.values}
+        columns |= _columns(problem, np.asarray(found.X), each, element, dof)
+        if found.stable is not None:
+            columns["stable"] = np.asarray(found.stable)
+        return Answers(columns)
+    problem = found.problem if problem is None else problem
     if not isinstance(problem, HarmonicBalance):
-        raise ValueError("answers need the model; load the branch with hbgear.load(path, problem=...)")
-    index = branch.layout.index(element) if branch.layout is not None else 0  # type: ignore[attr-defined]
-    each = [branch.parameters_at(i) for i in range(len(branch))]
-    found = np.array([_of_motion(problem, X, here, index) for X, here in zip(branch.X, each, strict=True)])
-    scales: list[Any] = [_scales_of(problem, here) for here in each]
+        raise ValueError("answers of a point need the problem of its curve; give problem=curve.problem")
+    return Answers(_columns(problem.fitting(found), found.X[None], [dict(found.parameters)], element, dof))
+
+
+def problem_along(branch: Branch, problem: Any = None) -> HarmonicBalance:
+    """The harmonic balance of a curve: given, its own, or what its file says.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    for one in (problem, branch.problem):
+        if isinstance(one, HarmonicBalance):
+            return one
+    try:
+        return problem_of(branch.meta)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(
+            f"answers need the model; load the branch with hbgear.load(path, problem=...) ({error})"
+        ) from None
+
+
+def _columns(
+    problem: HarmonicBalance, X: Array, each: list[dict[str, float]], element: int | str, dof: int | str | None
+) -> dict[str, Array]:
+    """All columns of motions X (P, m (2H + 1))."""
+    index = problem.layout.index(element)
+    models: list[Any] = [problem.model.at(here) for here in each]
+    scales = [model.scales for model in models]
+    known = all(one is not None for one in scales)
     length, force, rate = (np.array([getattr(one, name, 1.0) for one in scales])
                            for name in ("length", "force", "acceleration"))  # fmt: skip
-    known = all(one is not None for one in scales)
     micro, newton, metre = ("um", "N", "m/s^2") if known else ("-", "-", "-")
-    columns = {f"{branch.parameter} [-]": branch.values}
     speeds = [speeds_at(problem.model, here) for here in each]
+    columns = {"Omega [-]": np.array([here["Omega"] for here in each])}
     columns |= {f"{name.rpartition(' ')[0]} [{name.rpartition(' ')[2]}]": np.array([one[name] for one in speeds])
                 for name in (speeds[0] if speeds else ())}  # fmt: skip
-    if branch.stable is not None:
-        columns["stable"] = np.asarray(branch.stable)
+    found = np.array([_of_motion(problem, row, here, index) for row, here in zip(X, each, strict=True)])
     columns |= {
         f"dte, half peak-to-peak [{micro}]": found[:, 0] * length * (1e6 if known else 1.0),
         f"force, largest [{newton}]": found[:, 1] * force,
@@ -117,12 +167,30 @@ def answers(branch: Branch, element: int | str = 0, dof: int | str | None = None
         "dynamic factor [-]": np.divide(found[:, 1], found[:, 2], out=np.full(len(found), np.nan),
                                         where=np.abs(found[:, 2]) > 1e-12 * np.abs(found[:, 1])),
     }  # fmt: skip
+    if dof is None and not models[0].reactions:
+        return columns
+    Omega = columns["Omega [-]"] / problem.nu
+    q = np.array([problem.motion(row, **here) for row, here in zip(X, each, strict=True)])
+    for name in models[0].reactions:
+        sizes = np.array(
+            [_reaction(model.reactions[name], *each) for model, *each in zip(models, q, Omega, strict=True)]
+        )
+        columns[f"reaction {name}, largest [{newton}]"] = sizes[:, 0] * force
+        columns[f"reaction {name}, static [{newton}]"] = sizes[:, 1] * force
     if dof is not None:
-        acceleration = branch.amplitude("rms", dof=dof, derivative=2) * rate
+        acceleration = rms(derivative(q[:, coordinate(dof, problem.dof_names)], Omega, 2)) * rate
         columns[f"acceleration, rms [{metre}]"] = acceleration
         if known:
             columns["acceleration, level [dB]"] = 20 * np.log10(np.maximum(acceleration, 1e-300) / REFERENCE)
-    return Answers(columns)
+    return columns
+
+
+def _reaction(support: Reaction, q: Array, rate: float) -> tuple[float, float]:
+    """Largest and static size of the force in a support, of motions (n, 2H + 1)."""
+    rows = support.stiffness @ q + support.damping @ derivative(q, rate, 1)
+    theta = 2 * np.pi * np.arange(_PHASES) / _PHASES
+    size = np.linalg.norm([evaluate(row, theta) for row in rows], axis=0)
+    return float(size.max()), float(np.linalg.norm(rows[:, 0]))
 
 
 def _of_motion(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> tuple[float, float, float]:
@@ -135,8 +203,3 @@ def _of_motion(problem: HarmonicBalance, X: Array, here: dict[str, float], index
     largest = float(force[np.argmax(force if static >= 0 else -force)])
     dte = row + to_real(compiled.receptance.e.T)[index]
     return float(half_peak_to_peak(dte)), largest, static
-
-
-def _scales_of(problem: HarmonicBalance, here: dict[str, float]) -> Any:
-    """Units of the model with these parameters: length, force, acceleration; None if it does not know them."""
-    return None if problem.model.scales is None else problem.model.at(here).scales

@@ -29,7 +29,7 @@ from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.common.recent import Recent
 from hbgear.continuation.branch import Branch, Point
-from hbgear.continuation.differences import difference_along, in_parameter
+from hbgear.continuation.differences import STEP, difference_along, in_parameter
 from hbgear.continuation.events import Event
 from hbgear.continuation.homotopy import solve_from_afar
 from hbgear.continuation.newton import NoConvergence, solve
@@ -41,6 +41,7 @@ from hbgear.harmonic.floquet import is_reduced, multipliers_of, reduction
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.realbasis import derivative
 from hbgear.harmonic.receptance import Structure
+from hbgear.harmonic.spinning import Spinning
 from hbgear.harmonic.starts import from_elsewhere, guesses
 from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, of_truncation, tell
 from hbgear.mechanics.fourier import (
@@ -63,6 +64,12 @@ _COUNTABLE = 10**15  # larger numbers are refused before anything is computed wi
 
 
 _FREQUENCIES = Range(above=0, high=1e60)  # so that powers of Omega are numbers
+
+
+_FELT, _SEEN = 1e-11, 1e-8  # changes of the balance, relative, that are no rounding, and that can be measured
+
+
+_VAST = 1e40  # beyond which no parameter is of any effect
 
 
 _FAR = 10.0  # size of a motion, over the largest length of the model, from which that may lose its meaning
@@ -131,8 +138,10 @@ class HarmonicBalance(FullProblem):
         self.m = len(system.elements)
         if samples is not None:
             counted("samples", samples, _COUNTABLE)
+        self._kept = 8
         self._structures: Recent[Structure] = Recent(6)
-        self._own = model.parameters
+        self._systems: Recent[System] = Recent(6)
+        self._own = model.parameters | model.entries
         self._prepare(samples)
         self._warn_truncated(system)
         of_size(system)
@@ -146,10 +155,13 @@ class HarmonicBalance(FullProblem):
         self.N = int(samples or usual)
         self._check_size()
         self._transform = Transform(H, self.N)
-        self._compiled: Recent[Compiled] = Recent(8)
+        self._compiled: Recent[Compiled] = Recent(self._kept)
         self._receded: Recent[HarmonicBalance] = Recent(1)
         self._finer: Recent[HarmonicBalance] = Recent(1)
         self._doubled: Recent[HarmonicBalance] = Recent(1)
+        self._fitting: Recent[HarmonicBalance] = Recent(4)
+        self._remembering: Recent[HarmonicBalance] = Recent(1)
+        self._units: Recent[float] = Recent(32)
 
     def __repr__(self) -> str:
         kind = ", sampled" if self.is_sampled else ""
@@ -218,12 +230,44 @@ class HarmonicBalance(FullProblem):
             raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
 
     def range_of(self, name: str) -> Range:
-        """Values a parameter may have; Omega is positive."""
-        return POSITIVE if name == "Omega" else self.model.ranges.get(name, ANY)
+        """Values a parameter may have; Omega is positive, and within the tables of a structure that has some."""
+        if name != "Omega":
+            return self.model.ranges.get(name, ANY)
+        speed = self.compiled({}).system.speed
+        return POSITIVE if speed is None else speed.range
+
+    def unit_of(self, name: str, value: float) -> float:
+        """As of every problem; of a parameter that is zero in the model, by what it does to the balance, if it is vast.
+
+        A support without stiffness in N/m is not small beside a hundredth of 1 N/m: the unit is what changes the
+        balance by a thousandth of its size.
+        """
+        unit = super().unit_of(name, value)
+        if value or self._own.get(name, 1.0):
+            return unit
+        return self._units.get(name, lambda: self._unit_at_zero(name, unit))
+
+    def _unit_at_zero(self, name: str, usual: float) -> float:
+        own = self.compiled({})
+        length, Omega = longest(own.system) or 1.0, abs(float(np.mean(self.model.default_span)))
+        X = np.zeros((self.m, 2 * self.H + 1))
+        X[:, :3] = length * np.array([0.5, 1.5, 0.5])
+        R, *_, size = own.linearise(X.ravel(), Omega)
+        h = STEP * usual
+        while h < _VAST:
+            try:
+                change = float(np.linalg.norm(self.compiled({name: h}).linearise(X.ravel(), Omega)[0] - R)) / size
+            except ValueError:  # out of its range
+                return usual
+            if change > (_FELT if h == STEP * usual else _SEEN):
+                return usual if h == STEP * usual else 1e-3 * h / change
+            h *= 1e3
+        return usual
 
     def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
         """Warn of an Omega far above every natural frequency of the model."""
-        of_frequency(self.compiled({}).structure, high if name == "Omega" else fixed["Omega"])
+        Omega = high if name == "Omega" else fixed["Omega"]
+        of_frequency(self.compiled({}).structure.at(Omega), Omega)
 
     def missing(self, known: Sequence[str]) -> Sequence[str]:
         """Omega is given with every evaluation."""
@@ -325,7 +369,17 @@ class HarmonicBalance(FullProblem):
         layout = point.layout
         if not isinstance(layout, Layout) or layout.nu != self.nu or layout.harmonics <= self.H:
             return self
-        return self.with_order(self.nu, layout.harmonics)
+        return self._fitting.get(layout.harmonics, lambda: self.with_order(self.nu, layout.harmonics))
+
+    def remembering(self, sets: int) -> HarmonicBalance:
+        """The same, which keeps what it computes for that many sets of parameters, to be asked of many motions."""
+        return self._remembering.get(sets, lambda: self._with_memory(sets))
+
+    def _with_memory(self, sets: int) -> HarmonicBalance:
+        out = copy.copy(self)
+        out._kept, out._structures, out._systems = sets, Recent(sets), Recent(sets)
+        out._prepare(self.N)
+        return out
 
     def decided(
         self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
@@ -350,7 +404,7 @@ class HarmonicBalance(FullProblem):
 
     def _far(self) -> HarmonicBalance:
         out = copy.copy(self)
-        out.model, out._structures = Receded(self.model), Recent(6)
+        out.model, out._structures, out._systems = Receded(self.model), Recent(6), Recent(6)
         out._prepare(self.N)
         return out
 
@@ -411,14 +465,19 @@ class HarmonicBalance(FullProblem):
         changed = {k: v for k, v in parameters.items() if k != "Omega" and v != self._own.get(k)}
         for name in changed:
             self.check_parameter(name)
-        return self._compiled.get(tuple(sorted(changed.items())), lambda: self._compile(changed))
+        key = tuple(sorted(changed.items()))
+        return self._compiled.get(key, lambda: self._compile(key))
 
-    def _compile(self, changed: dict[str, float]) -> Compiled:
-        system = (self.model.replace(**changed) if changed else self.model).system()
+    def _compile(self, changed: tuple[tuple[str, float], ...]) -> Compiled:
+        system = self._systems.get(
+            changed, lambda: (self.model.replace(**dict(changed)) if changed else self.model).system()
+        )
         return Compiled(system, self._structure(system), self.H, self.nu, self.is_sampled, self._transform, self.reduce)
 
     def _structure(self, system: System) -> Structure:
         """Eigen-decompositions are shared between parameter sets that differ in laws and loads only."""
+        if system.speed is not None:
+            return Spinning(system)
         fresh = tuple(np.array([e.law.reference, e.damping]).tobytes() for e in system.elements)
         dense = [A for A in (system.M, system.C, system.K) if isinstance(A, np.ndarray)]
         loads = tuple(b"" if ld.constant is None else np.asarray(ld.constant).tobytes() for ld in system.loads)
@@ -441,10 +500,11 @@ class HarmonicBalance(FullProblem):
         Omega = float(parameters["Omega"])
         R, J, dR, size = self.compiled(parameters).linearise(X, Omega)
         if name != "Omega":
-            here = {name: self.parameters.get(name, 0.0), **parameters} if name else {}
-            (dR,) = (
-                in_parameter(self, name, here, lambda at: (self.residual(X, **at),)) if name else (np.zeros(len(R)),)
-            )
+            here = {name: self._own.get(name, 0.0), **parameters}
+            if name:
+                (dR,) = in_parameter(self, name, here, lambda at: (self.linearise(X, "", **at).R,))
+            else:
+                dR = np.zeros(len(R))
         return Evaluation(R, J, dR, size)
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:

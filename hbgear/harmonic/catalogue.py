@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hbgear.common.messages import did_you_mean
-from hbgear.gears import DoubleHelicalPair, GearRotorBearing, HelicalPair, SpurPair
+from hbgear.gears import DoubleHelicalPair, GearRotorBearing, HelicalPair, PlanetarySet, SpurPair
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.mechanics.fields import check_names, made, plain_kinds_of
 from hbgear.mechanics.model import Model
@@ -20,6 +20,7 @@ MODELS: dict[str, type[Model]] = {
     "gear-rotor-bearing": GearRotorBearing,
     "helical-pair": HelicalPair,
     "double-helical": DoubleHelicalPair,
+    "planetary": PlanetarySet,
 }
 
 

@@ -53,7 +53,7 @@ class Compiled:
         self.system, self.structure = system, structure
         self.receptance = Receptance(structure, system, H, nu)
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
-        self.H, self.nu, self.N, self.reduce = H, nu, transform.N, reduce
+        self.H, self.nu, self.N, self.reduce, self.is_sampled = H, nu, transform.N, reduce, sampled
         self._transform = transform
         laws, springs, left = laws_of(self.laws, sampled, nu)
         self.asked = tuple((int(j), self.laws[j]) for j in (*left, *laws.own))
@@ -63,6 +63,7 @@ class Compiled:
         self.corner, self.element = laws.level, laws.owner
         self._linear: tuple[float, LinearPart] | None = None
         self._parts: Recent[Parts] = Recent(16)
+        self._at: Recent[Compiled] = Recent(16)
 
     @property
     def m(self) -> int:
@@ -73,6 +74,18 @@ class Compiled:
     def whole(self) -> bool:
         """Whether the numbers are all there is: kernels can do without Python."""
         return self.sampled is None and self.structure.modal
+
+    def at(self, Omega: float) -> Compiled:
+        """The same with the structure as it is at Omega, which has modes; itself if that does not depend on speed."""
+        if not self.structure.spins:
+            return self
+        structure = self.structure.at(Omega)
+        return self._at.get(
+            Omega,
+            lambda: Compiled(
+                structure.system, structure, self.H, self.nu, self.is_sampled, self._transform, self.reduce
+            ),
+        )
 
     def parts(self, reach: float = math.inf) -> Parts:
         """The modes as stability needs them, those above a frequency as flexibility."""
@@ -208,8 +221,9 @@ class Compiled:
 
     def _driven(self, Omega: Array, f: ComplexArray) -> Array:
         """What `driven` adds, (P, m, 2H), where receptances are solved for directly."""
-        w = (Omega / self.nu)[:, None] * np.arange(self.H + 1, 2 * self.H + 1)
-        delta = (self.structure.receptances(w)[0] @ f.transpose(0, 2, 1)[..., None])[..., 0].transpose(0, 2, 1)
+        ratio = np.arange(self.H + 1, 2 * self.H + 1) / self.nu
+        G = np.array([self.structure.receptances(w, ratio)[0] for w in Omega.tolist()])
+        delta = (G @ f.transpose(0, 2, 1)[..., None])[..., 0].transpose(0, 2, 1)
         return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
 
     def left_out(self, processed: Array) -> Array:

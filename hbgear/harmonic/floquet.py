@@ -103,6 +103,13 @@ def multipliers_of(
         If the structure is too large for its modes to be computed, or a period takes too many steps.
     """
     structure = compiled.structure
+    if structure.spins:
+        each = [multipliers_of(compiled.at(w), X[i : i + 1], Omega[i : i + 1], points=points, width=width)[0]
+                for i, w in enumerate(np.asarray(Omega, dtype=float).tolist())]  # fmt: skip
+        mu = np.zeros((len(each), max(map(len, each), default=0)), dtype=complex)  # a mode may come to rest at a speed
+        for row, one in zip(mu, each, strict=True):
+            row[: len(one)] = one
+        return mu
     if structure.modes is None:
         raise ValueError(
             f"stability needs the modes of the structure; {structure.n} coordinates are too many: "

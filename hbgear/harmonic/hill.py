@@ -33,6 +33,7 @@ def hill_multipliers(compiled: Compiled, X: Array, Omega: float) -> ComplexArray
     """
     from hbgear.harmonic.projection import projected
 
+    compiled = compiled.at(Omega)
     modes, H, m = compiled.structure.modes, compiled.H, compiled.m
     if compiled.asked:
         raise ValueError("Hill's matrix is made for laws that are known to hbgear, not for laws of your own")

@@ -74,6 +74,7 @@ def _point(branch: Branch, i: int, number: int, found: Found) -> SpecialPoint:
     )
     known = fields_of(problem, branch.parameter, fixed, row)
     interval = (float(branch.values[i - 1]), float(branch.values[i + 1]))
+    known["problem"] = branch.problem
     return special_of(found, known, f"PK{number}", i, interval)
 
 

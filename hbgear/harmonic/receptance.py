@@ -114,7 +114,8 @@ class LinearPart(NamedTuple):
         return C
 
 
-def _dense(A: object) -> Array:
+def dense(A: object) -> Array:
+    """A matrix, sparse or not, as an array."""
     return A.toarray() if scipy.sparse.issparse(A) else np.asarray(A)  # type: ignore[attr-defined]
 
 
@@ -167,6 +168,9 @@ class Structure:
         If a constant load acts on a free motion.
     """
 
+    spins = False
+    """Whether C and K depend on Omega, see `spinning`."""
+
     def __init__(self, system: System) -> None:
         self.system = system
         self.n, self.m = system.n, len(system.elements)
@@ -182,8 +186,8 @@ class Structure:
             self.modes: Modes | None = None
             self.parted = False
             return
-        self.M = _dense(system.M)
-        self.C = _dense(system.C) + (self.W * self.c) @ self.W.T
+        self.M = dense(system.M)
+        self.C = dense(system.C) + (self.W * self.c) @ self.W.T
         # scaling by the masses makes "free" a statement about frequencies, whatever units the coordinates have
         diagonal = np.abs(np.diag(self.M))
         self._scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=1.0) or 1.0))
@@ -203,7 +207,7 @@ class Structure:
             return
         for factor, part in ((1.0, 0.0), (1.37, 0.0), (0.61, 0.0), (1.0, 1e-10)):
             self.kr = factor * references
-            self.K = _dense(system.K) + (self.W * self.kr) @ self.W.T
+            self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
             self.free = self._null(self.K)
             self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
             self._check_balance()
@@ -225,7 +229,7 @@ class Structure:
         M, C = (A * np.outer(s, s) for A in (self.M, self.C))
         for factor in (1.0, 0.0):
             kr = factor * references
-            K = _dense(system.K) + (self.W * kr) @ self.W.T
+            K = dense(system.K) + (self.W * kr) @ self.W.T
             A = K * np.outer(s, s)
             if not all(np.array_equal(x, x.T) for x in (M, C, A)):
                 return None
@@ -361,16 +365,19 @@ class Structure:
             x = scipy.linalg.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
         return x
 
-    def receptances(self, w: Array) -> tuple[ComplexArray, ComplexArray]:
-        """G(w) and dG/dw, (..., m, m) each, at frequencies w (...), by one factorisation each."""
-        Q, dQ = self._direct(w.ravel(), np.broadcast_to(self.W, (w.size, *self.W.shape)))
-        shape = (*w.shape, self.m, self.m)
-        return (self.W.T @ Q).reshape(shape), (self.W.T @ dQ).reshape(shape)
+    def at(self, Omega: float) -> Structure:
+        """The structure at a frequency of the excitation, with its modes: itself."""
+        return self
 
-    def response(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """W^T D(w)^-1 F and its derivative in w, (P, m) each, at w (P,) for a load F (n,)."""
-        Q, dQ = self._direct(w, np.broadcast_to(F[:, None], (len(w), self.n, 1)))
-        return (self.W.T @ Q)[..., 0], (self.W.T @ dQ)[..., 0]
+    def receptances(self, Omega: float, ratio: Array) -> tuple[ComplexArray, ComplexArray]:
+        """G and dG/dOmega, (P, m, m) each, at frequencies Omega ratio (P,), by one factorisation each."""
+        Q, dQ = self._direct(Omega * ratio, np.broadcast_to(self.W, (len(ratio), *self.W.shape)))
+        return self.W.T @ Q, (self.W.T @ dQ) * ratio[:, None, None]
+
+    def response(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """W^T D^-1 F and its derivative in Omega, (P, m) each, at frequencies Omega ratio (P,) for a load F (n,)."""
+        Q, dQ = self._direct(Omega * ratio, np.broadcast_to(F[:, None], (len(ratio), self.n, 1)))
+        return (self.W.T @ Q)[..., 0], (self.W.T @ dQ)[..., 0] * ratio[:, None]
 
     def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """D(w)^-1 F and its derivative in w for F (K, n, c), by one factorisation each."""
@@ -461,20 +468,20 @@ class Receptance:
         """The same by solving for the receptances."""
         s, ratio = self.structure, self.k / self.nu
         w = Omega * ratio
-        G, dG = s.receptances(w)
+        G, dG = s.receptances(Omega, ratio)
         Y, dY = out.matrices
         own = np.ix_(np.arange(len(w)), s.own, s.own)
         Y[own] = np.linalg.inv(G[own])
-        dY[own] = Y[own] @ (dG[own] * -ratio[:, None, None]) @ Y[own]
+        dY[own] = Y[own] @ -dG[own] @ Y[own]
         constants = out.constants
         constants[:] = (out.matrices @ self.e[..., None])[..., 0]
         constants[0] -= (s.kr + 1j * w[:, None] * s.c) * self.e
         constants[1] -= 1j * ratio[:, None] * s.c * self.e
         for part in self._loads:
-            k, order, power = part.order * self.nu, part.order, part.power
-            (y,), (dy,) = s.response(w[k : k + 1], part.amplitudes)
+            k, power = part.order * self.nu, part.power
+            (y,), (dy,) = s.response(Omega, ratio[k : k + 1], part.amplitudes)
             growth = Omega**power
-            change = growth * order * dy + (power * Omega ** (power - 1) * y if power else 0.0)
+            change = growth * dy + (power * Omega ** (power - 1) * y if power else 0.0)
             constants[0, k] -= Y[k] @ (growth * y)
             constants[1, k] -= dY[k] @ (growth * y) + Y[k] @ change
         Y -= np.diag(s.kr)
@@ -484,7 +491,7 @@ class Receptance:
 
         q_k = D_k^-1 (F_k - W (f_k - kr d_k - (kr + i w c) e_k))
         """
-        s = self.structure
+        s = self.structure.at(Omega)
         w = self.k * Omega / self.nu
         u = f - s.kr * d - (s.kr + 1j * w[:, None] * s.c) * self.e
         rhs = self.loads(Omega) - u @ s.W.T

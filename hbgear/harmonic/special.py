@@ -16,6 +16,7 @@ Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), htt
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from hbgear.continuation.algebra import bordered, norm
 from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, null_vectors, sides
 from hbgear.continuation.differences import STEP, in_parameter
 from hbgear.continuation.problem import AnyProblem, linearise
-from hbgear.mechanics.fourier import waves
+from hbgear.mechanics.fourier import extrema, to_real, waves
 
 
 class PeriodDoubling(Fold):
@@ -85,7 +86,7 @@ class PeriodDoubling(Fold):
         now = linearise(self.doubled, self.embed(X), "", here)
         return now.dR_dX[np.ix_(self.odd, self.odd)], now.size
 
-    def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Base) -> Extra:
         """See `Augmented.extra`."""
         assert base.b is not None and base.c is not None
         now = linearise(self.problem, X, self.parameter, here)
@@ -95,11 +96,10 @@ class PeriodDoubling(Fold):
         direction[self.odd] = v
         odd, even = self.odd, self.even
         along, across = self.doubled.curvature(wide, direction, self.parameter, **here)
-        dR, dJ = sides(self.doubled, wide, here, name) if name else (None, None)
+        changes = (sides(self.doubled, wide, here, name) for name in names)
         return Extra(
-            now, None if dR is None else dR[even], k * g, -k * (w @ along[np.ix_(odd, even)]),
-            -k * float(w @ across[np.ix_(odd, odd)] @ v),
-            0.0 if dJ is None else -k * float(w @ dJ[np.ix_(odd, odd)] @ v),
+            now, k * g, -k * (w @ along[np.ix_(odd, even)]), -k * float(w @ across[np.ix_(odd, odd)] @ v),
+            tuple((dR[even], -k * float(w @ dJ[np.ix_(odd, odd)] @ v)) for dR, dJ in changes),
         )  # fmt: skip
 
 
@@ -140,7 +140,7 @@ class Grazing(Augmented):
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         return Base(linearise(self.problem, X, "", here).size / (1.0 + norm(X)))
 
-    def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Base) -> Extra:
         """See `Augmented.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
         g, at = self.problem.graze(X, self.which, **here)
@@ -148,17 +148,39 @@ class Grazing(Augmented):
         w = waves(at, self.problem.H)[0]
         slope = np.zeros((self.problem.m, 2 * self.problem.H + 1))
         slope[element, 0], slope[element, 1::2], slope[element, 2::2] = 1.0, w.real[1:], w.imag[1:]
-        weight = base.weight
-        R_name = linearise(self.problem, X, name, here).dR_dp if name else None
-        return Extra(now, R_name, weight * g, weight * slope.ravel(), weight * self._moved(X, here, self.parameter),
-                     weight * self._moved(X, here, name) if name else 0.0)  # fmt: skip
+        k = base.weight
+        changes = (self._changed(X, here, name, now.dR_dX) for name in names)
+        moved = tuple((dR, k * dg) for dR, dg in changes)
+        return Extra(now, k * g, k * slope.ravel(), k * self._moved(X, here, self.parameter, self.which), moved)
 
-    def _moved(self, X: Array, here: dict[str, float], name: str) -> float:
-        """Derivative of the clearance in a parameter that moves the corner."""
+    def _changed(self, X: Array, here: dict[str, float], name: str, J: Array) -> tuple[Array, float]:
+        """Derivatives of R and of the clearance in a parameter.
+
+        Where a corner moves away from a motion that grazes it, contact of the duration sqrt(h) begins or ends, and
+        differences are exact to O(sqrt(h)) only. The motion is therefore moved along, R_a = dR/da - J X_a, in every
+        element that grazes.
+        """
+        dg = self._moved(X, here, name, self.which)
+        if not dg:
+            return linearise(self.problem, X, name, here).dR_dp, dg
+        along, elements = np.zeros((self.problem.m, 2 * self.problem.H + 1)), self.problem.clearance_elements
+        for which in np.flatnonzero(np.abs(self.problem.clearance(X, **here)) < _TOUCHING * (1.0 + norm(X))):
+            along[elements[which], 0] = -self._moved(X, here, name, int(which))
+        X_a, value = along.ravel(), here[name]
+        (dR,) = in_parameter(
+            self.problem, name, here, lambda at: (self.problem.evaluate(X + (at[name] - value) * X_a, **at)[0],)
+        )
+        return dR - J @ X_a, dg
+
+    def _moved(self, X: Array, here: dict[str, float], name: str, which: int) -> float:
+        """Derivative of a clearance in a parameter that moves the corner."""
         if name == "Omega":
             return 0.0
-        (moved,) = in_parameter(self.problem, name, here, lambda at: self.problem.graze(X, self.which, **at)[:1])
+        (moved,) = in_parameter(self.problem, name, here, lambda at: self.problem.graze(X, which, **at)[:1])
         return float(moved)
+
+
+_TOUCHING = 1e-7  # clearance, relative to the motion, of an element that grazes like another one
 
 
 class Peak(Augmented):
@@ -197,13 +219,17 @@ class Peak(Augmented):
     @checked_arguments()
     def __init__(self, problem: AnyProblem, parameter: str = "", measure: str = "rms", element: int = 0) -> None:
         super().__init__(problem, parameter)
-        S = np.zeros((problem.m, 2 * problem.H + 1))
+        self._fixed(measure=measure, element=element, S=self._weights(measure, element).ravel())
+
+    def _weights(self, measure: str, element: int) -> Array:
+        """S (m, 2H + 1)."""
+        S = np.zeros((self.problem.m, 2 * self.problem.H + 1))
         if measure == "rms":
             S[element, 1:] = 1.0
         else:
             k = _harmonic(measure, self.problem)
             S[element, 2 * k - 1 : 2 * k + 1] = 1.0
-        self._fixed(measure=measure, element=element, S=S.ravel())
+        return S
 
     @property
     def arguments(self) -> tuple[Any, ...]:
@@ -212,7 +238,7 @@ class Peak(Augmented):
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         return Base(linearise(self.problem, X, "", here).size / (1.0 + abs(float(self.S @ (X * X)))))
 
-    def extra(self, X: Array, here: dict[str, float], name: str, base: Base) -> Extra:
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Base) -> Extra:
         """See `Augmented.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
         n = len(X)
@@ -220,7 +246,7 @@ class Peak(Augmented):
         e[-1] = 1.0  # the direction is normed by its component in the parameter
         lu = scipy.linalg.lu_factor(bordered(now.dR_dX, now.dR_dp, e))
         t = scipy.linalg.lu_solve(lu, e)
-        slope = self.S * X
+        slope, bent = self.slopes(X, t[:n], here)
         g = float(slope @ t[:n])
         z = scipy.linalg.lu_solve(lu, np.append(slope, 0.0), trans=1)[:n]
         h = STEP * max(1e-3, norm(X)) / max(norm(t), 1e-12)
@@ -231,11 +257,13 @@ class Peak(Augmented):
         )
         bend = z @ np.column_stack([plus.dR_dX - minus.dR_dX, plus.dR_dp - minus.dR_dp]) / (2 * h)
         weight = base.weight
-        g_X, g_p = weight * (self.S * t[:n] - bend[:n]), -weight * float(bend[n])
-        if not name:
-            return Extra(now, None, weight * g, g_X, g_p, 0.0)
-        R_name, moved = self._along(X, here, name, z, t)
-        return Extra(now, R_name, weight * g, g_X, g_p, -weight * moved)
+        g_X, g_p = weight * (bent - bend[:n]), -weight * float(bend[n])
+        changes = (self._along(X, here, name, z, t) for name in names)
+        return Extra(now, weight * g, g_X, g_p, tuple((dR, -weight * moved) for dR, moved in changes))
+
+    def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
+        """Gradient (n,) of A^2 / 2, or of A itself, and its derivative along t (n,)."""
+        return self.S * X, self.S * t
 
     def _along(self, X: Array, here: dict[str, float], name: str, z: Array, t: Array) -> tuple[Array, float]:
         """dR/dname, and z^T d[J R_p]/dname t."""
@@ -246,6 +274,51 @@ class Peak(Augmented):
 
         dR, moved = in_parameter(self.problem, name, here, parts)
         return dR, float(moved)
+
+
+class ExtremumPeak(Peak):
+    """Peaks of an amplitude made of extrema of the motion, or of its mean: dA/ds = 0 along the curve.
+
+        A = sum_i s_i d(theta_i),   d'(theta_i) = 0;   dA/dX is made of the rows of cosines and sines at theta_i
+
+    Parameters
+    ----------
+    problem, parameter, element : as for `Peak`.
+    measure : "pp2", "max" or "mean".
+
+    Raises
+    ------
+    ValueError
+        For another measure.
+    """
+
+    def _weights(self, measure: str, element: int) -> Array:
+        if measure not in EXTREMA:
+            raise ValueError(f"extremum of {measure!r}: need {', '.join(EXTREMA)}")
+        return np.zeros((self.problem.m, 2 * self.problem.H + 1))
+
+    def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
+        """Gradient (n,) of A, and its derivative along t (n,): theta_i moves by -w'(theta_i).t / d''(theta_i)."""
+        slope, bent = np.zeros((2, self.problem.m, 2 * self.problem.H + 1))
+        row, along = X.reshape(self.problem.m, -1)[self.element], t.reshape(self.problem.m, -1)[self.element]
+        if self.measure == "mean":
+            slope[self.element, 0] = 1.0
+            return slope.ravel(), bent.ravel()
+        low, at_low, high, at_high = extrema(row)
+        parts = [(-0.5, at_low), (0.5, at_high)] if self.measure == "pp2" else [
+            (1.0, at_high) if abs(high) >= abs(low) else (-1.0, at_low)
+        ]  # fmt: skip
+        k = np.arange(self.problem.H + 1)
+        for share, at in parts:
+            c = np.exp(-1j * k * at)
+            w, w1, w2 = to_real(c), to_real(-1j * k * c), to_real(-(k**2) * c)
+            slope[self.element] += share * w
+            bent[self.element] -= share * w1 * float(w1 @ along) / float(w2 @ row)
+        return slope.ravel(), bent.ravel()
+
+
+EXTREMA = ("pp2", "max", "mean")
+"""Measures of `ExtremumPeak`."""
 
 
 def _harmonic(measure: str, problem: Any) -> int:

@@ -36,7 +36,7 @@ def scales(model: Model | None, parameters: Mapping[str, float]) -> dict[str, fl
     known: Any = model
     if not getattr(known, "scales", None) and not (hasattr(known, "mesh_frequency") and hasattr(known, "pinion_speed")):
         return {}
-    known = known.at(parameters)
+    known = known.at(parameters) if parameters else known
     known = getattr(known, "scales", None) or known
     return {MESH: float(known.mesh_frequency(1.0)), PINION: float(known.pinion_speed(1.0))}
 

@@ -34,7 +34,7 @@ from hbgear.gears.gear import Gear
 from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
 from hbgear.gears.pair import GearPair
 from hbgear.gears.support import Support
-from hbgear.io.toml_file import Place, TomlFileError, located, parsed, told
+from hbgear.io.toml_file import Place, TomlFileError, exactly, form, located, made, parsed, told
 from hbgear.mechanics.model import Model
 
 _SHARED = ("module", "face_width", "pressure_angle", "addendum", "dedendum", "fillet_radius", "E", "poisson", "density")
@@ -104,17 +104,12 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
 
 def _schema() -> Any:
     """The form of the file, as a model of pydantic."""
-    from pydantic import ConfigDict, create_model
+    from pydantic import create_model
 
-    strict = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+    strict = exactly()
 
     def table(title: str, cls: type, required: tuple[str, ...], left_out: tuple[str, ...] = ()) -> Any:
-        kinds: dict[str, Any] = {}
-        for field in fields(cls):
-            if field.name not in left_out:
-                kind: Any = str | float if isinstance(vars(cls).get(field.name), Measured) else _KINDS[field.name]
-                kinds[field.name] = (kind, ... if field.name in required else None)
-        return create_model(title, __config__=strict, **kinds)
+        return form(title, cls, _KINDS, required, left_out)
 
     support = table("support", Support, ("stiffness",))
     supports = create_model("supports", __config__=strict, pinion=(support, ...), wheel=(support, ...))
@@ -171,22 +166,8 @@ class _Reader:
             return 0.0
 
     def _made(self, place: Place, cls: type, values: Mapping[str, Any]) -> Any:
-        """An instance; each quantity is tried by itself, so that all errors are told at once."""
-        count = len(self.problems)
-        for name, value in values.items():
-            field = vars(cls).get(name)
-            if isinstance(field, Measured) and value is not None:
-                try:
-                    field.read(cls.__name__, value)
-                except ValueError as error:
-                    self.problems.append(((*place, name), _bare(error)))
-        if len(self.problems) > count:
-            return None
-        try:
-            return cls(**values)
-        except ValueError as error:
-            self.problems.append((place, _bare(error)))
-            return None
+        """An instance; None if it refuses something, which is noted."""
+        return made(self.problems, place, cls, values, _bare)
 
     def _cycle(self, table: Mapping[str, str] | None) -> MeshCycle | None:
         if table is None:

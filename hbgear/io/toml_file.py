@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+import typing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from hbgear.common.messages import did_you_mean, quoted, shortened
+from hbgear.common.units import Measured
 from hbgear.io.archive import too_deep
 
 Place = tuple[str | int, ...]
@@ -120,7 +123,9 @@ def told(schema: Any, error: Any) -> tuple[Place, str]:
     name = ".".join(map(str, place))
     if error["type"] == "extra_forbidden":
         for key in place[:-1]:
-            schema = schema.model_fields[key].annotation
+            if isinstance(key, str):  # the form of the entries of a list is that of its key
+                schema = schema.model_fields[key].annotation
+                schema = next(iter(typing.get_args(schema)), schema)
         return place, f"unknown key '{shortened(name)}'{did_you_mean(str(place[-1]), schema.model_fields)}"
     if error["type"] == "missing":
         return place, f"'{shortened(name)}' is missing"
@@ -128,3 +133,54 @@ def told(schema: Any, error: Any) -> tuple[Place, str]:
         place,
         f"{shortened(name)} = {quoted(error['input'])}: {shortened(error['msg'].removeprefix('Value error, '), 300)}",
     )
+
+
+def exactly() -> Any:
+    """Settings of a form of pydantic in which nothing else may stand, and no number is a text."""
+    from pydantic import ConfigDict
+
+    return ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def form(
+    title: str, cls: type, kinds: Mapping[str, Any], required: Sequence[str], left_out: Sequence[str] = (),
+    **more: tuple[Any, Any],
+) -> Any:  # fmt: skip
+    """The form of a table with the fields of a dataclass, as a model of pydantic.
+
+    Quantities are texts or numbers; other fields are of the kinds given. ``more`` are keys beside the fields, as
+    pydantic's (kind, default).
+    """
+    from pydantic import create_model
+
+    keys: dict[str, Any] = {}
+    for field in fields(cls):
+        if field.name not in left_out:
+            kind: Any = str | float if isinstance(vars(cls).get(field.name), Measured) else kinds[field.name]
+            keys[field.name] = (kind, ... if field.name in required else None)
+    return create_model(title, __config__=exactly(), **{**keys, **more})
+
+
+def made(
+    problems: list[tuple[Place, str]], place: Place, cls: type, values: Mapping[str, Any],
+    said: Callable[[ValueError], str], make: Callable[..., Any] | None = None,
+) -> Any:  # fmt: skip
+    """An instance by ``cls(**values)``, or by ``make``; None if something is refused, which goes to the problems.
+
+    Each quantity is tried by itself, so that all errors are told at once; ``said`` is how an error is worded.
+    """
+    count = len(problems)
+    for name, value in values.items():
+        field = vars(cls).get(name)
+        if isinstance(field, Measured) and value is not None:
+            try:
+                field.read(cls.__name__, value)
+            except ValueError as error:
+                problems.append(((*place, name), said(error)))
+    if len(problems) > count:
+        return None
+    try:
+        return (make or cls)(**values)
+    except ValueError as error:
+        problems.append((place, said(error)))
+        return None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import builtins
 import dataclasses
+import re
 import types
 import typing
 from collections.abc import Mapping
@@ -80,6 +81,47 @@ def is_plain(kind: Any) -> bool:
 def parameters_of(cls: type) -> tuple[str, ...]:
     """Names of the fields that are real numbers."""
     return tuple(name for name, kind in kinds_of(cls).items() if kind is float)
+
+
+def entries_of(instance: object) -> dict[str, float]:
+    """The numbers in tuples among the fields of an instance, each by the name it has in Python: ``eps[0]``."""
+    cls: type = type(instance)
+    lists = ((name, getattr(instance, name)) for name in _lists_of(cls))
+    return {f"{name}[{i}]": float(x) for name, values in lists for i, x in enumerate(values)}
+
+
+@lru_cache(maxsize=256)
+def _lists_of(cls: type) -> tuple[str, ...]:
+    """Names of the fields that are tuples of real numbers."""
+    kinds = kinds_of(cls)
+    return tuple(
+        name for name, kind in kinds.items()
+        if typing.get_origin(kind) is tuple and set(typing.get_args(kind)) <= {float, ...}
+    )  # fmt: skip
+
+
+def with_entries(instance: object, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Changes of fields in which those of entries, such as ``eps[0]``, are put into the tuples they belong to.
+
+    Raises
+    ------
+    KeyError
+        If there is no such entry.
+    """
+    whole = {name: value for name, value in changes.items() if "[" not in name}
+    if len(whole) == len(changes):
+        return whole
+    for name, value in changes.items():
+        if name in whole:
+            continue
+        if name not in (known := entries_of(instance)):
+            raise KeyError(f"{type(instance).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
+        found = re.fullmatch(r"(.+)\[(\d+)\]", name)
+        assert found is not None
+        values = list(whole.get(found[1], getattr(instance, found[1])))
+        values[int(found[2])] = float(value)
+        whole[found[1]] = tuple(values)
+    return whole
 
 
 def defaults_of(cls: type) -> dict[str, Any]:

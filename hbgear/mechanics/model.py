@@ -5,7 +5,8 @@
 * ``q`` (n,) coordinates; ``M, C, K`` (n, n), dense or scipy.sparse;
 * ``w_j`` (n,) direction of element j, ``d_j`` its element coordinate (the mesh gap of a gear pair), ``e_j`` a
   prescribed displacement (the transmission error), ``p_j`` a scalar law, ``c_j`` a viscous damper beside it;
-* ``F = Omega^power (F_0 + sum_l F_cl cos(l tau) + F_sl sin(l tau))``.
+* ``F = Omega^power (F_0 + sum_l F_cl cos(l tau) + F_sl sin(l tau))``;
+* C and K may have terms that depend on Omega, see `speed`.
 """
 
 from __future__ import annotations
@@ -17,23 +18,22 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Self, TypeAlias
+from typing import Any, ClassVar, Self
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from hbgear.common.arguments import check, check_fields
 from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked, counted
-from hbgear.mechanics.fields import check_names, parameters_of
+from hbgear.mechanics.fields import check_names, entries_of, parameters_of, with_entries
 from hbgear.mechanics.fourier import MOST_HARMONICS, Series, is_listed, real_numbers
 from hbgear.mechanics.laws import Law
+from hbgear.mechanics.matrices import square
 from hbgear.mechanics.periodic import Periodic, Phased, described
 from hbgear.mechanics.scales import Scales
-
-Matrix: TypeAlias = Any
+from hbgear.mechanics.speed import SpeedTerms
 
 
 class Model(ABC):
@@ -104,20 +104,43 @@ class Model(ABC):
         return None
 
     @property
+    def reactions(self) -> Mapping[str, Reaction]:
+        """Forces in linear supports that are told along a curve, by name; none by default."""
+        return {}
+
+    @property
+    def orders(self) -> Mapping[str, float]:
+        """What turns or meshes in the machine by name, over Omega: {"Omega": 1} unless the model knows more."""
+        return {"Omega": 1.0}
+
+    @property
     def parameters(self) -> dict[str, float]:
         """Float fields by name: what a curve can be traced in besides Omega."""
         if not dataclasses.is_dataclass(self):
             return {}
         return {name: getattr(self, name) for name in parameters_of(type(self))}
 
+    @property
+    def entries(self) -> dict[str, float]:
+        """Entries of its tuples of numbers by name, ``eps[0]``; a curve can be traced in each as in a parameter.
+
+        Examples
+        --------
+        >>> import hbgear as hb
+        >>> hb.SpurPair(e=(0.1, 0.02)).entries
+        {'e[0]': 0.1, 'e[1]': 0.02}
+        """
+        return entries_of(self) if dataclasses.is_dataclass(self) else {}
+
     def replace(self, /, **changes: Any) -> Self:
-        """A copy with other field values; unknown names are refused.
+        """A copy with other field values; unknown names are refused. ``**{"eps[0]": 0.1}`` changes one entry.
 
         Raises
         ------
         KeyError
-            If a name is not a field of the model.
+            If a name is not a field of the model, or no entry of it.
         """
+        changes = with_entries(self, changes)
         check_names(type(self), changes)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
@@ -130,7 +153,45 @@ class Model(ABC):
         >>> hb.Duffing().at({"zeta": 0.1, "Omega": 1.2}).zeta
         0.1
         """
-        return self.replace(**{name: value for name, value in parameters.items() if name in self.parameters})
+        known = self.parameters | self.entries
+        return self.replace(**{name: value for name, value in parameters.items() if name in known})
+
+
+@dataclass(frozen=True, eq=False)
+class Reaction:
+    """Force by which a linear support holds the structure, in one direction or several that are told as one size.
+
+        F = stiffness q + damping q'
+
+    Parameters
+    ----------
+    stiffness, damping : (r, n), a row for each direction, on the coordinates of the system and in its units.
+
+    Raises
+    ------
+    ValueError
+        If they are not finite matrices of the same shape.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> spring = hb.Reaction(stiffness=[[1.0, 0.0]], damping=[[0.1, 0.0]])
+    >>> spring.stiffness.shape
+    (1, 2)
+    """
+
+    stiffness: Any
+    damping: Any
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping"):
+            rows = real_numbers(f"Reaction: {name}", getattr(self, name), "a row of numbers for each direction")
+            if rows.ndim != 2 or not rows.size or not np.isfinite(rows).all():
+                raise ValueError(f"Reaction: {name} must be a finite matrix (directions, coordinates)")
+            object.__setattr__(self, name, rows)
+        if self.stiffness.shape != self.damping.shape:
+            raise ValueError(f"Reaction: stiffness {self.stiffness.shape} and damping {self.damping.shape} must have "
+                             "the same shape")  # fmt: skip
 
 
 _LARGEST = 1e60  # of a parameter, so that products of several are numbers
@@ -263,23 +324,6 @@ class Load:
         return out
 
 
-def _matrix(name: str, value: Any) -> Matrix:
-    if scipy.sparse.issparse(value):
-        if value.dtype.kind not in "iufb":
-            raise ValueError(f"{name} of {value.dtype} must be a square matrix of numbers")
-        out: Matrix = scipy.sparse.csr_array(value, dtype=float)
-        finite = np.all(np.isfinite(out.data))
-    else:
-        out = real_numbers(name, value, "a square matrix of numbers")
-        finite = np.all(np.isfinite(out))
-        out.flags.writeable = False
-    if out.ndim != 2 or out.shape[0] != out.shape[1] or not out.shape[0]:
-        raise ValueError(f"{name} has shape {out.shape}; need a square matrix")
-    if not finite:
-        raise ValueError(f"{name} has entries that are not finite")
-    return out
-
-
 @dataclass(frozen=True, eq=False)
 class System(Model):
     """Equations of motion from matrices: the form every model is reduced to, and a model in its own right.
@@ -290,6 +334,7 @@ class System(Model):
     elements : sequence of `Element`, at least one.
     load : `Load` or a sequence of them.
     dof_names : (n,) names of the coordinates; ``q1, q2, ...`` by default.
+    speed : `SpeedTerms`, what is added to C and K at an Omega: gyroscopic terms, bearings. None if nothing is.
 
     Raises
     ------
@@ -313,13 +358,14 @@ class System(Model):
     elements: Sequence[Element] = ()
     load: Load | Sequence[Load] = ()
     dof_names: Sequence[str] = ()
+    speed: SpeedTerms | None = None
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
-        set_(self, "M", _matrix("M", self.M))
+        set_(self, "M", square("M", self.M))
         n = self.M.shape[0]
-        set_(self, "C", _matrix("C", np.zeros((n, n)) if self.C is None else self.C))
-        set_(self, "K", _matrix("K", self.K))
+        set_(self, "C", square("C", np.zeros((n, n)) if self.C is None else self.C))
+        set_(self, "K", square("K", self.K))
         if not is_listed(self.elements):
             raise ValueError("a System takes its elements in a list: elements=[...]")
         elements = tuple(self.elements)
@@ -337,6 +383,9 @@ class System(Model):
         for name in ("C", "K"):
             if getattr(self, name).shape != (n, n):
                 raise ValueError(f"{name} has shape {getattr(self, name).shape}; need {(n, n)}, the shape of M")
+        check("System", "speed", self.speed, SpeedTerms | None)
+        if self.speed is not None:
+            self.speed.check(n)
         if not elements:
             raise ValueError("a System needs at least one element; a linear one can carry Cubic(k3=0)")
         for i, element in enumerate(elements):
@@ -359,6 +408,19 @@ class System(Model):
 
     def system(self) -> System:
         return self
+
+    def at_speed(self, Omega: float) -> System:
+        """The system whose C and K are those at Omega, for any Omega; itself if they do not depend on it.
+
+        Raises
+        ------
+        ValueError
+            If Omega is outside of a table.
+        """
+        if self.speed is None:
+            return self
+        C, K = self.speed.at(float(Omega), self.n)
+        return dataclasses.replace(self, C=self.C + C, K=self.K + K, speed=None)
 
     @property
     def n(self) -> int:

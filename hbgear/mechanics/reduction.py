@@ -18,6 +18,7 @@ MacNeal (1971), Computers & Structures 1, 581-601 (residual flexibility); Rubin 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -95,15 +96,18 @@ class Reduction:
         """Coordinates (n, ...) of the full system from those of the reduced one (r, ...): q = B p."""
         return self.basis @ p
 
-    def error(self, frequencies: Any) -> Array:
+    def error(self, frequencies: Any, Omega: float | None = None) -> Array:
         """Error of the receptance between the elements, relative, at angular frequencies w (K,).
 
             |G_reduced(w) - G(w)| / |G(w)|,   G(w) = W^T (K_r + i w C_r - w^2 M)^-1 W
 
-        with reference springs and dampers of the elements closed (K_r, C_r), by a direct solution each.
+        with reference springs and dampers of the elements closed (K_r, C_r), by a direct solution each. Of a structure
+        that depends on speed C and K are those at Omega, which must then be given.
         """
         w = np.atleast_1d(np.asarray(frequencies, dtype=float))
-        M, C, K = _closed(self.full)
+        if self.full.speed is not None and Omega is None:
+            raise ValueError("the structure depends on speed: give Omega=..., the frequency of the excitation")
+        M, C, K = _closed(self.full, Omega)
         W, small = self.full.W.astype(complex), self.basis.T @ self.full.W
         reduced = [self.basis.T @ (A @ self.basis) for A in (K, C, M)]
         out = []
@@ -117,8 +121,10 @@ class Reduction:
 
 
 @checked_arguments()
-def reduce(model: Model, modes: int = 40) -> Reduction:
+def reduce(model: Model, modes: int = 40, Omega: float | None = None) -> Reduction:
     """Reduce a model with many coordinates.
+
+    Of a structure that depends on speed all terms are projected; it still does.
 
     Parameters
     ----------
@@ -126,6 +132,7 @@ def reduce(model: Model, modes: int = 40) -> Reduction:
         are those of the symmetric part of K; C and K themselves may be unsymmetric.
     modes : how many of the lowest modes are kept, 1 <= modes < n. Three times the highest frequency that matters is a
         good reach for them; `Reduction.error` says how good.
+    Omega : frequency whose stiffness the modes are of, if it depends on speed; by default the middle of its table.
 
     Returns
     -------
@@ -134,7 +141,7 @@ def reduce(model: Model, modes: int = 40) -> Reduction:
     Raises
     ------
     ValueError
-        If ``modes`` is out of its range, or M is not positive definite.
+        If ``modes`` is out of its range, M is not positive definite, or Omega is needed and not given.
 
     Examples
     --------
@@ -151,7 +158,7 @@ def reduce(model: Model, modes: int = 40) -> Reduction:
     full = model.system()
     if isinstance(modes, bool) or not isinstance(modes, int | np.integer) or not 1 <= modes < full.n:
         raise ValueError(f"modes = {modes!r} must be a whole number from 1 to n - 1 = {full.n - 1}")
-    M, _, K = _closed(full)
+    M, _, K = _closed(full, _reference(full, Omega))
     if np.any(M.diagonal() <= 0):
         worst = full.dof_names[int(np.argmin(M.diagonal()))]
         raise ValueError(f"M must be positive definite; coordinate '{worst}' has no positive mass: eliminate it first")
@@ -202,8 +209,18 @@ def _factored(A: Any, pivoting: float) -> Any:
     return scipy.sparse.linalg.splu(scipy.sparse.csc_array(A), diag_pivot_thresh=pivoting, **settings)
 
 
-def _closed(system: System) -> tuple[Any, Any, Any]:
-    """Sparse M, C and K with dampers and reference springs of the elements."""
+def _reference(system: System, Omega: float | None) -> float | None:
+    """Omega whose stiffness is that of the modes; None if it is the same at all."""
+    if system.speed is None or system.speed.stiffness is None:
+        return None
+    if Omega is None and not math.isfinite(system.speed.range.high):
+        raise ValueError("the stiffness is a function of speed: give Omega=..., at which its modes are to be taken")
+    return 0.5 * (system.speed.range.low + system.speed.range.high) if Omega is None else Omega
+
+
+def _closed(system: System, Omega: float | None = None) -> tuple[Any, Any, Any]:
+    """Sparse M, C and K with dampers and reference springs of the elements, at a speed if one is given."""
+    system = system if Omega is None else system.at_speed(Omega)
     W = scipy.sparse.csr_array(system.W)
     springs = scipy.sparse.diags_array([e.law.reference for e in system.elements])
     dampers = scipy.sparse.diags_array([e.damping for e in system.elements])
@@ -236,7 +253,8 @@ def _galerkin(
     elements = [dataclasses.replace(e, direction=onto(np.asarray(e.direction))) for e in full.elements]
     names = [f"mode {i + 1}" for i in range(modes)]
     names += [f"residual {i + 1}" for i in range(basis.shape[1] - modes)]
-    return System(M, C, K, elements, [_projected(load, basis, onto) for load in full.loads], names)
+    speed = None if full.speed is None else full.speed.projected(basis)
+    return System(M, C, K, elements, [_projected(load, basis, onto) for load in full.loads], names, speed)
 
 
 def _projected(load: Load, basis: Array, onto: Callable[[Array], Array]) -> Load:

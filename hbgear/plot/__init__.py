@@ -12,6 +12,7 @@ Examples
 from hbgear.plot.curves import jump_map, response, responses, speed_axes
 from hbgear.plot.mesh import drive, mesh_cycles
 from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
+from hbgear.plot.rotors import campbell
 from hbgear.plot.runs import RUNS, orders, runs, waterfall
 from hbgear.plot.simulation import (
     BASINS,
@@ -47,6 +48,8 @@ from hbgear.plot.style import (
     legend_entry,
     save,
 )
+from hbgear.plot.tornado import tornado
+from hbgear.plot.trains import train
 
 __all__ = [
     "BASINS",
@@ -71,6 +74,7 @@ __all__ = [
     "against_parameters",
     "basins",
     "bifurcation",
+    "campbell",
     "drive",
     "envelope",
     "figures",
@@ -90,6 +94,8 @@ __all__ = [
     "speed_axes",
     "sweeps",
     "time_history",
+    "tornado",
+    "train",
     "validation",
     "waterfall",
 ]

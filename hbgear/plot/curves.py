@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,8 @@ import numpy as np
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
-from hbgear.continuation.branch import Branch, Jump
+from hbgear.continuation.branch import Branch, Jump, Point
+from hbgear.harmonic.answers import answers, problem_along
 from hbgear.harmonic.events import named
 from hbgear.harmonic.landings import landings
 from hbgear.harmonic.observables import layout_of
@@ -54,8 +56,9 @@ def response(
     jumps: bool = True,
     legend: bool = True,
     speeds: bool | None = None,
+    dof: int | str | None = None,
 ) -> Axes:
-    """Response curve: a measure of an element against the branch's parameter.
+    """Response curve: a measure of an element, or an answer, against the branch's parameter.
 
     With the others of its span if it has such (`Branch.others`), as by `responses`, unless it is given a colour or a
     label or drawn without points or jumps. Where it runs off to infinity an arrow says so, and the value it nears is
@@ -63,7 +66,8 @@ def response(
 
     Parameters
     ----------
-    branch, measure, element : see `Branch.amplitude`.
+    branch, element : see `Branch.amplitude`.
+    measure : of `Branch.amplitude`, or the name of an answer of `hbgear.answers`, such as "dynamic factor".
     ax : axes to draw on; new ones by default. On these an unstable piece too short to be seen is also drawn enlarged.
     color : one colour for the whole curve instead of one for each impact regime.
     label : name of the curve in the legend, to tell several apart; it is then drawn in one colour, by default black.
@@ -71,6 +75,7 @@ def response(
     legend : whether to add one.
     speeds : whether to add axes of the mesh frequency [Hz] and the speed of the pinion [r/min] if the model knows
         them; by default on new axes only.
+    dof : coordinate of the model, of answers such as "acceleration, level".
 
     Raises
     ------
@@ -85,25 +90,27 @@ def response(
     >>> axes = hb.plot.response(curve, "pp2")
     >>> len(axes.lines) > 0
     True
+    >>> axes = hb.plot.response(curve, "force, largest")
     """
     from matplotlib.colors import is_color_like
 
     if color is not None and not is_color_like(color):
         raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
     if branch.others and special and jumps and color is None and label is None:
-        return responses((branch, *branch.others), measure, element, ax, legend=legend, speeds=speeds)
-    amplitude = branch.amplitude(measure, element)
+        return responses((branch, *branch.others), measure, element, ax, legend=legend, speeds=speeds, dof=dof)
+    height = _Height(measure, element, dof)
+    amplitude = height.along(branch)
     own = ax is None
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
         _curve(ax, branch, amplitude, element, "black" if label and not color else color, label)
         if jumps:
             for jump in branch.jumps():
-                _arrow(ax, branch, jump, measure, element)
+                _arrow(ax, branch, jump, height)
         if special:
-            _marks(ax, branch, measure, element)
-        _to_infinity(ax, [branch], [color or "black"], measure, element, own)
-        name_axes(ax, branch, measure, element)
+            _marks(ax, branch, height)
+        _to_infinity(ax, [branch], [color or "black"], height, own)
+        name_axes(ax, branch, measure, element, dof)
         if (own if speeds is None else speeds) and speed_axes(ax, [branch]) and own:
             heighten(ax)
         if own:
@@ -123,6 +130,7 @@ def responses(
     names: Sequence[str] | None = None,
     legend: bool = True,
     speeds: bool | None = None,
+    dof: int | str | None = None,
 ) -> Axes:
     """Several branches on the same axes: the colour is the branch, the width of the line the impact regime.
 
@@ -132,7 +140,8 @@ def responses(
 
     Parameters
     ----------
-    branches, measure, element : see `Branch.amplitude`.
+    branches, element : see `Branch.amplitude`.
+    measure, dof : as of `response`.
     ax : axes to draw on; new ones by default.
     names : of the branches in the legend; "branch 1", ... by default.
     legend, speeds : as of `response`.
@@ -154,22 +163,22 @@ def responses(
     if names is not None and len(names) != len(branches):
         raise ValueError(f"{len(names)} names for {len(branches)} branches; give one for each")
     if len(branches) == 1:
-        return response(branches[0], measure, element, ax, legend=legend, speeds=speeds)
-    own = ax is None
+        return response(branches[0], measure, element, ax, legend=legend, speeds=speeds, dof=dof)
+    own, height = ax is None, _Height(measure, element, dof)
     with styled():
         ax = axes_or_new(ax, (6.4, 3.8))
         for i, branch in enumerate(branches):
             name = f"({i + 1}) {names[i]}" if names else f"branch {i + 1}"
             colour = BRANCHES[i % len(BRANCHES)]
-            _curve(ax, branch, branch.amplitude(measure, element), element, colour, name, WIDTHS)
+            _curve(ax, branch, height.along(branch), element, colour, name, WIDTHS)
         for branch, found in zip(branches, landings(branches), strict=True):
             for landing in found:
-                _arrow(ax, branch, landing.jump, measure, element)
+                _arrow(ax, branch, landing.jump, height)
         for branch in branches:
-            _marks(ax, branch, measure, element, numbered=True)
+            _marks(ax, branch, height, numbered=True)
         colours = [BRANCHES[i % len(BRANCHES)] for i in range(len(branches))]
-        _to_infinity(ax, branches, colours, measure, element, own)
-        name_axes(ax, branches[0], measure, element)
+        _to_infinity(ax, branches, colours, height, own)
+        name_axes(ax, branches[0], measure, element, dof)
         if (own if speeds is None else speeds) and speed_axes(ax, branches) and own:
             heighten(ax)
         if legend:
@@ -269,13 +278,11 @@ def _curve(
         )  # fmt: skip
 
 
-def _to_infinity(
-    ax: Axes, branches: Sequence[Branch], colours: Sequence[str], measure: str, element: int | str, own: bool
-) -> None:
+def _to_infinity(ax: Axes, branches: Sequence[Branch], colours: Sequence[str], height: _Height, own: bool) -> None:
     """Arrows where curves run off to infinity, and their asymptotes; own axes end well above all else there is."""
     if not any(branch.asymptotes for branch in branches):
         return
-    amplitudes = [branch.amplitude(measure, element) for branch in branches]
+    amplitudes = [height.along(branch) for branch in branches]
     top = ABOVE * max(bounded(branch, each) for branch, each in zip(branches, amplitudes, strict=True))
     if own and 0 < top < max(float(each.max()) for each in amplitudes):
         low = min(float(each.min()) for each in amplitudes)
@@ -304,8 +311,8 @@ def _arrow_out(ax: Axes, x: Array, y: Array, colour: str, top: float) -> None:
 _TIP = 0.995  # share of the height of the axes at which an arrow ends
 
 
-def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str) -> None:
-    """Axes named after the parameter of a branch, and the measure of an element.
+def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str, dof: int | str | None = None) -> None:
+    """Axes named after the parameter of a branch, and the measure of an element or the answer with its unit.
 
     Examples
     --------
@@ -319,29 +326,61 @@ def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str) -> Non
     layout = layout_of(branch)
     names = layout.labels if layout else {}
     ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))
-    ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {gap_label(layout, element)}")
+    if _is_answer(measure):
+        row = answers(branch[0], element, dof, problem=problem_along(branch))
+        ax.set_ylabel(row.title(measure) + (f" of {dof}" if dof is not None and measure.startswith("acc") else ""))
+    else:
+        ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {gap_label(layout, element)}")
     dress(ax)
 
 
-def _arrow(ax: Axes, branch: Branch, jump: Jump, measure: str, element: int | str) -> None:
+def _is_answer(measure: str) -> bool:
+    return measure not in MEASURES and re.fullmatch(r"H\d+(/\d+)?", measure) is None and len(measure) > 4
+
+
+class _Height:
+    """What stands on the vertical axis: a measure of an element, or an answer."""
+
+    def __init__(self, measure: str, element: int | str, dof: int | str | None) -> None:
+        self.measure, self.element, self.dof = measure, element, dof
+        self._along: dict[int, Array] = {}
+
+    def along(self, branch: Branch) -> Array:
+        """Of every row."""
+        if id(branch) not in self._along:
+            if _is_answer(self.measure):
+                self._along[id(branch)] = answers(branch, self.element, self.dof)[self.measure]
+            else:
+                self._along[id(branch)] = branch.amplitude(self.measure, self.element)
+        return self._along[id(branch)]
+
+    def at(self, point: Point, branch: Branch) -> float:
+        """Of a point, with the problem of its branch."""
+        if _is_answer(self.measure):
+            found = answers(point, self.element, self.dof, problem=problem_along(branch))
+            return float(found[self.measure][0])
+        return point.amplitude(self.measure, self.element)
+
+
+def _arrow(ax: Axes, branch: Branch, jump: Jump, height: _Height) -> None:
     """Vertical arrow from the amplitude before a jump to the one after it."""
     if jump.after is None or jump.parameter != branch.parameter:
         return
-    start, end = ((jump.value, point.amplitude(measure, element)) for point in (jump.before, jump.after))
+    start, end = ((jump.value, height.at(point, branch)) for point in (jump.before, jump.after))
     style = {"arrowstyle": "-|>", "color": "#777777", "linewidth": 0.8, "shrinkA": 3, "shrinkB": 0, "mutation_scale": 8}
     ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3)
 
 
-def _marks(ax: Axes, branch: Branch, measure: str, element: int | str, numbered: bool = False) -> None:
+def _marks(ax: Axes, branch: Branch, height: _Height, numbered: bool = False) -> None:
     """Symbols of the special points; all but grazings carry their label, folds on the side the curve leaves free."""
     from hbgear.plot.labels import labels_of
 
     labels = labels_of(ax)
     labels.curves += 1
     for point in map(named, branch.special):
-        x, height = point.parameters[branch.parameter], point.amplitude(measure, element)
+        x = point.parameters[branch.parameter]
         (line,) = ax.plot(
-            x, height, point.marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black",
+            x, height.at(point, branch), point.marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black",
             markeredgewidth=0.9, label=legend_entry(point), zorder=4, gid=point.label,
         )  # fmt: skip
         around = branch.values[max(point.index - 1, 0) : point.index + 2]

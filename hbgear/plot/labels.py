@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.transforms import Bbox, IdentityTransform
+from matplotlib.transforms import IdentityTransform
 
 from hbgear.common.arrays import Array
 
@@ -154,47 +154,52 @@ def _pixels(artist: Artist, points: float) -> float:
 
 
 class _Obstacles:
-    """What labels keep clear of, in pixels."""
+    """What labels keep clear of, in pixels; boxes are rows (x0, y0, x1, y1)."""
 
     def __init__(self, ax: Axes, renderer: Any, marks: Sequence[Mark]) -> None:
-        self.renderer, self.border = renderer, ax.bbox
+        self.renderer, self.border = renderer, _rows([ax.bbox])
         half = _pixels(ax, 3.2)
-        at = [_pixel(mark.line) for mark in marks if mark.line.get_visible()]
-        self.symbols = [Bbox([p - half, p + half]) for p in at]
+        self.symbols = np.array([_pixel(mark.line) for mark in marks if mark.line.get_visible()]).reshape(-1, 2)
+        self.around = np.hstack([self.symbols - half, self.symbols + half])
         legend = ax.get_legend()
-        self.others = [] if legend is None else [legend.get_window_extent(renderer)]
-        self.others += [patch.get_window_extent(renderer) for patch in ax.patches if patch.get_gid() == "frame"]
+        others = [] if legend is None else [legend.get_window_extent(renderer)]
+        self.others = _rows(others + [p.get_window_extent(renderer) for p in ax.patches if p.get_gid() == "frame"])
         lines = [_dense(line.get_transform().transform(line.get_xydata())) for line in ax.lines if _is_curve(line)]
         arrows = [text for text in ax.texts if getattr(text, "arrow_patch", None) is not None]
         lines += [_dense(ax.transData.transform([text.xy, text.xyann])) for text in arrows]  # type: ignore[attr-defined]
         self.curves = np.concatenate([np.empty((0, 2)), *lines])
-        self.labels: list[Bbox] = []
+        self.labels = np.empty((0, 4))
 
     def place(self, mark: Mark) -> None:
         """Give a label the best of its places; the later ones keep clear of it."""
-        best = min(_places(mark.side), key=lambda place: self.cost(mark, *place))
-        _put(mark.text, *best)
-        self.labels.append(self.box(mark.text))
+        places = list(_places(mark.side))
+        boxes = self.boxes(mark, places)
+        best = int(np.argmin(self.cost(mark, places, boxes)))
+        _put(mark.text, *places[best])
+        self.labels = np.vstack([self.labels, boxes[best]])
 
-    def box(self, text: Annotation) -> Bbox:
-        """The area of a label, with a little room around."""
-        return text.get_window_extent(self.renderer).padded(_pixels(text, 1.0))
+    def boxes(self, mark: Mark, places: Sequence[tuple[float, tuple[int, int]]]) -> Array:
+        """The areas of a label at its places, with a little room around (P, 4)."""
+        now = mark.text.get_window_extent(self.renderer)
+        size, room = np.array([now.width, now.height]), _pixels(mark.text, 1.0)
+        sides = np.array([side for _, side in places])
+        at = _pixel(mark.line) + _pixels(mark.text, 1.0) * np.array([_offset(*place) for place in places])
+        low = at + 0.5 * size * (sides - 1)  # the side of the box that lies at the place
+        return np.hstack([low - room, low + size + room])
 
-    def cost(self, mark: Mark, reach: float, side: tuple[int, int]) -> float:
-        """How bad a place is; areas count in label areas."""
-        _put(mark.text, reach, side)
-        box = self.box(mark.text)
-        area = box.width * box.height or 1.0
-        cost = _COST["reach"] * reach + _COST["side"] * (side != mark.side)
-        cost += _COST["label"] * sum(_shared(box, other) > 0 for other in self.labels)
-        cost += _COST["border"] * (1 - _shared(box, self.border) / area > 1e-6)
-        cost += _COST["legend"] * sum(_shared(box, other) > 0 for other in self.others)
-        cost += _COST["mark"] * sum(_shared(box, other) > 0 for other in self.symbols)
-        own = _apart(box, _pixel(mark.line))
-        cost += _COST["astray"] * any(_apart(box, np.mean(other.get_points(), axis=0)) < own for other in self.symbols)
+    def cost(self, mark: Mark, places: Sequence[tuple[float, tuple[int, int]]], boxes: Array) -> Array:
+        """How bad each place is (P,); areas count in label areas."""
+        area = np.maximum((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]), 1e-9)
+        cost = np.array([_COST["reach"] * reach + _COST["side"] * (side != mark.side) for reach, side in places])
+        cost += _COST["label"] * (_shared(boxes, self.labels) > 0).sum(axis=1)
+        cost += _COST["border"] * (1 - _shared(boxes, self.border)[:, 0] / area > 1e-6)
+        cost += _COST["legend"] * (_shared(boxes, self.others) > 0).sum(axis=1)
+        cost += _COST["mark"] * (_shared(boxes, self.around) > 0).sum(axis=1)
+        own = _apart(boxes, _pixel(mark.line)[None])
+        cost += _COST["astray"] * (_apart(boxes, self.symbols) < own).any(axis=1)
         x, y = self.curves.T
-        inside = (x > box.x0) & (x < box.x1) & (y > box.y0) & (y < box.y1)
-        return cost + _COST["curve"] * int(inside.sum())
+        inside = [int(((x > x0) & (x < x1) & (y > y0) & (y < y1)).sum()) for x0, y0, x1, y1 in boxes.tolist()]
+        return cost + _COST["curve"] * np.array(inside)
 
 
 def _places(first: tuple[int, int]) -> Iterator[tuple[float, tuple[int, int]]]:
@@ -203,9 +208,14 @@ def _places(first: tuple[int, int]) -> Iterator[tuple[float, tuple[int, int]]]:
             yield reach, side
 
 
-def _put(text: Annotation, reach: float, side: tuple[int, int]) -> None:
+def _offset(reach: float, side: tuple[int, int]) -> tuple[float, float]:
+    """From a symbol to its label [points]."""
     far = reach if 0 in side else 0.7 * reach
-    text.set_position((far * side[0], far * side[1]))
+    return far * side[0], far * side[1]
+
+
+def _put(text: Annotation, reach: float, side: tuple[int, int]) -> None:
+    text.set_position(_offset(reach, side))
     text.set(ha=_ALIGN[side[0]][0], va=_ALIGN[side[1]][1])
 
 
@@ -223,13 +233,19 @@ def _dense(path: Array, step: float = 3.0) -> Array:
     return np.stack([np.interp(at, along, path[:, 0]), np.interp(at, along, path[:, 1])], axis=1)
 
 
-def _apart(box: Bbox, at: Array) -> float:
-    """Distance of a place from a box."""
-    return float(np.hypot(*(np.clip(at, np.asarray(box.min), np.asarray(box.max)) - at)))
+def _rows(boxes: Sequence[Any]) -> Array:
+    """Boxes as rows (x0, y0, x1, y1)."""
+    return np.array([[box.x0, box.y0, box.x1, box.y1] for box in boxes]).reshape(-1, 4)
 
 
-def _shared(one: Bbox, other: Any) -> float:
-    """Area that two boxes have in common."""
-    width = min(one.x1, other.x1) - max(one.x0, other.x0)
-    height = min(one.y1, other.y1) - max(one.y0, other.y0)
-    return float(max(width, 0.0) * max(height, 0.0))
+def _apart(boxes: Array, at: Array) -> Array:
+    """Distances (P, Q) of places (Q, 2) from boxes."""
+    inside = np.clip(at[None], boxes[:, None, :2], boxes[:, None, 2:])
+    return np.asarray(np.hypot(*np.moveaxis(inside - at[None], -1, 0)))
+
+
+def _shared(boxes: Array, others: Array) -> Array:
+    """Areas (P, Q) that boxes have in common with others."""
+    low = np.maximum(boxes[:, None, :2], others[None, :, :2])
+    high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
+    return np.asarray(np.prod(np.maximum(high - low, 0.0), axis=-1))

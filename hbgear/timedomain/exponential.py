@@ -62,6 +62,20 @@ def _modes(structure: Structure) -> Modes:
     return structure.modes
 
 
+def _at_speeds(models: tuple[Model, ...], Omega: float | Array) -> tuple[tuple[Model, ...], tuple[Model, ...]]:
+    """The models, if a structure of theirs depends on speed, else nothing; and what stands for them at their Omega."""
+    systems = {id(model): model.system() for model in models}
+    if all(system.speed is None for system in systems.values()):
+        return (), models
+    each = np.atleast_1d(np.asarray(Omega, dtype=float)).tolist()
+    rows = max(len(models), len(each))
+    if {len(models), len(each)} - {1, rows}:
+        raise ValueError(f"{len(models)} models and {len(each)} values of Omega; need one or as many")
+    pairs = list(zip(list(models) * (rows // len(models)), each * (rows // len(each)), strict=True))
+    still = {(id(model), w): systems[id(model)].at_speed(w) for model, w in pairs}
+    return models, tuple(still[id(model), w] for model, w in pairs)
+
+
 _MOST_STEPS = 100_000  # per period of the excitation, each with its own drive in the tables
 
 
@@ -147,6 +161,7 @@ class Stepper:
         self, models: Model | Sequence[Model], Omega: float | Array, steps: int | None = None, points: int = 5
     ) -> None:
         models = (models,) if isinstance(models, Model) else tuple(models)
+        self._spinning, models = _at_speeds(models, Omega)
         unique = list(dict.fromkeys(map(id, models)))
         self.systems = [next(m for m in models if id(m) == key).system() for key in unique]
         self.structures = [Structure(system) for system in self.systems]
@@ -165,6 +180,8 @@ class Stepper:
 
     def at(self, Omega: float, steps: int | None = None) -> Stepper:
         """The same models at another Omega."""
+        if self._spinning:
+            return Stepper(self._spinning, Omega, steps, self.s)
         out = object.__new__(Stepper)
         out.__dict__.update(self.__dict__)
         out._tune(Omega, steps)

@@ -61,6 +61,7 @@ class Flow:
     def __init__(self, system: System, Omega: float, variational: bool = False) -> None:
         if not (np.isfinite(Omega) and Omega > 0):
             raise ValueError(f"Omega = {Omega} must be positive and finite")
+        system = system.at_speed(Omega)
         self.Omega, self.n, self.m, self.W = Omega, system.n, len(system.elements), system.W
         self.laws = tuple(e.law for e in system.elements)
         self.pieces = Pieces.of(self.laws)

@@ -143,7 +143,7 @@ def shoot(
         raise ValueError(
             f"tolerance = {tolerance} cannot be met: time integration reaches about 1e-13; give 1e-13 or more"
         )
-    system = model.system()
+    system = model.system().at_speed(Omega)
     structure, flow = Structure(system), Flow(system, float(Omega), variational=True)
     y = np.array(guess, dtype=float)
     if y.shape != (2 * system.n,):

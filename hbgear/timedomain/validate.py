@@ -639,7 +639,7 @@ def _growth(model: Any, orbit: Orbit) -> float:
 
     inf if one of them runs away.
     """
-    system = model.system()
+    system = model.system().at_speed(orbit.Omega)
     structure, flow = Structure(system), Flow(system, orbit.Omega)
     mu, V = np.linalg.eig(orbit.reduced)
     top = int(np.argmax(np.abs(mu)))

@@ -13,18 +13,19 @@ from hbgear import plot as draw
 
 
 def response(
-    ax: Axes, curve: hb.Branch, measure: str, speed: Callable[[Any], Any], length: float, color: str, label: str
-) -> None:
+    ax: Axes, curve: hb.Branch, measure: str, speed: Callable[[Any], Any], length: float, color: str, label: str,
+    element: int | str = 0,
+) -> None:  # fmt: skip
     """A measure of the gap over a speed: stable solid, unstable dashed, jumps as arrows.
 
     Parameters
     ----------
-    ax, curve, measure, color, label : as of `hbgear.plot.response`.
+    ax, curve, measure, color, label, element : as of `hbgear.plot.response`.
     speed : of Omega.
     length : of the unit of the gap.
     """
     for one in (curve, *curve.others):
-        x, y = speed(one.values), one.amplitude(measure) * length
+        x, y = speed(one.values), one.amplitude(measure, element) * length
         for stable, style in ((True, "-"), (False, "--")):
             rows = np.asarray(one.stable) == stable
             rows[1:] |= rows[:-1]  # to the first point of the next piece
@@ -32,6 +33,7 @@ def response(
             ax.plot(np.where(rows, x, np.nan), np.where(rows, y, np.nan), style, color=color, lw=1.4, label=name)
         for jump in one.jumps():
             if jump.after is not None:
-                at, before, after = speed(jump.value), jump.before.amplitude(measure), jump.after.amplitude(measure)
+                at = speed(jump.value)
+                before, after = (point.amplitude(measure, element) for point in (jump.before, jump.after))
                 arrow = {"arrowstyle": "-|>", "color": draw.GREY, "lw": 0.9}
                 ax.annotate("", (at, after * length), (at, before * length), arrowprops=arrow)

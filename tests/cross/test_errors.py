@@ -128,6 +128,18 @@ def test_a_doubling_solved_for_with_more_harmonics_is_left_as_before():
     assert doubled.problem.nu == 2 and np.linalg.norm(doubled.problem.subharmonic_part(doubled.X[-1])) > 1e-2
 
 
+def test_a_fold_before_that_of_the_rows_is_not_jumped_back_to():
+    """Solved for with more harmonics, a fold may lie where rows go on: they are what is left, not where one lands."""
+    pinion, wheel = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    pair = hb.GearPair(pinion, wheel, backlash="80 um").model("200 N m", 0.04)
+    curve = hb.trace(hb.HarmonicBalance(pair, 16), "Omega", (0.5, 0.3))
+    (fall,) = [jump for jump in curve.jumps() if jump.direction < 0]
+    fold = curve[fall.label]
+    assert curve.values[fold.index] < fall.value - 1e-5  # the rows go further
+    factors = [hb.dynamic_factor(pair, point) for point in (fall.before, fall.after)]
+    assert factors == pytest.approx([4.06, 1.52], abs=0.01)
+
+
 def test_files_keep_points_of_more_harmonics_than_their_curve(tmp_path):
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 5), "Omega", (1.0, 0.6), accuracy=1e-7)
     curve.save(tmp_path / "a.npz")

@@ -119,6 +119,13 @@ GEAR: Pool = {
 
 
 @cache
+def train() -> hb.Train:
+    """Two gears, the second of which holds the torque of the first."""
+    a, b = (hb.Wheel(name, 1e-3, teeth=20, base_radius=0.028, torque=10.0 * (name == "a")) for name in "ab")
+    return hb.Train([a, b], [hb.Mesh("a", "b", 4e8, 4e-5, eps=(0.2,))], balance="b")
+
+
+@cache
 def drawing() -> hb.GearPair:
     """A pair as drawn."""
     return hb.GearPair(hb.Gear(25, 3e-3, 0.02), hb.Gear(40, 3e-3, 0.02), 8e-5)
@@ -133,9 +140,9 @@ SYSTEM: Pool = {
 }  # fmt: skip
 
 RECORDS = {
-    "Branch", "Cases", "Critical", "Jump", "JumpMap", "Point", "Reduction", "SpecialPoint", "Survey", "Law", "Model",
-    "NoConvergence", "NoFold", "Evaluation", "Unlikely", "Run", "Answers", "Opinion",
-    "model", "Steps", "Progress", "ProgressCallback", "Status", "plot", "__version__",
+    "Answers", "Branch", "Campbell", "Cases", "Critical", "CriticalSpeed", "Evaluation", "Jump", "JumpMap", "Law",
+    "Model", "NoConvergence", "NoFold", "Opinion", "PlanetMode", "Point", "Progress", "ProgressCallback", "Reduction",
+    "Run", "SpecialPoint", "Status", "Steps", "Survey", "Unlikely", "__version__", "model", "plot",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
 
@@ -242,12 +249,107 @@ def targets() -> tuple[Target, ...]:
             2,
         ),
         Target("System", hb.System, SYSTEM, 3, _traced),
+        Target(
+            "MatrixTable",
+            hb.MatrixTable,
+            {"Omega": _is([0.1, 2.0]), "matrices": _is([0.1 * np.eye(2), 0.2 * np.eye(2)])},
+            1,
+            lambda table: table(1.0),
+        ),
+        Target(
+            "SpeedTerms",
+            hb.SpeedTerms,
+            {
+                "gyroscopic": _is(None, [[0.0, 0.1], [-0.1, 0.0]]),
+                "ratio": _is(1.0, 0.1),
+                "damping": _is(None, hb.MatrixTable([0.1, 2.0], [0.1 * np.eye(2), 0.2 * np.eye(2)])),
+                "stiffness": [lambda: None, lambda: lambda Omega: 0.1 * Omega * np.eye(2)],
+            },
+            2,
+            lambda terms: _traced(hb.System(**{name: each[0]() for name, each in SYSTEM.items()}, speed=terms)),
+        ),
+        Target(
+            "campbell",
+            hb.campbell,
+            {
+                "model": [hb.SpurPair, hb.GearRotorBearing],
+                "span": _is((0.5, 1.5)),
+                "orders": _is(None, {"shaft": 0.1}),
+                "points": _is(5),
+                "modes": _is(None, 1),
+                "closed": _is(True, False),
+            },
+            1,
+        ),
         Target("Settings", hb.Settings, {}),
         Target("StepControl", hb.StepControl, {}, 2, free=frozenset({"first"})),  # None is its default
         Target("Settling", Settling, {}),
         *(Target(cls.__name__, cls, {}, 4, _traced) for cls in (hb.Duffing, hb.SpurPair, hb.GearRotorBearing)),
+        Target("PlanetarySet", hb.PlanetarySet, {}, 3, lambda model: hb.HarmonicBalance(model, 2)),
         Target("HelicalPair", hb.HelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),
         Target("Gear", hb.Gear, GEAR, 4, lambda gear: (gear.mass_used, gear.inertia_used, gear.form_diameter)),
+        Target(
+            "Wheel",
+            hb.Wheel,
+            {
+                "name": _is("a"),
+                "inertia": _is(1e-3, "1e-3 kg m^2"),
+                "mass": _is(0.0, 1.0),
+                "teeth": _is(20),
+                "base_radius": _is(0.028, "28 mm"),
+                "internal": _is(False),
+                "x": _is(0.0, "10 mm"),
+                "moves": _is("torsion"),
+                "torque": _is(0.0, "10 N m"),
+                "held": _is(False),
+            },
+            2,
+            lambda wheel: wheel.masses,
+        ),
+        Target(
+            "Shaft", hb.Shaft, {"first": _is("a"), "second": _is("b"), "torsion": _is(1e5), "damping": _is(0.02)}, 1
+        ),
+        Target(
+            "Shaft.section",
+            hb.Shaft.section,
+            {"first": _is("a"), "second": _is("b"), "outer": _is("20 mm"), "length": _is("100 mm"), "inner": _is(0.0)},
+            1,
+        ),
+        Target("Bearing", hb.Bearing, {"at": _is("a"), "x": _is(1e8, "1e8 N/m"), "c_x": _is(None, 100.0)}, 1),
+        Target(
+            "Mesh",
+            hb.Mesh,
+            {
+                "first": _is("a"),
+                "second": _is("b"),
+                "k_mean": _is(4e8),
+                "half_backlash": _is(4e-5, "40 um"),
+                "eps": _is((), (0.2, 0.1)),
+                "e": _is((), (1e-6,)),
+                "damping": _is(0.05),
+                "pressure_angle": _is(None, "20 deg"),
+                "lag": _is(None, 0.3),
+            },
+            2,
+            lambda mesh: (
+                hb.Train(train().wheels, [mesh], balance="b") if (mesh.first, mesh.second) == ("a", "b") else None
+            ),
+        ),
+        Target(
+            "Train",
+            hb.Train,
+            {
+                "wheels": [lambda: train().wheels],
+                "meshes": [lambda: train().meshes],
+                "shafts": _is((), ()),
+                "bearings": _is((), ()),
+                "balance": _is("b"),
+                "gyroscopic": _is(False, True),
+                "torque_scale": _is(1.0, 0.5),
+            },
+            2,
+            _traced,
+        ),
         Target("Support", hb.Support, {"stiffness": _is(3e8, "3e8 N/m"), "tilt": _is(None, 5e5)}, 2),
         Target(
             "GearPair",
@@ -289,6 +391,17 @@ def targets() -> tuple[Target, ...]:
                 "force": _is(None, 100.0),
             },
         ),
+        Target(
+            "iso_dynamic_factor",
+            hb.iso_dynamic_factor,
+            {
+                "pair": _is(drawing()),
+                "torque": _is(200.0, "200 N m"),
+                "speed": _is(1000.0, [1.0, 2.0]),
+                "grade": _is(6),
+            },
+        ),
+        Target("Reaction", hb.Reaction, {"stiffness": _is([[1.0, 0.0]]), "damping": _is([[0.1, 0.0]])}),
         Target("read_table", hb.read_table, {"path": _is("no.csv"), "column": _is(1), "unit": _is("N/m")}),
         Target("dynamic_factor", hb.dynamic_factor, {"model": _is(hb.Duffing()), "point": [point], "element": element}),
         Target("DoubleHelicalPair", hb.DoubleHelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),
@@ -555,7 +668,7 @@ def targets() -> tuple[Target, ...]:
         Target("load", hb.load, {"path": _is("no.npz"), "problem": _is(None)}, free=frozenset({"problem"})),
         Target("second_opinion", hb.second_opinion, {"branch": [curve, gears], "point": _is(1, "LP1")}, 0.3),
         Target("run", hb.run, {"branch": [curve], "direction": _is("up", "down"), "others": _is(())}),
-        Target("answers", hb.answers, {"branch": [curve], "element": element, "dof": _is(None, 0)}),
+        Target("answers", hb.answers, {"found": [curve, point], "element": element, "dof": _is(None, 0)}),
         Target("Branch.__getitem__", lambda key: curve()[key], {"key": _is(0, "LP1", -1)}),
         Target(
             "Branch.amplitude",

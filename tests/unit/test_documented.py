@@ -8,14 +8,14 @@ import pkgutil
 import pytest
 
 import hbgear as hb
-from hbgear.plot import curves, mesh, simulation, study
+from hbgear.plot import curves, mesh, rotors, simulation, study, trains
 
 NAMES = sorted(
     name for name in hb.__all__ if isinstance(getattr(hb, name), type) or inspect.isroutine(getattr(hb, name))
 )
 DRAWN = sorted(
     f"{module.__name__.rpartition('.')[2]}.{name}"
-    for module in (curves, mesh, simulation, study)
+    for module in (curves, mesh, rotors, simulation, study, trains)
     for name, value in vars(module).items()
     if inspect.isfunction(value) and value.__module__ == module.__name__ and not name.startswith("_")
 )
@@ -51,7 +51,12 @@ def test_example_of_a_figure(name):
     try:
         run(
             f"hb.plot.{name}",
-            getattr({"curves": curves, "mesh": mesh, "simulation": simulation, "study": study}[module], function),
+            getattr(
+                {each.__name__.rpartition(".")[2]: each for each in (curves, mesh, rotors, simulation, study, trains)}[
+                    module
+                ],
+                function,
+            ),
         )
     finally:
         plt.close("all")

@@ -2,7 +2,7 @@
 
 import runpy
 import tomllib
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import pytest
@@ -28,9 +28,14 @@ def test_pins_are_the_minimum_versions_of_the_package(pins):
 
 
 def test_installed_versions_are_not_below(pins):
+    """Those of the site are not there where the tests run."""
+    extras = tomllib.loads(PYPROJECT.read_text())["project"]["optional-dependencies"]
     for line in pins(PYPROJECT.read_text()):
         name, lowest = line.split("==")
-        assert Version(version(name)) >= Version(lowest)
+        try:
+            assert Version(version(name)) >= Version(lowest)
+        except PackageNotFoundError:
+            assert line.replace("==", ">=") in extras["docs"]
 
 
 @pytest.mark.parametrize(

@@ -177,7 +177,7 @@ def test_what_cannot_be_meant_is_refused(make, said):
         make()
 
 
-@pytest.mark.parametrize("cls", [hb.SpurPair, hb.GearRotorBearing, hb.DoubleHelicalPair])
+@pytest.mark.parametrize("cls", [hb.SpurPair, hb.GearRotorBearing, hb.HelicalPair, hb.DoubleHelicalPair])
 def test_gear_models_take_functions(cls):
     k, e = FUNCTIONS["rectangular"], hb.Periodic.table([0, 1, 2], [0.0, 0.03, 0.01])
     pair = cls(eps=(), stiffness=k, error=e, eps_scale=0.5, e_scale=2.0)

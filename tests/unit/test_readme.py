@@ -1,18 +1,13 @@
-"""Every block of the README runs, and what it says of its results is so.
+"""Every block of the README and of the pages of the site runs, and what it says of its results is so.
 
-In Python what follows "->" in a comment is what the statement gives or prints: numbers to the digits written, "..." for
-anything. Commands run in this process; what would take minutes is made short by `SHORTER`.
+Commands run in this process; what would take minutes is made short by `SHORTER`.
 """
 
-import ast
-import contextlib
-import io
 import itertools
 import os
 import re
 import shlex
 import sys
-import tokenize
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +15,21 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from cross.test_dask import cluster
+from pages import (
+    BLOCKS,
+    NUMBER,
+    REPOSITORY,
+    TEXTS,
+    agrees,
+    blocks,
+    blocks_of,
+    commands,
+    run_python,
+    said,
+    stated,
+    table_after,
+    write_files,
+)
 
 import hbgear as hb
 from hbgear.cli import app as cli
@@ -28,9 +38,8 @@ from hbgear.design.study_file import read_study
 from hbgear.harmonic.observables import REGIMES
 from hbgear.io.machine_file import read_machine
 
-REPOSITORY = Path(__file__).parents[2]
-README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
-NUMBER = r"(?<![\w.])[-+]?\d+\.?\d*(?:e[-+]?\d+)?"
+README = TEXTS["README.md"]
+PYTHON = [block for block in blocks("python") if not block.file]
 
 SHORTER = {
     "sweep": ["--count", "3", "--tolerance", "1e-2"],
@@ -41,65 +50,22 @@ SHORTER = {
 """Options that are added to a command, to the same work with less of it."""
 CASES = 3
 """Cases of a study instead of those in its file."""
-RUN = ("hbgear models", "hbgear gear", "hbgear study designs.toml", "hbgear trace mine.py:two")
-"""What is in the blocks of commands that tests of this file run."""
 ADDRESS = "tcp://127.0.0.1:8786"
+"""Of the Dask scheduler that a page names; one of the test stands in for it."""
 
 
-def blocks(language):
-    """Texts of the README's blocks in a language."""
-    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.DOTALL | re.MULTILINE)
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder to work in, where modules are found."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "mine", raising=False)
+    yield tmp_path
+    plt.close("all")
 
 
 # ---- Python
-
-
-def statements(body):
-    """Statements at the top, and those of ``if __name__ == "__main__"``."""
-    for node in body:
-        yield from statements(node.body) if isinstance(node, ast.If) else [node]
-
-
-def said(block):
-    """``(statement, its comments)`` of a block; comments on lines of their own belong to the statement before."""
-    nodes = list(statements(ast.parse(block).body))
-    comments = [t for t in tokenize.generate_tokens(io.StringIO(block).readline) if t.type == tokenize.COMMENT]
-    after = [*(node.lineno for node in nodes[1:]), len(block.splitlines()) + 1]
-    return [
-        (node, [t.string for t in comments if node.lineno <= t.start[0] < end])
-        for node, end in zip(nodes, after, strict=True)
-    ]
-
-
-def outcome(node, names):
-    """What an expression is worth, or what another statement prints."""
-    out = io.StringIO()
-    with contextlib.redirect_stdout(out):
-        if isinstance(node, ast.Expr):
-            value = eval(compile(ast.Expression(node.value), "README.md", "eval"), names)
-        else:
-            exec(compile(ast.Module([node], []), "README.md", "exec"), names)
-            value = None
-    if value is None:
-        return out.getvalue().strip()
-    return str(value) if isinstance(value, np.ndarray) else re.sub(r"np\.\w+\(([^()]*)\)", r"\1", repr(value))
-
-
-def agrees(text, got):
-    """Whether a result is what the text says: numbers to its digits, "..." for anything."""
-    places = re.findall(NUMBER, text)
-    pattern = re.escape(re.sub(NUMBER, "\0", text)).replace("\0", f"({NUMBER})").replace(r"\.\.\.", ".*?")
-    match = re.fullmatch(re.sub(r"(\\[ \n])+", r"\\s+", pattern), got, re.DOTALL)
-    return match is not None and all(
-        abs(float(place) - float(number)) <= 0.51 * last_digit(place)
-        for place, number in zip(places, match.groups(), strict=True)
-    )
-
-
-def last_digit(number):
-    """What one in the last digit of a number as written is worth."""
-    digits, _, power = number.partition("e")
-    return 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
 
 
 @pytest.mark.parametrize(
@@ -120,39 +86,29 @@ def test_results_are_held_against_what_is_said(text, got, so):
     assert agrees(text, got) is so
 
 
-@pytest.mark.parametrize("block", range(len(blocks("python"))))
-def test_python_block(block, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    names = {"__name__": "__main__"}
-    for node, comments in said(blocks("python")[block]):
-        got = outcome(node, names)
-        results = [text.partition("-> ")[2] for text in comments if "->" in text]
-        if results:
-            assert agrees("\n".join(results), got), f"line {node.lineno}: {' '.join(results)} is {got}"
+@pytest.mark.parametrize("block", PYTHON, ids=str)
+def test_python_block(block, folder):
+    write_files(block.page, folder)
+    run_python(block.text)
 
 
-@pytest.mark.parametrize("block", range(len(blocks("python"))))
-def test_numbers_in_comments_are_results(block):
-    """A number in a comment that stands before an arrow, or without one, is checked by nothing."""
-    for node, comments in said(blocks("python")[block]):
+@pytest.mark.parametrize("block", PYTHON, ids=str)
+def test_block_says_what_comes_out(block):
+    """By an arrow or an assertion; a number in a comment that stands elsewhere is checked by nothing."""
+    assert "-> " in block.text or "assert" in block.text
+    for node, comments in said(block.text):
         for text in comments:
             loose = re.findall(NUMBER, re.sub(r"H = \d+", "", text.partition("->")[0]))
             assert not loose, f"line {node.lineno}: {loose} in {text!r}"
 
 
 def test_there_are_blocks_and_results():
-    python = blocks("python")
-    assert len(python) >= 6 and len(blocks("sh")) >= 4
-    assert sum(block.count("-> ") for block in python) >= 20
+    assert len(PYTHON) >= 20 and len(blocks("sh")) >= 6
+    assert sum(block.text.count("-> ") for block in PYTHON) >= 40
+    assert all(block.language in ("python", "sh", "toml", "text", "matlab") for block in BLOCKS), "of unknown language"
 
 
 # ---- commands
-
-
-def commands(block):
-    """Arguments of each ``hbgear`` of a block, without comments."""
-    lines = [shlex.split(line, comments=True) for line in block.splitlines()]
-    return [words[1:] for words in lines if words and words[0] == "hbgear"]
 
 
 def run(words, capsys):
@@ -163,46 +119,59 @@ def run(words, capsys):
     return stop.value.code, out, err
 
 
+def with_few_cases(text):
+    """A study with less to do."""
+    return re.sub(r"(?m)^count = \d+", f"count = {CASES}", text)
+
+
 def shorter(words, folder):
     """The same command, made short; files of the repository are copied to the same place in the folder."""
     for word in words:
         file = Path(word)
-        if file.suffix == ".toml":
-            text = (REPOSITORY / file if (REPOSITORY / file).exists() else folder / file).read_text(encoding="utf-8")
+        if file.suffix == ".toml" and (REPOSITORY / file).exists():
             (folder / file).parent.mkdir(parents=True, exist_ok=True)
-            (folder / file).write_text(re.sub(r"(?m)^count = \d+", f"count = {CASES}", text), encoding="utf-8")
+            (folder / file).write_text(
+                with_few_cases((REPOSITORY / file).read_text(encoding="utf-8")), encoding="utf-8"
+            )
     return [*words, *SHORTER.get(words[0], [])]
 
 
-def block_with(words):
-    """The block of commands that holds a text."""
-    (block,) = [block for block in blocks("sh") if words in block]
-    return commands(block)
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """An empty folder to work in."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-    return tmp_path
-
-
-def test_commands(folder, capsys):
-    """In their order, as later ones read what earlier ones wrote."""
+def run_page(page, folder, capsys):
+    """What each command of a page prints, by its first two words; later ones read what earlier ones wrote."""
+    write_files(page, folder, with_few_cases)
     out = {}
-    for words in block_with("hbgear models"):
-        code, text, err = run(shorter(words, folder), capsys)
+    for words in itertools.chain(*(commands(block.text) for block in blocks_of(page) if block.language == "sh")):
+        if ADDRESS in words:
+            with cluster(folder) as (address, *_):
+                code, text, err = run([*(word.replace(ADDRESS, address) for word in words), "-o", "by_dask"], capsys)
+        else:
+            code, text, err = run(shorter(words, folder), capsys)
         assert (code, err) == (0, ""), f"hbgear {' '.join(words)}: {err}"
         out[words[0], words[1] if len(words) > 1 else ""] = text
         for option, name in itertools.pairwise(words):
             if option in ("-o", "--plot"):
                 assert os.path.exists(name), f"hbgear {' '.join(words)} did not write {name}"
-    check_what_the_comments_say(out)
     assert not plt.get_fignums(), "a command that wrote its figure left it open"
+    return out
 
 
-def check_what_the_comments_say(out):
+CHECKED = ("docs/howto/command_line.md", "docs/howto/designs.md", "docs/howto/drawing.md", "docs/howto/matrices.md")
+"""Pages whose commands have tests of their own below."""
+OTHERS = [
+    page
+    for page in TEXTS
+    if page not in CHECKED and any(commands(block.text) for block in blocks_of(page) if block.language == "sh")
+]
+
+
+@pytest.mark.parametrize("page", OTHERS)
+def test_commands_of_a_page(page, folder, capsys):
+    (folder / "docs").mkdir()
+    run_page(page, folder, capsys)
+
+
+def test_commands(folder, capsys):
+    out = run_page("docs/howto/command_line.md", folder, capsys)
     low = hb.load("low.npz")
     assert [p.kind for p in low.special].count("LP") == 2 and len(low.jumps()) == 2  # "two folds, and jumps"
     assert "F from 0.05" in out["trace", "duffing"] or "F = 0.3 reached" in out["trace", "duffing"]  # "along the load"
@@ -219,53 +188,37 @@ def check_what_the_comments_say(out):
     assert len(list(Path("tolerances").glob("*.png"))) >= 2 and Path("tolerances/table.csv").exists()
 
 
-def test_the_other_commands_study_the_file_that_is_shown(folder, capsys):
-    (file,) = [block for block in blocks("toml") if "model =" in block]
-    Path("designs.toml").write_text(file, encoding="utf-8")
-    study = read_study(Path("designs.toml"))
+def test_commands_of_many_designs(folder, capsys):
+    run_page("docs/howto/designs.md", folder, capsys)
+    (file,) = [block.text for block in blocks_of("docs/howto/designs.md") if block.file]
+    Path("whole.toml").write_text(file, encoding="utf-8")
+    study = read_study(Path("whole.toml"))
     assert study.vary.size == 200 and study.model == hb.DoubleHelicalPair(zeta=0.055)
-    (here, there) = block_with("hbgear study designs.toml")
-    assert run(shorter(here, folder), capsys)[0] == 0
     assert all(Path("designs", name).exists() for name in ("table.csv", "table.npz", "envelope.png"))
-    assert there[-1] == ADDRESS
-    with cluster(folder) as (address, *_):
-        code, out, err = run([*there[:-1], address, "-o", "by_dask"], capsys)
-    assert (code, err) == (0, "") and Path("by_dask/table.csv").exists(), out
+    assert Path("by_dask/table.csv").exists()
 
 
 def test_commands_from_a_drawing(folder, capsys):
     """And the file that is shown, which the first of them would have written with less in it."""
-    Path("docs").mkdir()
-    for words in block_with("hbgear gear"):
-        code, _, err = run(words, capsys)
-        assert (code, err) == (0, ""), f"hbgear {' '.join(words)}: {err}"
-    assert all(Path(name).exists() for name in ("gearbox.toml", "docs/gear.png", "gearbox.npz", "gearbox.png"))
-    (file,) = [block for block in blocks("toml") if "[pinion]" in block]
-    Path("other.toml").write_text(file, encoding="utf-8")
-    model = read_machine("other.toml").model()
+    run_page("docs/howto/drawing.md", folder, capsys)
+    model = read_machine("bearings.toml").model()
     assert isinstance(model, hb.GearRotorBearing) and model.b_1 * model.scales.length == pytest.approx(5e-6)
 
 
-def test_commands_with_a_machine_of_your_own(folder, capsys, monkeypatch):
-    """Those that name mine.py, which is the block of Python that says so."""
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    (mine,) = [block for block in blocks("python") if "@hb.model" in block]
-    (folder / "mine.py").write_text(mine[: mine.index("two(zeta=0.06)")], encoding="utf-8")
-    for words in block_with("mine.py:two"):
-        code, out, err = run(shorter(words, folder), capsys)
-        assert (code, err) == (0, ""), f"hbgear {' '.join(words)}: {err}"
-    assert "4 of 4 points agree" in out
+def test_commands_with_a_machine_of_your_own(folder, capsys):
+    out = run_page("docs/howto/matrices.md", folder, capsys)
+    assert "4 of 4 points agree" in out["validate", "two.npz"]
 
 
-def test_every_block_of_commands_is_run():
-    """The two that install are run by .ci/run: the tests as they are, the figure by its command."""
-    ran = [block for block in blocks("sh") if any(text in block for text in RUN)]
-    others = [block for block in blocks("sh") if block not in ran]
-    assert len(ran) == len(RUN) and len(others) == 2 and all(block.startswith("python3 -m venv ") for block in others)
+def test_every_other_line_installs():
+    """They are run by .ci/run: the tests and the site by their commands, the figure by its own."""
+    lines = [line for block in blocks("sh") for line in block.text.splitlines() if line.strip()]
+    others = [line for line in lines if not line.startswith(("hbgear ", "#"))]
+    assert len(others) == 3 and all(line.startswith("python3 -m venv ") for line in others)
 
 
 def test_the_first_command_draws_the_figure(folder, capsys):
-    (line,) = [block for block in blocks("sh") if "pip install . " in block]
+    (line,) = [block.text for block in blocks_of("README.md") if "pip install . " in block.text]
     words = shlex.split(line.rpartition("hbgear ")[2])
     Path("docs").mkdir()
     code, out, err = run(words, capsys)
@@ -273,15 +226,15 @@ def test_the_first_command_draws_the_figure(folder, capsys):
     assert Path("double_helical.npz").exists() and Path("docs/double_helical.png").stat().st_size > 20_000
 
 
-def test_ci_runs_the_test_command():
+def test_ci_runs_the_commands():
     script = (REPOSITORY / ".ci/run").read_text(encoding="utf-8")
-    pattern = re.search(r"grep -m 1 '(.*?)' README.md", script)
-    assert pattern and re.search(pattern[1], README, re.MULTILINE)
+    patterns = re.findall(r"grep -m 1 '(.*?)' README.md", script)
+    assert len(patterns) == 2 and all(re.search(pattern, README, re.MULTILINE) for pattern in patterns)
     assert os.access(REPOSITORY / ".ci/run", os.X_OK)
 
 
 def test_exit_codes(folder, capsys):
-    codes = re.search(r"Exit codes: (.*?)\.\s\s", README, re.DOTALL)
+    codes = re.search(r"Exit codes: (.*?)\.\s", TEXTS["docs/howto/command_line.md"], re.DOTALL)
     assert codes and re.findall(r"\d", codes[1]) == ["0", "1", "2", "3"]
     assert run(shlex.split("trace duffing --harmonics 5 --max-points 20 -o a.npz"), capsys)[0] == 3
     curve = hb.load("a.npz")
@@ -294,13 +247,6 @@ def test_exit_codes(folder, capsys):
 # ---- numbers in the text
 
 
-def table_after(text, heading):
-    """Rows of cells of the first table after a text."""
-    lines = text[text.index(heading) :].splitlines()
-    rows = [line.strip().strip("|").split("|") for line in lines if line.strip().startswith("|")]
-    return [[cell.strip() for cell in row] for row in rows]
-
-
 def cell(study, table, row, column):
     """Text in a table of the studies of speed: the first row that begins with these cells."""
     text = (REPOSITORY / "studies/speed/figures" / f"{study}.md").read_text(encoding="utf-8")
@@ -309,14 +255,8 @@ def cell(study, table, row, column):
     return found[rows[0].index(column)]
 
 
-def stated(pattern):
-    """The numbers of a sentence, however its lines are broken."""
-    match = re.search(pattern, " ".join(README.split()))
-    assert match, f"the README has no sentence like {pattern}"
-    return [float(number) for number in match.groups()]
-
-
-ACCURACY = table_after(README, "| H | LP1 | LP2 |")[2:7]
+ALL = " ".join(" ".join(TEXTS.values()).split())
+ACCURACY = table_after(TEXTS["docs/theory/accuracy.md"], "| H | LP1 | LP2 |")[2:7]
 
 
 @pytest.mark.parametrize("row", ACCURACY, ids=[row[0] for row in ACCURACY])
@@ -352,13 +292,29 @@ def test_times_are_those_of_the_studies():
         tools = ("pyHarm", "harmonicbalance", "mousai")
         assert least == min(seconds(problem, tool) for tool in tools)
     threads = float(cell("points", "| case |", ["DoubleHelicalPair, H = 16"], "two threads / one"))
-    assert "no faster with two threads than with one" in " ".join(README.split()) and threads > 0.9
+    assert "no faster with two threads than with one" in ALL and threads > 0.9
+
+
+def test_comparison_is_that_of_the_studies():
+    """The page that says beside what hbgear stands."""
+    own, other, spur, spur_other, error, other_error = stated(
+        r"takes hbgear ([\d.]+) s with stability and folds, the next package ([\d.]+) s without stability; a spur pair "
+        r"with backlash ([\d.]+) s and ([\d.]+) s\. The folds of the spur pair come out to ([\de-]+) and ([\de-]+)\."
+    )
+    columns = ("curve [s]", "curve [s]", "curve [s]", "curve [s]", "error of folds", "error of folds")
+    rows = [[p, t] for p in ("Duffing", "spur pair") for t in ("hbgear, stability", "pyHarm")]
+    found = [
+        float(cell("peers", "| problem |", row, column)) for row, column in zip(rows + rows[2:], columns, strict=True)
+    ]
+    assert [own, other, spur, spur_other] == [round(value, 2) for value in found[:4]]
+    assert [error, other_error] == found[4:]
+    assert cell("peers", "| problem |", ["spur pair", "mousai"], "folds") == "0"  # "some of them find no fold"
 
 
 def test_cost_of_sweeps_and_of_size_is_that_of_the_studies():
     count, ratio, slow = stated(r"sweep of (\d+) frequencies.*? costs (\d+) times .*? about (\d+) times")
     row = "| sweeps, 131 frequencies up and down, settled to |"
-    assert count == 131 and "settled to 1e-5" in " ".join(README.split())
+    assert count == 131 and "settled to 1e-5" in ALL
     assert ratio == float(cell("sweep_ratio", row, ["1e-05"], "over continuation (H = 16)"))
     assert slow == round(float(cell("sweep_ratio", row, ["1e-05"], "over continuation")), -2)
     chain, ten = stated(r"a chain of (\d+) masses costs per point what one of (\d+) does")
@@ -369,10 +325,15 @@ def test_cost_of_sweeps_and_of_size_is_that_of_the_studies():
 
 
 def test_numbers_of_the_double_helical_pair():
-    pair, text = hb.DoubleHelicalPair(), " ".join(README.split())
+    pair, text = hb.DoubleHelicalPair(), ALL
     (omega,) = stated(r"omega_n = sqrt\(k_mean/m_c\), (\d+) rad/s")
     assert omega == pytest.approx(2 * np.pi * pair.mesh_frequency(1.0), abs=0.5)
     (dofs,) = stated(r"double-helical gear pair with (\d+) degrees of freedom")
     assert dofs == pair.system().n == stated(r"scales the (\d+) coordinates back")[0]
     assert f"as published (zeta = {pair.zeta:g}) has none, with zeta = 0.05 it has two" in text
     assert all(f"`{name}`" in text for name in ("pp2", "rms", "max", "mean", *REGIMES[:3]))
+
+
+def test_every_status_has_its_advice_on_the_page():
+    rows = dict(table_after(TEXTS["docs/howto/trouble.md"], "| status |")[2:])
+    assert rows == {f"`{status}`": status.advice for status in hb.Status}

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.harmonic.observables import derivative
+from hbgear.mechanics.fourier import evaluate
 from hbgear.timedomain.integrate import state_of
 
 
@@ -82,11 +84,62 @@ def test_answers(curve, tmp_path):
     assert found["dte, half peak-to-peak"][i] == pytest.approx(np.ptp(dte) / 2, rel=2e-2)
     found.save(tmp_path / "answers.csv")
     head, *rows = (tmp_path / "answers.csv").read_text().splitlines()
-    assert head.startswith("Omega [-],stable,") and len(rows) == len(curve)
+    assert head.startswith("Omega [-],") and head.endswith(",stable") and len(rows) == len(curve)
     with pytest.raises(KeyError, match="there is no answer 'dynamik factor'"):
         found["dynamik factor"]
     with pytest.raises(ValueError, match="answers need the model"):
-        hb.answers(replace(curve, problem=None))
+        hb.answers(replace(curve, problem=None, meta={}))
+    curve.save(tmp_path / "curve.npz")
+    np.testing.assert_array_equal(
+        hb.answers(hb.load(tmp_path / "curve.npz"))["force, largest"], found["force, largest"]
+    )
+    fold = hb.answers(curve["LP1"], problem=curve.problem)
+    assert fold["dynamic factor"][0] == pytest.approx(hb.dynamic_factor(curve.problem.model, curve["LP1"]), rel=1e-12)
+    with pytest.raises(ValueError, match=r"give problem=curve\.problem"):
+        hb.answers(replace(curve["LP1"], problem=None))
+    np.testing.assert_array_equal(hb.answers(curve["LP1"])["dynamic factor"], fold["dynamic factor"])
+
+
+@pytest.mark.parametrize(("pair", "gears"), [
+    (hb.HelicalPair(e=(0.05,)), {"p": ["pinion"], "g": ["wheel"]}),
+    (hb.DoubleHelicalPair(), {"p": ["pL", "pR"], "g": ["gL", "gR"]}),
+])  # fmt: skip
+def test_reactions_are_what_inertia_leaves_of_the_mesh_force(pair, gears):
+    """By Newton: what the supports of a gear carry is the force of its meshes less what accelerates its mass."""
+    curve = hb.trace(hb.HarmonicBalance(pair, 10), "Omega", (1.45, 1.451))
+    problem, system, Omega, X = curve.problem, pair.system(), float(curve.values[0]), curve.X[0]
+    q = problem.motion(X, Omega=Omega)
+    mesh = problem.force_rows(X, Omega=Omega) + 2 * pair.zeta * derivative(
+        X.reshape(len(system.elements), -1), Omega, 1
+    )
+    left = -np.transpose([one.direction for one in system.elements]) @ mesh - system.M @ derivative(q, Omega, 2)
+    held = {name: one.stiffness @ q + one.damping @ derivative(q, Omega, 1) for name, one in pair.reactions.items()}
+    for gear, parts in gears.items():
+        for what, axes in (("radial", "xy"), ("axial", "z")):
+            own = [f"{part} {what}" for part in parts if f"{part} {what}" in held]
+            if not own:
+                continue
+            rows = [sum(left[i] for i, name in enumerate(problem.dof_names) if name.startswith(f"{axis}_{gear}"))
+                    for axis in axes]  # fmt: skip
+            np.testing.assert_allclose(sum(held[name] for name in own), rows, atol=2e-9 * np.abs(left).max())
+    found, theta = hb.answers(curve), np.linspace(0, 2 * np.pi, 4001)
+    for name, rows in held.items():
+        size = np.linalg.norm([evaluate(row, theta) for row in rows], axis=0).max() * pair.scales.force
+        assert found[f"reaction {name}, largest"][0] == pytest.approx(size, rel=1e-4)
+
+
+def test_static_reactions_of_a_spur_pair_are_the_tooth_force():
+    pair = hb.HelicalPair(beta_deg=0.0, eps=(0.1,))
+    found = hb.answers(hb.trace(hb.HarmonicBalance(pair, 8), "Omega", (1.5, 1.49)))
+    static = pair.torque / pair.r_p
+    for gear in ("pinion", "wheel"):
+        assert found[f"reaction {gear} radial, static"] == pytest.approx(static, rel=1e-9)
+        assert found[f"reaction {gear} axial, largest"] == pytest.approx(0.0, abs=1e-9 * static)
+    leaning = hb.HelicalPair(beta_deg=14.0)
+    found = hb.answers(hb.trace(hb.HarmonicBalance(leaning, 8), "Omega", (1.5, 1.49)))
+    assert found["reaction pinion axial, static"] == pytest.approx(
+        leaning.torque / leaning.r_p * np.tan(np.radians(14)), rel=1e-9
+    )
 
 
 def test_the_dynamic_factor_of_an_error_with_corners():

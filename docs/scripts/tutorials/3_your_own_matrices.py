@@ -1,0 +1,78 @@
+"""
+Your own matrices
+=================
+
+Any linear structure M, C, K with a few places at which something is not linear. Here a
+chain of masses, of which one meets a stop.
+"""
+
+# %%
+# A system
+# --------
+# An `Element` sees the structure through one direction and has one law. `Unilateral` is a
+# stop: a spring beyond a gap.
+
+import numpy as np
+
+import hbgear as hb
+
+n = 4
+M = np.eye(n)
+K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+C = 0.03 * K + 0.02 * M
+last = np.eye(n)[-1]
+stop = hb.Element(direction=last, law=hb.Unilateral(k=2.0, gap=1.0), name="stop")
+chain = hb.System(M, C, K, elements=[stop], load=hb.Load(cosine={1: 0.3 * last}))
+
+# %%
+# The unknowns are the harmonics of the gap alone: 2 H + 1 of them, however many masses
+# there are.
+
+problem = hb.HarmonicBalance(chain, harmonics=20)
+curve = hb.trace(problem, "Omega", (0.3, 2.2))
+print(curve.X.shape[1], "unknowns,", n, "masses")
+hb.plot.response(curve)
+
+# %%
+# All coordinates again
+# ---------------------
+# `HarmonicBalance.motion` gives the coefficients of every coordinate at a point. Amplitudes
+# of all masses at the highest peak:
+
+top = curve.peak("pp2")
+q = problem.motion(top.X, Omega=top.parameters["Omega"])
+first = np.hypot(q[:, 1], q[:, 2])
+print(f"Omega = {top.parameters['Omega']:.4f}, first harmonics", first.round(3))
+
+# %%
+# A model
+# -------
+# A `System` is fixed. A function that builds one is a model: what it takes can be varied,
+# followed and searched.
+
+
+@hb.model(ranges={"zeta": hb.Range(low=0)}, default_span=(0.3, 0.9))
+def chain_with_stop(zeta: float = 0.03, gap: float = 1.0) -> hb.System:
+    """A chain of four masses, the last of which meets a stop."""
+    stop = hb.Element(direction=last, law=hb.Unilateral(k=2.0, gap=gap), name="stop")
+    return hb.System(
+        M, zeta * K + 0.02 * M, K, elements=[stop], load=hb.Load(cosine={1: 0.3 * last})
+    )
+
+
+curves = [
+    hb.trace(
+        hb.HarmonicBalance(chain_with_stop(gap=gap), 16),
+        "Omega",
+        chain_with_stop.default_span,
+    )
+    for gap in (0.5, 1.0, 1.5)
+]
+hb.plot.responses(curves, names=["gap 0.5", "gap 1", "gap 1.5"])
+
+# %%
+# Laws
+# ----
+# `Backlash`, `Unilateral`, `PiecewiseLinear` and `Cubic` are projected exactly;
+# `CompiledLaw` takes a compiled function of yours, and any class derived from `Law` works,
+# sampled. :doc:`/extending` has an example of each.

@@ -1,0 +1,68 @@
+"""
+Following a jump in a design parameter
+======================================
+
+A jump is a fold of the response curve. The fold is a problem of its own, and the same
+``trace`` follows it: where does the jump go when the damping, the load or the error
+changes, and when is it gone?
+"""
+
+# %%
+# The fold as the damping rises
+# -----------------------------
+
+import hbgear as hb
+
+problem = hb.HarmonicBalance(hb.SpurPair(), harmonics=16)
+curve = hb.trace(problem, "Omega", (1.5, 0.3))
+folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.2))
+folds
+
+# %%
+# The curve of folds turns back at a cusp, CP1. There both folds meet: with more damping
+# there is no jump.
+
+cusp = folds["CP1"]
+print(f"zeta = {cusp.parameters['zeta']:.5f}, Omega = {cusp.parameters['Omega']:.5f}")
+
+# %%
+# The same in one call, for a jump map over a range of designs:
+
+jumps = hb.jump_map(hb.SpurPair(), "zeta", (0.05, 0.13))
+hb.plot.jump_map(jumps)
+
+# %%
+# Between the lines two stable motions exist: there is hysteresis. Another parameter, the
+# load, does it otherwise:
+
+hb.plot.jump_map(hb.jump_map(hb.SpurPair(), "F_m", (0.08, 0.2)))
+
+# %%
+# A look at the curves themselves
+# -------------------------------
+# Below, at and above the critical damping:
+
+values = (0.05, round(cusp.parameters["zeta"], 5), 0.2)
+curves = [
+    hb.trace(hb.HarmonicBalance(hb.SpurPair(zeta=zeta), 16), "Omega", (1.2, 0.5))
+    for zeta in values
+]
+hb.plot.responses(curves, names=[f"zeta = {zeta:g}" for zeta in values])
+
+# %%
+# An event of your own
+# --------------------
+# Whatever function of a point passes zero can be marked and followed as well. Where does
+# the largest deflection reach 1.3 half backlashes, and how does that frequency move with
+# the damping?
+
+limit = hb.Event(
+    "limit",
+    lambda point: point.amplitude("max") - 1.3,
+    "largest deflection 1.3",
+    marker="v",
+)
+marked = hb.trace(problem, "Omega", (1.2, 0.6), events=[limit])
+held = hb.follow(marked, "limit1", "zeta", (0.05, 0.055))
+for zeta, Omega in zip(held.values[[0, -1]], held.tracked["Omega"][[0, -1]], strict=True):
+    print(f"zeta = {zeta:.3f}: Omega = {Omega:.4f}")

@@ -1,0 +1,108 @@
+"""Commands on what parameters do and which fit: ``hbgear sensitivity``."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import hbgear as hb
+from hbgear.cli import complete as cli_complete
+from hbgear.cli.files import FIGURES, check_writable, outputs
+from hbgear.cli.support import (
+    Element,
+    Figure,
+    File,
+    Measure,
+    OwnModel,
+    element_of,
+    one_thread,
+    point_of,
+    print_table,
+    problem_in,
+)
+from hbgear.harmonic.sensitivity import Sensitivity
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command()(sensitivity)
+
+
+def sensitivity(
+    file: File,
+    point: Annotated[
+        str,
+        typer.Argument(
+            metavar="POINT",
+            help="A label such as LP1, a jump as jump1, the highest peak as peak, or a value such as 0.9.",
+            autocompletion=cli_complete.labels,
+        ),
+    ],
+    model: OwnModel = None,
+    quantity: Annotated[
+        str, typer.Option("--of", help="What the table is sorted by, such as 'pinion r/min'.", show_default="Omega")
+    ] = "",
+    most: Annotated[int, typer.Option(min=1, help="Parameters in the table and the figure, by their effect.")] = 15,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save all derivatives as .csv.")] = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """Which parameters the frequency and the amplitude of a point of a saved curve depend on, and how much.
+
+    The table is in percent for one percent of each parameter, the largest first.
+    """
+    check_writable(output, (".csv",))
+    check_writable(plot, FIGURES)
+    which = element_of(element)
+    branch = hb.load(file)
+    branch = hb.load(file, problem=problem_in(branch, model))
+    with one_thread():
+        chosen = _chosen(branch, point, measure, which)
+        found = hb.sensitivity(chosen, measure=measure, element=which)
+    quantity = quantity or _first(found)
+    shares = {name: found.percent(name) for name in found.quantities}
+    with outputs() as out:
+        out.write(output, found.export)
+        out.figure(plot, lambda drawing: drawing.tornado(found, quantity, most=most))
+        print(f"{found.label}: " + ", ".join(f"{q} = {found.size(q):.6g}" for q in found.quantities))
+        known = [name for name, share in shares[quantity].items() if share or any(s.get(name) for s in shares.values())]
+        rows = [
+            [name, f"{found.values[found.parameters.index(name)]:.6g}", *(_share(shares[q][name]) for q in shares)]
+            for name in known[:most]
+        ]
+        title = f"percent of each for one percent of a parameter, by {quantity}"
+        print_table(["", "value", *found.quantities], rows, title)
+        left = len(known) - len(rows)
+        if left:
+            print(f"{left} more with less effect; see --most")
+        for name, value in zip(found.parameters, found.values, strict=True):
+            if not value and found.of(quantity)[name]:
+                print(f"{name} = 0: {quantity} changes by {found.of(quantity)[name]:.4g} for one of its unit")
+
+
+def _first(found: Sensitivity) -> str:
+    """What moves: the frequency, or of a motion whose frequency is held its amplitude."""
+    return next((name for name in found.quantities if any(found.percent(name).values())), found.quantities[0])
+
+
+def _share(share: float) -> str:
+    return "-" if math.isnan(share) else f"{share:+.4f}"
+
+
+def _chosen(branch: hb.Branch, text: str, measure: str, element: int | str) -> hb.Point | hb.Jump:
+    """The point or jump that is meant."""
+    jumps = branch.jumps()
+    if text.startswith("jump") and text[4:].isdecimal():
+        if not 1 <= int(text[4:]) <= len(jumps):
+            raise ValueError(f"POINT {text}: the curve has {len(jumps) or 'no'} jumps, numbered from jump1")
+        return jumps[int(text[4:]) - 1]
+    if text == "peak":
+        peaks = hb.peaks(branch, measure, element, share=0.99)
+        if not peaks:
+            raise ValueError(f"POINT peak: {measure} has no peak within the curve")
+        return max(peaks, key=lambda point: point.amplitude(measure, element))
+    return point_of(branch, text, "POINT")

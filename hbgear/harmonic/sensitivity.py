@@ -1,0 +1,462 @@
+"""What a frequency and an amplitude depend on: derivatives in every parameter of the model.
+
+    dOmega/da, dA/da          of a special point, a peak, a jump; of a motion at a held frequency dA/da alone
+    n = s(a) Omega:           dn/da = s dOmega/da + Omega ds/da       in r/min and Hz, L(a) A in metres
+
+from the equations of the point (`hbgear.continuation.sensitivity`); scales s and L depend on parameters too.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arguments import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.common.messages import did_you_mean, quoted
+from hbgear.common.replacing import replacing
+from hbgear.continuation.algebra import norm
+from hbgear.continuation.bordered import Augmented, Fold
+from hbgear.continuation.branch import Jump, Point, SpecialPoint
+from hbgear.continuation.differences import in_parameter
+from hbgear.continuation.events import event_at
+from hbgear.continuation.newton import NoConvergence, refine, solve
+from hbgear.continuation.problem import FullProblem, as_problem
+from hbgear.continuation.sensitivity import (
+    Slopes,
+    along,
+    of_branch_point,
+    of_crossing,
+    of_solution,
+    of_special,
+    tangent,
+)
+from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.observables import Layout
+from hbgear.harmonic.special import EXTREMA, ExtremumPeak, Peak
+from hbgear.harmonic.speeds import MESH, PINION, scales
+from hbgear.mechanics.model import Model
+
+LENGTH = "m"
+"""Unit of amplitudes of models that know theirs."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivity:
+    """Derivatives of what a point is, in the parameters of its model.
+
+    Parameters
+    ----------
+    label : of the point.
+    parameters, values : (A,) names, entries of tuples as ``eps[0]``, and values in the model.
+    quantities, sizes : (Q,) names and values: the parameter of the curve, "mesh Hz" and "pinion r/min" of models that
+        know their units, the amplitude ("pp2", also "pp2 m"; of a jump "pp2 before" and "pp2 after").
+    slopes : (Q, A) derivatives, in the units of quantity and parameter; nan where there is none.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    >>> found = hb.sensitivity(curve["LP1"])
+    >>> found.quantities
+    ('Omega', 'rms')
+    >>> max(found.percent("Omega"), key=found.percent("Omega").get)
+    'F'
+    """
+
+    label: str
+    parameters: tuple[str, ...]
+    values: Array
+    quantities: tuple[str, ...]
+    sizes: Array
+    slopes: Array
+
+    def __repr__(self) -> str:
+        most = next(iter(self.percent()), "")
+        return (
+            f"<Sensitivity of {self.label}: {', '.join(self.quantities)} in {len(self.parameters)} parameters; {most}>"
+        )
+
+    def size(self, quantity: str = "") -> float:
+        """The value of a quantity; the first by default."""
+        return float(self.sizes[self._index(quantity)])
+
+    def of(self, quantity: str = "") -> dict[str, float]:
+        """Derivative of a quantity, the first by default, in each parameter.
+
+        Raises
+        ------
+        KeyError
+            If there is no such quantity.
+        """
+        return dict(zip(self.parameters, self.slopes[self._index(quantity)].tolist(), strict=True))
+
+    def percent(self, quantity: str = "") -> dict[str, float]:
+        """Change in percent for one percent of each parameter that is not zero, the largest first; nan comes last.
+
+        Raises
+        ------
+        KeyError
+            If there is no such quantity.
+        """
+        i = self._index(quantity)
+        share = self.slopes[i] * self.values / (self.sizes[i] or math.nan)
+        order = np.argsort(-np.abs(share), kind="stable")
+        return {self.parameters[a]: float(share[a]) for a in order if self.values[a]}
+
+    def scatter(self, spread: Mapping[str, float], quantity: str = "") -> float:
+        """Standard deviation of a quantity for independent small deviations of parameters, to first order.
+
+            s^2 = sum_a (dquantity/da s_a)^2
+
+        Parameters
+        ----------
+        spread : standard deviations of parameters by name, in their units.
+
+        Raises
+        ------
+        KeyError, ValueError
+            If there is no such quantity or parameter, or a deviation is negative.
+        """
+        slopes = self.of(quantity)
+        for name, deviation in spread.items():
+            if name not in slopes:
+                raise KeyError(f"no derivative in '{name}'{did_you_mean(name, slopes)}")
+            if not deviation >= 0:
+                raise ValueError(f"spread: {name} = {quoted(deviation)} must be a standard deviation of at least 0")
+        return math.sqrt(sum((slopes[name] * deviation) ** 2 for name, deviation in spread.items()))
+
+    def export(self, path: str | os.PathLike[str]) -> None:
+        """Write a .csv: parameter, value, and the derivatives of each quantity; whole or not at all."""
+        if not str(path).endswith(".csv"):
+            raise ValueError(f"'{path}' must end in .csv")
+        with replacing(path, "x", encoding="utf-8", newline="") as handle:
+            writer = csv.writer(handle)
+            writer.writerow(["parameter", "value", *(f"d {quantity}" for quantity in self.quantities)])
+            writer.writerow(["", "", *self.sizes.tolist()])
+            for row in zip(self.parameters, self.values.tolist(), *self.slopes.tolist(), strict=True):
+                writer.writerow(row)
+
+    def _index(self, quantity: str) -> int:
+        if quantity and quantity not in self.quantities:
+            raise KeyError(f"no derivatives of '{quantity}'{did_you_mean(quantity, self.quantities)}")
+        return self.quantities.index(quantity) if quantity else 0
+
+
+@checked_arguments(
+    point="a special point, peak, jump or row of a curve, such as curve['LP1']",
+    parameters="names of parameters, such as ('zeta', 'e[0]')",
+)
+def sensitivity(
+    point: Point | Jump,
+    parameters: Sequence[str] | None = None,
+    *,
+    measure: str | None = None,
+    element: int | str = 0,
+    multipliers: bool = False,
+) -> Sensitivity:
+    """Derivatives of the frequency and amplitude of a point in the parameters of its model.
+
+    A fold moves by dOmega/da = -(w . R_a) / (w . R_Omega), points of other kinds by the matrix of their own equations.
+    The frequency of a row that is no special point is held, its amplitude moves.
+
+    Parameters
+    ----------
+    point : of a curve that knows its problem: ``curve["LP1"]``, ``curve.jumps()[0]``, ``hb.peaks(curve)[0]``,
+        ``curve[7]``, ``hb.critical(...).point``.
+    parameters : names, entries of tuples as ``eps[0]``; by default all of the model.
+    measure, element : amplitude, as of `Branch.amplitude`; by default rms, of a peak its own.
+    multipliers : derivatives of the largest modulus of the multipliers too.
+
+    Raises
+    ------
+    KeyError
+        If the model has no such parameter.
+    ValueError
+        If the point does not know its problem or was not located, or there are no derivatives of its kind.
+    NoConvergence
+        If its equations cannot be solved any more.
+
+    Notes
+    -----
+    Derivatives in parameters are central differences of the equations, at the end of a range one-sided, and exact to
+    some 1e-8. Where a parameter parts two curves that cross, the derivatives of their branch point are nan.
+
+    References
+    ----------
+    Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), doi 10.1137/1.9780898719543.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.0, 0.6))
+    >>> found = hb.sensitivity(curve["LP1"], ["zeta", "e[0]"])
+    >>> round(found.of("Omega")["zeta"], 2) > 0
+    True
+    """
+    one = point.before if isinstance(point, Jump) else point
+    problem, here, parameter = _asked(one, parameters)
+    names = _names(problem, here, parameter, parameters)
+    where = _At(_remembering(problem, one, 2 * len(names) + 8), one, here, parameter, names)
+    slopes = where.slopes()
+    rows: list[_Row] = [(parameter, here[parameter], slopes.p)]
+    rows += [(name, here[name], X_a) for name, X_a in where.unknown(slopes)]
+    units = where.units()
+    rows += where.speeds(rows, units)
+    note = one.note if isinstance(one, SpecialPoint) and one.kind == "PK" else ""
+    wanted = measure or note.removeprefix("peak of ") or "rms"
+    motions = [(wanted, where, slopes.X)]
+    if isinstance(point, Jump) and point.after is not None:
+        motions[0] = (f"{wanted} before", where, slopes.X)
+        motions.append((f"{wanted} after", *where.landed(point.after, slopes.p)))
+    for name, at, X_a in motions:
+        rows += at.amplitudes(name, wanted, element, X_a, units)
+    if multipliers:
+        rows.append(where.largest_multiplier(slopes))
+    label = point.label or "a point"
+    values = np.array([here[name] for name in names])
+    quantities, sizes, moved = zip(*rows, strict=True)
+    return Sensitivity(label, names, values, quantities, np.array(sizes), np.array(moved))
+
+
+_Row = tuple[str, float, Array]  # quantity, value, derivatives
+
+
+_Units = tuple[dict[str, float], dict[str, Array]]  # values by name, and their derivatives
+
+
+def _asked(point: Point, parameters: Sequence[str] | None) -> tuple[FullProblem, dict[str, float], str]:
+    """Problem and parameters of a point, and in which of them its curve was traced."""
+    if point.problem is None:
+        raise ValueError(
+            f"{point.label or 'the point'} does not know its problem; take it from the curve, as curve['LP1'], and "
+            "load curves with load(path, problem=HarmonicBalance(...))"
+        )
+    if isinstance(point, SpecialPoint) and not point.located:
+        low, high = point.interval
+        raise ValueError(f"{point.label} was not located, only known to lie within {low:.8g} and {high:.8g}")
+    problem = as_problem(point.problem)
+    entries = problem.model.entries if isinstance(problem, HarmonicBalance) else {}
+    return problem, {**entries, **problem.parameters, **point.parameters}, list(point.parameters)[-1]
+
+
+def _names(
+    problem: FullProblem, here: Mapping[str, float], parameter: str, wanted: Sequence[str] | None
+) -> tuple[str, ...]:
+    """Parameters in which there are derivatives: those asked for, or all but those that move themselves."""
+    own = {parameter, *problem.unknown_parameters}
+    if wanted is None:
+        return tuple(name for name in here if name not in own)
+    for name in wanted:
+        problem.check_parameter(name)
+        if name in own:
+            raise ValueError(f"{name} is what the point is sought in; ask for derivatives in other parameters")
+        if name not in here:
+            raise KeyError(f"the point has no parameter '{name}'{did_you_mean(name, here)}")
+    return tuple(dict.fromkeys(wanted))
+
+
+def _remembering(problem: FullProblem, point: Point, sets: int) -> FullProblem:
+    """The problem with the unknowns of the point, which keeps what it computes for many sets of parameters."""
+    if isinstance(problem, Augmented):
+        inner = _remembering(problem.problem, point, sets)
+        return type(problem)(inner, problem.parameter, *problem.arguments)
+    return _like(problem.remembering(sets) if isinstance(problem, HarmonicBalance) else problem, point)
+
+
+def _like(problem: FullProblem, point: Point) -> FullProblem:
+    """The problem with the unknowns of a point."""
+    layout = point.layout
+    if not isinstance(problem, HarmonicBalance) or not isinstance(layout, Layout):
+        return problem.fitting(point)
+    if (layout.nu, layout.harmonics) == (problem.nu, problem.H):
+        return problem
+    if layout.nu == problem.nu and layout.harmonics > problem.H:
+        return problem.fitting(point)
+    return problem.with_order(layout.nu, layout.harmonics)
+
+
+def _units_of(model: Model) -> dict[str, float]:
+    """Hz and r/min at Omega = 1 and the unit of length in metres; nothing if the model does not know them."""
+    known = scales(model, {})
+    return known | {LENGTH: model.scales.length} if known and model.scales else known
+
+
+@dataclass(frozen=True)
+class _At:
+    """A point, its problem and all parameters, the one its curve was traced in, and those that are changed."""
+
+    problem: FullProblem
+    point: Point
+    here: dict[str, float]
+    parameter: str
+    names: tuple[str, ...]
+
+    @property
+    def X(self) -> Array:
+        """Unknowns of the problem."""
+        return self.problem.join(self.point.X, self.here)
+
+    def slopes(self) -> Slopes:
+        """Derivatives of the unknowns and of the parameter of the curve."""
+        if not isinstance(self.point, SpecialPoint):
+            return of_solution(self.problem, self.X, self.here, self.names)
+        kind = self.point.kind
+        if kind == "NS":
+            return of_crossing(self.problem, self.X, self.here, self.parameter, self.names, self._modulus())
+        if kind == "BP":
+            return of_branch_point(self.problem, self.X, self.here, self.parameter, self.names)
+        equations = self.equations()
+        U = np.append(self.X, self.here[self.parameter])
+        try:
+            based = equations.based(U, self.here)
+            U = refine(based, solve(based, U, self.here), self.here).X
+        except NoConvergence:  # as near as it was located
+            pass
+        return of_special(equations, U, self.here, self.names)
+
+    def equations(self) -> Augmented:
+        """The equations of a special point."""
+        point = self.point
+        assert isinstance(point, SpecialPoint)
+        if point.kind == "PK":
+            measure = point.note.removeprefix("peak of ")
+            of = ExtremumPeak if measure in EXTREMA else Peak
+            return of(self.problem, self.parameter, measure, getattr(point.event, "element", 0))
+        if point.kind == "CP":
+            return Fold(self.problem, self.parameter)
+        event = event_at(self.problem, self.parameter, point)
+        equations = event and event.equations(self.problem.original, self.parameter, point)
+        if not equations:
+            raise ValueError(
+                f"{point.label} ({point.meaning.partition(':')[0]}) has no equations of its own to be differentiated; "
+                "choose LP, PD, NS, BP, GR, CP, a peak, a jump, or a row of the curve"
+            )
+        return equations
+
+    @cached_property
+    def own(self) -> dict[str, float]:
+        """The parameters of the model."""
+        model = getattr(self.problem, "model", None)
+        return model.parameters | model.entries if isinstance(model, Model) else {}
+
+    def _modulus(self) -> Callable[[Array, dict[str, float]], float]:
+        """Logarithm of the modulus of the multiplier that is on the unit circle at the point."""
+        problem = self.problem
+        assert isinstance(problem, HarmonicBalance)
+        all_of_them = problem.multipliers(self.X, points=8, width=1.0, **self._balanced(self.here))
+        paired = all_of_them[np.abs(all_of_them.imag) > 1e-8 * np.abs(all_of_them)]
+        of = paired if paired.size else all_of_them
+        mu = of[np.argmin(np.abs(np.abs(of) - 1.0))]
+        return self._tracked(mu)
+
+    def _tracked(self, mu: complex) -> Callable[[Array, dict[str, float]], float]:
+        """Logarithm of the modulus of the multiplier nearest to one."""
+        problem: Any = self.problem
+
+        def value(X: Array, at: dict[str, float]) -> float:
+            near = problem.multipliers(X, points=8, width=1.0, **self._balanced(at))
+            return math.log(abs(near[np.argmin(np.abs(near - mu))]))
+
+        return value
+
+    def _balanced(self, here: Mapping[str, float]) -> dict[str, float]:
+        """The parameters that are not those of the model."""
+        own = self.own
+        return {name: float(value) for name, value in here.items() if own.get(name) != value}
+
+    def unknown(self, slopes: Slopes) -> list[tuple[str, Array]]:
+        """Derivatives of parameters among the unknowns, as the frequency of a fold is on a curve of folds."""
+        own = self.problem.unknown_parameters
+        return [(name, slopes.X[:, -1 - i]) for i, name in enumerate(own)]
+
+    def speeds(self, rows: Sequence[_Row], units: _Units) -> list[_Row]:
+        """Mesh frequency and speed of models that know their units."""
+        own, changes = units
+        if "Omega" not in self.here:
+            return []
+        Omega, found = self.here["Omega"], {name: slopes for name, _, slopes in rows}
+        moved = found.get("Omega", np.array([float(name == "Omega") for name in self.names]))
+        return [(unit, Omega * own[unit], own[unit] * moved + Omega * changes[unit]) for unit in (MESH, PINION)
+                if unit in own]  # fmt: skip
+
+    def units(self) -> _Units:
+        """Units of the model, Hz and r/min at Omega = 1 and metres, and their derivatives (A,); nothing if unknown."""
+        model = getattr(_innermost(self.problem), "model", None)
+        if not isinstance(model, Model) or not (own := _units_of(model.at(self.here))):
+            return {}, {}
+        there, keys = model.at(self.here), list(own)
+        known = there.parameters | there.entries
+        changes = np.zeros((len(self.names), len(keys)))
+        for row, name in zip(changes, self.names, strict=True):
+
+            def values(at: dict[str, float], name: str = name) -> tuple[float, ...]:
+                return tuple(_units_of(there.replace(**{name: at[name]})).values())
+
+            if name in known:
+                row[:] = in_parameter(self.problem, name, self.here, values)
+        return own, dict(zip(keys, changes.T, strict=True))
+
+    def amplitudes(self, name: str, measure: str, element: int | str, X_a: Array, units: _Units) -> list[_Row]:
+        """The amplitude, and that in metres of models that know their unit of length."""
+        layout = self.point.layout
+        if layout is None:
+            return []
+        X, width = self.point.X, len(self.point.X)
+
+        def size(Y: Array) -> float:
+            return float(layout.measure(measure, Y, element))
+
+        moved = np.array([_derivative(size, X, dX[:width]) for dX in X_a])
+        rows: list[_Row] = [(name, size(X), moved)]
+        own, changes = units
+        if LENGTH in own:
+            rows.append((f"{name} {LENGTH}", own[LENGTH] * size(X), own[LENGTH] * moved + size(X) * changes[LENGTH]))
+        return rows
+
+    def landed(self, after: Point, p_a: Array) -> tuple[_At, Array]:
+        """The motion on which a jump lands, which is held at the frequency of the jump, and its derivatives."""
+        problem = _like(self.problem, after)
+        here = {**self.here, self.parameter: after.parameters[self.parameter]}
+        at = _At(problem, after, here, self.parameter, self.names)
+        t = tangent(problem, at.X, here, self.parameter)
+        return at, of_solution(problem, at.X, here, self.names).X + p_a[:, None] * t
+
+    def largest_multiplier(self, slopes: Slopes) -> _Row:
+        """The largest modulus of the multipliers, the point moving as it does."""
+        problem = self.problem
+        if not isinstance(problem, HarmonicBalance):
+            raise ValueError("multipliers are those of periodic motions: ask for a point of a HarmonicBalance")
+        mu = problem.multipliers(self.X, points=8, width=1.0, **self._balanced(self.here))[0]
+        value = self._tracked(mu)
+        p = self.parameter
+
+        def moved(name: str, dX: Array, dp: float) -> float:
+            def following(X: Array, at: dict[str, float]) -> float:
+                return value(X, {**at, p: self.here[p] + dp * (at[name] - self.here[name])})
+
+            return along(problem, self.X, self.here, following, dX, name)
+
+        each = zip(self.names, slopes.X, slopes.p, strict=True)
+        return "|mu|", abs(mu), abs(mu) * np.array([moved(name, dX, dp) for name, dX, dp in each])
+
+
+def _innermost(problem: FullProblem) -> FullProblem:
+    """The problem that curves of special points are of."""
+    return _innermost(problem.problem) if isinstance(problem, Augmented) else problem
+
+
+def _derivative(of: Callable[[Array], float], X: Array, along: Array) -> float:
+    """Derivative of a function of X along a vector."""
+    length = norm(along)
+    if not length or not math.isfinite(length):
+        return 0.0 if not length else math.nan
+    h = 1e-5 * max(1e-3, norm(X)) / length
+    return (of(X + h * along) - of(X - h * along)) / (2 * h)

@@ -1,0 +1,262 @@
+"""Trains against models written by hand, closed forms and integration in time."""
+
+from math import cos, pi, radians, sin
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.gears.train import in_order
+from hbgear.mechanics.fourier import evaluate
+from hbgear.timedomain.integrate import state_of
+
+
+def double_helical(pair, **kwargs):
+    """The marine pair put together from wheels, shafts, bearings and meshes."""
+    wheels, bearings = [], []
+    distance = (pair.r_p + pair.r_g) / cos(pair.alpha_t)
+    for name in ("pL", "gL", "pR", "gR"):
+        gear = name[0]
+        inertia = getattr(pair, f"I_{gear}")
+        x = distance if gear == "g" else 0.0
+        wheels.append(
+            hb.Wheel(
+                name, inertia, getattr(pair, f"m_{gear}"), tilt_inertia=inertia, teeth=getattr(pair, f"teeth_{gear}"),
+                base_radius=getattr(pair, f"r_{gear}"), x=x, moves="space", torque=pair.torque if gear == "p" else 0.0,
+            )
+        )  # fmt: skip
+        k = {axis: getattr(pair, f"k_{gear}{axis}") for axis in ("x", "y", "z", "thx", "thy")}
+        c = {f"c_{axis}": getattr(pair, f"c_{gear}{axis}") for axis in "xyz"}
+        bearings.append(hb.Bearing(name, k["x"], k["y"], k["z"], k["thx"], k["thy"], damping=pair.zeta, **c))
+    wheels[1] = hb.Wheel(**{**vars(wheels[1]), "torque": pair.torque * pair.r_g / pair.r_p})
+    shafts = [hb.Shaft.section(f"{g}L", f"{g}R", getattr(pair, f"outer_{g}"), pair.shaft_length,
+                               getattr(pair, f"inner_{g}"), pair.E, pair.poisson, pair.zeta) for g in "pg"]  # fmt: skip
+    error = hb.Series(sine=tuple(-x * pair.b_c for x in pair.e))
+    meshes = [hb.Mesh(f"p{half}", f"g{half}", pair.k_mean, pair.b_c, eps=pair.eps, error=error, damping=pair.zeta,
+                      helix_angle=-hand * pair.beta_mesh) for half, hand in (("L", 1), ("R", -1))]  # fmt: skip
+    return hb.Train(wheels, meshes, shafts, bearings, balance="gR", **kwargs)
+
+
+def test_the_marine_pair_is_the_model_written_by_hand(rng):
+    pair = hb.DoubleHelicalPair(zeta=0.05)
+    train = double_helical(pair)
+    assert train.omega_n == pytest.approx(pair.omega_n, rel=1e-12)
+    assert train.lags == pytest.approx({"pL-gL": 0.0, "pR-gR": 0.0}, abs=1e-12)
+    by_hand, built = hb.HarmonicBalance(pair, 12), hb.HarmonicBalance(train, 12)
+    for Omega in (0.31, 0.77, 1.4):
+        X = rng.standard_normal(by_hand.size)
+        for a, b in zip(by_hand.evaluate(X, Omega=Omega), built.evaluate(X, Omega=Omega), strict=True):
+            np.testing.assert_allclose(b, a, rtol=0, atol=1e-9 * np.abs(a).max())
+    X = by_hand.start(Omega=1.2)
+    np.testing.assert_allclose(built.start(Omega=1.2), X, atol=1e-9)
+    here = [problem.multipliers(X, Omega=1.2)[0] for problem in (by_hand, built)]
+    assert abs(here[1]) == pytest.approx(abs(here[0]), rel=1e-8)
+
+
+def test_folds_of_the_marine_pair():
+    pair = hb.DoubleHelicalPair(zeta=0.05)
+    curves = [hb.trace(hb.HarmonicBalance(model, 12), "Omega", (1.0, 0.8)) for model in (pair, double_helical(pair))]
+    folds = [[p.parameters["Omega"] for p in curve.special if p.kind == "LP"] for curve in curves]
+    assert len(folds[0]) == 2
+    np.testing.assert_allclose(folds[1], folds[0], rtol=1e-9)
+
+
+def spur(**kwargs):
+    a, b = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    pair = hb.GearPair(a, b, backlash="80 um")
+    wheels = [hb.Wheel.of("pinion", a, torque="200 N m"), hb.Wheel.of("wheel", b)]
+    return pair, hb.Train(wheels, [hb.Mesh.of("pinion", "wheel", pair, "200 N m", 0.04)], balance="wheel", **kwargs)
+
+
+def test_a_pair_that_only_turns_is_the_model_of_its_drawing():
+    pair, train = spur()
+    drawn = pair.model("200 N m", 0.04)
+    X = [hb.HarmonicBalance(model, 12).start(Omega=0.9) for model in (drawn, train)]
+    # the same motion, begun where the flanks come into contact or where they pass the pitch point
+    a, b = (x[1::2] - 1j * x[2::2] for x in X)
+    np.testing.assert_allclose(np.abs(b), np.abs(a), atol=1e-10)
+    assert X[1][0] == pytest.approx(X[0][0], abs=1e-10)
+    assert train.scales == drawn.scales
+
+
+def idler(places, teeth=(25, 30, 40), driver="in", turn=1.0, **kwargs):
+    """Three gears in mesh, the torque through the middle one; places are directions from the idler [rad]."""
+    module, alpha = 3e-3, radians(20)
+    r = [module * z / 2 for z in teeth]
+    at = [(0.0, 0.0)] * 3
+    for i, direction in zip((0, 2), places, strict=True):
+        at[i] = ((r[i] + r[1]) * cos(direction), (r[i] + r[1]) * sin(direction))
+    wheels = [hb.Wheel(name, 1e-3 * z / 25, 1.0, teeth=z, base_radius=x * cos(alpha), x=at[i][0], y=at[i][1],
+                       torque=turn * 100.0 if name == driver else 0.0)
+              for i, (name, z, x) in enumerate(zip(("in", "idler", "out"), teeth, r, strict=True))]  # fmt: skip
+    meshes = [hb.Mesh(a, b, 4e8, 4e-5, eps=(0.2,)) for a, b in (("in", "idler"), ("idler", "out"))]
+    return hb.Train(wheels, meshes, balance="out", **kwargs)
+
+
+def flanks(teeth, turned, side):
+    """Angles of all flanks of a gear that face one side, teeth half a pitch thick."""
+    return turned + 2 * pi * np.arange(teeth) / teeth + side * pi / (2 * teeth)
+
+
+@pytest.mark.parametrize("teeth", [(25, 30, 40), (24, 31, 40), (25, 31, 19)])
+@pytest.mark.parametrize("place", [0.0, 0.7, -1.3])
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_phase_of_an_idler_by_turning_its_teeth(teeth, place, turn):
+    """The idler is turned until a flank that carries load passes each of its pitch points."""
+    train = idler((pi, place), teeth, turn=turn)
+    z, sense = teeth[1], -turn  # the idler turns against the first gear; its trailing flank is pushed
+    passing = []
+    for direction, side in ((pi, -sense), (place, sense)):
+        behind = (sense * (direction - flanks(z, 0.0, side))) % (2 * pi)  # way of each flank to the pitch point
+        passing.append(behind.min() * z)
+    expected = (passing[1] - passing[0]) % (2 * pi)
+    difference = (train.lags["idler-out"] - expected + pi) % (2 * pi) - pi
+    assert difference == pytest.approx(0.0, abs=1e-9)
+
+
+def test_statics_and_mirror_of_an_idler():
+    """Forces of a triangle of gears, all of which move in the plane: torques pass through, bearings carry the rest."""
+    train = idler((pi, 0.9))
+    moving = [hb.Wheel(**{**vars(w), "moves": "plane"}) for w in train.wheels]
+    bearings = [hb.Bearing(w.name, 1e8, 1e8) for w in moving]
+    held = hb.Train(moving, train.meshes, bearings=bearings, balance="out")
+    still = held.replace(eps_scale=0.0)
+    problem = hb.HarmonicBalance(still, 2)
+    X = problem.start(Omega=0.5)
+    force = problem.force_rows(X, Omega=0.5)[:, 0] * held.k_mean * held.b_c
+    np.testing.assert_allclose(force, 2 * [100.0 / train.wheels[0].base_radius], rtol=1e-9)
+    q = problem.motion(X, Omega=0.5)[:, 0] * held.units
+    pull = 1e8 * np.array([q[problem.dof_names.index(f"{axis}_idler")] for axis in "xy"])
+    alpha, F = radians(20), force[0]
+    # the idler turns clockwise: the first gear pushes it by the line of action at its pitch point, the last one back
+    first = F * np.array([sin(alpha), cos(alpha)])
+    to = np.array([sin(alpha), -cos(alpha)])
+    turned = np.array([[cos(0.9), -sin(0.9)], [sin(0.9), cos(0.9)]]) @ to
+    np.testing.assert_allclose(pull, first - F * turned, atol=1e-6 * F)
+    mirrored = idler((pi, -0.9), turn=-1.0)
+    assert mirrored.lags["idler-out"] == pytest.approx(train.lags["idler-out"], abs=1e-9)
+
+
+def two_stages(**kwargs):
+    """40/80 and 20/60: the second stage meshes at half the frequency of the first."""
+    alpha, r = radians(20), {z: 3e-3 * z / 2 for z in (40, 80, 20, 60)}
+    wheels = [hb.Wheel(f"z{z}", 4e-4 * (z / 20) ** 2, teeth=z, base_radius=x * cos(alpha)) for z, x in r.items()]
+    wheels[0] = hb.Wheel(**{**vars(wheels[0]), "torque": 100.0})
+    meshes = [hb.Mesh("z40", "z80", 4e8, 4e-5, eps=(0.2, 0.05)), hb.Mesh("z20", "z60", 3e8, 3e-5, eps=(0.25,))]
+    return hb.Train(wheels, meshes, [hb.Shaft("z80", "z20", 2e5)], balance="z60", **kwargs)
+
+
+def test_two_stages_with_commensurate_frequencies():
+    train = two_stages()
+    assert train.orders["z40-z80"] == 4 and train.orders["z20-z60"] == 1
+    assert train.orders["z40"] == pytest.approx(4 / 40) and train.orders["z60"] == pytest.approx(1 / 60)
+    problem = hb.HarmonicBalance(train, 24)
+    curve = hb.trace(problem, "Omega", (0.18, 0.3))
+    assert curve.status.complete
+    for i in (0, len(curve) // 2, -1):
+        Omega = float(curve.values[i])
+        orbit = hb.shoot(train, Omega, state_of(problem, curve.X[i], Omega=Omega))
+        motion = hb.integrate(train, orbit.state, 1, Omega)
+        d = evaluate(curve.X[i].reshape(2, -1), motion.tau)
+        np.testing.assert_allclose(d, motion.d, atol=30 * curve.error[i] + 1e-8)
+
+
+def test_gyroscopic_wheels_and_bearings_over_speed():
+    """A table that does not vary is the bearing of that number; wheels have gyroscopic terms by their own speeds."""
+    _, train = spur()
+    speeds = [10.0, 5000.0]
+    wheels = [hb.Wheel(**{**vars(w), "moves": "space", "x": x}) for w, x in zip(train.wheels, (0, 0.0975), strict=True)]
+    table = hb.MatrixTable(speeds, [2e8 * np.eye(2)] * 2)
+    damper = hb.MatrixTable(speeds, [4e3 * np.eye(2)] * 2)
+    rest = {"z": 1e8, "tilt_x": 1e5, "tilt_y": 1e5}
+    by_table = [hb.Bearing(w.name, **rest, table=table, damping_table=damper) for w in wheels]
+    plain = [hb.Bearing(w.name, 2e8, 2e8, **rest, c_x=4e3, c_y=4e3) for w in wheels]
+    spinning, constant = (
+        hb.Train(wheels, train.meshes, bearings=bearings, balance="wheel") for bearings in (by_table, plain)
+    )
+    X = [hb.HarmonicBalance(model, 8).start(Omega=0.8) for model in (spinning, constant)]
+    np.testing.assert_allclose(X[0], X[1], atol=1e-9)
+    fast = hb.Train(wheels, train.meshes, bearings=plain, balance="wheel", gyroscopic=True)
+    G = fast.system().speed.gyroscopic * 1.0
+    i, j = (fast.system().dof_names.index(f"theta_{axis}_pinion") for axis in "xy")
+    expected = wheels[0].inertia / 25 / fast.m_c / wheels[0].base_radius ** 2
+    assert G[i, j] == pytest.approx(expected, rel=1e-12) and G[j, i] == -G[i, j]
+    i, j = (fast.system().dof_names.index(f"theta_{axis}_wheel") for axis in "xy")
+    assert G[i, j] < 0  # it turns the other way
+    spread = hb.campbell(fast, (0.05, 2.0), points=5).frequencies
+    assert np.ptp(spread, axis=0).max() > 1e-4
+
+
+def test_functions_in_an_order():
+    tau = np.linspace(0, 2 * pi, 50)
+    smooth, pieces = hb.Series(1.0, (0.2, 0.1), (0.3,)), hb.Periodic.trapezoidal(1.2, 0.8, 0.3, 0.1)
+    for function in (smooth, pieces):
+        np.testing.assert_allclose(in_order(function, 3, 0.4)(tau), function(3 * tau - 0.4), atol=1e-12)
+
+
+def ring(sun=20, outer=60):
+    """A gear inside a ring that is driven by it."""
+    alpha, m = radians(20), 3e-3
+    gears = [hb.Wheel("sun", 1e-3, teeth=sun, base_radius=m * sun / 2 * cos(alpha), torque=50.0),
+             hb.Wheel("ring", 1e-1, teeth=outer, base_radius=m * outer / 2 * cos(alpha), internal=True,
+                      x=m * (outer - sun) / 2)]  # fmt: skip
+    return hb.Train(gears, [hb.Mesh("sun", "ring", 4e8, 4e-5, eps=(0.2,))], balance="ring")
+
+
+def test_a_ring_turns_the_same_way():
+    train = ring()
+    assert train._kinematics.speeds["ring"] == pytest.approx(1 / 3)
+    assert train.torques["ring"] == pytest.approx(-150.0)
+    problem = hb.HarmonicBalance(train, 8)
+    force = problem.force_rows(problem.start(Omega=1.4), Omega=1.4)[0, 0] * train.k_mean * train.b_c
+    assert force > 0
+
+
+def gear(name, teeth=20, **kwargs):
+    return hb.Wheel(name, 1e-3, teeth=teeth, base_radius=1.4e-3 * teeth, **kwargs)
+
+
+MESH = hb.Mesh("a", "b", 4e8, 4e-5, eps=(0.1,))
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: hb.Train([gear("a"), gear("b")], []), "at least one Mesh"),
+        (lambda: hb.Train([gear("a"), gear("a")], [MESH]), "two wheels are called 'a'"),
+        (lambda: hb.Train([gear("a"), gear("c")], [MESH]), "there is no wheel 'b'"),
+        (lambda: hb.Train([gear("a"), gear("b")], [MESH], [hb.Shaft("a", "shaft", 1e5)]), "no wheel 'shaft'"),
+        (lambda: hb.Train([gear("a", torque=10.0), gear("b", torque=5.0)], [MESH]), "torques do not balance"),
+        (lambda: hb.Train([gear("a", torque=10.0), gear("b", torque=5.0)], [MESH], balance="b"), "keep one"),
+        (lambda: hb.Train([gear("a"), gear("b", x=0.05)], [MESH]), "collide"),
+        (lambda: hb.Train([gear("a"), hb.Wheel("b", 1e-3, teeth=21, base_radius=0.02)], [MESH]), "ratio of the teeth"),
+        (lambda: hb.Train([gear("a"), hb.Wheel("b", 1e-3)], [MESH]), "'b' has no teeth"),
+        (lambda: hb.Train([gear("a"), gear("b", held=True)], [MESH]), "PlanetarySet"),
+        (lambda: hb.Train([gear("a"), gear("b"), gear("c")],
+                          [MESH, hb.Mesh("b", "c", 1e8, 1e-5), hb.Mesh("c", "a", 1e8, 1e-5)]), "locked"),
+        (lambda: hb.Train([gear("a"), gear("b"), gear("c"), gear("d")], [MESH, hb.Mesh("c", "d", 1e8, 1e-5)]),
+         "does not turn with the first"),
+        (lambda: hb.Train([gear("a", 97), gear("b", 101), gear("c", 103), gear("d", 107)],
+                          [MESH, hb.Mesh("c", "d", 1e8, 1e-5)], [hb.Shaft("b", "c", 1e5)]), "no simple ratio"),
+        (lambda: hb.Train([gear("a", internal=True), gear("b", internal=True)], [MESH]), "two rings"),
+        (lambda: hb.Train([gear("a", 30), gear("b", internal=True)], [MESH]), "does not fit into"),
+        (lambda: hb.Train([gear("a"), gear("b", x=0.06)],
+                          [hb.Mesh("a", "b", 4e8, 4e-5, pressure_angle="30 deg")]), "leave one out"),
+        (lambda: hb.Train([gear("a"), gear("b")], MESH), "must be a list of Mesh"),
+        (lambda: hb.Wheel("a", 1e-3, teeth=20), "teeth and base_radius"),
+        (lambda: hb.Wheel("a", 1e-3, moves="plane"), "give its mass"),
+        (lambda: hb.Wheel("a", 1e-3, moves="up"), "must be one of torsion, plane, space"),
+        (lambda: hb.Wheel("", 1e-3), "no name of a wheel"),
+        (lambda: hb.Wheel("a", "3 mm"), "inertia"),
+        (lambda: hb.Shaft("a", "a"), "name two wheels"),
+        (lambda: hb.Shaft.section("a", "b", 0.02, 0.1, 0.03), "smaller than outer"),
+        (lambda: hb.Mesh("a", "a", 1e8), "cannot mesh with itself"),
+        (lambda: hb.Mesh("a", "b", 1e8, e=(5.0,)), "give 5e-6 for 5 um"),
+        (lambda: hb.Mesh("a", "b", 1e8, eps=(0.1,), stiffness=hb.Series(1.0)), "keep one"),
+        (lambda: hb.Bearing("a", table=3.0), "MatrixTable"),
+        (lambda: hb.Bearing("a", table=hb.MatrixTable([1, 2], np.zeros((2, 3, 3)))), "of x and y"),
+    ],
+)  # fmt: skip
+def test_bad_input(make, said):
+    with pytest.raises((ValueError, TypeError), match=said):
+        make()

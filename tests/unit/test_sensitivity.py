@@ -1,0 +1,296 @@
+"""Derivatives of located points against central differences of the points located again with other parameters."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.continuation.newton import refine, solve
+from hbgear.harmonic.sensitivity import _asked, _At, _names, _remembering
+from hbgear.harmonic.special import EXTREMA
+
+CLOSE = 1e-6  # of a derivative, relative
+LEAST = 1e-8  # of Omega for a change of the parameter by its own size: below it a derivative is rounding
+
+
+def located(problem, equations, U, here):
+    """The special point solved for anew."""
+    based = equations.based(U, here)
+    return refine(based, solve(based, U, here), here).X
+
+
+def differences(point, parameters=None):
+    """Derivatives of (X, p) by differences of points located at h and 2h to both sides; one-sided at ends of ranges."""
+    problem, here, parameter = _asked(point, parameters)
+    names = _names(problem, here, parameter, parameters)
+    at = _At(_remembering(problem, point, 8), point, here, parameter, names)
+    equations = at.equations()
+    first = located(at.problem, equations, np.append(at.X, here[parameter]), here)
+    out = []
+    for name in names:
+        h = 2e-5 * at.problem.unit_of(name, here[name])
+        moved = {}
+        for k in (-2, -1, 1, 2):
+            try:
+                moved[k] = located(at.problem, equations, first, {**here, name: here[name] + k * h}) - first
+            except ValueError:
+                continue
+        if -1 in moved:
+            out.append((8 * (moved[1] - moved[-1]) - (moved[2] - moved[-2])) / (12 * h))
+        else:
+            out.append((4 * moved[1] - moved[2]) / (2 * h))
+    return names, np.array(out), at
+
+
+def check(point, parameters=None):
+    found = hb.sensitivity(point, parameters)
+    names, expected, at = differences(point, parameters)
+    assert found.parameters == names
+    unit = np.array([at.problem.unit_of(name, at.here[name]) for name in names])
+    p, size = expected[:, -1], max(abs(point.parameters[at.parameter]), 1e-3)
+    error = np.abs(found.slopes[0] - p)
+    bad = error > CLOSE * np.abs(p) + LEAST * size / unit
+    told = [(n, a, b) for n, a, b, wrong in zip(names, found.slopes[0], p, bad, strict=True) if wrong]
+    assert not told, told
+    # the amplitude: its gradient along the differences of the unknowns
+    measure = found.quantities[-2] if found.quantities[-1].endswith(" m") else found.quantities[-1]
+    layout, X = point.layout, point.X
+    for name, dX, slope, one in zip(names, expected[:, :-1], found.of(measure).values(), unit, strict=True):
+        length = np.linalg.norm(dX)
+        h = 1e-5 / length if length else 1.0
+        rate = float(layout.measure(measure, X + h * dX) - layout.measure(measure, X - h * dX)) / (2 * h)
+        assert slope == pytest.approx(rate, rel=1e-5, abs=1e-7 / one), (name, measure)
+    return found
+
+
+@pytest.fixture(scope="module")
+def spur():
+    pair = hb.SpurPair(e=(0.1, 0.02), eps=(0.1,), reference=(38000.0, 37.6e-6, 15000.0, 25.0))
+    return hb.trace(hb.HarmonicBalance(pair, 8), "Omega", (2.6, 0.4))
+
+
+def test_every_point_of_a_spur_pair(spur):
+    kinds = {point.kind for point in spur.special}
+    assert {"LP", "PD", "GR"} <= kinds
+    for kind in kinds & {"LP", "PD", "GR"}:
+        found = check(next(point for point in spur.special if point.kind == kind))
+        assert {"eps[0]", "e[1]", "reference[0]", "b"} <= set(found.parameters)
+        assert found.quantities[:3] == ("Omega", "mesh Hz", "pinion r/min")
+
+
+@pytest.mark.parametrize("measure", ["rms", "H1", "pp2", "max", "mean"])
+def test_peaks(spur, measure):
+    tops = hb.peaks(spur, measure, accuracy=None)
+    top = tops[0] if measure == "mean" else max(tops, key=lambda point: point.amplitude(measure))
+    found = check(top)
+    assert found.quantities[-2] == measure
+    if measure in EXTREMA:  # of the peak found by searching, whose amplitude is flat
+        for name in ("zeta", "e[0]"):
+            h = 1e-3 * found.values[found.parameters.index(name)]
+            sizes = []
+            for side in (1, -1):
+                model = spur.problem.model.replace(**{name: spur.problem.model.entries.get(name, 0.05) + side * h})
+                span = top.parameters["Omega"] + np.array([0.03, -0.03])
+                curve = hb.trace(hb.HarmonicBalance(model, 8), "Omega", tuple(span), top.X, special=False)
+                peaks = hb.peaks(curve, measure, accuracy=None)
+                sizes.append(max(point.amplitude(measure) for point in peaks))
+            assert found.of(measure)[name] == pytest.approx((sizes[0] - sizes[1]) / (2 * h), rel=1e-4)
+
+
+MODELS = {
+    "duffing": (hb.Duffing(), (0.8, 1.6)),
+    "rotor": (hb.GearRotorBearing(), None),
+    "helical": (hb.HelicalPair(), None),
+    "double": (hb.DoubleHelicalPair(zeta=0.05), (1.0, 0.8)),
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_parameter_of_every_model(name):
+    model, span = MODELS[name]
+    curve = hb.trace(hb.HarmonicBalance(model, 5), "Omega", span or model.default_span)
+
+    for kind in dict.fromkeys(point.kind for point in curve.special):
+        if kind in ("LP", "PD", "GR"):
+            print(kind)
+            found = check(next(point for point in curve.special if point.kind == kind))
+            assert set(found.parameters) == set(model.parameters) | set(model.entries)
+
+
+def moved_point(model, kind, place, name, h, harmonics=5):
+    """The special point of a kind nearest to a place, of the model with another value of a parameter, from a trace."""
+    own = (model.parameters | model.entries)[name]
+    problem = hb.HarmonicBalance(model.replace(**{name: own + h}), harmonics)
+    curve = hb.trace(problem, "Omega", (1.0, 0.8), accuracy=None)
+    points = [point for point in curve.special if point.kind == kind]
+    return min(points, key=lambda point: abs(point.parameters["Omega"] - place))
+
+
+def test_neimark_sacker_point():
+    """Against points bracketed again on curves traced anew; these hold some 1e-10 of Omega."""
+    model = hb.DoubleHelicalPair(zeta=0.05)
+    curve = hb.trace(hb.HarmonicBalance(model, 5), "Omega", (1.0, 0.8), accuracy=None)
+    point = curve["NS1"]
+    place = point.parameters["Omega"]
+    found = hb.sensitivity(point)
+    for name in ("zeta", "eps[0]", "k_mean"):
+        h = 1e-4 * found.values[found.parameters.index(name)]
+        up, down = (moved_point(model, "NS", place, name, side * h) for side in (1, -1))
+        for quantity, of in (("Omega", lambda p: p.parameters["Omega"]), ("rms", lambda p: p.amplitude("rms"))):
+            assert found.of(quantity)[name] == pytest.approx((of(up) - of(down)) / (2 * h), rel=2e-5)
+
+
+def test_branch_point_and_its_imperfections():
+    """Even harmonics set in where a symmetric oscillator loses its symmetry; a mean load parts the curves there."""
+
+    @hb.model()
+    def symmetric(zeta: float = 0.1, k3: float = 1.0, F: float = 10.0, mean: float = 0.0) -> hb.System:
+        load = hb.Load(constant=[mean], cosine={1: [F]})
+        return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [hb.Element([1.0], hb.Cubic(k3))], load)
+
+    model = symmetric()
+    curve = hb.trace(hb.HarmonicBalance(model, 9), "Omega", (1.5, 1.8), stability=False)
+    found = hb.sensitivity(curve["BP1"])
+    assert math.isnan(found.of("Omega")["mean"]) and math.isnan(found.of("rms")["mean"])
+    for name in ("zeta", "k3", "F"):
+        h = 1e-4 * found.values[found.parameters.index(name)]
+        sides = []
+        for side in (1, -1):
+            other = hb.HarmonicBalance(model.replace(**{name: getattr(model, name) + side * h}), 9)
+            sides.append(hb.trace(other, "Omega", (1.5, 1.8), stability=False, accuracy=None)["BP1"])
+        for quantity, of in (("Omega", lambda p: p.parameters["Omega"]), ("rms", lambda p: p.amplitude("rms"))):
+            rate = (of(sides[0]) - of(sides[1])) / (2 * h)
+            assert found.of(quantity)[name] == pytest.approx(rate, rel=1e-5), (name, quantity)
+
+
+def test_critical_value():
+    model = hb.Duffing()
+    cusp = hb.critical(model, "zeta", frequencies=(0.9, 1.4), harmonics=3)
+    found = hb.sensitivity(cusp.point)
+    assert found.quantities[:2] == ("zeta", "Omega") and set(found.parameters) == {"k3", "F"}
+    for name in found.parameters:
+        h = 1e-3 * getattr(model, name)
+        up, down = (
+            hb.critical(model.replace(**{name: getattr(model, name) + side * h}), "zeta", frequencies=(0.9, 1.4),
+                        harmonics=3) for side in (1, -1)
+        )  # fmt: skip
+        assert found.of("zeta")[name] == pytest.approx((up.value - down.value) / (2 * h), rel=1e-5)
+        assert found.of("Omega")[name] == pytest.approx((up.Omega - down.Omega) / (2 * h), rel=1e-4)
+
+
+def test_jump_with_both_of_its_motions(spur):
+    model = spur.problem.model
+    jump = next(jump for jump in spur.jumps() if jump.after is not None and jump.label.startswith("LP"))
+    found = hb.sensitivity(jump, ["zeta", "e[0]", "reference[0]"], measure="pp2")
+    assert found.quantities[3:] == ("pp2 before", "pp2 before m", "pp2 after", "pp2 after m")
+    check(jump.before, ["zeta", "e[0]"])
+    name, h = "zeta", 1e-5
+    sides = []
+    for side in (1, -1):
+        problem = hb.HarmonicBalance(model.replace(zeta=model.zeta + side * h), 8)
+        curve = hb.trace(problem, "Omega", (2.6, 0.4))
+        sides.append(min(curve.jumps(), key=lambda one: abs(one.value - jump.value)))
+    speed = [problem.model.scales.pinion_speed(one.value) for one in sides]
+    assert found.of("pinion r/min")[name] == pytest.approx((speed[0] - speed[1]) / (2 * h), rel=1e-6)
+    after = [one.after.amplitude("pp2") for one in sides]
+    assert found.of("pp2 after")[name] == pytest.approx((after[0] - after[1]) / (2 * h), rel=1e-5)
+    # the natural frequency moves no dimensionless number, and the speed in proportion
+    assert found.of("Omega")["reference[0]"] == pytest.approx(0.0, abs=1e-12)
+    assert found.percent("pinion r/min")["reference[0]"] == pytest.approx(1.0, rel=1e-8)
+
+
+def test_row_of_a_curve(spur):
+    """At a held frequency the amplitude moves, and the speed with the scales only."""
+    row = spur[40]
+    found = hb.sensitivity(row, measure="pp2", multipliers=True)
+    assert not any(found.of("Omega").values())
+    model, Omega = spur.problem.model, row.parameters["Omega"]
+    for name in ("zeta", "e[1]", "F_m"):
+        h = 1e-5 * found.values[found.parameters.index(name)]
+        sizes, moduli = [], []
+        for side in (1, -1):
+            value = (model.parameters | model.entries)[name] + side * h
+            other = hb.HarmonicBalance(model.replace(**{name: value}), 8)
+            here = {**other.parameters, "Omega": Omega}
+            X = refine(other, solve(other, row.X, here), here).X
+            sizes.append(float(row.layout.measure("pp2", X)))
+            moduli.append(abs(other.multipliers(X, points=8, width=1.0, Omega=Omega)[0]))
+        assert found.of("pp2")[name] == pytest.approx((sizes[0] - sizes[1]) / (2 * h), rel=1e-6)
+        assert found.of("|mu|")[name] == pytest.approx((moduli[0] - moduli[1]) / (2 * h), rel=1e-5, abs=5e-6)
+
+
+def test_equations_of_a_user():
+    class Ellipse:
+        @property
+        def parameters(self):
+            return {"a": 2.0, "b": 1.5}
+
+        def evaluate(self, X, p, a, b):
+            return np.array([(X[0] / a) ** 2 + (p / b) ** 2 - 1]), np.array([[2 * X[0] / a**2]])
+
+    curve = hb.trace(Ellipse(), "p", (0, 2), np.array([2.0]))
+    found = hb.sensitivity(curve["LP1"])
+    assert found.quantities == ("p",)
+    assert found.of() == pytest.approx({"a": 0.0, "b": 1.0}, abs=1e-8)
+
+
+def test_event_of_a_user(spur):
+    level = float(np.median(spur.amplitude("H1")))
+    limit = hb.Event("limit", lambda point: point.amplitude("H1") - level)
+    curve = hb.trace(spur.problem, "Omega", (2.6, 0.4), events=[limit])
+    check(curve["limit1"], ["zeta", "e[0]"])
+
+
+def test_points_know_their_problem(spur, tmp_path):
+    path = tmp_path / "curve.npz"
+    spur.save(path)
+    bare, known = hb.load(path), hb.load(path, problem=spur.problem)
+    with pytest.raises(ValueError, match=r"LP1 does not know its problem; take it from the curve, as curve\['LP1'\]"):
+        hb.sensitivity(bare["LP1"])
+    for curve in (known, pickle.loads(pickle.dumps(spur))):
+        again = hb.sensitivity(curve["LP1"], ["zeta"])
+        assert again.of() == pytest.approx(hb.sensitivity(spur["LP1"], ["zeta"]).of(), rel=1e-9)
+        assert hb.sensitivity(curve.jumps()[0], ["zeta"]).parameters == ("zeta",)
+
+
+def test_scatter_and_order(spur):
+    found = hb.sensitivity(spur["LP1"])
+    share = found.percent("Omega")
+    assert list(map(abs, share.values())) == sorted(map(abs, share.values()), reverse=True)
+    slopes = found.of("Omega")
+    both = math.hypot(slopes["zeta"] * 0.01, slopes["b"] * 0.1)
+    assert found.scatter({"zeta": 0.01, "b": 0.1}) == pytest.approx(both)
+    with pytest.raises(KeyError, match="no derivative in 'zetta'; did you mean 'zeta'"):
+        found.scatter({"zetta": 0.1})
+    with pytest.raises(ValueError, match="must be a standard deviation of at least 0"):
+        found.scatter({"zeta": -0.1})
+
+
+def test_what_cannot_be_differentiated(spur):
+    with pytest.raises(KeyError, match="no parameter 'zetta'; did you mean 'zeta'"):
+        hb.sensitivity(spur["LP1"], ["zetta"])
+    with pytest.raises(KeyError, match=r"no parameter 'eps\[7\]'"):
+        hb.sensitivity(spur["LP1"], ["eps[7]"])
+    with pytest.raises(ValueError, match="Omega is what the point is sought in"):
+        hb.sensitivity(spur["LP1"], ["Omega"])
+    with pytest.raises(TypeError, match="needs names of parameters, such as"):
+        hb.sensitivity(spur["LP1"], "zeta")
+    with pytest.raises(TypeError, match="needs a special point, peak, jump or row of a curve"):
+        hb.sensitivity(spur)
+    with pytest.raises(KeyError, match="no derivatives of 'pp2'"):
+        hb.sensitivity(spur["LP1"], ["zeta"]).of("pp2")
+
+
+def test_traced_in_an_entry(spur):
+    """Entries are parameters of curves too, and of curves of special points."""
+    problem = spur.problem
+    curve = hb.trace(problem, "e[0]", (0.1, 0.11), at={"Omega": 1.5}, start=None)
+    assert curve.status.complete and curve.values[-1] == 0.11
+    whole = hb.trace(hb.HarmonicBalance(problem.model.replace(**{"e[0]": 0.11}), 8), "Omega", (1.5, 1.49))
+    np.testing.assert_allclose(curve.X[-1], whole.X[0], rtol=1e-8, atol=1e-9)
+    folds = hb.follow(spur, "LP1", "e[0]", (0.1, 0.101))
+    slope = hb.sensitivity(spur["LP1"], ["e[0]"]).of()["e[0]"]
+    h = folds.values[-1] - folds.values[0]
+    assert (folds.tracked["Omega"][-1] - folds.tracked["Omega"][0]) / h == pytest.approx(slope, rel=2e-2)

@@ -1,0 +1,111 @@
+"""What is written and checked when the site is built, as far as that needs no Sphinx: .ci/run builds all of it."""
+
+import inspect
+import sys
+
+import pytest
+from pages import REPOSITORY
+
+import hbgear as hb
+from hbgear import plot
+
+SITE = REPOSITORY / "docs" / "_site"
+
+
+@pytest.fixture
+def site(monkeypatch):
+    """Modules of the site by their names."""
+    monkeypatch.syspath_prepend(SITE)
+    for name in ("docstrings", "whole", "written"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    return __import__
+
+
+GOOD = '<h1 id="one">1</h1><a href="b.html#two">2</a><a href="#one">1</a><img src="p.png"><a href="https://doi.org/1">3</a>'
+
+
+def test_a_whole_site_has_no_faults(site, tmp_path):
+    (tmp_path / "a.html").write_text(GOOD)
+    (tmp_path / "b.html").write_text('<p id="two"></p><a href="a.html">back</a>')
+    (tmp_path / "p.png").write_bytes(b"")
+    assert site("whole").faults(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ('<a href="c.html">', "a.html links to c.html, which is not there"),
+        ('<a href="b.html#three">', "a.html links to b.html#three, which has no such place"),
+        ('<a href="#nowhere">', "a.html links to #nowhere, which has no such place"),
+        ('<img src="q.png">', "a.html links to q.png, which is not there"),
+        ('<script src="https://cdn.example/x.js"></script>', "a.html loads https://cdn.example/x.js"),
+        ('<link href="//fonts.example/x.css">', "a.html loads //fonts.example/x.css"),
+    ],
+)
+def test_faults_of_a_site_are_told(site, tmp_path, fault, told):
+    (tmp_path / "a.html").write_text(GOOD + fault)
+    (tmp_path / "b.html").write_text('<p id="two"></p>')
+    (tmp_path / "p.png").write_bytes(b"")
+    assert site("whole").faults(tmp_path) == [told]
+
+
+def test_docstrings_become_what_sphinx_reads(site):
+    text = """The root of |x|, and c_ beside it.
+
+        x = |y|^2
+
+    tolerance : largest |R| of ``a|b``.
+    first, last : where to begin
+        and to end.
+
+    Examples
+    --------
+    >>> 1 | 2
+    3"""
+    done = site("docstrings").rewritten(inspect.cleandoc(text).splitlines(), fields_first=True)
+    assert done[0] == r"The root of \|x\|, and c\_ beside it."
+    assert done[done.index(".. code-block:: text") + 2] == "    x = |y|^2"
+    heading = done.index("Parameters")
+    assert done[heading + 2 : heading + 6] == [
+        "tolerance", r"    largest \|R\| of ``a|b``.", "first, last", "    where to begin",
+    ]  # fmt: skip
+    assert done[-2:] == [">>> 1 | 2", "3"]
+
+
+@pytest.mark.parametrize(
+    ("depth", "text", "turned"),
+    [
+        (0, "[a](../studies/README.md)", "[a](studies/index.md)"),
+        (1, "[a](../../studies/speed/figures/peers.md)", "[a](../studies/speed/figures/peers.md)"),
+        (0, "[a](scripts/tutorials/1_first_jump.py)", "[a](tutorials/1_first_jump.rst)"),
+        (1, "[a](../scripts/tutorials/README.rst)", "[a](../tutorials/index.rst)"),
+        (1, "[a](../labels.md)", "[a](../labels.md)"),
+    ],
+)
+def test_links_are_turned_to_where_the_site_has_the_file(site, depth, text, turned):
+    assert site("written").turned(text, depth) == turned
+
+
+def test_every_public_name_has_an_entry(site, tmp_path, monkeypatch):
+    written = site("written")
+    monkeypatch.setattr(written, "DOCS", tmp_path)
+    written.api_pages()
+    text = "".join(path.read_text() for path in (tmp_path / "api").glob("*.rst"))
+    lines = set(text.splitlines())
+    for name in set(hb.__all__) - {"plot", "__version__"}:
+        assert {f".. auto{kind}:: hbgear.{name}" for kind in ("class", "function", "data")} & lines, name
+    for name in plot.__all__:
+        assert {f".. auto{kind}:: hbgear.plot.{name}" for kind in ("class", "function")} & lines or (
+            f".. py:data:: {name}" in lines
+        ), name
+    assert ".. autoclass:: hbgear.timedomain.validate.Report" in lines  # what a public function returns
+
+
+def test_every_command_has_its_options(site, tmp_path, monkeypatch):
+    written = site("written")
+    monkeypatch.setattr(written, "DOCS", tmp_path)
+    written.command_page()
+    text = (tmp_path / "commands.md").read_text()
+    assert text.count("## hbgear ") >= 16
+    trace = text.partition("## hbgear trace\n")[2].partition("## ")[0]
+    assert all(f"`{option}`" in trace for option in ("MODEL", "--harmonics", "--stability, --no-stability"))
