@@ -109,7 +109,7 @@ def explore(
 
     check_installed()
     needed("flask", "explore", "the explorer")
-    subject, span, H, saved = _explored(what, changes, model)
+    subject, span, H, saved = explored(what, changes, model)
     span = (span[0] if first is None else first, span[1] if last is None else last)
     server = Server(Explorer(subject, span, harmonics or H, saved), Path(what).stem, port)
     print(f"open {server.address}\nend with Ctrl-C", flush=True)
@@ -120,7 +120,7 @@ def explore(
     print("ended")
 
 
-def _explored(
+def explored(
     what: str, changes: list[str] | None, own: str | None
 ) -> tuple[Subject, tuple[float, float], int, hb.Branch | None]:
     """What is explored, the span and harmonics to begin with, and the curve of a file."""

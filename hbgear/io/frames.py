@@ -30,7 +30,7 @@ def to_dataframe(branch: Branch) -> pandas.DataFrame:
         if len(curves) > 1:
             frame.insert(0, "curve", number)
         frames.append(frame)
-    out = pd.concat(frames, ignore_index=True) if len(frames) > 1 else frames[0]
+    out: pandas.DataFrame = pd.concat(frames, ignore_index=True) if len(frames) > 1 else frames[0]
     out.attrs = {
         **about(branch),
         "units": {name: column.unit for name, column in told.items()},
@@ -91,8 +91,8 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
         )  # fmt: skip
     for name, value in branch.fixed.items():
         data[name] = ((), value, _told(*_words(label_of(branch, name))))
-    dataset: xarray.Dataset = xr.Dataset(data, coords, about(branch))
-    return dataset
+    found: xarray.Dataset = xr.Dataset(data, coords, about(branch))
+    return found
 
 
 def _words(label: str) -> tuple[str, str]:

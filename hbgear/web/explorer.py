@@ -207,19 +207,15 @@ class Explorer:
             "for jump in curve.jumps():\n    print(jump.label, jump.value, jump.direction)\n"
         )
 
-    def jump_map(self, session: str, asked: Asked, axes: Mapping[str, Any]) -> dict[str, Any]:
+    def jump_map(self, session: str, asked: Asked, axes: Any) -> dict[str, Any]:
         """Where jumps are in a plane of two parameters, of which one may be Omega.
 
         Parameters
         ----------
         axes : ``{"x": [name, from, to], "y": [name, from, to], "Omega": held if neither is Omega}``.
         """
-        ends = {}
-        for axis in ("x", "y"):
-            name, low, high = axes[axis]
-            ends[str(name)] = (_number(str(name), low), _number(str(name), high))
-        if len(ends) < 2:
-            raise ValueError("a jump map needs two different parameters")
+        ends = _ends(axes)
+        x, y = ends
         model = self.subject.model(asked.values)
         for name in ends:
             if name != "Omega" and name not in model.parameters:
@@ -229,12 +225,9 @@ class Explorer:
                 lines, message = _over_Omega(model, ends, asked.harmonics, job)
             else:
                 lines, message = _over_two(model, ends, asked.harmonics, _number("Omega", axes.get("Omega")), job)
-        x = str(axes["x"][0])
-        for line in lines:
-            line["x"], line["y"] = (plain(line[name], 9) for name in (x, str(axes["y"][0])))
-        kept = [{key: line[key] for key in ("x", "y", "kind")} for line in lines]
-        labels = {name: in_html(str(model.labels.get(name, name))) for name in ends}
-        return {"lines": kept, "labels": [labels[x], labels[str(axes["y"][0])]], "message": message}
+        shown = [{"x": plain(line[x], 9), "y": plain(line[y], 9), "kind": line["kind"]} for line in lines]
+        labels = [in_html(str(model.labels.get(name, name))) for name in ends]
+        return {"lines": shown, "labels": labels, "message": message}
 
     def measured(self, asked: Asked, text: str, name: str) -> dict[str, Any]:
         """Measured points of a file that the page has read."""
@@ -260,6 +253,25 @@ class Explorer:
         if kind == "html":
             return "report.html", report(branch).html.encode()
         raise ValueError("a file is npz, html, toml or py")
+
+
+def _ends(axes: Any) -> dict[str, tuple[float, float]]:
+    """The ranges of two parameters by name, that of the horizontal axis first.
+
+    Raises
+    ------
+    ValueError
+        If they are none.
+    """
+    ends: dict[str, tuple[float, float]] = {}
+    for axis in ("x", "y"):
+        given = axes.get(axis) if isinstance(axes, dict) else None
+        if not isinstance(given, list) or len(given) != 3 or not isinstance(given[0], str):
+            raise ValueError("a jump map needs two parameters, each with its range")
+        ends[given[0]] = (_number(given[0], given[1]), _number(given[0], given[2]))
+    if len(ends) < 2:
+        raise ValueError("a jump map needs two different parameters")
+    return ends
 
 
 def _line(branch: Branch) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import os
 import secrets
 import socket
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from hbgear.common.optional import needed
@@ -24,6 +25,10 @@ _CONTENT = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
+
+
+Answer = Callable[[dict[str, Any], str, Asked], Any]
+"""What is answered to what a page sent, its session, and the values it asks for."""
 
 
 def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], set[str]]) -> Any:
@@ -70,49 +75,38 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
         response.headers["Cache-Control"] = "no-store"
         return response
 
-    def asked() -> tuple[dict[str, Any], str, Asked]:
-        given = request.get_json(silent=True)
-        if not isinstance(given, dict):
-            raise ValueError("need an object of JSON")
-        return given, str(given.get("session", ""))[:64], Asked.of(given)
-
-    def answered(work: Callable[[], Any]) -> Any:
+    def answered(answer: Answer, **place: str) -> Any:
         """What was computed, or one sentence that says why not."""
+        given = request.get_json(silent=True)
         try:
-            return work()
+            if not isinstance(given, dict):
+                raise ValueError("need an object of JSON")
+            return answer({**given, **place}, str(given.get("session", ""))[:64], Asked.of(given))
         except Overtaken:
             return flask.jsonify(error="cancelled"), 409
         except (ValueError, KeyError, NoConvergence, ArithmeticError) as error:
             text = error.args[0] if isinstance(error, KeyError) and error.args else error
             return flask.jsonify(error=str(text)), 422
 
+    def file(given: dict[str, Any], session: str, asked: Asked) -> Any:
+        name, content = explorer.saved_as(session, given["kind"], asked)
+        return flask.Response(content, mimetype="application/octet-stream", headers={"X-Name": name})
+
+    answers: dict[str, Answer] = {
+        "/curve": lambda given, session, asked: explorer.curve(session, asked),
+        "/details": lambda given, session, asked: explorer.details(session, asked),
+        "/map": lambda given, session, asked: explorer.jump_map(session, asked, given.get("axes")),
+        "/measured": lambda given, session, asked: explorer.measured(
+            asked, str(given.get("text", "")), str(given.get("name", "points"))[:80]
+        ),
+        "/save/<kind>": file,
+    }
+    for path, answer in answers.items():
+        app.add_url_rule(path, path, partial(answered, answer), methods=["POST"])
+
     @app.get("/")
     def whole() -> Any:
         return page("explorer.html", explorer.start(), title=title, token=token, plotly=plotly_script())
-
-    @app.post("/curve")
-    def curve() -> Any:
-        def work() -> Any:
-            _, session, values = asked()
-            return explorer.curve(session, values)
-
-        return answered(work)
-
-    @app.post("/details")
-    def details() -> Any:
-        def work() -> Any:
-            _, session, values = asked()
-            return explorer.details(session, values)
-
-        return answered(work)
-
-    @app.post("/map")
-    def jump_map() -> Any:
-        def work() -> Any:
-            given, session, values = asked()
-            return explorer.jump_map(session, values, given.get("axes", {}))
-
-        return answered(work)
 
     @app.get("/progress")
     def progress() -> Any:
@@ -120,26 +114,10 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
 
     @app.post("/cancel")
     def cancel() -> Any:
-        given = request.get_json(silent=True) or {}
-        explorer.cancel(str(given.get("session", "")), str(given.get("kind", "")))
+        given = request.get_json(silent=True)
+        if isinstance(given, dict):
+            explorer.cancel(str(given.get("session", "")), str(given.get("kind", "")))
         return {}
-
-    @app.post("/measured")
-    def measured() -> Any:
-        def work() -> Any:
-            given, _, values = asked()
-            return explorer.measured(values, str(given.get("text", "")), str(given.get("name", "points"))[:80])
-
-        return answered(work)
-
-    @app.post("/save/<kind>")
-    def save(kind: str) -> Any:
-        def work() -> Any:
-            _, session, values = asked()
-            name, content = explorer.saved_as(session, kind, values)
-            return flask.Response(content, mimetype="application/octet-stream", headers={"X-Name": name})
-
-        return answered(work)
 
     return app
 

@@ -12,6 +12,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any
 
 from hbgear.common.ranges import ANY, Range
@@ -117,9 +118,11 @@ class ModelSubject(Subject):
 
     def python(self, values: Mapping[str, float]) -> str:
         cls = type(self.start)
-        own = cls.__module__.split(".")[0] != "hbgear"
+        own = cls.__module__.partition(".")[0] != "hbgear"
         given = ", ".join(f"{name}={value!r}" for name, value in self.changed(values).items())
-        source = f"from {cls.__module__.removesuffix('.py')} import {cls.__name__}\n" if own else ""
+        module = cls.__module__
+        place = Path(module).stem if module.endswith(".py") else module
+        source = f"from {place} import {cls.__name__}\n" if own else ""
         return f"{source}model = {'' if own else 'hb.'}{cls.__name__}({given})"
 
     def toml(self, values: Mapping[str, float], span: tuple[float, float], harmonics: int) -> str:

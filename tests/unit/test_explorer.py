@@ -20,6 +20,7 @@ from browser import browser, clicked, complaints, opened, resized
 
 import hbgear as hb
 from hbgear.cli.app import main
+from hbgear.cli.pages import explored
 from hbgear.design.study_file import read_study
 from hbgear.io.machine_file import Machine, read_machine, write_machine
 from hbgear.web.explorer import Asked, Explorer, Overtaken
@@ -225,6 +226,9 @@ def test_bad_values_are_told_in_a_sentence(server):
     assert answer(server, "/curve", [1])[0] == 422
     assert answer(server, "/save/exe", question())[0] == 422
     assert answer(server, "/nothing")[0] == 404
+    for axes in (None, [], {"x": 1}, {"x": ["zeta", 1, 2], "y": ["zeta", 1, 2]}, {"x": ["zeta", "a", 2], "y": []}):
+        status, text = answer(server, "/map", question() | {"axes": axes})
+        assert status == 422 and json.loads(text)["error"]
     assert (
         "choose"
         in json.loads(
@@ -278,6 +282,25 @@ def test_command_refuses_what_cannot_be_explored(tmp_path, capsys):
         other.listen()
         code, err = run(capsys, "duffing", "--no-browser", "--port", str(other.getsockname()[1]))
     assert code == 2 and "is taken by another program" in err
+
+
+def test_own_models_are_explored(tmp_path, capsys):
+    (tmp_path / "mine.py").write_text(
+        "import hbgear as hb\n\n@hb.model(default_span=(0.5, 1.5))\n"
+        "def stop(zeta: float = 0.05, gap: float = 1.0) -> hb.System:\n"
+        "    law = hb.Unilateral(k=5.0, gap=gap)\n"
+        "    return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [0.2]}))\n"
+    )
+    subject, span, _, saved = explored(f"{tmp_path / 'mine.py'}:stop", ["gap=0.5"], None)
+    assert span == (0.5, 1.5) and saved is None
+    told = Explorer(subject, span, 4).curve("s", Asked({"zeta": 0.1}, span, 4))
+    assert told["curves"][0]["x"][0] == 0.5
+    assert subject.python({"zeta": 0.1}) == "from mine import stop\nmodel = stop(zeta=0.1, gap=0.5)"
+    curve = hb.trace(hb.HarmonicBalance(subject.model({}), 4), "Omega", span)
+    curve.save(tmp_path / "mine.npz")
+    again, *_, saved = explored(str(tmp_path / "mine.npz"), None, f"{tmp_path / 'mine.py'}:stop")
+    assert again.model({}) == subject.model({}) and len(saved) == len(curve)
+    assert again.toml({}, span, 4).splitlines()[1] == f'model = "{tmp_path / "mine.py"}:stop"'
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent otherwise")
@@ -424,6 +447,32 @@ def test_measured_points_lie_over_the_curve(shown, tmp_path):
     waited_for(shown, "hbgear.state.behind.length === 1")
     x = shown.execute_script("return hbgear.state.behind[0].x[0]")
     assert x == pytest.approx(MODEL.scales.from_pinion_speed(14515.0), rel=1e-6)
+
+
+class Slow(Explorer):
+    """Takes long for any damping but that of the start."""
+
+    def _traced(self, asked, job):
+        for i in range(600 if asked.values["zeta"] != 0.05 else 0):
+            job(hb.Progress(i / 600, f"step {i}"))
+            time.sleep(0.05)
+        return super()._traced(asked, job)
+
+
+def test_a_long_computation_tells_how_far_it_is_and_can_be_cancelled(driver):
+    resized(driver, 1400, 1100)
+    with served(Slow(ModelSubject(MODEL, "spur-pair"), SPAN, 4)) as server:
+        opened(driver, server.address)
+        settled(driver)
+        before = jumps_shown(driver)
+        field = driver.find_element("id", "p-zeta")
+        field.send_keys("1\n")  # 0.051
+        waited_for(driver, "document.getElementById('doing').textContent.startsWith('step ')")
+        assert 0 < float(driver.find_element("id", "done").get_attribute("value")) < 1
+        driver.find_element("id", "cancel").click()
+        waited_for(driver, "document.getElementById('work').hidden")
+        assert driver.find_element("id", "status").text.startswith("cancelled") and jumps_shown(driver) == before
+        driver.get("about:blank")
 
 
 def test_fits_a_phone_with_the_curve_beside_the_sliders(driver, server):

@@ -226,6 +226,21 @@ def test_measure_and_theme_can_be_chosen(shown, pair):
     assert set(papers) == {theme["paper"] for theme in PALETTES.values()}
 
 
+def test_paper_is_white_and_takes_the_whole_figure(shown):
+    shown.execute_cdp_cmd(
+        "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
+    )
+    shown.refresh()
+    shown.execute_async_script("hbgear.ready.then(() => requestAnimationFrame(arguments[0]))")
+    look = "const d = document.getElementById('response'); return [d.layout.paper_bgcolor, d.layout.width || null]"
+    assert shown.execute_script(look)[0] == PALETTES["dark"]["paper"]
+    shown.execute_script("window.dispatchEvent(new Event('beforeprint'))")
+    assert shown.execute_script(look) == ["#ffffff", 700]
+    shown.execute_script("window.dispatchEvent(new Event('afterprint'))")
+    assert shown.execute_script(look)[0] == PALETTES["dark"]["paper"]
+    shown.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
 def test_page_fits_a_phone(shown):
     resized(shown, 390, 844)
     shown.refresh()

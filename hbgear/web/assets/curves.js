@@ -7,7 +7,8 @@ const hbgear = (() => {
                    "*": "star", X: "x", x: "x-thin-open", "+": "cross-thin-open", p: "pentagon", P: "cross",
                    h: "hexagon", ".": "circle", "<": "triangle-left", ">": "triangle-right" };
   const SANS = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
-  const state = { curves: [], behind: [], measure: "pp2", element: 0, theme: "light", at: null, frame: null };
+  const state = { curves: [], behind: [], measure: "pp2", element: 0, theme: "light", at: null, frame: null, printing: false };
+  const PAPER = [700, 440], SMALL = [340, 230]; // pixels of figures on paper, as the style says too
   let settings = null, busy = false;
 
   const $ = (id) => document.getElementById(id);
@@ -141,6 +142,10 @@ const hbgear = (() => {
     const wide = 0.75 * $("response").clientWidth || 700, tall = 0.72 * $("response").clientHeight || 380, taken = [];
     const at = (x, y) => [((x - low) / (high - low)) * wide, (y / top) * tall];
     kinds.forEach((k) => k.x.forEach((x, i) => { const [px, py] = at(x, k.y[i]); taken.push([px - 5, px + 5, py - 5, py + 5]); }));
+    if (state.at) { // nor the ring around the chosen point
+      const [n, i] = state.at, [px, py] = at(state.curves[n].x[i], sizes(state.curves[n])[i]);
+      taken.push([px - 9, px + 9, py - 9, py + 9]);
+    }
     const order = [...kinds].sort((a, b) => (a.point.kind === "GR") - (b.point.kind === "GR"));
     for (const k of order) {
       k.side = [];
@@ -205,7 +210,7 @@ const hbgear = (() => {
 
   function responseFigure() {
     const first = state.curves[0], rpm = common("rpm"), Hz = common("Hz"), range = state.frame || span();
-    const narrow = $("response").clientWidth < 560, ink = palette();
+    const narrow = !state.printing && $("response").clientWidth < 560, ink = palette();
     const layout = layoutOf({
       xaxis: axis(first.label, { range: [...range] }),
       yaxis: axis(`${measureText(first)} of ${first.motion}${first.unit && first.unit !== "1" ? "" : " [-]"}`, { rangemode: "tozero" }),
@@ -236,10 +241,16 @@ const hbgear = (() => {
       });
       data.push({ x: [null], y: [null], xaxis: `x${above + 1}`, yaxis: "y", showlegend: false, hoverinfo: "skip" });
     }
-    const tall = $("response").clientHeight || 520;
+    const tall = state.printing ? PAPER[1] : $("response").clientHeight || 520;
     if (above === 2) layout.yaxis.domain = [0, 1 - 62 / (tall - 110 - (narrow ? 150 : 0))];
     layout.margin.t = above ? 52 : 36;
+    sized(layout, PAPER);
     return { data, layout, scales: [low ? null : Hz, rpm].filter((x) => x) };
+  }
+
+  function sized(layout, [width, height]) { // on paper of a size of its own, else as large as its place
+    Object.assign(layout, state.printing ? { width, height, autosize: false } : { autosize: true });
+    return layout;
   }
 
   function chosenTrace() {
@@ -312,7 +323,8 @@ const hbgear = (() => {
   }
 
   function small(id, traces, layout) {
-    return Plotly.react($(id), traces, layoutOf({ margin: { l: 58, r: 10, t: 8, b: 42 }, showlegend: false, ...layout }),
+    const whole = layoutOf({ margin: { l: 58, r: 10, t: 8, b: 42 }, showlegend: false, ...layout });
+    return Plotly.react($(id), traces, sized(whole, SMALL),
                         { ...CONFIG, displayModeBar: false });
   }
 
@@ -419,8 +431,14 @@ const hbgear = (() => {
     $("element").addEventListener("change", (event) => { state.element = Number(event.target.value); redraw(); });
     $("theme").addEventListener("click", () => { setTheme(state.theme === "dark" ? "light" : "dark"); redraw(); });
     let before = null;
-    window.addEventListener("beforeprint", () => { before = state.theme; setTheme("light"); redraw(); });
-    window.addEventListener("afterprint", () => { if (before) { setTheme(before); redraw(); } });
+    window.addEventListener("beforeprint", () => {
+      before = state.theme;
+      state.printing = true;
+      setTheme("light");
+      document.querySelectorAll("details").forEach((each) => { each.open = true; });
+      redraw();
+    });
+    window.addEventListener("afterprint", () => { state.printing = false; if (before) setTheme(before); redraw(); });
     return data.curves && data.curves.length ? show(data.curves) : Promise.resolve();
   }
 
