@@ -181,6 +181,8 @@ FILES = {
         "toml_file": "archive",
         "machine_file": "toml_file",
         "train_file": "toml_file",
+        "matrices": "",
+        "bridges": "matrices",
         "tables": "npz",
     },
     "design": {
