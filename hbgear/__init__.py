@@ -21,6 +21,8 @@ from hbgear.continuation.problem import Evaluation
 from hbgear.continuation.stepsize import StepControl, Steps
 from hbgear.continuation.switching import switch
 from hbgear.continuation.tracer import trace
+from hbgear.design.fit import Fit, fit
+from hbgear.design.measured import Measurements, read_measurements
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.design.study import Cases, cases
 from hbgear.gears import (
@@ -75,6 +77,7 @@ __all__ = [
     "Element",
     "Evaluation",
     "Event",
+    "Fit",
     "Fold",
     "Gear",
     "GearPair",
@@ -86,6 +89,7 @@ __all__ = [
     "JumpMap",
     "Law",
     "Load",
+    "Measurements",
     "MeshCycle",
     "Model",
     "NoConvergence",
@@ -123,6 +127,7 @@ __all__ = [
     "critical",
     "dynamic_factor",
     "extend",
+    "fit",
     "follow",
     "grid",
     "integrate",
@@ -133,6 +138,7 @@ __all__ = [
     "monte_carlo",
     "peaks",
     "plot",
+    "read_measurements",
     "read_table",
     "reduce",
     "run",

@@ -458,7 +458,7 @@ class HarmonicBalance(FullProblem):
     def compiled(self, parameters: dict[str, float]) -> Compiled:
         """The model at the given parameters (Omega among them or not), from a small cache."""
         changed = {k: v for k, v in parameters.items() if k != "Omega" and v != self._own.get(k)}
-        for name in changed:
+        for name in changed.keys() - self._own.keys():
             self.check_parameter(name)
         key = tuple(sorted(changed.items()))
         return self._compiled.get(key, lambda: self._compile(key))

@@ -208,7 +208,7 @@ def sensitivity(
     slopes = where.slopes()
     rows: list[_Row] = [(parameter, here[parameter], slopes.p)]
     rows += [(name, here[name], X_a) for name, X_a in where.unknown(slopes)]
-    units = where.units()
+    units = units_at(where.problem, here, names)
     rows += where.speeds(rows, units)
     note = one.note if isinstance(one, SpecialPoint) and one.kind == "PK" else ""
     wanted = measure or note.removeprefix("peak of ") or "rms"
@@ -281,6 +281,27 @@ def _like(problem: FullProblem, point: Point) -> FullProblem:
     if layout.nu == problem.nu and layout.harmonics > problem.H:
         return problem.fitting(point)
     return problem.with_order(layout.nu, layout.harmonics)
+
+
+def units_at(problem: FullProblem, here: Mapping[str, float], names: Sequence[str]) -> _Units:
+    """Units of a model and their derivatives (A,) in parameters; nothing if the model does not know them.
+
+    "mesh Hz" and "pinion r/min" at Omega = 1, and "m", its unit of length; ``here`` are all parameters.
+    """
+    model = getattr(_innermost(problem), "model", None)
+    if not isinstance(model, Model) or not (own := _units_of(model.at(here))):
+        return {}, {}
+    there, keys = model.at(here), list(own)
+    known = there.parameters | there.entries
+    changes = np.zeros((len(names), len(keys)))
+    for row, name in zip(changes, names, strict=True):
+
+        def values(at: dict[str, float], name: str = name) -> tuple[float, ...]:
+            return tuple(_units_of(there.replace(**{name: at[name]})).values())
+
+        if name in known:
+            row[:] = in_parameter(problem, name, here, values)
+    return own, dict(zip(keys, changes.T, strict=True))
 
 
 def _units_of(model: Model) -> dict[str, float]:
@@ -386,23 +407,6 @@ class _At:
         moved = found.get("Omega", np.array([float(name == "Omega") for name in self.names]))
         return [(unit, Omega * own[unit], own[unit] * moved + Omega * changes[unit]) for unit in (MESH, PINION)
                 if unit in own]  # fmt: skip
-
-    def units(self) -> _Units:
-        """Units of the model, Hz and r/min at Omega = 1 and metres, and their derivatives (A,); nothing if unknown."""
-        model = getattr(_innermost(self.problem), "model", None)
-        if not isinstance(model, Model) or not (own := _units_of(model.at(self.here))):
-            return {}, {}
-        there, keys = model.at(self.here), list(own)
-        known = there.parameters | there.entries
-        changes = np.zeros((len(self.names), len(keys)))
-        for row, name in zip(changes, self.names, strict=True):
-
-            def values(at: dict[str, float], name: str = name) -> tuple[float, ...]:
-                return tuple(_units_of(there.replace(**{name: at[name]})).values())
-
-            if name in known:
-                row[:] = in_parameter(self.problem, name, self.here, values)
-        return own, dict(zip(keys, changes.T, strict=True))
 
     def amplitudes(self, name: str, measure: str, element: int | str, X_a: Array, units: _Units) -> list[_Row]:
         """The amplitude, and that in metres of models that know their unit of length."""
