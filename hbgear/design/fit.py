@@ -219,8 +219,8 @@ def _bounds(
             raise ValueError(f"fit: bounds of {name} = {quoted(bounds)} must rise, and {allowed}")
         low.append(a)
         high.append(b)
-    a, b = np.array(low), np.array(high)
-    return tuple(given), a, b, np.clip([values[name] for name in given], a, b)
+    ends = np.array([low, high])
+    return tuple(given), ends[0], ends[1], np.clip([values[name] for name in given], ends[0], ends[1])
 
 
 def _span(model: Model, data: Measurements) -> tuple[float, float]:
@@ -341,7 +341,8 @@ class _Search:
                 if now is None:
                     return np.zeros((len(worst), len(x)))
                 J = now.jacobian(s)
-                return J * (np.linalg.norm(J, axis=0) * np.abs(x) > _NOTHING)  # rounding moves nothing
+                felt: Array = J * (np.linalg.norm(J, axis=0) * np.abs(x) > _NOTHING)
+                return felt  # rounding moves nothing
 
             found = least_squares(residuals, x, jacobian, (low, high), xtol=_ENOUGH[final], ftol=_ENOUGH[final],
                                   loss="linear" if final else "soft_l1", f_scale=3.0,

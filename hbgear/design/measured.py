@@ -64,7 +64,7 @@ class Measurements:
     amplitude: Any
     direction: Any = 1
     deviation: Any = None
-    jumps: Sequence[Sequence[float]] = ()
+    jumps: Sequence[Any] = ()
     unit: str = "Omega"
     length: str = ""
     measure: str = "pp2"

@@ -289,7 +289,7 @@ def units_at(problem: FullProblem, here: Mapping[str, float], names: Sequence[st
     "mesh Hz" and "pinion r/min" at Omega = 1, and "m", its unit of length; ``here`` are all parameters.
     """
     model = getattr(_innermost(problem), "model", None)
-    if not isinstance(model, Model) or not (own := _units_of(model.at(here))):
+    if not isinstance(model, Model) or not (own := units_of(model.at(here))):
         return {}, {}
     there, keys = model.at(here), list(own)
     known = there.parameters | there.entries
@@ -297,14 +297,14 @@ def units_at(problem: FullProblem, here: Mapping[str, float], names: Sequence[st
     for row, name in zip(changes, names, strict=True):
 
         def values(at: dict[str, float], name: str = name) -> tuple[float, ...]:
-            return tuple(_units_of(there.replace(**{name: at[name]})).values())
+            return tuple(units_of(there.replace(**{name: at[name]})).values())
 
         if name in known:
             row[:] = in_parameter(problem, name, here, values)
     return own, dict(zip(keys, changes.T, strict=True))
 
 
-def _units_of(model: Model) -> dict[str, float]:
+def units_of(model: Model) -> dict[str, float]:
     """Hz and r/min at Omega = 1 and the unit of length in metres; nothing if the model does not know them."""
     known = scales(model, {})
     return known | {LENGTH: model.scales.length} if known and model.scales else known

@@ -10,6 +10,7 @@ Examples
 """
 
 from hbgear.plot.curves import jump_map, response, responses, speed_axes
+from hbgear.plot.measured import fitted, measured
 from hbgear.plot.mesh import drive, mesh_cycles
 from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
 from hbgear.plot.runs import RUNS, orders, runs, waterfall
@@ -75,9 +76,11 @@ __all__ = [
     "drive",
     "envelope",
     "figures",
+    "fitted",
     "jump_distribution",
     "jump_map",
     "legend_entry",
+    "measured",
     "mesh_cycles",
     "orders",
     "percentiles",

@@ -183,6 +183,9 @@ FILES = {
         "study": "sampling store workers",
         "study_file": "sampling study",
         "swept": "study",
+        "measured": "",
+        "predicted": "measured swept",
+        "fit": "measured predicted",
     },
     "plot": {
         "labels": "",
@@ -194,7 +197,8 @@ FILES = {
         "runs": "curves style",
         "simulation": "curves style",
         "tornado": "style",
-        "__init__": "curves mesh motions runs simulation study style tornado",
+        "measured": "curves style",
+        "__init__": "curves measured mesh motions runs simulation study style tornado",
     },
     "cli": {
         "__init__": "",
