@@ -23,6 +23,7 @@ from hbgear.continuation.switching import switch
 from hbgear.continuation.tracer import trace
 from hbgear.design.fit import Fit, fit
 from hbgear.design.measured import Measurements, read_measurements
+from hbgear.design.redesign import Goal, Redesign, no_jumps, peak_below, redesign
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.design.study import Cases, cases
 from hbgear.gears import (
@@ -82,6 +83,7 @@ __all__ = [
     "Gear",
     "GearPair",
     "GearRotorBearing",
+    "Goal",
     "Grazing",
     "HarmonicBalance",
     "HelicalPair",
@@ -104,6 +106,7 @@ __all__ = [
     "Progress",
     "ProgressCallback",
     "Range",
+    "Redesign",
     "Reduction",
     "Run",
     "Sensitivity",
@@ -136,10 +139,13 @@ __all__ = [
     "load",
     "model",
     "monte_carlo",
+    "no_jumps",
+    "peak_below",
     "peaks",
     "plot",
     "read_measurements",
     "read_table",
+    "redesign",
     "reduce",
     "run",
     "second_opinion",

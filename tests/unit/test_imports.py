@@ -184,6 +184,7 @@ FILES = {
         "study_file": "sampling study",
         "swept": "study",
         "measured": "",
+        "redesign": "",
         "predicted": "measured swept",
         "fit": "measured predicted",
     },
