@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.arguments import checked_arguments
+from hbgear.common.arguments import check_fields, checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.units import si
@@ -73,6 +73,7 @@ class Measurements:
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
+        check_fields(self)
         if self.unit not in FREQUENCIES:
             raise ValueError(f"Measurements: unit = {quoted(self.unit)}{did_you_mean(str(self.unit), FREQUENCIES)}")
         frequency, amplitude = self._numbers("frequency"), self._numbers("amplitude")
@@ -81,8 +82,9 @@ class Measurements:
                 f"Measurements: {len(frequency)} frequencies and {len(amplitude)} amplitudes; give as many"
             )
         deviation = USUAL * amplitude if self.deviation is None else self._numbers("deviation", len(frequency))
-        direction = np.broadcast_to(np.asarray(self.direction), len(frequency))
-        if direction.dtype.kind not in "iuf" or not np.isin(direction, (-1, 1)).all():
+        direction = np.asarray(self.direction)
+        fits = direction.dtype.kind in "iuf" and direction.shape in ((), (len(frequency),))
+        if not fits or not np.isin(direction, (-1, 1)).all():
             raise ValueError(
                 "Measurements: direction must be +1 (the frequency rises) or -1, one or one for each point"
             )
@@ -90,7 +92,7 @@ class Measurements:
         set_(self, "frequency", frequency)
         set_(self, "amplitude", amplitude)
         set_(self, "deviation", deviation)
-        set_(self, "direction", direction.astype(int))
+        set_(self, "direction", np.broadcast_to(direction.astype(int), len(frequency)))
         set_(self, "jumps", tuple(_jump(jump) for jump in self.jumps))
         if not len(frequency) and not self.jumps:
             raise ValueError("Measurements: there is neither an amplitude nor a jump; give at least one")
@@ -115,7 +117,7 @@ class Measurements:
         try:
             values = np.atleast_1d(np.asarray(getattr(self, name), dtype=float))
             values = values if count is None else np.broadcast_to(values, count)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise ValueError(f"Measurements: {name} = {quoted(getattr(self, name))} must be numbers") from None
         if values.ndim != 1 or not np.all(np.isfinite(values)) or not np.all(values > 0):
             raise ValueError(f"Measurements: {name} must be positive, finite numbers in a list")
@@ -205,9 +207,9 @@ def _rows(path: str | os.PathLike[str]) -> list[tuple[int, list[str]]]:
     """Number and cells of each line that says something."""
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "it is no text (UTF-8)"
-        raise ValueError(f"'{path}' cannot be read as measurements: {reason.lower()}") from None
+        raise ValueError(f"{quoted(str(path))} cannot be read as measurements: {reason.lower()}") from None
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
     if len(lines) < 2:
         raise ValueError(f"{path}: need a line of column names, such as 'frequency,amplitude', and rows of numbers")

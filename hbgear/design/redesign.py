@@ -119,7 +119,7 @@ class Redesign:
     --------
     >>> import hbgear as hb
     >>> found = hb.redesign(hb.Duffing(), hb.peak_below(1.5), ["zeta"], harmonics=3)
-    >>> found.reached, round(found.curve.amplitude("pp2").max(), 2)
+    >>> found.reached, round(float(found.curve.amplitude("pp2").max()), 2)
     (True, 1.5)
     """
 

@@ -84,10 +84,12 @@ class Sensitivity:
             f"<Sensitivity of {self.label}: {', '.join(self.quantities)} in {len(self.parameters)} parameters; {most}>"
         )
 
+    @checked_arguments()
     def size(self, quantity: str = "") -> float:
         """The value of a quantity; the first by default."""
         return float(self.sizes[self._index(quantity)])
 
+    @checked_arguments()
     def of(self, quantity: str = "") -> dict[str, float]:
         """Derivative of a quantity, the first by default, in each parameter.
 
@@ -98,6 +100,7 @@ class Sensitivity:
         """
         return dict(zip(self.parameters, self.slopes[self._index(quantity)].tolist(), strict=True))
 
+    @checked_arguments()
     def percent(self, quantity: str = "") -> dict[str, float]:
         """Change in percent for one percent of each parameter that is not zero, the largest first; nan comes last.
 
@@ -111,6 +114,7 @@ class Sensitivity:
         order = np.argsort(-np.abs(share), kind="stable")
         return {self.parameters[a]: float(share[a]) for a in order if self.values[a]}
 
+    @checked_arguments(spread="standard deviations by name, such as {'zeta': 0.002}")
     def scatter(self, spread: Mapping[str, float], quantity: str = "") -> float:
         """Standard deviation of a quantity for independent small deviations of parameters, to first order.
 
@@ -133,6 +137,7 @@ class Sensitivity:
                 raise ValueError(f"spread: {name} = {quoted(deviation)} must be a standard deviation of at least 0")
         return math.sqrt(sum((slopes[name] * deviation) ** 2 for name, deviation in spread.items()))
 
+    @checked_arguments()
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write a .csv: parameter, value, and the derivatives of each quantity; whole or not at all."""
         if not str(path).endswith(".csv"):

@@ -10,7 +10,8 @@ Examples
 """
 
 from hbgear.plot.curves import jump_map, response, responses, speed_axes
-from hbgear.plot.measured import fitted, measured
+from hbgear.plot.effects import tornado
+from hbgear.plot.fits import fitted, measured
 from hbgear.plot.mesh import drive, mesh_cycles
 from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
 from hbgear.plot.runs import RUNS, orders, runs, waterfall
@@ -48,7 +49,6 @@ from hbgear.plot.style import (
     legend_entry,
     save,
 )
-from hbgear.plot.tornado import tornado
 
 __all__ = [
     "BASINS",

@@ -133,6 +133,7 @@ SYSTEM: Pool = {
 }  # fmt: skip
 
 RECORDS = {
+    "Sensitivity", "Fit", "Redesign", "Goal", "no_jumps",
     "Branch", "Cases", "Critical", "Jump", "JumpMap", "Point", "Reduction", "SpecialPoint", "Survey", "Law", "Model",
     "NoConvergence", "NoFold", "Evaluation", "Unlikely", "Run", "Answers", "Opinion",
     "model", "Steps", "Progress", "ProgressCallback", "Status", "plot", "__version__",
@@ -556,6 +557,70 @@ def targets() -> tuple[Target, ...]:
         Target("second_opinion", hb.second_opinion, {"branch": [curve, gears], "point": _is(1, "LP1")}, 0.3),
         Target("run", hb.run, {"branch": [curve], "direction": _is("up", "down"), "others": _is(())}),
         Target("answers", hb.answers, {"branch": [curve], "element": element, "dof": _is(None, 0)}),
+        Target(
+            "sensitivity",
+            hb.sensitivity,
+            {
+                "point": [point, lambda: curve()[3], lambda: gears()["GR1"]],
+                "parameters": _is(None, ["zeta"]),
+                "measure": _is(None, "pp2", "H1"),
+                "element": element,
+                "multipliers": _is(False, True),
+            },
+            2,
+        ),
+        Target("Sensitivity.percent", hb.sensitivity(point()).percent, {"quantity": _is("Omega", "rms", "")}, 0.5),
+        Target(
+            "Sensitivity.scatter",
+            hb.sensitivity(point()).scatter,
+            {"spread": _is({"zeta": 0.01}), "quantity": _is("Omega")},
+            0.5,
+        ),
+        Target(
+            "Measurements",
+            hb.Measurements,
+            {
+                "frequency": _is([0.8, 0.9]),
+                "amplitude": _is([0.3, 0.5]),
+                "direction": _is(1, [1, -1]),
+                "deviation": _is(None, 0.01),
+                "jumps": _is((), [(0.9, 1)]),
+                "unit": _is("Omega"),
+                "length": _is("", "um"),
+            },
+            2,
+        ),
+        Target("read_measurements", hb.read_measurements, {"path": _is("no.csv"), "columns": _is(None)}, 0.5),
+        Target(
+            "fit",
+            hb.fit,
+            {
+                "model": model[:1],
+                "data": _is(hb.Measurements([0.8, 0.9], [0.4, 0.6])),
+                "free": _is(["zeta"], {"zeta": (0.02, 0.2)}),
+                "harmonics": _is(2),
+                "span": _is(None, (1.0, 0.7)),
+                "starts": _is(1),
+                "seed": _is(0),
+            },
+            1,
+        ),
+        Target("peak_below", hb.peak_below, {"limit": _is(0.9), "measure": measure, "element": element}, 0.5),
+        Target(
+            "redesign",
+            hb.redesign,
+            {
+                "model": model[:1],
+                "goal": _is(hb.no_jumps(), hb.peak_below(2.0)),
+                "over": _is(["zeta"]),
+                "within": _is(None, {"zeta": (0.02, 0.2)}),
+                "scatter": _is(None, {"zeta": 0.001}),
+                "sigmas": _is(2.0),
+                "span": _is((1.4, 0.8)),
+                "harmonics": _is(2),
+            },
+            0.5,
+        ),
         Target("Branch.__getitem__", lambda key: curve()[key], {"key": _is(0, "LP1", -1)}),
         Target(
             "Branch.amplitude",

@@ -8,14 +8,17 @@ import pkgutil
 import pytest
 
 import hbgear as hb
-from hbgear.plot import curves, mesh, simulation, study
+from hbgear.plot import curves, effects, fits, mesh, simulation, study
 
 NAMES = sorted(
     name for name in hb.__all__ if isinstance(getattr(hb, name), type) or inspect.isroutine(getattr(hb, name))
 )
+FIGURES = {
+    "curves": curves, "effects": effects, "fits": fits, "mesh": mesh, "simulation": simulation, "study": study,
+}  # fmt: skip
 DRAWN = sorted(
     f"{module.__name__.rpartition('.')[2]}.{name}"
-    for module in (curves, mesh, simulation, study)
+    for module in FIGURES.values()
     for name, value in vars(module).items()
     if inspect.isfunction(value) and value.__module__ == module.__name__ and not name.startswith("_")
 )
@@ -51,7 +54,7 @@ def test_example_of_a_figure(name):
     try:
         run(
             f"hb.plot.{name}",
-            getattr({"curves": curves, "mesh": mesh, "simulation": simulation, "study": study}[module], function),
+            getattr(FIGURES[module], function),
         )
     finally:
         plt.close("all")

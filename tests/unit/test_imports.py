@@ -197,9 +197,9 @@ FILES = {
         "study": "style",
         "runs": "curves style",
         "simulation": "curves style",
-        "tornado": "style",
-        "measured": "curves style",
-        "__init__": "curves measured mesh motions runs simulation study style tornado",
+        "effects": "style",
+        "fits": "curves style",
+        "__init__": "curves effects fits mesh motions runs simulation study style",
     },
     "cli": {
         "__init__": "",
