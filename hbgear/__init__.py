@@ -25,6 +25,7 @@ from hbgear.design.fit import Fit, fit
 from hbgear.design.measured import Measurements, read_measurements
 from hbgear.design.redesign import Goal, Redesign, no_jumps, peak_below, redesign
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
+from hbgear.design.scatter import JumpScatter, jump_scatter
 from hbgear.design.study import Cases, cases
 from hbgear.gears import (
     DoubleHelicalPair,
@@ -89,6 +90,7 @@ __all__ = [
     "HelicalPair",
     "Jump",
     "JumpMap",
+    "JumpScatter",
     "Law",
     "Load",
     "Measurements",
@@ -135,6 +137,7 @@ __all__ = [
     "grid",
     "integrate",
     "jump_map",
+    "jump_scatter",
     "latin_hypercube",
     "load",
     "model",

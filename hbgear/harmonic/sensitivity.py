@@ -207,7 +207,7 @@ def sensitivity(
     True
     """
     one = point.before if isinstance(point, Jump) else point
-    problem, here, parameter = _asked(one, parameters)
+    problem, here, parameter = _asked(one)
     names = _names(problem, here, parameter, parameters)
     where = _At(_remembering(problem, one, 2 * len(names) + 8), one, here, parameter, names)
     slopes = where.slopes()
@@ -237,7 +237,7 @@ _Row = tuple[str, float, Array]  # quantity, value, derivatives
 _Units = tuple[dict[str, float], dict[str, Array]]  # values by name, and their derivatives
 
 
-def _asked(point: Point, parameters: Sequence[str] | None) -> tuple[FullProblem, dict[str, float], str]:
+def _asked(point: Point) -> tuple[FullProblem, dict[str, float], str]:
     """Problem and parameters of a point, and in which of them its curve was traced."""
     if point.problem is None:
         raise ValueError(
@@ -293,16 +293,15 @@ def units_at(problem: FullProblem, here: Mapping[str, float], names: Sequence[st
 
     "mesh Hz" and "pinion r/min" at Omega = 1, and "m", its unit of length; ``here`` are all parameters.
     """
-    model = getattr(_innermost(problem), "model", None)
-    if not isinstance(model, Model) or not (own := units_of(model.at(here))):
+    inner = _innermost(problem)
+    if not isinstance(inner, HarmonicBalance) or not (own := units_of(inner.model_at(here))):
         return {}, {}
-    there, keys = model.at(here), list(own)
-    known = there.parameters | there.entries
+    keys, known = list(own), inner.model.parameters | inner.model.entries
     changes = np.zeros((len(names), len(keys)))
     for row, name in zip(changes, names, strict=True):
 
         def values(at: dict[str, float], name: str = name) -> tuple[float, ...]:
-            return tuple(units_of(there.replace(**{name: at[name]})).values())
+            return tuple(units_of(inner.model_at({**here, name: at[name]})).values())
 
         if name in known:
             row[:] = in_parameter(problem, name, here, values)
@@ -455,6 +454,49 @@ class _At:
 
         each = zip(self.names, slopes.X, slopes.p, strict=True)
         return "|mu|", abs(mu), abs(mu) * np.array([moved(name, dX, dp) for name, dX, dp in each])
+
+
+class Relocation:
+    """A special point solved for again with other values of some parameters.
+
+    Parameters
+    ----------
+    point : as for `sensitivity`, of a kind that has equations of its own.
+    names : of the parameters that change.
+
+    Raises
+    ------
+    ValueError
+        If it has none, or does not know its problem.
+    """
+
+    def __init__(self, point: Point, names: Sequence[str]) -> None:
+        problem, here, parameter = _asked(point)
+        self._names = _names(problem, here, parameter, names)
+        at = _At(_remembering(problem, point, 4), point, here, parameter, self._names)
+        self._equations, self._here = at.equations(), here
+        slopes = at.slopes()
+        self._U = np.append(at.X, here[parameter])
+        self._slopes = np.column_stack([slopes.X, slopes.p])
+
+    def at(self, changes: Array) -> float:
+        """The value of the curve's parameter at the point, for changes (A,) of the parameters.
+
+        Raises
+        ------
+        NoConvergence, ValueError, numpy.linalg.LinAlgError
+            If there is no such point near where the first order puts it.
+        """
+        here = {**self._here, **{a: self._here[a] + float(x) for a, x in zip(self._names, changes, strict=True)}}
+        U = self._U + changes @ self._slopes
+        found = solve(self._equations.based(U, here), U, here).X
+        moved, expected = abs(found[-1] - self._U[-1]), abs(U[-1] - self._U[-1])
+        if moved > _FAR * (expected + 1e-3 * abs(self._U[-1])):
+            raise NoConvergence("Newton ended at another point", found, here, [])
+        return float(found[-1])
+
+
+_FAR = 5.0  # times the change to first order by which a point moves at most
 
 
 def _innermost(problem: FullProblem) -> FullProblem:

@@ -133,7 +133,7 @@ SYSTEM: Pool = {
 }  # fmt: skip
 
 RECORDS = {
-    "Sensitivity", "Fit", "Redesign", "Goal", "no_jumps",
+    "Sensitivity", "JumpScatter", "Fit", "Redesign", "Goal", "no_jumps",
     "Branch", "Cases", "Critical", "Jump", "JumpMap", "Point", "Reduction", "SpecialPoint", "Survey", "Law", "Model",
     "NoConvergence", "NoFold", "Evaluation", "Unlikely", "Run", "Answers", "Opinion",
     "model", "Steps", "Progress", "ProgressCallback", "Status", "plot", "__version__",
@@ -604,6 +604,12 @@ def targets() -> tuple[Target, ...]:
                 "seed": _is(0),
             },
             1,
+        ),
+        Target(
+            "jump_scatter",
+            hb.jump_scatter,
+            {"branch": [curve], "spread": _is({"zeta": 0.001}), "draws": _is(3), "seed": _is(0)},
+            0.5,
         ),
         Target("peak_below", hb.peak_below, {"limit": _is(0.9), "measure": measure, "element": element}, 0.5),
         Target(

@@ -185,6 +185,7 @@ FILES = {
         "swept": "study",
         "measured": "",
         "redesign": "",
+        "scatter": "",
         "predicted": "measured swept",
         "fit": "measured predicted",
     },
