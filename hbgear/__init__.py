@@ -22,7 +22,11 @@ from hbgear.continuation.problem import Evaluation
 from hbgear.continuation.stepsize import StepControl, Steps
 from hbgear.continuation.switching import switch
 from hbgear.continuation.tracer import trace
+from hbgear.design.fit import Fit, fit
+from hbgear.design.measured import Measurements, read_measurements
+from hbgear.design.redesign import Goal, Redesign, no_jumps, peak_below, redesign
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
+from hbgear.design.scatter import JumpScatter, jump_scatter
 from hbgear.design.study import Cases, cases
 from hbgear.gears import (
     Bearing,
@@ -92,19 +96,23 @@ __all__ = [
     "Element",
     "Evaluation",
     "Event",
+    "Fit",
     "Fold",
     "Gear",
     "GearPair",
     "GearRotorBearing",
+    "Goal",
     "Grazing",
     "HarmonicBalance",
     "HelicalPair",
     "Jump",
     "JumpMap",
+    "JumpScatter",
     "Law",
     "Load",
     "Matrices",
     "MatrixTable",
+    "Measurements",
     "Mesh",
     "MeshCycle",
     "Model",
@@ -124,6 +132,7 @@ __all__ = [
     "ProgressCallback",
     "Range",
     "Reaction",
+    "Redesign",
     "Reduction",
     "Run",
     "Sensitivity",
@@ -152,6 +161,7 @@ __all__ = [
     "critical",
     "dynamic_factor",
     "extend",
+    "fit",
     "follow",
     "from_matrices",
     "from_opentorsion",
@@ -160,13 +170,18 @@ __all__ = [
     "integrate",
     "iso_dynamic_factor",
     "jump_map",
+    "jump_scatter",
     "latin_hypercube",
     "load",
     "model",
     "monte_carlo",
+    "no_jumps",
+    "peak_below",
     "peaks",
     "plot",
+    "read_measurements",
     "read_table",
+    "redesign",
     "reduce",
     "report",
     "run",

@@ -1,4 +1,4 @@
-"""Commands on what parameters do and which fit: ``hbgear sensitivity``."""
+"""Commands on what parameters do and which of them fit: ``hbgear sensitivity`` and ``hbgear fit``."""
 
 from __future__ import annotations
 
@@ -12,23 +12,34 @@ import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.files import FIGURES, check_writable, outputs
 from hbgear.cli.support import (
+    Changes,
     Element,
     Figure,
     File,
+    Harmonics,
     Measure,
+    Model,
     OwnModel,
+    assignments,
+    bar,
+    chosen_model,
     element_of,
+    end_of,
+    number_of,
     one_thread,
     point_of,
     print_table,
     problem_in,
+    problem_of,
 )
+from hbgear.design.measured import FREQUENCIES
 from hbgear.harmonic.sensitivity import Sensitivity
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command()(sensitivity)
+    app.command()(fit)
 
 
 def sensitivity(
@@ -82,6 +93,76 @@ def sensitivity(
         for name, value in zip(found.parameters, found.values, strict=True):
             if not value and found.of(quantity)[name]:
                 print(f"{name} = 0: {quantity} changes by {found.of(quantity)[name]:.4g} for one of its unit")
+
+
+def fit(
+    data: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DATA.csv", help="Columns frequency, amplitude, direction (up or down) and deviation; see --column."
+        ),
+    ],
+    model: Model,
+    free: Annotated[
+        str,
+        typer.Option("--free", metavar="NAME,...", help="What is sought: zeta,b or, with bounds, zeta=0.01:0.2,e[0]."),
+    ],
+    changes: Changes = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=HEAD", help="What a column is called in the file: frequency=rpm; repeatable."),
+    ] = None,
+    unit: Annotated[str, typer.Option(help=f"Of the frequencies: {', '.join(FREQUENCIES)}.")] = "Omega",
+    length: Annotated[str, typer.Option(help="Unit of the amplitudes, such as um.", show_default="the model's")] = "",
+    harmonics: Harmonics = "16",
+    starts: Annotated[int, typer.Option(min=1, help="Starts that are followed if the first fits badly.")] = 3,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the fitted curve as .npz.")] = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """Values of parameters with which the response is nearest to measured sweeps; the model's are the start.
+
+    A row of the file without an amplitude is the frequency of a measured jump.
+    Exit codes: 0 done, 2 bad input, 3 stopped early (the best values until then are shown).
+    """
+    check_writable(output, (".npz",))
+    check_writable(plot, FIGURES)
+    machine = chosen_model(model, changes)
+    wanted = dict(_bounds(text) for text in free.split(",") if text.strip())
+    measured = hb.read_measurements(
+        data, dict(assignments("--column", column or [])), unit=unit, length=length, measure=measure,
+        element=element_of(element),
+    )  # fmt: skip
+    with one_thread(), bar("fit") as progress:
+        found = hb.fit(problem_of(machine, harmonics), measured, wanted, starts=starts, progress=progress)
+    start = machine.parameters | machine.entries
+    rows = [[name, f"{start[name]:.6g}", f"{x:.6g}", f"{found.errors[name]:.2g}"] for name, x in found.values.items()]
+    with outputs() as out:
+        out.branch(output, found.curve)
+        out.figure(plot, lambda drawing: drawing.fitted(found))
+        print_table(["", "start", "fitted", "+-"], rows, f"{len(measured)} points and {len(measured.jumps)} jumps")
+        pairs = [
+            [f"{a}, {b}", f"{found.correlation[i, j]:+.3f}"]
+            for i, a in enumerate(found.names) for j, b in enumerate(found.names[:i])
+        ]  # fmt: skip
+        if pairs:
+            print_table(["", "correlation"], pairs)
+        print(f"root mean square of the residuals: {math.sqrt(found.mean_square):.3g} deviations")
+        for doubt in found.doubts:
+            print(f"doubt: {doubt}")
+    end_of(found)
+
+
+def _bounds(text: str) -> tuple[str, tuple[float, float] | None]:
+    """Name and bounds of a part of --free."""
+    name, equals, ends = (part.strip() for part in text.partition("="))
+    if not equals:
+        return name, None
+    low, colon, high = (part.strip() for part in ends.partition(":"))
+    if not (name and colon):
+        raise ValueError(f"--free {text}: need NAME or NAME=LOW:HIGH, such as --free zeta=0.01:0.2")
+    return name, (number_of(f"--free {name}", low), number_of(f"--free {name}", high))
 
 
 def _first(found: Sensitivity) -> str:

@@ -141,6 +141,7 @@ class HarmonicBalance(FullProblem):
         self._kept = 8
         self._structures: Recent[Structure] = Recent(6)
         self._systems: Recent[System] = Recent(6)
+        self._models: Recent[Model] = Recent(6)
         self._own = model.parameters | model.entries
         self._prepare(samples)
         self._warn_truncated(system)
@@ -377,7 +378,7 @@ class HarmonicBalance(FullProblem):
 
     def _with_memory(self, sets: int) -> HarmonicBalance:
         out = copy.copy(self)
-        out._kept, out._structures, out._systems = sets, Recent(sets), Recent(sets)
+        out._kept, out._structures, out._systems, out._models = sets, Recent(sets), Recent(sets), Recent(sets)
         out._prepare(self.N)
         return out
 
@@ -404,7 +405,7 @@ class HarmonicBalance(FullProblem):
 
     def _far(self) -> HarmonicBalance:
         out = copy.copy(self)
-        out.model, out._structures, out._systems = Receded(self.model), Recent(6), Recent(6)
+        out.model, out._structures, out._systems, out._models = Receded(self.model), Recent(6), Recent(6), Recent(6)
         out._prepare(self.N)
         return out
 
@@ -462,16 +463,25 @@ class HarmonicBalance(FullProblem):
 
     def compiled(self, parameters: dict[str, float]) -> Compiled:
         """The model at the given parameters (Omega among them or not), from a small cache."""
-        changed = {k: v for k, v in parameters.items() if k != "Omega" and v != self._own.get(k)}
-        for name in changed:
-            self.check_parameter(name)
-        key = tuple(sorted(changed.items()))
+        key = self._changed(parameters)
         return self._compiled.get(key, lambda: self._compile(key))
 
+    def model_at(self, parameters: Mapping[str, float]) -> Model:
+        """The model with the given parameters (Omega among them or not), from a small cache."""
+        return self._model_of(self._changed(parameters))
+
+    def _changed(self, parameters: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+        """The parameters that are not those of the model, by name."""
+        changed = {k: v for k, v in parameters.items() if k != "Omega" and v != self._own.get(k)}
+        for name in changed.keys() - self._own.keys():
+            self.check_parameter(name)
+        return tuple(sorted(changed.items()))
+
+    def _model_of(self, changed: tuple[tuple[str, float], ...]) -> Model:
+        return self._models.get(changed, lambda: self.model.replace(**dict(changed)) if changed else self.model)
+
     def _compile(self, changed: tuple[tuple[str, float], ...]) -> Compiled:
-        system = self._systems.get(
-            changed, lambda: (self.model.replace(**dict(changed)) if changed else self.model).system()
-        )
+        system = self._systems.get(changed, lambda: self._model_of(changed).system())
         return Compiled(system, self._structure(system), self.H, self.nu, self.is_sampled, self._transform, self.reduce)
 
     def _structure(self, system: System) -> Structure:

@@ -84,10 +84,12 @@ class Sensitivity:
             f"<Sensitivity of {self.label}: {', '.join(self.quantities)} in {len(self.parameters)} parameters; {most}>"
         )
 
+    @checked_arguments()
     def size(self, quantity: str = "") -> float:
         """The value of a quantity; the first by default."""
         return float(self.sizes[self._index(quantity)])
 
+    @checked_arguments()
     def of(self, quantity: str = "") -> dict[str, float]:
         """Derivative of a quantity, the first by default, in each parameter.
 
@@ -98,6 +100,7 @@ class Sensitivity:
         """
         return dict(zip(self.parameters, self.slopes[self._index(quantity)].tolist(), strict=True))
 
+    @checked_arguments()
     def percent(self, quantity: str = "") -> dict[str, float]:
         """Change in percent for one percent of each parameter that is not zero, the largest first; nan comes last.
 
@@ -111,6 +114,7 @@ class Sensitivity:
         order = np.argsort(-np.abs(share), kind="stable")
         return {self.parameters[a]: float(share[a]) for a in order if self.values[a]}
 
+    @checked_arguments(spread="standard deviations by name, such as {'zeta': 0.002}")
     def scatter(self, spread: Mapping[str, float], quantity: str = "") -> float:
         """Standard deviation of a quantity for independent small deviations of parameters, to first order.
 
@@ -133,6 +137,7 @@ class Sensitivity:
                 raise ValueError(f"spread: {name} = {quoted(deviation)} must be a standard deviation of at least 0")
         return math.sqrt(sum((slopes[name] * deviation) ** 2 for name, deviation in spread.items()))
 
+    @checked_arguments()
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write a .csv: parameter, value, and the derivatives of each quantity; whole or not at all."""
         if not str(path).endswith(".csv"):
@@ -202,13 +207,13 @@ def sensitivity(
     True
     """
     one = point.before if isinstance(point, Jump) else point
-    problem, here, parameter = _asked(one, parameters)
+    problem, here, parameter = _asked(one)
     names = _names(problem, here, parameter, parameters)
     where = _At(_remembering(problem, one, 2 * len(names) + 8), one, here, parameter, names)
     slopes = where.slopes()
     rows: list[_Row] = [(parameter, here[parameter], slopes.p)]
     rows += [(name, here[name], X_a) for name, X_a in where.unknown(slopes)]
-    units = where.units()
+    units = units_at(where.problem, here, names)
     rows += where.speeds(rows, units)
     note = one.note if isinstance(one, SpecialPoint) and one.kind == "PK" else ""
     wanted = measure or note.removeprefix("peak of ") or "rms"
@@ -232,7 +237,7 @@ _Row = tuple[str, float, Array]  # quantity, value, derivatives
 _Units = tuple[dict[str, float], dict[str, Array]]  # values by name, and their derivatives
 
 
-def _asked(point: Point, parameters: Sequence[str] | None) -> tuple[FullProblem, dict[str, float], str]:
+def _asked(point: Point) -> tuple[FullProblem, dict[str, float], str]:
     """Problem and parameters of a point, and in which of them its curve was traced."""
     if point.problem is None:
         raise ValueError(
@@ -283,7 +288,27 @@ def _like(problem: FullProblem, point: Point) -> FullProblem:
     return problem.with_order(layout.nu, layout.harmonics)
 
 
-def _units_of(model: Model) -> dict[str, float]:
+def units_at(problem: FullProblem, here: Mapping[str, float], names: Sequence[str]) -> _Units:
+    """Units of a model and their derivatives (A,) in parameters; nothing if the model does not know them.
+
+    "mesh Hz" and "pinion r/min" at Omega = 1, and "m", its unit of length; ``here`` are all parameters.
+    """
+    inner = _innermost(problem)
+    if not isinstance(inner, HarmonicBalance) or not (own := units_of(inner.model_at(here))):
+        return {}, {}
+    keys, known = list(own), inner.model.parameters | inner.model.entries
+    changes = np.zeros((len(names), len(keys)))
+    for row, name in zip(changes, names, strict=True):
+
+        def values(at: dict[str, float], name: str = name) -> tuple[float, ...]:
+            return tuple(units_of(inner.model_at({**here, name: at[name]})).values())
+
+        if name in known:
+            row[:] = in_parameter(problem, name, here, values)
+    return own, dict(zip(keys, changes.T, strict=True))
+
+
+def units_of(model: Model) -> dict[str, float]:
     """Hz and r/min at Omega = 1 and the unit of length in metres; nothing if the model does not know them."""
     known = scales(model, {})
     return known | {LENGTH: model.scales.length} if known and model.scales else known
@@ -387,23 +412,6 @@ class _At:
         return [(unit, Omega * own[unit], own[unit] * moved + Omega * changes[unit]) for unit in (MESH, PINION)
                 if unit in own]  # fmt: skip
 
-    def units(self) -> _Units:
-        """Units of the model, Hz and r/min at Omega = 1 and metres, and their derivatives (A,); nothing if unknown."""
-        model = getattr(_innermost(self.problem), "model", None)
-        if not isinstance(model, Model) or not (own := _units_of(model.at(self.here))):
-            return {}, {}
-        there, keys = model.at(self.here), list(own)
-        known = there.parameters | there.entries
-        changes = np.zeros((len(self.names), len(keys)))
-        for row, name in zip(changes, self.names, strict=True):
-
-            def values(at: dict[str, float], name: str = name) -> tuple[float, ...]:
-                return tuple(_units_of(there.replace(**{name: at[name]})).values())
-
-            if name in known:
-                row[:] = in_parameter(self.problem, name, self.here, values)
-        return own, dict(zip(keys, changes.T, strict=True))
-
     def amplitudes(self, name: str, measure: str, element: int | str, X_a: Array, units: _Units) -> list[_Row]:
         """The amplitude, and that in metres of models that know their unit of length."""
         layout = self.point.layout
@@ -446,6 +454,49 @@ class _At:
 
         each = zip(self.names, slopes.X, slopes.p, strict=True)
         return "|mu|", abs(mu), abs(mu) * np.array([moved(name, dX, dp) for name, dX, dp in each])
+
+
+class Relocation:
+    """A special point solved for again with other values of some parameters.
+
+    Parameters
+    ----------
+    point : as for `sensitivity`, of a kind that has equations of its own.
+    names : of the parameters that change.
+
+    Raises
+    ------
+    ValueError
+        If it has none, or does not know its problem.
+    """
+
+    def __init__(self, point: Point, names: Sequence[str]) -> None:
+        problem, here, parameter = _asked(point)
+        self._names = _names(problem, here, parameter, names)
+        at = _At(_remembering(problem, point, 4), point, here, parameter, self._names)
+        self._equations, self._here = at.equations(), here
+        slopes = at.slopes()
+        self._U = np.append(at.X, here[parameter])
+        self._slopes = np.column_stack([slopes.X, slopes.p])
+
+    def at(self, changes: Array) -> float:
+        """The value of the curve's parameter at the point, for changes (A,) of the parameters.
+
+        Raises
+        ------
+        NoConvergence, ValueError, numpy.linalg.LinAlgError
+            If there is no such point near where the first order puts it.
+        """
+        here = {**self._here, **{a: self._here[a] + float(x) for a, x in zip(self._names, changes, strict=True)}}
+        U = self._U + changes @ self._slopes
+        found = solve(self._equations.based(U, here), U, here).X
+        moved, expected = abs(found[-1] - self._U[-1]), abs(U[-1] - self._U[-1])
+        if moved > _FAR * (expected + 1e-3 * abs(self._U[-1])):
+            raise NoConvergence("Newton ended at another point", found, here, [])
+        return float(found[-1])
+
+
+_FAR = 5.0  # times the change to first order by which a point moves at most
 
 
 def _innermost(problem: FullProblem) -> FullProblem:

@@ -10,6 +10,8 @@ Examples
 """
 
 from hbgear.plot.curves import jump_map, response, responses, speed_axes
+from hbgear.plot.effects import tornado
+from hbgear.plot.fits import fitted, measured
 from hbgear.plot.mesh import drive, mesh_cycles
 from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
 from hbgear.plot.rotors import campbell
@@ -48,7 +50,6 @@ from hbgear.plot.style import (
     legend_entry,
     save,
 )
-from hbgear.plot.tornado import tornado
 from hbgear.plot.trains import train
 
 __all__ = [
@@ -78,9 +79,11 @@ __all__ = [
     "drive",
     "envelope",
     "figures",
+    "fitted",
     "jump_distribution",
     "jump_map",
     "legend_entry",
+    "measured",
     "mesh_cycles",
     "orders",
     "percentiles",

@@ -8,14 +8,18 @@ import pkgutil
 import pytest
 
 import hbgear as hb
-from hbgear.plot import curves, mesh, rotors, simulation, study, trains
+from hbgear.plot import curves, effects, fits, mesh, rotors, simulation, study, trains
 
 NAMES = sorted(
     name for name in hb.__all__ if isinstance(getattr(hb, name), type) or inspect.isroutine(getattr(hb, name))
 )
+FIGURES = {
+    "curves": curves, "effects": effects, "fits": fits, "mesh": mesh, "rotors": rotors, "simulation": simulation,
+    "study": study, "trains": trains,
+}  # fmt: skip
 DRAWN = sorted(
     f"{module.__name__.rpartition('.')[2]}.{name}"
-    for module in (curves, mesh, rotors, simulation, study, trains)
+    for module in FIGURES.values()
     for name, value in vars(module).items()
     if inspect.isfunction(value) and value.__module__ == module.__name__ and not name.startswith("_")
 )
@@ -51,12 +55,7 @@ def test_example_of_a_figure(name):
     try:
         run(
             f"hb.plot.{name}",
-            getattr(
-                {each.__name__.rpartition(".")[2]: each for each in (curves, mesh, rotors, simulation, study, trains)}[
-                    module
-                ],
-                function,
-            ),
+            getattr(FIGURES[module], function),
         )
     finally:
         plt.close("all")

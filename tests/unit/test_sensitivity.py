@@ -23,7 +23,7 @@ def located(problem, equations, U, here):
 
 def differences(point, parameters=None):
     """Derivatives of (X, p) by differences of points located at h and 2h to both sides; one-sided at ends of ranges."""
-    problem, here, parameter = _asked(point, parameters)
+    problem, here, parameter = _asked(point)
     names = _names(problem, here, parameter, parameters)
     at = _At(_remembering(problem, point, 8), point, here, parameter, names)
     equations = at.equations()
@@ -294,3 +294,27 @@ def test_traced_in_an_entry(spur):
     slope = hb.sensitivity(spur["LP1"], ["e[0]"]).of()["e[0]"]
     h = folds.values[-1] - folds.values[0]
     assert (folds.tracked["Omega"][-1] - folds.tracked["Omega"][0]) / h == pytest.approx(slope, rel=2e-2)
+
+
+def test_scatter_of_jumps_beside_monte_carlo(spur):
+    """Small deviations: both standard deviations agree within the noise of the draws. Large ones: jumps are lost."""
+    jumps = [jump for jump in spur.jumps() if jump.label.startswith("LP")]
+    found = {one.label: one for one in hb.jump_scatter(spur, {"zeta": 1e-4, "e[0]": 2e-4}, draws=400)}
+    for jump in jumps:
+        one = found[jump.label]
+        assert one.lost == 0 and abs(one.error) < 0.12
+        slopes = hb.sensitivity(jump.before, ["zeta", "e[0]"]).of()
+        assert one.first == pytest.approx(math.hypot(1e-4 * slopes["zeta"], 2e-4 * slopes["e[0]"]))
+    # one draw, against a curve traced with its values
+    xi = np.random.default_rng(0).normal(size=(400, 2))[0]
+    model = spur.problem.model.replace(**{"zeta": 0.05 + 1e-4 * xi[0], "e[0]": 0.1 + 2e-4 * xi[1]})
+    again = hb.trace(hb.HarmonicBalance(model, 8), "Omega", (2.6, 0.4), accuracy=None)
+    for jump in jumps:
+        place = min((one.value for one in again.jumps()), key=lambda value: abs(value - jump.value))
+        assert found[jump.label].draws[0] == pytest.approx(place, rel=1e-6)
+    wide = hb.jump_scatter(spur, {"zeta": 0.02, "e[0]": 0.03}, draws=100)
+    assert any(one.lost for one in wide)
+    with pytest.raises(ValueError, match="name at least one parameter"):
+        hb.jump_scatter(spur, {})
+    with pytest.raises(KeyError, match="no parameter 'zetta'"):
+        hb.jump_scatter(spur, {"zetta": 0.1})

@@ -1,0 +1,136 @@
+"""How often the truth lies within two standard errors of a fit: noise draws on synthetic sweeps of two gear pairs.
+
+    python -m studies.design.coverage [--quick] [-o DIR]
+
+60 points of sweeps in both directions with 1 % of noise. Of the spur pair (H = 8) the largest magnitude of the gap in
+its own unit; damping, half backlash, mean load and the first amplitude of the error are sought from a start 30 to 60 %
+off. Alternating amplitudes would not tell the backlash: while no tooth touches on its back, a wider gap only shifts the
+motion. Of the double-helical pair (H = 8) half the peak-to-peak value in um over the speed in r/min; damping, half
+backlash and mesh stiffness are sought, of which the last two are the units as well.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import hbgear as hb
+from hbgear.common.arrays import Array
+from hbgear.design.predicted import Prediction
+from studies import study
+
+ALONE = True
+
+NOISE = 0.01
+
+
+@dataclass(frozen=True)
+class Case:
+    """A pair: truth, start, what is sought, span of the points, and how they are measured."""
+
+    name: str
+    truth: hb.Model
+    start: hb.Model
+    free: tuple[str, ...]
+    span: tuple[float, float]
+    measure: str
+    unit: str = "Omega"
+    length: str = ""
+
+
+SPUR = hb.SpurPair()
+DOUBLE = hb.DoubleHelicalPair(zeta=0.05)
+CASES = (
+    Case("spur pair", SPUR, SPUR.replace(zeta=0.08, F_m=0.13, b=1.3, e=(0.07,)), ("zeta", "b", "F_m", "e[0]"),
+         (0.5, 1.4), "max"),
+    Case("double-helical pair", DOUBLE, DOUBLE.replace(zeta=0.06, b_c=29e-6, k_mean=1.9e9), ("zeta", "b_c", "k_mean"),
+         (0.7, 1.1), "pp2", "pinion r/min", "um"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Results:
+    """Of each case: (draws, parameters) differences to the truth in standard errors, and draws per minute."""
+
+    off: dict[str, Array]
+    rate: dict[str, float]
+    residual: dict[str, Array]
+
+
+def sweeps(case: Case, harmonics: int) -> tuple[Array, Array, Array]:
+    """Frequencies, directions and amplitudes without noise, in the units of the case."""
+    rising = np.linspace(*case.span, 30)
+    scale = case.truth.scales
+    factor = scale.pinion_speed(1.0) if case.unit != "Omega" and scale else 1.0
+    frequency, direction = factor * np.concatenate([rising, rising]), np.repeat([1, -1], 30)
+    vague = hb.Measurements(frequency, np.ones(60), direction, 1e12, (), case.unit, case.length, case.measure)
+    span = (1.2 * case.span[1], case.span[0] / 1.2)
+    found = Prediction(hb.HarmonicBalance(case.truth, harmonics), vague, {}, span)
+    return frequency, direction, found.amplitudes / vague.metres
+
+
+def run(quick: bool = False) -> Results:
+    """200 draws of each pair; ``quick``: 2 of the spur pair with H = 5."""
+    harmonics, cases, draws = (5, CASES[:1], 2) if quick else (8, CASES, 200)
+    off, rate, residual = {}, {}, {}
+    for case in cases:
+        frequency, direction, clean = sweeps(case, harmonics)
+        problem = hb.HarmonicBalance(case.start, harmonics)
+        truth = case.truth.parameters | case.truth.entries
+        rows, left, begin = [], [], time.perf_counter()
+        for draw in range(draws):
+            amplitude = clean * (1 + NOISE * np.random.default_rng(draw).normal(size=len(clean)))
+            data = hb.Measurements(
+                frequency, amplitude, direction, NOISE * clean, (), case.unit, case.length, case.measure
+            )
+            found = hb.fit(problem, data, case.free)
+            rows.append([(found.values[name] - truth[name]) / found.errors[name] for name in case.free])
+            left.append(found.mean_square)
+        off[case.name], residual[case.name] = np.array(rows), np.array(left)
+        rate[case.name] = 60 * draws / (time.perf_counter() - begin)
+    return Results(off, rate, residual)
+
+
+def plot(results: Results) -> Figure:
+    """Distribution of the differences to the truth, in standard errors, beside the normal one."""
+    import matplotlib.pyplot as plt
+
+    figure, panels = plt.subplots(1, len(results.off), figsize=(3.6 * len(results.off), 2.8), squeeze=False,
+                                  layout="constrained")  # fmt: skip
+    x = np.linspace(-4, 4, 200)
+    colours = (study.BLUE, study.ORANGE, study.PURPLE, study.GREEN)
+    for ax, (case, off) in zip(panels[0], ((one, results.off[one.name]) for one in CASES if one.name in results.off),
+                               strict=True):  # fmt: skip
+        for j, name in enumerate(case.free):
+            share = (np.arange(len(off)) + 0.5) / len(off)
+            ax.step(np.sort(off[:, j]), share, color=colours[j], linewidth=1.0, label=name)
+        ax.plot(x, [0.5 * (1 + math.erf(t / math.sqrt(2))) for t in x], color=study.GREY, linewidth=0.8, label="normal")
+        ax.set_xlim(-4, 4)
+        ax.set_xlabel("(estimate - truth) / standard error")
+        ax.set_ylabel("share of the draws")
+        ax.set_title(case.name)
+        ax.legend(fontsize=7)
+    return figure
+
+
+def report(results: Results) -> str:
+    """Share of the draws within two standard errors, and draws per minute."""
+    lines = ["| pair | parameter | within 2 standard errors | deviation | mean |", "|---|---|---|---|---|"]
+    for case in CASES:
+        if case.name in results.off:
+            for name, off in zip(case.free, results.off[case.name].T, strict=True):
+                inside = np.mean(np.abs(off) < 2)
+                lines.append(f"| {case.name} | {name} | {inside:.1%} | {off.std():.2f} | {off.mean():+.2f} |")
+    lines.append("")
+    for name, rate in results.rate.items():
+        draws, worst = len(results.off[name]), results.residual[name].max()
+        lines.append(f"{name}: {draws} draws, {rate:.0f} a minute, largest mean square of the residuals {worst:.2f}.  ")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    study.main()

@@ -1,0 +1,213 @@
+"""Parameters found again from synthetic measurements, and what is said of data that cannot determine them."""
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.cli import app
+from hbgear.design.predicted import Prediction
+
+TRUTH = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25.0))
+START = TRUTH.replace(zeta=0.08, F_m=0.13, b=1.3, e=(0.07,))
+FREE = ["zeta", "b", "F_m", "e[0]"]
+
+
+def sweeps(model, measure, harmonics=8, span=(0.5, 1.4), count=30):
+    """Frequencies, directions and amplitudes without noise of sweeps in both directions, and the jumps."""
+    up = np.linspace(*span, count)
+    Omega, direction = np.concatenate([up, up]), np.repeat([1, -1], count)
+    vague = hb.Measurements(Omega, np.ones(2 * count), direction, deviation=1e9, measure=measure)
+    found = Prediction(hb.HarmonicBalance(model, harmonics), vague, {}, (1.2 * span[1], span[0] / 1.2))
+    return Omega, direction, found.amplitudes, found.jumps
+
+
+@pytest.fixture(scope="module")
+def largest():
+    return sweeps(TRUTH, "max")
+
+
+def noisy(amplitude, seed, share=0.01):
+    return amplitude * (1 + share * np.random.default_rng(seed).normal(size=len(amplitude)))
+
+
+def test_truth_without_noise(largest):
+    Omega, direction, amplitude, jumps = largest
+    data = hb.Measurements(Omega, amplitude, direction, 0.001 * amplitude, measure="max")
+    found = hb.fit(START, data, FREE, harmonics=8)
+    for name, true in zip(FREE, (0.05, 1.0, 0.1, 0.05), strict=True):
+        assert found.values[name] == pytest.approx(true, rel=2e-3)
+    assert found.reached.all() and found.status.complete and found.mean_square < 0.05
+    assert [jump.value for jump in found.curve.jumps()] == pytest.approx([jump.value for jump in jumps], rel=1e-3)
+
+
+def test_derivatives_of_what_is_predicted(largest):
+    """All residuals against central differences, where no point changes what it is held against; units too."""
+    Omega, direction, amplitude, jumps = largest
+    scales = TRUTH.scales
+    data = hb.Measurements(
+        scales.pinion_speed(Omega), noisy(amplitude, 1) * 37.6, direction, measure="max", unit="pinion r/min",
+        length="um", jumps=[(scales.pinion_speed(jump.value) * 1.001, jump.direction) for jump in jumps],
+    )  # fmt: skip
+    problem = hb.HarmonicBalance(TRUTH, 8)
+    values = {"zeta": 0.051, "b": 1.0, "F_m": 0.1, "e[0]": 0.05, "reference[0]": 38000.0, "reference[1]": 37.6e-6}
+    span = (1.7, 0.4)
+    here = Prediction(problem, data, values, span)
+    s = here.deviation
+    J = here.jacobian(s)
+    far = here.distances_moved
+    kinds = [place.kind for place in here.places]
+    for i, (name, value) in enumerate(values.items()):
+        h = 1e-6 * value
+        up, down = (Prediction(problem, data, {**values, name: value + side * h}, span) for side in (1, -1))
+        same = np.array([a == b.kind == c.kind for a, b, c in zip(kinds, up.places, down.places, strict=True)])
+        rates = (up.residuals(s) - down.residuals(s)) / (2 * h)
+        keep = np.concatenate([same, same, [True] * len(jumps)])
+        np.testing.assert_allclose(J[keep, i], rates[keep], rtol=1e-4, atol=1e-4 * np.abs(rates).max() + 1e-9 / value)
+        # distances are to rows of a curve, which move along it: the jumps alone are points
+        both = (up.distances[-2:] - down.distances[-2:]) / (2 * h)
+        np.testing.assert_allclose(far[-2:, i], both, rtol=1e-4, atol=1e-6 / value)
+
+
+def test_coverage_in_small(largest):
+    """Of a few noise draws of 1 %, all estimates within 4 standard errors and most within 2; see the study."""
+    Omega, direction, amplitude, _ = largest
+    problem = hb.HarmonicBalance(START, 8)
+    off = []
+    for seed in range(4):
+        data = hb.Measurements(Omega, noisy(amplitude, seed), direction, 0.01 * amplitude, measure="max")
+        found = hb.fit(problem, data, FREE)
+        truth = TRUTH.parameters | TRUTH.entries
+        off.append([(found.values[name] - truth[name]) / found.errors[name] for name in FREE])
+    assert np.mean(np.abs(off) < 2) > 0.8 and np.max(np.abs(off)) < 4
+
+
+def test_a_gap_that_alternating_amplitudes_do_not_know():
+    """While no tooth touches on its back, a wider gap shifts the motion and changes nothing else."""
+    Omega, direction, amplitude, _ = sweeps(TRUTH, "pp2")
+    data = hb.Measurements(Omega, noisy(amplitude, 2), direction, 0.01 * amplitude)
+    found = hb.fit(TRUTH.replace(zeta=0.06, b=1.1), data, ["zeta", "b"], harmonics=8, starts=1)
+    assert "b has no effect on the data" in found.doubts and np.isnan(found.errors["b"])
+    assert found.values["zeta"] == pytest.approx(0.05, abs=4 * found.errors["zeta"])
+
+
+def test_parameters_that_cannot_be_told_apart(largest):
+    Omega, direction, amplitude, _ = largest
+    data = hb.Measurements(Omega, amplitude, direction, 0.01 * amplitude, measure="max")
+    found = hb.fit(TRUTH.replace(e_scale=1.1), data, {"e_scale": (0.5, 2), "e[0]": (0.02, 0.1)}, harmonics=8, starts=1)
+    assert any("e_scale, e[0] cannot be told apart by these data" in doubt for doubt in found.doubts)
+
+
+def test_jumps_alone():
+    _, _, _, jumps = sweeps(TRUTH, "pp2")
+    data = hb.Measurements([], [], jumps=[(jump.value, jump.direction) for jump in jumps])
+    found = hb.fit(TRUTH.replace(zeta=0.055, e=(0.053,)), data, ["zeta", "e[0]"], harmonics=8, span=(1.6, 0.4))
+    assert found.values["zeta"] == pytest.approx(0.05, rel=1e-3) and found.values["e[0]"] == pytest.approx(
+        0.05, rel=1e-3
+    )
+    assert found.jumps == pytest.approx([jump.value for jump in jumps], rel=1e-5)
+
+
+def test_a_jump_that_the_model_does_not_have(largest):
+    Omega, direction, amplitude, _ = largest
+    few = Omega > 0.9
+    data = hb.Measurements(Omega[few], amplitude[few], direction[few], 0.01 * amplitude[few], [(1.2, 1)], measure="max")
+    found = hb.fit(TRUTH.replace(zeta=0.2), data, {"zeta": (0.15, 0.25)}, harmonics=8, starts=1)
+    assert any("the model has no jump like the one measured at 1.2" in doubt for doubt in found.doubts)
+
+
+def test_data_in_the_wrong_unit(largest):
+    Omega, direction, amplitude, _ = largest
+    with pytest.raises(ValueError, match=r"the measured amplitudes are 1e\+06 times those of the model"):
+        hb.fit(TRUTH, hb.Measurements(Omega, 1e6 * amplitude, direction, measure="max"), ["zeta"], harmonics=8)
+    with pytest.raises(ValueError, match="they are hardly in Omega; give unit='mesh Hz' or 'pinion r/min'"):
+        hb.fit(TRUTH, hb.Measurements(1e4 * Omega, amplitude, direction), ["zeta"], harmonics=8)
+    with pytest.raises(ValueError, match="Duffing does not know its units; give frequencies as Omega"):
+        hb.fit(hb.Duffing(), hb.Measurements(Omega, amplitude, direction, unit="mesh Hz"), ["zeta"], harmonics=3)
+    with pytest.raises(ValueError, match="Duffing does not know its unit of length"):
+        hb.fit(hb.Duffing(), hb.Measurements(Omega, amplitude, direction, length="um"), ["zeta"], harmonics=3)
+
+
+def test_what_cannot_be_fitted(largest):
+    Omega, direction, amplitude, _ = largest
+    data = hb.Measurements(Omega, amplitude, direction)
+    with pytest.raises(KeyError, match="no parameter 'zetta'; did you mean 'zeta'"):
+        hb.fit(TRUTH, data, ["zetta"])
+    with pytest.raises(ValueError, match="Omega is measured"):
+        hb.fit(TRUTH, data, ["Omega"])
+    with pytest.raises(ValueError, match="name at least one parameter"):
+        hb.fit(TRUTH, data, [])
+    with pytest.raises(ValueError, match=r"bounds of zeta = \(0.2, 0.1\) must rise"):
+        hb.fit(TRUTH, data, {"zeta": (0.2, 0.1)})
+    with pytest.raises(ValueError, match="W is 0 in the model, so give its bounds"):
+        hb.fit(hb.DoubleHelicalPair(), data, ["W"], harmonics=4)
+    with pytest.raises(ValueError, match="2 parameters from 1 measured numbers"):
+        hb.fit(TRUTH, hb.Measurements([0.9], [0.5]), ["zeta", "b"])
+    with pytest.raises(ValueError, match="needs one number of harmonics throughout"):
+        hb.fit(hb.HarmonicBalance(TRUTH, "auto"), data, ["zeta"])
+
+
+def test_measurements_that_are_none():
+    with pytest.raises(ValueError, match="there is neither an amplitude nor a jump"):
+        hb.Measurements([], [])
+    with pytest.raises(ValueError, match="2 frequencies and 1 amplitudes"):
+        hb.Measurements([0.9, 1.0], [0.5])
+    with pytest.raises(ValueError, match="amplitude must be positive, finite numbers"):
+        hb.Measurements([0.9], [-0.5])
+    with pytest.raises(ValueError, match=r"direction must be \+1"):
+        hb.Measurements([0.9], [0.5], 2)
+    with pytest.raises(ValueError, match=r"the jump \(1, 0\) must be"):
+        hb.Measurements([0.9], [0.5], jumps=[(1, 0)])
+    with pytest.raises(ValueError, match="unit = 'hz'"):
+        hb.Measurements([0.9], [0.5], unit="hz")
+
+
+def test_file(tmp_path, largest):
+    Omega, direction, amplitude, jumps = largest
+    path = tmp_path / "sweep.csv"
+    rows = [f"{TRUTH.scales.pinion_speed(f)},{37.6 * a},{'up' if d > 0 else 'down'}" for f, a, d in
+            zip(Omega, noisy(amplitude, 3), direction, strict=True)]  # fmt: skip
+    rows += [f"{TRUTH.scales.pinion_speed(jump.value)},,{jump.direction}" for jump in jumps]
+    path.write_text("# a test\nrpm,x [um],sweep\n" + "\n".join(rows))
+    columns = {"frequency": "rpm", "amplitude": "x [um]", "direction": "sweep"}
+    data = hb.read_measurements(path, columns, unit="pinion r/min", length="um", measure="max")
+    assert (
+        len(data) == 60
+        and len(data.jumps) == 2
+        and data.amplitude[0] == pytest.approx(37.6e-6 * noisy(amplitude, 3)[0])
+    )
+    with pytest.raises(KeyError, match="there is no column 'speed' for frequency"):
+        hb.read_measurements(path, {"frequency": "speed"})
+    with pytest.raises(KeyError, match="there is no column for 'frequenzy'; did you mean 'frequency'"):
+        hb.read_measurements(path, {"frequenzy": "rpm"})
+    with pytest.raises(ValueError, match="cannot be read as measurements: no such file"):
+        hb.read_measurements(tmp_path / "none.csv")
+    bad = tmp_path / "bad.csv"
+    bad.write_text("frequency,amplitude\n0.9,0.5\n1.0,x\n")
+    with pytest.raises(ValueError, match=r"bad.csv, line 3: 'x' must be a positive number"):
+        hb.read_measurements(bad)
+    bad.write_text("frequency,amplitude,direction\n0.9,0.5,sideways\n")
+    with pytest.raises(ValueError, match="line 2: the direction 'sideways' must be up or down"):
+        hb.read_measurements(bad)
+
+
+def run(*words):
+    """Exit code of a command."""
+    with pytest.raises(SystemExit) as end:
+        app.main(list(words))
+    return end.value.code
+
+
+def test_command(tmp_path, largest, capsys):
+    Omega, direction, amplitude, _ = largest
+    path, figure = tmp_path / "sweep.csv", tmp_path / "fit.png"
+    rows = [f"{f},{a},{d}" for f, a, d in zip(Omega, noisy(amplitude, 4), direction, strict=True)]
+    path.write_text("frequency,amplitude,direction\n" + "\n".join(rows))
+    said = ["fit", str(path), "spur-pair", "--set", "zeta=0.06", "--free", "zeta=0.01:0.2,e[0]", "--measure", "max"]
+    assert run(*said, "--harmonics", "8", "--plot", str(figure)) == 0
+    out = capsys.readouterr().out
+    assert "zeta" in out and "correlation" in out and "root mean square of the residuals" in out and figure.exists()
+    assert run(*said, "--unit", "knots") == 2
+    assert "unit = 'knots'" in capsys.readouterr().err
+    said[6] = "zeta=0.01"
+    assert run(*said) == 2
+    assert "need NAME or NAME=LOW:HIGH" in capsys.readouterr().err

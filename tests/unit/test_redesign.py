@@ -1,0 +1,83 @@
+"""The least change of a design that reaches a goal, against a search over all values."""
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+
+PAIR = hb.HarmonicBalance(hb.SpurPair(), 5)
+
+
+def test_a_jump_is_removed_by_the_least_change():
+    """Against the cusp in the damping at each of many factors of the error: the nearest of them to the design."""
+    found = hb.redesign(PAIR, hb.no_jumps(), ["zeta", "e_scale"])
+    assert found.reached and found.status.complete and not found.curve.jumps() and found.short == 0
+    every = []
+    for factor in np.linspace(0.3, 0.37, 8):
+        other = hb.HarmonicBalance(PAIR.model.replace(e_scale=factor), 5)
+        cusp = hb.critical(other, "zeta", frequencies=PAIR.model.default_span).value
+        every.append(np.hypot(factor - 1.0, cusp / 0.05 - 1.0))
+    assert found.distance == pytest.approx(min(every), rel=2e-3) and found.distance >= min(every)
+    assert found.values["zeta"] == pytest.approx(0.05 * (1 + found.changes["zeta"]))
+    # a little less of the change leaves the jump
+    less = {name: found.model.parameters[name] - 0.02 * (found.values[name] - own)
+            for name, own in (("zeta", 0.05), ("e_scale", 1.0))}  # fmt: skip
+    curve = hb.trace(hb.HarmonicBalance(PAIR.model.replace(**less), 5), "Omega", PAIR.model.default_span)
+    assert any(point.kind == "LP" for point in curve.special)
+
+
+def test_a_peak_is_lowered_to_its_limit():
+    own = max(point.amplitude("pp2") for point in hb.peaks(hb.trace(PAIR, "Omega", (1.5, 0.3)), "pp2"))
+    found = hb.redesign(PAIR, hb.peak_below(0.9 * own), ["zeta", "e[0]", "F_m"])
+    assert found.reached and found.curve.amplitude("pp2").max() == pytest.approx(0.9 * own, rel=5e-3)
+    # no other direction of the same length lowers it as much
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        u = rng.normal(size=3)
+        u *= found.distance / np.linalg.norm(u)
+        values = {"zeta": 0.05 * (1 + u[0]), "e[0]": 0.05 * (1 + u[1]), "F_m": 0.1 * (1 + u[2])}
+        curve = hb.trace(hb.HarmonicBalance(PAIR.model.replace(**values), 5), "Omega", (1.5, 0.3), stability=False)
+        assert curve.amplitude("pp2").max() > 0.9 * own
+
+
+def test_a_reserve_for_scatter():
+    """With a standard deviation of the damping, the damping at the cusp and two deviations more."""
+    plain = hb.redesign(PAIR, hb.no_jumps(), ["zeta"])
+    safe = hb.redesign(PAIR, hb.no_jumps(), ["zeta"], scatter={"zeta": 0.002}, sigmas=3)
+    assert safe.values["zeta"] - plain.values["zeta"] == pytest.approx(0.006, rel=1e-3)
+    other = hb.redesign(PAIR, hb.no_jumps(), ["zeta"], scatter={"e_scale": 0.05})
+    assert other.values["zeta"] > plain.values["zeta"]
+
+
+def test_a_goal_out_of_reach():
+    found = hb.redesign(PAIR, hb.no_jumps(), ["zeta"], {"zeta": (0.04, 0.08)})
+    assert not found.reached and found.values["zeta"] == pytest.approx(0.08)
+    cusp = hb.critical(PAIR, "zeta", frequencies=PAIR.model.default_span).value
+    assert found.short == pytest.approx((cusp - 0.08) / 0.05, abs=2e-3)
+    assert "the goal is not reached: jumps are left" in found.message
+    found = hb.redesign(PAIR, hb.peak_below(0.05), ["zeta"], {"zeta": (0.04, 0.08)})
+    assert not found.reached and found.short > 1 and "above the limit" in found.message
+
+
+def test_nothing_to_do():
+    found = hb.redesign(hb.HarmonicBalance(hb.SpurPair(zeta=0.2), 5), hb.no_jumps(), ["zeta"])
+    assert found.reached and found.distance == 0 and "reaches the goal as it is" in found.message
+    found = hb.redesign(PAIR, hb.peak_below(5.0), ["zeta"])
+    assert found.reached and found.changes == {"zeta": 0.0}
+
+
+def test_what_cannot_be_redesigned():
+    with pytest.raises(KeyError, match="no parameter 'zetta'"):
+        hb.redesign(PAIR, hb.no_jumps(), ["zetta"])
+    with pytest.raises(ValueError, match="name at least one parameter"):
+        hb.redesign(PAIR, hb.no_jumps(), [])
+    with pytest.raises(ValueError, match="W is 0 in the model"):
+        hb.redesign(hb.HarmonicBalance(hb.DoubleHelicalPair(), 4), hb.no_jumps(), ["W"])
+    with pytest.raises(ValueError, match="F_m is not among the parameters that may change"):
+        hb.redesign(PAIR, hb.no_jumps(), ["zeta"], {"F_m": (0.1, 0.2)})
+    with pytest.raises(ValueError, match=r"must rise and hold its value 0\.05"):
+        hb.redesign(PAIR, hb.no_jumps(), ["zeta"], {"zeta": (0.06, 0.2)})
+    with pytest.raises(ValueError, match="limit = -1"):
+        hb.peak_below(-1)
+    with pytest.raises(TypeError, match="needs a goal, such as no_jumps"):
+        hb.redesign(PAIR, "no jumps", ["zeta"])
