@@ -27,6 +27,7 @@ from hbgear.design.redesign import Goal, Redesign, no_jumps, peak_below, redesig
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.design.scatter import JumpScatter, jump_scatter
 from hbgear.design.study import Cases, cases
+from hbgear.design.swept import SweepStatistics, sweep_statistics
 from hbgear.gears import (
     DoubleHelicalPair,
     Gear,
@@ -121,6 +122,7 @@ __all__ = [
     "Steps",
     "Support",
     "Survey",
+    "SweepStatistics",
     "System",
     "Table",
     "Unilateral",
@@ -155,6 +157,7 @@ __all__ = [
     "sensitivity",
     "shoot",
     "sweep",
+    "sweep_statistics",
     "switch",
     "trace",
     "trace_all",

@@ -87,6 +87,12 @@ def gears() -> hb.Branch:
     return hb.trace(spur(), "Omega", (1.5, 0.3))
 
 
+@cache
+def some_cases() -> hb.Cases:
+    few = hb.grid(F=[0.1, 0.18])
+    return hb.cases(hb.Duffing(), few, ("jumps", "curve"), harmonics=2, span=(0.7, 1.4), executor=_Here())
+
+
 def point() -> hb.Point:
     return curve()["LP1"]
 
@@ -133,7 +139,7 @@ SYSTEM: Pool = {
 }  # fmt: skip
 
 RECORDS = {
-    "Sensitivity", "JumpScatter", "Fit", "Redesign", "Goal", "no_jumps",
+    "Sensitivity", "SweepStatistics", "JumpScatter", "Fit", "Redesign", "Goal", "no_jumps",
     "Branch", "Cases", "Critical", "Jump", "JumpMap", "Point", "Reduction", "SpecialPoint", "Survey", "Law", "Model",
     "NoConvergence", "NoFold", "Evaluation", "Unlikely", "Run", "Answers", "Opinion",
     "model", "Steps", "Progress", "ProgressCallback", "Status", "plot", "__version__",
@@ -609,6 +615,12 @@ def targets() -> tuple[Target, ...]:
             "jump_scatter",
             hb.jump_scatter,
             {"branch": [curve], "spread": _is({"zeta": 0.001}), "draws": _is(3), "seed": _is(0)},
+            0.5,
+        ),
+        Target(
+            "sweep_statistics",
+            hb.sweep_statistics,
+            {"found": [some_cases], "Omega": _is(None, [0.8, 0.85]), "quantiles": _is((0.5,), (0.05, 0.95))},
             0.5,
         ),
         Target("peak_below", hb.peak_below, {"limit": _is(0.9), "measure": measure, "element": element}, 0.5),
