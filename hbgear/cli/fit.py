@@ -141,18 +141,21 @@ def fit(
     with one_thread(), bar("fit") as progress:
         found = hb.fit(problem_of(machine, harmonics), measured, wanted, starts=starts, progress=progress)
     start = machine.parameters | machine.entries
-    rows = [[name, f"{start[name]:.6g}", f"{x:.6g}", f"{found.errors[name]:.2g}"] for name, x in found.values.items()]
+    rows = [
+        [name, f"{start[name]:.6g}", f"{x:.6g}", _known(found.errors[name], ".2g")] for name, x in found.values.items()
+    ]
     with outputs() as out:
         out.branch(output, found.curve)
         out.figure(plot, lambda drawing: drawing.fitted(found))
         print_table(["", "start", "fitted", "+-"], rows, f"{len(measured)} points and {len(measured.jumps)} jumps")
         pairs = [
-            [f"{a}, {b}", f"{found.correlation[i, j]:+.3f}"]
+            [f"{a}, {b}", _known(found.correlation[i, j], "+.3f")]
             for i, a in enumerate(found.names) for j, b in enumerate(found.names[:i])
         ]  # fmt: skip
         if pairs:
             print_table(["", "correlation"], pairs)
-        print(f"root mean square of the residuals: {math.sqrt(found.mean_square):.3g} deviations")
+        if not math.isnan(found.mean_square):
+            print(f"root mean square of the residuals: {math.sqrt(found.mean_square):.3g} deviations")
         for doubt in found.doubts:
             print(f"doubt: {doubt}")
     end_of(found)
@@ -202,7 +205,8 @@ def redesign(
         out.branch(output, found.curve)
         out.figure(plot, lambda drawing: drawing.response(found.curve, measure, which))
         print_table(["", "old", "new", "change"], rows, f"root of the squares of the changes: {found.distance:.2%}")
-        print("the goal is reached" if found.reached else f"the goal is missed by {found.short:.2%}: {found.message}")
+        missed = "" if math.isnan(found.short) else f" by {found.short:.2%}"
+        print("the goal is reached" if found.reached else f"the goal is missed{missed}: {found.message}")
     if not found.status.complete:
         end_of(found)
     raise typer.Exit(0 if found.reached else MISSED)
@@ -220,6 +224,10 @@ def _bounds(text: str) -> tuple[str, tuple[float, float] | None]:
     if not (name and colon):
         raise ValueError(f"{text}: need NAME or NAME=LOW:HIGH, such as zeta=0.01:0.2")
     return name, (number_of(name, low), number_of(name, high))
+
+
+def _known(number: float, form: str) -> str:
+    return "-" if math.isnan(number) else f"{number:{form}}"
 
 
 def _first(found: Sensitivity) -> str:
