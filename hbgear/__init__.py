@@ -28,6 +28,7 @@ from hbgear.design.redesign import Goal, Redesign, no_jumps, peak_below, redesig
 from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
 from hbgear.design.scatter import JumpScatter, jump_scatter
 from hbgear.design.study import Cases, cases
+from hbgear.design.swept import SweepStatistics, sweep_statistics
 from hbgear.gears import (
     Bearing,
     DoubleHelicalPair,
@@ -147,6 +148,7 @@ __all__ = [
     "Steps",
     "Support",
     "Survey",
+    "SweepStatistics",
     "System",
     "Table",
     "Train",
@@ -189,6 +191,7 @@ __all__ = [
     "sensitivity",
     "shoot",
     "sweep",
+    "sweep_statistics",
     "switch",
     "trace",
     "trace_all",

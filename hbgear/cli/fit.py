@@ -1,4 +1,4 @@
-"""Commands on what parameters do and which of them fit: ``hbgear sensitivity`` and ``hbgear fit``."""
+"""Commands on what parameters do, which fit and which cure: ``hbgear sensitivity``, ``fit`` and ``redesign``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from hbgear.cli.support import (
     Element,
     Figure,
     File,
+    First,
     Harmonics,
+    Last,
     Measure,
     Model,
     OwnModel,
@@ -31,6 +33,7 @@ from hbgear.cli.support import (
     print_table,
     problem_in,
     problem_of,
+    span_of,
 )
 from hbgear.design.measured import FREQUENCIES
 from hbgear.harmonic.sensitivity import Sensitivity
@@ -40,6 +43,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command()(sensitivity)
     app.command()(fit)
+    app.command()(redesign)
 
 
 def sensitivity(
@@ -137,32 +141,93 @@ def fit(
     with one_thread(), bar("fit") as progress:
         found = hb.fit(problem_of(machine, harmonics), measured, wanted, starts=starts, progress=progress)
     start = machine.parameters | machine.entries
-    rows = [[name, f"{start[name]:.6g}", f"{x:.6g}", f"{found.errors[name]:.2g}"] for name, x in found.values.items()]
+    rows = [
+        [name, f"{start[name]:.6g}", f"{x:.6g}", _known(found.errors[name], ".2g")] for name, x in found.values.items()
+    ]
     with outputs() as out:
         out.branch(output, found.curve)
         out.figure(plot, lambda drawing: drawing.fitted(found))
         print_table(["", "start", "fitted", "+-"], rows, f"{len(measured)} points and {len(measured.jumps)} jumps")
         pairs = [
-            [f"{a}, {b}", f"{found.correlation[i, j]:+.3f}"]
+            [f"{a}, {b}", _known(found.correlation[i, j], "+.3f")]
             for i, a in enumerate(found.names) for j, b in enumerate(found.names[:i])
         ]  # fmt: skip
         if pairs:
             print_table(["", "correlation"], pairs)
-        print(f"root mean square of the residuals: {math.sqrt(found.mean_square):.3g} deviations")
+        if not math.isnan(found.mean_square):
+            print(f"root mean square of the residuals: {math.sqrt(found.mean_square):.3g} deviations")
         for doubt in found.doubts:
             print(f"doubt: {doubt}")
     end_of(found)
 
 
+def redesign(
+    model: Model,
+    over: Annotated[
+        str, typer.Option("--over", metavar="NAME,...", help="What may change: zeta,e_scale or zeta=0.04:0.1,e_scale.")
+    ],
+    peak: Annotated[
+        float | None, typer.Option("--peak", help="Limit of the highest peak; without it all jumps are removed.")
+    ] = None,
+    changes: Changes = None,
+    scatter: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=DEVIATION", help="Standard deviation of a parameter, kept in reserve; repeatable."),
+    ] = None,
+    sigmas: Annotated[float, typer.Option(min=0, help="How many standard deviations are kept in reserve.")] = 2.0,
+    first: First = None,
+    last: Last = None,
+    harmonics: Harmonics = "16",
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the new curve as .npz.")] = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """The least relative change of a design that removes its jumps, or keeps the highest peak below a limit.
+
+    Exit codes: 0 the goal is reached, 1 no values within the bounds reach it, 2 bad input, 3 stopped early.
+    """
+    check_writable(output, (".npz",))
+    check_writable(plot, FIGURES)
+    problem, which = problem_of(chosen_model(model, changes), harmonics), element_of(element)
+    goal = hb.no_jumps() if peak is None else hb.peak_below(peak, measure, which)
+    parts = dict(_bounds(text) for text in over.split(",") if text.strip())
+    within = {name: bounds for name, bounds in parts.items() if bounds is not None}
+    spread = {name: number_of(f"--scatter {name}", text) for name, text in assignments("--scatter", scatter or [])}
+    span = span_of(problem.model, first, last)
+    with one_thread(), bar("redesign") as progress:
+        found = hb.redesign(
+            problem, goal, list(parts), within, scatter=spread, sigmas=sigmas, span=span, progress=progress
+        )
+    own = problem.model.parameters | problem.model.entries
+    rows = [[name, f"{own[name]:.6g}", f"{x:.6g}", f"{found.changes[name]:+.2%}"] for name, x in found.values.items()]
+    with outputs() as out:
+        out.branch(output, found.curve)
+        out.figure(plot, lambda drawing: drawing.response(found.curve, measure, which))
+        print_table(["", "old", "new", "change"], rows, f"root of the squares of the changes: {found.distance:.2%}")
+        missed = "" if math.isnan(found.short) else f" by {found.short:.2%}"
+        print("the goal is reached" if found.reached else f"the goal is missed{missed}: {found.message}")
+    if not found.status.complete:
+        end_of(found)
+    raise typer.Exit(0 if found.reached else MISSED)
+
+
+MISSED = 1
+
+
 def _bounds(text: str) -> tuple[str, tuple[float, float] | None]:
-    """Name and bounds of a part of --free."""
+    """Name and bounds of a part of --free or --over."""
     name, equals, ends = (part.strip() for part in text.partition("="))
     if not equals:
         return name, None
     low, colon, high = (part.strip() for part in ends.partition(":"))
     if not (name and colon):
-        raise ValueError(f"--free {text}: need NAME or NAME=LOW:HIGH, such as --free zeta=0.01:0.2")
-    return name, (number_of(f"--free {name}", low), number_of(f"--free {name}", high))
+        raise ValueError(f"{text}: need NAME or NAME=LOW:HIGH, such as zeta=0.01:0.2")
+    return name, (number_of(name, low), number_of(name, high))
+
+
+def _known(number: float, form: str) -> str:
+    return "-" if math.isnan(number) else f"{number:{form}}"
 
 
 def _first(found: Sensitivity) -> str:

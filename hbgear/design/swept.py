@@ -7,13 +7,16 @@ Where a part ends without a jump (its period doubles, for instance) the curve ha
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
+from hbgear.common.messages import quoted
 from hbgear.design.study import Cases
 
 _NEAR = 0.02
@@ -26,6 +29,101 @@ class Swept:
 
     amplitude: Array
     jumped: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SweepStatistics:
+    """What slow sweeps of many cases have in common, at values of Omega.
+
+    Parameters
+    ----------
+    Omega : (P,) ascending. quantiles : (Q,) those asked for.
+    rising, falling : (Q, P) quantiles of the amplitude of the sweep in that direction, each that of one of the cases.
+    jumped_rising, jumped_falling : (P,) share of the cases whose sweep has jumped by then.
+    coexisting : (P,) share of the cases that have two or more stable motions there.
+    known : (P,) share of the cases that have a stable motion there at all; the quantiles are those of these.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.cases(hb.Duffing(), hb.grid(F=[0.15, 0.2]), ("jumps", "curve"), harmonics=1, span=(0.9, 1.4),
+    ...                      executor=here)
+    >>> told = hb.sweep_statistics(found)
+    >>> told.rising.shape == told.falling.shape == (3, 200), float(told.coexisting.max())
+    (True, 0.5)
+    """
+
+    Omega: Array
+    quantiles: Array
+    rising: Array
+    falling: Array
+    jumped_rising: Array
+    jumped_falling: Array
+    coexisting: Array
+    known: Array
+
+
+@checked_arguments()
+def sweep_statistics(
+    found: Cases, Omega: Array | None = None, quantiles: Sequence[float] = (0.05, 0.5, 0.95)
+) -> SweepStatistics:
+    """Quantiles of the response of slow sweeps over many cases, each direction by itself, and chances of jumps.
+
+    Across folds a quantile over all motions of a frequency means nothing; that of what a sweep in one direction meets
+    does. Chances are shares of the cases.
+
+    Parameters
+    ----------
+    found : cases computed with "curve", and with "jumps" so that it is known where they land.
+    Omega : (P,) ascending; 200 values over the span by default.
+    quantiles : between 0 and 1.
+
+    Raises
+    ------
+    ValueError
+        If no curve with a stable motion was kept, a quantile is beyond 0 and 1, or Omega does not rise.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.cases(hb.Duffing(), hb.grid(F=[0.05, 0.2]), ("jumps", "curve"), harmonics=1, span=(0.9, 1.4),
+    ...                      executor=here)
+    >>> hb.sweep_statistics(found, [1.0, 1.39]).jumped_rising.tolist()
+    [0.0, 0.5]
+    """
+    given = np.linspace(min(found.work.span), max(found.work.span), 200) if Omega is None else np.asarray(Omega, float)
+    levels = np.asarray(quantiles, dtype=float)
+    if given.ndim != 1 or not given.size or not (np.diff(given) > 0).all():
+        raise ValueError("sweep_statistics: Omega must be values that rise, in one list")
+    if not levels.size or not ((levels >= 0) & (levels <= 1)).all():
+        raise ValueError(f"sweep_statistics: quantiles = {quoted(quantiles)} must be between 0 and 1")
+    up, down = (swept_cases(found, given, direction) for direction in (1, -1))
+    stable = np.array([_motions(curve, given) for curve in found.curves.values()])
+    return SweepStatistics(
+        given, levels, _quantiles(up.amplitude, levels), _quantiles(down.amplitude, levels),
+        (up.jumped > 0).mean(axis=0), (down.jumped > 0).mean(axis=0), (stable > 1).mean(axis=0),
+        (stable > 0).mean(axis=0),
+    )  # fmt: skip
+
+
+def _quantiles(amplitude: Array, levels: Array) -> Array:
+    """Of the cases that have one, (Q, P); each is the amplitude of one of the cases."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # where no case has any
+        out: Array = np.nanquantile(amplitude, levels, axis=0, method="inverted_cdf")
+    return out
+
+
+def _motions(curve: Array, Omega: Array) -> Array:
+    """Number of stable motions (P,) of a curve."""
+    count = np.zeros(len(Omega), dtype=int)
+    for x, _ in stable_parts(curve):
+        count += (x[0] <= Omega) & (x[-1] >= Omega)
+    return count
 
 
 def swept_cases(found: Cases, Omega: Array, direction: int) -> Swept:

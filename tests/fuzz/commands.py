@@ -43,6 +43,7 @@ FIXED = {
     "trace": ["--max-points", "12", "--harmonics", "3"], "map": ["--harmonics", "3", "--seeds", "2"],
     "critical": ["--harmonics", "3"], "survey": ["--harmonics", "3", "--places", "1", "--guesses", "1"],
     "sweep": ["--count", "2", "--longest", "20", "--tolerance", "1e-2"], "validate": ["--points", "1"],
+    "redesign": ["--harmonics", "2", "--from", "1.4", "--to", "0.8"], "fit": ["--harmonics", "2", "--starts", "1"],
     "study": ["--processes", "1"], "basins": ["--shape", "6,6", "--tolerance", "1e-2"],
 }  # fmt: skip
 """What keeps a good command short; an option drawn at random may come after it and win."""
@@ -103,7 +104,7 @@ def judged(args: list[str], folder: Path) -> pool.Wrong | None:
         return pool.Wrong("traceback", pool.place(error), repr(error)[:300])
     lines = err.splitlines()
     errors = [line for line in lines if line.startswith("hbgear: error: ")]
-    if code not in (0, 2, 3) and not (code == 1 and name == "validate"):
+    if code not in (0, 2, 3) and not (code == 1 and name in ("validate", "redesign")):
         return pool.Wrong("exit", name, f"exit code {code}: {err[-300:]}")
     if strange := [line for line in lines if not line.startswith(("hbgear: error: ", "hbgear: warning: ", "hbgear: "))]:
         return pool.Wrong("stderr", name, strange[0][:300])
@@ -152,6 +153,10 @@ def value_for(rng: Random, command: str, option: str, files: list[str]) -> str:
         ],
         "--plot": ["out.svg"] if good else ["out.jpg", "", "no/out.png", ".png", "p" * 250 + ".png", "/proc/x.png"],
         "--point": ["LP1", "GR1", "0.9", "1.0"] if good else [*TEXTS, *NUMBERS],
+        "point": ["LP1", "GR1", "jump1", "peak", "0.9", *TEXTS],
+        "data": ["no.csv", *files],
+        "--free": ["zeta", "zeta=0.01:0.2", "e[0]"] if good else NAMES,
+        "--over": ["zeta", "zeta,F", "zeta=0.01:0.2"] if command == "redesign" else files,
         "label": ["LP1", "PD1", "BP1", "GR1", *TEXTS],
         "--longest": ["20", "30", "100"] if good else COUNTS,
     }

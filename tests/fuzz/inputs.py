@@ -88,6 +88,12 @@ def gears() -> hb.Branch:
     return hb.trace(spur(), "Omega", (1.5, 0.3))
 
 
+@cache
+def some_cases() -> hb.Cases:
+    few = hb.grid(F=[0.1, 0.18])
+    return hb.cases(hb.Duffing(), few, ("jumps", "curve"), harmonics=2, span=(0.7, 1.4), executor=_Here())
+
+
 def point() -> hb.Point:
     return curve()["LP1"]
 
@@ -157,7 +163,7 @@ RECORDS = {
     "Answers", "Branch", "Campbell", "Cases", "Critical", "CriticalSpeed", "Evaluation", "Jump", "JumpMap", "Law",
     "Model", "NoConvergence", "NoFold", "Opinion", "PlanetMode", "Point", "Progress", "ProgressCallback", "Reduction",
     "Run", "SpecialPoint", "Status", "Steps", "Survey", "Unlikely", "__version__", "model", "plot",
-    "Fit", "Goal", "JumpScatter", "Redesign", "Sensitivity", "no_jumps",
+    "Fit", "Goal", "JumpScatter", "Redesign", "Sensitivity", "SweepStatistics", "no_jumps",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
 
@@ -762,6 +768,12 @@ def targets() -> tuple[Target, ...]:
             "jump_scatter",
             hb.jump_scatter,
             {"branch": [curve], "spread": _is({"zeta": 0.001}), "draws": _is(3), "seed": _is(0)},
+            0.5,
+        ),
+        Target(
+            "sweep_statistics",
+            hb.sweep_statistics,
+            {"found": [some_cases], "Omega": _is(None, [0.8, 0.85]), "quantiles": _is((0.5,), (0.05, 0.95))},
             0.5,
         ),
         Target("peak_below", hb.peak_below, {"limit": _is(0.9), "measure": measure, "element": element}, 0.5),

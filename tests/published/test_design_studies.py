@@ -1,4 +1,4 @@
-"""The study of tolerances in its quick form, held against curves traced one by one."""
+"""The studies of designs in their quick forms: tolerances, held against curves traced one by one, and fits."""
 
 from pathlib import Path
 
@@ -37,3 +37,15 @@ def test_tolerances(tolerances, tmp_path):
     figure = tolerances.plot(results)
     figure.savefig(tmp_path / "a.png")
     assert "6 cases, 0 failed" in tolerances.report(results)
+
+
+def test_coverage(tmp_path, monkeypatch):
+    """Two draws: every estimate is within four of the standard errors that are claimed."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+    import studies.design.coverage as coverage
+
+    results = coverage.run(quick=True)
+    assert np.abs(results.off["spur pair"]).max() < 4 and results.off["spur pair"].shape == (2, 4)
+    assert results.residual["spur pair"].max() < 2
+    coverage.plot(results).savefig(tmp_path / "a.png")
+    assert "spur pair: 2 draws" in coverage.report(results)

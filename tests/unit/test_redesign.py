@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.cli import app
 
 PAIR = hb.HarmonicBalance(hb.SpurPair(), 5)
 
@@ -81,3 +82,22 @@ def test_what_cannot_be_redesigned():
         hb.peak_below(-1)
     with pytest.raises(TypeError, match="needs a goal, such as no_jumps"):
         hb.redesign(PAIR, "no jumps", ["zeta"])
+
+
+def run(*words):
+    """Exit code of a command."""
+    with pytest.raises(SystemExit) as end:
+        app.main(list(words))
+    return end.value.code
+
+
+def test_command(tmp_path, capsys):
+    said = ["redesign", "duffing", "--harmonics", "1"]
+    path = tmp_path / "new.npz"
+    assert run(*said, "--over", "zeta,F", "-o", str(path)) == 0
+    assert "the goal is reached" in capsys.readouterr().out
+    assert not hb.load(path).jumps()
+    assert run(*said, "--over", "zeta=0.04:0.052", "--peak", "0.5") == 1
+    assert "the goal is missed by" in capsys.readouterr().out
+    assert run(*said, "--over", "zeta=0.04") == 2
+    assert "need NAME or NAME=LOW:HIGH" in capsys.readouterr().err

@@ -1,0 +1,49 @@
+"""Quantiles of sweeps of many cases, against each case by itself."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+
+
+@pytest.fixture(scope="module")
+def found():
+    with ThreadPoolExecutor(1) as here:
+        vary = hb.grid(F=[0.05, 0.1, 0.14, 0.18, 0.22])
+        return hb.cases(hb.Duffing(), vary, ("jumps", "curve"), harmonics=3, span=(0.8, 1.5), executor=here)
+
+
+def test_chances_and_quantiles(found):
+    Omega = np.linspace(0.82, 1.48, 34)
+    told = hb.sweep_statistics(found, Omega, (0.0, 0.5, 1.0))
+    rising, falling, both, by_rising, by_falling = [], [], [], [], []
+    for F in (0.05, 0.1, 0.14, 0.18, 0.22):
+        curve = hb.trace(hb.HarmonicBalance(hb.Duffing(F=F), 3), "Omega", (0.8, 1.5), accuracy=None)
+        ends = {jump.direction: jump.value for jump in curve.jumps()}
+        up, down = ends.get(1, np.inf), ends.get(-1, -np.inf)
+        by_rising.append(up < Omega)
+        by_falling.append(down > Omega)
+        both.append((Omega <= up) & (Omega >= down) & bool(ends))
+        A = curve.amplitude("pp2")
+        folds = [p.index for p in curve.special if p.kind == "LP"]
+        first, last = (folds[0], folds[-1]) if folds else (len(curve), 0)
+        upper = np.interp(Omega, curve.values[:first], A[:first], right=np.nan)
+        lower = np.interp(Omega, curve.values[last:], A[last:], left=np.nan)
+        rising.append(np.where(up >= Omega, upper, lower))
+        falling.append(np.where(down > Omega, upper, lower) if ends else upper)
+    assert told.jumped_rising == pytest.approx(np.mean(by_rising, axis=0))
+    assert told.jumped_falling == pytest.approx(np.mean(by_falling, axis=0))
+    assert told.coexisting == pytest.approx(np.mean(both, axis=0)) and 0 < told.coexisting.max() < 1
+    assert (told.known == 1).all()
+    for quantiles, each in ((told.rising, rising), (told.falling, falling)):
+        expected = np.sort(each, axis=0)[[0, 2, 4]]
+        np.testing.assert_allclose(quantiles, expected, rtol=1e-2)  # of curves sampled at other points
+
+
+def test_what_is_no_statistics(found):
+    with pytest.raises(ValueError, match="must be between 0 and 1"):
+        hb.sweep_statistics(found, quantiles=(2.0,))
+    with pytest.raises(ValueError, match="Omega must be values that rise"):
+        hb.sweep_statistics(found, np.array([1.0, 0.9]))
