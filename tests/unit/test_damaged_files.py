@@ -17,7 +17,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.continuation.branch import Branch, SpecialPoint
+from hbgear.continuation.branch import Branch, Point, SpecialPoint
 from hbgear.io.forms import _FORMS
 
 MB = 2**20
@@ -277,7 +277,8 @@ def test_an_infinite_residual_is_named(whole, tmp_path):
 
 
 def test_every_field_that_is_written_is_read():
-    stored = {Branch: {"problem"}, SpecialPoint: {"event"}}  # made again from the model, or known by its kind
+    # made again from the model, known by its kind, or beside the branch
+    stored = {Branch: {"problem", "recorded"}, Point: {"problem"}, SpecialPoint: {"problem", "event"}}
     for kind, forms in _FORMS.items():
         assert set(forms) == {field.name for field in dataclasses.fields(kind)} - stored.get(kind, set())
 
