@@ -55,6 +55,8 @@ from hbgear.harmonic.runs import Run, run
 from hbgear.harmonic.sensitivity import Sensitivity, sensitivity
 from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
 from hbgear.harmonic.survey import Survey, trace_all
+from hbgear.io.bridges import from_opentorsion, from_ross
+from hbgear.io.matrices import Matrices, from_matrices
 from hbgear.io.npz import load
 from hbgear.mechanics.compiled_law import CompiledLaw
 from hbgear.mechanics.doubts import Unlikely
@@ -101,6 +103,7 @@ __all__ = [
     "JumpMap",
     "Law",
     "Load",
+    "Matrices",
     "MatrixTable",
     "Mesh",
     "MeshCycle",
@@ -150,6 +153,9 @@ __all__ = [
     "dynamic_factor",
     "extend",
     "follow",
+    "from_matrices",
+    "from_opentorsion",
+    "from_ross",
     "grid",
     "integrate",
     "iso_dynamic_factor",

@@ -23,6 +23,7 @@ def escaped(line: str) -> str:
     for i in range(0, len(pieces), 2):
         text = pieces[i].replace("|", r"\|")
         text = re.sub(r"(?<=\w)_(?=[\s,;.:)]|$)", r"\\_", text)
+        text = re.sub(r"(`[^`]+`)(?=\w)", r"\1\\ ", text)  # `Wheel`s
         pieces[i] = re.sub(r"(?<!\*)\*(?=\s)|(?<![\s*(`])\*(?!\*)", r"\\*", text)
     return "".join(pieces)
 

@@ -41,6 +41,7 @@ TITLES = {
     "timedomain": "Time integration and checks",
     "io": "Files",
     "design": "Many designs",
+    "web": "Report and explorer",
     "plot": "Figures: hb.plot",
 }
 """Of the pages of rooms; a room that is not here has the first line of its docstring."""

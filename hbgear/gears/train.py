@@ -33,7 +33,7 @@ from hbgear.gears.support import AXES
 from hbgear.gears.train_parts import MOTIONS, Bearing, Mesh, Shaft, Wheel
 from hbgear.mechanics.fourier import Series, stretch, to_complex
 from hbgear.mechanics.laws import Backlash
-from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.model import Element, Load, Model, Reaction, System
 from hbgear.mechanics.periodic import TURN, Periodic, Phased
 from hbgear.mechanics.scales import Scales
 from hbgear.mechanics.speed import MatrixTable, SpeedTerms
@@ -290,6 +290,20 @@ class Train(Model):
             for i, w in enumerate(Omega.tolist()):
                 matrices[i][np.ix_(place, place)] += table(w * per_speed[wheel])
         return MatrixTable(Omega, matrices * factor)
+
+    @property
+    def reactions(self) -> dict[str, Reaction]:
+        """Radial and axial forces in the bearings, over k_mean b_c; not of bearings with tables over the speed."""
+        masses, found = {wheel.name: wheel.masses for wheel in self.wheels}, {}
+        for bearing in self.bearings:
+            if bearing.table is not None or bearing.damping_table is not None:
+                continue
+            k, c = bearing.stiffness / self.k_mean, bearing.dampers(masses[bearing.at]) / (self.m_c * self.omega_n)
+            for what, axes in (("radial", (0, 1)), ("axial", (2,))):
+                if k[list(axes)].any():
+                    rows = np.array([self._onto({bearing.at: np.eye(6)[axis]}) for axis in axes])
+                    found[f"{bearing.at} {what}"] = Reaction(k[list(axes), None] * rows, c[list(axes), None] * rows)
+        return found
 
     # ---- the dimensionless system
 

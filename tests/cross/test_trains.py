@@ -47,6 +47,11 @@ def test_the_marine_pair_is_the_model_written_by_hand(rng):
         X = rng.standard_normal(by_hand.size)
         for a, b in zip(by_hand.evaluate(X, Omega=Omega), built.evaluate(X, Omega=Omega), strict=True):
             np.testing.assert_allclose(b, a, rtol=0, atol=1e-9 * np.abs(a).max())
+    assert train.reactions.keys() == pair.reactions.keys()
+    for name, force in train.reactions.items():
+        for what in ("stiffness", "damping"):
+            expected = getattr(pair.reactions[name], what)
+            np.testing.assert_allclose(getattr(force, what), expected, atol=1e-9 * expected.max())
     X = by_hand.start(Omega=1.2)
     np.testing.assert_allclose(built.start(Omega=1.2), X, atol=1e-9)
     here = [problem.multipliers(X, Omega=1.2)[0] for problem in (by_hand, built)]

@@ -20,6 +20,7 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numba
@@ -116,6 +117,19 @@ GEAR: Pool = {
     "helix_angle": _is("10 deg", 0.0, -0.2), "profile_shift": _is(0.2, "0.1"), "internal": _is(False),
     "tip_relief": _is("10 um", 0.0), "E": _is("206 GPa"), "density": _is(7850.0),
 }  # fmt: skip
+
+
+def rotor() -> Any:
+    """What is read of a rotor of ROSS."""
+    M = np.eye(4)
+    return SimpleNamespace(
+        M=lambda: M, K=lambda speed: M, C=lambda speed: M, G=lambda: 0 * M, number_dof=4, bearing_elements=[]
+    )
+
+
+def assembly() -> Any:
+    """What is read of a drive train of openTorsion."""
+    return SimpleNamespace(M=np.eye(2), K=np.eye(2), C=np.eye(2), shaft_elements=[])
 
 
 @cache
@@ -281,6 +295,32 @@ def targets() -> tuple[Target, ...]:
             },
             1,
         ),
+        Target(
+            "Matrices",
+            hb.Matrices,
+            {
+                "M": SYSTEM["M"],
+                "K": SYSTEM["K"],
+                "C": SYSTEM["C"],
+                "G": _is(None, [[0.0, 0.1], [-0.1, 0.0]]),
+                "dof_names": SYSTEM["dof_names"],
+                "damping": _is(None),
+                "stiffness": _is(None),
+            },
+            2,
+            lambda found: _traced(found.system(SYSTEM["elements"][0](), SYSTEM["load"][0]())),
+        ),
+        Target(
+            "from_matrices",
+            hb.from_matrices,
+            {
+                "source": [lambda: {"M": np.eye(2), "K": np.eye(2)}],
+                "names": _is(None, {"K": "stiffness"}),
+                "dof_names": _is((), ("a", "b")),
+            },
+        ),
+        Target("from_ross", hb.from_ross, {"rotor": [rotor]}),
+        Target("from_opentorsion", hb.from_opentorsion, {"assembly": [assembly]}),
         Target("Settings", hb.Settings, {}),
         Target("StepControl", hb.StepControl, {}, 2, free=frozenset({"first"})),  # None is its default
         Target("Settling", Settling, {}),

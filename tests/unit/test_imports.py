@@ -194,6 +194,8 @@ FILES = {
         "frames": "columns",
         "measured": "",
         "tables": "columns npz",
+        "matrices": "",
+        "bridges": "matrices",
     },
     "design": {
         "__init__": "",

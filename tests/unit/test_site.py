@@ -50,7 +50,7 @@ def test_faults_of_a_site_are_told(site, tmp_path, fault, told):
 
 
 def test_docstrings_become_what_sphinx_reads(site):
-    text = """The root of |x|, and c_ beside it.
+    text = """The root of |x|, and c_ beside `Wheel`s.
 
         x = |y|^2
 
@@ -63,7 +63,7 @@ def test_docstrings_become_what_sphinx_reads(site):
     >>> 1 | 2
     3"""
     done = site("docstrings").rewritten(inspect.cleandoc(text).splitlines(), fields_first=True)
-    assert done[0] == r"The root of \|x\|, and c\_ beside it."
+    assert done[0] == r"The root of \|x\|, and c\_ beside `Wheel`\ s."
     assert done[done.index(".. code-block:: text") + 2] == "    x = |y|^2"
     heading = done.index("Parameters")
     assert done[heading + 2 : heading + 6] == [

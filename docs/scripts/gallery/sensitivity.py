@@ -1,0 +1,24 @@
+"""
+Which parameter moves the jump
+==============================
+
+Derivatives of the frequency at which a run-down jumps, in every parameter of the model.
+"""
+
+import matplotlib.pyplot as plt
+
+import hbgear as hb
+
+curve = hb.trace(
+    hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 12), "Omega", (1.2, 0.7)
+)
+found = hb.sensitivity(curve["LP1"])
+hb.plot.tornado(found, "Omega", most=8)
+plt.show()
+
+# %%
+# In percent for one percent of the parameter:
+
+percent = found.percent("Omega")
+for name in sorted(percent, key=lambda name: -abs(percent[name]))[:4]:
+    print(f"{name:10s} {percent[name]:+.3f}")

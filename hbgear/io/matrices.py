@@ -1,0 +1,250 @@
+"""Matrices of other programs as linear structures: Matrix Market (.mtx), MATLAB (.mat), NumPy (.npy, .npz).
+
+M q'' + [C + s Omega G + C_b(Omega)] q' + [K + K_b(Omega)] q
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+from hbgear.common.arguments import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.common.messages import did_you_mean, quoted
+from hbgear.common.ranges import ANY, checked
+from hbgear.mechanics.matrices import square
+from hbgear.mechanics.model import Element, Load, System
+from hbgear.mechanics.speed import OverSpeed, SpeedTerms
+
+NAMES = ("M", "K", "C", "G")
+"""Matrices that a structure may have; the first two it must."""
+
+_SKEW = 1e-6  # part of a gyroscopic matrix that is symmetric by the digits of a file
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """A linear structure from another program; with elements and loads it becomes a `System`.
+
+    Parameters
+    ----------
+    M, K : (n, n), dense or scipy.sparse.
+    C, G : damping and gyroscopic matrix (n, n), the latter by the speed of the shaft in radians; None without.
+    dof_names : (n,) names of the coordinates; ``q1, q2, ...`` by default.
+    damping, stiffness : what is added to C and K, a function of the speed of the shaft; None if nothing is.
+    meshes : of gears that the program couples by a spring, which K is without, by name: direction w (n,) of the gap,
+        and stiffness k, its spring being k w w^T.
+
+    Raises
+    ------
+    ValueError
+        If a matrix is not square, not of the size of M or not finite, or names do not fit.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> found = hb.Matrices(np.eye(2), [[2.0, -1.0], [-1.0, 2.0]], dof_names=["rotor", "stator"])
+    >>> rub = hb.Element(found.along({"rotor": 1.0, "stator": -1.0}), hb.Unilateral(k=10.0, gap=0.1), name="rub")
+    >>> found.system([rub], hb.Load(cosine={1: found.along({"rotor": 0.05})})).n
+    2
+    """
+
+    M: Any
+    K: Any
+    C: Any = None
+    G: Any = None
+    dof_names: Sequence[str] = ()
+    damping: OverSpeed | None = None
+    stiffness: OverSpeed | None = None
+    meshes: Mapping[str, tuple[Array, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in NAMES:
+            given = getattr(self, name)
+            if given is None and name not in NAMES[:2]:
+                continue
+            A = square(name, given)
+            if A.shape != self.M.shape:
+                raise ValueError(f"{name} has shape {A.shape}; need {self.M.shape}, the shape of M")
+            object.__setattr__(self, name, A)
+        names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(self.n))
+        if len(names) != self.n or not all(isinstance(name, str) for name in names):
+            raise ValueError(f"Matrices: {len(names)} dof_names for {self.n} coordinates; need a text for each")
+        object.__setattr__(self, "dof_names", names)
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return int(self.M.shape[0])
+
+    def along(self, coordinates: Mapping[str | int, float]) -> Array:
+        """A vector (n,) with these values of coordinates, by name or by number from 0, and 0 else.
+
+        Raises
+        ------
+        KeyError, IndexError
+            If there is no such coordinate.
+        ValueError
+            If nothing is given, or a value is no finite number.
+        """
+        if not isinstance(coordinates, Mapping) or not coordinates:
+            raise ValueError(
+                f"along: {quoted(coordinates)} must be values by coordinate, such as {{'{self.dof_names[0]}': 1.0}}"
+            )
+        out = np.zeros(self.n)
+        for name, value in coordinates.items():
+            checked("along", str(name), value, ANY)
+            out[self._number(name)] = value
+        return out
+
+    def _number(self, name: Any) -> int:
+        if isinstance(name, int | np.integer) and not isinstance(name, bool):
+            if not 0 <= name < self.n:
+                raise IndexError(
+                    f"there is no coordinate {name}; the {self.n} coordinates have the numbers 0 to {self.n - 1}"
+                )
+            return int(name)
+        if name not in self.dof_names:
+            raise KeyError(f"there is no coordinate '{name}'{did_you_mean(str(name), self.dof_names)}")
+        return list(self.dof_names).index(name)
+
+    def system(self, elements: Sequence[Element], load: Load | Sequence[Load] = (), ratio: float = 1.0) -> System:
+        """The `System` with these elements and loads.
+
+        Parameters
+        ----------
+        elements, load : as of `System`; their vectors are made by `along`.
+        ratio : speed of the shaft over Omega, 1 for unbalance, 1/z for the meshing of z teeth; only where something
+            depends on speed.
+        """
+        checked("system", "ratio", ratio, ANY)
+
+        def over(term: OverSpeed | None) -> OverSpeed | None:
+            return None if term is None else lambda Omega: term(ratio * Omega)
+
+        speed = None
+        if self.G is not None or self.damping is not None or self.stiffness is not None:
+            speed = SpeedTerms(self.G, ratio, over(self.damping), over(self.stiffness))
+        return System(self.M, self.C, self.K, elements, load, self.dof_names, speed)
+
+
+@checked_arguments(
+    source="a .mat or .npz file, or files or matrices by name, such as {'M': 'mass.mtx', 'K': 'stiff.mtx'}"
+)
+def from_matrices(
+    source: str | os.PathLike[str] | Mapping[str, Any], names: Mapping[str, str] | None = None,
+    dof_names: Sequence[str] = (),
+) -> Matrices:  # fmt: skip
+    """A linear structure from matrices of another program.
+
+    Parameters
+    ----------
+    source : a file with all matrices, .mat or .npz; or for each of M, K and, if there are any, C and G a file of its
+        own (.mtx, .mat, .npy) or the matrix itself.
+    names : how a .mat or .npz file calls the matrices, such as ``{"K": "stiffness"}``; by default as we do.
+    dof_names : names of the coordinates.
+
+    Returns
+    -------
+    `Matrices`
+
+    Raises
+    ------
+    ValueError
+        If a file cannot be read, has no such matrix, or matrices do not fit.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np, os, scipy, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for name, A in (("mass", np.eye(3)), ("stiff", 2 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1))):
+    ...         scipy.io.mmwrite(os.path.join(folder, name + ".mtx"), A)
+    ...     found = hb.from_matrices({"M": os.path.join(folder, "mass.mtx"), "K": os.path.join(folder, "stiff.mtx")})
+    ...
+    >>> found.n
+    3
+    """
+    called = {name: name for name in NAMES} | dict(names or {})
+    wrong = next((name for name in called if name not in NAMES), None)
+    if wrong is not None:
+        raise ValueError(f"from_matrices: names has '{wrong}'; the matrices are {', '.join(NAMES)}")
+    if isinstance(source, Mapping):
+        wrong = next((name for name in source if name not in NAMES), None)
+        if wrong is not None:
+            raise ValueError(f"from_matrices: there is no matrix '{wrong}'; give {', '.join(NAMES)}, M and K at least")
+        found = {name: _one(value, called[name]) for name, value in source.items()}
+    else:
+        every = _variables(source)
+        found = {name: every[called[name]] for name in NAMES if called[name] in every}
+        missing = [called[name] for name in NAMES[:2] if name not in found]
+        if missing:
+            there = ", ".join(sorted(every)) or "nothing"
+            raise ValueError(f"'{source}' has no matrix '{missing[0]}', but {there}: give names={{'M': ..., 'K': ...}}")
+    missing = [name for name in NAMES[:2] if name not in found]
+    if missing:
+        raise ValueError(f"from_matrices: {missing[0]} is missing; give M and K at least")
+    G = found.get("G")
+    if G is not None:
+        found["G"] = skew(G)
+    return Matrices(**found, dof_names=dof_names)
+
+
+def skew(G: Any) -> Any:
+    """A gyroscopic matrix without what it has of a symmetric one by rounding.
+
+    Raises
+    ------
+    ValueError
+        If it has more.
+    """
+    G = square("G", G)
+    if abs(G + G.T).max() > _SKEW * abs(G).max():
+        raise ValueError("G must be skew-symmetric, G^T = -G, the gyroscopic matrix; what dissipates belongs in C")
+    return 0.5 * (G - G.T)
+
+
+def _one(value: Any, name: str) -> Any:
+    """A matrix, as it is or out of a file of its own."""
+    if not isinstance(value, str | os.PathLike):
+        return value
+    suffix = Path(value).suffix.lower()
+    if suffix not in (".mtx", ".npy"):
+        every = _variables(value)
+        if name in every or len(every) == 1:
+            return every.get(name, next(iter(every.values())))
+        raise ValueError(
+            f"'{value}' has no matrix '{name}', but {', '.join(sorted(every)) or 'nothing'}: give names=..."
+        )
+    return _read(value, lambda: scipy.io.mmread(value) if suffix == ".mtx" else np.load(value, allow_pickle=False))
+
+
+def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """All matrices of a .mat or .npz file by name."""
+    suffix = Path(path).suffix.lower()
+    if suffix == ".npz":
+        return _read(path, lambda: dict(np.load(path, allow_pickle=False)))  # type: ignore[no-any-return]
+    if suffix == ".mat":
+        found = _read(path, lambda: scipy.io.loadmat(path))
+        return {name: value for name, value in found.items() if not name.startswith("__")}
+    raise ValueError(f"'{path}' must be a .mat or .npz file; matrices in files of their own (.mtx, .npy) are given by "
+                     "name, such as {'M': 'mass.mtx', 'K': 'stiffness.mtx'}")  # fmt: skip
+
+
+def _read(path: Any, read: Any) -> Any:
+    if not Path(path).is_file():
+        raise ValueError(f"there is no file '{path}'")
+    try:
+        return read()
+    except NotImplementedError:
+        raise ValueError(f"'{path}' is a MATLAB file of version 7.3; save it with '-v7'") from None
+    except Exception as error:  # whatever a damaged file makes the readers say
+        told = error.strerror if isinstance(error, OSError) and error.strerror else " ".join(str(error).split())
+        raise ValueError(f"'{path}' cannot be read as matrices: {told or type(error).__name__}") from None

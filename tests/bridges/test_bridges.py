@@ -1,0 +1,123 @@
+"""Rotors of ROSS and drive trains of openTorsion, with the packages themselves; skipped where they are not installed.
+
+.ci/bridges makes an environment that has them and runs this.
+"""
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.mechanics.fourier import evaluate, to_complex
+from hbgear.timedomain.integrate import state_of
+
+
+@pytest.fixture
+def ross():
+    return pytest.importorskip("ross", reason="ROSS is not installed; .ci/bridges installs it")
+
+
+@pytest.fixture
+def ot():
+    return pytest.importorskip("opentorsion", reason="openTorsion is not installed; .ci/bridges installs it")
+
+
+def silent(found):
+    """An element that does nothing, for systems that are to be linear."""
+    return hb.Element(found.along({0: 1.0}), hb.Cubic(k3=0.0), name="none")
+
+
+@pytest.mark.parametrize("speed", [0.0, 120.0, 600.0])
+def test_natural_frequencies_of_a_rotor(ross, speed):
+    rotor = ross.rotor_example()
+    found = hb.from_ross(rotor)
+    own = np.sort(rotor.run_modal(speed=speed, num_modes=12).wd)
+    at = max(speed, 1e-6)
+    ours = hb.campbell(found.system([silent(found)]), (at * 0.99, at), points=2).frequencies[-1]
+    for frequency in own[own > 1.0]:
+        assert np.abs(ours - frequency).min() < 1e-6 * frequency
+
+
+def test_unbalance_of_a_rotor(ross):
+    rotor, speeds = ross.rotor_example(), np.array([80.0, 250.0, 900.0])
+    own = rotor.run_unbalance_response(2, 0.004, 0.3, frequency=speeds).forced_resp
+    found = hb.from_ross(rotor)
+    turned = 0.004 * np.exp(0.3j)
+    along = {axis: found.along({f"{axis}_2": 1.0}) for axis in "xy"}
+    force = turned * along["x"] - 1j * turned * along["y"]  # real part: m e cos(tau + phase), m e sin(tau + phase)
+    load = hb.Load(cosine={1: force.real}, sine={1: -force.imag}, power=2)
+    problem = hb.HarmonicBalance(found.system([silent(found)], load), 2)
+    for i, speed in enumerate(speeds):
+        q = to_complex(problem.motion(problem.start(Omega=speed), Omega=speed))[:, 1]
+        np.testing.assert_allclose(q, own[:, i], rtol=1e-6, atol=1e-9 * np.abs(own[:, i]).max())
+
+
+def geared(ross):
+    multi_rotor = pytest.importorskip("ross.multi_rotor")
+    return multi_rotor.two_shaft_rotor_example()
+
+
+def test_natural_frequencies_of_a_geared_rotor(ross):
+    rotor = geared(ross)
+    found = hb.from_ross(rotor)
+    w, k = found.meshes["gears"]
+    mesh = hb.Element(w, hb.Cubic(k1=k, k3=0.0), name="mesh")
+    own = np.sort(rotor.run_modal(speed=50.0).wd)
+    ours = hb.campbell(found.system([mesh]), (49.0, 50.0), points=2).frequencies[-1]
+    for frequency in own[own > 1.0]:
+        assert np.abs(ours - frequency).min() < 1e-6 * frequency
+
+
+def test_a_geared_rotor_with_backlash(ross):
+    """The spring between its gears gets a gap, and the rotors a torque: teeth part, the curve folds, motions close."""
+    rotor = geared(ross)
+    found = hb.from_ross(rotor)
+    w, k = found.meshes["gears"]
+    one, other = (
+        found.dof_names.index(f"theta_{gear.n}") for gear in (rotor.mesh.driving_gear, rotor.mesh.driven_gear)
+    )
+    torques = hb.Load(constant=found.along({one: 2e3, other: 2e3 * w[other] / w[one]}))
+    mesh = hb.Element(w, hb.Backlash(b=1e-4, k=k, stiffness=hb.Series(1.0, (-0.3,))), damping=3e3, name="mesh")
+    geared_pair = found.system([mesh], torques, ratio=1 / rotor.mesh.driving_gear.n_teeth)
+    problem = hb.HarmonicBalance(geared_pair, 8)
+    curve = hb.trace(problem, "Omega", (1890.0, 1840.0), stability=False)
+    folds = [point.parameters["Omega"] for point in curve.special if point.kind == "LP"]
+    np.testing.assert_allclose(folds, [1846.47, 1872.44], atol=0.1)
+    for i in (len(curve) // 4, len(curve) // 2, -2):
+        X, Omega = curve.X[i], float(curve.values[i])
+        state = state_of(problem, X, Omega=Omega)
+        end = hb.integrate(geared_pair, state, 1, Omega, method="exponential").d
+        d = evaluate(X.reshape(1, -1), 2 * np.pi * np.arange(256) / 256)
+        np.testing.assert_allclose(end, d, atol=0.02 * np.abs(d).max())
+
+
+def test_a_drive_train(ot):
+    shafts = [ot.Shaft(0, 1, k=2e5, c=30.0), ot.Shaft(1, 2, k=3e5, c=20.0)]
+    discs = [ot.Disk(0, I=0.5), ot.Disk(1, I=0.8), ot.Disk(2, I=0.3)]
+    assembly = ot.Assembly(shafts, disk_elements=discs)
+    found = hb.from_opentorsion(assembly)
+    own = np.unique(np.round(np.abs(assembly.modal_analysis()[1]), 6))
+    ours = hb.campbell(found.system([silent(found)]), (1.0, 2.0), points=2).frequencies[-1]
+    for frequency in own[own > 1.0]:
+        assert np.abs(ours - frequency).min() < 1e-6 * frequency
+    Omega = 300.0
+    excited = np.array([[10.0], [0.0], [0.0]], dtype=complex)
+    q = assembly.ss_response(excited, [Omega])[0][:, 0]
+    problem = hb.HarmonicBalance(found.system([silent(found)], hb.Load(cosine={1: found.along({"theta_0": 10.0})})), 2)
+    motion = to_complex(problem.motion(problem.start(Omega=Omega), Omega=Omega))[:, 1]
+    np.testing.assert_allclose(motion, q, rtol=1e-9)
+
+
+def test_a_drive_train_with_elastic_gears(ot):
+    parent = ot.ElasticGear(1, 0.05, 40)
+    child = ot.ElasticGear(2, 0.2, 80, k=5e5, c=0.0, parent=parent)
+    shafts = [ot.Shaft(0, 1, k=1e5, c=5.0), ot.Shaft(2, 3, k=2e5, c=5.0)]
+    discs = [ot.Disk(0, I=0.3), ot.Disk(3, I=0.6)]
+    assembly = ot.Assembly(shafts, disk_elements=discs, elastic_gear_elements=[parent, child])
+    found = hb.from_opentorsion(assembly)
+    ((name, (w, k)),) = found.meshes.items()
+    assert name == "1-2"
+    np.testing.assert_allclose(found.K + k * np.outer(w, w), assembly.K, rtol=1e-12, atol=1e-6)
+    gap = hb.Element(w, hb.Backlash(b=1e-4, k=k), name=name)
+    wave = hb.Load(cosine={1: found.along({"theta_0": 20.0})})
+    curve = hb.trace(hb.HarmonicBalance(found.system([gap], wave), 8), "Omega", (500.0, 400.0))
+    assert curve.status.complete

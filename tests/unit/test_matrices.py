@@ -1,0 +1,163 @@
+"""Matrices from files, and machines of other programs; stand-ins where those are not installed."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import scipy
+
+import hbgear as hb
+
+M = np.diag([1.0, 2.0, 3.0])
+K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
+C = 0.05 * K
+G = np.array([[0.0, 0.4, 0.0], [-0.4, 0.0, 0.0], [0.0, 0.0, 0.0]])
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name, A in (("mass", M), ("stiff", K), ("damp", C), ("gyro", G)):
+        scipy.io.mmwrite(tmp_path / f"{name}.mtx", scipy.sparse.coo_array(A))
+    np.save(tmp_path / "mass.npy", M)
+    scipy.io.savemat(tmp_path / "model.mat", {"M": M, "K": scipy.sparse.csc_matrix(K), "C": C, "G": G})
+    scipy.io.savemat(tmp_path / "other.mat", {"mass": M, "stiffness": K, "x": np.zeros(3)})
+    np.savez(tmp_path / "model.npz", M=M, K=K)
+    return tmp_path
+
+
+def plain(A):
+    return None if A is None else A.toarray() if scipy.sparse.issparse(A) else A
+
+
+def test_files_have_the_matrices(folder):
+    by_file = hb.from_matrices({"M": folder / "mass.mtx", "K": str(folder / "stiff.mtx"), "C": folder / "damp.mtx",
+                                "G": folder / "gyro.mtx"})  # fmt: skip
+    from_matlab = hb.from_matrices(folder / "model.mat")
+    for found in (by_file, from_matlab):
+        for name, A in (("M", M), ("K", K), ("C", C), ("G", G)):
+            np.testing.assert_array_equal(plain(getattr(found, name)), A)
+    named = hb.from_matrices(folder / "other.mat", names={"M": "mass", "K": "stiffness"})
+    mixed = hb.from_matrices({"M": folder / "mass.npy", "K": K})
+    packed = hb.from_matrices(folder / "model.npz")
+    for found in (named, mixed, packed):
+        np.testing.assert_array_equal(plain(found.K), K)
+        assert found.C is None and found.G is None and found.n == 3
+
+
+def test_a_curve_of_matrices_is_that_of_the_system(folder):
+    found = hb.from_matrices(folder / "model.mat", dof_names=["a", "b", "c"])
+    stop = hb.Element(found.along({"a": 1.0, "c": -1.0}), hb.Unilateral(k=3.0, gap=0.05))
+    load = hb.Load(cosine={1: found.along({1: 0.1})})
+    system = found.system([stop], load, ratio=0.5)
+    by_hand = hb.System(M, C, K, [hb.Element([1, 0, -1], stop.law)], hb.Load(cosine={1: [0, 0.1, 0]}),
+                        speed=hb.SpeedTerms(G, 0.5))  # fmt: skip
+    X = [hb.HarmonicBalance(model, 6).start(Omega=0.8) for model in (system, by_hand)]
+    np.testing.assert_allclose(*X, atol=1e-12)
+    assert system.dof_names == ("a", "b", "c")
+
+
+class Shaft:
+    """What from_ross reads of a rotor, with bearings that stiffen with speed."""
+
+    number_dof = 4
+
+    def __init__(self, frequency=(0.0, 10.0), stiffen=0.1, **others):
+        self.frequency, self.stiffen = np.array(frequency), stiffen
+        self.bearing_elements = [SimpleNamespace(frequency=self.frequency), SimpleNamespace(frequency=None)]
+        self.__dict__.update(others)
+
+    def M(self):
+        return np.eye(8)
+
+    def C(self, frequency):
+        return 0.1 * np.eye(8)
+
+    def K(self, frequency):
+        return (1.0 + self.stiffen * frequency) * np.eye(8)
+
+    def G(self):
+        J = np.zeros((8, 8))
+        J[2, 3], J[3, 2] = 0.5, -0.5
+        return J
+
+
+def test_a_rotor_with_bearings_over_speed():
+    found = hb.from_ross(Shaft())
+    assert found.dof_names[:5] == ("x_0", "y_0", "alpha_0", "beta_0", "x_1")
+    assert found.damping is None and found.stiffness is not None
+    np.testing.assert_allclose(found.K + found.stiffness(4.0), Shaft().K(4.0))
+    stop = hb.Element(found.along({"x_1": 1.0}), hb.Unilateral(k=1.0, gap=0.1))
+    system = found.system([stop], hb.Load(cosine={1: found.along({"x_1": 0.1})}), ratio=2.0)
+    np.testing.assert_allclose(system.at_speed(1.5).K, Shaft().K(3.0))
+    with pytest.raises(ValueError, match="12 rad/s is outside of the bearings of the rotor, which have 0 to 10"):
+        system.at_speed(6.0)
+    assert hb.from_ross(Shaft(stiffen=0.0)).stiffness is None
+
+
+def test_the_spring_of_gears_is_taken_out():
+    gears = [SimpleNamespace(dof_global_index={"a": i, "b": i + 1}) for i in (0, 4)]
+    w = np.array([0.5, 1.0, -0.5, -1.0])
+    mesh = SimpleNamespace(driving_gear=gears[0], driven_gear=gears[1], stiffness=7.0)
+
+    class Coupled(Shaft):
+        def K(self, frequency):
+            out = super().K(frequency)
+            out[np.ix_([0, 1, 4, 5], [0, 1, 4, 5])] += 7.0 * np.outer(w, w)
+            return out
+
+    found = hb.from_ross(Coupled(mesh=mesh, coupling_matrix=lambda: np.outer(w, w)))
+    direction, k = found.meshes["gears"]
+    np.testing.assert_allclose(
+        k * np.outer(direction, direction)[np.ix_([0, 1, 4, 5], [0, 1, 4, 5])], 7 * np.outer(w, w)
+    )
+    np.testing.assert_allclose(found.K, Shaft().K(0.0), atol=1e-12)
+    with pytest.raises(ValueError, match="along one line of action"):
+        hb.from_ross(Coupled(mesh=mesh, coupling_matrix=lambda: np.eye(4)))
+
+
+def test_a_drive_train_with_an_elastic_gear():
+    w = np.array([0.2, 0.3])
+    gear = SimpleNamespace(parent=SimpleNamespace(node=0), node=2, k=1e3, K=lambda: 1e3 * np.outer(w, w))
+    coupled = K.copy()
+    coupled[np.ix_([0, 2], [0, 2])] += 1e3 * np.outer(w, w)
+    train = SimpleNamespace(M=M, K=coupled, C=C, shaft_elements=[], gear_elements=None, elastic_gear_elements=[gear])
+    found = hb.from_opentorsion(train)
+    np.testing.assert_allclose(found.K, K, atol=1e-10)
+    assert found.dof_names == ("theta_0", "theta_1", "theta_2") and list(found.meshes) == ["0-2"]
+    train.gear_elements = [gear]
+    assert hb.from_opentorsion(train).dof_names == ("q1", "q2", "q3")
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda f: hb.from_matrices(f / "none.mat"), "there is no file '.*none.mat'"),
+        (lambda f: hb.from_matrices(f / "mass.mtx"), "must be a .mat or .npz file; matrices in files of their own"),
+        (lambda f: hb.from_matrices(f / "other.mat"), "no matrix 'M', but mass, stiffness, x: give names"),
+        (lambda f: hb.from_matrices({"M": M}), "K is missing"),
+        (lambda f: hb.from_matrices({"M": M, "K": K, "D": C}), "no matrix 'D'"),
+        (lambda f: hb.from_matrices({"M": M, "K": K}, names={"D": "x"}), "names has 'D'"),
+        (lambda f: hb.from_matrices({"M": M, "K": np.eye(2)}), r"K has shape \(2, 2\); need \(3, 3\)"),
+        (lambda f: hb.from_matrices({"M": M, "K": np.full((3, 3), np.nan)}), "finite"),
+        (lambda f: hb.from_matrices({"M": M, "K": K, "G": np.eye(3)}), "skew-symmetric"),
+        (lambda f: hb.from_matrices({"M": M, "K": K}, dof_names=["a"]), "1 dof_names for 3"),
+        (lambda f: hb.from_matrices({"M": M, "K": f / "other.mat"}), "no matrix 'K', but"),
+        (lambda f: hb.from_matrices(3.0), "from_matrices"),
+        (lambda f: hb.Matrices(M, K).along({"q9": 1.0}), "no coordinate 'q9'; it has: q1, q2, q3"),
+        (lambda f: hb.Matrices(M, K).along({3: 1.0}), "numbers 0 to 2"),
+        (lambda f: hb.Matrices(M, K).along({"q1": np.inf}), "q1"),
+        (lambda f: hb.Matrices(M, K).along({}), "values by coordinate"),
+        (lambda f: hb.from_ross(hb.Duffing()), "needs a ross.Rotor or ross.MultiRotor; got a Duffing"),
+        (lambda f: hb.from_opentorsion(3), "needs an opentorsion.Assembly; got an int"),
+    ],
+)  # fmt: skip
+def test_bad_input(folder, make, said):
+    with pytest.raises((ValueError, TypeError, KeyError, IndexError), match=said):
+        make(folder)
+
+
+def test_a_damaged_file(folder):
+    path = folder / "model.mat"
+    path.write_bytes(path.read_bytes()[:60])
+    with pytest.raises(ValueError, match="cannot be read as matrices"):
+        hb.from_matrices(path)
