@@ -308,7 +308,18 @@ LANDINGS = ("nearest", "integrate")
 def saved_fields(value: Any) -> dict[str, Any]:
     """Fields of a point, jump or branch that are written to files: all but what is code."""
     fields = dataclasses.fields(value)
-    return {field.name: getattr(value, field.name) for field in fields if field.name not in ("problem", "event")}
+    return {field.name: getattr(value, field.name) for field in fields if field.name not in _NOT_SAVED}
+
+
+_NOT_SAVED = ("problem", "event", "recorded")  # what is code, and what files have beside the branch
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Coordinates of every row as a file has them: names (n,), and rows (P, n, ...) like those of an element."""
+
+    names: tuple[str, ...]
+    rows: Array
 
 
 _ARRAYS: dict[str, tuple[Any, int]] = {
@@ -335,6 +346,7 @@ class Branch:
         ``{"asymptotes": {"last": value}}``, the value of the parameter it nears behind its last row (or its first).
     problem : what was traced; not saved.
     others : further curves that cover what this one leaves of its span; see ``cover`` of `trace`.
+    recorded : all coordinates, of the file of a model that is none of hbgear.
 
     Raises
     ------
@@ -374,6 +386,7 @@ class Branch:
     problem: Any = None
     others: tuple[Branch, ...] = ()
     modulus_error: Array | None = None
+    recorded: Recorded | None = None
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
@@ -541,8 +554,8 @@ class Branch:
         ----------
         measure : "rms", "pp2", "max", "mean", "H1", "H2", ...
         element : which element, by number or name.
-        dof : a degree of freedom of the model instead, by number or name; needs the branch's problem, which a file of a
-            model of hbgear tells too.
+        dof : a degree of freedom of the model instead, by number or name; files have what it needs, except of large
+            models that are none of hbgear: these need the branch's problem.
         derivative : 0 for displacement, 1 for velocity, 2 for acceleration (in time).
 
         Raises
@@ -560,6 +573,9 @@ class Branch:
 
     def _motion(self, dof: int | str) -> Array:
         """Rows of a degree of freedom, (P, ...), from the problem."""
+        known = self.recorded if self.problem is None else None
+        if known is not None and len(known.rows) == len(self):
+            return known.rows[:, coordinate(dof, known.names)]
         problem = self.problem if self.problem is not None else self._retold()
         if not isinstance(problem, Moving):
             raise ValueError(f"dof={dof!r} needs the model; load the branch with hbgear.load(path, problem=...)")
@@ -662,6 +678,7 @@ def continued(first: Branch, second: Branch) -> Branch:
     tracked = {k: np.concatenate([first.tracked[k], x[1:]]) for k, x in second.tracked.items()}
     return dataclasses.replace(
         second, **{"multipliers": None, **arrays}, special=tuple(special), jump_records=(), tracked=tracked,
+        recorded=None,
         meta=with_asymptotes(second.meta, first=first.asymptotes.get("first"), last=second.asymptotes.get("last")),
         others=first.others,
     )  # fmt: skip

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.branch import LANDINGS, Branch, Jump, Point, SpecialPoint
+from hbgear.continuation.branch import LANDINGS, Branch, Jump, Point, Recorded, SpecialPoint
 from hbgear.continuation.events import MARKERS, is_marker
 from hbgear.harmonic.events import named
 from hbgear.harmonic.observables import Layout, layout_of
@@ -36,6 +36,39 @@ def read(archive: Archive, tree: Any) -> Branch:
     branch: Branch = _object(Branch)(archive, tree, "branch")
     _check(branch)
     return branch
+
+
+def listed(value: Any, count: int) -> list[Any]:
+    """A list of so many entries.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    if not isinstance(value, list) or len(value) != count:
+        raise _wrong("motions", value, f"a list of {count}")
+    return value
+
+
+def read_motions(archive: Archive, value: Any, branch: Branch) -> Recorded | None:
+    """All coordinates of the rows of a branch, as its file has them.
+
+    Raises
+    ------
+    ValueError
+        If they are not of that branch.
+    """
+    if value is None:
+        return None
+    if not isinstance(value, dict) or set(value) != {"names", "rows"} or not isinstance(value["names"], list):
+        raise _wrong("motions", value, "names and rows")
+    names = tuple(_text(archive, name, "motions.names") for name in value["names"])
+    rows = _array("f", 3, finite=True)(archive, value["rows"], "motions.rows")
+    layout = layout_of(branch)
+    if layout is None or rows.shape != (len(branch), len(names), 2 * layout.harmonics + 1):
+        raise ValueError(f"motions of {len(names)} coordinates have rows {rows.shape}, which do not fit the branch")
+    return Recorded(names, rows)
 
 
 # ---- single values

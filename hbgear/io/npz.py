@@ -2,6 +2,9 @@
 
 header.npy    {"format": "hbgear branch", "schema": 4, "branch": {"__class__": "Branch", "X": {"__array__": "X"}, ...}}
 X.npy, ...    the arrays
+
+Beside the branch the header has "motions", for it and the others of its span: names and rows of all coordinates, or
+null where the model can be rebuilt without its code, or has too many of them.
 """
 
 from __future__ import annotations
@@ -16,8 +19,10 @@ import numpy as np
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.replacing import checked_suffix, replacing
-from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, saved_fields
-from hbgear.harmonic.observables import Layout
+from hbgear.continuation.branch import Branch, Jump, Point, Recorded, SpecialPoint, saved_fields
+from hbgear.harmonic import catalogue
+from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.observables import Layout, layout_of
 from hbgear.io import forms
 from hbgear.io.archive import Archive, archive_of
 
@@ -50,13 +55,48 @@ def packed(branch: Branch) -> bytes:
 
 def _arrays_of(branch: Branch) -> dict[str, Any]:
     arrays: dict[str, Any] = {}
-    header = {"format": _FORMAT, "schema": SCHEMA, "branch": encode(branch, "", arrays)}
+    header: dict[str, Any] = {"format": _FORMAT, "schema": SCHEMA, "branch": encode(branch, "", arrays)}
+    motions = [_recorded(curve) for curve in (branch, *branch.others)]
+    if any(motions):
+        header["motions"] = [_told(known, f"motions.{i}", arrays) for i, known in enumerate(motions)]
     return {"header": np.array(json.dumps(header)), **arrays}
+
+
+_MOST_RECORDED = 4_000_000  # numbers, of 32 MB
+
+
+def _recorded(branch: Branch) -> Recorded | None:
+    """All coordinates of a curve whose model cannot be rebuilt from its file, if they are not too many."""
+    problem, layout = branch.problem, layout_of(branch)
+    if problem is None and branch.recorded is not None and len(branch.recorded.rows) == len(branch):
+        return branch.recorded
+    if not isinstance(problem, HarmonicBalance) or layout is None or _rebuilt(branch):
+        return None
+    if len(branch) * len(problem.dof_names) * (2 * layout.harmonics + 1) > _MOST_RECORDED:
+        return None
+    rows = np.array([problem.motion(X, **branch.parameters_at(i)) for i, X in enumerate(branch.X)])
+    return Recorded(tuple(problem.dof_names), rows)
+
+
+def _rebuilt(branch: Branch) -> bool:
+    """Whether the model is told well enough by the header."""
+    try:
+        catalogue.rebuild(branch.meta.get("model"))
+    except (KeyError, ValueError):
+        return False
+    return True
+
+
+def _told(known: Recorded | None, key: str, arrays: dict[str, Any]) -> dict[str, Any] | None:
+    if known is None:
+        return None
+    arrays[key] = known.rows
+    return {"names": list(known.names), "rows": {"__array__": key}}
 
 
 @checked_arguments()
 def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
-    """Read a branch written by `Branch.save`; give the problem too if degrees of freedom are wanted.
+    """Read a branch written by `Branch.save`; give the problem too to go on from it.
 
     Raises
     ------
@@ -121,7 +161,15 @@ def _branch_in(archive: Archive) -> Branch:
         raise ValueError(f"its schema is {str(schema)[:40]!r}, no number")
     if schema > SCHEMA:
         raise _Newer(f"has schema {schema}, this hbgear reads up to {SCHEMA}; upgrade hbgear")
-    return forms.read(archive, header.get("branch"))
+    branch = forms.read(archive, header.get("branch"))
+    motions = header.get("motions")
+    if motions is None:
+        return branch
+    curves = [
+        dataclasses.replace(curve, recorded=forms.read_motions(archive, known, curve))
+        for curve, known in zip((branch, *branch.others), forms.listed(motions, 1 + len(branch.others)), strict=True)
+    ]
+    return dataclasses.replace(curves[0], others=tuple(curves[1:]))
 
 
 def encode(value: Any, key: str, arrays: dict[str, Any]) -> Any:

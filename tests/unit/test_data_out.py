@@ -1,6 +1,7 @@
 """Data for other programs: frames, data sets, tables that explain themselves, and files that need nothing else."""
 
 import csv
+import json
 import math
 
 import numpy as np
@@ -108,6 +109,50 @@ def test_degrees_of_freedom_need_nothing_but_the_file(tmp_path):
         np.testing.assert_array_equal(again.amplitude("rms", dof="x_pL", derivative=derivative), expected)
     with pytest.raises(KeyError, match="no degree of freedom 'x_pl'; did you mean"):
         again.amplitude(dof="x_pl")
+
+
+def own():
+    M, C, K = np.eye(2), 0.05 * np.eye(2), [[2, -1], [-1, 2]]
+    stop = hb.Element([1, 0], hb.Unilateral(k=1.0, gap=1.0), name="stop")
+    return hb.System(M, C, K, [stop], hb.Load(cosine={1: [0, 0.2]}), dof_names=["x", "y"])
+
+
+def test_degrees_of_freedom_of_own_models_need_nothing_but_the_file(tmp_path):
+    curve = hb.trace(hb.HarmonicBalance(own(), 6), "Omega", (0.5, 1.5))
+    curve.save(tmp_path / "own.npz")
+    again = hb.load(tmp_path / "own.npz")
+    for dof in ("x", "y", 1):
+        for derivative in (0, 2):
+            expected = curve.amplitude("pp2", dof=dof, derivative=derivative)
+            np.testing.assert_array_equal(again.amplitude("pp2", dof=dof, derivative=derivative), expected)
+    again.save(tmp_path / "again.npz")  # and once more, still without the model
+    np.testing.assert_array_equal(hb.load(tmp_path / "again.npz").amplitude(dof="y"), curve.amplitude(dof="y"))
+    with pytest.raises(KeyError, match="no degree of freedom 'z'"):
+        again.amplitude(dof="z")
+
+
+def test_files_of_models_of_hbgear_have_no_motions(pair, tmp_path):
+    pair.save(tmp_path / "pair.npz")
+    with np.load(tmp_path / "pair.npz") as archive:
+        assert not [name for name in archive.files if name.startswith("motions")]
+
+
+@pytest.mark.parametrize("change", [None, 1, [], [1], [{"names": ["x"], "rows": {"__array__": "motions.0"}}],
+                                    [{"names": ["x", 2], "rows": {"__array__": "motions.0"}}],
+                                    [{"names": ["x", "y"], "rows": {"__array__": "values"}}]])  # fmt: skip
+def test_motions_that_do_not_fit_are_refused(change, tmp_path):
+    hb.trace(hb.HarmonicBalance(own(), 3), "Omega", (0.5, 0.7)).save(tmp_path / "own.npz")
+    with np.load(tmp_path / "own.npz") as archive:
+        arrays = dict(archive)
+    header = json.loads(str(arrays["header"]))
+    arrays["header"] = np.array(json.dumps(header | {"motions": change}))
+    np.savez(tmp_path / "damaged.npz", **arrays)
+    if change is None:
+        with pytest.raises(ValueError, match="needs the model"):
+            hb.load(tmp_path / "damaged.npz").amplitude(dof="x")
+    else:
+        with pytest.raises(ValueError, match="motions"):
+            hb.load(tmp_path / "damaged.npz")
 
 
 def test_what_is_not_installed_is_told(pair, monkeypatch):
