@@ -155,7 +155,7 @@ def campbell(
 
 
 def _springs(system: System, closed: Sequence[bool] | bool) -> Array:
-    each = [closed] * len(system.elements) if isinstance(closed, bool) else list(closed)
+    each = list(closed) if np.ndim(closed) else [bool(closed)] * len(system.elements)  # type: ignore[arg-type]
     if len(each) != len(system.elements):
         raise ValueError(f"closed has {len(each)} entries; need {len(system.elements)}, one for each element")
     return np.array([_stiffness(e.law, shut) for e, shut in zip(system.elements, each, strict=True)])

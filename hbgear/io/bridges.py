@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.arguments import given
 from hbgear.common.arrays import Array
-from hbgear.common.messages import article
 from hbgear.io.matrices import Matrices, skew
 
 _ONE = 1e-9  # part of a coupling of gears beside its largest eigenvalue that is rounding
@@ -53,7 +53,7 @@ def from_ross(rotor: Any) -> Matrices:
     """
     for name in ("M", "K", "C", "G", "number_dof"):
         if not hasattr(rotor, name):
-            raise TypeError(f"from_ross needs a ross.Rotor or ross.MultiRotor; got {article(type(rotor).__name__)}")
+            raise TypeError(f"from_ross needs a ross.Rotor or ross.MultiRotor; got {given(rotor)}")
     M, G = np.asarray(rotor.M(), dtype=float), np.asarray(rotor.G(), dtype=float)
     mesh = getattr(rotor, "mesh", None)
     taken, meshes = np.zeros_like(M), {}
@@ -118,7 +118,7 @@ def from_opentorsion(assembly: Any) -> Matrices:
     """
     for name in ("M", "K", "C", "shaft_elements"):
         if not hasattr(assembly, name):
-            raise TypeError(f"from_opentorsion needs an opentorsion.Assembly; got {article(type(assembly).__name__)}")
+            raise TypeError(f"from_opentorsion needs an opentorsion.Assembly; got {given(assembly)}")
     M, K, C = (np.array(getattr(assembly, name), dtype=float) for name in ("M", "K", "C"))
     if getattr(assembly, "gear_elements", None):
         return Matrices(M, K, C)

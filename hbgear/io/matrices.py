@@ -18,6 +18,7 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.ranges import ANY, checked
+from hbgear.mechanics.fourier import is_listed
 from hbgear.mechanics.matrices import square
 from hbgear.mechanics.model import Element, Load, System
 from hbgear.mechanics.speed import OverSpeed, SpeedTerms
@@ -70,14 +71,21 @@ class Matrices:
             given = getattr(self, name)
             if given is None and name not in NAMES[:2]:
                 continue
-            A = square(name, given)
-            if A.shape != self.M.shape:
-                raise ValueError(f"{name} has shape {A.shape}; need {self.M.shape}, the shape of M")
-            object.__setattr__(self, name, A)
+            object.__setattr__(self, name, square(name, given))
+            if getattr(self, name).shape != self.M.shape:
+                raise ValueError(f"{name} has shape {getattr(self, name).shape}; need {self.M.shape}, the shape of M")
+        if not is_listed(self.dof_names) or not all(isinstance(name, str) for name in self.dof_names):
+            raise ValueError(f"Matrices: dof_names = {quoted(self.dof_names)} must be a list of names")
         names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(self.n))
-        if len(names) != self.n or not all(isinstance(name, str) for name in names):
-            raise ValueError(f"Matrices: {len(names)} dof_names for {self.n} coordinates; need a text for each")
+        if len(names) != self.n:
+            raise ValueError(f"Matrices: {len(names)} dof_names for {self.n} coordinates; need one for each")
         object.__setattr__(self, "dof_names", names)
+        for name in ("damping", "stiffness"):
+            given = getattr(self, name)
+            if given is not None and not callable(given):
+                raise ValueError(f"Matrices: {name} = {quoted(given)} must be a MatrixTable or a function of the speed")
+        if not isinstance(self.meshes, Mapping):
+            raise ValueError(f"Matrices: meshes = {quoted(self.meshes)} must be a dict of directions and stiffnesses")
 
     @property
     def n(self) -> int:

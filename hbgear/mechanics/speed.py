@@ -25,6 +25,8 @@ _BEYOND = 0.02  # of a table's width that it is continued beyond its ends, for s
 
 _STEP = 1e-3  # of Omega, of the differences of a function; their error is the fourth power of it
 
+_RATIO = Range(-1e6, 1e6)  # of speeds: far beyond any gear
+
 _SKEW = 1e-9  # part of a gyroscopic matrix that is symmetric by rounding
 
 
@@ -151,7 +153,8 @@ class SpeedTerms:
     stiffness: OverSpeed | None = None
 
     def __post_init__(self) -> None:
-        checked("SpeedTerms", "ratio", self.ratio)
+        checked("SpeedTerms", "ratio", self.ratio, _RATIO)
+        object.__setattr__(self, "ratio", float(self.ratio))  # a fraction is a number too
         if self.gyroscopic is not None:
             G = square("gyroscopic", self.gyroscopic)
             apart = abs(G + G.T).max()

@@ -142,7 +142,7 @@ def assembly() -> Any:
 def train() -> hb.Train:
     """Two gears, the second of which holds the torque of the first."""
     a, b = (hb.Wheel(name, 1e-3, teeth=20, base_radius=0.028, torque=10.0 * (name == "a")) for name in "ab")
-    return hb.Train([a, b], [hb.Mesh("a", "b", 4e8, 4e-5, eps=(0.2,))], balance="b")
+    return hb.Train([a, b], [hb.Mesh("a", "b", 4e8, 4e-5, eps=(0.2,), e=(1e-4,))], balance="b")
 
 
 @cache

@@ -148,7 +148,7 @@ def test_a_drive_train_with_an_elastic_gear():
         (lambda f: hb.Matrices(M, K).along({"q1": np.inf}), "q1"),
         (lambda f: hb.Matrices(M, K).along({}), "values by coordinate"),
         (lambda f: hb.from_ross(hb.Duffing()), "needs a ross.Rotor or ross.MultiRotor; got a Duffing"),
-        (lambda f: hb.from_opentorsion(3), "needs an opentorsion.Assembly; got an int"),
+        (lambda f: hb.from_opentorsion(3), "needs an opentorsion.Assembly; got 3"),
     ],
 )  # fmt: skip
 def test_bad_input(folder, make, said):
