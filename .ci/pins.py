@@ -13,12 +13,15 @@ def pins(pyproject: str) -> list[str]:
     Raises
     ------
     ValueError
-        If a requirement does not state its minimum as ``name>=version`` alone, or two requirements of one name differ.
+        If a requirement does not state its minimum as ``name>=version``, with a version it must be below or without,
+        or two requirements of one name differ. Extras that an extra consists of are no requirements of their own.
     """
     project = tomllib.loads(pyproject)["project"]
     found: dict[str, str] = {}
     for requirement in sum(project["optional-dependencies"].values(), project["dependencies"]):
-        stated = re.fullmatch(r"([\w.-]+)>=([\w.]+)", requirement)
+        if requirement.startswith(f"{project['name']}["):
+            continue
+        stated = re.fullmatch(r"([\w.-]+)>=([\w.]+)(?:,<[\w.]+)?", requirement)
         if not stated:
             raise ValueError(f'pyproject.toml: "{requirement}" must be written "name>=version"')
         name, version = stated.groups()
