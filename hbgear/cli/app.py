@@ -23,6 +23,7 @@ import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import design as cli_design
 from hbgear.cli import gear as cli_gear
+from hbgear.cli import rotors as cli_rotors
 from hbgear.cli import study as cli_study
 from hbgear.cli import time as cli_time
 from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
@@ -144,6 +145,9 @@ cli_time.register(app)
 
 
 cli_gear.register(app)
+
+
+cli_rotors.register(app)
 
 
 # ---- commands

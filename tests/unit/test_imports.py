@@ -216,7 +216,8 @@ FILES = {
         "gear": "files support",
         "study": "files support",
         "time": "files support",
-        "app": "complete design files gear study support time",
+        "rotors": "files support",
+        "app": "complete design files gear rotors study support time",
     },
 }
 
