@@ -25,6 +25,7 @@ from hbgear.cli import design as cli_design
 from hbgear.cli import fit as cli_fit
 from hbgear.cli import gear as cli_gear
 from hbgear.cli import pages as cli_pages
+from hbgear.cli import rotors as cli_rotors
 from hbgear.cli import study as cli_study
 from hbgear.cli import time as cli_time
 from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
@@ -151,6 +152,7 @@ cli_gear.register(app)
 
 
 cli_pages.register(app)
+cli_rotors.register(app)
 
 
 # ---- commands

@@ -99,6 +99,7 @@ class Train(Model):
         "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
         "e_scale": r"factor of the errors",
     }
+    default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = {"backlash_scale": Range(low=0, high=1e6)}
 
     def __post_init__(self) -> None:

@@ -50,7 +50,7 @@ FIXED = {
 
 WEIGHTS = {
     "trace": 8, "info": 3, "jumps": 2, "plot": 1, "validate": 1, "switch": 2, "sweep": 2, "critical": 1, "map": 1,
-    "survey": 1, "study": 1, "basins": 1, "models": 0.2, "explore": 0,
+    "survey": 1, "study": 1, "basins": 1, "models": 0.2, "campbell": 1, "explore": 0,
 }  # fmt: skip
 
 

@@ -248,7 +248,8 @@ FILES = {
         "pages": "files support",
         "study": "files support",
         "time": "files support",
-        "app": "complete design files fit gear pages study support time",
+        "rotors": "files support",
+        "app": "complete design files fit gear pages rotors study support time",
     },
 }
 
