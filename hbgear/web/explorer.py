@@ -30,7 +30,7 @@ from hbgear.io.measured import measured
 from hbgear.io.npz import packed
 from hbgear.mechanics.model import Model
 from hbgear.web.reporting import report
-from hbgear.web.subject import Subject
+from hbgear.web.subject import ModelSubject, Subject
 from hbgear.web.view import plain, tables, views
 
 _SESSIONS = 16  # pages whose last curve is kept
@@ -108,12 +108,13 @@ class Explorer:
 
     def start(self) -> dict[str, Any]:
         """What the page begins with."""
-        labels = self.subject.model({}).labels
+        model = self.subject.model({})
         return {
             "parameters": [asdict(parameter) for parameter in self.subject.parameters()],
+            "map": [asdict(parameter) for parameter in ModelSubject(model, "").parameters() if parameter.map],
             "span": list(self.span),
             "harmonics": self.harmonics,
-            "Omega": in_html(str(labels.get("Omega", "Omega"))),
+            "Omega": in_html(str(model.labels.get("Omega", "Omega"))),
             "behind": [] if self.saved is None else [_line(self.saved)],
         }
 

@@ -126,6 +126,14 @@ def test_python_and_toml_make_the_same_model(subject, tmp_path):
 # ---- what is computed
 
 
+def test_jump_maps_of_a_machine_are_over_its_model():
+    found = Explorer(MachineSubject(machine()), SPAN, 4)
+    names = [parameter["name"] for parameter in found.start()["map"]]
+    assert names == list(machine().model().parameters)
+    axes = {"x": ["Omega", 0.5, 1.2], "y": ["F_m", 0.3, 0.32], "Omega": None}
+    assert found.jump_map("s", Asked({}, SPAN, 4), axes)["lines"]
+
+
 def test_curve_is_the_traced_one():
     found = explorer()
     told = found.curve("s", Asked.of(question(zeta=0.06)))
@@ -157,8 +165,8 @@ def test_what_is_overtaken_is_cancelled():
 
 def test_jump_map_is_that_of_the_library():
     axes = {"x": ["Omega", 0.3, 1.5], "y": ["zeta", 0.05, 0.12], "Omega": None}
-    told = explorer().jump_map("s", Asked.of(question()), axes)
-    jumps = hb.jump_map(MODEL, "zeta", (0.05, 0.12), frequencies=(0.3, 1.5), harmonics=8)
+    told = explorer().jump_map("s", Asked({}, SPAN, 4), axes)
+    jumps = hb.jump_map(MODEL, "zeta", (0.05, 0.12), frequencies=(0.3, 1.5), harmonics=4)
     assert len(told["lines"]) == len(jumps.arms) and told["message"] == ""
     for line, arm in zip(told["lines"], jumps.arms, strict=True):
         np.testing.assert_allclose(line["x"], arm.Omega, rtol=1e-8)

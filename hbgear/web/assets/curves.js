@@ -142,10 +142,6 @@ const hbgear = (() => {
     const wide = 0.75 * $("response").clientWidth || 700, tall = 0.72 * $("response").clientHeight || 380, taken = [];
     const at = (x, y) => [((x - low) / (high - low)) * wide, (y / top) * tall];
     kinds.forEach((k) => k.x.forEach((x, i) => { const [px, py] = at(x, k.y[i]); taken.push([px - 5, px + 5, py - 5, py + 5]); }));
-    if (state.at) { // nor the ring around the chosen point
-      const [n, i] = state.at, [px, py] = at(state.curves[n].x[i], sizes(state.curves[n])[i]);
-      taken.push([px - 9, px + 9, py - 9, py + 9]);
-    }
     const order = [...kinds].sort((a, b) => (a.point.kind === "GR") - (b.point.kind === "GR"));
     for (const k of order) {
       k.side = [];
@@ -256,7 +252,7 @@ const hbgear = (() => {
   function chosenTrace() {
     const [n, i] = state.at, curve = state.curves[n], ink = palette();
     return { x: [curve.x[i]], y: [sizes(curve)[i]], mode: "markers", hoverinfo: "skip", showlegend: false, cliponaxis: false,
-             marker: { symbol: "circle-open", size: 16, color: ink.text, line: { width: 2 } } };
+             marker: { symbol: "circle-open", size: 14, color: ink.text, line: { width: 2 } } };
   }
 
   const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["select2d", "lasso2d"],
@@ -347,7 +343,7 @@ const hbgear = (() => {
             { xaxis: axis(name + unit), yaxis: axis("its velocity d/dt" + unit), shapes: cornerLines(curve, j, m.d, true) }),
       small("spectrum", [{ x: stems.x, y: stems.y, mode: "lines", line, hoverinfo: "skip" },
                          { x: marks.map((p) => p[0]), y: marks.map((p) => p[1]), mode: "markers", marker: { color, size: 5 }, hoverinfo: "x+y" }],
-            { xaxis: axis("multiples of the excitation [-]", { rangemode: "tozero" }),
+            { xaxis: axis("order of the excitation", { rangemode: "tozero" }),
               yaxis: axis(`amplitude of ${name}${unit}`, { type: "log", exponentformat: "power", dtick: 1, minor: { ticks: "" }, range: [Math.log10(floor), Math.log10(3 * top)] }) }),
     ];
     const circle = { x: [], y: [] };

@@ -184,7 +184,7 @@ const explorer = (() => {
   /* ---- jump map */
 
   function fillMap() {
-    const names = ["Omega", ...data.parameters.filter((p) => p.map).map((p) => p.name)];
+    const names = ["Omega", ...data.map.map((p) => p.name)];
     for (const [id, chosen] of [["mapx", "Omega"], ["mapy", names.includes("zeta") ? "zeta" : names[1]]]) {
       $(id).replaceChildren(...names.map((name) => new Option(name, name, false, name === chosen)));
       $(id).addEventListener("change", () => mapRange(id));
@@ -194,9 +194,8 @@ const explorer = (() => {
   }
 
   function mapRange(id) {
-    const name = $(id).value, p = data.parameters.find((each) => each.name === name);
-    const [low, high] = name === "Omega" ? [Math.min(now.from, now.to), Math.max(now.from, now.to)]
-      : [Number(p.slider.min), Number(p.slider.max)];
+    const name = $(id).value, p = data.map.find((each) => each.name === name);
+    const [low, high] = name === "Omega" ? [Math.min(now.from, now.to), Math.max(now.from, now.to)] : [p.low, p.high];
     $(`${id}0`).value = hbgear.short(low, 5); $(`${id}1`).value = hbgear.short(high, 5);
   }
 
@@ -229,7 +228,8 @@ const explorer = (() => {
                line: { width: 2, ...(styles[line.kind] || { color: ink.regimes.no_impact }) }, hoverinfo: "x+y+name" };
     });
     const value = (name) => (name === "Omega" ? axes.Omega : now.values[name]);
-    traces.push({ x: [value(axes.x[0])], y: [value(axes.y[0])], mode: "markers", name: "now", hoverinfo: "x+y+name",
+    const [x, y] = [value(axes.x[0]), value(axes.y[0])]; // the map of a machine is over parameters of its model
+    if (x !== undefined && y !== undefined) traces.push({ x: [x], y: [y], mode: "markers", name: "now", hoverinfo: "x+y+name",
                   marker: { symbol: "circle-open", size: 11, color: ink.text, line: { width: 2 } } });
     div.hidden = false;
     await Plotly.react(div, traces, hbgear.layoutOf({ xaxis: hbgear.axis(found.labels[0]), yaxis: hbgear.axis(found.labels[1]),
@@ -239,7 +239,7 @@ const explorer = (() => {
     div.on("plotly_click", (event) => {
       const p = event.points[0];
       remember();
-      for (const [name, x] of [[axes.x[0], p.x], [axes.y[0], p.y]]) if (name in now.values) set(name, x);
+      for (const [name, given] of [[axes.x[0], p.x], [axes.y[0], p.y]]) if (name in now.values) set(name, given);
       moved(); settle();
     });
   }
