@@ -22,7 +22,7 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.ranges import counted
-from hbgear.continuation.reading import Moving, Reader
+from hbgear.continuation.reading import Moving, Reader, Telling
 
 if TYPE_CHECKING:
     import pandas
@@ -576,20 +576,13 @@ class Branch:
         known = self.recorded if self.problem is None else None
         if known is not None and len(known.rows) == len(self):
             return known.rows[:, coordinate(dof, known.names)]
-        problem = self.problem if self.problem is not None else self._retold()
+        problem = self.problem
+        if problem is None and isinstance(layout := self.layout, Telling):
+            problem = layout.problem_of(self.meta)
         if not isinstance(problem, Moving):
             raise ValueError(f"dof={dof!r} needs the model; load the branch with hbgear.load(path, problem=...)")
         q = np.array([problem.motion(X, **self.parameters_at(i)) for i, X in enumerate(self.X)])
         return q[:, coordinate(dof, problem.dof_names)]
-
-    def _retold(self) -> Any:
-        """The problem as the file tells it; None if its model is none of hbgear, for no code is loaded."""
-        from hbgear.harmonic import catalogue
-
-        try:
-            return catalogue.problem_of(self.meta)
-        except (KeyError, ValueError):
-            return None
 
     @checked_arguments()
     def peak(self, measure: str = "rms", element: int | str = 0) -> Point:

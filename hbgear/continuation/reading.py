@@ -49,6 +49,14 @@ class Comparing(Protocol):
 
 
 @runtime_checkable
+class Telling(Protocol):
+    """Can make the problem of a curve again from what its file says; asked if a curve has none."""
+
+    def problem_of(self, meta: Mapping[str, Any]) -> Any:
+        """The problem; None if the file does not tell it."""
+
+
+@runtime_checkable
 class Moving(Protocol):
     """Knows more coordinates than its unknowns; asked by `Branch.amplitude`."""
 

@@ -15,6 +15,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -147,6 +148,15 @@ class Layout:
     def measure_rows(self, name: str, rows: Array) -> Array:
         """The measure of that name of rows (..., 2H + 1) of one element."""
         return measure(name, rows, self.nu)
+
+    def problem_of(self, meta: Mapping[str, Any]) -> Any:
+        """The harmonic balance as a file tells it; None if its model is none of hbgear, for no code is loaded."""
+        from hbgear.harmonic import catalogue
+
+        try:
+            return catalogue.problem_of(meta)
+        except (KeyError, TypeError, ValueError):
+            return None
 
     def distance(self, X: Array, other: Layout, Y: Array) -> float:
         """How far two motions are apart, whatever their phases: root mean square of differences of amplitudes.

@@ -163,9 +163,9 @@ def test_one_table_of_kinds():
     assert all(event.meaning and is_marker(event.marker) for event in KINDS.values())
 
 
-def test_the_table_of_labels_in_the_readme():
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    rows = dict(re.findall(r"^\| ([A-Z]{2}) \| ([^|]+) \|", readme, re.MULTILINE))
+def test_the_table_of_labels_in_the_pages():
+    page = (Path(__file__).parents[2] / "docs" / "labels.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| ([A-Z]{2}) \| ([^|]+) \|", page, re.MULTILINE))
     assert {kind: rows.get(kind) for kind in KINDS} == {
         kind: event.meaning.partition(":")[0] for kind, event in KINDS.items()
     }

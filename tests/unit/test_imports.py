@@ -18,7 +18,7 @@ APART = {("continuation", "mechanics"), ("mechanics", "continuation")}
 
 # Imports of higher rooms, all inside of functions: what a branch can be asked to do with files is done by io.
 UPWARD = {("continuation.branch", "io.npz"), ("continuation.branch", "io.tables"), ("continuation.branch", "io.frames"),
-          ("continuation.branch", "harmonic.catalogue"), ("continuation.branch", "plot.notebook"),
+          ("continuation.branch", "plot.notebook"),
           ("mechanics.model", "plot.notebook"),
           ("continuation.branch", "timedomain.landing")}  # fmt: skip
 
