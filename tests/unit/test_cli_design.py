@@ -8,7 +8,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.cli import support as cli_support
+from hbgear.harmonic.telling import text_at
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def test_critical_is_that_of_the_library(run):
     code, out, err = run("critical spur-pair zeta --set zeta=0.1 --harmonics 6")
     assert (code, err) == (0, "")
     found = hb.critical(hb.SpurPair(zeta=0.1), "zeta", harmonics=6)
-    place = {name: cli_support.text_at(found.point, name) for name in ("zeta", "Omega")}
+    place = {name: text_at(found.point, name) for name in ("zeta", "Omega")}
     assert f"zeta = {place['zeta']}: a jump exists below" in out and f"Omega = {place['Omega']}\n" in out
 
 
