@@ -25,6 +25,17 @@ def figures_are_closed():
 
 
 @pytest.fixture
+def modules_are_forgotten(monkeypatch):
+    """Modules and folders that a test brings in, such as files of models, are not there for others."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    before = set(sys.modules)
+    yield
+    for name in set(sys.modules) - before:
+        if name in ("helper", "mine") or name.endswith("mine.py"):
+            del sys.modules[name]
+
+
+@pytest.fixture
 def rng():
     """Random numbers that are the same in every run."""
     return np.random.default_rng(2022)

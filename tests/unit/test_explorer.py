@@ -292,7 +292,7 @@ def test_command_refuses_what_cannot_be_explored(tmp_path, capsys):
     assert code == 2 and "is taken by another program" in err
 
 
-def test_own_models_are_explored(tmp_path, capsys):
+def test_own_models_are_explored(tmp_path, capsys, modules_are_forgotten):
     (tmp_path / "mine.py").write_text(
         "import hbgear as hb\n\n@hb.model(default_span=(0.5, 1.5))\n"
         "def stop(zeta: float = 0.05, gap: float = 1.0) -> hb.System:\n"

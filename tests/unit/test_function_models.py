@@ -42,14 +42,12 @@ print("mine.py runs")
 
 
 @pytest.fixture
-def run(capsys, tmp_path, monkeypatch):
+def run(capsys, tmp_path, monkeypatch, modules_are_forgotten):
     """Run the command in a folder with a user's file: ``(exit code, stdout, stderr)``."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr(sys, "path", [*sys.path])
     (tmp_path / "mine.py").write_text(SOURCE)
     (tmp_path / "helper.py").write_text("CUBIC = 0.1\n")
-    before = set(sys.modules)
 
     def call(*args):
         with pytest.raises(SystemExit) as stop:
@@ -57,10 +55,7 @@ def run(capsys, tmp_path, monkeypatch):
         out, err = capsys.readouterr()
         return stop.value.code, out, err
 
-    yield call
-    for name in set(sys.modules) - before:
-        if name in ("helper", "mine") or name.endswith("mine.py"):
-            del sys.modules[name]
+    return call
 
 
 # ---- fields
