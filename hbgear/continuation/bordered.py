@@ -126,6 +126,17 @@ class Augmented(FullProblem):
         out._fixed(base=self.base_at(X, here) if self.base is None else self.renewed(self.base, X, here))
         return out
 
+    def settled(self, U: Array, parameters: Mapping[str, float]) -> Self:
+        """As `based`, and the problem within too, if it is one of special points: differences see one equation each.
+
+        Null vectors are known but for their sign. A base of its own at each end of a difference would turn it.
+        """
+        X, own = self.split(U)
+        out = copy.copy(self)
+        if isinstance(self.problem, Augmented):
+            out._fixed(problem=self.problem.settled(X, {**parameters, **own}))
+        return out.based(U, parameters)
+
     def renewed(self, base: Base, X: Array, here: dict[str, float]) -> Base:
         """A base for points near X that keeps the weight and the sign of g."""
         return base
