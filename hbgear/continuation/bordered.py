@@ -117,25 +117,22 @@ class Augmented(FullProblem):
         """The base that a point is for itself."""
 
     def based(self, U: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
-        """The same problem with the base of the point U; as it is if it has one, unless that is to be renewed."""
-        if self.base is not None and not (renew and self.base.b is not None):
-            return self
-        X, own = self.split(U)
-        here = {**parameters, **own}
-        out = copy.copy(self)
-        out._fixed(base=self.base_at(X, here) if self.base is None else self.renewed(self.base, X, here))
-        return out
+        """The same problem with the base of the point U; as it is if it has one, unless that is to be renewed.
 
-    def settled(self, U: Array, parameters: Mapping[str, float]) -> Self:
-        """As `based`, and the problem within too, if it is one of special points: differences see one equation each.
-
-        Null vectors are known but for their sign. A base of its own at each end of a difference would turn it.
+        The problem within, if it is one of special points too, is based likewise: null vectors are known but for their
+        sign, which a base of its own at each end of a difference would turn.
         """
         X, own = self.split(U)
+        here = {**parameters, **own}
+        inner = self.problem.based(X, here, renew)
+        renewing = self.base is None or (renew and self.base.b is not None)
+        if inner is self.problem and not renewing:
+            return self
         out = copy.copy(self)
-        if isinstance(self.problem, Augmented):
-            out._fixed(problem=self.problem.settled(X, {**parameters, **own}))
-        return out.based(U, parameters)
+        out._fixed(problem=inner)
+        if renewing:
+            out._fixed(base=out.base_at(X, here) if self.base is None else out.renewed(self.base, X, here))
+        return out
 
     def renewed(self, base: Base, X: Array, here: dict[str, float]) -> Base:
         """A base for points near X that keeps the weight and the sign of g."""

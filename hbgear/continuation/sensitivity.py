@@ -63,7 +63,7 @@ def tangent(problem: FullProblem, X: Array, here: Mapping[str, float], parameter
 
 def of_special(equations: Augmented, U: Array, here: Mapping[str, float], names: Sequence[str]) -> Slopes:
     """Of a special point that has equations of its own, U = (X, p)."""
-    now, moved = equations.settled(U, here).linearised(U, names, **here)
+    now, moved = equations.based(U, here).linearised(U, names, **here)
     slopes = _answers(Factors(now.dR_dX), moved)
     return Slopes(slopes[:, :-1], slopes[:, -1])
 

@@ -17,12 +17,11 @@ from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.common.units import Measured, MeasuredOrNone
-from hbgear.gears.excited import amplitudes, checked_lags, lagging
+from hbgear.gears.excited import amplitudes, checked_lags, lagging, mesh_stiffness
 from hbgear.gears.gear import Gear
 from hbgear.gears.geometry import shaft_stiffness
 from hbgear.gears.mesh_cycle import MeshCycle
 from hbgear.gears.pair import GearPair
-from hbgear.mechanics.fourier import Series
 from hbgear.mechanics.laws import checked_contact
 from hbgear.mechanics.periodic import Phased
 from hbgear.mechanics.speed import MatrixTable
@@ -345,8 +344,7 @@ class Mesh:
         """k(tau)/k_mean, its alternating part times a factor."""
         if self.stiffness is not None:
             return self.stiffness.varied(scale)
-        eps = lagging(tuple(-scale * x for x in self.eps), self.eps_lag)
-        return Series(1.0, eps.cosine, eps.sine)
+        return mesh_stiffness(self.eps, scale, self.eps_lag)
 
     def error_used(self) -> Phased:
         """e(tau) [m]."""

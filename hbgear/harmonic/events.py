@@ -47,7 +47,7 @@ from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
 from hbgear.harmonic.meeting import meetings
 from hbgear.harmonic.observables import Layout
-from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
+from hbgear.harmonic.special import EXTREMA, Grazing, Peak, PeriodDoubling
 
 
 class Doubling(Event):
@@ -313,7 +313,7 @@ class AmplitudePeak(Event):
             best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": xatol})
             return segment.at(float(best.x))
 
-        sharp = self._sharp(segment, search(_ROUGH)) if measure not in _BY_EXTREMA else None
+        sharp = self._sharp(segment, search(_ROUGH)) if measure not in EXTREMA else None
         return [Found(self, 0.5, sharp or search(_SEARCHED), True, f"peak of {measure}")]
 
     def _sharp(self, segment: Segment, row: CurvePoint) -> CurvePoint | None:
@@ -330,10 +330,7 @@ class AmplitudePeak(Event):
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         """See `Peak`; "max", "pp2" and "mean" have none."""
-        return None if self.measure in _BY_EXTREMA else Peak(problem, parameter, self.measure, self.element)
-
-
-_BY_EXTREMA = ("max", "pp2", "mean")  # measures whose peaks have no equations
+        return None if self.measure in EXTREMA else Peak(problem, parameter, self.measure, self.element)
 
 
 _ROUGH, _SEARCHED = 1e-2, 1e-7  # shares of a piece to which a peak is searched for: before Newton, and instead of it

@@ -12,6 +12,7 @@ import csv
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -338,13 +339,10 @@ class _At:
             return of_crossing(self.problem, self.X, self.here, self.parameter, self.names, self._modulus())
         if kind == "BP":
             return of_branch_point(self.problem, self.X, self.here, self.parameter, self.names)
-        equations = self.equations()
         U = np.append(self.X, self.here[self.parameter])
-        try:
-            based = equations.based(U, self.here)
-            U = refine(based, solve(based, U, self.here), self.here).X
-        except NoConvergence:  # as near as it was located
-            pass
+        equations = self.equations().based(U, self.here)
+        with suppress(NoConvergence):  # else as near as it was located
+            U = refine(equations, solve(equations, U, self.here), self.here).X
         return of_special(equations, U, self.here, self.names)
 
     def equations(self) -> Augmented:
