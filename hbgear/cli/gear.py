@@ -158,17 +158,17 @@ def answers(
     check_writable(plot, FIGURES)
     branch, which = loaded(file, "pp2", element)
     at = int(dof) if dof is not None and dof.isdecimal() else dof
-    problem = problem_in(branch, own) if own else None
-    found = hb.answers(branch, which, at, problem=problem)
+    problem = problem_in(branch, own) if own else problem_along(branch)
+    branch = dataclasses.replace(branch, problem=problem)  # which its points are told, too
+    found = hb.answers(branch, which, at)
     title = found.title(answer)
     with outputs() as out:
         out.write(output, found.save)
         out.figure(plot, lambda drawing: drawing.response(branch, answer, which, dof=at))
         print_table(["largest of stable motions", "", "at Omega", "at r/min"], list(_largest(branch, found)))
-        problem = problem or problem_along(branch)
         rows = []
         for jump in branch.jumps():
-            ends = (hb.answers(end, which, at, problem=problem)[answer][0] if end else None
+            ends = (hb.answers(end, which, at)[answer][0] if end else None
                     for end in (jump.before, jump.after))  # fmt: skip
             direction = "increasing" if jump.direction > 0 else "decreasing"
             rows.append([jump.label, text_at(jump.before, branch.parameter), direction,

@@ -149,8 +149,8 @@ def _columns(
 ) -> dict[str, Array]:
     """All columns of motions X (P, m (2H + 1))."""
     index = problem.layout.index(element)
-    models: list[Any] = [problem.model.at(here) for here in each]
-    scales = [model.scales for model in models]
+    models = [problem.model_at(here) for here in each]  # one and the same where Omega alone changes
+    scales: list[Any] = [model.scales for model in models]
     known = all(one is not None for one in scales)
     length, force, rate = (np.array([getattr(one, name, 1.0) for one in scales])
                            for name in ("length", "force", "acceleration"))  # fmt: skip
@@ -167,13 +167,14 @@ def _columns(
         "dynamic factor [-]": np.divide(found[:, 1], found[:, 2], out=np.full(len(found), np.nan),
                                         where=np.abs(found[:, 2]) > 1e-12 * np.abs(found[:, 1])),
     }  # fmt: skip
-    if dof is None and not models[0].reactions:
+    supports = {id(model): model.reactions for model in models}
+    if dof is None and not supports[id(models[0])]:
         return columns
     Omega = columns["Omega [-]"] / problem.nu
     q = np.array([problem.motion(row, **here) for row, here in zip(X, each, strict=True)])
-    for name in models[0].reactions:
+    for name in supports[id(models[0])]:
         sizes = np.array(
-            [_reaction(model.reactions[name], *each) for model, *each in zip(models, q, Omega, strict=True)]
+            [_reaction(supports[id(model)][name], *each) for model, *each in zip(models, q, Omega, strict=True)]
         )
         columns[f"reaction {name}, largest [{newton}]"] = sizes[:, 0] * force
         columns[f"reaction {name}, static [{newton}]"] = sizes[:, 1] * force

@@ -45,7 +45,7 @@ def columns_of(branch: Branch) -> dict[str, Column]:
     """
     layout = layout_of(branch)
     columns = {name: _parameter(branch, name, values) for name, values in _varied(branch).items()}
-    columns |= _speeds(branch)
+    columns |= speeds_of(branch)
     columns |= _special(branch)
     if branch.multipliers is not None:
         known = [{"stable": 1, "unstable": 0}.get(verdict, "") for verdict in branch.verdicts]
@@ -101,7 +101,7 @@ def _parameter(branch: Branch, name: str, values: Any) -> Column:
     return Column(values, without_unit(label), unit_of(label))
 
 
-def _speeds(branch: Branch) -> dict[str, Column]:
+def speeds_of(branch: Branch) -> dict[str, Column]:
     """Mesh frequency and speed of the pinion where the model knows its units."""
     model = model_of(branch)
     rows = [speeds_at(model, branch.parameters_at(i)) for i in range(len(branch))] if model is not None else []

@@ -10,7 +10,7 @@ import csv
 import dataclasses
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,14 +18,15 @@ import numpy as np
 from hbgear.common.replacing import checked_suffix, replacing
 from hbgear.continuation.branch import Branch, SpecialPoint, Status, saved_fields
 from hbgear.harmonic.observables import MEASURES
-from hbgear.io.columns import about, bracketed, columns_of
+from hbgear.io.columns import Column, about, bracketed, columns_of, speeds_of
 from hbgear.io.npz import encode
 
 
 def export(branch: Branch, path: str | os.PathLike[str]) -> None:
     """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all."""
     if checked_suffix(path, (".csv", ".mat"), "use save for .npz") == ".csv":
-        table, head = _whole_table(branch), "".join(f"{line}\n" for line in _head(branch))
+        tables = [columns_of(one) for one in (branch, *branch.others)]
+        table, head = _whole_table(tables), "".join(f"{line}\n" for line in _head(branch, tables[0]))
         with replacing(path, "x", encoding="utf-8", newline="") as handle:
             handle.write(head)
             writer = csv.writer(handle)
@@ -38,23 +39,24 @@ def export(branch: Branch, path: str | os.PathLike[str]) -> None:
             savemat(handle, _matlab(branch), long_field_names=True, do_compression=True, oned_as="column")
 
 
-def _whole_table(branch: Branch) -> dict[str, Any]:
+def _whole_table(tables: Sequence[Mapping[str, Column]]) -> dict[str, Any]:
     """Columns of the .csv; with the number of the curve first, and nothing where one has no such column, of several."""
-    if not branch.others:
-        return _table(branch)
-    tables = [{"curve": [i + 1] * len(b), **_table(b)} for i, b in enumerate((branch, *branch.others))]
-    names = dict.fromkeys(name for table in tables for name in table)
-    return {name: [x for t in tables for x in t.get(name, [""] * len(t["curve"]))] for name in names}
+    each = [{name: column.values for name, column in table.items()} for table in tables]
+    if len(each) == 1:
+        return each[0]
+    counts = [len(table["residual"]) for table in each]
+    names = dict.fromkeys(name for table in each for name in table)
+    numbers = {"curve": [i + 1 for i, count in enumerate(counts) for _ in range(count)]}
+    return numbers | {
+        name: [x for table, count in zip(each, counts, strict=True) for x in table.get(name, [""] * count)]
+        for name in names
+    }
 
 
-def _table(branch: Branch) -> dict[str, Any]:
-    return {name: column.values for name, column in columns_of(branch).items()}
-
-
-def _head(branch: Branch) -> Iterator[str]:
+def _head(branch: Branch, columns: Mapping[str, Column]) -> Iterator[str]:
     """Lines before the table: what the curve is, and what its columns mean; of all elements alike in one line."""
     yield from (f"# {name} = {text}" for name, text in about(branch).items())
-    columns, told = columns_of(branch), set()
+    told = set()
     for name, column in columns.items():
         key = f"{column.key}_ELEMENT" if column.element else name
         higher = column.key[1:].isdigit() and column.key not in ("a0", "a1", "b1")
@@ -91,8 +93,7 @@ def _matlab(branch: Branch) -> dict[str, Any]:
         out["amplitude"] = {name: np.stack(columns, axis=-1) for name, columns in rows.items()}
     if branch.stable is not None:
         out |= {"stable": branch.stable, "undecided": branch.undecided}
-    speeds = {name: columns_of(branch).get(name) for name in ("mesh_Hz", "pinion_rpm")}
-    out |= {name: column.values for name, column in speeds.items() if column is not None}
+    out |= {name: column.values for name, column in speeds_of(branch).items()}
     return out | {"explained": {name: text for name, text in EXPLAINED.items() if name in out}}
 
 

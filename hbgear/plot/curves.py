@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -98,7 +99,7 @@ def response(
         raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
     if branch.others and special and jumps and color is None and label is None:
         return responses((branch, *branch.others), measure, element, ax, legend=legend, speeds=speeds, dof=dof)
-    height = _Height(measure, element, dof)
+    branch, height = _asked(branch, measure), _Height(measure, element, dof)
     amplitude = height.along(branch)
     own = ax is None
     with styled():
@@ -165,6 +166,7 @@ def responses(
     if len(branches) == 1:
         return response(branches[0], measure, element, ax, legend=legend, speeds=speeds, dof=dof)
     own, height = ax is None, _Height(measure, element, dof)
+    branches = [_asked(branch, measure) for branch in branches]
     with styled():
         ax = axes_or_new(ax, (6.4, 3.8))
         for i, branch in enumerate(branches):
@@ -327,8 +329,8 @@ def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str, dof: i
     names = layout.labels if layout else {}
     ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))
     if _is_answer(measure):
-        row = answers(branch[0], element, dof, problem=problem_along(branch))
-        ax.set_ylabel(row.title(measure) + (f" of {dof}" if dof is not None and measure.startswith("acc") else ""))
+        title = answers(_asked(branch, measure)[0], element, dof).title(measure)
+        ax.set_ylabel(title + (f" of {dof}" if dof is not None and measure.startswith("acc") else ""))
     else:
         ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {gap_label(layout, element)}")
     dress(ax)
@@ -336,6 +338,12 @@ def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str, dof: i
 
 def _is_answer(measure: str) -> bool:
     return measure not in MEASURES and re.fullmatch(r"H\d+(/\d+)?", measure) is None and len(measure) > 4
+
+
+def _asked(branch: Branch, measure: str) -> Branch:
+    """The branch, with its problem if that is needed: its points are told then, too."""
+    known = branch.problem is not None or not _is_answer(measure)
+    return branch if known else replace(branch, problem=problem_along(branch))
 
 
 class _Height:
@@ -354,11 +362,10 @@ class _Height:
                 self._along[id(branch)] = branch.amplitude(self.measure, self.element)
         return self._along[id(branch)]
 
-    def at(self, point: Point, branch: Branch) -> float:
-        """Of a point, with the problem of its branch."""
+    def at(self, point: Point) -> float:
+        """Of a point."""
         if _is_answer(self.measure):
-            found = answers(point, self.element, self.dof, problem=problem_along(branch))
-            return float(found[self.measure][0])
+            return float(answers(point, self.element, self.dof)[self.measure][0])
         return point.amplitude(self.measure, self.element)
 
 
@@ -366,7 +373,7 @@ def _arrow(ax: Axes, branch: Branch, jump: Jump, height: _Height) -> None:
     """Vertical arrow from the amplitude before a jump to the one after it."""
     if jump.after is None or jump.parameter != branch.parameter:
         return
-    start, end = ((jump.value, height.at(point, branch)) for point in (jump.before, jump.after))
+    start, end = ((jump.value, height.at(point)) for point in (jump.before, jump.after))
     style = {"arrowstyle": "-|>", "color": "#777777", "linewidth": 0.8, "shrinkA": 3, "shrinkB": 0, "mutation_scale": 8}
     ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3)
 
@@ -380,7 +387,7 @@ def _marks(ax: Axes, branch: Branch, height: _Height, numbered: bool = False) ->
     for point in map(named, branch.special):
         x = point.parameters[branch.parameter]
         (line,) = ax.plot(
-            x, height.at(point, branch), point.marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black",
+            x, height.at(point), point.marker, markersize=4.5, markerfacecolor="white", markeredgecolor="black",
             markeredgewidth=0.9, label=legend_entry(point), zorder=4, gid=point.label,
         )  # fmt: skip
         around = branch.values[max(point.index - 1, 0) : point.index + 2]
