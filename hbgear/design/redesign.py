@@ -277,8 +277,9 @@ class _Search:
         """The problem of the model at relative changes."""
         old = self.problem
         return HarmonicBalance(
-            old.model.replace(**self.values(u)), old.H, old.N, nu=old.nu, sampled=old.is_sampled, reduce=old.reduce
-        )
+            old.model.replace(**self.values(u)), old.H, old.N, nu=old.nu, sampled=old.is_sampled, reduce=old.reduce,
+            orders=old.selection,
+        )  # fmt: skip
 
     def run(self, u: Array, low: Array, high: Array) -> Array:
         """Relative changes at which the goal is reached, or as near to it as the bounds allow."""

@@ -197,10 +197,10 @@ def _reaction(support: Reaction, q: Array, rate: float) -> tuple[float, float]:
 def _of_motion(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> tuple[float, float, float]:
     """dte, and the force that is largest in the direction of the mean one, and this, in units of the model."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    row = X.reshape(problem.m, -1)[index]
+    row = problem.rows(X)[index]
     moved = partial(compiled.gap, index, row)
     force = force_samples(compiled.laws[index], moved, here["Omega"] / problem.nu, problem.nu)
     static = float(force.mean())
     largest = float(force[np.argmax(force if static >= 0 else -force)])
-    dte = row + to_real(compiled.receptance.e.T)[index]
+    dte = row + compiled.spread(to_real(compiled.receptance.e.T).ravel()).reshape(problem.m, -1)[index]
     return float(half_peak_to_peak(dte)), largest, static

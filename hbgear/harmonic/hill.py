@@ -41,7 +41,7 @@ def hill_multipliers(compiled: Compiled, X: Array, Omega: float) -> ComplexArray
     if modes is None or r * (2 * H + 1) > _LARGEST:
         most = f"{r} x (2H + 1) = {r * (2 * H + 1):,}" if r else "too many"
         raise ValueError(f"Hill's matrix would have {most} equations; at most {_LARGEST:,} are solved: fewer harmonics")
-    kappa, _, more = projected(compiled.numbers, X.reshape(m, -1), 2 * H)
+    kappa, _, more = projected(compiled.numbers, compiled.spread(X).reshape(m, -1), 2 * H)
     slopes = kappa + more
     slopes[:, 0] -= compiled.numbers.linear.springs[0]
     k = np.arange(-H, H + 1)

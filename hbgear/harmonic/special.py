@@ -29,7 +29,7 @@ from hbgear.continuation.algebra import bordered, norm
 from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, null_vectors, sides
 from hbgear.continuation.differences import STEP, in_parameter
 from hbgear.continuation.problem import AnyProblem, linearise
-from hbgear.mechanics.fourier import extrema, to_real, waves
+from hbgear.mechanics.fourier import extrema, places, to_real, waves
 
 
 class PeriodDoubling(Fold):
@@ -64,8 +64,7 @@ class PeriodDoubling(Fold):
     def __init__(self, problem: AnyProblem, parameter: str = "") -> None:
         super().__init__(problem, parameter)
         doubled = problem.doubled
-        k = np.arange(doubled.H + 1)
-        harmonic = np.tile(np.concatenate([[0], np.repeat(k[1:], 2)]), problem.m)
+        harmonic = np.tile(np.concatenate([[0], np.repeat(doubled.orders[1:], 2)]), problem.m)
         self._fixed(doubled=doubled, odd=np.flatnonzero(harmonic % 2), even=np.flatnonzero(harmonic % 2 == 0))
 
     def embed(self, X: Array) -> Array:
@@ -145,8 +144,8 @@ class Grazing(Augmented):
         now = linearise(self.problem, X, self.parameter, here)
         g, at = self.problem.graze(X, self.which, **here)
         element = self.problem.clearance_elements[self.which]
-        w = waves(at, self.problem.H)[0]
-        slope = np.zeros((self.problem.m, 2 * self.problem.H + 1))
+        w = waves(at, self.problem.H)[0, self.problem.orders]
+        slope = np.zeros((self.problem.m, 2 * len(w) - 1))
         slope[element, 0], slope[element, 1::2], slope[element, 2::2] = 1.0, w.real[1:], w.imag[1:]
         k = base.weight
         changes = (self._changed(X, here, name, now.dR_dX) for name in names)
@@ -163,7 +162,7 @@ class Grazing(Augmented):
         dg = self._moved(X, here, name, self.which)
         if not dg:
             return linearise(self.problem, X, name, here).dR_dp, dg
-        along, elements = np.zeros((self.problem.m, 2 * self.problem.H + 1)), self.problem.clearance_elements
+        along, elements = np.zeros((self.problem.m, len(X) // self.problem.m)), self.problem.clearance_elements
         for which in np.flatnonzero(np.abs(self.problem.clearance(X, **here)) < _TOUCHING * (1.0 + norm(X))):
             along[elements[which], 0] = -self._moved(X, here, name, int(which))
         X_a, value = along.ravel(), here[name]
@@ -222,13 +221,13 @@ class Peak(Augmented):
         self._fixed(measure=measure, element=element, S=self._weights(measure, element).ravel())
 
     def _weights(self, measure: str, element: int) -> Array:
-        """S (m, 2H + 1)."""
-        S = np.zeros((self.problem.m, 2 * self.problem.H + 1))
+        """S, as X."""
+        S = np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
         if measure == "rms":
             S[element, 1:] = 1.0
         else:
-            k = _harmonic(measure, self.problem)
-            S[element, 2 * k - 1 : 2 * k + 1] = 1.0
+            at = int(np.searchsorted(self.problem.orders, _harmonic(measure, self.problem)))
+            S[element, 2 * at - 1 : 2 * at + 1] = 1.0
         return S
 
     @property
@@ -295,12 +294,13 @@ class ExtremumPeak(Peak):
     def _weights(self, measure: str, element: int) -> Array:
         if measure not in EXTREMA:
             raise ValueError(f"extremum of {measure!r}: need {', '.join(EXTREMA)}")
-        return np.zeros((self.problem.m, 2 * self.problem.H + 1))
+        return np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
 
     def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
         """Gradient (n,) of A, and its derivative along t (n,): theta_i moves by -w'(theta_i).t / d''(theta_i)."""
-        slope, bent = np.zeros((2, self.problem.m, 2 * self.problem.H + 1))
-        row, along = X.reshape(self.problem.m, -1)[self.element], t.reshape(self.problem.m, -1)[self.element]
+        orders = self.problem.orders
+        slope, bent = np.zeros((2, self.problem.m, 2 * len(orders) - 1))
+        row, along = (self.problem.rows(x)[self.element] for x in (X, t))
         if self.measure == "mean":
             slope[self.element, 0] = 1.0
             return slope.ravel(), bent.ravel()
@@ -312,8 +312,8 @@ class ExtremumPeak(Peak):
         for share, at in parts:
             c = np.exp(-1j * k * at)
             w, w1, w2 = to_real(c), to_real(-1j * k * c), to_real(-(k**2) * c)
-            slope[self.element] += share * w
-            bent[self.element] -= share * w1 * float(w1 @ along) / float(w2 @ row)
+            slope[self.element] += share * w[places(orders)]
+            bent[self.element] -= share * w1[places(orders)] * float(w1 @ along) / float(w2 @ row)
         return slope.ravel(), bent.ravel()
 
 
@@ -326,6 +326,8 @@ def _harmonic(measure: str, problem: Any) -> int:
     nu, H = problem.nu, problem.H
     found = re.fullmatch(r"H(\d+)(?:/(\d+))?", measure)
     k = int(found[1]) * nu / int(found[2] or 1) if found and found[2] != "0" else 0
+    if k == int(k) and 1 <= k <= H and k not in problem.orders:
+        raise ValueError(f"peak of {measure!r}: the balance leaves out that order; give more of them")
     if k != int(k) or not 1 <= k <= H:
         fractions = f", also H1/{nu}, ..." if nu > 1 else ""
         raise ValueError(f"peak of {measure!r}: need 'rms' or 'H1' to 'H{H // nu}'{fractions}")
