@@ -72,6 +72,7 @@ FILES = {
         "stride": "corrector newton problem segment stepsize verdicts",
         "tracer": "accuracy algebra asymptote branch corrector covering ending events jumps newton problem record "
         "segment stepsize stride",
+        "refining": "algebra branch newton problem",
         "extending": "branch jumps newton problem segment tracer",
         "following": "branch events problem tracer",
         "switching": "branch events tracer",
