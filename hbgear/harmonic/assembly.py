@@ -35,9 +35,29 @@ from hbgear.harmonic.sampling import samples_of, spectrum
 def receptance(poles: Any, residues: Any, w: float, G: Any, dG: Any) -> None:
     """G (m, m) and dG/dw at a frequency."""
     m = G.shape[0]
+    if m == 1:
+        G[0, 0], dG[0, 0] = _modal_sum(poles, residues[0], w)
+        return
+    each = np.empty((2, poles.shape[1]))  # 1 / (i w - pole)
+    for k in range(poles.shape[1]):
+        a, b = -poles[0, k], w - poles[1, k]
+        size = 1.0 / (a * a + b * b)
+        each[0, k], each[1, k] = a * size, -b * size
     for i in range(m):
         for j in range(m):
-            G[i, j], dG[i, j] = _modal_sum(poles, residues[i * m + j], w)
+            G[i, j], dG[i, j] = _weighted_sum(each, residues[i * m + j])
+
+
+@kernel
+def _weighted_sum(each: Any, residues: Any) -> tuple[complex, complex]:
+    """`_modal_sum` of known 1 / (i w - pole)."""
+    x = y = u = v = 0.0
+    for k in range(each.shape[1]):
+        a, b = each[0, k], each[1, k]
+        p, q = residues[0, k] * a - residues[1, k] * b, residues[0, k] * b + residues[1, k] * a
+        x, y = x + p, y + q
+        u, v = u + p * a - q * b, v + p * b + q * a
+    return complex(x, y), complex(v, -u)
 
 
 @kernel
@@ -114,14 +134,21 @@ def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> Non
 
 @kernel
 def _change(Y: Any, dG: Any, factor: float, dY: Any) -> None:
-    """dY = factor Y dG Y."""
+    """dY = factor Y dG Y; dG is lost."""
     m = Y.shape[0]
+    row = np.empty(m, dtype=np.complex128)
+    for k in range(m):
+        for j in range(m):
+            row[j] = 0j
+            for n in range(m):
+                row[j] += dG[k, n] * Y[n, j]
+        for j in range(m):
+            dG[k, j] = row[j]
     for i in range(m):
         for j in range(m):
             total = 0j
             for k in range(m):
-                for n in range(m):
-                    total += Y[i, k] * dG[k, n] * Y[n, j]
+                total += Y[i, k] * dG[k, j]
             dY[i, j] = factor * total
 
 
