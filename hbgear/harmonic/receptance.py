@@ -370,14 +370,13 @@ class Structure:
         return self
 
     def receptances(self, Omega: float, ratio: Array) -> tuple[ComplexArray, ComplexArray]:
-        """G and dG/dOmega, (P, m, m) each, at frequencies Omega ratio (P,), by one factorisation each."""
-        Q, dQ = self._direct(Omega * ratio, np.broadcast_to(self.W, (len(ratio), *self.W.shape)))
-        return self.W.T @ Q, (self.W.T @ dQ) * ratio[:, None, None]
+        """G and dG/dOmega, (P, m, m) each, at frequencies Omega ratio (P,)."""
+        return self.response(Omega, ratio, self.W)
 
     def response(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """W^T D^-1 F and its derivative in Omega, (P, m) each, at frequencies Omega ratio (P,) for a load F (n,)."""
-        Q, dQ = self._direct(Omega * ratio, np.broadcast_to(F[:, None], (len(ratio), self.n, 1)))
-        return (self.W.T @ Q)[..., 0], (self.W.T @ dQ)[..., 0] * ratio[:, None]
+        """W^T D^-1 F and its derivative in Omega, (P, m, c) each, at frequencies Omega ratio (P,), of F (n, c)."""
+        Q, dQ = self._direct(Omega * ratio, np.broadcast_to(F, (len(ratio), *F.shape)))
+        return self.W.T @ Q, (self.W.T @ dQ) * ratio[:, None, None]
 
     def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """D(w)^-1 F and its derivative in w for F (K, n, c), by one factorisation each."""
@@ -471,8 +470,10 @@ class Receptance:
     def _directly(self, Omega: float, out: LinearPart) -> None:
         """The same by solving for the receptances."""
         s, ratio = self.structure, self.k / self.nu
-        w = Omega * ratio
-        G, dG = s.receptances(Omega, ratio)
+        w, m = Omega * ratio, s.m
+        amplitudes = np.array([part.amplitudes for part in self._loads]).reshape(-1, s.n)
+        x, dx = s.response(Omega, ratio, np.column_stack([s.W, amplitudes.T]))
+        G, dG = x[..., :m], dx[..., :m]
         Y, dY = out.matrices
         own = np.ix_(np.arange(len(w)), s.own, s.own)
         Y[own] = np.linalg.inv(G[own])
@@ -481,9 +482,9 @@ class Receptance:
         constants[:] = (out.matrices @ self.e[..., None])[..., 0]
         constants[0] -= (s.kr + 1j * w[:, None] * s.c) * self.e
         constants[1] -= 1j * ratio[:, None] * s.c * self.e
-        for part in self._loads:
+        for n, part in enumerate(self._loads):
             k, power = part.at, part.power
-            (y,), (dy,) = s.response(Omega, ratio[k : k + 1], part.amplitudes)
+            y, dy = x[k, :, m + n], dx[k, :, m + n]
             growth = Omega**power
             change = growth * dy + (power * Omega ** (power - 1) * y if power else 0.0)
             constants[0, k] -= Y[k] @ (growth * y)

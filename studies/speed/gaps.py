@@ -132,7 +132,7 @@ def report(rows: list[dict[str, Any]]) -> str:
         cells = [row["case"], str(row["size"]), str(row["points"])]
         cells += [f"{row['touched']:.1f}, {row['most']} of {row['gaps']}"]
         times = (row["alone"], row["stability"], solving, row["dense"], row["idle"], row["all but one"])
-        cells += [f"{x:.2f}" for x in times]
+        cells += ["-" if np.isnan(x) else f"{x:.2f}" for x in times]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join([*lines, ""])
 
