@@ -184,6 +184,11 @@ class HarmonicBalance(FullProblem):
         return self.m * (2 * self.H + 1)
 
     @property
+    def fineness(self) -> str:
+        """Number of harmonics, in words."""
+        return f"H = {self.H}"
+
+    @property
     def parameters(self) -> dict[str, float]:
         """The model's parameters; Omega is given with every evaluation."""
         return self.model.parameters
