@@ -229,6 +229,11 @@ class HarmonicBalance(FullProblem):
         return spread(X, self.m, self.orders, self.H)
 
     @property
+    def fineness(self) -> str:
+        """Number of harmonics, in words."""
+        return f"H = {self.H}" if self.selection is None else f"{len(self.orders) - 1} orders up to {self.H}"
+
+    @property
     def parameters(self) -> dict[str, float]:
         """The model's parameters; Omega is given with every evaluation."""
         return self.model.parameters

@@ -127,8 +127,17 @@ class Condensed:
         return np.arange(-H, H + 1)
 
     def receptances(self, s: complex) -> tuple[ComplexArray, ComplexArray]:
-        """G and dG/ds (2H + 1, m, m) at s + i k omega."""
-        away = 1.0 / (s + 1j * self.omega * self.k[:, None] - self.poles)
+        """G and dG/ds (2H + 1, m, m) at s + i k omega.
+
+        Raises
+        ------
+        ValueError
+            If one of these is a pole.
+        """
+        distance = s + 1j * self.omega * self.k[:, None] - self.poles
+        if not distance.all():
+            raise ValueError("the exponent is that of a mode that no gap changes: the motion is linear there")
+        away = 1.0 / distance
         G = np.einsum("ir,kr,rj->kij", self.output, away, self.input, optimize=True)
         return G, np.einsum("ir,kr,rj->kij", self.output, -np.square(away), self.input, optimize=True)
 

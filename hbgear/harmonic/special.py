@@ -247,6 +247,8 @@ def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: 
     ------
     NoConvergence
         If it does not converge.
+    ValueError
+        If it is the exponent of a mode that no gap changes.
     """
     corner = np.zeros(len(b) + 1)
     corner[-1] = 1.0
@@ -257,7 +259,7 @@ def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: 
         right, left = scipy.linalg.lu_solve(lu, corner), scipy.linalg.lu_solve(lu, corner, trans=2)
         v, w, g = right[:-1], left[:-1], right[-1]
         rate = complex(w.conj() @ D_s @ v)
-        if not np.isfinite([g, rate]).all() or abs(rate) <= _NOWHERE * abs(g) / hill.omega:
+        if not abs(g) < hill.omega * abs(rate):  # exponents repeat at this distance: none is nearby
             break
         step = g / rate
         s, known = s + step, len(steps) and steps[-1] <= 1e-7 * hill.omega
@@ -267,9 +269,6 @@ def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: 
             y = np.einsum("kij,ki->kj", G.conj(), w.reshape(-1, hill.m)).ravel()
             return _Pair(s, v, w, y, rate)
     raise NoConvergence("Newton found no exponent of Hill's determinant", X, here, steps)
-
-
-_NOWHERE = 1e-6  # rate at which the determinant of no exponent nearby changes, over its value
 
 
 def _unit(v: ComplexArray) -> ComplexArray:
