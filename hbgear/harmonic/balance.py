@@ -183,7 +183,7 @@ class HarmonicBalance(FullProblem):
             return _FEWEST * self.nu if self.auto else harmonics
         if self.selection.given and self.auto:
             raise ValueError("harmonics = 'auto' chooses the orders itself: give orders='meshes', or no 'auto'")
-        if known:
+        if known and not self.auto:
             return harmonics
         return self.nu * (max(self.selection.given) if self.selection.given else harmonics * self.selection.unit)
 
