@@ -127,7 +127,7 @@ def test_motions_in_mesh_are_those_of_all_orders(train, curves):
 
 @pytest.fixture(scope="module")
 def lost():
-    """A curve on which the second mesh loses contact, with the orders that a coarse one asks for."""
+    """A curve on which a mesh loses contact, with the orders that a coarse one asks for."""
     model = two_stages(7, 4)
     first = hb.trace(hb.HarmonicBalance(model, 6, orders="meshes"), "Omega", SPAN, accuracy=None)
     return hb.trace(first.problem.with_orders_of(first, 2e-5), "Omega", SPAN)
