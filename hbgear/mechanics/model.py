@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -27,11 +26,12 @@ from hbgear.common.arguments import check, check_fields
 from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked, counted
+from hbgear.mechanics.describing import told
 from hbgear.mechanics.fields import check_names, entries_of, parameters_of, with_entries
 from hbgear.mechanics.fourier import MOST_HARMONICS, Series, is_listed, real_numbers
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.matrices import square
-from hbgear.mechanics.periodic import Periodic, Phased, described
+from hbgear.mechanics.periodic import Periodic, Phased
 from hbgear.mechanics.scales import Scales
 from hbgear.mechanics.speed import SpeedTerms
 
@@ -441,22 +441,19 @@ class System(Model):
 def describe(model: Model) -> dict[str, Any]:
     """``{"class": name, "fields": {...}}`` of plain numbers, strings and lists, fit for JSON.
 
-    Fields that JSON cannot hold (the matrices of a `System`) are left out: such a model cannot be rebuilt. Of a model
-    that is not of hbgear ``"from"`` says where it was written, for the eye of whoever reads the file.
+    Fields that are no data (functions, laws of your own, very large matrices) are left out, and named in
+    ``"left_out"``: such a model cannot be rebuilt. Of a model that is not of hbgear ``"from"`` says where it was
+    written, for the eye of whoever reads the file.
     """
     fields: dict[str, Any] = {}
+    left_out = []
     for each in dataclasses.fields(model):  # type: ignore[arg-type]
-        value = getattr(model, each.name)
-        if isinstance(value, Phased):
-            value = described(value)
-        if isinstance(value, np.generic):
-            value = value.item()
         try:
-            fields[each.name] = json.loads(json.dumps(value))
+            fields[each.name] = told(getattr(model, each.name))
         except TypeError:
-            continue
-    source = source_of(type(model))
-    return {"class": type(model).__name__, "fields": fields, **({"from": source} if source else {})}
+            left_out.append(each.name)
+    source, out = source_of(type(model)), {"class": type(model).__name__, "fields": fields}
+    return out | ({"left_out": left_out} if left_out else {}) | ({"from": source} if source else {})
 
 
 def source_of(cls: type) -> str:
