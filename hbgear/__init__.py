@@ -30,12 +30,14 @@ from hbgear.design.scatter import JumpScatter, jump_scatter
 from hbgear.design.study import Cases, cases
 from hbgear.design.swept import SweepStatistics, sweep_statistics
 from hbgear.gears import (
+    Beam,
     Bearing,
     DoubleHelicalPair,
     Gear,
     GearPair,
     GearRotorBearing,
     HelicalPair,
+    Housing,
     Mesh,
     MeshCycle,
     PlanetarySet,
@@ -84,6 +86,7 @@ from hbgear.web import report
 __all__ = [
     "Answers",
     "Backlash",
+    "Beam",
     "Bearing",
     "Branch",
     "Campbell",
@@ -106,6 +109,7 @@ __all__ = [
     "Grazing",
     "HarmonicBalance",
     "HelicalPair",
+    "Housing",
     "Jump",
     "JumpMap",
     "JumpScatter",

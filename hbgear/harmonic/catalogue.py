@@ -7,12 +7,14 @@ from typing import Any
 
 from hbgear.common.messages import did_you_mean
 from hbgear.gears import (
+    Beam,
     Bearing,
     DoubleHelicalPair,
     Gear,
     GearPair,
     GearRotorBearing,
     HelicalPair,
+    Housing,
     Mesh,
     PlanetarySet,
     Shaft,
@@ -39,13 +41,17 @@ MODELS: dict[str, type[Model]] = {
     "planetary": PlanetarySet,
 }
 
-_MADE = {each.__name__: each for each in (*MODELS.values(), Train, System)}
+_MADE: dict[str, type[Model]] = {
+    **{each.__name__: each for each in MODELS.values()}, "Train": Train, "System": System
+}  # fmt: skip
 """Classes that a file may be of without being named again."""
 
 _PARTS: dict[str, type] = {
     each.__name__: each
-    for each in (Gear, GearPair, Support, Wheel, Shaft, Bearing, Mesh, Element, Load, SpeedTerms, MatrixTable,
-                 PiecewiseLinear, Cubic, Parallel)
+    for each in (
+        Gear, GearPair, Support, Wheel, Shaft, Bearing, Mesh, Beam, Housing, Element, Load, SpeedTerms, MatrixTable,
+        PiecewiseLinear, Cubic, Parallel,
+    )
 }  # fmt: skip
 """What such models consist of."""
 
@@ -110,8 +116,9 @@ def rebuild(meta: Any, cls: type[Model] | None = None) -> Model:
         raise KeyError(f"the catalogue has no class '{meta['class']}'{_advice(meta)}")
     cls = cls or _MADE[meta["class"]]
     if meta.get("left_out") and cls in _MADE.values():
-        raise ValueError(f"the file of this {cls.__name__} does not hold its {str(meta['left_out'])[:80]}: load it with "
-                         "problem=...")  # fmt: skip
+        raise ValueError(
+            f"the file of this {cls.__name__} does not hold its {str(meta['left_out'])[:80]}: load it with problem=..."
+        )
     fields = {name: retold(value, _PARTS) for name, value in meta["fields"].items()}
     _check_types(cls, fields)
     return made(cls, fields)

@@ -57,6 +57,25 @@ def parsed(path: str | os.PathLike[str], what: str, error_class: type[TomlFileEr
     raise error_class([f"'{path}' cannot be read as {what}: {reason}"])
 
 
+def checked(
+    path: str | os.PathLike[str], what: str, error_class: type[TomlFileError], schema: Any
+) -> tuple[str, dict[str, Any]]:
+    """Text of a file, and what stands in it if that is of the form of a model of pydantic.
+
+    Raises
+    ------
+    TomlFileError
+        Of the class given, if it cannot be read or is of another form.
+    """
+    import pydantic
+
+    text, data = parsed(path, what, error_class)
+    try:
+        return text, schema.model_validate(data).model_dump(exclude_unset=True)
+    except pydantic.ValidationError as error:
+        raise error_class(located(path, text, [told(schema, each) for each in error.errors()])) from None
+
+
 def located(path: str | os.PathLike[str], text: str, problems: Sequence[tuple[Place, str]]) -> list[str]:
     """Errors by place as texts with their lines, in the order of the lines."""
     where = lines_of(text)

@@ -1,7 +1,7 @@
 """Values of a model as plain data, fit for JSON, and back: what a file must hold to make the model again.
 
     3.0    "plane"    [1.0, ...]    {"function": "Series", ...}    {"part": "Wheel", "fields": {"name": "pinion", ...}}
-    {"array": [[...], ...]}    {"sparse": n, "row": [...], "column": [...], "values": [...]}    {"pairs": [[1, ...], ...]}
+    {"array": [[...], ...]}    {"sparse": n, "row": [...], "column": [...], "values": [...]}    {"pairs": [[1, ...]]}
 
 Parts are frozen dataclasses of hbgear: wheels of a train, elements and loads of a system. Functions and classes of a
 user are no data.

@@ -46,13 +46,13 @@ def train(machine: Train, ax: Axes | None = None) -> Axes:
         for shaft in machine.shafts:
             ends = np.array([places[shaft.first], places[shaft.second]])
             ax.plot(*ends.T, "-", color=GREY, linewidth=2.2, zorder=1, label="shaft", gid="shaft")
+        for beam in machine.beams:
+            ends = np.array([places[beam.first], places[beam.second]])
+            ax.plot(*ends.T, "-", color=GREY, linewidth=4.5, alpha=0.6, zorder=1, label="shaft with mass", gid="beam")
         for i, (mesh, angles) in enumerate(zip(machine.meshes, found.angles, strict=True)):
             _line_of_action(ax, machine, i, mesh, angles, places, size)
         for bearing in machine.bearings:
-            x, y = places[bearing.at]
-            ax.plot(
-                [x], [y - 0.12 * size[bearing.at]], "^", color="black", markersize=5, fillstyle="none", label="bearing"
-            )
+            _bearing(ax, machine, bearing, places[bearing.at] - [0.0, 0.12 * 1e3 * size[bearing.at]])
         for name, wheel in wheels.items():
             _wheel(ax, wheel, places[name], size[name], float(found.speeds[name]))
         ax.set_aspect("equal")
@@ -93,6 +93,14 @@ def _places(machine: Train, size: dict[str, float]) -> dict[str, np.ndarray]:
             return {name: placed.get(name, np.zeros(2)) for name in given}
 
 
+def _bearing(ax: Axes, machine: Train, bearing: Any, place: np.ndarray) -> None:
+    """A triangle, open, or a ring of one with clearance; on a line if it sits on the housing."""
+    shape, label = ("o", "bearing with clearance") if bearing.clearance else ("^", "bearing")
+    ax.plot(*place[:, None], shape, color="black", markersize=5, fillstyle="none", label=label)
+    if machine.housing and bearing.at in machine.housing.seats:
+        ax.plot(*place[:, None], "_", color="black", markersize=11, markeredgewidth=2.0, label="on the housing")
+
+
 def _wheel(ax: Axes, wheel: Any, place: np.ndarray, size: float, speed: float) -> None:
     """A circle with the name, the teeth and an arrow of the sense in which it turns."""
     from matplotlib.patches import Circle, FancyArrowPatch
@@ -105,6 +113,9 @@ def _wheel(ax: Axes, wheel: Any, place: np.ndarray, size: float, speed: float) -
     told = f"{wheel.name}\n{wheel.teeth} teeth" if wheel.teeth else wheel.name
     ring = wheel.internal
     ax.annotate(told, (place[0], place[1] + (0.78 * r if ring else 0.12 * r)), ha="center", va="bottom", fontsize=8)
+    if wheel.unbalance:
+        there = place + 0.7 * r * np.array([np.cos(wheel.unbalance_angle), np.sin(wheel.unbalance_angle)])
+        ax.plot(*there[:, None], "o", color="black", markersize=4, label="unbalance")
     if speed:
         at = _ARROW * r if not ring else 0.94 * r
         turn = np.sign(speed)
