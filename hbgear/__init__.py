@@ -65,6 +65,7 @@ from hbgear.harmonic.survey import Survey, trace_all
 from hbgear.io.bridges import from_opentorsion, from_ross
 from hbgear.io.matrices import Matrices, from_matrices
 from hbgear.io.npz import load
+from hbgear.io.receptance_files import from_receptances
 from hbgear.mechanics.compiled_law import CompiledLaw
 from hbgear.mechanics.doubts import Unlikely
 from hbgear.mechanics.fourier import Series
@@ -73,6 +74,7 @@ from hbgear.mechanics.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinea
 from hbgear.mechanics.model import Element, Load, Model, Reaction, System
 from hbgear.mechanics.oscillators import Duffing
 from hbgear.mechanics.periodic import Periodic
+from hbgear.mechanics.receptances import Receptances
 from hbgear.mechanics.reduction import Reduction, reduce
 from hbgear.mechanics.speed import MatrixTable, SpeedTerms
 from hbgear.timedomain.basins import basins
@@ -137,6 +139,7 @@ __all__ = [
     "ProgressCallback",
     "Range",
     "Reaction",
+    "Receptances",
     "Redesign",
     "Reduction",
     "Run",
@@ -171,6 +174,7 @@ __all__ = [
     "follow",
     "from_matrices",
     "from_opentorsion",
+    "from_receptances",
     "from_ross",
     "grid",
     "integrate",

@@ -30,6 +30,7 @@ from hbgear.mechanics.laws import Cubic, Parallel, PiecewiseLinear
 from hbgear.mechanics.model import Element, Load, Model, System
 from hbgear.mechanics.named import installed, named
 from hbgear.mechanics.oscillators import Duffing
+from hbgear.mechanics.receptances import Receptances
 from hbgear.mechanics.speed import MatrixTable, SpeedTerms
 
 MODELS: dict[str, type[Model]] = {
@@ -50,7 +51,7 @@ _PARTS: dict[str, type] = {
     each.__name__: each
     for each in (
         Gear, GearPair, Support, Wheel, Shaft, Bearing, Mesh, Beam, Housing, Element, Load, SpeedTerms, MatrixTable,
-        PiecewiseLinear, Cubic, Parallel,
+        Receptances, PiecewiseLinear, Cubic, Parallel,
     )
 }  # fmt: skip
 """What such models consist of."""

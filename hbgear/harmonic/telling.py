@@ -106,7 +106,9 @@ def trust(branch: Branch) -> list[str]:
     errors = [p.error / abs(p.parameters[branch.parameter]) for p in branch.special if p.parameters[branch.parameter]]
     points = f"what is labelled to {np.nanmax(errors):.0e}, " if errors and not np.isnan(errors).all() else ""
     verdicts = "" if branch.multipliers is None else ", stability sure at every point"
-    return [f"to be trusted: {points}motions to {branch.relative_error:.0e}{verdicts}"]
+    known = branch.meta.get("stability")
+    missing = [f"stability is {known}"] if isinstance(known, str) else []
+    return [f"to be trusted: {points}motions to {branch.relative_error:.0e}{verdicts}", *missing]
 
 
 def what_happens(branch: Branch, point: SpecialPoint) -> str:

@@ -7,10 +7,10 @@ import tomllib
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 from hbgear.common.messages import did_you_mean, quoted, shortened
+from hbgear.common.texts import text_of_file
 from hbgear.common.units import Measured
 from hbgear.io.archive import too_deep
 
@@ -41,15 +41,14 @@ def parsed(path: str | os.PathLike[str], what: str, error_class: type[TomlFileEr
         Of the class given.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = text_of_file(path, what)
+    except ValueError as error:
+        raise error_class([str(error)]) from None
+    try:
         data = tomllib.loads(text)
         if not too_deep(data):
             return text, data
         reason = "a value in it is nested too deeply"
-    except OSError as error:
-        reason = str(error.strerror)
-    except UnicodeDecodeError:
-        reason = "it is no text (UTF-8)"
     except tomllib.TOMLDecodeError as error:
         reason = shortened(str(error), 200).replace("at end of document", f"at the end, line {len(text.splitlines())}")
     except RecursionError:

@@ -1,7 +1,8 @@
 """Values of a model as plain data, fit for JSON, and back: what a file must hold to make the model again.
 
     3.0    "plane"    [1.0, ...]    {"function": "Series", ...}    {"part": "Wheel", "fields": {"name": "pinion", ...}}
-    {"array": [[...], ...]}    {"sparse": n, "row": [...], "column": [...], "values": [...]}    {"pairs": [[1, ...]]}
+    {"array": [[...], ...]}    {"real": [...], "imaginary": [...]}
+     {"sparse": n, "row": [...], "column": [...], "values": [...]}    {"pairs": [[1, ...]]}
 
 Parts are frozen dataclasses of hbgear: wheels of a train, elements and loads of a system. Functions and classes of a
 user are no data.
@@ -40,6 +41,8 @@ def told(value: Any) -> Any:
                 "values": entries.data.tolist()}  # fmt: skip
     if isinstance(value, np.ndarray):
         _check_size(value.size)
+        if value.dtype.kind == "c":
+            return {"real": value.real.tolist(), "imaginary": value.imag.tolist()}
         return {"array": value.tolist()}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         if not type(value).__module__.startswith("hbgear."):
@@ -74,6 +77,8 @@ def retold(data: Any, parts: Mapping[str, type]) -> Any:
         return undescribed(data)
     if set(data) == {"array"}:
         return np.array(data["array"], dtype=float)
+    if set(data) == {"real", "imaginary"}:
+        return np.array(data["real"], dtype=float) + 1j * np.array(data["imaginary"], dtype=float)
     if set(data) == {"sparse", "row", "column", "values"}:
         return _sparse(data)
     if set(data) == {"pairs"}:

@@ -6,7 +6,7 @@
 * ``w_j`` (n,) direction of element j, ``d_j`` its element coordinate (the mesh gap of a gear pair), ``e_j`` a
   prescribed displacement (the transmission error), ``p_j`` a scalar law, ``c_j`` a viscous damper beside it;
 * ``F = Omega^power (F_0 + sum_l F_cl cos(l tau) + F_sl sin(l tau))``;
-* C and K may have terms that depend on Omega, see `speed`.
+* C and K may have terms that depend on Omega, see `speed`; parts may be known by receptances, see `receptances`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from hbgear.common.arguments import check, check_fields
 from hbgear.common.arrays import Array
-from hbgear.common.messages import quoted
+from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked, counted
 from hbgear.mechanics.describing import told
 from hbgear.mechanics.fields import check_names, entries_of, parameters_of, with_entries
@@ -32,6 +32,7 @@ from hbgear.mechanics.fourier import MOST_HARMONICS, Series, is_listed, real_num
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.matrices import square
 from hbgear.mechanics.periodic import Periodic, Phased
+from hbgear.mechanics.receptances import Receptances
 from hbgear.mechanics.scales import Scales
 from hbgear.mechanics.speed import SpeedTerms
 
@@ -335,6 +336,8 @@ class System(Model):
     load : `Load` or a sequence of them.
     dof_names : (n,) names of the coordinates; ``q1, q2, ...`` by default.
     speed : `SpeedTerms`, what is added to C and K at an Omega: gyroscopic terms, bearings. None if nothing is.
+    receptances : `Receptances` of some of the coordinates, by their names: a part that was measured. These need no mass
+        then. None without. Curves have no stability with them, and nothing can be integrated in time.
 
     Raises
     ------
@@ -359,6 +362,7 @@ class System(Model):
     load: Load | Sequence[Load] = ()
     dof_names: Sequence[str] = ()
     speed: SpeedTerms | None = None
+    receptances: Receptances | None = None
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -396,6 +400,12 @@ class System(Model):
                 raise ValueError(f"a load vector has shape {vector.shape}; need ({n},)")
         if len(names) != n:
             raise ValueError(f"{len(names)} dof_names for {n} coordinates")
+        check("System", "receptances", self.receptances, Receptances | None)
+        for name in self.receptances.names if self.receptances is not None else ():
+            if names.count(name) != 1:
+                raise ValueError(f"receptances: there is no coordinate '{name}'{did_you_mean(name, names)}")
+        if self.receptances is not None and self.speed is not None:
+            raise ValueError("a System has receptances or terms that depend on speed; both at once cannot be computed")
         named = tuple(e if e.name else dataclasses.replace(e, name=f"element {i + 1}") for i, e in enumerate(elements))
         set_(self, "elements", named)
         set_(self, "load", loads)
@@ -415,12 +425,26 @@ class System(Model):
         Raises
         ------
         ValueError
-            If Omega is outside of a table.
+            If Omega is outside of a table, or parts are known by receptances only.
         """
+        self.check_matrices()
         if self.speed is None:
             return self
         C, K = self.speed.at(float(Omega), self.n)
         return dataclasses.replace(self, C=self.C + C, K=self.K + K, speed=None)
+
+    def check_matrices(self) -> None:
+        """Refuse what needs all of M, C and K where parts are known by receptances only.
+
+        Raises
+        ------
+        ValueError
+        """
+        if self.receptances is not None:
+            raise ValueError(
+                f"{', '.join(self.receptances.names)} are known by receptances only; this needs M, C and K of all "
+                "coordinates: modes, stability and integration in time have none"
+            )
 
     @property
     def n(self) -> int:

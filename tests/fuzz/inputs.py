@@ -326,6 +326,28 @@ def targets() -> tuple[Target, ...]:
                 "dof_names": _is((), ("a", "b")),
             },
         ),
+        Target(
+            "Receptances",
+            hb.Receptances,
+            {
+                "omega": [lambda: np.linspace(0.0, 9.0, 10)],
+                "values": [lambda: 1 / (1.5 - np.linspace(0.0, 9.0, 10) + 0.5j)[:, None, None]],
+                "names": _is(["x"]),
+                "static": _is(None, [[0.5]]),
+            },
+            2,
+            lambda found: found.stiffness(2.5),
+        ),
+        Target(
+            "from_receptances",
+            hb.from_receptances,
+            {
+                "source": _is({("a", "a"): "a.csv"}, "a.uff"),
+                "static": _is(None, "lowest"),
+                "quantity": _is(None, "mobility"),
+                "names": _is(None),
+            },
+        ),
         Target("from_ross", hb.from_ross, {"rotor": [rotor]}),
         Target("from_opentorsion", hb.from_opentorsion, {"assembly": [assembly]}),
         Target("Settings", hb.Settings, {}),
