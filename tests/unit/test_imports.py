@@ -203,6 +203,7 @@ FILES = {
         "matrices": "",
         "bridges": "matrices",
         "receptance_files": "",
+        "structure_file": "matrices receptance_files toml_file",
     },
     "design": {
         "__init__": "",
@@ -266,7 +267,14 @@ ONLY_IN = {
     "pyfftw": {"mechanics.fourier"},
     "typer": {"cli"},
     "rich": {"cli"},
-    "pydantic": {"harmonic.catalogue", "design.study_file", "io.toml_file", "io.machine_file", "io.train_file"},
+    "pydantic": {
+        "harmonic.catalogue",
+        "design.study_file",
+        "io.toml_file",
+        "io.machine_file",
+        "io.train_file",
+        "io.structure_file",
+    },
     "distributed": {"cli.study"},
     "numba": {"common.compiling", "mechanics.calling"},
     "platformdirs": {"common.compiling"},
