@@ -60,6 +60,7 @@ from hbgear.harmonic.jump_map import JumpMap, jump_map
 from hbgear.harmonic.peaks import peaks
 from hbgear.harmonic.runs import Run, run
 from hbgear.harmonic.sensitivity import Sensitivity, sensitivity
+from hbgear.harmonic.sharing import Sharing, load_sharing
 from hbgear.harmonic.special import Grazing, NeimarkSacker, Peak, PeriodDoubling
 from hbgear.harmonic.survey import Survey, trace_all
 from hbgear.io.bridges import from_opentorsion, from_ross
@@ -148,6 +149,7 @@ __all__ = [
     "Series",
     "Settings",
     "Shaft",
+    "Sharing",
     "SpecialPoint",
     "SpeedTerms",
     "SpurPair",
@@ -184,6 +186,7 @@ __all__ = [
     "jump_scatter",
     "latin_hypercube",
     "load",
+    "load_sharing",
     "model",
     "monte_carlo",
     "no_jumps",

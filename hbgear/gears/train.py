@@ -204,6 +204,11 @@ class Train(Model):
         return meshes | {name: abs(float(speed / found.ratio)) for name, speed in found.speeds.items() if speed}
 
     @property
+    def sharing(self) -> list[str]:
+        """All meshes."""
+        return [mesh.name for mesh in self.meshes]
+
+    @property
     def lags(self) -> dict[str, float]:
         """By how much each mesh comes after the first one [rad of its own tau]."""
         return {mesh.name: lag for mesh, lag in zip(self.meshes, self._kinematics.lags, strict=True)}

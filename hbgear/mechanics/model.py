@@ -110,6 +110,11 @@ class Model(ABC):
         return {}
 
     @property
+    def sharing(self) -> Sequence[str]:
+        """Names of the elements that share a load; () for all. See `hbgear.load_sharing`."""
+        return ()
+
+    @property
     def orders(self) -> Mapping[str, float]:
         """What turns or meshes in the machine by name, over Omega: {"Omega": 1} unless the model knows more."""
         return {"Omega": 1.0}

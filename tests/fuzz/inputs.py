@@ -139,6 +139,12 @@ def assembly() -> Any:
 
 
 @cache
+def planets() -> hb.Branch:
+    """A short curve of a planetary set."""
+    return hb.trace(hb.HarmonicBalance(hb.PlanetarySet(), 2), "Omega", (2.3, 2.28), stability=False)
+
+
+@cache
 def train() -> hb.Train:
     """Two gears, the second of which holds the torque of the first."""
     a, b = (hb.Wheel(name, 1e-3, teeth=20, base_radius=0.028, torque=10.0 * (name == "a")) for name in "ab")
@@ -348,6 +354,7 @@ def targets() -> tuple[Target, ...]:
                 "names": _is(None),
             },
         ),
+        Target("load_sharing", hb.load_sharing, {"curve": [planets], "meshes": _is(None, ["sun-p1", "sun-p3"])}, 1),
         Target("from_ross", hb.from_ross, {"rotor": [rotor]}),
         Target("from_opentorsion", hb.from_opentorsion, {"assembly": [assembly]}),
         Target("Settings", hb.Settings, {}),
