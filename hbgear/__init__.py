@@ -30,12 +30,14 @@ from hbgear.design.scatter import JumpScatter, jump_scatter
 from hbgear.design.study import Cases, cases
 from hbgear.design.swept import SweepStatistics, sweep_statistics
 from hbgear.gears import (
+    Beam,
     Bearing,
     DoubleHelicalPair,
     Gear,
     GearPair,
     GearRotorBearing,
     HelicalPair,
+    Housing,
     Mesh,
     MeshCycle,
     PlanetarySet,
@@ -58,11 +60,13 @@ from hbgear.harmonic.jump_map import JumpMap, jump_map
 from hbgear.harmonic.peaks import peaks
 from hbgear.harmonic.runs import Run, run
 from hbgear.harmonic.sensitivity import Sensitivity, sensitivity
+from hbgear.harmonic.sharing import Sharing, load_sharing
 from hbgear.harmonic.special import Grazing, NeimarkSacker, Peak, PeriodDoubling
 from hbgear.harmonic.survey import Survey, trace_all
 from hbgear.io.bridges import from_opentorsion, from_ross
 from hbgear.io.matrices import Matrices, from_matrices
 from hbgear.io.npz import load
+from hbgear.io.receptance_files import from_receptances
 from hbgear.mechanics.compiled_law import CompiledLaw
 from hbgear.mechanics.doubts import Unlikely
 from hbgear.mechanics.fourier import Series
@@ -71,6 +75,7 @@ from hbgear.mechanics.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinea
 from hbgear.mechanics.model import Element, Load, Model, Reaction, System
 from hbgear.mechanics.oscillators import Duffing
 from hbgear.mechanics.periodic import Periodic
+from hbgear.mechanics.receptances import Receptances
 from hbgear.mechanics.reduction import Reduction, reduce
 from hbgear.mechanics.speed import MatrixTable, SpeedTerms
 from hbgear.timedomain.basins import basins
@@ -84,6 +89,7 @@ from hbgear.web import report
 __all__ = [
     "Answers",
     "Backlash",
+    "Beam",
     "Bearing",
     "Branch",
     "Campbell",
@@ -106,6 +112,7 @@ __all__ = [
     "Grazing",
     "HarmonicBalance",
     "HelicalPair",
+    "Housing",
     "Jump",
     "JumpMap",
     "JumpScatter",
@@ -134,6 +141,7 @@ __all__ = [
     "ProgressCallback",
     "Range",
     "Reaction",
+    "Receptances",
     "Redesign",
     "Reduction",
     "Run",
@@ -141,6 +149,7 @@ __all__ = [
     "Series",
     "Settings",
     "Shaft",
+    "Sharing",
     "SpecialPoint",
     "SpeedTerms",
     "SpurPair",
@@ -168,6 +177,7 @@ __all__ = [
     "follow",
     "from_matrices",
     "from_opentorsion",
+    "from_receptances",
     "from_ross",
     "grid",
     "integrate",
@@ -176,6 +186,7 @@ __all__ = [
     "jump_scatter",
     "latin_hypercube",
     "load",
+    "load_sharing",
     "model",
     "monte_carlo",
     "no_jumps",

@@ -1,8 +1,10 @@
 """Gear drives: geometry, mesh excitation and ready-made models."""
 
+from hbgear.gears.beam import Beam
 from hbgear.gears.double_helical import DoubleHelicalPair
 from hbgear.gears.gear import Gear
 from hbgear.gears.helical import HelicalPair
+from hbgear.gears.housing import Housing
 from hbgear.gears.iso_dynamics import iso_dynamic_factor
 from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
 from hbgear.gears.pair import GearPair
@@ -14,12 +16,14 @@ from hbgear.gears.train import Train
 from hbgear.gears.train_parts import Bearing, Mesh, Shaft, Wheel
 
 __all__ = [
+    "Beam",
     "Bearing",
     "DoubleHelicalPair",
     "Gear",
     "GearPair",
     "GearRotorBearing",
     "HelicalPair",
+    "Housing",
     "Mesh",
     "MeshCycle",
     "PlanetMode",

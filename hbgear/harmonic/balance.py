@@ -38,6 +38,7 @@ from hbgear.harmonic.compiled import Compiled, Crossings
 from hbgear.harmonic.deciding import decide
 from hbgear.harmonic.events import motion_events
 from hbgear.harmonic.floquet import is_reduced, multipliers_of, reduction
+from hbgear.harmonic.measuring import NOT_AVAILABLE, Measuring
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.realbasis import derivative
 from hbgear.harmonic.receptance import Structure
@@ -271,8 +272,11 @@ class HarmonicBalance(FullProblem):
         return usual
 
     def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
-        """Warn of an Omega far above every natural frequency of the model."""
+        """Warn of an Omega far above every natural frequency of the model; refuse one without its receptances."""
         Omega = high if name == "Omega" else fixed["Omega"]
+        measured = self.compiled({}).system.receptances
+        if measured is not None:
+            measured.check(low if name == "Omega" else Omega, Omega, self.H, self.nu)
         of_frequency(self.compiled({}).structure.at(Omega), Omega)
 
     def missing(self, known: Sequence[str]) -> Sequence[str]:
@@ -294,6 +298,8 @@ class HarmonicBalance(FullProblem):
     def _with_reduction(self, branch: Branch) -> Branch:
         """The branch, whose header tells what leaving out modes does to the multipliers of its largest motions."""
         compiled = self.compiled({k: v for k, v in branch.fixed.items() if k != "Omega"})
+        if isinstance(compiled.structure, Measuring):
+            return replace(branch, meta={**branch.meta, "stability": NOT_AVAILABLE})
         if branch.parameter != "Omega" or branch.multipliers is None or not is_reduced(compiled):
             return branch
         some = np.argsort(-np.linalg.norm(branch.X, axis=1))[:: max(1, len(branch) // 4)][:3]
@@ -365,7 +371,9 @@ class HarmonicBalance(FullProblem):
 
     @property
     def finer(self) -> HarmonicBalance | None:
-        """The same with twice the harmonics; None beyond 400 of the excitation, or too many unknowns."""
+        """The same with twice the harmonics; None beyond 400 of the excitation, too many unknowns, or receptances."""
+        if isinstance(self.compiled({}).structure, Measuring):
+            return None
         if _MOST * self.nu < 2 * self.H or self.m * (4 * self.H + 1) > _MANY:
             return None
         return self._finer.get((), lambda: self.with_order(self.nu, 2 * self.H))
@@ -395,7 +403,8 @@ class HarmonicBalance(FullProblem):
         The difference of the largest moduli, three times, is the error. Where that reaches the unit circle, the motion
         is solved for with twice the harmonics, and again up to eight times as many.
         """
-        decide(self, X, name, values, seen, parameters)
+        if not isinstance(self.compiled({}).structure, Measuring):
+            decide(self, X, name, values, seen, parameters)
 
     def recession(self, X: Array, parameters: Mapping[str, float]) -> HarmonicBalance | None:
         """The balance without gaps, loads and prescribed displacements, for motions far larger than all of these.
@@ -493,6 +502,8 @@ class HarmonicBalance(FullProblem):
         """Eigen-decompositions are shared between parameter sets that differ in laws and loads only."""
         if system.speed is not None:
             return Spinning(system)
+        if system.receptances is not None:
+            return Measuring(system)
         fresh = tuple(np.array([e.law.reference, e.damping]).tobytes() for e in system.elements)
         dense = [A for A in (system.M, system.C, system.K) if isinstance(A, np.ndarray)]
         loads = tuple(b"" if ld.constant is None else np.asarray(ld.constant).tobytes() for ld in system.loads)
@@ -672,7 +683,7 @@ class HarmonicBalance(FullProblem):
         more = compiled.processed(X, values)
         columns = zip(clearance, regime, compiled.left_out(more).tolist(), strict=True)
         seen: list[dict[str, Any]] = [{"clearance": c, "regime": r, "error": e} for c, r, e in columns]
-        if stability:
+        if stability and not isinstance(compiled.structure, Measuring):
             for one, mu in zip(seen, multipliers_of(compiled, more, values), strict=True):
                 one["multipliers"] = mu
         return seen

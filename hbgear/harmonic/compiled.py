@@ -227,7 +227,10 @@ class Compiled:
     def _driven(self, Omega: Array, f: ComplexArray) -> Array:
         """What `driven` adds, (P, m, 2H), where receptances are solved for directly."""
         ratio = np.arange(self.H + 1, 2 * self.H + 1) / self.nu
-        G = np.array([self.structure.receptances(w, ratio)[0] for w in Omega.tolist()])
+        G = np.zeros((len(Omega), self.H, self.m, self.m), dtype=complex)
+        for i, w in enumerate(Omega.tolist()):
+            known = w * ratio <= self.structure.highest
+            G[i, known] = self.structure.receptances(w, ratio[known])[0] if known.any() else 0.0
         delta = (G @ f.transpose(0, 2, 1)[..., None])[..., 0].transpose(0, 2, 1)
         return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
 

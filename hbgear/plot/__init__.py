@@ -50,7 +50,7 @@ from hbgear.plot.style import (
     legend_entry,
     save,
 )
-from hbgear.plot.trains import train
+from hbgear.plot.trains import load_sharing, planetary, train
 
 __all__ = [
     "BASINS",
@@ -83,11 +83,13 @@ __all__ = [
     "jump_distribution",
     "jump_map",
     "legend_entry",
+    "load_sharing",
     "measured",
     "mesh_cycles",
     "orders",
     "percentiles",
     "phase_diagram",
+    "planetary",
     "portrait",
     "response",
     "responses",
