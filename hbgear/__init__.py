@@ -22,6 +22,7 @@ from hbgear.continuation.problem import Evaluation
 from hbgear.continuation.stepsize import StepControl, Steps
 from hbgear.continuation.switching import switch
 from hbgear.continuation.tracer import trace
+from hbgear.design.band import ResponseBand, response_band
 from hbgear.design.fit import Fit, fit
 from hbgear.design.measured import Measurements, read_measurements
 from hbgear.design.redesign import Goal, Redesign, no_jumps, peak_below, redesign
@@ -135,6 +136,7 @@ __all__ = [
     "Reaction",
     "Redesign",
     "Reduction",
+    "ResponseBand",
     "Run",
     "Sensitivity",
     "Series",
@@ -186,6 +188,7 @@ __all__ = [
     "redesign",
     "reduce",
     "report",
+    "response_band",
     "run",
     "second_opinion",
     "sensitivity",

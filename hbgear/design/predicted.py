@@ -27,7 +27,7 @@ from hbgear.continuation.tracer import trace
 from hbgear.design.measured import Measurements
 from hbgear.design.swept import stable_parts, swept
 from hbgear.harmonic.balance import HarmonicBalance
-from hbgear.harmonic.sensitivity import LENGTH, sensitivity, units_at
+from hbgear.harmonic.sensitivity import LENGTH, measured_along, sensitivity, units_at
 
 SWEPT, OTHER, END, UNREACHED = "swept", "other", "end", "unreached"
 """What a measured point is held against: the motion of the sweep, another stable one, the end of the part that the
@@ -396,12 +396,7 @@ class Prediction:
 
     def _measured_along(self, X: Array, along: Array) -> Array:
         """Derivatives (P, A) of the measure of motions X (P, n) along directions (P, A, n)."""
-        sizes = np.linalg.norm(along, axis=-1, keepdims=True)
-        h = 1e-5 * np.maximum(np.linalg.norm(X, axis=-1), 1e-3)[:, None, None] / np.where(sizes, sizes, 1.0)
-        layout = self.problem.layout
-        up, down = (layout.measure(self.data.measure, X[:, None] + s * h * along, self.data.element) for s in (1, -1))
-        rates: Array = (up - down) / (2 * h[..., 0])
-        return rates
+        return measured_along(self.problem.layout, self.data.measure, self.data.element, X, along)
 
 
 def soft(t: float) -> tuple[float, float]:

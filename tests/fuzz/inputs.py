@@ -163,7 +163,7 @@ RECORDS = {
     "Answers", "Branch", "Campbell", "Cases", "Critical", "CriticalSpeed", "Evaluation", "Jump", "JumpMap", "Law",
     "Model", "NoConvergence", "NoFold", "Opinion", "PlanetMode", "Point", "Progress", "ProgressCallback", "Reduction",
     "Run", "SpecialPoint", "Status", "Steps", "Survey", "Unlikely", "__version__", "model", "plot",
-    "Fit", "Goal", "JumpScatter", "Redesign", "Sensitivity", "SweepStatistics", "no_jumps",
+    "Fit", "Goal", "JumpScatter", "Redesign", "ResponseBand", "Sensitivity", "SweepStatistics", "no_jumps",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
 
@@ -768,6 +768,25 @@ def targets() -> tuple[Target, ...]:
             "jump_scatter",
             hb.jump_scatter,
             {"branch": [curve], "spread": _is({"zeta": 0.001}), "draws": _is(3), "seed": _is(0)},
+            0.5,
+        ),
+        Target(
+            "response_band",
+            hb.response_band,
+            {
+                "branch": [curve],
+                "scatter": _is({"zeta": 0.001}),
+                "measure": measure,
+                "element": element,
+                "unit": _is("Omega"),
+                "length": _is(""),
+            },
+            0.5,
+        ),
+        Target(
+            "ResponseBand.edges",
+            hb.response_band(curve(), {"zeta": 0.001}).edges,
+            {"sigmas": _is(2.0)},
             0.5,
         ),
         Target(
