@@ -26,8 +26,9 @@ from hbgear.design.band import ResponseBand, response_band
 from hbgear.design.fit import Fit, fit
 from hbgear.design.measured import Measurements, read_measurements
 from hbgear.design.redesign import Goal, Redesign, no_jumps, peak_below, redesign
-from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
+from hbgear.design.sampling import grid, latin_hypercube, monte_carlo, saltelli
 from hbgear.design.scatter import JumpScatter, jump_scatter
+from hbgear.design.sobol import SobolIndices, sobol_indices
 from hbgear.design.study import Cases, cases
 from hbgear.design.swept import SweepStatistics, sweep_statistics
 from hbgear.gears import (
@@ -142,6 +143,7 @@ __all__ = [
     "Series",
     "Settings",
     "Shaft",
+    "SobolIndices",
     "SpecialPoint",
     "SpeedTerms",
     "SpurPair",
@@ -190,9 +192,11 @@ __all__ = [
     "report",
     "response_band",
     "run",
+    "saltelli",
     "second_opinion",
     "sensitivity",
     "shoot",
+    "sobol_indices",
     "sweep",
     "sweep_statistics",
     "switch",

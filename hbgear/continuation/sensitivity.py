@@ -157,7 +157,7 @@ def _parted(
 
 def _moved(problem: FullProblem, X: Array, here: Mapping[str, float], names: Sequence[str]) -> Array:
     """R_a (A, n) in each parameter."""
-    rows = [linearise(problem, X, name, here).dR_dp for name in names]
+    rows = [problem.moved(X, name, here) for name in names]
     return np.array(rows).reshape(len(names), len(X))
 
 

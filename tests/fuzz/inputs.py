@@ -163,7 +163,8 @@ RECORDS = {
     "Answers", "Branch", "Campbell", "Cases", "Critical", "CriticalSpeed", "Evaluation", "Jump", "JumpMap", "Law",
     "Model", "NoConvergence", "NoFold", "Opinion", "PlanetMode", "Point", "Progress", "ProgressCallback", "Reduction",
     "Run", "SpecialPoint", "Status", "Steps", "Survey", "Unlikely", "__version__", "model", "plot",
-    "Fit", "Goal", "JumpScatter", "Redesign", "ResponseBand", "Sensitivity", "SweepStatistics", "no_jumps",
+    "Fit", "Goal", "JumpScatter", "Redesign", "ResponseBand", "Sensitivity", "SobolIndices", "SweepStatistics",
+    "no_jumps",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
 
@@ -606,6 +607,12 @@ def targets() -> tuple[Target, ...]:
         ),
         Target("grid", lambda zeta, F: hb.grid(zeta=zeta, F=F), {"zeta": _is([0.04, 0.05]), "F": _is([0.1])}),
         Target(
+            "saltelli",
+            lambda blocks, seed, zeta: hb.saltelli(blocks, seed, zeta=zeta),
+            {"blocks": _is(2, 4), "seed": _is(0), "zeta": _is(("uniform", 0.04, 0.06))},
+            0.5,
+        ),
+        Target(
             "latin_hypercube",
             lambda count, seed, zeta: list(hb.latin_hypercube(count, seed, zeta=zeta).rows()),
             {"count": _is(3), "seed": _is(0), "zeta": _is(("uniform", 0.04, 0.06))},
@@ -769,6 +776,12 @@ def targets() -> tuple[Target, ...]:
             hb.jump_scatter,
             {"branch": [curve], "spread": _is({"zeta": 0.001}), "draws": _is(3), "seed": _is(0)},
             0.5,
+        ),
+        Target(
+            "sobol_indices",
+            hb.sobol_indices,
+            {"found": [some_cases], "quantity": _is("peak", "jump_rising"), "seed": _is(0)},
+            0.3,
         ),
         Target(
             "response_band",

@@ -205,6 +205,7 @@ FILES = {
         "study": "sampling store workers",
         "study_file": "sampling study",
         "swept": "study",
+        "sobol": "study",
         "measured": "",
         "redesign": "",
         "scatter": "",
