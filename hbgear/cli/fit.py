@@ -225,6 +225,14 @@ def redesign(
         typer.Option(metavar="NAME=DEVIATION", help="Standard deviation of a parameter, kept in reserve; repeatable."),
     ] = None,
     sigmas: Annotated[float, typer.Option(min=0, help="How many standard deviations are kept in reserve.")] = 2.0,
+    draws: Annotated[
+        int | None, typer.Option(min=1, help="Instead of a reserve: reach the goal for so many draws of the scatter.")
+    ] = None,
+    share: Annotated[float, typer.Option(help="With --draws: the share of them that is to reach the goal.")] = 1.0,
+    margin: Annotated[
+        float | None, typer.Option(help="Keep jumps off by this share of a parameter: their cusp is so far away.")
+    ] = None,
+    margin_in: Annotated[str, typer.Option(metavar="NAME", help="The parameter of --margin.")] = "",
     first: First = None,
     last: Last = None,
     harmonics: Harmonics = "16",
@@ -240,21 +248,29 @@ def redesign(
     check_writable(output, (".npz",))
     check_writable(plot, FIGURES)
     problem, which = problem_of(chosen_model(model, changes), harmonics), element_of(element)
-    goal = hb.no_jumps() if peak is None else hb.peak_below(peak, measure, which)
+    if peak is not None and margin is not None:
+        raise ValueError("--margin is the distance to a jump; give it or --peak")
+    goal = hb.no_jumps(margin or 0.0, margin_in) if peak is None else hb.peak_below(peak, measure, which)
     parts = dict(_bounds(text) for text in over.split(",") if text.strip())
     within = {name: bounds for name, bounds in parts.items() if bounds is not None}
     spread = {name: number_of(f"--scatter {name}", text) for name, text in assignments("--scatter", scatter or [])}
     span = span_of(problem.model, first, last)
+    if draws and not spread:
+        raise ValueError("--draws are of the scatter; give --scatter NAME=DEVIATION too")
+    drawn = hb.latin_hypercube(draws, **{name: ("normal", 0.0, s) for name, s in spread.items()}) if draws else None
     with one_thread(), bar("redesign") as progress:
         found = hb.redesign(
-            problem, goal, list(parts), within, scatter=spread, sigmas=sigmas, span=span, progress=progress
-        )
+            problem, goal, list(parts), within, scatter=None if draws else spread, sigmas=sigmas, tolerances=drawn,
+            share=share, span=span, progress=progress,
+        )  # fmt: skip
     own = problem.model.parameters | problem.model.entries
     rows = [[name, f"{own[name]:.6g}", f"{x:.6g}", f"{found.changes[name]:+.2%}"] for name, x in found.values.items()]
     with outputs() as out:
         out.branch(output, found.curve)
         out.figure(plot, lambda drawing: drawing.response(found.curve, measure, which))
         print_table(["", "old", "new", "change"], rows, f"root of the squares of the changes: {found.distance:.2%}")
+        if draws:
+            print(f"{found.share:.0%} of {draws} machines drawn from the scatter reach it")
         missed = "" if math.isnan(found.short) else f" by {found.short:.2%}"
         print("the goal is reached" if found.reached else f"the goal is missed{missed}: {found.message}")
     if not found.status.complete:

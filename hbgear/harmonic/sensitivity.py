@@ -478,7 +478,15 @@ class Relocation:
         self._slopes = np.column_stack([slopes.X, slopes.p])
 
     def at(self, changes: Array) -> float:
-        """The value of the curve's parameter at the point, for changes (A,) of the parameters.
+        """The value of the curve's parameter at the point, for changes (A,) of the parameters; see `solved`."""
+        return float(self.solved(changes)[0][-1])
+
+    def slopes(self, U: Array, here: Mapping[str, float]) -> Slopes:
+        """Derivatives of the unknowns and of the curve's parameter at a point that was `solved` for."""
+        return of_special(self._equations, U, here, self._names)
+
+    def solved(self, changes: Array) -> tuple[Array, dict[str, float]]:
+        """The point (X, p) for changes (A,) of the parameters, and all parameters.
 
         Raises
         ------
@@ -491,7 +499,7 @@ class Relocation:
         moved, expected = abs(found[-1] - self._U[-1]), abs(U[-1] - self._U[-1])
         if moved > _FAR * (expected + 1e-3 * abs(self._U[-1])):
             raise NoConvergence("Newton ended at another point", found, here, [])
-        return float(found[-1])
+        return found, here
 
 
 _FAR = 5.0  # times the change to first order by which a point moves at most

@@ -164,7 +164,6 @@ RECORDS = {
     "Model", "NoConvergence", "NoFold", "Opinion", "PlanetMode", "Point", "Progress", "ProgressCallback", "Reduction",
     "Run", "SpecialPoint", "Status", "Steps", "Survey", "Unlikely", "__version__", "model", "plot",
     "Fit", "Goal", "JumpScatter", "Redesign", "ResponseBand", "Sensitivity", "SobolIndices", "SweepStatistics",
-    "no_jumps",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
 
@@ -808,6 +807,7 @@ def targets() -> tuple[Target, ...]:
             {"found": [some_cases], "Omega": _is(None, [0.8, 0.85]), "quantiles": _is((0.5,), (0.05, 0.95))},
             0.5,
         ),
+        Target("no_jumps", hb.no_jumps, {"margin": _is(0.0, 0.1), "parameter": _is("", "zeta")}, 0.3),
         Target("peak_below", hb.peak_below, {"limit": _is(0.9), "measure": measure, "element": element}, 0.5),
         Target(
             "redesign",
@@ -819,6 +819,8 @@ def targets() -> tuple[Target, ...]:
                 "within": _is(None, {"zeta": (0.02, 0.2)}),
                 "scatter": _is(None, {"zeta": 0.001}),
                 "sigmas": _is(2.0),
+                "tolerances": _is(None, hb.monte_carlo(2, zeta=("normal", 0.0, 0.001))),
+                "share": _is(1.0),
                 "span": _is((1.4, 0.8)),
                 "harmonics": _is(2),
             },

@@ -207,7 +207,7 @@ FILES = {
         "swept": "study",
         "sobol": "study",
         "measured": "",
-        "redesign": "",
+        "redesign": "sampling",
         "scatter": "",
         "predicted": "measured swept",
         "fit": "measured predicted",
