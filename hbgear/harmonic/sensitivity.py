@@ -213,7 +213,7 @@ def sensitivity(
     one = point.before if isinstance(point, Jump) else point
     problem, here, parameter = _asked(one)
     names = _names(problem, here, parameter, parameters)
-    where = _At(_remembering(problem, one, 2 * len(names) + 8), one, here, parameter, names)
+    where = _At(_remembering(problem, one, 2 * len(names) + _ASIDE), one, here, parameter, names)
     slopes = where.slopes()
     rows: list[_Row] = [(parameter, here[parameter], slopes.p)]
     rows += [(name, here[name], X_a) for name, X_a in where.unknown(slopes)]
@@ -233,6 +233,9 @@ def sensitivity(
     values = np.array([here[name] for name in names])
     quantities, sizes, moved = zip(*rows, strict=True)
     return Sensitivity(label, names, values, quantities, np.array(sizes), np.array(moved))
+
+
+_ASIDE = 32  # sets of parameters that are asked for beside two for each derivative
 
 
 _Row = tuple[str, float, Array]  # quantity, value, derivatives
