@@ -22,11 +22,13 @@ from hbgear.continuation.problem import Evaluation
 from hbgear.continuation.stepsize import StepControl, Steps
 from hbgear.continuation.switching import switch
 from hbgear.continuation.tracer import trace
+from hbgear.design.band import ResponseBand, response_band
 from hbgear.design.fit import Fit, fit
 from hbgear.design.measured import Measurements, read_measurements
 from hbgear.design.redesign import Goal, Redesign, no_jumps, peak_below, redesign
-from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
+from hbgear.design.sampling import grid, latin_hypercube, monte_carlo, saltelli
 from hbgear.design.scatter import JumpScatter, jump_scatter
+from hbgear.design.sobol import SobolIndices, sobol_indices
 from hbgear.design.study import Cases, cases
 from hbgear.design.swept import SweepStatistics, sweep_statistics
 from hbgear.gears import (
@@ -144,12 +146,14 @@ __all__ = [
     "Receptances",
     "Redesign",
     "Reduction",
+    "ResponseBand",
     "Run",
     "Sensitivity",
     "Series",
     "Settings",
     "Shaft",
     "Sharing",
+    "SobolIndices",
     "SpecialPoint",
     "SpeedTerms",
     "SpurPair",
@@ -198,10 +202,13 @@ __all__ = [
     "redesign",
     "reduce",
     "report",
+    "response_band",
     "run",
+    "saltelli",
     "second_opinion",
     "sensitivity",
     "shoot",
+    "sobol_indices",
     "sweep",
     "sweep_statistics",
     "switch",

@@ -387,7 +387,7 @@ class HarmonicBalance(FullProblem):
 
     def remembering(self, sets: int) -> HarmonicBalance:
         """The same, which keeps what it computes for that many sets of parameters, to be asked of many motions."""
-        return self._remembering.get(sets, lambda: self._with_memory(sets))
+        return self if sets <= self._kept else self._remembering.get(sets, lambda: self._with_memory(sets))
 
     def _with_memory(self, sets: int) -> HarmonicBalance:
         out = copy.copy(self)
@@ -523,15 +523,18 @@ class HarmonicBalance(FullProblem):
         dR/dOmega is analytic; the derivative in a model parameter is a difference of the residual
         (`hbgear.continuation.differences`).
         """
-        Omega = float(parameters["Omega"])
-        R, J, dR, size = self.compiled(parameters).linearise(X, Omega)
+        R, J, dR, size = self.compiled(parameters).linearise(X, float(parameters["Omega"]))
         if name != "Omega":
-            here = {name: self._own.get(name, 0.0), **parameters}
-            if name:
-                (dR,) = in_parameter(self, name, here, lambda at: (self.linearise(X, "", **at).R,))
-            else:
-                dR = np.zeros(len(R))
+            dR = self.moved(X, name, parameters) if name else np.zeros(len(R))
         return Evaluation(R, J, dR, size)
+
+    def moved(self, X: Array, name: str, parameters: Mapping[str, float]) -> Array:
+        """dR/dname alone (n,)."""
+        if name == "Omega":
+            return super().moved(X, name, parameters)
+        here = {name: self._own.get(name, 0.0), **parameters}
+        (dR,) = in_parameter(self, name, here, lambda at: (self.compiled(at).linearise(X, float(at["Omega"]))[0],))
+        return dR  # type: ignore[no-any-return]
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:
         """Derivatives (n, n) of dR/dX along v (n,) and in a parameter; exact in Omega."""

@@ -9,6 +9,7 @@ Examples
 >>> hb.plot.save(hb.plot.response(curve), "curve.png")  # doctest: +SKIP
 """
 
+from hbgear.plot.bands import band
 from hbgear.plot.curves import jump_map, response, responses, speed_axes
 from hbgear.plot.effects import tornado
 from hbgear.plot.fits import fitted, measured
@@ -73,6 +74,7 @@ __all__ = [
     "WIDTHS",
     "State",
     "against_parameters",
+    "band",
     "basins",
     "bifurcation",
     "campbell",
