@@ -14,10 +14,11 @@ import typer
 
 from hbgear.cli.files import wrote
 from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, bar, say
-from hbgear.design.study import MANY, Cases, Outcome, cases
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
+
+    from hbgear.design.study import Cases
 
 
 _PATIENCE = 5  # seconds a scheduler has to answer
@@ -57,6 +58,7 @@ def study(
     that fails is a row with its reason.
     Exit codes: 0 every case is done, 2 bad input, 3 stopped early.
     """
+    from hbgear.design.study import MANY, Outcome, cases
     from hbgear.design.study_file import StudyFileError, read_study
 
     try:

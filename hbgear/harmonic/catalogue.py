@@ -6,7 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from hbgear.common.messages import did_you_mean
-from hbgear.gears import DoubleHelicalPair, GearRotorBearing, HelicalPair, PlanetarySet, SpurPair
+from hbgear.gears.double_helical import DoubleHelicalPair
+from hbgear.gears.helical import HelicalPair
+from hbgear.gears.planetary import PlanetarySet
+from hbgear.gears.rotor_bearing import GearRotorBearing
+from hbgear.gears.spur import SpurPair
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.mechanics.fields import check_names, made, plain_kinds_of
 from hbgear.mechanics.model import Model
