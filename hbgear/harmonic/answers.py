@@ -15,7 +15,6 @@ import csv
 import io
 import os
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -198,8 +197,8 @@ def _of_motion(problem: HarmonicBalance, X: Array, here: dict[str, float], index
     """dte, and the force that is largest in the direction of the mean one, and this, in units of the model."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
     row = X.reshape(problem.m, -1)[index]
-    moved = partial(compiled.gap, index, row)
-    force = force_samples(compiled.laws[index], moved, here["Omega"] / problem.nu, problem.nu)
+    one, kept = compiled.system.elements[index], compiled.numbers.corners.kept[:, index]
+    force = force_samples(one, kept, row, here["Omega"] / problem.nu, problem.nu)
     static = float(force.mean())
     largest = float(force[np.argmax(force if static >= 0 else -force)])
     dte = row + to_real(compiled.receptance.e.T)[index]
