@@ -57,6 +57,10 @@ def report(
     ] = 0,
     model: OwnModel = None,
     measured: Measured = None,
+    study: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FOLDER", help="Of hbgear study, or its table.npz: shown too; can be repeated."),
+    ] = None,
 ) -> None:
     """Write one page with curves, motions, jumps and accuracy, which any browser opens without a network.
 
@@ -73,7 +77,9 @@ def report(
         with one_thread(), bar("points") as progress:
             checks.append(hb.validate(known, validate, progress=progress))
     names = [file.stem for file in files] if len(files) > 1 else None
-    made = hb.report(branches, title=title, names=names, validation=checks, measured=measured or ())
+    made = hb.report(
+        branches, title=title, names=names, validation=checks, measured=measured or (), studies=study or ()
+    )
     with outputs() as out:
         out.write(output, made.save)
     if not all(check.complete for check in checks):

@@ -218,7 +218,7 @@ const hbgear = (() => {
     });
     if (topOf()) layout.yaxis.range = [0, topOf()];
     const behind = state.behind.map((b) => ({ x: b.x, y: b.y, mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
-      line: { color: ink.line, width: 0.8 }, opacity: b.mode === "lines" ? 0.5 : 1, showlegend: b.mode !== "lines",
+      line: { color: ink.line, width: 0.8 }, opacity: b.mode === "lines" ? 0.5 : 1, showlegend: b.mode !== "lines" || b.legend === true,
       marker: { symbol: "circle-open", size: 6, color: ink.text } }));
     const data = [...behind, ...curveTraces(), ...specialTraces()];
     if (first.jumps.length || state.curves.some((curve) => curve.jumps.length))
