@@ -185,5 +185,5 @@ def described(branch: Branch) -> str:
 def text_of(value: Any) -> str:
     """A value as --set would take it."""
     if isinstance(value, list | tuple):
-        return f"({','.join(map(text_of, value))})"
+        return f"({','.join(map(text_of, value))}{',' * (len(value) == 1)})"
     return f"{value:g}" if isinstance(value, float) else str(value)

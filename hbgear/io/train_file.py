@@ -25,7 +25,6 @@ torque on the first wheel, from which stiffness, error, angles and backlash are 
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping
 from typing import Any, Literal
 
@@ -110,14 +109,14 @@ def _train(data: Mapping[str, Any], problems: list[tuple[Place, str]]) -> Train 
     wheels = [_wheel(("wheel", i), table, gears, problems) for i, table in enumerate(data["wheel"])]
     meshes = [_mesh(("mesh", i), table, gears, problems) for i, table in enumerate(data["mesh"])]
     shafts, bearings = (
-        [made(problems, (name, i), cls, table, _bare) for i, table in enumerate(data.get(name, []))]
+        [made(problems, (name, i), cls, table) for i, table in enumerate(data.get(name, []))]
         for name, cls in (("shaft", Shaft), ("bearing", Bearing))
     )
     if problems:
         return None
     rest = {name: data[name] for name in ("balance", "gyroscopic") if name in data}
     values = {"wheels": wheels, "meshes": meshes, "shafts": shafts, "bearings": bearings, **rest}
-    return made(problems, ("mesh", 0), Train, values, _bare)  # type: ignore[no-any-return]
+    return made(problems, ("mesh", 0), Train, values)  # type: ignore[no-any-return]
 
 
 def _wheel(
@@ -129,12 +128,12 @@ def _wheel(
         if "inertia" not in own:
             problems.append((place, f"wheel '{own['name']}' needs its inertia, or a gear of which it follows"))
             return None
-        return made(problems, place, Wheel, own, _bare)  # type: ignore[no-any-return]
-    gear = made(problems, (*place, "gear"), Gear, table["gear"], _bare)
+        return made(problems, place, Wheel, own)  # type: ignore[no-any-return]
+    gear = made(problems, (*place, "gear"), Gear, table["gear"])
     if gear is None:
         return None
     gears[own["name"]] = gear
-    return made(problems, place, Wheel, own, _bare, lambda **given: Wheel.of(gear=gear, **given))  # type: ignore[no-any-return]
+    return made(problems, place, Wheel, own, lambda **given: Wheel.of(gear=gear, **given))  # type: ignore[no-any-return]
 
 
 def _mesh(
@@ -146,21 +145,16 @@ def _mesh(
         if "k_mean" not in own:
             problems.append((place, "a mesh needs its k_mean, or pair and torque of which it follows"))
             return None
-        return made(problems, place, Mesh, own, _bare)  # type: ignore[no-any-return]
+        return made(problems, place, Mesh, own)  # type: ignore[no-any-return]
     missing = [name for name in (own["first"], own["second"]) if name not in gears]
     if missing or "torque" not in table:
         need = f"a wheel '{missing[0]}' with a gear" if missing else "the torque on the first wheel"
         problems.append((place, f"a mesh of a pair needs {need}"))
         return None
     sides = {"pinion": gears[own["first"]], "wheel": gears[own["second"]]}
-    pair = made(problems, (*place, "pair"), GearPair, {**sides, **table.get("pair", {})}, _bare)
+    pair = made(problems, (*place, "pair"), GearPair, {**sides, **table.get("pair", {})})
     if pair is None:
         return None
     return made(  # type: ignore[no-any-return]
-        problems, place, Mesh, own, _bare, lambda **given: Mesh.of(pair=pair, torque=table["torque"], **given)
+        problems, place, Mesh, own, lambda **given: Mesh.of(pair=pair, torque=table["torque"], **given)
     )
-
-
-def _bare(error: ValueError) -> str:
-    """What an error says, without the class at its head: the table says that."""
-    return re.sub(r"^(GearPair\.mesh|GearPair|Gear|Wheel|Shaft|Bearing|Mesh|Train): ", "", str(error))
