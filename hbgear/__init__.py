@@ -61,7 +61,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.peaks import peaks
     from hbgear.harmonic.runs import Run, run
     from hbgear.harmonic.sensitivity import Sensitivity, sensitivity
-    from hbgear.harmonic.special import Grazing, Peak, PeriodDoubling
+    from hbgear.harmonic.special import Grazing, NeimarkSacker, Peak, PeriodDoubling
     from hbgear.harmonic.survey import Survey, trace_all
     from hbgear.io.bridges import from_opentorsion, from_ross
     from hbgear.io.matrices import Matrices, from_matrices
@@ -120,6 +120,7 @@ __all__ = [
     "Mesh",
     "MeshCycle",
     "Model",
+    "NeimarkSacker",
     "NoConvergence",
     "NoFold",
     "Opinion",

@@ -46,7 +46,7 @@ def follow(
     KeyError
         If there is no such label.
     ValueError
-        If no equations are known for that kind (NS, BP, CP, EP), the branch is one of special points itself, or it has
+        If no equations are known for that kind (BP, CP, EP), the branch is one of special points itself, or it has
         lost its problem or the point its event.
 
     Examples
@@ -73,6 +73,6 @@ def follow(
     if equations is None:
         raise ValueError(
             f"{here.label} ({here.meaning.partition(':')[0]}) cannot be followed in a second parameter: no equations "
-            "are known for it; choose LP, PD, GR, PK of rms or a harmonic, or an event of your own"
+            "are known for it; choose LP, PD, NS, GR, PK of rms or a harmonic, or an event of your own"
         )
     return trace(equations, parameter, span, here, **options)

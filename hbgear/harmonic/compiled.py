@@ -162,6 +162,11 @@ class Compiled:
         R, *_ = self._balance(X, Omega, LinearPart.zero(self.H, self.m))
         return R.reshape(self.m, -1)
 
+    def stiffness(self, X: Array) -> Array:
+        """Derivatives (n, n) of the force harmonics of all laws in the motion."""
+        _, J, *_ = self._balance(X, 1.0, LinearPart.zero(self.H, self.m))
+        return J
+
     def crossings(self, X: Array) -> Crossings:
         """All instants of a motion."""
         from hbgear.harmonic.projection import instants

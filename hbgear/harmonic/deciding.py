@@ -18,13 +18,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.accuracy import is_sketch
-from hbgear.continuation.algebra import norm, norms
+from hbgear.continuation.algebra import norms
 from hbgear.continuation.newton import NoConvergence
-from hbgear.continuation.problem import linearise
+from hbgear.continuation.refining import nearest
 from hbgear.harmonic.floquet import multipliers_of
 
 _SENSITIVE = 1e4  # error of the largest modulus over the relative error of the motion, at most
@@ -67,7 +66,7 @@ def _with_more(
         if finer is None:
             break
         try:
-            X, at[name] = _nearest(finer, finer.fitted(X), name, at)
+            X, at[name] = nearest(finer, finer.fitted(X), name, at)
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             break
         problem = finer
@@ -95,20 +94,3 @@ def _errors(
 def _modulus(mu: ComplexArray) -> Any:
     """The largest of multipliers (..., r)."""
     return np.abs(mu).max(axis=-1, initial=0.0)
-
-
-def _nearest(problem: Any, X: Array, name: str, here: Mapping[str, float]) -> tuple[Array, float]:
-    """The solution (X, p) nearest to a guess: Newton with the shortest steps in X and p over their sizes.
-
-    [J R_p] S y = -R,  y of least norm;   the curve may turn there, which a fixed p would not allow
-    """
-    at, scale = dict(here), np.full(len(X) + 1, problem.motion_size(X) or 1.0)
-    scale[-1] = problem.unit_of(name, here[name])
-    for _ in range(12):
-        now = linearise(problem, X, name, at)
-        if norm(now.R) <= 1e-11 * now.size:
-            return X, at[name]
-        Q, R = scipy.linalg.qr((np.column_stack([now.dR_dX, now.dR_dp]) * scale).T, mode="economic")
-        step = scale * (Q @ scipy.linalg.solve_triangular(R, -now.R, trans=1))
-        X, at[name] = X + step[:-1], at[name] + float(step[-1])
-    raise NoConvergence("the motion with more harmonics was not found", X, at, [norm(now.R) / now.size])

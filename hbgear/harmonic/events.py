@@ -2,7 +2,9 @@
 
 PD  a multiplier passes -1 (period doubling).
     Newton on {R = 0, g = 0} of the half-integer block, or a bracketed root of det(Phi + 1).
-NS  a complex pair of multipliers passes the unit circle (Neimark-Sacker). Bracketed root of its modulus.
+NS  a complex pair of multipliers passes the unit circle (Neimark-Sacker).
+    Newton on {R = 0, g = 0}, g the real part of its exponent by Hill's determinant, from a bracketed root of its
+    modulus.
     Where a symmetric system has its multipliers in pairs, two pass +1 (BP) or -1 (PD) at once and no determinant
     changes sign: bracketed root of their modulus.
 GR  an extremum of an element grazes a corner of its law: the impact regime changes.
@@ -47,7 +49,7 @@ from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
 from hbgear.harmonic.meeting import meetings
 from hbgear.harmonic.observables import Layout
-from hbgear.harmonic.special import EXTREMA, Grazing, Peak, PeriodDoubling
+from hbgear.harmonic.special import EXTREMA, Grazing, NeimarkSacker, Peak, PeriodDoubling
 
 
 class Doubling(Event):
@@ -84,13 +86,7 @@ class Doubling(Event):
             except (NoConvergence, np.linalg.LinAlgError):
                 pass
         rough = root(segment, self, lambda row: float(_verdicts(_known(segment, row)[None])[1][0]))
-        if extended is None or not rough.located:
-            return rough
-        try:
-            fine = newton(segment, self, extended, rough.s, beyond=_SHIFT / segment.length)
-        except (NoConvergence, np.linalg.LinAlgError):
-            return rough
-        return fine if norm((fine.row.u - rough.row.u) / segment.scale) <= _SHIFT else rough
+        return rough if extended is None else _sharpened(segment, rough, extended)
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         return PeriodDoubling(problem, parameter)
@@ -102,7 +98,18 @@ class Doubling(Event):
         return doubling.doubled, Departure(doubling.embed(there.X), dict(there.parameters), direction)
 
 
-class NeimarkSacker(Event):
+def _sharpened(segment: Segment, rough: Found, extended: Augmented) -> Found:
+    """A root of a function of the multipliers by Newton on equations that are more accurate, if it stays nearby."""
+    if not rough.located:
+        return rough
+    try:
+        fine = newton(segment, rough.event, extended, rough.s, beyond=_SHIFT / segment.length)
+    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+        return rough
+    return fine if norm((fine.row.u - rough.row.u) / segment.scale) <= _SHIFT else rough
+
+
+class SecondFrequency(Event):
     """A complex pair of multipliers leaves the unit circle: a second frequency sets in."""
 
     kind, meaning, marker = "NS", "Neimark-Sacker: a second frequency sets in", "s"
@@ -154,7 +161,11 @@ class NeimarkSacker(Event):
             return []
         found = root(segment, self, lambda row: _modulus(_pairs(_known(segment, row)), few) - 1.0)
         size = _modulus(_pairs(_known(segment, found.row)), few)  # else the pair became real outside of the circle
-        return [found] if found.located and abs(size - 1.0) < _DOUBLE else []
+        return [self._sharp(segment, found)] if found.located and abs(size - 1.0) < _DOUBLE else []
+
+    def _sharp(self, segment: Segment, found: Found) -> Found:
+        equations = self.equations(segment.problem, segment.name, found)
+        return found if equations is None else _sharpened(segment, found, equations)
 
     def _two_at_once(self, segment: Segment, ends: ComplexArray) -> list[Found]:
         """Where two multipliers pass the unit circle together: a complex pair, or a double real one by symmetry.
@@ -166,7 +177,7 @@ class NeimarkSacker(Event):
         outside = min(int(_verdicts(_pairs(mu)[None])[0][0]) for mu in ends)  # complex ones unstable at both ends
         found = root(segment, self, lambda row: _modulus(_pairs(_known(segment, row)), outside) - 1.0, fine=_FINE)
         if found.located:
-            return [found]
+            return [self._sharp(segment, found)]
         few = int(_verdicts(ends)[0].min())
         sizes = sorted(_modulus(mu, few) for mu in ends)
         level = 1.0 if sizes[0] < 1.0 < sizes[1] else 1.0 + NEUTRAL
@@ -180,7 +191,12 @@ class NeimarkSacker(Event):
         return [replace(real, event=BranchPoint() if first.real > 0 else Doubling(), finder=self)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
-        return None
+        """None for laws that must be asked for their slopes, and structures too large for their modes."""
+        if not problem.smooth:
+            return None
+        compiled = problem.compiled({})
+        known = not compiled.asked and not compiled.structure.large
+        return NeimarkSacker(problem, parameter) if known else None
 
 
 _FINE = 1e-10  # share of the chord to which a pair is located: beyond it lies the rounding of its modulus
@@ -339,13 +355,13 @@ _ROUGH, _SEARCHED = 1e-2, 1e-7  # shares of a piece to which a peak is searched 
 def motion_events(nu: int) -> tuple[Event, ...]:
     """What is looked for along a curve of periodic motions of subharmonic order nu, besides folds and branch points."""
     ends = (Merging(),) if nu > 1 else ()
-    return Doubling(), NeimarkSacker(), GrazingContact(), *ends
+    return Doubling(), SecondFrequency(), GrazingContact(), *ends
 
 
 KINDS: dict[str, Event] = {
     event.kind: event
     for event in (
-        Turning(), Doubling(), NeimarkSacker(), BranchPoint(), GrazingContact(), Cusp(), Merging(), AmplitudePeak()
+        Turning(), Doubling(), SecondFrequency(), BranchPoint(), GrazingContact(), Cusp(), Merging(), AmplitudePeak()
     )
 }  # fmt: skip
 """Every kind of special point that hbgear knows itself, in the order of legends."""

@@ -7,6 +7,11 @@
 An eigenproblem of r (2H + 1) equations for the exponents s, whose multipliers are e^{s T}. Each exponent comes 2H + 1
 times, shifted by i omega; of these copies those are the best whose vectors lie in the middle of the harmonics.
 
+Seen from the m gaps d = C z, with the receptance G(s) = C (s - A)^-1 B, the same exponents are the zeros of a
+determinant of m (2H + 1) equations (`Condensed`),
+
+    D(s) v = 0,   [D v]_k = v_k + G(s + i k omega) sum_l (K_{k-l} - kr) v_l
+
 References
 ----------
 Lazarus & Thomas (2010), C. R. Mecanique 338(9), https://doi.org/10.1016/j.crme.2010.07.020.
@@ -14,6 +19,8 @@ Guillot, Lazarus, Thomas, Vergez & Cochelin (2020), J. Comput. Phys. 416, https:
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,22 +38,14 @@ def hill_multipliers(compiled: Compiled, X: Array, Omega: float) -> ComplexArray
     ValueError
         If a law must be asked for its slopes, or the matrix would be too large.
     """
-    from hbgear.harmonic.projection import projected
-
     compiled = compiled.at(Omega)
-    modes, H, m = compiled.structure.modes, compiled.H, compiled.m
-    if compiled.asked:
-        raise ValueError("Hill's matrix is made for laws that are known to hbgear, not for laws of your own")
+    modes, H = compiled.structure.modes, compiled.H
+    _check_known(compiled)
     r = 0 if modes is None else len(modes.poles)
     if modes is None or r * (2 * H + 1) > _LARGEST:
         most = f"{r} x (2H + 1) = {r * (2 * H + 1):,}" if r else "too many"
         raise ValueError(f"Hill's matrix would have {most} equations; at most {_LARGEST:,} are solved: fewer harmonics")
-    kappa, _, more = projected(compiled.numbers, X.reshape(m, -1), 2 * H)
-    slopes = kappa + more
-    slopes[:, 0] -= compiled.numbers.linear.springs[0]
-    k = np.arange(-H, H + 1)
-    shift = k[:, None] - k
-    K = np.where(shift >= 0, slopes[:, np.abs(shift)], slopes[:, np.abs(shift)].conj())  # (m, 2H + 1, 2H + 1)
+    k, K = np.arange(-H, H + 1), _two_sided(slopes(compiled, X))
     matrix = -np.einsum("rj,jkl,js->krls", modes.input, K, modes.output)
     at = np.arange(r)
     matrix[np.arange(2 * H + 1)[:, None], at, np.arange(2 * H + 1)[:, None], at] += (
@@ -57,3 +56,80 @@ def hill_multipliers(compiled: Compiled, X: Array, Omega: float) -> ComplexArray
     middle = np.abs(k @ share / share.sum(axis=0))
     mu: ComplexArray = np.exp(s[np.argsort(middle, kind="stable")[:r]] * (2 * np.pi * compiled.nu / Omega))
     return mu[np.argsort(-np.abs(mu), kind="stable")]
+
+
+def slopes(compiled: Compiled, X: Array) -> ComplexArray:
+    """Coefficients 0..2H (m, 2H + 1) of the slopes of the laws along a motion, without the reference springs."""
+    from hbgear.harmonic.projection import projected
+
+    kappa, _, more = projected(compiled.numbers, X.reshape(compiled.m, -1), 2 * compiled.H)
+    out: ComplexArray = kappa + more
+    out[:, 0] -= compiled.numbers.linear.springs[0]
+    return out
+
+
+def _two_sided(slopes: ComplexArray) -> ComplexArray:
+    """K_{k-l} (m, 2H + 1, 2H + 1) for |k|, |l| <= H."""
+    k = np.arange(slopes.shape[1])
+    shift = k[:, None] - k
+    return np.where(shift >= 0, slopes[:, np.abs(shift)], slopes[:, np.abs(shift)].conj())
+
+
+def _check_known(compiled: Compiled) -> None:
+    if compiled.asked:
+        raise ValueError("Hill's matrix is made for laws that are known to hbgear, not for laws of your own")
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """Hill's determinant seen from the gaps, of one motion; see the module. Its unknowns are harmonic after harmonic.
+
+    poles (r,), output (m, r), input (r, m) : the modes of the structure. K (m, 2H + 1, 2H + 1) : slopes of the laws.
+    omega : frequency of the basis.
+    """
+
+    poles: ComplexArray
+    output: ComplexArray
+    input: ComplexArray
+    K: ComplexArray
+    omega: float
+
+    @staticmethod
+    def of(compiled: Compiled, X: Array, Omega: float) -> Condensed:
+        """Of a motion X (n,).
+
+        Raises
+        ------
+        ValueError
+            If a law must be asked for its slopes, or the structure is too large for its modes.
+        """
+        compiled = compiled.at(Omega)
+        _check_known(compiled)
+        modes = compiled.structure.modes
+        if modes is None:
+            raise ValueError("Hill's determinant needs the modes of the structure, which is too large for them")
+        K = _two_sided(slopes(compiled, X))
+        return Condensed(modes.poles, modes.output, modes.input, K, Omega / compiled.nu)
+
+    @property
+    def m(self) -> int:
+        """Number of gaps."""
+        return len(self.K)
+
+    @property
+    def k(self) -> Array:
+        """Harmonics -H..H."""
+        H = self.K.shape[1] // 2
+        return np.arange(-H, H + 1)
+
+    def receptances(self, s: complex) -> tuple[ComplexArray, ComplexArray]:
+        """G and dG/ds (2H + 1, m, m) at s + i k omega."""
+        away = 1.0 / (s + 1j * self.omega * self.k[:, None] - self.poles)
+        G = np.einsum("ir,kr,rj->kij", self.output, away, self.input, optimize=True)
+        return G, np.einsum("ir,kr,rj->kij", self.output, -np.square(away), self.input, optimize=True)
+
+    def matrices(self, s: complex) -> tuple[ComplexArray, ComplexArray]:
+        """D and dD/ds (m (2H + 1), m (2H + 1))."""
+        size = len(self.k) * self.m
+        D, dD = (np.einsum("kij,jkl->kilj", G, self.K).reshape(size, size) for G in self.receptances(s))
+        return D + np.eye(size), dD

@@ -335,19 +335,35 @@ class _At:
         """Derivatives of the unknowns and of the parameter of the curve."""
         if not isinstance(self.point, SpecialPoint):
             return of_solution(self.problem, self.X, self.here, self.names)
-        kind = self.point.kind
-        if kind == "NS":
-            return of_crossing(self.problem, self.X, self.here, self.parameter, self.names, self._modulus())
-        if kind == "BP":
+        if self.point.kind == "BP":
             return of_branch_point(self.problem, self.X, self.here, self.parameter, self.names)
-        U = np.append(self.X, self.here[self.parameter])
+        U, equations = np.append(self.X, self.here[self.parameter]), self.known_equations()
+        if equations is None and self.point.kind == "NS":
+            return of_crossing(self.problem, self.X, self.here, self.parameter, self.names, self._modulus())
         equations = self.equations().based(U, self.here)
         with suppress(NoConvergence):  # else as near as it was located
             U = refine(equations, solve(equations, U, self.here), self.here).X
         return of_special(equations, U, self.here, self.names)
 
     def equations(self) -> Augmented:
-        """The equations of a special point."""
+        """The equations of a special point.
+
+        Raises
+        ------
+        ValueError
+            If it has none.
+        """
+        known, point = self.known_equations(), self.point
+        assert isinstance(point, SpecialPoint)
+        if known is None:
+            raise ValueError(
+                f"{point.label} ({point.meaning.partition(':')[0]}) has no equations of its own to be differentiated; "
+                "choose LP, PD, NS, BP, GR, CP, a peak, a jump, or a row of the curve"
+            )
+        return known
+
+    def known_equations(self) -> Augmented | None:
+        """The equations of a special point, if it has some."""
         point = self.point
         assert isinstance(point, SpecialPoint)
         if point.kind == "PK":
@@ -357,13 +373,7 @@ class _At:
         if point.kind == "CP":
             return Fold(self.problem, self.parameter)
         event = event_at(self.problem, self.parameter, point)
-        equations = event and event.equations(self.problem.original, self.parameter, point)
-        if not equations:
-            raise ValueError(
-                f"{point.label} ({point.meaning.partition(':')[0]}) has no equations of its own to be differentiated; "
-                "choose LP, PD, NS, BP, GR, CP, a peak, a jump, or a row of the curve"
-            )
-        return equations
+        return event.equations(self.problem.original, self.parameter, point) if event else None
 
     @cached_property
     def own(self) -> dict[str, float]:

@@ -5,6 +5,7 @@
 | class | g |
 |---|---|
 | PeriodDoubling | bordered determinant of the half-integer block: a multiplier is -1 |
+| NeimarkSacker | real part of an exponent, a zero of Hill's determinant: a pair of multipliers is on the unit circle |
 | Grazing | extremum of an element minus a corner of its law: the impact regime changes |
 | Peak | derivative of an amplitude along the curve |
 
@@ -17,18 +18,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from hbgear.common.arguments import checked_arguments
-from hbgear.common.arrays import Array
+from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.algebra import bordered, norm
 from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, null_vectors, sides
-from hbgear.continuation.differences import STEP, in_parameter
+from hbgear.continuation.differences import STEP, difference_along, in_parameter
+from hbgear.continuation.newton import NoConvergence
 from hbgear.continuation.problem import AnyProblem, linearise
+from hbgear.harmonic.hill import Condensed
 from hbgear.mechanics.fourier import extrema, to_real, waves
 
 
@@ -101,6 +105,177 @@ class PeriodDoubling(Fold):
             now, k * g, -k * (w @ along[np.ix_(odd, even)]), -k * float(w @ across[np.ix_(odd, odd)] @ v),
             tuple((dR[even], -k * float(w @ dJ[np.ix_(odd, odd)] @ v)) for dR, dJ in changes),
         )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Rotation(Base):
+    """The base of a Neimark-Sacker point: the borders of Hill's determinant, and the exponent near which it is zero."""
+
+    exponent: complex = 0j
+
+
+class _Pair(NamedTuple):
+    """An exponent s of a motion, its disturbance v, y = G^H w with the left vector w, and w^H dD/ds v."""
+
+    exponent: complex
+    v: ComplexArray
+    w: ComplexArray
+    y: ComplexArray
+    rate: complex
+
+
+class NeimarkSacker(Augmented):
+    """Neimark-Sacker points (NS): a disturbance e^{st} v(theta) of another frequency neither decays nor grows.
+
+        D(s) v = 0,   g = Re s;     ds = -(w^H dD v) / (w^H D_s v)
+
+    D is Hill's determinant seen from the gaps (`hill.Condensed`), s is found anew for every motion. Like the
+    half-integer block of a period doubling, which is D at s = i omega / 2, it is superconvergent: its zeros are far
+    more accurate than the multipliers of the truncated motion.
+
+    Parameters
+    ----------
+    problem : a `HarmonicBalance` of laws that are known to hbgear.
+    parameter : the parameter of the curve.
+
+    Raises
+    ------
+    ValueError
+        If there is no complex pair of multipliers near the point, a law must be asked for its slopes, or the structure
+        is too large for its modes.
+
+    References
+    ----------
+    Detroux, Renson, Masset & Kerschen (2015), Comput. Methods Appl. Mech. Eng. 296,
+    https://doi.org/10.1016/j.cma.2015.07.017, for special points followed by harmonic balance.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 5)
+    >>> curve = hb.trace(problem, "Omega", (1.0, 0.8), accuracy=None)
+    >>> few = hb.StepControl(max_points=4)
+    >>> held = hb.trace(hb.NeimarkSacker(problem, "Omega"), "zeta", (0.05, 0.06), start=curve["NS1"], steps=few)
+    >>> bool(held.tracked["Omega"][0] == curve["NS1"].parameters["Omega"])
+    True
+    """
+
+    problem: Any  # a HarmonicBalance
+
+    def base_at(self, X: Array, here: dict[str, float]) -> Base:
+        hill, size = self._hill(X, here), linearise(self.problem, X, "", here).size
+        s = self._guess(X, here)
+        u, _, vh = scipy.linalg.svd(hill.matrices(s)[0])
+        pair = _exponent(hill, s, u[:, -1], vh[-1].conj(), X, here)
+        return Rotation(size / hill.omega, _unit(pair.w), _unit(pair.v), pair.exponent)
+
+    def renewed(self, base: Base, X: Array, here: dict[str, float]) -> Base:
+        """Borders and exponent renewed at X."""
+        assert isinstance(base, Rotation)
+        pair = self._pair(self._hill(X, here), base, X, here)
+        return Rotation(base.weight, _unit(pair.w), _unit(pair.v), pair.exponent)
+
+    def exponent(self, X: Array, **here: float) -> complex:
+        """The exponent s at or near a Neimark-Sacker point; its second frequency is Im s."""
+        base = self.base or self.base_at(X, here)
+        return self._pair(self._hill(X, here), base, X, here).exponent
+
+    def _hill(self, X: Array, here: dict[str, float]) -> Condensed:
+        return Condensed.of(self.problem.compiled(here), X, here["Omega"])
+
+    def _guess(self, X: Array, here: dict[str, float]) -> complex:
+        """The exponent of the complex pair of multipliers next to the unit circle."""
+        mu = self.problem.multipliers(X, **here)
+        mu = mu[mu.imag > 1e-8 * np.abs(mu)]
+        if not len(mu):
+            raise ValueError("no pair of multipliers of the motion is complex: it is at no Neimark-Sacker point")
+        nearest = mu[np.argmin(np.abs(np.log(np.abs(mu))))]
+        s: complex = complex(np.log(nearest)) * here["Omega"] / (2 * np.pi * self.problem.nu)
+        return s
+
+    def _pair(self, hill: Condensed, base: Base, X: Array, here: dict[str, float]) -> _Pair:
+        assert isinstance(base, Rotation) and base.b is not None and base.c is not None
+        return _exponent(hill, base.exponent, base.b, base.c, X, here)
+
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Base) -> Extra:
+        """See `Augmented.extra`."""
+        now = linearise(self.problem, X, self.parameter, here)
+        pair = self._pair(self._hill(X, here), base, X, here)
+        k = base.weight
+        g_X = k * self._slope(X, here, pair)
+        moved = tuple(
+            (linearise(self.problem, X, name, here).dR_dp, k * self._moved(X, here, name, pair)) for name in names
+        )
+        return Extra(now, k * pair.exponent.real, g_X, k * self._moved(X, here, self.parameter, pair), moved)
+
+    def _slope(self, X: Array, here: dict[str, float], pair: _Pair) -> Array:
+        """Gradient (n,) of Re s in X, on which slopes K of the laws depend.
+
+            w^H dD v = sum_n q_n dK_n,   q_n = sum_l conj(y_l+n) v_l
+            d Re s = mean of dK phi,     phi = -Re sum_n q_n e^{-i n theta} / (w^H D_s v)
+
+        summed over the gaps: what the mean force does when the motion moves along phi, and then along X.
+        """
+        m, H = self.problem.m, self.problem.H
+        v, y = (z.reshape(2 * H + 1, m).T for z in (pair.v, pair.y))
+        q = np.array([np.convolve(y_j.conj(), v_j[::-1]) for v_j, y_j in zip(v, y, strict=True)])
+        phi = -q / pair.rate  # of e^{-in theta}, n = -2H..2H
+        rows = to_real(phi[:, 2 * H :].conj() + phi[:, 2 * H :: -1])
+        rows[:, 0] /= 2.0
+        wide = self.problem.finer or self.problem.with_order(self.problem.nu, 2 * H)
+        compiled, at, along = wide.compiled(here), wide.fitted(X), rows.ravel()
+        h = difference_along(at, along)
+        bent = (compiled.stiffness(at + h * along) - compiled.stiffness(at - h * along)) / (2 * h)
+        means = bent[:: 4 * H + 1].sum(axis=0)
+        out: Array = means.reshape(m, -1)[:, : 2 * H + 1].ravel()
+        return out
+
+    def _moved(self, X: Array, here: dict[str, float], name: str, pair: _Pair) -> float:
+        """Derivative of Re s in a parameter."""
+
+        def form(at: dict[str, float]) -> tuple[float]:
+            D, _ = self._hill(X, at).matrices(pair.exponent)
+            return (float((-(pair.w.conj() @ D @ pair.v) / pair.rate).real),)
+
+        (moved,) = in_parameter(self.problem, name, here, form)
+        return float(moved)
+
+
+def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: Array, here: dict[str, float]) -> _Pair:
+    """Newton on the bordered determinant g(s) of D(s), dg/ds = -w^H D_s v.
+
+    Raises
+    ------
+    NoConvergence
+        If it does not converge.
+    """
+    corner = np.zeros(len(b) + 1)
+    corner[-1] = 1.0
+    steps: list[float] = []
+    for _ in range(20):
+        D, D_s = hill.matrices(s)
+        lu = scipy.linalg.lu_factor(np.block([[D, b[:, None]], [c.conj()[None], np.zeros((1, 1))]]))
+        right, left = scipy.linalg.lu_solve(lu, corner), scipy.linalg.lu_solve(lu, corner, trans=2)
+        v, w, g = right[:-1], left[:-1], right[-1]
+        rate = complex(w.conj() @ D_s @ v)
+        if not np.isfinite([g, rate]).all() or abs(rate) <= _NOWHERE * abs(g) / hill.omega:
+            break
+        step = g / rate
+        s, known = s + step, len(steps) and steps[-1] <= 1e-7 * hill.omega
+        steps.append(abs(step))
+        if known or abs(step) <= 1e-14 * hill.omega:
+            G = hill.receptances(s)[0]
+            y = np.einsum("kij,ki->kj", G.conj(), w.reshape(-1, hill.m)).ravel()
+            return _Pair(s, v, w, y, rate)
+    raise NoConvergence("Newton found no exponent of Hill's determinant", X, here, steps)
+
+
+_NOWHERE = 1e-6  # rate at which the determinant of no exponent nearby changes, over its value
+
+
+def _unit(v: ComplexArray) -> ComplexArray:
+    out: ComplexArray = v / norm(v)
+    return out
 
 
 class Grazing(Augmented):

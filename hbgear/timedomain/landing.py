@@ -125,14 +125,17 @@ def land(
 def arrivals(branch: Branch, jump: Jump, settling: Settling = Settling()) -> list[Arrival]:
     """What the motion left at a jump settles on, from several values just beyond it, the nearest first."""
     problem = branch.problem
-    values = _end(branch, jump) + jump.direction * np.geomspace(*_BEYOND, _TRIES) * float(np.ptp(branch.values))
-    each = [{**jump.before.parameters, jump.parameter: value} for value in values.tolist()]
+    left = _left(branch, jump)
+    begin = left.parameters[jump.parameter]
+    values = begin + jump.direction * np.geomspace(*_BEYOND, _TRIES) * float(np.ptp(branch.values))
+    each = [{**left.parameters, jump.parameter: value} for value in values.tolist()]
     Omega = np.array([here["Omega"] for here in each])
     models = [problem.model.replace(**{k: x for k, x in here.items() if k != "Omega"}) for here in each]
     stepper = Stepper(models[0], Omega) if jump.parameter == "Omega" else Stepper(models, Omega)
-    state = state_of(problem, problem.converted(jump.before), **jump.before.parameters)
+    state = state_of(problem.fitting(left), problem.fitting(left).converted(left), **left.parameters)
     flight = stepper.start(np.tile(state, (_TRIES, 1)))
-    flight = disturbed(stepper, flight, _DISTURBANCE, np.random.default_rng(1))
+    share = _PUSH if abs(begin - jump.value) > 0 else _DISTURBANCE
+    flight = disturbed(stepper, flight, share, np.random.default_rng(1))
     how = settle(stepper, flight, settling)
     found = []
     for i, here in enumerate(each):
@@ -149,15 +152,31 @@ def arrivals(branch: Branch, jump: Jump, settling: Settling = Settling()) -> lis
     return found
 
 
-def _end(branch: Branch, jump: Jump) -> float:
-    """The value of the fold beyond which the motion left is gone, also where it loses its stability before."""
+def _left(branch: Branch, jump: Jump) -> Point:
+    """The motion that a sweep leaves at a jump: that at the fold beyond which it is gone.
+
+    Where it loses its stability before, one of the unstable ones that follow: the first from which a disturbance grows
+    fast enough to be waited for, or that at the fold.
+    """
     left = jump.before
     if not isinstance(left, SpecialPoint) or left.kind == "LP":
-        return jump.value
-    folds = [p for p in branch.special if p.kind == "LP"]
-    values = [p.parameters[jump.parameter] for p in sorted(folds, key=lambda p: abs(p.index - left.index))]
-    beyond = [value for value in values if (value - jump.value) * jump.direction > 0]
-    return beyond[0] if beyond else jump.value
+        return left
+    values, mu = branch.values, branch.multipliers
+    ahead = (values[min(left.index + 1, len(values) - 1)] - jump.value) * jump.direction > 0
+    step, at = (1 if ahead else -1), left.index
+    while mu is not None and 0 <= at + step < len(values):
+        if (values[at + step] - values[at]) * jump.direction <= 0:
+            break
+        at += step
+        if np.abs(mu[at]).max(initial=0.0) >= 1.0 + _GROWTH:
+            break
+    return branch[at]
+
+
+_GROWTH = 0.02  # of a disturbance in an excitation period
+
+
+_PUSH = 1e-4  # disturbance of an unstable motion, of its state
 
 
 def _as_point(problem: Any, d: Array, period: int, here: dict[str, float]) -> Point:
@@ -172,7 +191,7 @@ def _as_point(problem: Any, d: Array, period: int, here: dict[str, float]) -> Po
 def landed(branches: Sequence[Branch], jump: Jump, found: Sequence[Arrival]) -> list[tuple[Jump, list[Arrival]]]:
     """The ends of a jump of the first of some branches and the tries that took it there, the most frequent first.
 
-    Its note tells the others.
+    Its note tells the others, and whether it is left much later than it loses its stability.
     """
     ends: list[tuple[Jump, list[Arrival]]] = []
     for group in _alike(found):
@@ -186,9 +205,23 @@ def landed(branches: Sequence[Branch], jump: Jump, found: Sequence[Arrival]) -> 
     (first, most), *rest = ends
     if rest:
         others = "; ".join(f"{len(group)}: {group[0].text}" for _, group in rest)
-        told = f"indeterminate: {len(most)} of {len(found)} tries, {others}"
-        first = replace(first, note=f"{first.note}; {told}" if first.note else told)
-    return [(first, most), *rest]
+        first = _noted(first, f"indeterminate: {len(most)} of {len(found)} tries, {others}")
+    return [(_noted(first, _slowly(branches[0], jump)), most), *rest]
+
+
+def _noted(jump: Jump, told: str) -> Jump:
+    return replace(jump, note="; ".join(filter(None, (jump.note, told))))
+
+
+def _slowly(branch: Branch, jump: Jump) -> str:
+    """What is to be said of a jump at which the motion loses its stability and is left at the fold only."""
+    left = _left(branch, jump)
+    if left is jump.before or not isinstance(left, SpecialPoint):
+        return ""
+    end = left.parameters[jump.parameter]
+    return (
+        f"slow: disturbances grow by less than {_GROWTH:.0%} a period up to {left.label} at {end:.6g}, where it leaves"
+    )
 
 
 def _alike(found: Sequence[Arrival]) -> list[list[Arrival]]:

@@ -356,9 +356,9 @@ def _verdicts(ax: Axes, results: Results) -> None:
 def _landings(ax: Axes, results: Results) -> None:
     """Size of the motion a jump lands on, said and integrated."""
     jumps = [j for one in results.compared for j in one.jumps]
-    sure = [j for j in jumps if "indeterminate" not in j.note]
+    sure = [j for j in jumps if j.sure]
     groups = (("as said", [j for j in sure if j.right], "o", study.BLUE),
-              ("indeterminate", [j for j in jumps if j not in sure], "s", study.ORANGE),
+              ("indeterminate or slow", [j for j in jumps if j not in sure], "s", study.ORANGE),
               ("elsewhere", [j for j in sure if not j.right], "x", "#c00000"))  # fmt: skip
     for label, some, marker, colour in groups:
         ax.plot([j.said for j in some], [j.true for j in some], marker, color=colour, markersize=4,
@@ -393,11 +393,11 @@ def report(results: Results) -> str:
     verdicts = [v for one in results.compared for v in one.verdicts]
     wrong_ones = [v for v in verdicts if v.wrong]
     jumps = [j for one in results.compared for j in one.jumps]
-    sure = [j for j in jumps if "indeterminate" not in j.note]
+    sure = [j for j in jumps if j.sure]
     astray = [j for j in sure if not j.right]
     undecided, unsure = sum(v.stable is None for v in verdicts), len(jumps) - len(sure)
     lines += ["", f"Of {len(verdicts)} verdicts {len(wrong_ones)} are wrong and {undecided} undecided; of {len(jumps)} "
-              f"jumps, {unsure} of them told to be indeterminate, {len(astray)} land elsewhere. "
+              f"jumps, {unsure} of them told to be indeterminate or slow, {len(astray)} land elsewhere. "
               f"{results.seconds / 60:.0f} min of one core."]  # fmt: skip
     lines += ["", "What is not as it should be, by machine (kind:number):", ""]
     lines += [f"* {one.machine}: {one.status}; {one.untrue}" for one in results.ended if one.untrue]

@@ -247,6 +247,11 @@ class Landed:
     right: bool
     note: str
 
+    @property
+    def sure(self) -> bool:
+        """Whether it is said to land there whatever the sweep: not indeterminate, not left slowly."""
+        return "indeterminate" not in self.note and "slow" not in self.note
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -416,27 +421,54 @@ def verdicts(it: Machine, branch: Branch, finer: hb.HarmonicBalance, random: np.
 BEYOND = 1.3e-4
 """Distance beyond the point left, over the span; others than those of `hbgear.timedomain.landing`."""
 
-PERIODS = 2000
+PERIODS, PATIENCE = 2000, 20
+"""Excitation periods that a motion is integrated before it is looked at, and how often, until it has left the unstable
+motion it began at; near a point where that loses its stability disturbances grow slowly."""
+
+FARTHER = 8.0, 64.0
+"""Times the distance beyond, where it has not left for so long."""
 
 
 def landed(it: Machine, branch: Branch) -> list[Landed]:
     """The jumps of a curve, decided by integration, beside an integration of our own, from another distance."""
     out = []
     for jump in branch.jumps(landing="integrate"):
-        point = jump.before
-        Omega = jump.value + jump.direction * BEYOND * float(np.ptp(branch.values))
-        state = state_of(branch.problem, branch.problem.converted(point), **point.parameters)
-        try:
-            end = hb.integrate(it.model, state, PERIODS, Omega, method="exponential", samples=1).end
-            seen = hb.integrate(it.model, end, 64, Omega, method="exponential", samples=64).d
-        except ArithmeticError:
-            seen = np.full((1, 64), np.inf)
-        with np.errstate(invalid="ignore"):
-            true = np.nan_to_num(seen.std(axis=-1), nan=np.inf)
+        for times in (1.0, *FARTHER):
+            Omega = jump.value + times * jump.direction * BEYOND * float(np.ptp(branch.values))
+            begin = _sizes(branch, jump.before, Omega)
+            true = _settled(it, branch, jump, Omega, begin)
+            if not _alike(begin, true):
+                break
         after = np.full(len(true), np.nan) if jump.after is None else _sizes(branch, jump.after, Omega)
         right = _lands(jump, after, true)
         out.append(Landed(it.name, jump.label, jump.value, float(after[0]), float(true[0]), right, jump.note))
     return out
+
+
+def _settled(it: Machine, branch: Branch, jump: Jump, Omega: float, begin: Array) -> Array:
+    """Rms of the elements of the motion that follows that at a jump, once it has left the one it began at (rms begin).
+
+    It is integrated on as long again, at least, for what it goes to.
+    """
+    state = state_of(branch.problem, branch.problem.converted(jump.before), **jump.before.parameters)
+    state = state * (1.0 + 1e-4 * np.random.default_rng(0).normal(size=len(state)))
+    true, gone = begin, 0
+    for taken in range(1, PATIENCE + 1):
+        try:
+            state = hb.integrate(it.model, state, PERIODS, Omega, method="exponential", samples=1).end
+            seen = hb.integrate(it.model, state, 64, Omega, method="exponential", samples=64).d
+        except ArithmeticError:
+            return np.full(len(begin), np.inf)
+        with np.errstate(invalid="ignore"):
+            true = np.nan_to_num(seen.std(axis=-1), nan=np.inf)
+        gone = gone or (0 if _alike(begin, true) else taken)
+        if gone and taken >= 2 * gone:
+            break
+    return true
+
+
+def _alike(one: Array, other: Array) -> bool:
+    return bool(np.linalg.norm(one - other) <= 0.02 * np.linalg.norm(other))
 
 
 def _sizes(branch: Branch, motion: Point, Omega: float) -> Array:
@@ -452,7 +484,7 @@ def _lands(jump: Jump, after: Array, true: Array) -> bool:
     """Whether the motion integrated is the one said; one that is not periodic or runs away has no motion."""
     if jump.after is None:
         return "not periodic" in jump.note or not np.isfinite(true).all()
-    return bool(np.linalg.norm(after - true) <= 0.02 * np.linalg.norm(true))
+    return _alike(after, true)
 
 
 # ---- summary

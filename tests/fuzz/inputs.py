@@ -518,7 +518,7 @@ def targets() -> tuple[Target, ...]:
                 },
                 1,
             )
-            for cls in (hb.Fold, hb.Grazing, hb.Peak, hb.PeriodDoubling)
+            for cls in (hb.Fold, hb.Grazing, hb.NeimarkSacker, hb.Peak, hb.PeriodDoubling)
         ),
         Target(
             "trace a Fold",

@@ -12,7 +12,7 @@ from hbgear.continuation.jumps import find_jumps, nearest
 from hbgear.continuation.newton import Settings, solve
 from hbgear.continuation.problem import FullProblem, as_problem
 from hbgear.continuation.tracer import _Tracer, trace
-from hbgear.harmonic.events import Doubling, NeimarkSacker
+from hbgear.harmonic.events import Doubling, SecondFrequency
 from hbgear.harmonic.receptance import Structure, UnbalancedLoad
 from hbgear.mechanics.fourier import resize
 from hbgear.timedomain.closing import judge
@@ -213,7 +213,7 @@ def inside(p):
 def test_a_neimark_sacker_point_is_a_pair_that_nothing_else_explains(of, expected, span):
     """Mutants: three multipliers must pass; those of a period doubling are counted off twice; those that
     are outside at both ends are taken for those that pass."""
-    curve = trace(Multipliers(*of), "p", span, np.array([span[0]]), events=[NeimarkSacker(), Doubling()])
+    curve = trace(Multipliers(*of), "p", span, np.array([span[0]]), events=[SecondFrequency(), Doubling()])
     found = {}
     for point in curve.special:
         found.setdefault(point.kind, []).append(point.parameters["p"])
@@ -241,13 +241,13 @@ def meeting(p0, stiffness, modulus=0.985):
 def test_two_pairs_that_meet_between_two_rows(stiffness, span):
     """Their moduli leave the circle and come back within a step, and are alike at all rows."""
     of = meeting(0.41, stiffness)
-    curve = trace(Multipliers(of, inside), "p", span, np.array([span[0]]), events=[NeimarkSacker(), Doubling()])
+    curve = trace(Multipliers(of, inside), "p", span, np.array([span[0]]), events=[SecondFrequency(), Doubling()])
     assert not np.any(np.abs(of(0.5)) > 1) and np.any(np.abs(of(0.41)) > 1)
     size = [brentq(lambda p: np.abs(of(p)).max() - 1, *sorted((0.41, end)), xtol=1e-12) for end in (0.3, 0.52)]
     assert [point.kind for point in curve.special] == ["NS", "NS"]
     np.testing.assert_allclose(sorted(p.parameters["p"] for p in curve.special), size, rtol=0, atol=1e-8)
     below = trace(Multipliers(meeting(0.41, stiffness, 0.9), inside), "p", span, np.array([span[0]]),
-                  events=[NeimarkSacker(), Doubling()])  # fmt: skip
+                  events=[SecondFrequency(), Doubling()])  # fmt: skip
     assert below.special == ()
 
 

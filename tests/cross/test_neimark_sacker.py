@@ -1,0 +1,68 @@
+"""Neimark-Sacker points by Hill's determinant: against shooting, against differences, and along a second parameter."""
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.timedomain.integrate import state_of
+
+
+def nearest_to_the_circle(mu):
+    """Logarithm of the modulus of the complex pair nearest to the unit circle, and its angle."""
+    pairs = mu[mu.imag > 1e-6]
+    one = pairs[np.argmin(np.abs(np.log(np.abs(pairs))))]
+    return np.log(np.abs(one)), np.angle(one)
+
+
+@pytest.fixture(scope="module")
+def curve():
+    """The double-helical pair at little damping."""
+    return hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 16), "Omega", (1.0, 0.8))
+
+
+def test_the_equations_are_differentiated_exactly(curve):
+    point, problem = curve["NS1"], hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 16)
+    U = np.append(problem.converted(point), point.parameters["Omega"])
+    equations = hb.NeimarkSacker(problem, "Omega").based(U, {"zeta": 0.05})
+    now = equations.linearise(U, "zeta", zeta=0.05)
+    step = 1e-6 * np.random.default_rng(1).normal(size=len(U))
+    up, down = (equations.linearise(U + sign * step, "", zeta=0.05).R[-1] for sign in (1, -1))
+    assert (up - down) / 2 == pytest.approx(now.dR_dX[-1] @ step, rel=1e-5)
+    up, down = (equations.linearise(U, "", zeta=0.05 + sign * 1e-6).R[-1] for sign in (1, -1))
+    assert (up - down) / 2e-6 == pytest.approx(now.dR_dp[-1], rel=1e-5)
+
+
+def test_multipliers_of_the_shot_motion_lie_on_the_circle(curve):
+    """Also where the point has moved with the damping; the angle is that of the exponent."""
+    equations = hb.NeimarkSacker(curve.problem.with_order(1, 32), "Omega")
+    held = hb.trace(equations, "zeta", (0.05, 0.06), start=curve["NS1"], steps=hb.StepControl(max_points=6))
+    assert len(held) == 6 and held.tracked["Omega"][-1] != held.tracked["Omega"][0]
+    for i in (0, 5):
+        Omega, zeta, X = held.tracked["Omega"][i], held.values[i], held.X[i]
+        problem = curve.problem.with_order(1, 32)
+        orbit = hb.shoot(hb.DoubleHelicalPair(zeta=zeta), Omega, state_of(problem, X, Omega=Omega, zeta=zeta))
+        growth, angle = nearest_to_the_circle(orbit.multipliers)
+        assert abs(growth) < 2e-5
+        s = equations.exponent(X, Omega=Omega, zeta=zeta)
+        assert abs(np.angle(np.exp(2j * np.pi * s.imag / Omega))) == pytest.approx(angle, abs=1e-4)
+
+
+def test_it_is_found_whatever_the_step(curve):
+    places = []
+    for longest in (0.004, 0.02):
+        steps = hb.StepControl(first=0.002, longest=longest)
+        again = hb.trace(curve.problem, "Omega", (1.0, 0.8), steps=steps, accuracy=None)
+        places.append([p.parameters["Omega"] for p in again.special if p.kind == "NS"])
+    assert len(places[0]) == len(places[1]) > 0
+    np.testing.assert_allclose(places[0], places[1], rtol=1e-10)
+
+
+@pytest.mark.filterwarnings("ignore::hbgear.Unlikely")
+def test_where_there_is_none():
+    duffing = hb.HarmonicBalance(hb.Duffing(), 7)
+    X = duffing.start(Omega=3.0)
+    linear = hb.HarmonicBalance(hb.SpurPair(zeta=2.0, e=(0.01,)), 8)
+    with pytest.raises(ValueError, match="no pair of multipliers of the motion is complex"):
+        hb.NeimarkSacker(linear).based(np.append(linear.start(Omega=0.5), 0.5), {})
+    s = hb.NeimarkSacker(duffing).exponent(X, Omega=3.0)
+    assert s.real == pytest.approx(-hb.Duffing().zeta, rel=1e-6)  # a pair that decays with the damper

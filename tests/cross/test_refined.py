@@ -1,0 +1,62 @@
+"""Errors of measures along a curve: stated against true ones, from eight times the harmonics."""
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+
+MODELS = {
+    "spur": (hb.SpurPair(), (1.0, 0.6), 8),
+    "helical": (hb.DoubleHelicalPair(zeta=0.05), (1.0, 0.8), 8),
+    "duffing": (hb.Duffing(), (0.8, 1.6), 3),
+}
+
+
+@pytest.fixture(scope="module", params=MODELS)
+def pair(request):
+    """A curve of few harmonics, and its rows with eight times as many."""
+    model, span, H = MODELS[request.param]
+    curve = hb.trace(hb.HarmonicBalance(model, H), "Omega", span, accuracy=None)
+    return curve, curve.refined().refined().refined()
+
+
+@pytest.mark.parametrize("measure", ["rms", "pp2", "max", "mean", "H1", "H3"])
+def test_errors_of_measures(pair, measure):
+    """Below three times the stated one in 95 of 100 rows, and not far too large."""
+    curve, fine = pair
+    true = np.abs(fine.amplitude(measure) - curve.amplitude(measure))
+    stated = curve.amplitude_error(measure)
+    assert np.isfinite(true).all()
+    some = true > 1e-10  # of the others only rounding is left, as of the mean of a symmetric oscillator
+    if not some.any():
+        assert measure == "mean" and stated.max() < 1e-10
+        return
+    ratio = true[some] / stated[some]
+    assert some.sum() > 50 and np.mean(ratio < 3) >= 0.95 and 0.5 < np.median(ratio) < 1.5
+
+
+def test_a_refined_curve_solves_its_equations(pair):
+    curve, fine = pair
+    assert fine.layout.harmonics == 8 * curve.layout.harmonics and len(fine) == len(curve)
+    for i in range(0, len(fine), 17):
+        R, _ = fine.problem.evaluate(fine.X[i], **fine.parameters_at(i))
+        assert np.abs(R).max() < 1e-9
+        np.testing.assert_array_equal(fine.regime[i], fine.problem.regime(fine.X[i], **fine.parameters_at(i)))
+    moved = np.abs(fine.values - curve.values)
+    rough = curve.error > 1e-10
+    assert 0 < moved.max() < 1e-4 and (fine.error[rough] < curve.error[rough]).all()
+    assert fine.special == curve.special and fine.multipliers.shape == curve.multipliers.shape
+
+
+def test_what_cannot_be_refined(pair, tmp_path):
+    curve, _ = pair
+    curve.save(tmp_path / "curve.npz")
+    lost = hb.load(tmp_path / "curve.npz")
+    with pytest.raises(ValueError, match="this one has lost its problem"):
+        lost.refined()
+    many = hb.trace(hb.HarmonicBalance(hb.Duffing(), 300), "Omega", (0.8, 0.81), steps=hb.StepControl(max_points=2))
+    with pytest.raises(ValueError, match="has as many harmonics as are solved for"):
+        many.amplitude_error()
+    if curve.problem.model == hb.SpurPair():
+        with pytest.raises(ValueError, match="a curve of special points is not refined"):
+            hb.follow(curve, "LP1", "zeta", (0.05, 0.051)).refined()
