@@ -114,7 +114,7 @@ const hbgear = (() => {
         if (!kinds.has(point.kind)) kinds.set(point.kind, { point, x: [], y: [], text: [], hover: [], rows: [] });
         const k = kinds.get(point.kind), v = size(curve, point.sizes) ?? y[point.row];
         k.x.push(point.x); k.y.push(v); k.rows.push([n, point.row]);
-        k.text.push(point.label + (many ? ` (${n + 1})` : ""));
+        k.text.push(point.kind === "GR" ? "" : point.label + (many ? ` (${n + 1})` : "")); // there are many, and the cross says it
         k.hover.push(`<b>${point.label}</b> ${escaped(point.meaning)}<br>${curve.parameter} = ${short(point.x, 7)}` +
                      (curve.scales.rpm ? `<br>${short(point.x * curve.scales.rpm)} r/min` : "") +
                      `<br>${state.measure} = ${short(v)}`);
