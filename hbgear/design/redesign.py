@@ -215,7 +215,7 @@ def redesign(
 
     References
     ----------
-    Nocedal & Wright (2006), Numerical Optimization, ch. 18, doi 10.1007/978-0-387-40065-5.
+    Nocedal & Wright (2006), Numerical Optimization, ch. 18, https://doi.org/10.1007/978-0-387-40065-5.
 
     Examples
     --------

@@ -16,7 +16,6 @@ import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -166,8 +165,8 @@ def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple
 def _force(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
     """Samples of the force of the law of an element."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    moved = partial(compiled.gap, index, X.reshape(problem.m, -1)[index])
-    return force_samples(compiled.laws[index], moved, here["Omega"] / problem.nu, problem.nu)
+    one, kept = compiled.system.elements[index], compiled.numbers.corners.kept[:, index]
+    return force_samples(one, kept, X.reshape(problem.m, -1)[index], here["Omega"] / problem.nu, problem.nu)
 
 
 def _columns(

@@ -21,7 +21,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import scipy
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
@@ -47,6 +46,7 @@ from hbgear.harmonic.starts import from_elsewhere, guesses
 from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, of_truncation, tell
 from hbgear.mechanics.fourier import (
     Transform,
+    fast_length,
     resize,
     stretch,
     to_complex,
@@ -153,8 +153,7 @@ class HarmonicBalance(FullProblem):
     def _prepare(self, samples: int | None) -> None:
         """What depends on H and N alone."""
         H = self.H
-        usual = scipy.fft.next_fast_len(max(1024, 64 * H) if self.is_sampled else max(64, 8 * H), real=True)
-        self.N = int(samples or usual)
+        self.N = int(samples or fast_length(max(1024, 64 * H) if self.is_sampled else max(64, 8 * H)))
         self._check_size()
         self._transform = Transform(H, self.N)
         self._compiled: Recent[Compiled] = Recent(self._kept)

@@ -210,7 +210,7 @@ class Compiled:
         from hbgear.harmonic.observing import driven, neglected
 
         self._length(X)
-        X, Omega = np.ascontiguousarray(X), np.asarray(Omega, dtype=float)
+        X, Omega = (np.require(each, float, ("C", "W")) for each in (X, Omega))  # read-only is another type
         f = np.zeros((len(X), self.m, self.H), dtype=complex)
         neglected(self.numbers, X, Omega, f)
         if self.sampled:
