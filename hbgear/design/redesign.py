@@ -383,7 +383,7 @@ class _Search:
         old = self.problem
         return HarmonicBalance(
             old.model.replace(**self.values(u, deviations)), old.H, old.N, nu=old.nu, sampled=old.is_sampled,
-            reduce=old.reduce,
+            reduce=old.reduce, orders=old.selection,
         )  # fmt: skip
 
     def run(self, u: Array, low: Array, high: Array) -> Array:

@@ -59,10 +59,14 @@ def hill_multipliers(compiled: Compiled, X: Array, Omega: float) -> ComplexArray
 
 
 def slopes(compiled: Compiled, X: Array) -> ComplexArray:
-    """Coefficients 0..2H (m, 2H + 1) of the slopes of the laws along a motion, without the reference springs."""
+    """Coefficients 0..2H (m, 2H + 1) of the slopes of the laws along a motion, without the reference springs.
+
+    X : unknowns, or those of a motion with all harmonics up to 2H, (m (4H + 1),).
+    """
     from hbgear.harmonic.projection import projected
 
-    kappa, _, more = projected(compiled.numbers, X.reshape(compiled.m, -1), 2 * compiled.H)
+    X = compiled.spread(X)
+    kappa, _, more = projected(compiled.numbers_of(X), X.reshape(compiled.m, -1), 2 * compiled.H)
     out: ComplexArray = kappa + more
     out[:, 0] -= compiled.numbers.linear.springs[0]
     return out
