@@ -21,7 +21,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import scipy
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
@@ -38,6 +37,7 @@ from hbgear.harmonic.compiled import Compiled, Crossings
 from hbgear.harmonic.deciding import decide
 from hbgear.harmonic.events import motion_events
 from hbgear.harmonic.floquet import is_reduced, multipliers_of, reduction
+from hbgear.harmonic.measuring import NOT_AVAILABLE, Measuring
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.orders import Selection, excited, selection_of
 from hbgear.harmonic.realbasis import derivative
@@ -47,6 +47,7 @@ from hbgear.harmonic.starts import from_elsewhere, guesses
 from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, of_truncation, tell
 from hbgear.mechanics.fourier import (
     Transform,
+    fast_length,
     places,
     resize,
     spread,
@@ -190,8 +191,7 @@ class HarmonicBalance(FullProblem):
     def _prepare(self, samples: int | None) -> None:
         """What depends on H and N alone."""
         H = self.H
-        usual = scipy.fft.next_fast_len(max(1024, 64 * H) if self.is_sampled else max(64, 8 * H), real=True)
-        self.N = int(samples or usual)
+        self.N = int(samples or fast_length(max(1024, 64 * H) if self.is_sampled else max(64, 8 * H)))
         self._check_size()
         self.orders = np.arange(H + 1) if self.selection is None else self.selection.kept(H, self.nu)
         self._check_unknowns(len(self.orders) - 1)
@@ -318,8 +318,11 @@ class HarmonicBalance(FullProblem):
         return usual
 
     def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
-        """Warn of an Omega far above every natural frequency of the model."""
+        """Warn of an Omega far above every natural frequency of the model; refuse one without its receptances."""
         Omega = high if name == "Omega" else fixed["Omega"]
+        measured = self.compiled({}).system.receptances
+        if measured is not None:
+            measured.check(low if name == "Omega" else Omega, Omega, self.H, self.nu)
         of_frequency(self.compiled({}).structure.at(Omega), Omega)
 
     def missing(self, known: Sequence[str]) -> Sequence[str]:
@@ -341,6 +344,8 @@ class HarmonicBalance(FullProblem):
     def _with_reduction(self, branch: Branch) -> Branch:
         """The branch, whose header tells what leaving out modes does to the multipliers of its largest motions."""
         compiled = self.compiled({k: v for k, v in branch.fixed.items() if k != "Omega"})
+        if isinstance(compiled.structure, Measuring):
+            return replace(branch, meta={**branch.meta, "stability": NOT_AVAILABLE})
         if branch.parameter != "Omega" or branch.multipliers is None or not is_reduced(compiled):
             return branch
         some = np.argsort(-np.linalg.norm(branch.X, axis=1))[:: max(1, len(branch) // 4)][:3]
@@ -448,7 +453,9 @@ class HarmonicBalance(FullProblem):
 
     @property
     def finer(self) -> HarmonicBalance | None:
-        """The same with twice the harmonics; None beyond 400 of the excitation, or too many unknowns."""
+        """The same with twice the harmonics; None beyond 400 of the excitation, too many unknowns, or receptances."""
+        if isinstance(self.compiled({}).structure, Measuring):
+            return None
         if self.selection is None:
             enough = _MOST * self.nu < 2 * self.H or self.m * (4 * self.H + 1) > _MANY
         else:
@@ -466,7 +473,7 @@ class HarmonicBalance(FullProblem):
 
     def remembering(self, sets: int) -> HarmonicBalance:
         """The same, which keeps what it computes for that many sets of parameters, to be asked of many motions."""
-        return self._remembering.get(sets, lambda: self._with_memory(sets))
+        return self if sets <= self._kept else self._remembering.get(sets, lambda: self._with_memory(sets))
 
     def _with_memory(self, sets: int) -> HarmonicBalance:
         out = copy.copy(self)
@@ -482,7 +489,8 @@ class HarmonicBalance(FullProblem):
         The difference of the largest moduli, three times, is the error. Where that reaches the unit circle, the motion
         is solved for with twice the harmonics, and again up to eight times as many.
         """
-        decide(self, X, name, values, seen, parameters)
+        if not isinstance(self.compiled({}).structure, Measuring):
+            decide(self, X, name, values, seen, parameters)
 
     def recession(self, X: Array, parameters: Mapping[str, float]) -> HarmonicBalance | None:
         """The balance without gaps, loads and prescribed displacements, for motions far larger than all of these.
@@ -614,6 +622,8 @@ class HarmonicBalance(FullProblem):
         """Eigen-decompositions are shared between parameter sets that differ in laws and loads only."""
         if system.speed is not None:
             return Spinning(system)
+        if system.receptances is not None:
+            return Measuring(system)
         fresh = tuple(np.array([e.law.reference, e.damping]).tobytes() for e in system.elements)
         dense = [A for A in (system.M, system.C, system.K) if isinstance(A, np.ndarray)]
         loads = tuple(b"" if ld.constant is None else np.asarray(ld.constant).tobytes() for ld in system.loads)
@@ -633,15 +643,18 @@ class HarmonicBalance(FullProblem):
         dR/dOmega is analytic; the derivative in a model parameter is a difference of the residual
         (`hbgear.continuation.differences`).
         """
-        Omega = float(parameters["Omega"])
-        R, J, dR, size = self.compiled(parameters).linearise(X, Omega)
+        R, J, dR, size = self.compiled(parameters).linearise(X, float(parameters["Omega"]))
         if name != "Omega":
-            here = {name: self._own.get(name, 0.0), **parameters}
-            if name:
-                (dR,) = in_parameter(self, name, here, lambda at: (self.linearise(X, "", **at).R,))
-            else:
-                dR = np.zeros(len(R))
+            dR = self.moved(X, name, parameters) if name else np.zeros(len(R))
         return Evaluation(R, J, dR, size)
+
+    def moved(self, X: Array, name: str, parameters: Mapping[str, float]) -> Array:
+        """dR/dname alone (n,)."""
+        if name == "Omega":
+            return super().moved(X, name, parameters)
+        here = {name: self._own.get(name, 0.0), **parameters}
+        (dR,) = in_parameter(self, name, here, lambda at: (self.compiled(at).linearise(X, float(at["Omega"]))[0],))
+        return dR  # type: ignore[no-any-return]
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:
         """Derivatives (n, n) of dR/dX along v (n,) and in a parameter; exact in Omega."""
@@ -799,7 +812,7 @@ class HarmonicBalance(FullProblem):
         more = compiled.processed(X, values)
         columns = zip(clearance, regime, compiled.left_out(more).tolist(), strict=True)
         seen: list[dict[str, Any]] = [{"clearance": c, "regime": r, "error": e} for c, r, e in columns]
-        if stability:
+        if stability and not isinstance(compiled.structure, Measuring):
             for one, mu in zip(seen, multipliers_of(compiled, more, values), strict=True):
                 one["multipliers"] = mu
         return seen

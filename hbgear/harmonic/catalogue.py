@@ -6,14 +6,33 @@ from collections.abc import Mapping
 from typing import Any
 
 from hbgear.common.messages import did_you_mean
-from hbgear.gears import DoubleHelicalPair, GearRotorBearing, HelicalPair, PlanetarySet, SpurPair
+from hbgear.gears import (
+    Beam,
+    Bearing,
+    DoubleHelicalPair,
+    Gear,
+    GearPair,
+    GearRotorBearing,
+    HelicalPair,
+    Housing,
+    Mesh,
+    PlanetarySet,
+    Shaft,
+    SpurPair,
+    Support,
+    Train,
+    Wheel,
+)
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.orders import HIGHEST, Selection
+from hbgear.mechanics.describing import retold
 from hbgear.mechanics.fields import check_names, made, plain_kinds_of
-from hbgear.mechanics.model import Model
+from hbgear.mechanics.laws import Cubic, Parallel, PiecewiseLinear
+from hbgear.mechanics.model import Element, Load, Model, System
 from hbgear.mechanics.named import installed, named
 from hbgear.mechanics.oscillators import Duffing
-from hbgear.mechanics.periodic import undescribed
+from hbgear.mechanics.receptances import Receptances
+from hbgear.mechanics.speed import MatrixTable, SpeedTerms
 
 MODELS: dict[str, type[Model]] = {
     "duffing": Duffing,
@@ -23,6 +42,20 @@ MODELS: dict[str, type[Model]] = {
     "double-helical": DoubleHelicalPair,
     "planetary": PlanetarySet,
 }
+
+_MADE: dict[str, type[Model]] = {
+    **{each.__name__: each for each in MODELS.values()}, "Train": Train, "System": System
+}  # fmt: skip
+"""Classes that a file may be of without being named again."""
+
+_PARTS: dict[str, type] = {
+    each.__name__: each
+    for each in (
+        Gear, GearPair, Support, Wheel, Shaft, Bearing, Mesh, Beam, Housing, Element, Load, SpeedTerms, MatrixTable,
+        Receptances, PiecewiseLinear, Cubic, Parallel,
+    )
+}  # fmt: skip
+"""What such models consist of."""
 
 
 def class_of(name: str) -> type[Model]:
@@ -74,26 +107,29 @@ def rebuild(meta: Any, cls: type[Model] | None = None) -> Model:
         If the class is not in the catalogue and none is given, or has no such field.
     ValueError
         If ``meta`` is not of the form `describe` returns, is of another class than the one given, or a value is of
-        another type, out of its range or missing.
+        another type, out of its range or missing, as functions and laws of a user are.
     """
     if not is_description(meta):
         raise ValueError(f"a model is described by {{'class': name, 'fields': {{...}}}}, got {str(meta)[:80]}")
-    classes = {each.__name__: each for each in MODELS.values()}
     if cls is not None:
         if meta["class"] != cls.__name__:
             raise ValueError(f"it is of a {meta['class']}; the model given is {cls.__name__}")
-    elif meta["class"] not in classes:
-        raise KeyError(f"the catalogue has no class '{meta['class']}'{_advice(meta, classes)}")
-    cls = cls or classes[meta["class"]]
-    fields = {name: tuple(v) if isinstance(v, list) else undescribed(v) for name, v in meta["fields"].items()}
+    elif meta["class"] not in _MADE:
+        raise KeyError(f"the catalogue has no class '{meta['class']}'{_advice(meta)}")
+    cls = cls or _MADE[meta["class"]]
+    if meta.get("left_out") and cls in _MADE.values():
+        raise ValueError(
+            f"the file of this {cls.__name__} does not hold its {str(meta['left_out'])[:80]}: load it with problem=..."
+        )
+    fields = {name: retold(value, _PARTS) for name, value in meta["fields"].items()}
     _check_types(cls, fields)
     return made(cls, fields)
 
 
-def _advice(meta: Mapping[str, Any], classes: Mapping[str, type[Model]]) -> str:
+def _advice(meta: Mapping[str, Any]) -> str:
     """How to go on with a file of a class that is not in the catalogue."""
     if not isinstance(meta.get("from"), str):
-        return did_you_mean(meta["class"], classes)
+        return did_you_mean(meta["class"], _MADE)
     return f"; it was in {meta['from'][:100]}: name it again if you trust it, by --model FILE.py:NAME or problem=..."
 
 
@@ -123,8 +159,8 @@ def problem_of(meta: Mapping[str, Any], cls: type[Model] | None = None) -> Harmo
     Raises
     ------
     KeyError, ValueError
-        If the model is not in the catalogue (a `System` of your own: load with ``problem=`` instead) or the header is
-        of another kind.
+        If the model is not in the catalogue (one of your own: load with ``problem=`` instead) or the header is of
+        another kind.
     """
     if "model" not in meta or "balance" not in meta:
         raise ValueError("the file does not say which model and balance it was traced with; load it with problem=...")

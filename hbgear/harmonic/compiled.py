@@ -232,7 +232,10 @@ class Compiled:
         from hbgear.harmonic.observing import driven, neglected
 
         self._length(X)
-        X, Omega, left = self.spread(X), np.asarray(Omega, dtype=float), self.numbers.linear.left
+        X, Omega = (
+            np.require(each, float, ("C", "W")) for each in (self.spread(X), Omega)
+        )  # read-only is another type
+        left = self.numbers.linear.left
         f = np.zeros((len(X), self.m, len(left)), dtype=complex)
         neglected(self.numbers, X, Omega, f)
         if self.sampled:
@@ -249,7 +252,10 @@ class Compiled:
     def _driven(self, Omega: Array, f: ComplexArray) -> Array:
         """What `driven` adds, (P, m, 2L), where receptances are solved for directly."""
         ratio = self.numbers.linear.left / self.nu
-        G = np.array([self.structure.receptances(w, ratio)[0] for w in Omega.tolist()])
+        G = np.zeros((len(Omega), len(ratio), self.m, self.m), dtype=complex)
+        for i, w in enumerate(Omega.tolist()):
+            known = w * ratio <= self.structure.highest
+            G[i, known] = self.structure.receptances(w, ratio[known])[0] if known.any() else 0.0
         delta = (G @ f.transpose(0, 2, 1)[..., None])[..., 0].transpose(0, 2, 1)
         return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
 

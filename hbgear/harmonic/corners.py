@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.mechanics.fourier import evaluate, stretch, to_complex, to_real
+from hbgear.mechanics.fourier import derive, evaluate, samples_of, stretch, to_complex, to_real
 from hbgear.mechanics.laws import PiecewiseLinear
 from hbgear.mechanics.model import Element
 from hbgear.mechanics.periodic import ONE, TURN, Periodic, Phased, Pieced
@@ -124,6 +124,15 @@ def beyond(displacement: Phased, kept: ComplexArray, nu: int, theta: Array, orde
 def gap(displacement: Phased, kept: ComplexArray, nu: int, row: Array, theta: Array, order: int = 0) -> Array:
     """Gap of an element whose motion is a row, or a derivative of it in theta; kept as of `beyond`."""
     return evaluate(row, theta, order) + (beyond(displacement, kept, nu, theta, order) if displacement.corners else 0.0)
+
+
+def gap_samples(displacement: Phased, kept: ComplexArray, nu: int, row: Array, N: int, order: int = 0) -> Array:
+    """`gap` at N equal steps of the period, (N,)."""
+    out = samples_of(derive(to_complex(row), order), N)
+    if displacement.corners:
+        theta = TURN * np.arange(N) / N
+        out += samples_of(derive(kept, order), N) - nu**order * displacement(nu * theta, order)
+    return out
 
 
 def _grid(e: Sequence[Phased], kept: ComplexArray, nu: int, N: int) -> Array:

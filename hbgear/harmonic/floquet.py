@@ -111,6 +111,7 @@ def multipliers_of(
             row[: len(one)] = one
         return mu
     if structure.modes is None:
+        structure.system.check_matrices()
         raise ValueError(
             f"stability needs the modes of the structure; {structure.n} coordinates are too many: "
             "trace with stability=False or reduce the model"

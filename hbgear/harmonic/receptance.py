@@ -171,7 +171,12 @@ class Structure:
     spins = False
     """Whether C and K depend on Omega, see `spinning`."""
 
+    highest: float = np.inf
+    """The highest frequency at which receptances are known."""
+
     def __init__(self, system: System) -> None:
+        if not np.isfinite(self.highest):
+            system.check_matrices()
         self.system = system
         self.n, self.m = system.n, len(system.elements)
         self.W = system.W

@@ -88,6 +88,10 @@ def test_rule_of_the_orders_of_meshes():
     assert two.of_length(4, 1) is None
     assert Selection((1,)).kept(9, 1).tolist() == list(range(10))
     assert tones_of(two_stages(21, 10)) == (10, 21) and tones_of(two_stages(4, 2)) == (2,)
+    unbalance = hb.Load(cosine={1: [0.0, 0.01, 0.0]}, sine={1: [0.0, 0.0, 0.01]}, power=2)
+    assert tones_of(two_stages(40, 80, load=(two_stages().loads[0], unbalance))) == (1, 40)
+    side = {40 * a + b for a in range(1, 5) for b in (-1, 1)} | {1, 2, 3, 4, 40, 80, 120, 160}
+    assert side - {161} <= set(Selection((1, 40)).kept(160, 1).tolist()) and len(Selection((1, 40)).kept(160, 1)) < 50
     given = Selection(given=(3, 5))
     assert given.kept(5, 1).tolist() == [0, 3, 5] and given.kept(10, 1).tolist() == [0, 2, 3, 5, 6, 8, 10]
 
