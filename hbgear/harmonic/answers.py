@@ -16,7 +16,6 @@ import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -166,8 +165,8 @@ def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple
 def _force(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
     """Samples of the force of the law of an element."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    moved = partial(compiled.gap, index, X.reshape(problem.m, -1)[index])
-    return force_samples(compiled.laws[index], moved, here["Omega"] / problem.nu, problem.nu)
+    one, kept = compiled.system.elements[index], compiled.numbers.corners.kept[:, index]
+    return force_samples(one, kept, problem.rows(X)[index], here["Omega"] / problem.nu, problem.nu)
 
 
 def _columns(
@@ -223,9 +222,9 @@ def _reaction(support: Reaction, q: Array, rate: float) -> tuple[float, float]:
 def _of_motion(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> tuple[float, float, float]:
     """dte, and the force that is largest in the direction of the mean one, and this, in units of the model."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    row = X.reshape(problem.m, -1)[index]
+    row = problem.rows(X)[index]
     force = _force(problem, X, here, index)
     static = float(force.mean())
     largest = float(force[np.argmax(force if static >= 0 else -force)])
-    dte = row + to_real(compiled.receptance.e.T)[index]
+    dte = row + compiled.spread(to_real(compiled.receptance.e.T).ravel()).reshape(problem.m, -1)[index]
     return float(half_peak_to_peak(dte)), largest, static

@@ -24,6 +24,7 @@ from hbgear.gears import (
     Wheel,
 )
 from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.orders import HIGHEST, Selection
 from hbgear.mechanics.describing import retold
 from hbgear.mechanics.fields import check_names, made, plain_kinds_of
 from hbgear.mechanics.laws import Cubic, Parallel, PiecewiseLinear
@@ -165,6 +166,8 @@ def problem_of(meta: Mapping[str, Any], cls: type[Model] | None = None) -> Harmo
         raise ValueError("the file does not say which model and balance it was traced with; load it with problem=...")
     settings = _settings(meta["balance"])
     auto = settings.pop("auto")
+    if settings["orders"] is not None:
+        settings["orders"] = Selection(**{name: tuple(some) for name, some in settings["orders"].items()})
     out = HarmonicBalance(rebuild(meta["model"], cls), **settings)
     return out if auto is None else out.with_tolerance(auto)
 
@@ -184,4 +187,19 @@ def _settings(balance: Any) -> dict[str, Any]:
         raise ValueError(f"harmonics are a whole number or 'auto', got {harmonics[:40]!r}")
     if (samples or 0) > _MOST_SAMPLES or not (auto is None or (type(auto) is float and auto > 0)):
         raise ValueError(f"no balance has {samples} samples and the tolerance {str(auto)[:40]}")
-    return {**{name: balance[name] for name in kinds}, "auto": auto}
+    orders = balance.get("orders")
+    if not (orders is None or _are_orders(orders)):
+        raise ValueError(
+            f"the orders of a balance are 'tones' or 'given', whole numbers from 1, got {str(orders)[:80]}"
+        )
+    return {**{name: balance[name] for name in kinds}, "auto": auto, "orders": orders}
+
+
+def _are_orders(orders: Any) -> bool:
+    """Whether this is of the form of `Selection.described`."""
+    if not isinstance(orders, Mapping) or set(orders) not in ({"tones"}, {"given"}, {"given", "more"}):
+        return False
+    return all(
+        isinstance(some, list) and 1 <= len(some) <= HIGHEST and all(type(k) is int and 1 <= k <= HIGHEST for k in some)
+        for some in orders.values()
+    )

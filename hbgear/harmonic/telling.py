@@ -194,7 +194,7 @@ def _same(value: Any, usual: Any) -> bool:
 def text_of(value: Any) -> str:
     """A value as --set would take it; a part of a machine by its name, a matrix by its size."""
     if isinstance(value, list | tuple):
-        return f"({','.join(map(text_of, value))})"
+        return f"({','.join(map(text_of, value))}{',' * (len(value) == 1)})"
     if hasattr(value, "shape"):
         return " x ".join(map(str, value.shape))
     if dataclasses.is_dataclass(value) and not isinstance(value, Phased):

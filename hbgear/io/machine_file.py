@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -34,7 +33,7 @@ from hbgear.gears.gear import Gear
 from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
 from hbgear.gears.pair import GearPair
 from hbgear.gears.support import Support
-from hbgear.io.toml_file import Place, TomlFileError, checked, exactly, form, located, made
+from hbgear.io.toml_file import Place, TomlFileError, bare, checked, exactly, form, located, made
 from hbgear.mechanics.model import Model
 
 _SHARED = ("module", "face_width", "pressure_angle", "addendum", "dedendum", "fillet_radius", "E", "poisson", "density")
@@ -147,19 +146,19 @@ class _Reader:
         try:
             machine.model()
         except ValueError as error:
-            self.problems.append((_place_in(str(error), data), _bare(error)))
+            self.problems.append((_place_in(str(error), data), bare(error)))
         return None if self.problems else machine
 
     def _read(self, field: Measured, place: Place, value: Any) -> float:
         try:
             return field.read("the machine", value)
         except ValueError as error:
-            self.problems.append(((field.name,), _bare(error)))
+            self.problems.append(((field.name,), bare(error)))
             return 0.0
 
     def _made(self, place: Place, cls: type, values: Mapping[str, Any]) -> Any:
         """An instance; None if it refuses something, which is noted."""
-        return made(self.problems, place, cls, values, _bare)
+        return made(self.problems, place, cls, values)
 
     def _cycle(self, table: Mapping[str, str] | None) -> MeshCycle | None:
         if table is None:
@@ -181,11 +180,6 @@ def _completed(pinion: Gear, wheel: Mapping[str, Any]) -> dict[str, Any]:
     if pinion.helix_angle:
         shared["helix_angle"] = pinion.helix_angle * (1 if wheel.get("internal") else -1)
     return {**shared, **wheel}
-
-
-def _bare(error: ValueError) -> str:
-    """What an error says, without the class at its head: the table says that."""
-    return re.sub(r"^(GearPair\.model|GearPair\.mesh|GearPair|Gear|Support|the machine): ", "", str(error))
 
 
 def _place_in(message: str, data: Mapping[str, Any]) -> Place:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import tomllib
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -181,11 +182,11 @@ def form(
 
 def made(
     problems: list[tuple[Place, str]], place: Place, cls: type, values: Mapping[str, Any],
-    said: Callable[[ValueError], str], make: Callable[..., Any] | None = None,
+    make: Callable[..., Any] | None = None,
 ) -> Any:  # fmt: skip
     """An instance by ``cls(**values)``, or by ``make``; None if something is refused, which goes to the problems.
 
-    Each quantity is tried by itself, so that all errors are told at once; ``said`` is how an error is worded.
+    Each quantity is tried by itself, so that all errors are told at once.
     """
     count = len(problems)
     for name, value in values.items():
@@ -194,11 +195,16 @@ def made(
             try:
                 field.read(cls.__name__, value)
             except ValueError as error:
-                problems.append(((*place, name), said(error)))
+                problems.append(((*place, name), bare(error)))
     if len(problems) > count:
         return None
     try:
         return (make or cls)(**values)
     except ValueError as error:
-        problems.append((place, said(error)))
+        problems.append((place, bare(error)))
         return None
+
+
+def bare(error: ValueError) -> str:
+    """What an error says, without the class or what else is at its head: the place in the file says that."""
+    return re.sub(r"^(the machine|[A-Z][A-Za-z]*(\.[a-z]+)?): ", "", str(error))

@@ -35,7 +35,6 @@ its `GearPair` and a torque on the first wheel, from which stiffness, error, ang
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -48,7 +47,7 @@ from hbgear.gears.pair import GearPair
 from hbgear.gears.train import Train
 from hbgear.gears.train_parts import Bearing, Mesh, Shaft, Wheel
 from hbgear.io.matrices import from_matrices
-from hbgear.io.toml_file import Place, TomlFileError, checked, exactly, form, located, made, parsed
+from hbgear.io.toml_file import Place, TomlFileError, bare, checked, exactly, form, located, made, parsed
 from hbgear.mechanics.speed import MatrixTable
 
 _KINDS: dict[str, Any] = {
@@ -128,7 +127,7 @@ def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, st
     wheels = [_wheel(("wheel", i), table, gears, problems) for i, table in enumerate(data["wheel"])]
     meshes = [_mesh(("mesh", i), table, gears, problems) for i, table in enumerate(data["mesh"])]
     shafts, beams = (
-        [made(problems, (name, i), cls, table, _bare) for i, table in enumerate(data.get(name, []))]
+        [made(problems, (name, i), cls, table) for i, table in enumerate(data.get(name, []))]
         for name, cls in (("shaft", Shaft), ("beam", Beam))
     )
     bearings = [_bearing(("bearing", i), table, problems) for i, table in enumerate(data.get("bearing", []))]
@@ -138,7 +137,7 @@ def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, st
     rest = {name: data[name] for name in ("balance", "gyroscopic") if name in data}
     values = {"wheels": wheels, "meshes": meshes, "shafts": shafts, "bearings": bearings, "beams": beams,
               "housing": housing, **rest}  # fmt: skip
-    return made(problems, ("mesh", 0), Train, values, _bare)  # type: ignore[no-any-return]
+    return made(problems, ("mesh", 0), Train, values)  # type: ignore[no-any-return]
 
 
 def _wheel(
@@ -150,12 +149,12 @@ def _wheel(
         if "inertia" not in own:
             problems.append((place, f"wheel '{own['name']}' needs its inertia, or a gear of which it follows"))
             return None
-        return made(problems, place, Wheel, own, _bare)  # type: ignore[no-any-return]
-    gear = made(problems, (*place, "gear"), Gear, table["gear"], _bare)
+        return made(problems, place, Wheel, own)  # type: ignore[no-any-return]
+    gear = made(problems, (*place, "gear"), Gear, table["gear"])
     if gear is None:
         return None
     gears[own["name"]] = gear
-    return made(problems, place, Wheel, own, _bare, lambda **given: Wheel.of(gear=gear, **given))  # type: ignore[no-any-return]
+    return made(problems, place, Wheel, own, lambda **given: Wheel.of(gear=gear, **given))  # type: ignore[no-any-return]
 
 
 def _bearing(place: Place, table: Mapping[str, Any], problems: list[tuple[Place, str]]) -> Bearing | None:
@@ -167,9 +166,9 @@ def _bearing(place: Place, table: Mapping[str, Any], problems: list[tuple[Place,
                 speeds = [si("Bearing", f"{name}.speed", speed, "rad/s") for speed in own[name]["speed"]]
                 own[name] = MatrixTable(speeds, own[name]["matrices"])
             except ValueError as error:
-                problems.append(((*place, name), _bare(error)))
+                problems.append(((*place, name), bare(error)))
                 return None
-    return made(problems, place, Bearing, own, _bare)  # type: ignore[no-any-return]
+    return made(problems, place, Bearing, own)  # type: ignore[no-any-return]
 
 
 def _housing(table: Mapping[str, Any], folder: Path, problems: list[tuple[Place, str]]) -> Housing | None:
@@ -180,7 +179,7 @@ def _housing(table: Mapping[str, Any], folder: Path, problems: list[tuple[Place,
         found = from_matrices(sources)
         return Housing(found.M, found.K, found.C, table.get("names", ()), table.get("seats", {}))
     except ValueError as error:
-        problems.append((("housing",), _bare(error)))
+        problems.append((("housing",), bare(error)))
         return None
 
 
@@ -193,21 +192,16 @@ def _mesh(
         if "k_mean" not in own:
             problems.append((place, "a mesh needs its k_mean, or pair and torque of which it follows"))
             return None
-        return made(problems, place, Mesh, own, _bare)  # type: ignore[no-any-return]
+        return made(problems, place, Mesh, own)  # type: ignore[no-any-return]
     missing = [name for name in (own["first"], own["second"]) if name not in gears]
     if missing or "torque" not in table:
         need = f"a wheel '{missing[0]}' with a gear" if missing else "the torque on the first wheel"
         problems.append((place, f"a mesh of a pair needs {need}"))
         return None
     sides = {"pinion": gears[own["first"]], "wheel": gears[own["second"]]}
-    pair = made(problems, (*place, "pair"), GearPair, {**sides, **table.get("pair", {})}, _bare)
+    pair = made(problems, (*place, "pair"), GearPair, {**sides, **table.get("pair", {})})
     if pair is None:
         return None
     return made(  # type: ignore[no-any-return]
-        problems, place, Mesh, own, _bare, lambda **given: Mesh.of(pair=pair, torque=table["torque"], **given)
+        problems, place, Mesh, own, lambda **given: Mesh.of(pair=pair, torque=table["torque"], **given)
     )
-
-
-def _bare(error: ValueError) -> str:
-    """What an error says, without the class at its head: the table says that."""
-    return re.sub(r"^(GearPair\.mesh|GearPair|Gear|Wheel|Shaft|Beam|Bearing|Housing|Mesh|Train): ", "", str(error))

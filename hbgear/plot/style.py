@@ -95,9 +95,13 @@ STYLE: Any = {
 """Settings of matplotlib while a figure is drawn."""
 
 
-def scaled_axes(ax: Axes, known: dict[str, float], side: str = "top", title: str = "mesh frequency [Hz]") -> list[Any]:
+SPEEDS = {PINION: "speed of the pinion [r/min]", MESH: "mesh frequency [Hz]"}
+"""Names of axes of frequencies in physical units."""
+
+
+def scaled_axes(ax: Axes, known: dict[str, float], side: str = "top", title: str = SPEEDS[MESH]) -> list[Any]:
     """Axes at the top or on the right of Omega, or of an order of it, times each scale."""
-    titles = {PINION: "speed of the pinion [r/min]", MESH: title}
+    titles = {**SPEEDS, MESH: title}
     added: list[Any] = []
     for name in [name for name in titles if name in known]:
         make = ax.secondary_xaxis if side == "top" else ax.secondary_yaxis
@@ -168,7 +172,12 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
 
 
 def dress(ax: Axes) -> None:
-    """Ticks are made when they are drawn, outside our settings, so theirs are given to the axes."""
+    """Ticks are made when they are drawn, outside our settings, so theirs are given to the axes.
+
+    So are the fonts of titles, for axes that were made by somebody else have others.
+    """
+    for title in (ax.xaxis.label, ax.yaxis.label):
+        title.set(fontfamily=FONT, math_fontfamily=STYLE["mathtext.fontset"])
     ax.tick_params(which="both", direction="in", top=True, right=True, width=0.6, labelsize=9, labelfontfamily=FONT[0])
     ax.tick_params(which="major", length=3.5)
     ax.tick_params(which="minor", length=2)

@@ -169,7 +169,7 @@ RECORDS = {
     "Answers", "Branch", "Campbell", "Cases", "Critical", "CriticalSpeed", "Evaluation", "Jump", "JumpMap", "Law",
     "Model", "NoConvergence", "NoFold", "Opinion", "PlanetMode", "Point", "Progress", "ProgressCallback", "Reduction",
     "Run", "SpecialPoint", "Status", "Steps", "Survey", "Unlikely", "__version__", "model", "plot",
-    "Fit", "Goal", "JumpScatter", "Redesign", "Sensitivity", "SweepStatistics", "no_jumps",
+    "Fit", "Goal", "JumpScatter", "Redesign", "ResponseBand", "Sensitivity", "SobolIndices", "SweepStatistics",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
 
@@ -530,8 +530,15 @@ def targets() -> tuple[Target, ...]:
                 "nu": _is(1, 2),
                 "sampled": _is(False, True),
                 "tolerance": _is(1e-6),
+                "orders": _is(None, "meshes", (1, 2, 4)),
             },
             5,
+        ),
+        Target(
+            "HarmonicBalance.with_orders_of",
+            balance().with_orders_of,
+            {"curve": _is(curve()), "tolerance": _is(1e-6, 1e-3)},
+            0.5,
         ),
         Target("HarmonicBalance.start", balance().start, {**with_Omega, "zeta": _is(0.05)}),
         Target("HarmonicBalance.residual", balance().residual, {"X": _is(row), **with_Omega}),
@@ -670,6 +677,12 @@ def targets() -> tuple[Target, ...]:
             1,
         ),
         Target("grid", lambda zeta, F: hb.grid(zeta=zeta, F=F), {"zeta": _is([0.04, 0.05]), "F": _is([0.1])}),
+        Target(
+            "saltelli",
+            lambda blocks, seed, zeta: hb.saltelli(blocks, seed, zeta=zeta),
+            {"blocks": _is(2, 4), "seed": _is(0), "zeta": _is(("uniform", 0.04, 0.06))},
+            0.5,
+        ),
         Target(
             "latin_hypercube",
             lambda count, seed, zeta: list(hb.latin_hypercube(count, seed, zeta=zeta).rows()),
@@ -836,11 +849,37 @@ def targets() -> tuple[Target, ...]:
             0.5,
         ),
         Target(
+            "sobol_indices",
+            hb.sobol_indices,
+            {"found": [some_cases], "quantity": _is("peak", "jump_rising"), "seed": _is(0)},
+            0.3,
+        ),
+        Target(
+            "response_band",
+            hb.response_band,
+            {
+                "branch": [curve],
+                "scatter": _is({"zeta": 0.001}),
+                "measure": measure,
+                "element": element,
+                "unit": _is("Omega"),
+                "length": _is(""),
+            },
+            0.5,
+        ),
+        Target(
+            "ResponseBand.edges",
+            hb.response_band(curve(), {"zeta": 0.001}).edges,
+            {"sigmas": _is(2.0)},
+            0.5,
+        ),
+        Target(
             "sweep_statistics",
             hb.sweep_statistics,
             {"found": [some_cases], "Omega": _is(None, [0.8, 0.85]), "quantiles": _is((0.5,), (0.05, 0.95))},
             0.5,
         ),
+        Target("no_jumps", hb.no_jumps, {"margin": _is(0.0, 0.1), "parameter": _is("", "zeta")}, 0.3),
         Target("peak_below", hb.peak_below, {"limit": _is(0.9), "measure": measure, "element": element}, 0.5),
         Target(
             "redesign",
@@ -852,6 +891,8 @@ def targets() -> tuple[Target, ...]:
                 "within": _is(None, {"zeta": (0.02, 0.2)}),
                 "scatter": _is(None, {"zeta": 0.001}),
                 "sigmas": _is(2.0),
+                "tolerances": _is(None, hb.monte_carlo(2, zeta=("normal", 0.0, 0.001))),
+                "share": _is(1.0),
                 "span": _is((1.4, 0.8)),
                 "harmonics": _is(2),
             },
