@@ -577,7 +577,14 @@ class HarmonicBalance(FullProblem):
 
     def _warn_truncated(self, system: System) -> None:
         highest = max([e.displacement.order for e in system.elements] + [load.order for load in system.loads])
-        if highest * self.nu > self.H:
+        begins = zip((e.name for e in system.elements), excited(system), strict=False)
+        missed = next(((name, min(some)) for name, some in begins if some and min(some) * self.nu > self.H), None)
+        if missed is not None:
+            tell(
+                f"what excites {missed[0]} begins at order {missed[1]} of Omega, and {self.fineness} leaves it out: "
+                "give as many harmonics and more, or orders"
+            )
+        elif highest * self.nu > self.H:
             tell(
                 f"the excitation has {highest} harmonics but H = {self.H} with nu = {self.nu} keeps only "
                 f"{self.H // self.nu}; what is above is left out"
