@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -37,7 +37,9 @@ from hbgear.cli.support import (
     span_of,
 )
 from hbgear.design.measured import FREQUENCIES
-from hbgear.harmonic.sensitivity import Sensitivity
+
+if TYPE_CHECKING:
+    from hbgear.harmonic.sensitivity import Sensitivity
 
 
 def register(app: typer.Typer) -> None:

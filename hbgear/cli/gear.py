@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from math import degrees, floor, log10, pi
 from pathlib import Path
+from threading import Event
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -29,6 +30,7 @@ from hbgear.cli.support import (
     traced,
 )
 from hbgear.common.digits import rounded
+from hbgear.common.threads import begun
 from hbgear.harmonic.answers import problem_along
 from hbgear.harmonic.telling import digits_of, text_at
 
@@ -91,13 +93,20 @@ def gear(
     count, cycle = harmonics_of(harmonics), machine.mesh
     model = machine.model(cycle=cycle)
     curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
-    with outputs() as out:
+
+    def otherwise(assumed: tuple[str, Callable[[], hb.Model]], stop: Event) -> list[str]:
+        name, other = assumed
+        return [name, *_found(other(), model, curve, count, stop)]
+
+    with begun(otherwise, list(_others(machine, damping is None))) as rows, outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
         out.figure(plot, lambda drawing: drawing.drive(cycle, curve))
         print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
         print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
         show_speeds(model, curve, machine)
-        _show_assumed(machine, model, curve, count, damping is None)
+        ways = "jumps at r/min, while rising (+) or falling (-)"
+        headers = ["assumed, and if it is otherwise", "largest factor", ways]
+        print_table(headers, [["as computed", *_told(model, curve)], *(row.result() for row in rows)])
     raise typer.Exit(exit_code(curve))
 
 
@@ -295,18 +304,26 @@ def _mesh(machine: Machine, cycle: hb.MeshCycle, model: hb.Model) -> Iterator[li
            f"{float(scales.pinion_speed(1.0)):.0f} r/min of the pinion"]  # fmt: skip
 
 
-def _show_assumed(machine: Machine, model: hb.Model, curve: hb.Branch, count: Any, by_default: bool) -> None:
-    """What the jumps become if an assumption is otherwise."""
-    rows = [["as computed", _worst(model, curve), _speeds(model, curve)]]
-    for name, other in _others(machine, by_default):
-        changed = other()
-        branch = traced(hb.HarmonicBalance(changed, count), "Omega", changed.default_span, accuracy=None)
-        rows.append([name, _worst(changed, branch), _speeds(changed, branch)])
-    headers = ["assumed, and if it is otherwise", "largest factor", "jumps at r/min, while rising (+) or falling (-)"]
-    print_table(headers, rows)
+def _found(changed: hb.Model, model: hb.Model, curve: hb.Branch, count: Any, stop: Event) -> tuple[str, str]:
+    """`_told` of a changed model; its curve is that of the model where nothing but its units has changed."""
+
+    def ends(_: hb.Progress) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+
+    if changed.replace(reference=getattr(model, "reference", ())) != model:
+        problem = hb.HarmonicBalance(changed, count)
+        curve = hb.trace(problem, "Omega", changed.default_span, accuracy=None, progress=ends)
+    return _told(changed, curve)
+
+
+def _told(model: hb.Model, curve: hb.Branch) -> tuple[str, str]:
+    """Largest dynamic factor, and jumps."""
+    return _worst(model, curve), _speeds(model, curve)
 
 
 def _others(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], hb.Model]]]:
+    """What is assumed, and the model if it is otherwise."""
     zeta, pair = machine.damping, machine.pair
 
     def made(**changes: Any) -> Callable[[], hb.Model]:
@@ -341,6 +358,8 @@ def _worst(model: hb.Model, curve: hb.Branch) -> str:
     """Largest dynamic factor of the stable motions, of those looked at that move most."""
     points = []
     for one in (curve, *curve.others):
+        if one.status == hb.Status.UNBOUNDED and (one.stable is None or one.stable[-1]):
+            return "no limit"
         size = one.amplitude("max") * (one.stable if one.stable is not None else 1.0)
         points += [one[int(i)] for i in np.argsort(size)[-_LOOKED_AT:]]
     return rounded(max(hb.dynamic_factor(model, point) for point in points), 3)

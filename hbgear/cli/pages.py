@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -25,13 +25,11 @@ from hbgear.cli.support import (
     span_of,
 )
 from hbgear.common.optional import needed
-from hbgear.design.sampling import Grid
-from hbgear.design.study_file import read_study
 from hbgear.harmonic import catalogue
 from hbgear.harmonic.observables import layout_of
-from hbgear.io.machine_file import read_machine
-from hbgear.web.page import check_installed
-from hbgear.web.subject import MachineSubject, ModelSubject, Subject
+
+if TYPE_CHECKING:
+    from hbgear.web.subject import Subject
 
 Measured = Annotated[
     list[Path] | None,
@@ -59,11 +57,17 @@ def report(
     ] = 0,
     model: OwnModel = None,
     measured: Measured = None,
+    study: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FOLDER", help="Of hbgear study, or its table.npz: shown too; can be repeated."),
+    ] = None,
 ) -> None:
     """Write one page with curves, motions, jumps and accuracy, which any browser opens without a network.
 
     Exit codes: 0 done, 2 bad input, 3 a validation was interrupted (the page has what was checked).
     """
+    from hbgear.web.page import check_installed
+
     check_writable(output, (".html", ".htm"))
     check_installed()
     branches = [hb.load(file) for file in files]
@@ -73,7 +77,9 @@ def report(
         with one_thread(), bar("points") as progress:
             checks.append(hb.validate(known, validate, progress=progress))
     names = [file.stem for file in files] if len(files) > 1 else None
-    made = hb.report(branches, title=title, names=names, validation=checks, measured=measured or ())
+    made = hb.report(
+        branches, title=title, names=names, validation=checks, measured=measured or (), studies=study or ()
+    )
     with outputs() as out:
         out.write(output, made.save)
     if not all(check.complete for check in checks):
@@ -105,6 +111,7 @@ def explore(
     import webbrowser
 
     from hbgear.web.explorer import Explorer
+    from hbgear.web.page import check_installed
     from hbgear.web.server import Server
 
     check_installed()
@@ -124,6 +131,11 @@ def explored(
     what: str, changes: list[str] | None, own: str | None
 ) -> tuple[Subject, tuple[float, float], int, hb.Branch | None]:
     """What is explored, the span and harmonics to begin with, and the curve of a file."""
+    from hbgear.design.sampling import Grid
+    from hbgear.design.study_file import read_study
+    from hbgear.io.machine_file import read_machine
+    from hbgear.web.subject import MachineSubject, ModelSubject
+
     if what.endswith(".npz"):
         if changes:
             raise ValueError("--set: the values are those of the curve; move them on the page")

@@ -14,11 +14,11 @@ import typer
 
 from hbgear.cli.files import wrote
 from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, bar, print_table, say
-from hbgear.design.sobol import sobol_indices
-from hbgear.design.study import MANY, Cases, Outcome, cases
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
+
+    from hbgear.design.study import Cases
 
 
 _PATIENCE = 5  # seconds a scheduler has to answer
@@ -58,6 +58,7 @@ def study(
     that fails is a row with its reason.
     Exit codes: 0 every case is done, 2 bad input, 3 stopped early.
     """
+    from hbgear.design.study import MANY, Outcome, cases
     from hbgear.design.study_file import StudyFileError, read_study
 
     try:
@@ -97,6 +98,8 @@ def study(
 
 def _print_indices(found: Cases) -> None:
     """Sobol indices of each number of the table."""
+    from hbgear.design.sobol import sobol_indices
+
     for quantity in [name for name in found.table if name not in (*found.names, "case", "reason", "seconds")]:
         try:
             indices = sobol_indices(found, quantity)

@@ -1,11 +1,18 @@
-"""Ctrl-C while the command ``hbgear`` is being imported: one sentence and the exit code 130, as nothing has begun.
+"""What the command ``hbgear`` sets before all else is imported.
 
-It is imported before all that takes time. A program that imports hbgear as a library is left alone.
+Ctrl-C meanwhile gives one sentence and the exit code 130, as nothing has begun. Objects in circles are looked for more
+rarely than Python does: a command makes few and ends soon, and what it imports makes hundreds of thousands of others.
+
+A program that imports hbgear as a library is left alone.
 """
 
+import gc
 import sys
 from pathlib import Path
 from types import TracebackType
+
+_OBJECTS = 100_000  # more than before, after which circles are looked for
+
 
 _CTRL_C = 130  # exit code of what Ctrl-C ended, as shells have it
 
@@ -29,3 +36,4 @@ def end(kind: type[BaseException], error: BaseException, trace: TracebackType | 
 
 if is_command():
     sys.excepthook = end
+    gc.set_threshold(_OBJECTS, 20, 20)

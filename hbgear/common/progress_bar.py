@@ -35,9 +35,11 @@ class ProgressBar:
         self.text = text
         self._last = -math.inf
         self._shown: Any = None
+        self._now = Progress(0.0)
 
     def __call__(self, now: Progress) -> None:
         """Show how far it is; not more often than eyes can follow."""
+        self._now = now
         at = time.monotonic()
         if now.done != 1.0 and at - self._last < _PAUSE:
             return
@@ -51,6 +53,10 @@ class ProgressBar:
             self._shown = display({"text/html": self._drawn(now), "text/plain": str(now)}, raw=True, display_id=True)
         else:
             self._shown.update({"text/html": self._drawn(now), "text/plain": str(now)}, raw=True)
+
+    def _repr_html_(self) -> str:
+        """For notebooks: how far it has come."""
+        return self._drawn(self._now)
 
     def _drawn(self, now: Progress) -> str:
         value = "" if math.isnan(now.done) else f' value="{now.done:.4f}"'

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from threading import Event
 from typing import TypeVar
 
 Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 def processors() -> int:
@@ -17,21 +19,31 @@ def processors() -> int:
     return len(own(0)) if own else os.cpu_count() or 1
 
 
-def for_each(work: Callable[[Item, Event], None], items: Sequence[Item]) -> None:
-    """``work(item, stop)`` for every item, over threads; one item alone is worked on in this one.
+@contextmanager
+def begun(work: Callable[[Item, Event], Result], items: Sequence[Item]) -> Iterator[list[Future[Result]]]:
+    """Threads at ``work(item, stop)`` of every item while the block runs, and what they will return.
 
-    After Ctrl-C or an error ``stop`` is set, which work is to look at often: what runs ends before this returns.
+    At its end ``stop`` is set, which work is to look at often: what runs ends before the block is left, and what waits
+    does not begin.
     """
     stop = Event()
-    if len(items) < 2:
-        for item in items:
-            work(item, stop)
-        return
-    with ThreadPoolExecutor(min(processors(), len(items))) as pool:
-        futures = [pool.submit(work, item, stop) for item in items]
+    with ThreadPoolExecutor(max(1, min(processors(), len(items)))) as pool:
         try:
-            for future in futures:
-                future.result()
+            yield [pool.submit(work, item, stop) for item in items]
         finally:
             stop.set()
             pool.shutdown(cancel_futures=True)
+
+
+def for_each(work: Callable[[Item, Event], None], items: Sequence[Item]) -> None:
+    """``work(item, stop)`` for every item, over threads; one item alone is worked on in this one.
+
+    After Ctrl-C or an error they are stopped as by `begun`.
+    """
+    if len(items) < 2:
+        for item in items:
+            work(item, Event())
+        return
+    with begun(work, items) as futures:
+        for future in futures:
+            future.result()

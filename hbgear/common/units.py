@@ -2,14 +2,16 @@
 
     si("Gear", "module", "3 mm", "m") = 0.003
 
-Pint is imported when a text or a quantity is given, and not before. A number without a unit is in the SI unit that the
-field names; what is far from every machine is refused, since it is a number of another unit.
+Texts in the units that drawings have are read by a table, since to import Pint takes longer than to trace a curve; Pint
+reads all others, and quantities. A number without a unit is in the SI unit that the field names; what is far from every
+machine is refused, since it is a number of another unit.
 """
 
 from __future__ import annotations
 
 import re
 from functools import lru_cache
+from math import pi
 from typing import Any, overload
 
 from hbgear.common.messages import quoted
@@ -26,6 +28,18 @@ _QUANTITY = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*[^\W\d_]?[\w\s/*.%°-]*(\^
 
 
 _LAST_DIGIT = 2.5e-16  # relative, what the product with a unit's factor is off by
+
+
+USUAL = {
+    "m": {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
+    "rad": {"rad": 1.0, "deg": pi / 180},
+    "N m": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0},
+    "N/m": {"N/m": 1.0},
+    "kg": {"kg": 1.0},
+    "kg m^2": {"kg m^2": 1.0},
+    "rad/s": {"rad/s": 1.0, "r/min": pi / 30, "rpm": pi / 30},
+}
+"""Factors of the usual units of what is held in an SI unit, those of Pint."""
 
 
 @lru_cache(maxsize=1)
@@ -63,6 +77,8 @@ def si(owner: str, name: str, value: Any, unit: str) -> float:
 
 
 def _converted(owner: str, name: str, value: Any, unit: str) -> float:
+    if isinstance(value, str) and (usual := _usual(value.strip(), unit)) is not None:
+        return _short(usual)
     need = f"a quantity in {unit} with its unit, such as {EXAMPLES.get(unit, unit)}" if unit else "a number"
     refusal = ValueError(f"{owner}: {name} = {quoted(value)} must be {need}")
     import pint
@@ -87,7 +103,19 @@ def _converted(owner: str, name: str, value: Any, unit: str) -> float:
         exact = float(number)
     except (TypeError, ValueError):
         raise refusal from None
-    short = float(f"{exact:.15g}")  # 80e-6, not 7.999999999999999e-05
+    return _short(exact)
+
+
+def _usual(text: str, unit: str) -> float | None:
+    """The number of a quantity in a usual unit; None if it is none."""
+    match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", text, re.ASCII)
+    factor = USUAL.get(unit, {}).get(match[2]) if match and len(text) <= 60 else None
+    return None if match is None or factor is None else float(match[1]) * factor
+
+
+def _short(exact: float) -> float:
+    """80e-6, not 7.999999999999999e-05."""
+    short = float(f"{exact:.15g}")
     return short if abs(short - exact) <= _LAST_DIGIT * abs(exact) else exact
 
 

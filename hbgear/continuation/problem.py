@@ -323,6 +323,11 @@ class FullProblem:
         return self
 
     @property
+    def fineness(self) -> str:
+        """How many unknowns it has, in words."""
+        return f"n = {self.size}"
+
+    @property
     def parameters(self) -> dict[str, float]:
         """`Parametrised.parameters`: none."""
         return {}

@@ -162,7 +162,7 @@ def fit(
 
     References
     ----------
-    Branch, Coleman & Li (1999), SIAM J. Sci. Comput. 21(1), doi 10.1137/S1064827595289108.
+    Branch, Coleman & Li (1999), SIAM J. Sci. Comput. 21(1), https://doi.org/10.1137/S1064827595289108.
 
     Examples
     --------

@@ -216,7 +216,7 @@ def redesign(
 
     References
     ----------
-    Nocedal & Wright (2006), Numerical Optimization, ch. 18, doi 10.1007/978-0-387-40065-5.
+    Nocedal & Wright (2006), Numerical Optimization, ch. 18, https://doi.org/10.1007/978-0-387-40065-5.
 
     Examples
     --------
@@ -381,7 +381,7 @@ class _Search:
         old = self.problem
         return HarmonicBalance(
             old.model.replace(**self.values(u, deviations)), old.H, old.N, nu=old.nu, sampled=old.is_sampled,
-            reduce=old.reduce,
+            reduce=old.reduce, orders=old.selection,
         )  # fmt: skip
 
     def run(self, u: Array, low: Array, high: Array) -> Array:

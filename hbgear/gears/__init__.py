@@ -1,25 +1,34 @@
 """Gear drives: geometry, mesh excitation and ready-made models."""
 
-from hbgear.gears.double_helical import DoubleHelicalPair
-from hbgear.gears.gear import Gear
-from hbgear.gears.helical import HelicalPair
-from hbgear.gears.iso_dynamics import iso_dynamic_factor
-from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
-from hbgear.gears.pair import GearPair
-from hbgear.gears.planetary import PlanetarySet, PlanetMode
-from hbgear.gears.rotor_bearing import GearRotorBearing
-from hbgear.gears.spur import SpurPair
-from hbgear.gears.support import Support
-from hbgear.gears.train import Train
-from hbgear.gears.train_parts import Bearing, Mesh, Shaft, Wheel
+from typing import TYPE_CHECKING
+
+from hbgear.common import late as _late
+
+if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.gears.beam import Beam
+    from hbgear.gears.double_helical import DoubleHelicalPair
+    from hbgear.gears.gear import Gear
+    from hbgear.gears.helical import HelicalPair
+    from hbgear.gears.housing import Housing
+    from hbgear.gears.iso_dynamics import iso_dynamic_factor
+    from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
+    from hbgear.gears.pair import GearPair
+    from hbgear.gears.planetary import PlanetarySet, PlanetMode
+    from hbgear.gears.rotor_bearing import GearRotorBearing
+    from hbgear.gears.spur import SpurPair
+    from hbgear.gears.support import Support
+    from hbgear.gears.train import Train
+    from hbgear.gears.train_parts import Bearing, Mesh, Shaft, Wheel
 
 __all__ = [
+    "Beam",
     "Bearing",
     "DoubleHelicalPair",
     "Gear",
     "GearPair",
     "GearRotorBearing",
     "HelicalPair",
+    "Housing",
     "Mesh",
     "MeshCycle",
     "PlanetMode",
@@ -33,3 +42,6 @@ __all__ = [
     "iso_dynamic_factor",
     "read_table",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = _late.attached(__name__)

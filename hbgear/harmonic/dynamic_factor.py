@@ -8,19 +8,15 @@ force over a period is nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
 import numpy as np
 
 from hbgear.common.arguments import checked_arguments
-from hbgear.common.arrays import Array
+from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.branch import Point
-from hbgear.harmonic.corners import gap
+from hbgear.harmonic.corners import gap_samples
 from hbgear.harmonic.observables import Layout, layout_of
 from hbgear.mechanics.fourier import stretch, to_complex
-from hbgear.mechanics.laws import Law
-from hbgear.mechanics.model import Model
+from hbgear.mechanics.model import Element, Model
 
 _SAMPLES = 4096  # a corner of the force between two of them is missed by 1e-6 of the force
 
@@ -63,11 +59,15 @@ def _forces(model: Model, point: Point, layout: Layout, index: int) -> Array:
     """Force of the law of an element at equal steps of its period (N,)."""
     one, row, nu = model.system().elements[index], point.coefficients(index), layout.nu
     kept = to_complex(stretch(one.displacement.row(layout.harmonics // nu), nu))
-    return force_samples(one.law, partial(gap, one.displacement, kept, nu, row), point.parameters["Omega"] / nu, nu)
+    return force_samples(one, kept, row, point.parameters["Omega"] / nu, nu)
 
 
-def force_samples(law: Law, d: Callable[..., Array], rate: float, nu: int) -> Array:
-    """Force of a law at equal steps of a period (N,); d(theta, order) is the gap, rate = dtheta/dt."""
+def force_samples(one: Element, kept: ComplexArray, row: Array, rate: float, nu: int) -> Array:
+    """Force of an element whose motion is a row at equal steps of its period (N,).
+
+    kept as of `corners.gap`; rate = dtheta/dt.
+    """
+    d, slope = (gap_samples(one.displacement, kept, nu, row, _SAMPLES, order) for order in (0, 1))
     theta = 2 * np.pi * np.arange(_SAMPLES) / _SAMPLES
-    force: Array = law.force(d(theta), rate * d(theta, 1), nu * theta)[0]
+    force: Array = one.law.force(d, rate * slope, nu * theta)[0]
     return force

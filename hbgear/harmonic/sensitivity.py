@@ -198,7 +198,8 @@ def sensitivity(
 
     References
     ----------
-    Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), doi 10.1137/1.9780898719543.
+    Govaerts (2000), Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM,
+    https://doi.org/10.1137/1.9780898719543.
 
     Examples
     --------

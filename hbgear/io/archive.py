@@ -60,6 +60,11 @@ class Archive:
             if declared > _SPARE + _TIMES * size:
                 raise Damaged(f"it declares {declared:,} bytes in a file of {size:,}")
 
+    @property
+    def names(self) -> list[str]:
+        """Of its arrays."""
+        return [name.removesuffix(".npy") for name in self._members]
+
     def __contains__(self, name: str) -> bool:
         return f"{name}.npy" in self._members
 

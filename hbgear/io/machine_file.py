@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -34,7 +33,7 @@ from hbgear.gears.gear import Gear
 from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
 from hbgear.gears.pair import GearPair
 from hbgear.gears.support import Support
-from hbgear.io.toml_file import Place, TomlFileError, exactly, form, located, made, parsed, told
+from hbgear.io.toml_file import Place, TomlFileError, bare, checked, exactly, form, located, made
 from hbgear.mechanics.model import Model
 
 _SHARED = ("module", "face_width", "pressure_angle", "addendum", "dedendum", "fillet_radius", "E", "poisson", "density")
@@ -86,17 +85,9 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     MachineFileError
         If it cannot be read, or a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
     """
-    import pydantic
-
-    text, data = parsed(path, "a machine", MachineFileError)
-    schema = _schema()
-    try:
-        checked = schema.model_validate(data).model_dump(exclude_unset=True)
-    except pydantic.ValidationError as error:
-        problems = [told(schema, each) for each in error.errors()]
-        raise MachineFileError(located(path, text, problems)) from None
-    problems = []
-    machine = _Reader(problems, Path(path).parent).machine(checked)
+    text, data = checked(path, "a machine", MachineFileError, _schema())
+    problems: list[tuple[Place, str]] = []
+    machine = _Reader(problems, Path(path).parent).machine(data)
     if machine is None:
         raise MachineFileError(located(path, text, problems))
     return machine
@@ -155,19 +146,19 @@ class _Reader:
         try:
             machine.model()
         except ValueError as error:
-            self.problems.append((_place_in(str(error), data), _bare(error)))
+            self.problems.append((_place_in(str(error), data), bare(error)))
         return None if self.problems else machine
 
     def _read(self, field: Measured, place: Place, value: Any) -> float:
         try:
             return field.read("the machine", value)
         except ValueError as error:
-            self.problems.append(((field.name,), _bare(error)))
+            self.problems.append(((field.name,), bare(error)))
             return 0.0
 
     def _made(self, place: Place, cls: type, values: Mapping[str, Any]) -> Any:
         """An instance; None if it refuses something, which is noted."""
-        return made(self.problems, place, cls, values, _bare)
+        return made(self.problems, place, cls, values)
 
     def _cycle(self, table: Mapping[str, str] | None) -> MeshCycle | None:
         if table is None:
@@ -189,11 +180,6 @@ def _completed(pinion: Gear, wheel: Mapping[str, Any]) -> dict[str, Any]:
     if pinion.helix_angle:
         shared["helix_angle"] = pinion.helix_angle * (1 if wheel.get("internal") else -1)
     return {**shared, **wheel}
-
-
-def _bare(error: ValueError) -> str:
-    """What an error says, without the class at its head: the table says that."""
-    return re.sub(r"^(GearPair\.model|GearPair\.mesh|GearPair|Gear|Support|the machine): ", "", str(error))
 
 
 def _place_in(message: str, data: Mapping[str, Any]) -> Place:

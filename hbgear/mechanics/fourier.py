@@ -104,6 +104,22 @@ def resize(X: Array, H: int) -> Array:
     return out
 
 
+def places(orders: np.ndarray) -> np.ndarray:
+    """Where the coefficients of some harmonics, ascending, stand in a row of all of them."""
+    both = np.stack([2 * orders - 1, 2 * orders], axis=-1).ravel()
+    return both[1:] if len(orders) and orders[0] == 0 else both
+
+
+def spread(X: Array, m: int, orders: np.ndarray, H: int) -> Array:
+    """Rows (..., m, 2H + 1) of all harmonics from X (..., m (2K + 1)), those of K orders and 0; others are zero."""
+    some = X.reshape(*X.shape[:-1], m, -1)
+    if some.shape[-1] == 2 * H + 1:
+        return some
+    out = np.zeros((*some.shape[:-1], 2 * H + 1), dtype=X.dtype)
+    out[..., places(orders)] = some
+    return out
+
+
 def stretch(X: Array, nu: int) -> Array:
     """Rows of the same function seen over ``nu`` of its periods: harmonic k becomes harmonic ``nu k``."""
     c = to_complex(X)
@@ -295,6 +311,19 @@ def samples_of(c: ComplexArray, N: int) -> Array:
     return np.fft.irfft(spectrum, n=N, axis=-1)
 
 
+def fast_length(least: int) -> int:
+    """The smallest whole number, at least so large, without a prime factor above 5: transforms of it are fast."""
+    n = least
+    while True:
+        rest = n
+        for prime in (2, 3, 5):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return n
+        n += 1
+
+
 class Transform:
     """Fast Fourier transforms between rows of H harmonics and N samples over one period.
 
@@ -323,9 +352,10 @@ class Transform:
     @cached_property
     def basis(self) -> Array:
         """1, cos theta, sin theta, ..., sin H theta (2H + 1, N) at the samples."""
-        theta = 2 * np.pi * (np.arange(1, self.H + 1)[:, None] * np.arange(self.N) % self.N) / self.N
+        theta = 2 * np.pi * np.arange(self.N) / self.N
+        turned = np.arange(1, self.H + 1)[:, None] * np.arange(self.N) % self.N
         out = np.ones((2 * self.H + 1, self.N))
-        out[1::2], out[2::2] = np.cos(theta), np.sin(theta)
+        out[1::2], out[2::2] = np.cos(theta)[turned], np.sin(theta)[turned]
         return out
 
     @cached_property

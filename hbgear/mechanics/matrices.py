@@ -20,7 +20,7 @@ def square(name: str, value: Any) -> Matrix:
     ValueError
         If it is no such matrix.
     """
-    if scipy.sparse.issparse(value):
+    if not isinstance(value, np.ndarray | list | tuple) and scipy.sparse.issparse(value):  # to import it takes a while
         if value.dtype.kind not in "iufb":
             raise ValueError(f"{name} of {value.dtype} must be a square matrix of numbers")
         out: Matrix = scipy.sparse.csr_array(value, dtype=float)

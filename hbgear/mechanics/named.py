@@ -15,13 +15,15 @@ import importlib.util
 import inspect
 import os
 import sys
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hbgear.common.messages import did_you_mean
 from hbgear.mechanics.model import Model
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 GROUP = "hbgear.models"
 """Entry points that name classes of models."""
@@ -29,6 +31,8 @@ GROUP = "hbgear.models"
 
 def installed() -> dict[str, EntryPoint]:
     """Entry points of installed packages by name; none of them is loaded."""
+    from importlib.metadata import entry_points  # takes longer than all the rest of this file
+
     return {point.name: point for point in entry_points(group=GROUP)}
 
 

@@ -9,49 +9,54 @@ Examples
 >>> hb.plot.save(hb.plot.response(curve), "curve.png")  # doctest: +SKIP
 """
 
-from hbgear.plot.bands import band
-from hbgear.plot.curves import jump_map, response, responses, speed_axes
-from hbgear.plot.effects import tornado
-from hbgear.plot.fits import fitted, measured
-from hbgear.plot.mesh import drive, mesh_cycles
-from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
-from hbgear.plot.rotors import campbell
-from hbgear.plot.runs import RUNS, orders, runs, waterfall
-from hbgear.plot.simulation import (
-    BASINS,
-    DIRECTIONS,
-    INKS,
-    REFINED,
-    SYMBOLS,
-    basins,
-    bifurcation,
-    sweeps,
-    validation,
-)
-from hbgear.plot.study import (
-    JUMPS,
-    PERCENTILES,
-    against_parameters,
-    envelope,
-    figures,
-    jump_distribution,
-    percentiles,
-)
-from hbgear.plot.style import (
-    BRANCHES,
-    COLOURS,
-    FONT,
-    GREY,
-    LINES,
-    MARKERS,
-    MEASURES,
-    STYLE,
-    WIDTHS,
-    State,
-    legend_entry,
-    save,
-)
-from hbgear.plot.trains import train
+from typing import TYPE_CHECKING
+
+from hbgear.common import late as _late
+from hbgear.plot.runs import RUNS, orders, runs, waterfall  # at once: a function has the name of its module
+
+if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.plot.bands import band
+    from hbgear.plot.curves import jump_map, response, responses, speed_axes
+    from hbgear.plot.effects import tornado
+    from hbgear.plot.fits import fitted, measured
+    from hbgear.plot.mesh import drive, mesh_cycles
+    from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
+    from hbgear.plot.rotors import campbell
+    from hbgear.plot.simulation import (
+        BASINS,
+        DIRECTIONS,
+        INKS,
+        REFINED,
+        SYMBOLS,
+        basins,
+        bifurcation,
+        sweeps,
+        validation,
+    )
+    from hbgear.plot.study import (
+        JUMPS,
+        PERCENTILES,
+        against_parameters,
+        envelope,
+        figures,
+        jump_distribution,
+        percentiles,
+    )
+    from hbgear.plot.style import (
+        BRANCHES,
+        COLOURS,
+        FONT,
+        GREY,
+        LINES,
+        MARKERS,
+        MEASURES,
+        STYLE,
+        WIDTHS,
+        State,
+        legend_entry,
+        save,
+    )
+    from hbgear.plot.trains import load_sharing, planetary, train
 
 __all__ = [
     "BASINS",
@@ -85,11 +90,13 @@ __all__ = [
     "jump_distribution",
     "jump_map",
     "legend_entry",
+    "load_sharing",
     "measured",
     "mesh_cycles",
     "orders",
     "percentiles",
     "phase_diagram",
+    "planetary",
     "portrait",
     "response",
     "responses",
@@ -104,3 +111,6 @@ __all__ = [
     "validation",
     "waterfall",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = _late.attached(__name__)

@@ -114,10 +114,11 @@ def response(
         name_axes(ax, branch, measure, element, dof)
         if (own if speeds is None else speeds) and speed_axes(ax, [branch]) and own:
             heighten(ax)
-        if own:
-            _enlarge(ax, branch, amplitude, element, color)
+        frame = _enlarge(ax, branch, amplitude, element, color) if own else None
         if legend:
             add_legend(ax)
+        if legend and frame is not None:
+            _keep_clear(ax, frame)
     return ax
 
 
@@ -399,8 +400,11 @@ def _marks(ax: Axes, branch: Branch, height: _Height, numbered: bool = False) ->
 _HIDDEN = 18.0  # points: an unstable piece shorter than that is lost between the symbols at its ends
 
 
-def _enlarge(ax: Axes, branch: Branch, amplitude: Array, element: int | str, color: str | None) -> None:
-    """The longest unstable piece that is too short to be seen, drawn once more on axes within these, enlarged."""
+def _enlarge(ax: Axes, branch: Branch, amplitude: Array, element: int | str, color: str | None) -> Any:
+    """The longest unstable piece that is too short to be seen, drawn once more on axes within these, enlarged.
+
+    Returns their frame; None if there is no such piece.
+    """
     figure: Any = ax.figure
     size = 72 * 0.85 * np.array(figure.get_size_inches())
     box = np.array([ax.get_xlim(), ax.get_ylim()])
@@ -409,11 +413,11 @@ def _enlarge(ax: Axes, branch: Branch, amplitude: Array, element: int | str, col
     pieces = [(along[last] - along[first], first, last) for first, last in _unstable(branch, element)]
     hidden = [piece for piece in pieces if 0 < piece[0] < _HIDDEN]
     if not hidden:
-        return
+        return None
     _, first, last = max(hidden)
     middle = 0.5 * (inside[first] + inside[last])
     spot = _empty(inside, middle)
-    ax.add_patch(_frame(ax, spot))  # legends keep clear of patches
+    frame = ax.add_patch(_frame(ax, spot))  # legends keep clear of patches
     zoomed = ax.inset_axes((*spot, *_INSET), label="inset")
     _curve(zoomed, branch, amplitude, element, color, None)
     for point in map(named, branch.special):
@@ -428,6 +432,17 @@ def _enlarge(ax: Axes, branch: Branch, amplitude: Array, element: int | str, col
     zoomed.locator_params(nbins=4)
     zoomed.tick_params(direction="in", top=True, right=True, width=0.6, labelsize=7, labelfontfamily=FONT[0], pad=2)
     ax.indicate_inset_zoom(zoomed, edgecolor=GREY, linewidth=0.6)
+    return frame
+
+
+def _keep_clear(ax: Axes, frame: Any) -> None:
+    """Put a legend beside the axes that has found no place on them outside of a frame."""
+    figure: Any = ax.figure
+    figure.draw_without_rendering()
+    legend: Any = ax.get_legend()
+    if legend is not None and legend.get_window_extent().overlaps(frame.get_window_extent()):
+        legend.set_loc("upper left")
+        legend.set_bbox_to_anchor((1.01, 1.0))
 
 
 _INSET = (0.27, 0.29)  # width and height of enlarged axes, as shares of the whole

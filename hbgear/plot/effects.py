@@ -63,5 +63,5 @@ def tornado(
         ax.set_xlabel(f"change of {quantity} of {found.label} [%]   ({quantity} = {found.size(quantity):.6g})")
         dress(ax)
         ax.tick_params(axis="y", length=0)
-        ax.legend(loc="lower right")
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)  # bars may be anywhere
     return ax

@@ -257,7 +257,7 @@ def _differences(ax: Axes, report: Report) -> None:
         ("pp2_error", "s", COLOURS["single_sided"], "half peak-to-peak"),
         ("harmonic_error", "D", COLOURS["double_sided"], "harmonics"),
         ("multiplier_error", "x", "#444444", "multipliers"),
-        ("closure", "_", GREY, "closure of the period"),
+        ("closure", "_", GREY, "closure of the period, not judged"),
     )
     number = np.arange(1, len(report.rows) + 1)
     for i, (name, marker, colour, label) in enumerate(kinds):

@@ -172,7 +172,12 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
 
 
 def dress(ax: Axes) -> None:
-    """Ticks are made when they are drawn, outside our settings, so theirs are given to the axes."""
+    """Ticks are made when they are drawn, outside our settings, so theirs are given to the axes.
+
+    So are the fonts of titles, for axes that were made by somebody else have others.
+    """
+    for title in (ax.xaxis.label, ax.yaxis.label):
+        title.set(fontfamily=FONT, math_fontfamily=STYLE["mathtext.fontset"])
     ax.tick_params(which="both", direction="in", top=True, right=True, width=0.6, labelsize=9, labelfontfamily=FONT[0])
     ax.tick_params(which="major", length=3.5)
     ax.tick_params(which="minor", length=2)

@@ -1,5 +1,13 @@
 """Pages: a report in one file, and the explorer. Drawn in the browser by Plotly, which only here is needed."""
 
-from hbgear.web.reporting import Report, report
+from typing import TYPE_CHECKING
+
+from hbgear.common import late as _late
+
+if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.web.reporting import Report, report
 
 __all__ = ["Report", "report"]
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = _late.attached(__name__)

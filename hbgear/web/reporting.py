@@ -12,13 +12,16 @@ from typing import Any
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.messages import shortened
 from hbgear.common.replacing import checked_suffix, replacing
+from hbgear.common.texts import text_of_file
 from hbgear.continuation.branch import Branch
+from hbgear.design.results import read_results
 from hbgear.design.study import Cases
 from hbgear.harmonic.speeds import common_scales
 from hbgear.harmonic.telling import described
 from hbgear.io.measured import measured as read_measured
 from hbgear.timedomain.validate import Report as Validation
 from hbgear.web.page import page, plotly_script
+from hbgear.web.studies import lines_of, told
 from hbgear.web.view import plain, views
 
 
@@ -73,7 +76,7 @@ def report(
     title: str | None = None,
     names: Sequence[str] | None = None,
     validation: Validation | Sequence[Validation] = (),
-    studies: Sequence[Cases] = (),
+    studies: Sequence[Cases | str | os.PathLike[str]] = (),
     measured: Sequence[str | os.PathLike[str]] = (),
 ) -> Report:
     """A report on curves: one page that any browser opens, without a network. Needs ``hbgear[report]``.
@@ -88,15 +91,17 @@ def report(
     title : by default the model.
     names : of the branches; by default their models, or if these are alike "curve 1", ...
     validation : what `validate` found; its table is shown too.
-    studies : `Cases` computed with "curve", whose curves are drawn thin behind the others.
+    studies : `Cases`, or where they are: the folder of ``hbgear study``, or a table that `Cases.export` wrote as .npz.
+        Their curves, if they were kept, are drawn thin behind the others; tables have the distribution of what was
+        found, and all cases.
     measured : tables of measured points, drawn as dots: a column of Omega, or of speeds with the unit [Hz] or [r/min]
         in the first line, and one of half peak-to-peaks in the units of the model.
 
     Raises
     ------
     ValueError
-        If there is no curve, not a name for each, one is not of periodic motions, a study has no curves, or Plotly is
-        not installed.
+        If there is no curve, not a name for each, one is not of periodic motions, a file is none of a study, or Plotly
+        is not installed.
 
     Examples
     --------
@@ -114,11 +119,14 @@ def report(
     shown = views(branches, names or ([f"curve {i + 1}" for i in range(len(branches))] if alike else models))
     title = title or shortened(models[0], 100)
     checks = [validation] if isinstance(validation, Validation) else list(validation)
-    behind = [line for study in studies for line in lines_of(study)] + [dots_of(path, branches) for path in measured]
+    found = [study if isinstance(study, Cases) else read_results(study) for study in studies]
+    called = [f"study {i if isinstance(study, Cases) else _name_of(study)}" for i, study in enumerate(studies, 1)]
+    behind = [line for study, name in zip(found, called, strict=True) for line in lines_of(study, name)]
+    behind += [dots_of(path, branches) for path in measured]
     data = {"curves": shown, "behind": behind}
     text = page(
         "report.html", data, title=title, shown=shown, checks=[_checked(check) for check in checks],
-        plotly=plotly_script(),
+        studies=[told(study, name) for study, name in zip(found, called, strict=True)], plotly=plotly_script(),
     )  # fmt: skip
     return Report(title, text)
 
@@ -130,20 +138,10 @@ def _checked(check: Validation) -> dict[str, Any]:
     return {"summary": check.summary, "ok": check.ok, "tables": tables}
 
 
-def lines_of(study: Cases) -> list[dict[str, Any]]:
-    """The curves of a study, each as a thin line.
-
-    Raises
-    ------
-    ValueError
-        If it has none.
-    """
-    if not study.curves:
-        raise ValueError('the study has no curves to draw; compute them: cases(..., compute=("curve",))')
-    return [
-        {"name": f"case {case}", "mode": "lines", "x": plain(curve[0]), "y": plain(curve[1])}
-        for case, curve in study.curves.items()
-    ]
+def _name_of(path: str | os.PathLike[str]) -> str:
+    """What a study in a file is called: by its folder, unless the table has a name of its own."""
+    file = Path(path).resolve()
+    return file.name if file.is_dir() else file.parent.name if file.name == "table.npz" else file.stem
 
 
 def dots_of(path: str | os.PathLike[str], branches: Sequence[Branch]) -> dict[str, Any]:
@@ -154,12 +152,8 @@ def dots_of(path: str | os.PathLike[str], branches: Sequence[Branch]) -> dict[st
     FileNotFoundError, ValueError
         If there is no such file, or it has not two columns of numbers.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise FileNotFoundError(f"there is no file '{path}'; give a table of measured points") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is no text (UTF-8)"
-        raise ValueError(f"'{path}' cannot be read as measured points: {reason}") from None
+    if not os.path.exists(path):
+        raise FileNotFoundError(f"there is no file '{path}'; give a table of measured points")
+    text = text_of_file(path, "measured points")
     x, y = read_measured(text, str(path), common_scales(branches))
     return {"name": os.path.basename(os.fspath(path)), "mode": "markers", "x": plain(x), "y": plain(y)}

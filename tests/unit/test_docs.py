@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 from pages import paths
@@ -40,6 +41,55 @@ def test_files_that_a_page_names_exist(page):
     for name in re.findall(r"`((?:\w+/)+\w+\.(?:py|md))`", text) + re.findall(r"\]\((?!\w+:)([^)#\s]+)", text):
         places = (ROOT / name, ROOT / "hbgear" / name, page.parent / name)
         assert any(place.exists() for place in places), f"{page.name} names {name}"
+
+
+_DOI = r"10\.\d{4,9}/[\w.()%/-]*[\w)]"
+_SOURCES = [
+    path
+    for place in ("*", "docs/**/*", "examples/**/*", "hbgear/**/*", "studies/**/*")
+    for path in ROOT.glob(place)
+    if path.suffix in (".cff", ".html", ".ipynb", ".js", ".md", ".py", ".rst", ".toml") and path.is_file()
+]
+
+
+def badly_cited(text: str) -> list[str]:
+    """What of a text is meant as a DOI, and is no link of the one form: https://doi.org/10.1115/1.1539868.
+
+    In Markdown its text is "doi" and the number it leads to.
+    """
+    for told, address in re.findall(rf"\[doi ({_DOI})\]\(https://doi\.org/({_DOI})\)(?!\))", text):
+        if told == unquote(address) and told.count("(") == told.count(")"):
+            text = text.replace(f"[doi {told}](https://doi.org/{address})", "")
+    links = re.findall(rf"(?<![\[(])https://doi\.org/({_DOI})", text)
+    for link in sorted((link for link in links if link.count("(") == link.count(")")), key=len, reverse=True):
+        text = text.replace(f"https://doi.org/{link}", "")
+    return re.findall(r".*(?:doi\.org|\bdoi\b[ :]|\b10\.\d{4,9}/\w).*", text, re.IGNORECASE)
+
+
+def test_sources_are_cited_in_one_form():
+    texts = {path: path.read_text(encoding="utf-8") for path in _SOURCES}
+    assert sum(text.count("https://doi.org/10.") for text in texts.values()) > 50
+    assert {str(path): bad for path, text in texts.items() if (bad := badly_cited(text))} == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "good"),
+    [
+        ("Cameron (1989), https://doi.org/10.1115/1.3176036.", True),
+        ("Moser, https://doi.org/10.1016/0022-247X(74)90112-X", True),
+        ("[doi 10.1115/1.3176036](https://doi.org/10.1115/1.3176036): sampled.", True),
+        ("[doi 10.1016/0022-247X(74)90112-X](https://doi.org/10.1016/0022-247X%2874%2990112-X)", True),
+        ("[doi 10.1115/1.3176036](https://doi.org/10.1115/1.3176037)", False),
+        ("Cameron (1989), doi 10.1115/1.3176036", False),
+        ("Cameron (1989), doi:10.1115/1.3176036", False),
+        ("http://doi.org/10.1115/1.3176036", False),
+        ("https://dx.doi.org/10.1115/1.3176036", False),
+        ("https://doi.org/1115/1.3176036", False),
+        ("https://doi.org/10.1016/0022-247X(74", False),
+    ],
+)
+def test_what_is_badly_cited_is_found(text, good):
+    assert (badly_cited(text) == []) is good
 
 
 def test_version_is_in_the_changelog_and_the_citation():

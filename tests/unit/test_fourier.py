@@ -11,6 +11,7 @@ from hbgear.mechanics.fourier import (
     derive,
     evaluate,
     extrema,
+    fast_length,
     harmonics_of,
     resize,
     stretch,
@@ -132,3 +133,10 @@ def test_transforms_do_not_share_or_overwrite(rng):
 def test_too_few_samples():
     with pytest.raises(ValueError, match="N = 16 samples cannot resolve H = 8 harmonics; need N >= 17"):
         Transform(8, 16)
+
+
+def test_fast_lengths_are_those_of_scipy():
+    from scipy.fft import next_fast_len
+
+    numbers = [*range(1, 300), 1021, 4099, 12345]
+    assert [fast_length(n) for n in numbers] == [next_fast_len(n, real=True) for n in numbers]

@@ -265,7 +265,7 @@ def test_models_of_installed_packages(run, monkeypatch):
     points = [
         EntryPoint("own-machine", f"{__name__}:two", naming.GROUP), EntryPoint("lost", "nowhere:two", naming.GROUP)
     ]  # fmt: skip
-    monkeypatch.setattr(naming, "entry_points", lambda group: points if group == naming.GROUP else [])
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: points if group == naming.GROUP else [])
     monkeypatch.setitem(sys.modules, __name__, sys.modules[two.__module__])
     code, out, err = run("models")
     assert code == 0 and "own-machine" in out and "An oscillator of somebody" in out

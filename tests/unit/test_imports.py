@@ -28,6 +28,7 @@ FILES = {
         "__init__": "",
         "arrays": "",
         "messages": "",
+        "texts": "",
         "arguments": "messages",
         "command": "",
         "optional": "",
@@ -40,6 +41,7 @@ FILES = {
         "compiling": "",
         "digits": "",
         "threads": "",
+        "late": "",
         "signals": "",
         "replacing": "signals",
     },
@@ -86,7 +88,9 @@ FILES = {
         "scales": "",
         "matrices": "fourier",
         "speed": "fourier matrices",
-        "model": "fields fourier laws matrices periodic scales speed",
+        "describing": "periodic",
+        "receptances": "fourier",
+        "model": "describing fields fourier laws matrices periodic receptances scales speed",
         "calling": "",
         "compiled_law": "laws",
         "doubts": "model",
@@ -114,11 +118,12 @@ FILES = {
         "loaded_mesh": "gear mesh_cycle pair tooth",
         "forms": "helical mesh_cycle rotor_bearing spur support",
         "train_parts": "excited gear geometry mesh_cycle pair",
+        "beam": "train_parts",
+        "housing": "support",
         "phasing": "train_parts",
-        "train": "phasing support train_parts",
+        "train": "beam housing phasing support train_parts",
         "planetary": "excited phasing train_parts",
-        "__init__": "double_helical gear helical iso_dynamics mesh_cycle pair planetary rotor_bearing spur support "
-        "train train_parts",
+        "__init__": "",
     },
     "harmonic": {
         "__init__": "",
@@ -133,6 +138,7 @@ FILES = {
         "realbasis": "",
         "receptance": "numbers",
         "spinning": "receptance",
+        "measuring": "receptance",
         "landings": "observables",
         "runs": "landings observables",
         "projection": "crossings pieces",
@@ -151,12 +157,14 @@ FILES = {
         "special": "hill",
         "meeting": "",
         "events": "meeting observables special",
-        "balance": "compiled deciding events floquet observables realbasis receptance spinning starts",
-        "catalogue": "balance",
+        "orders": "",
+        "balance": "compiled deciding events floquet measuring observables orders realbasis receptance spinning starts",
+        "catalogue": "balance orders",
         "fold_curves": "balance",
         "sensitivity": "balance critical observables special speeds",
         "survey": "balance",
         "answers": "balance catalogue dynamic_factor observables speeds",
+        "sharing": "answers",
         "critical": "balance fold_curves",
         "jump_map": "balance fold_curves",
         "speeds": "catalogue",
@@ -190,13 +198,15 @@ FILES = {
         "npz": "archive forms",
         "toml_file": "archive",
         "machine_file": "toml_file",
-        "train_file": "toml_file",
+        "train_file": "matrices toml_file",
         "columns": "",
         "frames": "columns",
         "measured": "",
         "tables": "columns npz",
         "matrices": "",
         "bridges": "matrices",
+        "receptance_files": "",
+        "structure_file": "matrices receptance_files toml_file",
     },
     "design": {
         "__init__": "",
@@ -205,6 +215,7 @@ FILES = {
         "workers": "",
         "study": "sampling store workers",
         "study_file": "sampling study",
+        "results": "",
         "swept": "study",
         "sobol": "study",
         "measured": "",
@@ -226,21 +237,22 @@ FILES = {
         "runs": "curves style",
         "simulation": "curves style",
         "rotors": "style",
-        "trains": "style",
+        "trains": "stretches style",
         "bands": "curves stretches style",
         "effects": "style",
         "fits": "curves style",
         "notebook": "curves",
-        "__init__": "bands curves effects fits mesh motions rotors runs simulation study style trains",
+        "__init__": "runs",
     },
     "web": {
         "page": "",
         "view": "",
         "subject": "",
-        "reporting": "page view",
+        "studies": "view",
+        "reporting": "page studies view",
         "explorer": "reporting subject view",
         "server": "explorer page",
-        "__init__": "reporting",
+        "__init__": "",
     },
     "cli": {
         "__init__": "",
@@ -264,7 +276,14 @@ ONLY_IN = {
     "pyfftw": {"mechanics.fourier"},
     "typer": {"cli"},
     "rich": {"cli"},
-    "pydantic": {"harmonic.catalogue", "design.study_file", "io.machine_file", "io.toml_file", "io.train_file"},
+    "pydantic": {
+        "harmonic.catalogue",
+        "design.study_file",
+        "io.toml_file",
+        "io.machine_file",
+        "io.train_file",
+        "io.structure_file",
+    },
     "distributed": {"cli.study"},
     "numba": {"common.compiling", "mechanics.calling"},
     "platformdirs": {"common.compiling"},
@@ -421,6 +440,37 @@ def test_imports_are_seen(text, found):
 def test_imports_in_functions_are_seen():
     assert mentioned("def f():\n    from hbgear.plot.curves import response\nimport numpy") == {"plot.curves"}
     assert mentioned("if TYPE_CHECKING:\n    from hbgear.io import npz") == {"io.npz"}
+
+
+@pytest.mark.parametrize("package", ["hbgear", "hbgear.gears", "hbgear.plot", "hbgear.web"])
+def test_names_of_a_package_are_found_late(package):
+    """Every public name, by a program that has imported nothing else, and by one that imports all of them."""
+    code = (
+        f"import sys, {package} as room\n"
+        "early = len([name for name in sys.modules if name.startswith('hbgear')])\n"
+        "values = {name: getattr(room, name) for name in room.__all__}\n"
+        "assert set(room.__all__) <= set(dir(room)), set(room.__all__) - set(dir(room))\n"
+        "late = len([name for name in sys.modules if name.startswith('hbgear')])\n"
+        f"from {package} import *\n"
+        "assert all(globals()[name] is value for name, value in values.items())\n"
+        "modules = [name for name, value in values.items() if type(value) is type(sys) and name != 'plot']\n"
+        "print(early < late, modules)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT.parent)
+    assert out.stdout.strip() == "True []"
+
+
+def test_a_name_that_is_not_there_is_said_so():
+    with pytest.raises(AttributeError, match="module 'hbgear' has no attribute 'nothing'"):
+        hbgear.nothing  # noqa: B018
+    assert hbgear.timedomain.__name__ == "hbgear.timedomain"  # a room is found without an import of it
+
+
+def test_import_of_hbgear_leaves_its_rooms_alone():
+    code = "import sys, hbgear; print(sorted(name for name in sys.modules if name.startswith('hbgear.')))"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT.parent)
+    names = ["_version", "common", "common.command", "common.late"]
+    assert out.stdout.strip() == str([f"hbgear.{name}" for name in names])
 
 
 def test_import_of_hbgear_leaves_what_is_slow_alone():

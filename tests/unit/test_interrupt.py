@@ -391,7 +391,7 @@ def test_ctrl_c_while_the_command_is_imported_is_told_in_one_sentence(tmp_path, 
 def test_a_library_hears_ctrl_c_as_python_does(tmp_path):
     (tmp_path / "numpy.py").write_text("raise KeyboardInterrupt")
     where = os.pathsep.join([str(tmp_path), str(Path(ROOT).parent)])
-    program = "try: import hbgear\nexcept KeyboardInterrupt: print('mine')\nimport hbgear"
+    program = "import hbgear\ntry: hbgear.trace\nexcept KeyboardInterrupt: print('mine')\nhbgear.trace"
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120,
                            env={**os.environ, "PYTHONPATH": where})  # fmt: skip
     assert ended.stdout == "mine\n" and ended.stderr.startswith("Traceback") and "stopped" not in ended.stderr

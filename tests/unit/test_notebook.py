@@ -69,6 +69,14 @@ def test_bar_in_a_notebook(monkeypatch):
     assert 'value="1.0000"' in shell.updates[-1]
 
 
+def test_bar_shows_how_far_it_has_come():
+    bar = hb.ProgressBar("a <curve>")
+    assert '<progress value="0.0000">' in bar._repr_html_()
+    hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5, 0.6), progress=bar)
+    shown = bar._repr_html_()
+    assert shown.startswith('a &lt;curve&gt; <progress value="1.0000"></progress>') and "0.6" in shown
+
+
 def test_bar_in_a_terminal_and_elsewhere(monkeypatch):
     for terminal, expected in ((True, "\r\033[Kwork   50 %  half\r\033[Kwork  100 %  all\n"), (False, "")):
         out = io.StringIO()

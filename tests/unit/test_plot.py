@@ -584,3 +584,16 @@ def test_jump_map_has_axes_of_speed_only_if_omega_means_the_same_everywhere():
     speed, mesh = drawn_map("torque").child_axes
     assert (speed.get_ylabel(), mesh.get_ylabel()) == ("speed of the pinion [r/min]", "mesh frequency [Hz]")
     assert not drawn_map("k_mean").child_axes
+
+
+@pytest.mark.parametrize("share", [0.27, 0.75])
+def test_a_legend_keeps_clear_of_enlarged_axes(monkeypatch, share):
+    """It stands on the axes where there is room, beside them where there is none."""
+    monkeypatch.setattr("hbgear.plot.curves._INSET", (share, share))
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(zeta=0.117), 16), "Omega", (1.5, 0.3))
+    ax = hb.plot.response(curve)
+    ax.figure.draw_without_rendering()
+    inset = next(each for each in ax.child_axes if each.get_label() == "inset").get_window_extent()
+    legend = ax.get_legend().get_window_extent()
+    assert not legend.overlaps(inset)
+    assert (legend.x0 > ax.get_window_extent().x1) == (share > 0.5)

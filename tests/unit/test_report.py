@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -12,10 +13,12 @@ import hbgear as hb
 from hbgear.cli.app import main
 from hbgear.common import optional
 from hbgear.continuation.passing import passings
+from hbgear.design.results import Results, read_results
 from hbgear.harmonic.speeds import MESH, PINION
 from hbgear.io.measured import measured
 from hbgear.web import view
 from hbgear.web.page import PALETTES, in_script
+from hbgear.web.studies import lines_of, told
 
 pytest.importorskip("plotly")
 
@@ -80,7 +83,101 @@ def test_several_curves_with_measured_points_and_a_study(pair, tmp_path):
     study = hb.cases(hb.SpurPair(), hb.grid(zeta=[0.06]), ("curve",), harmonics=4, span=(1.5, 0.3), processes=1)
     made = hb.report([pair, pair], names=["a", "b"], measured=[tmp_path / "run.csv"], studies=[study])
     assert '"name":"case 0"' in made.html and '"name":"run.csv","mode":"markers"' in made.html
+    assert "<h2>Study 1</h2>" in made.html
     assert "<iframe srcdoc=" in made._repr_html_() and "MB>" in repr(made)
+
+
+@pytest.fixture(scope="module")
+def scatter(tmp_path_factory):
+    """A study, and the folder with its table."""
+    folder = tmp_path_factory.mktemp("studies") / "scatter"
+    folder.mkdir()
+    vary = hb.grid(zeta=[0.04, 0.05, 0.2])
+    with ThreadPoolExecutor(1) as here:
+        found = hb.cases(hb.SpurPair(), vary, ("peak", "jumps", "curve"), harmonics=6, span=(1.5, 0.3), executor=here)
+    found.export(folder / "table.npz")
+    return found, folder
+
+
+def test_results_of_a_study_are_those_of_its_file(scatter):
+    found, folder = scatter
+    read = read_results(folder)
+    assert list(read.table) == list(found.table) and list(read.curves) == list(found.curves)
+    for name, column in found.table.items():
+        np.testing.assert_array_equal(read.table[name], column)
+    np.testing.assert_array_equal(read.jumps, found.jumps)
+    for case, curve in found.curves.items():
+        np.testing.assert_array_equal(read.curves[case], curve)
+    assert told(read, "a") == told(found, "a")
+
+
+def test_a_study_is_told_in_tables(scatter):
+    found, _ = scatter
+    seen = told(found, "study 1")
+    assert seen["summary"] == "3 cases; all of their curves are drawn thin"
+    (_, _, distribution), (_, _, jumps) = seen["tables"]
+    rows = {row[0]: row[1:] for row in distribution}
+    assert rows["zeta"] == ["0.040000", "0.040000", "0.050000", "0.20000", "0.20000"]
+    assert rows["jumps"] == ["0", "0", "2", "2", "2"]
+    rising = found.jumps[found.jumps[:, 2] > 0]
+    assert jumps[0][:2] == ["rises", "2 of 3"] and jumps[1][:2] == ["falls", "2 of 3"]
+    assert [float(jumps[0][2]), float(jumps[0][4])] == pytest.approx([rising[:, 1].min(), rising[:, 1].max()], rel=1e-4)
+    assert float(jumps[0][5]) == pytest.approx(np.median(rising[:, 3]), rel=1e-3)
+    title, headers, rows = seen["cases"]
+    assert title == "all cases" and headers == list(found.table) and [row[1] for row in rows][2] == "0.200000"
+    drawn = lines_of(found, "study 1")
+    assert [line["name"] for line in drawn] == ["study 1", "case 0", "case 1", "case 2"]
+
+
+def test_many_curves_are_thinned_and_said_so(scatter):
+    found, _ = scatter
+    curve = next(iter(found.curves.values()))
+    table = {name: np.resize(column, 600) for name, column in found.table.items()} | {"case": np.arange(600)}
+    many = Results(table, np.empty((0, 5)), dict.fromkeys(range(600), curve))
+    drawn = lines_of(many, "a")[1:]
+    assert len(drawn) == 200 and (drawn[0]["name"], drawn[-1]["name"]) == ("case 0", "case 599")
+    seen = told(many, "a")
+    assert seen["summary"].endswith("200 of 600 of their curves are drawn thin") and len(seen["tables"]) == 1
+    assert seen["cases"][0] == "the first 500 of 600 cases" and len(seen["cases"][2]) == 500
+
+
+def test_a_study_in_a_folder_is_shown_by_the_command(pair, scatter, tmp_path, capsys):
+    pair.save(pair_file := tmp_path / "pair.npz")
+    with pytest.raises(SystemExit, match="0"):
+        main(["report", str(pair_file), "--study", str(scatter[1]), "-o", str(tmp_path / "a.html")])
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "<h2>Study scatter</h2>" in text and "Distribution over the cases" in text and '"name":"case 2"' in text
+    with pytest.raises(SystemExit, match="2"):
+        main(
+            [
+                "report",
+                str(tmp_path / "pair.npz"),
+                "--study",
+                str(tmp_path / "pair.npz"),
+                "-o",
+                str(tmp_path / "b.html"),
+            ]
+        )
+    assert "is no table of a study" in capsys.readouterr().err and not (tmp_path / "b.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("arrays", "said"),
+    [({"case": np.arange(2)}, "array jump_table"),
+     ({"jump_table": np.zeros((1, 4)), "curve_table": np.zeros((0, 4))}, "array jump_table"),
+     ({"jump_table": np.zeros((1, 5)), "curve_table": np.zeros((0, 4))}, "one of them case"),
+     ({"jump_table": np.zeros((1, 5)), "curve_table": np.zeros((0, 4)), "case": np.arange(2), "a": np.zeros(3)},
+      "columns of one length")],
+)  # fmt: skip
+def test_files_that_are_no_table_of_a_study_are_refused(tmp_path, arrays, said):
+    np.savez(tmp_path / "table.npz", **arrays)
+    with pytest.raises(ValueError, match=f"{said}.*give the folder of hbgear study"):
+        read_results(tmp_path)
+    (tmp_path / "table.npz").write_bytes(b"PK")
+    with pytest.raises(ValueError, match="cannot be read as the table of a study"):
+        read_results(tmp_path / "table.npz")
+    with pytest.raises(FileNotFoundError, match="there is no file"):
+        read_results(tmp_path / "other.npz")
 
 
 def test_what_cannot_be_reported_is_refused(pair, tmp_path):

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 import hbgear as hb
 from hbgear import Backlash, Cubic, DoubleHelicalPair, Duffing, Law, Parallel, Series, SpurPair, Unilateral
-from hbgear.common.threads import for_each, processors
+from hbgear.common.threads import begun, for_each, processors
 from hbgear.timedomain import exponential
 from hbgear.timedomain.exponential import Stepper
 from hbgear.timedomain.integrate import integrate
@@ -247,6 +247,28 @@ def test_an_error_in_a_thread_ends_the_others():
         with pytest.raises(ArithmeticError, match="broken"):
             for_each(work, range(2))
         assert seen == [(1, True)]
+
+
+def test_what_is_begun_goes_on_while_the_block_runs_and_ends_with_it():
+    import threading
+
+    asked = threading.Event()
+
+    def work(item, stop):
+        if item == "wait":
+            return stop.wait(10)
+        asked.wait(10)
+        return item
+
+    with begun(work, ["first", "wait"]) as futures:
+        assert not futures[0].done()
+        asked.set()
+        assert futures[0].result() == "first"
+        if processors() > 1:
+            assert not futures[1].done()
+    assert futures[1].cancelled() or futures[1].result()
+    with begun(work, []) as futures:
+        assert futures == []
 
 
 def test_one_item_is_worked_on_in_this_thread():

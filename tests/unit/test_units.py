@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 import hbgear
+from hbgear.common import units
 from hbgear.common.ranges import POSITIVE, Range
-from hbgear.common.units import Measured, MeasuredOrNone, si
+from hbgear.common.units import USUAL, Measured, MeasuredOrNone, si
 
 
 @dataclass(frozen=True)
@@ -70,12 +71,25 @@ def test_a_field_refuses_other_units(value, said):
         Thing(value)
 
 
-def test_pint_waits_for_a_text():
+@pytest.mark.parametrize(("unit", "name"), [(unit, name) for unit, factors in USUAL.items() for name in factors])
+def test_usual_units_are_those_of_pint(monkeypatch, unit, name):
+    texts = [
+        f"{number}{space}{name}"
+        for number in ("3", "-12.5", "80e-1", ".7", "97.4857", "5.", "0")
+        for space in ("", " ")
+    ]
+    by_table = [si("x", "y", text, unit) for text in texts]
+    monkeypatch.setattr(units, "USUAL", {})
+    assert by_table == [si("x", "y", text, unit) for text in texts]
+
+
+def test_pint_waits_for_a_text_in_a_unit_that_is_not_usual():
     code = (
         "import sys, hbgear as hb\n"
         "g = hb.Gear(25, 0.003, 0.02); print('pint' in sys.modules)\n"
-        "g = hb.Gear(25, '3 mm', 0.02); print('pint' in sys.modules)"
+        "g = hb.Gear(25, '3 mm', '20mm', '20 deg'); print('pint' in sys.modules)\n"
+        "g = hb.Gear(25, '0.3 cm', 0.02); print('pint' in sys.modules)"
     )
     root = Path(hbgear.__file__).parents[1]
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root)
-    assert out.stdout.split() == ["False", "True"]
+    assert out.stdout.split() == ["False", "False", "True"]

@@ -114,7 +114,7 @@ const hbgear = (() => {
         if (!kinds.has(point.kind)) kinds.set(point.kind, { point, x: [], y: [], text: [], hover: [], rows: [] });
         const k = kinds.get(point.kind), v = size(curve, point.sizes) ?? y[point.row];
         k.x.push(point.x); k.y.push(v); k.rows.push([n, point.row]);
-        k.text.push(point.label + (many ? ` (${n + 1})` : ""));
+        k.text.push(point.kind === "GR" ? "" : point.label + (many ? ` (${n + 1})` : "")); // there are many, and the cross says it
         k.hover.push(`<b>${point.label}</b> ${escaped(point.meaning)}<br>${curve.parameter} = ${short(point.x, 7)}` +
                      (curve.scales.rpm ? `<br>${short(point.x * curve.scales.rpm)} r/min` : "") +
                      `<br>${state.measure} = ${short(v)}`);
@@ -218,7 +218,7 @@ const hbgear = (() => {
     });
     if (topOf()) layout.yaxis.range = [0, topOf()];
     const behind = state.behind.map((b) => ({ x: b.x, y: b.y, mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
-      line: { color: ink.line, width: 0.8 }, opacity: b.mode === "lines" ? 0.5 : 1, showlegend: b.mode !== "lines",
+      line: { color: ink.line, width: 0.8 }, opacity: b.mode === "lines" ? 0.5 : 1, showlegend: b.mode !== "lines" || b.legend === true,
       marker: { symbol: "circle-open", size: 6, color: ink.text } }));
     const data = [...behind, ...curveTraces(), ...specialTraces()];
     if (first.jumps.length || state.curves.some((curve) => curve.jumps.length))

@@ -1,0 +1,106 @@
+"""What a page says of a study: its curves, drawn thin behind others, and tables of what its cases have in common."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.digits import rounded
+from hbgear.design.results import Results
+from hbgear.design.study import Cases
+from hbgear.web.view import plain
+
+Study: TypeAlias = Cases | Results
+
+_SHARES = {"smallest": 0, "5 %": 5, "median": 50, "95 %": 95, "largest": 100}
+"""Columns of a distribution, and which percentiles they are."""
+
+
+_DRAWN = 200  # curves at most: what more would tell, percentiles do
+
+
+_LISTED = 500  # cases at most
+
+
+def lines_of(study: Study, name: str) -> list[dict[str, Any]]:
+    """The curves of a study as thin lines, of many some of them, after what stands for them in legends."""
+    cases = list(study.curves)
+    some = [cases[i] for i in np.unique(np.linspace(0, len(cases) - 1, min(_DRAWN, len(cases))).astype(int))]
+    legend = [{"name": name, "mode": "lines", "x": [None], "y": [None], "legend": True}] if some else []
+    return legend + [
+        {"name": f"case {case}", "mode": "lines", "x": plain(study.curves[case][0]), "y": plain(study.curves[case][1])}
+        for case in some
+    ]
+
+
+def told(study: Study, name: str) -> dict[str, Any]:
+    """Heading, sentence and tables of a study."""
+    table = study.table
+    failed = int(np.sum(table["reason"] != "")) if "reason" in table else 0
+    drawn = min(_DRAWN, len(study.curves))
+    which = f"{drawn} of {len(study.curves)}" if drawn < len(study.curves) else "all"
+    summary = f"{len(table['case'])} cases" + (f", {failed} of which failed" if failed else "")
+    curves = f"; {which} of their curves are drawn thin" if study.curves else ""
+    tables = [("Distribution over the cases", ["", *_SHARES], _distribution(table))]
+    if len(study.jumps):
+        headers = [
+            "while Omega",
+            "cases that jump",
+            "jumps at Omega, 5 %",
+            "median",
+            "95 %",
+            "amplitude before",
+            "after",
+        ]
+        tables.append(
+            ("Jumps of slow sweeps; amplitudes are medians", headers, _jumps(study.jumps, len(table["case"])))
+        )
+    return {"name": name, "summary": summary + curves, "tables": tables, "cases": _cases(table)}
+
+
+def _distribution(table: dict[str, Any]) -> list[list[str]]:
+    """Percentiles of each column of numbers that is not the same in all cases."""
+    rows = []
+    for name, column in table.items():
+        if name in ("case", "seconds") or column.dtype.kind not in "if":
+            continue
+        known = column[np.isfinite(column)]
+        if len(known):
+            values = np.percentile(known, list(_SHARES.values()), method="inverted_cdf")
+            rows.append([name, *(_number(float(value)) for value in values)])
+    return rows
+
+
+def _jumps(jumps: Array, count: int) -> list[list[str]]:
+    """Of rising and falling sweeps: how many cases jump, where, and from which to which amplitude."""
+    rows = []
+    for direction, name in ((1, "rises"), (-1, "falls")):
+        own = jumps[jumps[:, 2] == direction]
+        if not len(own):
+            rows.append([name, f"0 of {count}", *["-"] * 5])
+            continue
+        where = np.percentile(own[:, 1], (5, 50, 95), method="inverted_cdf")
+        sizes = [each[np.isfinite(each)] for each in own[:, 3:].T]
+        middle = [rounded(float(np.median(each)), 4) if len(each) else "-" for each in sizes]
+        rows.append([name, f"{len(np.unique(own[:, 0]))} of {count}", *(rounded(float(w), 5) for w in where), *middle])
+    return rows
+
+
+def _cases(table: dict[str, Any]) -> tuple[str, list[str], list[list[str]]]:
+    """Title, headers and rows of all cases, or of the first."""
+    count = len(table["case"])
+    rows = [[_cell(column[i]) for column in table.values()] for i in range(min(count, _LISTED))]
+    title = "all cases" if count <= _LISTED else f"the first {_LISTED} of {count} cases"
+    return title, list(table), rows
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if value == round(value) and abs(value) < 1e6 else rounded(value, 5)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, np.floating):
+        return rounded(float(value), 6) if np.isfinite(value) else "-"
+    return str(value)
