@@ -23,11 +23,11 @@ import numpy as np
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.messages import quoted
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.branch import Branch, Status
 from hbgear.continuation.ending import Ending
+from hbgear.design.bounds import bounds_of
 from hbgear.design.measured import Measurements
 from hbgear.design.predicted import NotTraced, Prediction
 from hbgear.harmonic.balance import HarmonicBalance
@@ -205,23 +205,8 @@ def _bounds(
     given = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     if not given:
         raise ValueError("fit: name at least one parameter, such as free=['zeta']")
+    ends = np.array([bounds_of(problem, name, bounds, (1 / _WIDE, _WIDE), "fit") for name, bounds in given.items()]).T
     values = problem.model.parameters | problem.model.entries
-    low, high = [], []
-    for name, bounds in given.items():
-        problem.check_parameter(name)
-        if name == "Omega":
-            raise ValueError("Omega is measured; parameters that can be sought are those of the model")
-        own, allowed = values[name], problem.range_of(name)
-        if bounds is None:
-            if not own:
-                raise ValueError(f"fit: {name} is 0 in the model, so give its bounds: free={{'{name}': (low, high)}}")
-            bounds = tuple(sorted(allowed.clipped(own * factor, own) for factor in (1 / _WIDE, _WIDE)))
-        a, b = (float(end) for end in bounds)
-        if not a < b or a not in allowed or b not in allowed:
-            raise ValueError(f"fit: bounds of {name} = {quoted(bounds)} must rise, and {allowed}")
-        low.append(a)
-        high.append(b)
-    ends = np.array([low, high])
     return tuple(given), ends[0], ends[1], np.clip([values[name] for name in given], ends[0], ends[1])
 
 

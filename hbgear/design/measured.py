@@ -6,7 +6,6 @@ jump j:   frequency_j +- deviation_j, with the same directions
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,6 +19,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.units import si
 from hbgear.harmonic.speeds import MESH, PINION
+from hbgear.io.measured import rows_of
 
 FREQUENCIES = ("Omega", MESH, PINION)
 """What frequencies are given in: dimensionless, of the mesh in Hz, or of the pinion in r/min."""
@@ -206,15 +206,13 @@ _COLUMNS = ("frequency", "amplitude", "direction", "deviation")
 def _rows(path: str | os.PathLike[str]) -> list[tuple[int, list[str]]]:
     """Number and cells of each line that says something."""
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
+        rows = rows_of(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "it is no text (UTF-8)"
         raise ValueError(f"{quoted(str(path))} cannot be read as measurements: {reason.lower()}") from None
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    if len(lines) < 2:
+    if len(rows) < 2:
         raise ValueError(f"{path}: need a line of column names, such as 'frequency,amplitude', and rows of numbers")
-    delimiter = ";" if ";" in lines[0][1] else "\t" if "\t" in lines[0][1] else ","
-    return [(i, next(csv.reader([line], delimiter=delimiter))) for i, line in lines]
+    return rows
 
 
 def _number(path: Any, line: int, text: str) -> float:

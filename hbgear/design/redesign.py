@@ -37,6 +37,7 @@ from hbgear.continuation.branch import Branch, SpecialPoint, Status
 from hbgear.continuation.ending import Ending, whole
 from hbgear.continuation.newton import NoConvergence
 from hbgear.continuation.tracer import trace
+from hbgear.design.bounds import bounds_of
 from hbgear.design.sampling import Grid, Sample
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.critical import NoFold, critical
@@ -50,7 +51,7 @@ _MARGIN = 1e-3  # by how much c is positive in the end, so that the goal is reac
 
 _STEPS = 25
 
-_WIDEST = (-0.99, 10.0)  # relative changes without other bounds
+_WIDEST = (0.01, 11.0)  # times a value: bounds without others
 
 _STILL = 2e-4  # relative change of the parameters at which the search ends
 
@@ -249,21 +250,18 @@ def _bounds(
     names = tuple(dict.fromkeys(over))
     if not names:
         raise ValueError("redesign: name at least one parameter that may change, such as over=['zeta']")
-    values = problem.model.parameters | problem.model.entries
-    low, high = [], []
-    for name in (*names, *within):
+    for name in within:
         problem.check_parameter(name)
-        if name == "Omega" or name not in names:
+        if name not in names:
             raise ValueError(f"redesign: {name} is not among the parameters that may change: {', '.join(names)}")
+    values, low, high = problem.model.parameters | problem.model.entries, [], []
     for name in names:
-        own, allowed = values[name], problem.range_of(name)
+        own, ends = values.get(name, 0.0), bounds_of(problem, name, within.get(name), _WIDEST, "redesign")
         if not own:
             raise ValueError(f"redesign: {name} is 0 in the model, so its change has no measure; give it a value first")
-        far = tuple(allowed.clipped(own + change * abs(own), own) for change in _WIDEST)
-        ends = within.get(name, far)
-        if not ends[0] <= own <= ends[1] or not ends[0] < ends[1]:
-            raise ValueError(f"redesign: bounds of {name} = {quoted(ends)} must rise and hold its value {own:g}")
-        sides = sorted((float(end) / own - 1.0) for end in ends)
+        if not ends[0] <= own <= ends[1]:
+            raise ValueError(f"redesign: bounds of {name} = {quoted(ends)} must hold its value {own:g}")
+        sides = sorted(end / own - 1.0 for end in ends)
         low.append(sides[0])
         high.append(sides[1])
     return names, np.array([values[name] for name in names]), np.array(low), np.array(high)

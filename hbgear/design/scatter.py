@@ -33,7 +33,7 @@ class JumpScatter:
     label, direction, value : of the jump.
     effects : by parameter, the change of the frequency for one standard deviation, to first order.
     first : standard deviation to first order.
-    draws : (D,) frequencies of the draws; empty for a jump at a Neimark-Sacker point, which has no equations.
+    draws : (D,) frequencies of the draws.
     lost : number of draws in which there is no such jump.
 
     Examples
@@ -111,16 +111,16 @@ def jump_scatter(
         effects = dict(zip(names, (slopes * s).tolist(), strict=True))
         places: list[float] = []
         lost = 0
-        if getattr(jump.before, "kind", "") != "NS":
-            again = Relocation(jump.before, names)
-            for i, row in enumerate(xi):
-                if progress is not None:
-                    done = (number + i / draws) / len(branch.jumps())
-                    progress(Progress(done, f"{jump.label}: {i} of {draws} draws"))
-                try:
+        again = Relocation(jump.before, names)
+        for i, row in enumerate(xi):
+            if progress is not None:
+                done = (number + i / draws) / len(branch.jumps())
+                progress(Progress(done, f"{jump.label}: {i} of {draws} draws"))
+            try:
+                with np.errstate(all="ignore"):  # of draws in which there is no such point
                     places.append(again.at(s * row))
-                except (NoConvergence, ValueError, np.linalg.LinAlgError):
-                    lost += 1
+            except (NoConvergence, ValueError, np.linalg.LinAlgError):
+                lost += 1
         found.append(JumpScatter(
             jump.label, jump.direction, jump.value, effects, float(np.linalg.norm(slopes * s)), np.array(places), lost,
         ))  # fmt: skip

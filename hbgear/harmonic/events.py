@@ -49,7 +49,7 @@ from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
 from hbgear.harmonic.meeting import meetings
 from hbgear.harmonic.observables import Layout
-from hbgear.harmonic.special import EXTREMA, Grazing, NeimarkSacker, Peak, PeriodDoubling
+from hbgear.harmonic.special import Grazing, NeimarkSacker, PeriodDoubling, peak_of
 
 
 class Doubling(Event):
@@ -329,12 +329,12 @@ class AmplitudePeak(Event):
             best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": xatol})
             return segment.at(float(best.x))
 
-        sharp = self._sharp(segment, search(_ROUGH)) if measure not in EXTREMA else None
+        sharp = self._sharp(segment, search(_ROUGH))
         return [Found(self, 0.5, sharp or search(_SEARCHED), True, f"peak of {measure}")]
 
     def _sharp(self, segment: Segment, row: CurvePoint) -> CurvePoint | None:
         """All digits of a peak by Newton, if it stays on the piece."""
-        peak = Peak(segment.problem, segment.name, self.measure, self.element)
+        peak = peak_of(segment.problem, segment.name, self.measure, self.element)
         try:
             U = solve(peak, row.u, {**segment.parameters, segment.name: row.value}).X
         except NoConvergence:
@@ -345,8 +345,8 @@ class AmplitudePeak(Event):
         return row_of(solution, normal_of(row.tangent, segment.scale), segment.scale)
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
-        """See `Peak`; "max", "pp2" and "mean" have none."""
-        return None if self.measure in EXTREMA else Peak(problem, parameter, self.measure, self.element)
+        """See `Peak`."""
+        return peak_of(problem, parameter, self.measure, self.element)
 
 
 _ROUGH, _SEARCHED = 1e-2, 1e-7  # shares of a piece to which a peak is searched for: before Newton, and instead of it

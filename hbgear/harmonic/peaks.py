@@ -25,8 +25,8 @@ def peaks(
 ) -> tuple[SpecialPoint, ...]:
     """Local maxima of an amplitude along a branch, in its order, labelled PK1, PK2, ...
 
-    Between the neighbours of each highest row the amplitude is maximised along the curve itself; for "rms" and
-    harmonics Newton on `Peak` then gives all digits, and the point can be followed in a second parameter with
+    Between the neighbours of each highest row the amplitude is maximised along the curve; Newton on its equations
+    (`Peak`) then gives all digits, and the point can be followed in a second parameter with
     ``follow(branch, peak, "zeta", span)``.
 
     Parameters

@@ -42,7 +42,7 @@ from hbgear.continuation.sensitivity import (
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.critical import Critical
 from hbgear.harmonic.observables import Layout
-from hbgear.harmonic.special import EXTREMA, ExtremumPeak, Peak
+from hbgear.harmonic.special import peak_of
 from hbgear.harmonic.speeds import MESH, PINION, scales
 from hbgear.mechanics.model import Model
 
@@ -374,8 +374,7 @@ class _At:
         assert isinstance(point, SpecialPoint)
         if point.kind == "PK":
             measure = point.note.removeprefix("peak of ")
-            of = ExtremumPeak if measure in EXTREMA else Peak
-            return of(self.problem, self.parameter, measure, getattr(point.event, "element", 0))
+            return peak_of(self.problem, self.parameter, measure, getattr(point.event, "element", 0))
         if point.kind == "CP":
             return Fold(self.problem, self.parameter)
         event = event_at(self.problem, self.parameter, point)

@@ -495,6 +495,11 @@ EXTREMA = ("pp2", "max", "mean")
 """Measures of `ExtremumPeak`."""
 
 
+def peak_of(problem: Any, parameter: str, measure: str, element: int) -> Peak:
+    """The equations of the peaks of a measure."""
+    return (ExtremumPeak if measure in EXTREMA else Peak)(problem, parameter, measure, element)
+
+
 def _harmonic(measure: str, problem: Any) -> int:
     """Basis harmonic of "H2" or, for nu = 2, "H1/2"."""
     nu, H = problem.nu, problem.H

@@ -16,6 +16,22 @@ from hbgear.harmonic.speeds import MESH, PINION
 _UNITS = {"r/min": PINION, "rpm": PINION, "hz": MESH}
 
 
+def rows_of(text: str) -> list[tuple[int, list[str]]]:
+    r"""Number and cells of each line of a table: all but empty ones and those with #.
+
+    Cells are parted by what the last line has of semicolons, tabs or commas, in this order, or else by spaces.
+
+    Examples
+    --------
+    >>> rows_of("# of May\n600; 0.1\n\n1200; 0.3")
+    [(2, ['600', ' 0.1']), (4, ['1200', ' 0.3'])]
+    """
+    every = enumerate(text.lstrip("\ufeff").splitlines(), 1)
+    lines = [(i, line) for i, line in every if line.strip() and not line.lstrip().startswith("#")]
+    mark = next((mark for mark in ";\t," if lines and mark in lines[-1][1]), None)
+    return [(i, next(csv.reader([line], delimiter=mark)) if mark else line.split()) for i, line in lines]
+
+
 def measured(text: str, name: str, scales: Mapping[str, float]) -> tuple[Array, Array]:
     r"""Values of the parameter, and amplitudes in the units of the model.
 
@@ -36,9 +52,7 @@ def measured(text: str, name: str, scales: Mapping[str, float]) -> tuple[Array, 
     >>> measured("speed [r/min], x\n600, 0.1\n1200, 0.3", "run.csv", {PINION: 600.0})[0]
     array([1., 2.])
     """
-    lines = [line for line in text.lstrip("\ufeff").splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    mark = next((mark for mark in ";\t," if lines and mark in lines[-1]), None)
-    rows = list(csv.reader(lines, delimiter=mark)) if mark else [line.split() for line in lines]
+    rows = [cells for _, cells in rows_of(text)]
     head = rows.pop(0)[0] if rows and not _numbers(rows[0]) else ""
     numbers = [_numbers(row) for row in rows]
     wrong = next((rows[i] for i, pair in enumerate(numbers) if pair is None), None)

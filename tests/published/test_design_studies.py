@@ -49,3 +49,18 @@ def test_coverage(tmp_path, monkeypatch):
     assert results.residual["spur pair"].max() < 2
     coverage.plot(results).savefig(tmp_path / "a.png")
     assert "spur pair: 2 draws" in coverage.report(results)
+
+
+def test_least_change(tmp_path, monkeypatch):
+    """The design found is on the surface of the map, and no point of the map is nearer."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+    import studies.design.least_change as least_change
+
+    results = least_change.run(quick=True)
+    found, at = results.found, results.found.values
+    assert found.reached and found.distance < results.distance.min()
+    there = least_change.BASE.replace(eps_scale=at["eps_scale"], e_scale=at["e_scale"])
+    cusp = hb.critical(hb.HarmonicBalance(there, 3), "zeta", frequencies=least_change.SPAN).value
+    assert at["zeta"] == pytest.approx(cusp, rel=2e-3) and at["zeta"] > cusp
+    least_change.plot(results).savefig(tmp_path / "a.png")
+    assert "has 0 jumps; the goal is reached" in least_change.report(results)

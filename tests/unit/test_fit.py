@@ -132,7 +132,7 @@ def test_what_cannot_be_fitted(largest):
     data = hb.Measurements(Omega, amplitude, direction)
     with pytest.raises(KeyError, match="no parameter 'zetta'; did you mean 'zeta'"):
         hb.fit(TRUTH, data, ["zetta"])
-    with pytest.raises(ValueError, match="Omega is measured"):
+    with pytest.raises(ValueError, match="Omega is the frequency"):
         hb.fit(TRUTH, data, ["Omega"])
     with pytest.raises(ValueError, match="name at least one parameter"):
         hb.fit(TRUTH, data, [])

@@ -219,10 +219,11 @@ FILES = {
         "swept": "study",
         "sobol": "study",
         "measured": "",
-        "redesign": "sampling",
+        "redesign": "bounds sampling",
         "scatter": "",
         "predicted": "measured swept",
-        "fit": "measured predicted",
+        "bounds": "",
+        "fit": "bounds measured predicted",
         "band": "fit measured",
     },
     "plot": {

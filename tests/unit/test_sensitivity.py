@@ -142,6 +142,18 @@ def test_neimark_sacker_point():
             assert found.of(quantity)[name] == pytest.approx((of(up) - of(down)) / (2 * h), rel=2e-5)
 
 
+def test_scatter_of_a_jump_at_a_neimark_sacker_point():
+    """Each draw is the point solved for with its values."""
+    problem = hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 5)
+    curve = hb.trace(problem, "Omega", (1.0, 0.8), accuracy=None)
+    one = next(one for one in hb.jump_scatter(curve, {"zeta": 2e-4}, draws=5) if one.label == "NS1")
+    xi = np.random.default_rng(0).normal(size=(5, 1))[:, 0]
+    assert one.lost == 0 and one.first > 1e-4
+    np.testing.assert_allclose(one.draws - one.value, xi * one.effects["zeta"], atol=0.2 * one.first)
+    place = moved_point(problem.model, "NS", one.value, "zeta", 2e-4 * xi[0])
+    assert one.draws[0] == pytest.approx(place.parameters["Omega"], rel=1e-7)
+
+
 def test_branch_point_and_its_imperfections():
     """Even harmonics set in where a symmetric oscillator loses its symmetry; a mean load parts the curves there."""
 
