@@ -25,20 +25,24 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.continuation.stepsize import StepControl, Steps
     from hbgear.continuation.switching import switch
     from hbgear.continuation.tracer import trace
+    from hbgear.design.band import ResponseBand, response_band
     from hbgear.design.fit import Fit, fit
     from hbgear.design.measured import Measurements, read_measurements
     from hbgear.design.redesign import Goal, Redesign, no_jumps, peak_below, redesign
-    from hbgear.design.sampling import grid, latin_hypercube, monte_carlo
+    from hbgear.design.sampling import grid, latin_hypercube, monte_carlo, saltelli
     from hbgear.design.scatter import JumpScatter, jump_scatter
+    from hbgear.design.sobol import SobolIndices, sobol_indices
     from hbgear.design.study import Cases, cases
     from hbgear.design.swept import SweepStatistics, sweep_statistics
     from hbgear.gears import (
+        Beam,
         Bearing,
         DoubleHelicalPair,
         Gear,
         GearPair,
         GearRotorBearing,
         HelicalPair,
+        Housing,
         Mesh,
         MeshCycle,
         PlanetarySet,
@@ -61,11 +65,13 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.peaks import peaks
     from hbgear.harmonic.runs import Run, run
     from hbgear.harmonic.sensitivity import Sensitivity, sensitivity
+    from hbgear.harmonic.sharing import Sharing, load_sharing
     from hbgear.harmonic.special import Grazing, NeimarkSacker, Peak, PeriodDoubling
     from hbgear.harmonic.survey import Survey, trace_all
     from hbgear.io.bridges import from_opentorsion, from_ross
     from hbgear.io.matrices import Matrices, from_matrices
     from hbgear.io.npz import load
+    from hbgear.io.receptance_files import from_receptances
     from hbgear.mechanics.compiled_law import CompiledLaw
     from hbgear.mechanics.doubts import Unlikely
     from hbgear.mechanics.fourier import Series
@@ -74,6 +80,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.mechanics.model import Element, Load, Model, Reaction, System
     from hbgear.mechanics.oscillators import Duffing
     from hbgear.mechanics.periodic import Periodic
+    from hbgear.mechanics.receptances import Receptances
     from hbgear.mechanics.reduction import Reduction, reduce
     from hbgear.mechanics.speed import MatrixTable, SpeedTerms
     from hbgear.timedomain.basins import basins
@@ -87,6 +94,7 @@ if TYPE_CHECKING:  # imported when they are first used
 __all__ = [
     "Answers",
     "Backlash",
+    "Beam",
     "Bearing",
     "Branch",
     "Campbell",
@@ -109,6 +117,7 @@ __all__ = [
     "Grazing",
     "HarmonicBalance",
     "HelicalPair",
+    "Housing",
     "Jump",
     "JumpMap",
     "JumpScatter",
@@ -137,13 +146,17 @@ __all__ = [
     "ProgressCallback",
     "Range",
     "Reaction",
+    "Receptances",
     "Redesign",
     "Reduction",
+    "ResponseBand",
     "Run",
     "Sensitivity",
     "Series",
     "Settings",
     "Shaft",
+    "Sharing",
+    "SobolIndices",
     "SpecialPoint",
     "SpeedTerms",
     "SpurPair",
@@ -171,6 +184,7 @@ __all__ = [
     "follow",
     "from_matrices",
     "from_opentorsion",
+    "from_receptances",
     "from_ross",
     "grid",
     "integrate",
@@ -179,6 +193,7 @@ __all__ = [
     "jump_scatter",
     "latin_hypercube",
     "load",
+    "load_sharing",
     "model",
     "monte_carlo",
     "no_jumps",
@@ -190,10 +205,13 @@ __all__ = [
     "redesign",
     "reduce",
     "report",
+    "response_band",
     "run",
+    "saltelli",
     "second_opinion",
     "sensitivity",
     "shoot",
+    "sobol_indices",
     "sweep",
     "sweep_statistics",
     "switch",

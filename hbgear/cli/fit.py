@@ -1,4 +1,4 @@
-"""Commands on what parameters do, which fit and which cure: ``hbgear sensitivity``, ``fit`` and ``redesign``."""
+"""Commands on what parameters do, which fit and which cure: ``sensitivity``, ``scatter``, ``fit``, ``redesign``."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 import hbgear as hb
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 def register(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command()(sensitivity)
+    app.command()(scatter)
     app.command()(fit)
     app.command()(redesign)
 
@@ -67,6 +69,9 @@ def sensitivity(
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
+    multipliers: Annotated[
+        bool, typer.Option("--multipliers", help="The largest modulus of the Floquet multipliers too, as |mu|.")
+    ] = False,
 ) -> None:
     """Which parameters the frequency and the amplitude of a point of a saved curve depend on, and how much.
 
@@ -79,7 +84,7 @@ def sensitivity(
     branch = hb.load(file, problem=problem_in(branch, model))
     with one_thread():
         chosen = _chosen(branch, point, measure, which)
-        found = hb.sensitivity(chosen, measure=measure, element=which)
+        found = hb.sensitivity(chosen, measure=measure, element=which, multipliers=multipliers)
     quantity = quantity or _first(found)
     shares = {name: found.percent(name) for name in found.quantities}
     with outputs() as out:
@@ -99,6 +104,51 @@ def sensitivity(
         for name, value in zip(found.parameters, found.values, strict=True):
             if not value and found.of(quantity)[name]:
                 print(f"{name} = 0: {quantity} changes by {found.of(quantity)[name]:.4g} for one of its unit")
+
+
+def scatter(
+    file: File,
+    spread: Annotated[
+        list[str],
+        typer.Argument(metavar="NAME=DEVIATION...", help="Standard deviations of parameters, such as zeta=0.002."),
+    ],
+    model: OwnModel = None,
+    draws: Annotated[int, typer.Option(min=2, help="Of the Monte Carlo sample beside the first order.")] = 300,
+    sigmas: Annotated[float, typer.Option(help="Standard deviations that the band reaches to both sides.")] = 2.0,
+    unit: Annotated[str, typer.Option(help=f"Of the band's frequencies: {', '.join(FREQUENCIES)}.")] = "Omega",
+    length: Annotated[str, typer.Option(help="Unit of its amplitudes, such as um.", show_default="the model's")] = "",
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """How the jumps of a saved curve scatter if parameters do, and with --plot the band in which the curve lies.
+
+    To first order, with Monte Carlo beside it: the equations of each jump solved for every draw.
+    """
+    check_writable(plot, FIGURES)
+    deviations = {name: number_of(name, text) for name, text in assignments("NAME=DEVIATION", spread)}
+    branch = hb.load(file)
+    branch = hb.load(file, problem=problem_in(branch, model))
+    with one_thread(), bar("scatter") as progress:
+        jumps = hb.jump_scatter(branch, deviations, draws=draws, progress=progress) if branch.jumps() else ()
+        band = hb.response_band(
+            branch, deviations, measure=measure, element=element_of(element), unit=unit, length=length
+        )
+    with outputs() as out:
+        out.figure(plot, lambda drawing: drawing.band(band, sigmas=sigmas))
+        if jumps:
+            rows = [
+                [one.label, "rising" if one.direction > 0 else "falling", f"{one.value:.6g}", f"{one.first:.3g}",
+                 _known(one.sampled, ".3g"), str(one.lost), *(f"{effect:+.3g}" for effect in one.effects.values())]
+                for one in jumps
+            ]  # fmt: skip
+            title = f"standard deviation of each jump, that of {draws} draws, and the share of each parameter"
+            print_table(["jump", "while", branch.parameter, "+-", "drawn", "lost", *deviations], rows, title)
+        else:
+            print("the curve has no jumps")
+        i = int(np.nanargmax(band.deviation))
+        print(f"the curve is displaced most at {unit} = {band.frequency[i]:.6g}, {measure} = {band.amplitude[i]:.6g}: "
+              f"by {sigmas * band.deviation[i]:.2%} of its range for {sigmas:g} standard deviations")  # fmt: skip
 
 
 def fit(
@@ -177,6 +227,14 @@ def redesign(
         typer.Option(metavar="NAME=DEVIATION", help="Standard deviation of a parameter, kept in reserve; repeatable."),
     ] = None,
     sigmas: Annotated[float, typer.Option(min=0, help="How many standard deviations are kept in reserve.")] = 2.0,
+    draws: Annotated[
+        int | None, typer.Option(min=1, help="Instead of a reserve: reach the goal for so many draws of the scatter.")
+    ] = None,
+    share: Annotated[float, typer.Option(help="With --draws: the share of them that is to reach the goal.")] = 1.0,
+    margin: Annotated[
+        float | None, typer.Option(help="Keep jumps off by this share of a parameter: their cusp is so far away.")
+    ] = None,
+    margin_in: Annotated[str, typer.Option(metavar="NAME", help="The parameter of --margin.")] = "",
     first: First = None,
     last: Last = None,
     harmonics: Harmonics = "16",
@@ -192,21 +250,29 @@ def redesign(
     check_writable(output, (".npz",))
     check_writable(plot, FIGURES)
     problem, which = problem_of(chosen_model(model, changes), harmonics), element_of(element)
-    goal = hb.no_jumps() if peak is None else hb.peak_below(peak, measure, which)
+    if peak is not None and margin is not None:
+        raise ValueError("--margin is the distance to a jump; give it or --peak")
+    goal = hb.no_jumps(margin or 0.0, margin_in) if peak is None else hb.peak_below(peak, measure, which)
     parts = dict(_bounds(text) for text in over.split(",") if text.strip())
     within = {name: bounds for name, bounds in parts.items() if bounds is not None}
     spread = {name: number_of(f"--scatter {name}", text) for name, text in assignments("--scatter", scatter or [])}
     span = span_of(problem.model, first, last)
+    if draws and not spread:
+        raise ValueError("--draws are of the scatter; give --scatter NAME=DEVIATION too")
+    drawn = hb.latin_hypercube(draws, **{name: ("normal", 0.0, s) for name, s in spread.items()}) if draws else None
     with one_thread(), bar("redesign") as progress:
         found = hb.redesign(
-            problem, goal, list(parts), within, scatter=spread, sigmas=sigmas, span=span, progress=progress
-        )
+            problem, goal, list(parts), within, scatter=None if draws else spread, sigmas=sigmas, tolerances=drawn,
+            share=share, span=span, progress=progress,
+        )  # fmt: skip
     own = problem.model.parameters | problem.model.entries
     rows = [[name, f"{own[name]:.6g}", f"{x:.6g}", f"{found.changes[name]:+.2%}"] for name, x in found.values.items()]
     with outputs() as out:
         out.branch(output, found.curve)
         out.figure(plot, lambda drawing: drawing.response(found.curve, measure, which))
         print_table(["", "old", "new", "change"], rows, f"root of the squares of the changes: {found.distance:.2%}")
+        if draws:
+            print(f"{found.share:.0%} of {draws} machines drawn from the scatter reach it")
         missed = "" if math.isnan(found.short) else f" by {found.short:.2%}"
         print("the goal is reached" if found.reached else f"the goal is missed{missed}: {found.message}")
     if not found.status.complete:

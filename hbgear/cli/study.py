@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hbgear.cli.files import wrote
-from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, bar, say
+from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, bar, print_table, say
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -80,6 +80,8 @@ def study(
             retry=retry, most=max(count, MANY), progress=progress,
         )  # fmt: skip
     print(f"{len(found)} of {found.total} cases, {len(found.failed)} of them failed; {found.message}")
+    if getattr(asked.vary, "method", "") == "saltelli":
+        _print_indices(found)
     for case, reason in list(found.failed.items())[:5]:
         print(f"case {case} failed: {reason}")
     if found.outcome != Outcome.CANNOT_STORE:
@@ -92,6 +94,21 @@ def study(
             say("error", f"tables and figures could not be written ({error}); the cases are kept: run it again")
             raise typer.Exit(STOPPED_EARLY) from None
     raise typer.Exit(0 if found.outcome == Outcome.FINISHED else STOPPED_EARLY)
+
+
+def _print_indices(found: Cases) -> None:
+    """Sobol indices of each number of the table."""
+    from hbgear.design.sobol import sobol_indices
+
+    for quantity in [name for name in found.table if name not in (*found.names, "case", "reason", "seconds")]:
+        try:
+            indices = sobol_indices(found, quantity)
+        except ValueError as error:
+            print(f"{quantity}: {error}")
+            continue
+        rows = [[name, *(f"{value:.3f} +- {error:.3f}" for value, error in (indices.first[name], indices.total[name]))]
+                for name in found.names]  # fmt: skip
+        print_table(["", "alone", "with all others"], rows, f"shares of the variance of {quantity} (Sobol indices)")
 
 
 def draw_figures(found: Cases, folder: Path) -> list[Path]:

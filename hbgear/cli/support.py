@@ -39,8 +39,8 @@ Model = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
-        help=f"One of: {', '.join(catalogue.MODELS)}; a machine FILE.toml (see hbgear gear -o); "
-        "of your own FILE.py:NAME or MODULE:NAME, whose code is run.",
+        help=f"One of: {', '.join(catalogue.MODELS)}; a machine FILE.toml (see hbgear gear -o), trains and matrices "
+        "too; of your own FILE.py:NAME or MODULE:NAME, whose code is run.",
         autocompletion=cli_complete.models,
     ),
 ]
@@ -327,10 +327,7 @@ def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
 def chosen_model(name: str, changes: list[str] | None) -> hb.Model:
     """The model of MODEL, by its name or of a machine's file, with the values of --set."""
     if name.endswith(".toml"):
-        from hbgear.io.machine_file import read_machine
-        from hbgear.io.train_file import is_train, read_train
-
-        made_of_it = read_train(name) if is_train(name) else read_machine(name).model()
+        made_of_it = _model_in(name)
         return made_of_it.replace(**fields_of(type(made_of_it), changes or []))
     cls = catalogue.class_of(name)
     fields = fields_of(cls, changes or [])
@@ -339,6 +336,17 @@ def chosen_model(name: str, changes: list[str] | None) -> hb.Model:
         needed = " ".join(f"--set {field}=VALUE" for field in missing)
         raise ValueError(f"the model '{name}' needs {', '.join(missing)}, which have no default: {needed}")
     return made(cls, fields)
+
+
+def _model_in(path: str) -> hb.Model:
+    """The model in a file: of a train, of matrices or receptances, or of a gear pair."""
+    from hbgear.io.machine_file import read_machine
+    from hbgear.io.structure_file import is_structure, read_structure
+    from hbgear.io.train_file import is_train, read_train
+
+    if is_train(path):
+        return read_train(path)
+    return read_structure(path) if is_structure(path) else read_machine(path).model()
 
 
 def problem_in(branch: hb.Branch, name: str | None, harmonics: str | None = None, samples: int | None = None) -> Any:

@@ -23,4 +23,6 @@ def needed(library: str, extra: str, what: str) -> Any:
     try:
         return importlib.import_module(library)
     except ImportError as error:
-        raise ValueError(f"{what} needs {library}, which is not installed; pip install 'hbgear[{extra}]'") from error
+        raise ValueError(
+            f"{what} needs {library.partition('.')[0]}, which is not installed; pip install 'hbgear[{extra}]'"
+        ) from error

@@ -52,11 +52,15 @@ def solve_linear(A: Matrix, b: Array) -> Array:
     """A^-1 b; a singular or non-finite matrix raises `numpy.linalg.LinAlgError`."""
     if not dense(A):
         return Factors(A).solve(b)
-    x: Array
-    *_, x, info = scipy.linalg.lapack.dgesv(A, b)  # the checks of scipy.linalg.solve cost more than the solution
+    return _solved(A, b)[2]
+
+
+def _solved(A: Array, b: Array) -> tuple[Array, np.ndarray, Array]:
+    """Factors and exchanges of rows of a dense matrix, as LAPACK gives them, and A^-1 b."""
+    lu, exchanged, x, info = scipy.linalg.lapack.dgesv(A, b)  # the checks of scipy.linalg.solve cost more than it does
     if info or not math.isfinite(x.sum()):
         raise np.linalg.LinAlgError("singular matrix")
-    return x
+    return lu, exchanged, x
 
 
 def solve_signed(A: Matrix, b: Array) -> tuple[Array, int]:
@@ -75,7 +79,12 @@ def solve_signed(A: Matrix, b: Array) -> tuple[Array, int]:
         if not sign or not math.isfinite(x.sum()):
             raise np.linalg.LinAlgError("singular matrix")
         return x, sign
-    return solve_linear(A, b), -1 if slogdet(A)[0] < 0 else 1
+    if not dense(A):
+        factors = Factors(A)
+        return factors.solve(b), -1 if factors.slogdet()[0] < 0 else 1
+    lu, exchanged, x = _solved(A, b)
+    odd = np.count_nonzero(exchanged != np.arange(len(A))) + np.count_nonzero(np.diag(lu) < 0)
+    return x, -1 if odd % 2 else 1
 
 
 SMALL = 100

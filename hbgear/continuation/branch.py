@@ -571,6 +571,13 @@ class Branch:
             rows = layout.in_time(rows, {name: np.array([here[name] for here in each]) for name in each[0]}, derivative)
         return layout.measure_rows(measure, rows)
 
+    @property
+    def known_problem(self) -> Any:
+        """The problem; of a curve out of a file that of its model, made again, if the file tells it; else None."""
+        if self.problem is None and isinstance(layout := self.layout, Telling):
+            return layout.problem_of(self.meta)
+        return self.problem
+
     def refined(self) -> Branch:
         """The same rows with twice the harmonics, each the solution nearest by: a little beside in the parameter too.
 
@@ -624,9 +631,7 @@ class Branch:
         known = self.recorded if self.problem is None else None
         if known is not None and len(known.rows) == len(self):
             return known.rows[:, coordinate(dof, known.names)]
-        problem = self.problem
-        if problem is None and isinstance(layout := self.layout, Telling):
-            problem = layout.problem_of(self.meta)
+        problem = self.known_problem
         if not isinstance(problem, Moving):
             raise ValueError(f"dof={dof!r} needs the model; load the branch with hbgear.load(path, problem=...)")
         q = np.array([problem.motion(X, **self.parameters_at(i)) for i, X in enumerate(self.X)])

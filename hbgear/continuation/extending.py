@@ -52,7 +52,9 @@ def extend(
     >>> len(part), whole.message
     (10, 'Omega = 1.6 reached')
     """
-    if (problem := branch.problem if problem is None else problem) is None:
+    if problem is None:  # a file tells that of a response curve, not of one of special points
+        problem = branch.problem if "curve" in branch.meta else branch.known_problem
+    if problem is None:
         raise ValueError("extending needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     if len(branch) < 2:
         raise ValueError(f"the branch has {len(branch)} rows; need two, which tell which way it goes: trace it anew")

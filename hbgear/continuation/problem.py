@@ -323,6 +323,11 @@ class FullProblem:
         return self
 
     @property
+    def fineness(self) -> str:
+        """How many unknowns it has, in words."""
+        return f"n = {self.size}"
+
+    @property
     def parameters(self) -> dict[str, float]:
         """`Parametrised.parameters`: none."""
         return {}
@@ -344,6 +349,10 @@ class FullProblem:
         if name:
             (dR,) = in_parameter(self, name, parameters, lambda at: (np.asarray(self.evaluate(X, **at)[0]),))
         return Evaluation(np.asarray(R), J, dR, 1.0 + float(np.linalg.norm(X)))
+
+    def moved(self, X: Array, name: str, parameters: Mapping[str, float]) -> Array:
+        """dR/dname alone (n,), where that costs less than all of `linearise`."""
+        return self.linearise(X, name, **parameters).dR_dp
 
     def pursuit(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
         """`Pursued.pursuit`: none."""

@@ -3,6 +3,7 @@
     R(X, p, a) = 0,  p held:             dX/da = -J^-1 R_a
     {R, g}(X, p, a) = 0:                 d(X, p)/da = -B^-1 (R_a, g_a),   B the matrix of the special point
     R = 0 and g = 0 along the curve:     dp/da = -(g along dX/da, a) / (g along dX/dp, p),   J regular there
+    R(X, p, a) = 0,  a curve:            [J R_p; b^T] d(X, p)/da = -(R_a, 0),   b towards its next point
 
 each from one factorisation for all parameters a. A fold, for one, moves by dp/da = -(w . R_a) / (w . R_p), w the left
 null vector of J, which is the last row of the second.
@@ -59,6 +60,27 @@ def tangent(problem: FullProblem, X: Array, here: Mapping[str, float], parameter
     """dX/dp (n,) along the curve in its parameter, of a solution that is no fold."""
     now = linearise(problem, X, parameter, here)
     return -Factors(now.dR_dX).solve(now.dR_dp)
+
+
+def of_curve(
+    problem: FullProblem, U: Array, here: Mapping[str, float], parameter: str, ahead: Array, names: Sequence[str]
+) -> tuple[Array, Slopes]:
+    """The direction (n + 1,) of a curve at U = (X, p), folds included, and how it is displaced, normal to ``ahead``.
+
+    A displacement along the curve itself moves no curve: what is added along its direction is of no account.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If two curves cross there.
+    """
+    X = U[:-1]
+    now = linearise(problem, X, parameter, here)
+    M = Factors(bordered(now.dR_dX, now.dR_dp, ahead))
+    direction = -_answers(M, np.append(np.zeros(len(X)), 1.0)[None])[0]
+    moved = _moved(problem, X, here, names)
+    slopes = _answers(M, np.column_stack([moved, np.zeros(len(names))]))
+    return direction, Slopes(slopes[:, :-1], slopes[:, -1])
 
 
 def of_special(equations: Augmented, U: Array, here: Mapping[str, float], names: Sequence[str]) -> Slopes:
@@ -135,7 +157,7 @@ def _parted(
 
 def _moved(problem: FullProblem, X: Array, here: Mapping[str, float], names: Sequence[str]) -> Array:
     """R_a (A, n) in each parameter."""
-    rows = [linearise(problem, X, name, here).dR_dp for name in names]
+    rows = [problem.moved(X, name, here) for name in names]
     return np.array(rows).reshape(len(names), len(X))
 
 

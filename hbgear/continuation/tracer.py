@@ -97,8 +97,9 @@ def trace(
         message says so, and which part of the span no curve was found in.
     accuracy : largest error of a special point, relative to its parameter. Each point tells its own
         (`SpecialPoint.error`), and one whose error is larger is solved for with more unknowns, as are rows whose
-        stability they leave undecided; the other rows stay what they are. None for points of the curve's own
-        equations, without errors.
+        stability they leave undecided; the other rows stay what they are. But where solutions turn out to be off by a
+        hundredth of their size, a curve that covers its span is followed anew with twice the unknowns throughout, and
+        the message says so. None for the curve and the points of the problem's own equations, without errors.
 
     Returns
     -------
@@ -131,11 +132,21 @@ def trace(
     >>> [round(jump.value, 3) for jump in curve.jumps()]
     [1.103, 1.1]
     """
-    full = as_problem(problem)
-    return _Tracer(
-        full, parameter, span, start, at, steps, settings, stability, special, events, progress,
-        cover and start is None, accuracy,
-    ).run()  # fmt: skip
+    full, told = as_problem(problem), ""
+    while True:
+        tracer = _Tracer(
+            full, parameter, span, start, at, steps, settings, stability, special, events, progress,
+            cover and start is None, accuracy,
+        )  # fmt: skip
+        try:
+            branch = tracer.run()
+        except _Sketch as sketch:
+            full, told = as_problem(full.finer), str(sketch)
+            continue
+        return replace(branch, message="; ".join(text for text in (branch.message, told) if text)) if told else branch
+
+
+_ROUGH = 1e-2  # error of a solution, relative to its size, above which a curve of it is only a sketch
 
 
 _TOGETHER = 32  # rows observed at once
@@ -158,6 +169,8 @@ class _Tracer:
             checked("trace", "accuracy", accuracy, POSITIVE)
         self.accuracy = accuracy
         self.original, self.cover = problem, cover
+        refinable = accuracy is not None and problem.finer is not None
+        self.strict = cover and refinable and not problem.changes and not problem.unknown_parameters
         self.others: list[Branch] = []  # curves that cover what this one leaves of the span
         self.remark = ""  # what there is to say of them
         self.problem, self.name, self.largest = problem, parameter, problem
@@ -300,6 +313,15 @@ class _Tracer:
             told = (self._observed_alone(row, problem or self.problem) for row in fresh)
         for row, seen in zip(fresh, told, strict=True):
             row.observed.update(seen)
+        if self.strict:
+            self._check_enough(fresh)
+
+    def _check_enough(self, rows: list[CurvePoint]) -> None:
+        """Give up a curve of solutions that so few unknowns cannot tell."""
+        for row in rows:
+            error, size = row.observed.get("error", 0.0), norm(row.X) / math.sqrt(2)
+            if error > _ROUGH * size:
+                raise _Sketch(self.problem, self.name, row.value, error / size)
 
     def _observed_alone(self, row: CurvePoint, problem: FullProblem) -> dict[str, Any]:
         try:
@@ -802,6 +824,15 @@ class _Tracer:
             self.path[i] = self._as_now(self.rows[i]).u
         self.kept = count
         return self.path[: count - 3]
+
+
+class _Sketch(BaseException):
+    """Solutions are too rough for the curve to be worth its end: no error, and no stage of a trace goes on after it."""
+
+    def __init__(self, problem: FullProblem, name: str, value: float, error: float) -> None:
+        more = as_problem(problem.finer).fineness
+        where = f"{name} = {value:.6g}"
+        super().__init__(f"followed with {more}, for {problem.fineness} leaves an error of {error:.0%} at {where}")
 
 
 class _InProgress(Exception):

@@ -43,7 +43,9 @@ _ALIKE = 0.995  # correlation from which two parameters cannot be told apart
 
 _NOTHING = 1e-3  # change of all residuals for a change of a parameter by its own size that is none
 
-_GOOD = 4.0  # mean square of the residuals, in deviations, below which no other start is tried
+_GOOD = 4.0
+"""Mean square of the residuals, in assumed deviations, below which no other start is tried. In known ones it is 1 with
+a standard deviation of (2 / freedom)^(1/2); four of these more are not noise but another minimum, or another model."""
 
 _NEAR = 25.0  # mean square of the residuals beyond which the curve is first brought near to the points
 
@@ -270,16 +272,19 @@ class _Search:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore", Unlikely)  # of values on the way
                     now = Prediction(self.problem, self.data, values, self.span)
-                cost = _cost(now)
-                if self.best is None or cost < _cost(self.best):
-                    self.best = now
                 if self.progress is not None:
-                    told = ", ".join(f"{name} = {value:.5g}" for name, value in values.items())
-                    self.progress(Progress(math.nan, f"{told}: {math.sqrt(cost):.4g}"))
+                    self.progress(Progress(math.nan, ", ".join(f"{name} = {x:.5g}" for name, x in values.items())))
             except (NotTraced, ValueError) as error:
                 now, self.refused = None, str(error)
             self._last = (key, now)
         return self._last[1]
+
+    def judged(self, x: Array) -> Prediction | None:
+        """The same, which is kept if it is the best so far."""
+        now = self.at(x)
+        if now is not None and (self.best is None or _cost(now) < _cost(self.best)):
+            self.best = now
+        return now
 
     def run(self, own: Array, low: Array, high: Array, starts: int, seed: int) -> int:
         """Follow starts until one ends within the noise; how many were.
@@ -291,14 +296,14 @@ class _Search:
         """
         freedom = max(1, len(self.data) + len(self.data.jumps) - len(own))
         for start in self._starts(own, low, high, starts, seed):
-            if self.at(start) is None:
+            if self.judged(start) is None:
                 continue
             if not self.followed:
                 self._check_unit()
             self.followed += 1
             self._follow(start, low, high)
             assert self.best is not None
-            if _cost(self.best) / freedom < _GOOD:
+            if _cost(self.best) / freedom < (_GOOD if self.data.assumed else 1.0 + 4.0 * math.sqrt(2.0 / freedom)):
                 break
         if self.best is None:
             raise ValueError(f"the model has no response to hold against the data: {self.refused}")
@@ -313,7 +318,7 @@ class _Search:
 
         drawn = qmc.LatinHypercube(len(own), seed=seed).random(_LOOKED_AT * (starts - 1))
         every = [low + u * (high - low) for u in drawn]
-        costs = [math.inf if (now := self.at(x)) is None else _cost(now) for x in every]
+        costs = [math.inf if (now := self.judged(x)) is None else _cost(now) for x in every]
         for i in np.argsort(costs, kind="stable")[: starts - 1]:
             yield every[i]
 
@@ -333,7 +338,7 @@ class _Search:
             s = first.deviation
 
             def residuals(x: Array, s: Array = s) -> Array:
-                now = self.at(x)
+                now = self.judged(x)
                 return worst if now is None else now.residuals(s)
 
             def jacobian(x: Array, s: Array = s) -> Array:

@@ -27,7 +27,7 @@ from hbgear.continuation.tracer import trace
 from hbgear.design.measured import Measurements
 from hbgear.design.swept import stable_parts, swept
 from hbgear.harmonic.balance import HarmonicBalance
-from hbgear.harmonic.sensitivity import LENGTH, sensitivity, units_at
+from hbgear.harmonic.sensitivity import LENGTH, measured_along, sensitivity, units_at
 
 SWEPT, OTHER, END, UNREACHED = "swept", "other", "end", "unreached"
 """What a measured point is held against: the motion of the sweep, another stable one, the end of the part that the
@@ -77,12 +77,12 @@ class Prediction:
     def __init__(
         self, problem: HarmonicBalance, data: Measurements, values: Mapping[str, float], span: tuple[float, float]
     ) -> None:
-        self.problem, self.data, self.names = problem, data, tuple(values)
+        self.problem, self.data, self.names = problem.remembering(2 * len(values) + 10), data, tuple(values)
         model = problem.model
         self.here = {**model.parameters, **values}
         try:
-            self.units = units_at(problem, {**model.entries, **self.here}, self.names)
-            self.curve = trace(problem, "Omega", span, at=dict(values), accuracy=None, cover=False)
+            self.units = units_at(self.problem, {**model.entries, **self.here}, self.names)
+            self.curve = trace(self.problem, "Omega", span, at=dict(values), accuracy=None, cover=False)
         except (NoConvergence, ValueError) as error:
             raise NotTraced(f"no response at {_told(values)}: {error}") from error
         if not len(self.curve) or self.curve.multipliers is None or not self.curve.status.complete:
@@ -118,7 +118,7 @@ class Prediction:
         curve, data = self.curve, self.data
         assert curve.multipliers is not None
         sketch = np.array([curve.values, np.arange(len(curve)), is_stable(curve.multipliers)], dtype=float)
-        amplitude = self.length[0] * curve.amplitude(data.measure, data.element)
+        amplitude = self.sizes
         parts = list(stable_parts(sketch))
         rows = np.full(len(data), math.nan)
         for direction in (1, -1):
@@ -129,6 +129,11 @@ class Prediction:
                 leaps = np.array(found).reshape(-1, 3)
                 rows[order] = swept(sketch, leaps, self.Omega[order], direction)[0]
         return [self._place(i, float(rows[i]), parts, amplitude) for i in range(len(data))]
+
+    @cached_property
+    def sizes(self) -> Array:
+        """(P,) amplitudes of the rows of the curve, in the unit of the data."""
+        return self.length[0] * self.curve.amplitude(self.data.measure, self.data.element)
 
     def _leap(self, jump: Jump) -> tuple[float, float, float]:
         """Omega and the rows a jump leaves and lands at, nan if it lands nowhere."""
@@ -229,8 +234,7 @@ class Prediction:
 
         Close to a fold an amplitude says where the fold is and hardly anything of its height.
         """
-        curve, data = self.curve, self.data
-        sizes = self.length[0] * curve.amplitude(data.measure, data.element)
+        curve, data, sizes = self.curve, self.data, self.sizes
         out = np.array(data.deviation, dtype=float)
         for i, place in enumerate(self.places):
             if math.isfinite(place.row):
@@ -295,7 +299,7 @@ class Prediction:
         rows = np.flatnonzero(is_stable(curve.multipliers))
         if not rows.size or not len(data):
             return [], np.zeros(0), np.zeros(0)
-        sizes = self.length[0] * curve.amplitude(data.measure, data.element)[rows]
+        sizes = self.sizes[rows]
         wide = np.maximum(data.deviation, _ROUGH * data.amplitude)
         ahead = (curve.values[rows] - self.Omega[:, None]) / (_ROUGH * self.Omega[:, None])
         above = (sizes - data.amplitude[:, None]) / wide[:, None]
@@ -324,12 +328,12 @@ class Prediction:
         curve, data = self.curve, self.data
         (length, moved_length), (scale, moved_scale) = self.length, self._unit(data.unit)
         rows, ahead, above = self._nearest
-        sizes, slopes = curve.amplitude(data.measure, data.element), self._slopes_at(sorted(set(rows)))
+        slopes = self._slopes_at(sorted(set(rows)))
         J = np.zeros((len(self.distances), len(self.names)))
         for i, row in enumerate(rows):
             if row in slopes and self.distances[i]:
                 wide = max(data.deviation[i], _ROUGH * data.amplitude[i])
-                moved = (length * slopes[row] + sizes[row] * moved_length) / wide
+                moved = (length * slopes[row] + self.sizes[row] / length * moved_length) / wide
                 along = curve.values[row] * moved_scale / (scale * _ROUGH * self.Omega[i])
                 J[i] = (above[i] * moved + ahead[i] * along) / self.distances[i]
         for j, (frequency, direction, _) in enumerate(data.jumps, len(rows)):
@@ -340,15 +344,17 @@ class Prediction:
 
     def _slopes_at(self, rows: Sequence[int]) -> dict[int, Array]:
         """Derivatives of the amplitudes of rows of the curve, at their frequencies, in the model's unit."""
-        problem, found = self.problem.remembering(2 * len(self.names) + 2), {}
+        problem, solved, along = self.problem, [], []
         for row in rows:
-            here = {**self.problem.model.entries, **self.here, "Omega": float(self.curve.values[row])}
+            here = {**problem.model.entries, **self.here, "Omega": float(self.curve.values[row])}
             try:
-                X_a = of_solution(problem, self.curve.X[row], here, self.names).X
+                along.append(of_solution(problem, self.curve.X[row], here, self.names).X)
             except np.linalg.LinAlgError:
                 continue
-            found[row] = self._measured_along(self.curve.X[row][None], X_a[None])[0]
-        return found
+            solved.append(row)
+        if not solved:
+            return {}
+        return dict(zip(solved, self._measured_along(self.curve.X[solved], np.array(along)), strict=True))
 
     def _of_jump(self, jump: Jump) -> dict[str, Array]:
         """Derivatives of its frequency and of the amplitude before it."""
@@ -367,7 +373,7 @@ class Prediction:
 
     def _slopes(self) -> dict[int, Array]:
         """Derivatives of amplitudes in the model's unit, by number of the point."""
-        problem = self.problem.remembering(2 * len(self.names) + 2)
+        problem = self.problem
         scale, moved_scale = self._unit(self.data.unit)
         entries = self.problem.model.entries
         known: dict[float, Array] = {}
@@ -396,12 +402,7 @@ class Prediction:
 
     def _measured_along(self, X: Array, along: Array) -> Array:
         """Derivatives (P, A) of the measure of motions X (P, n) along directions (P, A, n)."""
-        sizes = np.linalg.norm(along, axis=-1, keepdims=True)
-        h = 1e-5 * np.maximum(np.linalg.norm(X, axis=-1), 1e-3)[:, None, None] / np.where(sizes, sizes, 1.0)
-        layout = self.problem.layout
-        up, down = (layout.measure(self.data.measure, X[:, None] + s * h * along, self.data.element) for s in (1, -1))
-        rates: Array = (up - down) / (2 * h[..., 0])
-        return rates
+        return measured_along(self.problem.layout, self.data.measure, self.data.element, X, along)
 
 
 def soft(t: float) -> tuple[float, float]:

@@ -3,11 +3,14 @@
     Latin hypercube   u_ij = (pi_j(i) + r) / n: one case in each n-th of every parameter   value = F_j^-1(u_ij)
     Monte Carlo       u_ij independent and uniform in (0, 1)
 
+    Saltelli          blocks of rows a, b and, for each j, a with u_j of b: see `hbgear.design.sobol`
+
 F_j is the cumulative distribution of parameter j. A longer Monte Carlo sample starts with the cases of a shorter one.
 
 References
 ----------
 McKay, Beckman & Conover (1979), Technometrics 21(2), https://doi.org/10.1080/00401706.1979.10489755.
+Saltelli et al. (2010), Computer Physics Communications 181(2), https://doi.org/10.1016/j.cpc.2009.09.018.
 """
 
 from __future__ import annotations
@@ -23,9 +26,10 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.messages import did_you_mean, quoted, shortened
+from hbgear.common.optional import needed
 from hbgear.common.ranges import counted
 
-METHODS = ("latin-hypercube", "monte-carlo")
+METHODS = ("latin-hypercube", "monte-carlo", "saltelli")
 
 
 DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
@@ -80,9 +84,25 @@ class Sample:
         """(size, parameters) in (0, 1)."""
         if self.method == "monte-carlo":
             return np.random.default_rng(self.seed).random((self.size, len(self.names)))
+        if self.method == "saltelli":
+            return self._blocks()
         from scipy.stats import qmc
 
         return np.asarray(qmc.LatinHypercube(len(self.names), seed=self.seed).random(self.size))
+
+    def _blocks(self) -> Array:
+        """Rows of SALib's sequence, in blocks of parameters + 2."""
+        width = len(self.names) + 2
+        blocks = self.size // width
+        if self.size % width or blocks & (blocks - 1):
+            raise ValueError(
+                f"{self.size} cases are no blocks of {width}, for {len(self.names)} parameters, as many as a power of "
+                f"2: take {width * 2 ** max(1, round(math.log2(self.size / width)))}"
+            )
+        sobol = needed("SALib.sample.sobol", "sobol", "a sample by Saltelli")
+        asked = {"num_vars": len(self.names), "names": list(self.names), "bounds": [[0.0, 1.0]] * len(self.names)}
+        u = sobol.sample(asked, blocks, calc_second_order=False, seed=self.seed)
+        return np.asarray(u).clip(_LEAST, 1 - _LEAST)
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """The values of each case by name."""
@@ -147,6 +167,29 @@ def monte_carlo(count: int, seed: int = 0, /, **distributions: Sequence[Any]) ->
     True
     """
     return _sample("monte-carlo", count, seed, distributions)
+
+
+def saltelli(blocks: int, seed: int = 0, /, **distributions: Sequence[Any]) -> Sample:
+    """Cases of which `sobol_indices` are computed: ``blocks`` times as many as there are parameters and 2 more.
+
+    Needs SALib, ``pip install 'hbgear[sobol]'``. Arguments otherwise as of `latin_hypercube`.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If the blocks are no power of 2, there is no such distribution, or its numbers do not fit.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> drawn = hb.saltelli(8, zeta=("uniform", 0.04, 0.06), F_m=("normal", 0.1, 0.005))
+    >>> drawn.size
+    32
+    """
+    counted("blocks", blocks, 1_000_000)
+    if blocks & (blocks - 1):
+        raise ValueError(f"blocks = {blocks} must be a power of 2, such as {2 ** round(math.log2(blocks))}")
+    return _sample("saltelli", blocks * (len(distributions) + 2), seed, distributions)
 
 
 def _sample(method: str, count: int, seed: int, distributions: Mapping[str, Sequence[Any]]) -> Sample:

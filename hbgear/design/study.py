@@ -219,7 +219,7 @@ def cases(
     Parameters
     ----------
     model : gives the values that do not vary.
-    vary : `grid`, `latin_hypercube` or `monte_carlo`.
+    vary : `grid`, `latin_hypercube`, `monte_carlo` or `saltelli`.
     compute, critical, harmonics, span, measure, element : see `Work`; the span is the model's by default.
     store : folder for finished cases; without one nothing is kept when the study is killed.
     executor : where the cases run (it is not shut down); by default ``processes`` processes, one for each core.

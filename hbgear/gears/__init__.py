@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING
 from hbgear.common import late as _late
 
 if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.gears.beam import Beam
     from hbgear.gears.double_helical import DoubleHelicalPair
     from hbgear.gears.gear import Gear
     from hbgear.gears.helical import HelicalPair
+    from hbgear.gears.housing import Housing
     from hbgear.gears.iso_dynamics import iso_dynamic_factor
     from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
     from hbgear.gears.pair import GearPair
@@ -19,12 +21,14 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.gears.train_parts import Bearing, Mesh, Shaft, Wheel
 
 __all__ = [
+    "Beam",
     "Bearing",
     "DoubleHelicalPair",
     "Gear",
     "GearPair",
     "GearRotorBearing",
     "HelicalPair",
+    "Housing",
     "Mesh",
     "MeshCycle",
     "PlanetMode",

@@ -393,15 +393,14 @@ class DoubleHelicalPair(Excited):
     def structure(self) -> tuple[Array, Array, Array]:
         """M, C, K (24, 24) of all but the mesh, in SI units (rows of forces N, of moments N m)."""
         M, C, K = np.zeros((3, 24, 24))
-        own, between = np.eye(2), np.array([[1.0, -1.0], [-1.0, 1.0]])
         for first, gear, shaft in ((0, "p", self.shaft_p), (6, "g", self.shaft_g)):
             inertia, c, k = self._node(gear)
             k_shaft = np.array([shaft.bending, shaft.bending, shaft.axial, 0.0, 0.0, shaft.torsional])
             c_shaft = 2 * self.zeta * np.sqrt(k_shaft * inertia / 2)  # two halves against each other: half the mass
-            both = np.ix_(*2 * [np.r_[first : first + 6, first + 12 : first + 18]])
-            M[both] = np.kron(own, np.diag(inertia))
-            C[both] = np.kron(own, np.diag(c)) + np.kron(between, np.diag(c_shaft))
-            K[both] = np.kron(own, np.diag(k)) + np.kron(between, np.diag(k_shaft))
+            for one, other in ((first, first + 12), (first + 12, first)):
+                rows, across = np.arange(one, one + 6), np.arange(other, other + 6)
+                M[rows, rows], C[rows, rows], K[rows, rows] = inertia, c + c_shaft, k + k_shaft
+                C[rows, across], K[rows, across] = -c_shaft, -k_shaft
         return M, C, K
 
     @property

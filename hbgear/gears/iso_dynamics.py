@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
 from hbgear.common.units import si
@@ -72,6 +73,7 @@ def resonance_speed(pair: GearPair, torque: Any) -> float:
     return 30 / (pi * pair.pinion.teeth) * sqrt(mesh / pair.equivalent_mass)
 
 
+@checked_arguments(pair="a GearPair")
 def iso_dynamic_factor(pair: GearPair, torque: Any, speed: ArrayLike, grade: int = 6) -> Array:
     """K_v by ISO 6336-1, method B, at speeds of the pinion; equations at the head of this file.
 

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import pi
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.ranges import NOT_NEGATIVE, checked
 from hbgear.common.replacing import checked_suffix, replacing
+from hbgear.common.texts import text_of_file
 from hbgear.common.units import si
 from hbgear.mechanics.fourier import Series, real_numbers
 from hbgear.mechanics.periodic import Periodic, Phased
@@ -261,11 +261,7 @@ def read_table(path: str | os.PathLike[str], column: int = 1, unit: str = "N/m")
     >>> hb.GearPair(pinion, wheel).mesh("200 N m").export("mesh.csv")  # doctest: +SKIP
     >>> stiffness = hb.read_table("mesh.csv")  # doctest: +SKIP
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is no text (UTF-8)"
-        raise ValueError(f"'{path}' cannot be read as a table of a mesh cycle: {reason.lower()}") from None
+    text = text_of_file(path, "a table of a mesh cycle")
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
         raise ValueError(

@@ -19,11 +19,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import acos, atan2, cos, hypot, pi, radians, sin
+from typing import Protocol
 
 import numpy as np
 
 from hbgear.common.messages import did_you_mean
-from hbgear.gears.train_parts import Mesh, Shaft, Wheel
+from hbgear.gears.train_parts import Mesh, Wheel
 
 MOST_ORDERS = 60
 """Order of a mesh over the common frequency above which the balance has too many unknowns."""
@@ -31,6 +32,22 @@ MOST_ORDERS = 60
 _USUAL_ANGLE = radians(20.0)
 
 _FIT = 1e-3  # relative difference between the radii and the teeth of two gears that is rounding of a drawing
+
+
+class Joint(Protocol):
+    """What joins two wheels on one axis: a `Shaft` or a `Beam`."""
+
+    @property
+    def first(self) -> str:
+        """A wheel."""
+
+    @property
+    def second(self) -> str:
+        """The other."""
+
+    @property
+    def torsion(self) -> float:
+        """Stiffness against twisting [N m/rad]."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +58,7 @@ class Kinematics:
     orders : of each mesh, multiples of the common frequency. ratio : common frequency over the speed of that wheel.
     sides : +1 or -1 of each mesh: whether the outer wheel pushes counter-clockwise.
     lags : of each mesh [rad], of its own tau. angles : of the line of action of each, pressure angle and direction.
+    turned : angle of each wheel that turns at tau = 0 [rad].
     """
 
     speeds: Mapping[str, Fraction]
@@ -49,6 +67,7 @@ class Kinematics:
     sides: tuple[int, ...]
     lags: tuple[float, ...]
     angles: tuple[tuple[float, float], ...]
+    turned: Mapping[str, float]
 
 
 def inner_first(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[Wheel, Wheel]:
@@ -58,7 +77,7 @@ def inner_first(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[Wheel, Wheel]:
 
 
 def kinematics(
-    wheels: Mapping[str, Wheel], shafts: Sequence[Shaft], meshes: Sequence[Mesh], backward: bool = False
+    wheels: Mapping[str, Wheel], shafts: Sequence[Joint], meshes: Sequence[Mesh], backward: bool = False
 ) -> Kinematics:
     """How a train turns; backward if the second wheel of the first mesh drives the first.
 
@@ -72,22 +91,27 @@ def kinematics(
     groups = _groups(wheels, shafts)
     speeds = _speeds(wheels, groups, meshes)
     frequencies = [abs(wheels[mesh.first].teeth * speeds[mesh.first]) for mesh in meshes]
+    unbalanced = [name for name, wheel in wheels.items() if wheel.unbalance]
+    still = next((name for name in unbalanced if not speeds[name]), None)
+    if still is not None:
+        raise ValueError(f"'{still}' has an unbalance and does not turn; join it to what turns, or leave it out")
     ratio = frequencies[0]
-    for one in frequencies:
+    for one in (*frequencies, *(abs(speeds[name]) for name in unbalanced)):
         ratio = _common(ratio, one)
     orders = tuple(int(one / ratio) for one in frequencies)
     if max(orders) > MOST_ORDERS:
         told = ", ".join(f"{mesh.name} {order}" for mesh, order in zip(meshes, orders, strict=True))
         raise ValueError(
-            f"the tooth frequencies have no simple ratio: over their common frequency they are {told}; at most "
+            f"the tooth frequencies{' and the turns of the unbalanced wheels' if unbalanced else ''} have no simple "
+            f"ratio: over their common frequency they are {told}; at most "
             f"{MOST_ORDERS} can be computed with all harmonics: give tooth counts with a simpler ratio"
         )
     angles = tuple(_angles(mesh, wheels) for mesh in meshes)
     sides = _sides(wheels, groups, meshes, speeds)
     turning = sides[0] * (-1 if wheels[meshes[0].first].internal else 1) * (-1 if backward else 1)
     signed = {name: turning * speed for name, speed in speeds.items()}
-    lags = _lags(wheels, groups, meshes, signed, sides, angles)
-    return Kinematics(signed, orders, ratio, sides, lags, angles)
+    lags, turned = _lags(wheels, groups, meshes, signed, sides, angles)
+    return Kinematics(signed, orders, ratio, sides, lags, angles, turned)
 
 
 def _common(a: Fraction, b: Fraction) -> Fraction:
@@ -115,7 +139,7 @@ def _check_gears(mesh: Mesh, wheels: Mapping[str, Wheel]) -> None:
         )
 
 
-def _groups(wheels: Mapping[str, Wheel], shafts: Sequence[Shaft]) -> dict[str, int]:
+def _groups(wheels: Mapping[str, Wheel], shafts: Sequence[Joint]) -> dict[str, int]:
     """Number of the rotor that each wheel belongs to: shafts with torsional stiffness join them."""
     groups = {name: i for i, name in enumerate(wheels)}
     for shaft in shafts:
@@ -210,8 +234,8 @@ def _sides(
 def _lags(
     wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequence[Mesh], speeds: Mapping[str, Fraction],
     sides: Sequence[int], angles: Sequence[tuple[float, float]],
-) -> tuple[float, ...]:  # fmt: skip
-    """By how much each mesh comes after the first, in its own tau from 0 to 2 pi."""
+) -> tuple[tuple[float, ...], dict[str, float]]:  # fmt: skip
+    """By how much each mesh comes after the first, in its own tau from 0 to 2 pi; angles of the wheels at tau = 0."""
     at: dict[int, float] = {}  # angle of each rotor when tau = 0
     lags: dict[int, float] = {}
 
@@ -237,7 +261,8 @@ def _lags(
                 z, there = sees(j, known)
                 note(j, z * (at[groups[known]] - there))
     given = [lags[j] if mesh.lag is None else mesh.lag for j, mesh in enumerate(meshes)]
-    return tuple(0.0 if abs(lag - 2 * pi) < 1e-9 else lag for lag in given)
+    turned = {name: at[group] for name, group in groups.items() if group in at}
+    return tuple(0.0 if abs(lag - 2 * pi) < 1e-9 else lag for lag in given), turned
 
 
 def line_of_action(mesh: Mesh, side: int, angles: tuple[float, float], outer: Wheel, inner: Wheel) -> np.ndarray:

@@ -300,6 +300,11 @@ class PlanetarySet(Model):
         return [f"{member}-p{n + 1}" for member in ("sun", "ring") for n in range(self.planets)]
 
     @property
+    def sharing(self) -> list[str]:
+        """The meshes of the sun."""
+        return self.mesh_names[: self.planets]
+
+    @property
     def phasing(self) -> str:
         """How the planets mesh with the sun: "in phase", "sequential", "counter" or "uneven".
 

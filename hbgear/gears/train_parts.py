@@ -36,6 +36,13 @@ def _named(owner: str, *names: Any) -> None:
             raise ValueError(f"{owner}: {quoted(name)} is no name of a wheel; need a text such as 'pinion'")
 
 
+def joined(owner: str, first: Any, second: Any) -> None:
+    """Refuse what joins a wheel with itself, or no wheels."""
+    _named(owner, first, second)
+    if first == second:
+        raise ValueError(f"{owner}: it ends at '{second}', where it begins; name two wheels")
+
+
 @dataclass(frozen=True)
 class Wheel:
     """A gear, or anything else that turns: a rotor, a flange, a machine.
@@ -53,6 +60,9 @@ class Wheel:
     torque : on it from outside [N m], counter-clockwise positive.
     held : whether it cannot turn.
     angle : of the middle of a tooth, when its shaft is at 0 [rad].
+    unbalance : mass times eccentricity [kg m], of a wheel that can move sideways. Omega is then the frequency of which
+        the turns of that wheel are a multiple too.
+    unbalance_angle : where it is, when its shaft is at 0 [rad].
 
     Raises
     ------
@@ -81,6 +91,8 @@ class Wheel:
     torque: Measured = Measured("N m", ANY, Range(-1e9, 1e9), 0.0)
     held: bool = False
     angle: Measured = Measured("rad", ANY, Range(-100, 100), 0.0)
+    unbalance: Measured = Measured("kg m", NOT_NEGATIVE, Range(0, 1e4), 0.0)
+    unbalance_angle: Measured = Measured("rad", ANY, Range(-100, 100), 0.0)
 
     def __post_init__(self) -> None:
         _named("Wheel", self.name)
@@ -94,6 +106,8 @@ class Wheel:
                              f"got {self.teeth} teeth and {self.base_radius:g} m")  # fmt: skip
         if self.moves != "torsion" and not self.mass:
             raise ValueError(f"{self.name} moves in {self.moves}: give its mass [kg]")
+        if self.unbalance and self.moves == "torsion":
+            raise ValueError(f"{self.name} has an unbalance and cannot move sideways: give moves='plane' or 'space'")
 
     @classmethod
     def of(cls, name: str, gear: Gear, **others: Any) -> Wheel:
@@ -147,9 +161,12 @@ class Shaft:
     damping: Measured = Measured("", NOT_NEGATIVE, Range(0, 5), 0.02)
 
     def __post_init__(self) -> None:
-        _named("Shaft", self.first, self.second)
-        if self.first == self.second:
-            raise ValueError(f"Shaft: it ends at '{self.second}', where it begins; name two wheels")
+        joined("Shaft", self.first, self.second)
+
+    @property
+    def name(self) -> str:
+        """For tables and errors."""
+        return f"{self.first}-{self.second}"
 
     @classmethod
     def section(
@@ -194,11 +211,15 @@ class Bearing:
     c_x, c_y, c_z : dampers [N s/m].
     table, damping_table : `MatrixTable` of stiffness [N/m] and dampers [N s/m] in x and y, (T, 2, 2), over the speed of
         the wheel [rad/s], beside the others.
+    clearance : radial, half of the diametral one [m]. The springs in x and y then act beyond it only, each direction
+        by itself: the hole is a square around the round one, and on its diagonal contact begins at 2^(1/2) of the
+        clearance. The dampers always act.
 
     Raises
     ------
     ValueError
-        If a quantity is in another unit or out of range, or a table is not of x and y.
+        If a quantity is in another unit or out of range, a table is not of x and y, or there is a clearance without
+        springs in x or y, or with a table of them.
 
     Examples
     --------
@@ -220,15 +241,24 @@ class Bearing:
     c_z: MeasuredOrNone = MeasuredOrNone("N s/m", NOT_NEGATIVE, Range(0, 1e12))
     table: MatrixTable | None = None
     damping_table: MatrixTable | None = None
+    clearance: Measured = Measured("m", NOT_NEGATIVE, Range(0, 1e-2), 0.0)
 
     def __post_init__(self) -> None:
         _named("Bearing", self.at)
+        if self.clearance and (self.table is not None or not (self.x or self.y)):
+            raise ValueError(f"Bearing: at '{self.at}', clearance = {self.clearance:g} m needs springs x or y that act "
+                             "beyond it, and no table of the stiffness")  # fmt: skip
         for name in ("table", "damping_table"):
             table = getattr(self, name)
             check("Bearing", name, table, MatrixTable | None)
             if table is not None and table.matrices.shape[1:] != (2, 2):
                 raise ValueError(f"Bearing: {name} has matrices of shape {table.matrices.shape[1:]}; need (2, 2), of x "
                                  "and y")  # fmt: skip
+
+    @property
+    def name(self) -> str:
+        """For tables and errors."""
+        return self.at
 
     @property
     def stiffness(self) -> Array:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -143,6 +144,31 @@ def problem_along(branch: Branch, problem: Any = None) -> HarmonicBalance:
         ) from None
 
 
+def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple[list[str], list[list[Array]]]:
+    """Names of elements, and of every row the force of each of their laws over the period of its motion.
+
+    By default those that the model says share a load, or all.
+
+    Raises
+    ------
+    ValueError, KeyError
+        If there is no problem, or no such element.
+    """
+    problem = problem_along(branch)
+    layout = problem.layout
+    names = [*(elements or problem.model.sharing or layout.elements)]
+    each = [layout.index(name) for name in names]
+    rows = zip(branch.X, (branch.parameters_at(i) for i in range(len(branch))), strict=True)
+    return names, [[_force(problem, X, here, index) for index in each] for X, here in rows]
+
+
+def _force(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
+    """Samples of the force of the law of an element."""
+    compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
+    one, kept = compiled.system.elements[index], compiled.numbers.corners.kept[:, index]
+    return force_samples(one, kept, problem.rows(X)[index], here["Omega"] / problem.nu, problem.nu)
+
+
 def _columns(
     problem: HarmonicBalance, X: Array, each: list[dict[str, float]], element: int | str, dof: int | str | None
 ) -> dict[str, Array]:
@@ -196,10 +222,9 @@ def _reaction(support: Reaction, q: Array, rate: float) -> tuple[float, float]:
 def _of_motion(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> tuple[float, float, float]:
     """dte, and the force that is largest in the direction of the mean one, and this, in units of the model."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    row = X.reshape(problem.m, -1)[index]
-    one, kept = compiled.system.elements[index], compiled.numbers.corners.kept[:, index]
-    force = force_samples(one, kept, row, here["Omega"] / problem.nu, problem.nu)
+    row = problem.rows(X)[index]
+    force = _force(problem, X, here, index)
     static = float(force.mean())
     largest = float(force[np.argmax(force if static >= 0 else -force)])
-    dte = row + to_real(compiled.receptance.e.T)[index]
+    dte = row + compiled.spread(to_real(compiled.receptance.e.T).ravel()).reshape(problem.m, -1)[index]
     return float(half_peak_to_peak(dte)), largest, static

@@ -9,6 +9,9 @@ in the real basis (a0, a1, b1, ..., aH, bH) of each element: with the two-sided 
 
 is the matrix of the product with kappa, r_{-n} = r_n and s_{-n} = -s_n; row 0 is the half of a_0's.
 
+Of these harmonics only the orders of the table are unknowns, if there are fewer: all others are zero in the motion, and
+their equations are left out.
+
 The linear part comes from the poles of the structure, G(w) = sum_r a_r b_r^T / (i w - lambda_r); see `receptance`.
 
 References
@@ -32,9 +35,29 @@ from hbgear.harmonic.sampling import samples_of, spectrum
 def receptance(poles: Any, residues: Any, w: float, G: Any, dG: Any) -> None:
     """G (m, m) and dG/dw at a frequency."""
     m = G.shape[0]
+    if m == 1:
+        G[0, 0], dG[0, 0] = _modal_sum(poles, residues[0], w)
+        return
+    each = np.empty((2, poles.shape[1]))  # 1 / (i w - pole)
+    for k in range(poles.shape[1]):
+        a, b = -poles[0, k], w - poles[1, k]
+        size = 1.0 / (a * a + b * b)
+        each[0, k], each[1, k] = a * size, -b * size
     for i in range(m):
         for j in range(m):
-            G[i, j], dG[i, j] = _modal_sum(poles, residues[i * m + j], w)
+            G[i, j], dG[i, j] = _weighted_sum(each, residues[i * m + j])
+
+
+@kernel
+def _weighted_sum(each: Any, residues: Any) -> tuple[complex, complex]:
+    """`_modal_sum` of known 1 / (i w - pole)."""
+    x = y = u = v = 0.0
+    for k in range(each.shape[1]):
+        a, b = each[0, k], each[1, k]
+        p, q = residues[0, k] * a - residues[1, k] * b, residues[0, k] * b + residues[1, k] * a
+        x, y = x + p, y + q
+        u, v = u + p * a - q * b, v + p * b + q * a
+    return complex(x, y), complex(v, -u)
 
 
 @kernel
@@ -85,12 +108,12 @@ def inverse(A: Any, out: Any) -> None:
 
 @kernel
 def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> None:
-    """Z and dZ/dOmega (2, H + 1, m, m), g and dg/dOmega (2, H + 1, m)."""
-    H, m, nu = matrices.shape[1] - 1, matrices.shape[2], linear.nu
+    """Z and dZ/dOmega (2, K + 1, m, m), g and dg/dOmega (2, K + 1, m) of all orders."""
+    m, nu, orders = matrices.shape[2], linear.nu, linear.orders
     poles, residues, springs, moved = linear.poles, linear.residues, linear.springs, linear.moved
     G, dG = np.empty((m, m), dtype=np.complex128), np.empty((m, m), dtype=np.complex128)
-    for k in range(H + 1):
-        ratio = k / nu
+    for k in range(orders.shape[0]):
+        ratio = orders[k] / nu
         w, Y, dY = Omega * ratio, matrices[0, k], matrices[1, k]
         receptance(poles, residues, w, G, dG)
         inverse(G, Y)
@@ -104,21 +127,28 @@ def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> Non
                 constants[1, k, i] += dY[i, j] * moved[k, j]
     for n in range(linear.loads.shape[0]):
         _add_load(linear, Omega, n, matrices, constants)
-    for k in range(H + 1):
+    for k in range(orders.shape[0]):
         for i in range(m):
             matrices[0, k, i, i] -= springs[0, i]
 
 
 @kernel
 def _change(Y: Any, dG: Any, factor: float, dY: Any) -> None:
-    """dY = factor Y dG Y."""
+    """dY = factor Y dG Y; dG is lost."""
     m = Y.shape[0]
+    row = np.empty(m, dtype=np.complex128)
+    for k in range(m):
+        for j in range(m):
+            row[j] = 0j
+            for n in range(m):
+                row[j] += dG[k, n] * Y[n, j]
+        for j in range(m):
+            dG[k, j] = row[j]
     for i in range(m):
         for j in range(m):
             total = 0j
             for k in range(m):
-                for n in range(m):
-                    total += Y[i, k] * dG[k, n] * Y[n, j]
+                total += Y[i, k] * dG[k, j]
             dY[i, j] = factor * total
 
 
@@ -126,7 +156,7 @@ def _change(Y: Any, dG: Any, factor: float, dY: Any) -> None:
 def _add_load(linear: Any, Omega: float, n: int, matrices: Any, constants: Any) -> None:
     """Add the response to load number n: -Y y with its derivative."""
     power, k, m = linear.loads[n, 0], linear.loads[n, 1], matrices.shape[2]
-    ratio = k / linear.nu
+    ratio = linear.orders[k] / linear.nu
     for j in range(m):
         y, dy = _modal_sum(linear.poles, linear.drive[n, j], Omega * ratio)
         dy *= ratio
@@ -141,33 +171,47 @@ def _add_load(linear: Any, Omega: float, n: int, matrices: Any, constants: Any) 
 @kernel
 def assembled(numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
     """R (n,), dR/dX (n, n) and dR/dOmega (n,) of a motion X (n,) at Omega / nu; the size of the terms of R."""
-    m = matrices.shape[2]
+    m, orders = matrices.shape[2], numbers.linear.orders
     n = X.shape[0] // m
-    H = n // 2
-    rows = X.reshape(m, n)
-    kappa, chi, more = projected(numbers, rows, 2 * H)
-    size_f = _forces(rows, kappa, chi, R, J)
+    some, rows = X.reshape(m, n), spread(numbers, X, m)
+    kappa, chi, more = projected(numbers, rows, rows.shape[1] - 1)
+    size_f = _forces(some, orders, kappa, chi, R, J)
     for j in range(m):
         if numbers.laws.cubic[j, 1] != 0.0:
-            add_product(more[j], J[j * n : (j + 1) * n, j * n : (j + 1) * n])
-    size = size_f + _add_linear(rows, matrices, constants, R, J, dR)
+            add_product(more[j], orders, J[j * n : (j + 1) * n, j * n : (j + 1) * n])
+    size = size_f + _add_linear(some, matrices, constants, R, J, dR)
     for q in range(numbers.laws.own.shape[0]):
         size += _add_samples(numbers, rows, q, omega, R, J, dR)
     return size if size > 0.0 else 1.0
 
 
 @kernel
+def spread(numbers: Any, X: Any, m: int) -> Any:
+    """Rows (m, 2H + 1) of all harmonics from unknowns X (n,), which are some of them."""
+    orders, some = numbers.linear.orders, X.reshape(m, -1)
+    if some.shape[1] == numbers.basis.shape[0]:
+        return some
+    rows = np.zeros((m, numbers.basis.shape[0]))
+    for j in range(m):
+        rows[j, 0] = some[j, 0]
+        for i in range(1, orders.shape[0]):
+            rows[j, 2 * orders[i] - 1], rows[j, 2 * orders[i]] = some[j, 2 * i - 1], some[j, 2 * i]
+    return rows
+
+
+@kernel
 def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, across: Any) -> None:
     """Derivatives (n, n) of dR/dX along v (n,), by a central difference over 2 h, and in Omega; change: dZ/dOmega."""
-    m, n = change.shape[1], X.shape[0] // change.shape[1]
+    m, n, orders = change.shape[1], X.shape[0] // change.shape[1], numbers.linear.orders
     along[:, :] = 0.0
     across[:, :] = 0.0
     for sign in (1.0, -1.0):
-        kappa, _, more = projected(numbers, (X + sign * h * v).reshape(m, n), 2 * (n // 2))
+        rows = spread(numbers, X + sign * h * v, m)
+        kappa, _, more = projected(numbers, rows, rows.shape[1] - 1)
         for j in range(m):
             for k in range(kappa.shape[1]):
                 kappa[j, k] = (kappa[j, k] + more[j, k]) * (sign / (2 * h))
-            add_product(kappa[j], along[j * n : (j + 1) * n, j * n : (j + 1) * n])
+            add_product(kappa[j], orders, along[j * n : (j + 1) * n, j * n : (j + 1) * n])
     for k in range(change.shape[0]):
         for i in range(m):
             for j in range(m):
@@ -176,7 +220,7 @@ def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, a
 
 @kernel
 def _add_harmonic(Z: complex, k: int, J: Any) -> None:
-    """Add the product of harmonic k with a complex number, in the real basis."""
+    """Add the product of harmonic number k of the unknowns with a complex number, in the real basis."""
     if k == 0:
         J[0, 0] += Z.real
         return
@@ -188,19 +232,19 @@ def _add_harmonic(Z: complex, k: int, J: Any) -> None:
 
 
 @kernel
-def _forces(rows: Any, kappa: Any, chi: Any, R: Any, J: Any) -> float:
+def _forces(rows: Any, orders: Any, kappa: Any, chi: Any, R: Any, J: Any) -> float:
     """R = T(kappa) d + chi, J = T(kappa); the norm of R."""
     m, n = rows.shape
     J[:, :] = 0.0
     total = 0.0
     for j in range(m):
         T = J[j * n : (j + 1) * n, j * n : (j + 1) * n]
-        add_product(kappa[j], T)
+        add_product(kappa[j], orders, T)
         for a in range(n):
             f = 0.0
             for b in range(n):
                 f += T[a, b] * rows[j, b]
-            k = (a + 1) // 2
+            k = orders[(a + 1) // 2]
             f += chi[j, k].real * (2.0 if a else 1.0) if a % 2 or a == 0 else -2.0 * chi[j, k].imag
             R[j * n + a] = f
             total += f * f
@@ -208,22 +252,23 @@ def _forces(rows: Any, kappa: Any, chi: Any, R: Any, J: Any) -> float:
 
 
 @kernel
-def add_product(kappa: Any, T: Any) -> None:
-    """Add the matrix of the product with kappa, in the real basis."""
-    H = T.shape[0] // 2
+def add_product(kappa: Any, orders: Any, T: Any) -> None:
+    """Add the matrix of the product with kappa, in the real basis of some orders, of which the first is 0."""
+    K = orders.shape[0]
     T[0, 0] += kappa[0].real
-    for k in range(1, H + 1):
-        r, s = kappa[k].real, kappa[k].imag
+    for k in range(1, K):
+        r, s = kappa[orders[k]].real, kappa[orders[k]].imag
         T[0, 2 * k - 1] += r
         T[0, 2 * k] -= s
         T[2 * k - 1, 0] += 2 * r
         T[2 * k, 0] -= 2 * s
-    for k in range(1, H + 1):
-        for i in range(1, H + 1):
-            r, s = kappa[abs(k - i)].real, kappa[abs(k - i)].imag
-            if k < i:
+    for k in range(1, K):
+        for i in range(1, K):
+            apart, both = orders[k] - orders[i], orders[k] + orders[i]
+            r, s = kappa[abs(apart)].real, kappa[abs(apart)].imag
+            if apart < 0:
                 s = -s
-            p, q = kappa[k + i].real, kappa[k + i].imag
+            p, q = kappa[both].real, kappa[both].imag
             T[2 * k - 1, 2 * i - 1] += r + p
             T[2 * k - 1, 2 * i] += s - q
             T[2 * k, 2 * i - 1] -= s + q
@@ -261,35 +306,38 @@ def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: An
 @kernel
 def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: Any, dR: Any) -> float:
     """Add what a compiled law says to R, J and dR; the norm of its forces."""
-    j, n = numbers.laws.own[which], rows.shape[1]
-    samples, part, total = samples_of(numbers, rows, which, omega), np.empty(n, dtype=np.complex128), 0.0
+    j, orders, nu = numbers.laws.own[which], numbers.linear.orders, numbers.linear.nu
+    n, total = 2 * orders.shape[0] - 1, 0.0
+    samples, part = samples_of(numbers, rows, which, omega), np.empty(rows.shape[1], dtype=np.complex128)
     spectrum(samples[:, 0], numbers.basis, part)
-    for k in range(n // 2 + 1):
-        a, b = (2.0 * part[k].real, -2.0 * part[k].imag) if k else (part[0].real, 0.0)
+    for i in range(orders.shape[0]):
+        k = orders[i]
+        a, b = (2.0 * part[k].real, -2.0 * part[k].imag) if i else (part[0].real, 0.0)
         total += a * a + b * b
-        R[j * n + (2 * k - 1 if k else 0)] += a
-        if k:
-            R[j * n + 2 * k] += b
+        R[j * n + (2 * i - 1 if i else 0)] += a
+        if i:
+            R[j * n + 2 * i] += b
     spectrum(samples[:, 1], numbers.basis, part)
     T = J[j * n : (j + 1) * n, j * n : (j + 1) * n]
-    add_product(part, T)
+    add_product(part, orders, T)
     spectrum(samples[:, 2], numbers.basis, part)
     damping = np.zeros((n, n))
-    add_product(part, damping)
+    add_product(part, orders, damping)
     grid = numbers.corners.grid
     if grid.shape[2]:
         spectrum(samples[:, 2] * grid[1, j], numbers.basis, part)
-        for k in range(n // 2 + 1):
-            a, b = (2.0 * part[k].real, -2.0 * part[k].imag) if k else (part[0].real, 0.0)
-            dR[j * n + (2 * k - 1 if k else 0)] += a / numbers.linear.nu
-            if k:
-                dR[j * n + 2 * k] += b / numbers.linear.nu
-    for i in range(n):
-        for k in range(1, n // 2 + 1):
-            a, b = damping[i, 2 * k - 1] * k, damping[i, 2 * k] * k
-            T[i, 2 * k - 1] -= omega * b
-            T[i, 2 * k] += omega * a
-            dR[j * n + i] += (a * rows[j, 2 * k] - b * rows[j, 2 * k - 1]) / numbers.linear.nu
+        for i in range(orders.shape[0]):
+            k = orders[i]
+            a, b = (2.0 * part[k].real, -2.0 * part[k].imag) if i else (part[0].real, 0.0)
+            dR[j * n + (2 * i - 1 if i else 0)] += a / nu
+            if i:
+                dR[j * n + 2 * i] += b / nu
+    for a in range(n):
+        for i in range(1, orders.shape[0]):
+            p, q = damping[a, 2 * i - 1] * orders[i], damping[a, 2 * i] * orders[i]
+            T[a, 2 * i - 1] -= omega * q
+            T[a, 2 * i] += omega * p
+            dR[j * n + a] += (p * rows[j, 2 * orders[i]] - q * rows[j, 2 * orders[i] - 1]) / nu
     return math.sqrt(total)
 
 

@@ -1,6 +1,6 @@
 """Harmonic balance in the element coordinates.
 
-    R_k(d) = Z_k(Omega) d_k + g_k(Omega) + f_k(d) = 0,   k = 0..H
+    R_k(d) = Z_k(Omega) d_k + g_k(Omega) + f_k(d) = 0,   k = 0..H, or some of these orders
 
 The unknowns are the m (2H + 1) real coefficients of the element coordinates, element after element; the number of
 coordinates of the structure does not appear. Z and g come from `receptance`, the force harmonics f_k from `projection`
@@ -37,7 +37,9 @@ from hbgear.harmonic.compiled import Compiled, Crossings
 from hbgear.harmonic.deciding import decide
 from hbgear.harmonic.events import motion_events
 from hbgear.harmonic.floquet import is_reduced, multipliers_of, reduction
+from hbgear.harmonic.measuring import NOT_AVAILABLE, Measuring
 from hbgear.harmonic.observables import Layout
+from hbgear.harmonic.orders import Selection, excited, selection_of
 from hbgear.harmonic.realbasis import derivative
 from hbgear.harmonic.receptance import Structure
 from hbgear.harmonic.spinning import Spinning
@@ -46,7 +48,9 @@ from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, 
 from hbgear.mechanics.fourier import (
     Transform,
     fast_length,
+    places,
     resize,
+    spread,
     stretch,
     to_complex,
     to_real,
@@ -78,6 +82,12 @@ _FAR = 10.0  # size of a motion, over the largest length of the model, from whic
 _MANY = 700  # unknowns up to which special points and verdicts in doubt are solved for with more of them
 
 
+_LOOPED = 160  # unknowns up to which the compiled loop along a curve is faster than LAPACK
+
+
+_MARGIN = 0.03  # of the tolerance of orders, down to which those are kept that tell the error of special points
+
+
 _FEWEST, _MOST = 4, 400  # harmonics of the excitation that "auto" stays between
 
 
@@ -97,12 +107,16 @@ class HarmonicBalance(FullProblem):
     reduce : compute the stability of a structure with more than 60 modes (30 coordinates) from those up to three times
         the highest harmonic and the flexibility of the others; False for all modes. Curves do not depend on it. The
         error of the multipliers is estimated from twice as many modes and told in ``branch.meta["stability"]``.
+    orders : the orders of Omega that are unknowns, beside the mean; None for all up to H. "meshes" chooses them for
+        meshes of several tooth frequencies: ``harmonics`` then counts those of every mesh, and combinations
+        |k_1 p_1 + k_2 p_2| of their orders p_1, p_2 are kept while (1 + |k_1|) (1 + |k_2|) <= 1 + harmonics. Or a list
+        of them, of which H is the highest, whatever ``harmonics``. What is left out counts in the truncation error.
 
     Raises
     ------
     ValueError
-        If H < nu, N < 2H + 1, nu < 1, there are too many unknowns or samples, or the model cannot move periodically
-        (singular M, unbalanced load).
+        If H < nu, N < 2H + 1, nu < 1, there are too many unknowns or samples, the model cannot move periodically
+        (singular M, unbalanced load), or orders are no whole numbers, or given ones shall vary ("auto").
 
     Notes
     -----
@@ -119,12 +133,26 @@ class HarmonicBalance(FullProblem):
     >>> R, J = pair.evaluate(X, Omega=0.9)
     >>> R.shape, J.shape
     ((17,), (17, 17))
+
+    Two meshes whose tooth frequencies are as 7 to 4:
+
+    >>> import numpy as np
+    >>> two = [
+    ...     hb.Element(w, hb.Backlash(stiffness=hb.Series(1.0, (0,) * (p - 1) + (0.2,))), damping=0.1, name=f"mesh {p}")
+    ...     for w, p in (([1, -1, 0], 7), ([0, 1, -1], 4))
+    ... ]
+    >>> load = hb.Load(constant=[0.2, 0, -0.2])
+    >>> train = hb.System(M=np.eye(3), C=np.zeros((3, 3)), K=np.zeros((3, 3)), elements=two, load=load)
+    >>> sparse = hb.HarmonicBalance(train, harmonics=8, orders="meshes")
+    >>> sparse.H, len(sparse.orders), sparse.orders[:7].tolist()
+    (56, 30, [0, 1, 2, 3, 4, 5, 6])
     """
 
     @checked_arguments()
     def __init__(
         self, model: Model, harmonics: int | str = 16, samples: int | None = None, nu: int = 1,
         sampled: bool = False, tolerance: float = 1e-6, reduce: bool = True,
+        orders: str | Sequence[int] | Selection | None = None,
     ) -> None:  # fmt: skip
         counted("nu", nu, _COUNTABLE)
         if harmonics != "auto":
@@ -133,9 +161,10 @@ class HarmonicBalance(FullProblem):
         self.auto = harmonics == "auto"
         self.tolerance = float(tolerance)
         self.model, self.nu, self.is_sampled, self.reduce = model, int(nu), bool(sampled), bool(reduce)
-        self.H = _FEWEST * self.nu if self.auto else int(harmonics)
         system = model.system()
         self.m = len(system.elements)
+        self.selection = selection_of(orders, system)
+        self.H = self._highest(_FEWEST if self.auto else int(harmonics), isinstance(orders, Selection))
         if samples is not None:
             counted("samples", samples, _COUNTABLE)
         self._kept = 8
@@ -149,11 +178,23 @@ class HarmonicBalance(FullProblem):
         self.compiled({})
         of_problem(model, system, _MOST if self.auto else self.H // self.nu)
 
+    def _highest(self, harmonics: int, known: bool) -> int:
+        """H, of harmonics of every mesh if the orders are those of the meshes; known: the number is H."""
+        if self.selection is None:
+            return _FEWEST * self.nu if self.auto else harmonics
+        if self.selection.given and self.auto:
+            raise ValueError("harmonics = 'auto' chooses the orders itself: give orders='meshes', or no 'auto'")
+        if known:
+            return harmonics
+        return self.nu * (max(self.selection.given) if self.selection.given else harmonics * self.selection.unit)
+
     def _prepare(self, samples: int | None) -> None:
         """What depends on H and N alone."""
         H = self.H
         self.N = int(samples or fast_length(max(1024, 64 * H) if self.is_sampled else max(64, 8 * H)))
         self._check_size()
+        self.orders = np.arange(H + 1) if self.selection is None else self.selection.kept(H, self.nu)
+        self._check_unknowns(len(self.orders) - 1)
         self._transform = Transform(H, self.N)
         self._compiled: Recent[Compiled] = Recent(self._kept)
         self._receded: Recent[HarmonicBalance] = Recent(1)
@@ -165,6 +206,7 @@ class HarmonicBalance(FullProblem):
 
     def __repr__(self) -> str:
         kind = ", sampled" if self.is_sampled else ""
+        kind += "" if self.selection is None else f", {len(self.orders) - 1} orders"
         return f"HarmonicBalance({self.model!r}, harmonics={self.H}, nu={self.nu}{kind})"
 
     # ---- description
@@ -179,8 +221,17 @@ class HarmonicBalance(FullProblem):
 
     @property
     def size(self) -> int:  # type: ignore[override]
-        """Number of unknowns m (2H + 1)."""
-        return self.m * (2 * self.H + 1)
+        """Number of unknowns m (2H + 1), or that of the orders for H."""
+        return self.m * (2 * len(self.orders) - 1)
+
+    def rows(self, X: Array) -> Array:
+        """Rows (..., m, 2H + 1) of all harmonics of unknowns (..., n)."""
+        return spread(X, self.m, self.orders, self.H)
+
+    @property
+    def fineness(self) -> str:
+        """Number of harmonics, in words."""
+        return f"H = {self.H}" if self.selection is None else f"{len(self.orders) - 1} orders up to {self.H}"
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -202,6 +253,7 @@ class HarmonicBalance(FullProblem):
             elements=tuple(e.name for e in system.elements),
             breakpoints=tuple(e.law.breakpoints for e in system.elements),
             labels=dict(self.model.labels),
+            orders=None if self.selection is None else tuple(self.orders[1:].tolist()),
         )
 
     @property
@@ -219,6 +271,7 @@ class HarmonicBalance(FullProblem):
                 "nu": self.nu,
                 "sampled": self.is_sampled,
                 "auto": self.tolerance if self.auto else None,
+                **({} if self.selection is None else {"orders": self.selection.described}),
             },
         }
 
@@ -265,8 +318,11 @@ class HarmonicBalance(FullProblem):
         return usual
 
     def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
-        """Warn of an Omega far above every natural frequency of the model."""
+        """Warn of an Omega far above every natural frequency of the model; refuse one without its receptances."""
         Omega = high if name == "Omega" else fixed["Omega"]
+        measured = self.compiled({}).system.receptances
+        if measured is not None:
+            measured.check(low if name == "Omega" else Omega, Omega, self.H, self.nu)
         of_frequency(self.compiled({}).structure.at(Omega), Omega)
 
     def missing(self, known: Sequence[str]) -> Sequence[str]:
@@ -288,6 +344,8 @@ class HarmonicBalance(FullProblem):
     def _with_reduction(self, branch: Branch) -> Branch:
         """The branch, whose header tells what leaving out modes does to the multipliers of its largest motions."""
         compiled = self.compiled({k: v for k, v in branch.fixed.items() if k != "Omega"})
+        if isinstance(compiled.structure, Measuring):
+            return replace(branch, meta={**branch.meta, "stability": NOT_AVAILABLE})
         if branch.parameter != "Omega" or branch.multipliers is None or not is_reduced(compiled):
             return branch
         some = np.argsort(-np.linalg.norm(branch.X, axis=1))[:: max(1, len(branch) // 4)][:3]
@@ -328,13 +386,47 @@ class HarmonicBalance(FullProblem):
             raise ValueError(
                 f"a motion of order nu = {layout.nu} is not periodic with nu = {self.nu}; need a multiple of it"
             )
-        return self._resized(stretch(X.reshape(self.m, -1), self.nu // layout.nu)).ravel()
+        times, known = self.nu // layout.nu, np.arange(layout.harmonics + 1)
+        known = known if layout.orders is None else np.array([0, *layout.orders])
+        return self._resized(stretch(layout.spread(X), times), times * known)
 
     @checked_arguments()
     def with_tolerance(self, tolerance: float) -> HarmonicBalance:
         """The same problem, harmonics included, with ``harmonics="auto"`` from here on."""
         out = copy.copy(self)
         out.auto, out.tolerance = True, float(tolerance)
+        return out
+
+    @checked_arguments()
+    def with_orders_of(self, curve: Branch, tolerance: float = 1e-6) -> HarmonicBalance:
+        """The same with those orders as unknowns that the motions of a curve have, and with no others.
+
+        An order is kept if its amplitude in any gap exceeds the tolerance at any row. Of orders that are no unknowns of
+        this problem, up to 2H, it is that of the motion which the forces left out drive. So a curve with few orders
+        tells which a second one needs, and this whether it needs more. Subharmonics are all kept.
+
+        Raises
+        ------
+        ValueError
+            If the curve is of other elements, or no order exceeds the tolerance.
+        """
+        checked("with_orders_of", "tolerance", tolerance, POSITIVE)
+        if not isinstance(curve.layout, Layout):
+            raise ValueError("with_orders_of needs a curve of periodic motions")
+        X = np.array([self.in_basis(x, curve.layout) for x in curve.X])
+        here = [curve.parameters_at(i) for i in range(len(curve))]
+        each = [self.compiled(at).processed(x[None], np.array([at["Omega"]]))[0] for x, at in zip(X, here, strict=True)]
+        rows = np.array(each).reshape(len(each), self.m, -1)
+        cosine, sine = (rows[..., 2 * self.nu - which :: 2 * self.nu] for which in (1, 0))
+        size = np.hypot(cosine, sine).max(axis=(0, 1))
+        given, more = ((1 + np.flatnonzero(size > level)).tolist() for level in (tolerance, _MARGIN * tolerance))
+        if not given:
+            raise ValueError(f"no order of these motions exceeds {tolerance:g}: give a smaller tolerance")
+        out = copy.copy(self)
+        out.auto, out.selection = False, Selection(given=tuple(given), more=tuple(more))
+        out.H = self.nu * given[-1]
+        out._prepare(None)
+        out._warn_truncated(out.compiled({}).system)
         return out
 
     def remeshed(self, observed: Mapping[str, Any]) -> HarmonicBalance | None:
@@ -346,10 +438,12 @@ class HarmonicBalance(FullProblem):
         """Another number of harmonics for a motion with this truncation error; None to keep H, and unless "auto"."""
         if not self.auto:
             return None
-        if error > self.tolerance and _MOST * self.nu > self.H:
-            return min(_MOST * self.nu, self.H + max(2, int(0.4 * self.H)))
-        if error < 1e-2 * self.tolerance and _FEWEST * self.nu < self.H:
-            return max(_FEWEST * self.nu, int(0.8 * self.H))
+        unit = self.nu * (1 if self.selection is None else self.selection.unit)
+        least, most = _FEWEST * unit, _MOST * unit
+        if error > self.tolerance and most > self.H and self._has_room(more := self.H + max(2, int(0.4 * self.H))):
+            return min(most, more)
+        if error < 1e-2 * self.tolerance and least < self.H:
+            return max(least, int(0.8 * self.H))
         return None
 
     @property
@@ -359,8 +453,14 @@ class HarmonicBalance(FullProblem):
 
     @property
     def finer(self) -> HarmonicBalance | None:
-        """The same with twice the harmonics; None beyond 400 of the excitation, or too many unknowns."""
-        if _MOST * self.nu < 2 * self.H or self.m * (4 * self.H + 1) > _MANY:
+        """The same with twice the harmonics; None beyond 400 of the excitation, too many unknowns, or receptances."""
+        if isinstance(self.compiled({}).structure, Measuring):
+            return None
+        if self.selection is None:
+            enough = _MOST * self.nu < 2 * self.H or self.m * (4 * self.H + 1) > _MANY
+        else:
+            enough = not self._has_room(2 * self.H, _MANY)
+        if enough:
             return None
         return self._finer.get((), lambda: self.with_order(self.nu, 2 * self.H))
 
@@ -373,7 +473,7 @@ class HarmonicBalance(FullProblem):
 
     def remembering(self, sets: int) -> HarmonicBalance:
         """The same, which keeps what it computes for that many sets of parameters, to be asked of many motions."""
-        return self._remembering.get(sets, lambda: self._with_memory(sets))
+        return self if sets <= self._kept else self._remembering.get(sets, lambda: self._with_memory(sets))
 
     def _with_memory(self, sets: int) -> HarmonicBalance:
         out = copy.copy(self)
@@ -389,7 +489,8 @@ class HarmonicBalance(FullProblem):
         The difference of the largest moduli, three times, is the error. Where that reaches the unit circle, the motion
         is solved for with twice the harmonics, and again up to eight times as many.
         """
-        decide(self, X, name, values, seen, parameters)
+        if not isinstance(self.compiled({}).structure, Measuring):
+            decide(self, X, name, values, seen, parameters)
 
     def recession(self, X: Array, parameters: Mapping[str, float]) -> HarmonicBalance | None:
         """The balance without gaps, loads and prescribed displacements, for motions far larger than all of these.
@@ -423,18 +524,31 @@ class HarmonicBalance(FullProblem):
         """Unknowns of any number of harmonics, cut or padded to this problem's."""
         if len(X) == self.size:
             return X
-        return self._resized(X.reshape(self.m, -1)).ravel()
+        n = len(X) // self.m
+        known = np.arange(n // 2 + 1) if self.selection is None else self.selection.of_length(n, self.nu)
+        if known is None or len(X) % self.m:
+            raise ValueError(
+                f"{len(X)} coefficients are not those of {self.m} elements and the orders of any number of H"
+            )
+        return self._resized(spread(X, self.m, known, int(known[-1])), known)
 
-    def _resized(self, rows: Array) -> Array:
-        """Rows (m, 2h + 1) of any number of harmonics with this problem's.
+    def _resized(self, rows: Array, known: np.ndarray) -> Array:
+        """Unknowns of this problem from rows (m, 2h + 1) of any number of harmonics, of which some are known.
 
-        Displacements with corners are in the gaps with all of their harmonics, in the unknowns with those up to H.
+        Displacements with corners are in the gaps with all of their harmonics, in the unknowns with their orders.
         """
-        out, known = resize(rows, self.H), rows.shape[1]
+        out = resize(rows, self.H)
         kept = self.compiled({}).numbers.corners.kept
-        if known < out.shape[1] and kept.any():
-            out[:, known:] -= to_real(kept.T)[:, known:]
-        return out
+        if kept.any():
+            new = places(np.setdiff1d(self.orders, known))
+            out[:, new] -= to_real(kept.T)[:, new]
+        whole: Array = out if self.selection is None else out[:, places(self.orders)]
+        return whole.ravel()
+
+    def _has_room(self, H: int, most: int = _UNKNOWNS) -> bool:
+        """Whether the unknowns of so many harmonics are few enough."""
+        kept = H + 1 if self.selection is None else len(self.selection.kept(H, self.nu))
+        return self.m * (2 * kept - 1) <= most
 
     def _check_size(self) -> None:
         """Refuse what would fill the memory before any work."""
@@ -442,13 +556,24 @@ class HarmonicBalance(FullProblem):
             raise ValueError(
                 f"harmonics = {self.H} of Omega / {self.nu} do not reach Omega itself; need at least {self.nu}"
             )
-        if self.size > _UNKNOWNS:
-            raise ValueError(
-                f"harmonics = {self.H} for {self.m} elements make {self.size:,} unknowns; at most {_UNKNOWNS:,} can be "
-                f"solved for: H <= {(_UNKNOWNS // self.m - 1) // 2}"
-            )
+        self._check_unknowns(self.H if self.selection is None else self.selection.least(self.H))
         if self.N * self.m > _SAMPLES:
             raise ValueError(f"samples = {self.N:,} for {self.m} elements; at most {_SAMPLES // self.m:,} are possible")
+
+    def _check_unknowns(self, count: int) -> None:
+        """Refuse more harmonics, or orders, than can be solved for."""
+        size = self.m * (2 * count + 1)
+        if size <= _UNKNOWNS:
+            return
+        if self.selection is None:
+            raise ValueError(
+                f"harmonics = {self.H} for {self.m} elements make {size:,} unknowns; at most {_UNKNOWNS:,} can be "
+                f"solved for: H <= {(_UNKNOWNS // self.m - 1) // 2}"
+            )
+        raise ValueError(
+            f"{count} orders up to {self.H} for {self.m} elements make {size:,} unknowns; at most {_UNKNOWNS:,} can be "
+            "solved for: give fewer harmonics, or tooth counts with a simpler ratio"
+        )
 
     def _warn_truncated(self, system: System) -> None:
         highest = max([e.displacement.order for e in system.elements] + [load.order for load in system.loads])
@@ -457,6 +582,14 @@ class HarmonicBalance(FullProblem):
                 f"the excitation has {highest} harmonics but H = {self.H} with nu = {self.nu} keeps only "
                 f"{self.H // self.nu}; what is above is left out"
             )
+        elif self.selection is not None:
+            kept = {k // self.nu for k in self.orders.tolist() if k % self.nu == 0}
+            out = sorted({k for some in excited(system, corners=False) for k in some if k * self.nu <= self.H} - kept)
+            if out:
+                tell(
+                    f"the excitation has order {out[0]}, which is no unknown, and is left out there: give more "
+                    "harmonics, or this order too"
+                )
 
     # ---- evaluation
 
@@ -481,12 +614,16 @@ class HarmonicBalance(FullProblem):
 
     def _compile(self, changed: tuple[tuple[str, float], ...]) -> Compiled:
         system = self._systems.get(changed, lambda: self._model_of(changed).system())
-        return Compiled(system, self._structure(system), self.H, self.nu, self.is_sampled, self._transform, self.reduce)
+        return Compiled(
+            system, self._structure(system), self.H, self.nu, self.is_sampled, self._transform, self.reduce, self.orders
+        )
 
     def _structure(self, system: System) -> Structure:
         """Eigen-decompositions are shared between parameter sets that differ in laws and loads only."""
         if system.speed is not None:
             return Spinning(system)
+        if system.receptances is not None:
+            return Measuring(system)
         fresh = tuple(np.array([e.law.reference, e.damping]).tobytes() for e in system.elements)
         dense = [A for A in (system.M, system.C, system.K) if isinstance(A, np.ndarray)]
         loads = tuple(b"" if ld.constant is None else np.asarray(ld.constant).tobytes() for ld in system.loads)
@@ -506,15 +643,18 @@ class HarmonicBalance(FullProblem):
         dR/dOmega is analytic; the derivative in a model parameter is a difference of the residual
         (`hbgear.continuation.differences`).
         """
-        Omega = float(parameters["Omega"])
-        R, J, dR, size = self.compiled(parameters).linearise(X, Omega)
+        R, J, dR, size = self.compiled(parameters).linearise(X, float(parameters["Omega"]))
         if name != "Omega":
-            here = {name: self._own.get(name, 0.0), **parameters}
-            if name:
-                (dR,) = in_parameter(self, name, here, lambda at: (self.linearise(X, "", **at).R,))
-            else:
-                dR = np.zeros(len(R))
+            dR = self.moved(X, name, parameters) if name else np.zeros(len(R))
         return Evaluation(R, J, dR, size)
+
+    def moved(self, X: Array, name: str, parameters: Mapping[str, float]) -> Array:
+        """dR/dname alone (n,)."""
+        if name == "Omega":
+            return super().moved(X, name, parameters)
+        here = {name: self._own.get(name, 0.0), **parameters}
+        (dR,) = in_parameter(self, name, here, lambda at: (self.compiled(at).linearise(X, float(at["Omega"]))[0],))
+        return dR  # type: ignore[no-any-return]
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:
         """Derivatives (n, n) of dR/dX along v (n,) and in a parameter; exact in Omega."""
@@ -524,9 +664,12 @@ class HarmonicBalance(FullProblem):
         return compiled.curvature(X, v, difference_along(X, v), float(parameters["Omega"]))
 
     def pursuit(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
-        """A compiled loop along curves in Omega, if every law is known to it and no pair of poles is too close."""
+        """A compiled loop along curves in Omega, if every law is known to it and no pair of poles is too close.
+
+        Not where there are so many unknowns that LAPACK, which it does without, makes up for what it saves.
+        """
         compiled = self.compiled({key: value for key, value in parameters.items() if key != "Omega"})
-        if name != "Omega" or not compiled.whole:
+        if name != "Omega" or not compiled.whole or self.size > _LOOPED:
             return None
         from hbgear.harmonic.pursuit import pursue
 
@@ -597,7 +740,7 @@ class HarmonicBalance(FullProblem):
         """One entry of `clearance`, and the phase at which its extremum lies."""
         compiled, corner, sign = self.compiled(parameters), which // 2, 1 if which % 2 else -1
         element = int(compiled.element[corner])
-        value, theta = compiled.highest(element, X.reshape(self.m, -1)[element], float(sign))
+        value, theta = compiled.highest(element, self.rows(X)[element], float(sign))
         return float(sign * value - compiled.corner[corner]), theta
 
     def force_rows(self, X: Array, **parameters: float) -> Array:
@@ -610,7 +753,7 @@ class HarmonicBalance(FullProblem):
         X = self._given(X, parameters)
         compiled = self.compiled(parameters)
         omega = parameters["Omega"] / self.nu
-        rows = X.reshape(self.m, -1)
+        rows = self.rows(X)
         return self.force_rows(X, **parameters) + omega * compiled.structure.c[:, None] * derivative(rows)
 
     @checked_arguments()
@@ -618,8 +761,10 @@ class HarmonicBalance(FullProblem):
         """Motion of every coordinate of the structure as real rows (n, 2H + 1)."""
         X = self._given(X, parameters)
         compiled = self.compiled(parameters)
-        f = to_complex(self.force_rows(X, **parameters)).T
-        q = compiled.receptance.motion(parameters["Omega"], to_complex(X.reshape(self.m, -1)).T, f)
+        f = to_complex(self.force_rows(X, **parameters)).T[self.orders]
+        q = np.zeros((self.H + 1, compiled.system.n), dtype=complex)
+        d = to_complex(X.reshape(self.m, -1)).T
+        q[self.orders] = compiled.receptance.motion(parameters["Omega"], d, f)
         return to_real(q.T)
 
     @checked_arguments()
@@ -642,8 +787,9 @@ class HarmonicBalance(FullProblem):
         """Unknowns of one motion; ``parameters`` hold a frequency that can be meant."""
         X = np.asarray(X, dtype=float)
         if X.shape != (self.size,):
+            each = "(2H + 1)" if self.selection is None else f"(1 + 2 x {len(self.orders) - 1} orders)"
             raise ValueError(
-                f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x (2H + 1) = {self.size} numbers"
+                f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x {each} = {self.size} numbers"
             )
         if "Omega" not in parameters:
             raise ValueError("a motion needs its frequency: give Omega=...")
@@ -666,7 +812,7 @@ class HarmonicBalance(FullProblem):
         more = compiled.processed(X, values)
         columns = zip(clearance, regime, compiled.left_out(more).tolist(), strict=True)
         seen: list[dict[str, Any]] = [{"clearance": c, "regime": r, "error": e} for c, r, e in columns]
-        if stability:
+        if stability and not isinstance(compiled.structure, Measuring):
             for one, mu in zip(seen, multipliers_of(compiled, more, values), strict=True):
                 one["multipliers"] = mu
         return seen
@@ -694,13 +840,14 @@ class HarmonicBalance(FullProblem):
         if self.nu == 1:
             return np.empty(0)
         factor = next(p for p in range(2, self.nu + 1) if self.nu % p == 0)
-        k = (np.arange(2 * self.H + 1) + 1) // 2
+        k = np.concatenate([[0], np.repeat(self.orders[1:], 2)])
         return X.reshape(self.m, -1)[:, k % factor != 0].ravel()
 
     def truncation(self, X: Array, **parameters: float) -> float:
-        """Estimated error of the gap motion (rms) from the force harmonics above H that the balance leaves out.
+        """Estimated error of the gap motion (rms) from the force harmonics that the balance leaves out.
 
-        The neglected force harmonics H < k <= 2H drive the closed structure: delta d_k = -G_k f_k.
+        The neglected force harmonics H < k <= 2H, and orders below that are no unknowns, drive the closed structure:
+        delta d_k = -G_k f_k.
         """
         compiled = self.compiled(parameters)
         return float(compiled.left_out(compiled.processed(X[None], np.array([parameters["Omega"]])))[0])

@@ -172,6 +172,7 @@ class _Rotor:
     """Poles with positive frequency and their shapes at any Omega."""
 
     def __init__(self, system: System, springs: Array) -> None:
+        system.check_matrices()
         self.system, self.n = system, system.n
         W, dampers = system.W, np.array([e.damping for e in system.elements])
         self.inverse = np.linalg.inv(dense(system.M))

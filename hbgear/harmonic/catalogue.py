@@ -6,17 +6,33 @@ from collections.abc import Mapping
 from typing import Any
 
 from hbgear.common.messages import did_you_mean
-from hbgear.gears.double_helical import DoubleHelicalPair
-from hbgear.gears.helical import HelicalPair
-from hbgear.gears.planetary import PlanetarySet
-from hbgear.gears.rotor_bearing import GearRotorBearing
-from hbgear.gears.spur import SpurPair
+from hbgear.gears import (
+    Beam,
+    Bearing,
+    DoubleHelicalPair,
+    Gear,
+    GearPair,
+    GearRotorBearing,
+    HelicalPair,
+    Housing,
+    Mesh,
+    PlanetarySet,
+    Shaft,
+    SpurPair,
+    Support,
+    Train,
+    Wheel,
+)
 from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.orders import HIGHEST, Selection
+from hbgear.mechanics.describing import retold
 from hbgear.mechanics.fields import check_names, made, plain_kinds_of
-from hbgear.mechanics.model import Model
+from hbgear.mechanics.laws import Cubic, Parallel, PiecewiseLinear
+from hbgear.mechanics.model import Element, Load, Model, System
 from hbgear.mechanics.named import installed, named
 from hbgear.mechanics.oscillators import Duffing
-from hbgear.mechanics.periodic import undescribed
+from hbgear.mechanics.receptances import Receptances
+from hbgear.mechanics.speed import MatrixTable, SpeedTerms
 
 MODELS: dict[str, type[Model]] = {
     "duffing": Duffing,
@@ -26,6 +42,20 @@ MODELS: dict[str, type[Model]] = {
     "double-helical": DoubleHelicalPair,
     "planetary": PlanetarySet,
 }
+
+_MADE: dict[str, type[Model]] = {
+    **{each.__name__: each for each in MODELS.values()}, "Train": Train, "System": System
+}  # fmt: skip
+"""Classes that a file may be of without being named again."""
+
+_PARTS: dict[str, type] = {
+    each.__name__: each
+    for each in (
+        Gear, GearPair, Support, Wheel, Shaft, Bearing, Mesh, Beam, Housing, Element, Load, SpeedTerms, MatrixTable,
+        Receptances, PiecewiseLinear, Cubic, Parallel,
+    )
+}  # fmt: skip
+"""What such models consist of."""
 
 
 def class_of(name: str) -> type[Model]:
@@ -77,26 +107,29 @@ def rebuild(meta: Any, cls: type[Model] | None = None) -> Model:
         If the class is not in the catalogue and none is given, or has no such field.
     ValueError
         If ``meta`` is not of the form `describe` returns, is of another class than the one given, or a value is of
-        another type, out of its range or missing.
+        another type, out of its range or missing, as functions and laws of a user are.
     """
     if not is_description(meta):
         raise ValueError(f"a model is described by {{'class': name, 'fields': {{...}}}}, got {str(meta)[:80]}")
-    classes = {each.__name__: each for each in MODELS.values()}
     if cls is not None:
         if meta["class"] != cls.__name__:
             raise ValueError(f"it is of a {meta['class']}; the model given is {cls.__name__}")
-    elif meta["class"] not in classes:
-        raise KeyError(f"the catalogue has no class '{meta['class']}'{_advice(meta, classes)}")
-    cls = cls or classes[meta["class"]]
-    fields = {name: tuple(v) if isinstance(v, list) else undescribed(v) for name, v in meta["fields"].items()}
+    elif meta["class"] not in _MADE:
+        raise KeyError(f"the catalogue has no class '{meta['class']}'{_advice(meta)}")
+    cls = cls or _MADE[meta["class"]]
+    if meta.get("left_out") and cls in _MADE.values():
+        raise ValueError(
+            f"the file of this {cls.__name__} does not hold its {str(meta['left_out'])[:80]}: load it with problem=..."
+        )
+    fields = {name: retold(value, _PARTS) for name, value in meta["fields"].items()}
     _check_types(cls, fields)
     return made(cls, fields)
 
 
-def _advice(meta: Mapping[str, Any], classes: Mapping[str, type[Model]]) -> str:
+def _advice(meta: Mapping[str, Any]) -> str:
     """How to go on with a file of a class that is not in the catalogue."""
     if not isinstance(meta.get("from"), str):
-        return did_you_mean(meta["class"], classes)
+        return did_you_mean(meta["class"], _MADE)
     return f"; it was in {meta['from'][:100]}: name it again if you trust it, by --model FILE.py:NAME or problem=..."
 
 
@@ -126,13 +159,15 @@ def problem_of(meta: Mapping[str, Any], cls: type[Model] | None = None) -> Harmo
     Raises
     ------
     KeyError, ValueError
-        If the model is not in the catalogue (a `System` of your own: load with ``problem=`` instead) or the header is
-        of another kind.
+        If the model is not in the catalogue (one of your own: load with ``problem=`` instead) or the header is of
+        another kind.
     """
     if "model" not in meta or "balance" not in meta:
         raise ValueError("the file does not say which model and balance it was traced with; load it with problem=...")
     settings = _settings(meta["balance"])
     auto = settings.pop("auto")
+    if settings["orders"] is not None:
+        settings["orders"] = Selection(**{name: tuple(some) for name, some in settings["orders"].items()})
     out = HarmonicBalance(rebuild(meta["model"], cls), **settings)
     return out if auto is None else out.with_tolerance(auto)
 
@@ -152,4 +187,19 @@ def _settings(balance: Any) -> dict[str, Any]:
         raise ValueError(f"harmonics are a whole number or 'auto', got {harmonics[:40]!r}")
     if (samples or 0) > _MOST_SAMPLES or not (auto is None or (type(auto) is float and auto > 0)):
         raise ValueError(f"no balance has {samples} samples and the tolerance {str(auto)[:40]}")
-    return {**{name: balance[name] for name in kinds}, "auto": auto}
+    orders = balance.get("orders")
+    if not (orders is None or _are_orders(orders)):
+        raise ValueError(
+            f"the orders of a balance are 'tones' or 'given', whole numbers from 1, got {str(orders)[:80]}"
+        )
+    return {**{name: balance[name] for name in kinds}, "auto": auto, "orders": orders}
+
+
+def _are_orders(orders: Any) -> bool:
+    """Whether this is of the form of `Selection.described`."""
+    if not isinstance(orders, Mapping) or set(orders) not in ({"tones"}, {"given"}, {"given", "more"}):
+        return False
+    return all(
+        isinstance(some, list) and 1 <= len(some) <= HIGHEST and all(type(k) is int and 1 <= k <= HIGHEST for k in some)
+        for some in orders.values()
+    )

@@ -14,7 +14,7 @@ from hbgear.harmonic.modes import Parts, parts_of
 from hbgear.harmonic.numbers import Numbers, laws_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
 from hbgear.harmonic.sampled import SampledLaws
-from hbgear.mechanics.fourier import Transform, to_real
+from hbgear.mechanics.fourier import Transform, places, spread, to_real
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.model import System
 
@@ -37,7 +37,7 @@ class Compiled:
     far above those of the motion. system, structure, receptance, laws : of the model. numbers : all that kernels need.
     sampled : the laws that the numbers do not hold; None if there are none. asked : laws that must be asked for their
     slopes, these and compiled ones, each with the number of its element. corner, element : (K,) corners of all laws
-    and the element each belongs to.
+    and the element each belongs to. orders : basis harmonics that are unknowns, 0 among them; all up to H by default.
     """
 
     def __init__(
@@ -49,16 +49,21 @@ class Compiled:
         sampled: bool,
         transform: Transform,
         reduce: bool = True,
+        orders: np.ndarray | None = None,
     ) -> None:
         self.system, self.structure = system, structure
-        self.receptance = Receptance(structure, system, H, nu)
+        self.receptance = Receptance(structure, system, H, nu, orders)
+        self.orders = self.receptance.k
         self.laws: tuple[Law, ...] = tuple(e.law for e in system.elements)
         self.H, self.nu, self.N, self.reduce, self.is_sampled = H, nu, transform.N, reduce, sampled
         self._transform = transform
         laws, springs, left = laws_of(self.laws, sampled, nu)
         self.asked = tuple((int(j), self.laws[j]) for j in (*left, *laws.own))
-        corners = corners_of(system.elements, springs, laws.cubic, H, nu, self.N if self.asked else 0)
-        self.numbers = Numbers(laws, self.receptance.numbers, transform.basis, corners)
+        linear = self.receptance.numbers
+        corners = corners_of(
+            system.elements, springs, laws.cubic, H, nu, self.N if self.asked else 0, linear.orders, linear.left
+        )
+        self.numbers = Numbers(laws, linear, transform.basis, corners)
         self.sampled = SampledLaws(self.laws, left, transform, nu, corners.grid) if left.size else None
         self.corner, self.element = laws.level, laws.owner
         self._linear: tuple[float, LinearPart] | None = None
@@ -83,7 +88,7 @@ class Compiled:
         return self._at.get(
             Omega,
             lambda: Compiled(
-                structure.system, structure, self.H, self.nu, self.is_sampled, self._transform, self.reduce
+                structure.system, structure, self.H, self.nu, self.is_sampled, self._transform, self.reduce, self.orders
             ),
         )
 
@@ -113,7 +118,7 @@ class Compiled:
         ties = self.structure.ties
         R, J, dR = self._joined(R), self._joined(J), self._joined(dR)
         R += (ties @ (X.reshape(self.m, -1) + to_real(self.receptance.e.T))).ravel()
-        J += np.kron(ties, np.eye(2 * self.H + 1))
+        J += np.kron(ties, np.eye(2 * len(self.orders) - 1))
         return R, J, dR, size
 
     def _joined(self, rows: Array) -> Array:
@@ -128,23 +133,44 @@ class Compiled:
         R, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
         size = assembled(self.numbers, np.ascontiguousarray(X), Omega / self.nu, *linear, R, J, dR)
         if self.sampled:
-            size += self.sampled.add_to(X.reshape(self.m, -1), Omega, R, J, dR)
+            size += self._add_sampled(self.sampled, X, Omega, R, J, dR)
         return R, J, dR, size
+
+    def _add_sampled(self, sampled: SampledLaws, X: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
+        """Add what laws say that must be asked, which give all harmonics."""
+        n = self.m * (2 * self.H + 1)
+        if n == len(R):
+            return sampled.add_to(X.reshape(self.m, -1), Omega, R, J, dR)
+        whole = np.zeros(n), np.zeros((n, n)), np.zeros(n)
+        sampled.add_to(self.spread(X).reshape(self.m, -1), Omega, *whole)
+        some = (np.arange(self.m)[:, None] * (2 * self.H + 1) + places(self.orders)).ravel()
+        R += whole[0][some]
+        J += whole[1][np.ix_(some, some)]
+        dR += whole[2][some]
+        return float(np.linalg.norm(whole[0][some]))
+
+    def spread(self, X: Array) -> Array:
+        """Motions (..., n) with all harmonics 0..H, (..., m (2H + 1)); as they are if they have them, and more."""
+        full = self.m * (2 * self.H + 1)
+        if X.shape[-1] == full or X.shape[-1] == self.m * (4 * self.H + 1):
+            return np.ascontiguousarray(X)
+        self._length(X)
+        return spread(X, self.m, self.orders, self.H).reshape(*X.shape[:-1], full)
 
     def _length(self, X: Array) -> int:
         """Number of unknowns of motions X (..., n); kernels would read or write beyond the end of others."""
-        n = self.m * (2 * self.H + 1)
+        n = self.m * (2 * len(self.orders) - 1)
         if X.shape[-1] != n:
+            each = "(2H + 1)" if len(self.orders) == self.H + 1 else f"(1 + 2 x {len(self.orders) - 1} orders)"
             raise ValueError(
-                f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x (2H + 1) = {n} numbers; a Point of "
+                f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x {each} = {n} numbers; a Point of "
                 "another number of harmonics is converted by problem.converted(point)"
             )
         return n
 
     def numbers_of(self, X: Array) -> Numbers:
-        """What kernels need for motions X (..., n) as they are solved for, or as they are `processed`."""
-        if X.shape[-1] != self.m * (4 * self.H + 1):
-            self._length(X)
+        """What kernels need for motions X with all harmonics, as of `spread`, or as they are `processed`."""
+        if X.shape[-1] == self.m * (2 * self.H + 1):
             return self.numbers
         return self.numbers._replace(basis=self._transform.wider.basis)
 
@@ -159,20 +185,15 @@ class Compiled:
 
     def forces(self, X: Array, Omega: float) -> Array:
         """Force harmonics of all laws as real rows (m, 2H + 1)."""
-        R, *_ = self._balance(X, Omega, LinearPart.zero(self.H, self.m))
-        return R.reshape(self.m, -1)
-
-    def stiffness(self, X: Array) -> Array:
-        """Derivatives (n, n) of the force harmonics of all laws in the motion."""
-        _, J, *_ = self._balance(X, 1.0, LinearPart.zero(self.H, self.m))
-        return J
+        R, *_ = self._balance(X, Omega, LinearPart.zero(len(self.orders), self.m))
+        return self.spread(R).reshape(self.m, -1)
 
     def crossings(self, X: Array) -> Crossings:
         """All instants of a motion."""
         from hbgear.harmonic.projection import instants
 
         self._length(X)
-        theta, sign, count, _ = instants(self.numbers, X.reshape(self.m, -1), False)
+        theta, sign, count, _ = instants(self.numbers, self.spread(X).reshape(self.m, -1), False)
         some = np.arange(theta.shape[1]) < count[:, None]
         return Crossings(np.nonzero(some)[0], theta[some], sign[some].astype(int))
 
@@ -202,37 +223,44 @@ class Compiled:
         from hbgear.harmonic.observing import reach
 
         clearance, regime = np.empty((len(X), 2 * len(self.corner))), np.zeros((len(X), self.m), dtype=np.int8)
-        reach(self.numbers_of(X), np.ascontiguousarray(X), clearance, regime)
+        X = self.spread(X)
+        reach(self.numbers_of(X), X, clearance, regime)
         return clearance, regime
 
     def processed(self, X: Array, Omega: Array) -> Array:
-        """Motions X (P, n) with the harmonics H < k <= 2H that their own forces drive, (P, m (4H + 1))."""
+        """Motions X (P, n) with the harmonics up to 2H, no unknowns, that their own forces drive, (P, m (4H + 1))."""
         from hbgear.harmonic.observing import driven, neglected
 
         self._length(X)
-        X, Omega = (np.require(each, float, ("C", "W")) for each in (X, Omega))  # read-only is another type
-        f = np.zeros((len(X), self.m, self.H), dtype=complex)
+        X, Omega = (
+            np.require(each, float, ("C", "W")) for each in (self.spread(X), Omega)
+        )  # read-only is another type
+        left = self.numbers.linear.left
+        f = np.zeros((len(X), self.m, len(left)), dtype=complex)
         neglected(self.numbers, X, Omega, f)
         if self.sampled:
-            self.sampled.add_neglected(X, Omega, f)
+            self.sampled.add_neglected(X, Omega, left, f)
         rows = np.zeros((len(X), self.m, 4 * self.H + 1))
         rows[..., : 2 * self.H + 1] = X.reshape(len(X), self.m, -1)
         out = rows.reshape(len(X), -1)
         if self.structure.modal:
             driven(self.numbers.linear, Omega, f, out)
         else:
-            rows[..., 2 * self.H + 1 :] = self._driven(Omega, f)
+            rows[..., places(left)] = self._driven(Omega, f)
         return out
 
     def _driven(self, Omega: Array, f: ComplexArray) -> Array:
-        """What `driven` adds, (P, m, 2H), where receptances are solved for directly."""
-        ratio = np.arange(self.H + 1, 2 * self.H + 1) / self.nu
-        G = np.array([self.structure.receptances(w, ratio)[0] for w in Omega.tolist()])
+        """What `driven` adds, (P, m, 2L), where receptances are solved for directly."""
+        ratio = self.numbers.linear.left / self.nu
+        G = np.zeros((len(Omega), len(ratio), self.m, self.m), dtype=complex)
+        for i, w in enumerate(Omega.tolist()):
+            known = w * ratio <= self.structure.highest
+            G[i, known] = self.structure.receptances(w, ratio[known])[0] if known.any() else 0.0
         delta = (G @ f.transpose(0, 2, 1)[..., None])[..., 0].transpose(0, 2, 1)
         return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
 
     def left_out(self, processed: Array) -> Array:
-        """Root mean square (P,) of the harmonics above H of `processed` motions."""
-        beyond = processed.reshape(len(processed), self.m, -1)[..., 2 * self.H + 1 :]
+        """Root mean square (P,) of the harmonics of `processed` motions that are no unknowns."""
+        beyond = processed.reshape(len(processed), self.m, -1)[..., places(self.numbers.linear.left)]
         rms: Array = np.sqrt(0.5 * np.sum(beyond**2, axis=(1, 2)))
         return rms

@@ -28,7 +28,8 @@ class Corners(NamedTuple):
     phases (I,) : all corners, ascending.
     moves (m + 1,), at (T,), rows (T, 4) : of element j the pieces moves[j] to moves[j + 1] of w = -e_j: where they
         begin, and their coefficients. None if e_j has no corners.
-    kept, beyond (H + 1, m), (H, m) : harmonics 0..H and H+1..2H of these e_j, zero of others.
+    kept, beyond (H + 1, m), (L, m) : harmonics of these e_j, zero of others: those that are unknowns, among 0..H, and
+        the others up to 2H.
     parts (S + 1,), begin (U,), weight (U, 4) : the same of the springs whose stiffness k or e_j has corners, of k; of
         the springs that also have a Fourier series this is a factor beside it.
     sums (U + S, 2, L) : integrals of k and of k w, times exp(-i n theta), from 0 to where a piece begins, and over all.
@@ -53,24 +54,27 @@ class Corners(NamedTuple):
 
 
 def corners_of(
-    elements: Sequence[Element], springs: Sequence[tuple[int, PiecewiseLinear]], cubic: Array, H: int, nu: int, N: int
-) -> Corners:
+    elements: Sequence[Element], springs: Sequence[tuple[int, PiecewiseLinear]], cubic: Array, H: int, nu: int, N: int,
+    orders: np.ndarray, left: np.ndarray,
+) -> Corners:  # fmt: skip
     """Of the elements of a model and the springs of their laws, each with the number of its element.
 
-    cubic (m, 2) : k1 and k3 of the elements. N : samples of the grid, 0 for none.
+    cubic (m, 2) : k1 and k3 of the elements. N : samples of the grid, 0 for none. orders, left : the basis harmonics up
+    to H that are unknowns, and the others up to 2H.
     """
     m, S = len(elements), len(springs)
     phases = [x for element in elements for x in (*element.law.phases, *element.displacement.corners)]
     if not phases:
-        return _nothing(m, S, H)
+        return _nothing(m, S, H, len(left))
     e = [element.displacement for element in elements]
     moved = [_pieces(one, nu).scaled(-1.0) if one.corners else None for one in e]
     with_corners = [j for j in range(m) if e[j].corners]
-    kept, beyond = np.zeros((H + 1, m), dtype=complex), np.zeros((H, m), dtype=complex)
+    kept, beyond = np.zeros((H + 1, m), dtype=complex), np.zeros((len(left), m), dtype=complex)
     for j in with_corners:
-        c = to_complex(stretch(e[j].row(2 * H // nu), nu))
-        kept[: min(len(c), H + 1), j] = c[: H + 1]
-        beyond[: len(c) - H - 1, j] = c[H + 1 :]
+        c = np.zeros(2 * H + 1, dtype=complex)
+        known = to_complex(stretch(e[j].row(2 * H // nu), nu))
+        c[: len(known)] = known
+        kept[orders, j], beyond[:, j] = c[orders], c[left]
     highest = max([0, *(spring.stiffness.order for _, spring in springs)]) * nu
     length = 8 * H + highest + 1
     made = [
@@ -97,12 +101,12 @@ def corners_of(
 
 
 @lru_cache(maxsize=64)
-def _nothing(m: int, S: int, H: int) -> Corners:
+def _nothing(m: int, S: int, H: int, left: int) -> Corners:
     """Of m elements and S springs without corners."""
     none, pairs = np.empty(0), np.zeros((0, 2, 0), dtype=complex)
     return Corners(
         none, _ends([0] * m), none, np.empty((0, 4)), np.zeros((H + 1, m), dtype=complex),
-        np.zeros((H, m), dtype=complex), _ends([0] * S), none, np.empty((0, 4)), pairs, np.empty((0, 7)),
+        np.zeros((left, m), dtype=complex), _ends([0] * S), none, np.empty((0, 4)), pairs, np.empty((0, 7)),
         np.zeros((m, 3, 0), dtype=complex), np.zeros((2, m, 0)),
     )  # fmt: skip
 

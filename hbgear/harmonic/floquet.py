@@ -85,7 +85,7 @@ def multipliers_of(
     Parameters
     ----------
     compiled : the model with its parameters.
-    X : (P, m (2H + 1)) coefficients of periodic motions, or (P, m (4H + 1)) of `processed` ones.
+    X : (P, n) unknowns of periodic motions, or (P, m (4H + 1)) of `processed` ones.
     Omega : (P,) excitation frequencies.
     points : s, Gauss points per step; the scheme has order 2s. By default 6, or 10 where the period is long beside the
         motions the springs of the elements would excite, for fewer steps are then worth more points.
@@ -111,11 +111,12 @@ def multipliers_of(
             row[: len(one)] = one
         return mu
     if structure.modes is None:
+        structure.system.check_matrices()
         raise ValueError(
             f"stability needs the modes of the structure; {structure.n} coordinates are too many: "
             "trace with stability=False or reduce the model"
         )
-    X, Omega = np.ascontiguousarray(X), np.asarray(Omega, dtype=float)
+    X, Omega = compiled.spread(X), np.asarray(Omega, dtype=float)
     if not is_reduced(compiled):
         return _all_of(compiled, compiled.parts(), X, Omega, points, width)
     return _reduced(compiled, X, Omega, _REACH, points, width)

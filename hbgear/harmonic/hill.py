@@ -59,10 +59,14 @@ def hill_multipliers(compiled: Compiled, X: Array, Omega: float) -> ComplexArray
 
 
 def slopes(compiled: Compiled, X: Array) -> ComplexArray:
-    """Coefficients 0..2H (m, 2H + 1) of the slopes of the laws along a motion, without the reference springs."""
+    """Coefficients 0..2H (m, 2H + 1) of the slopes of the laws along a motion, without the reference springs.
+
+    X : unknowns, or those of a motion with all harmonics up to 2H, (m (4H + 1),).
+    """
     from hbgear.harmonic.projection import projected
 
-    kappa, _, more = projected(compiled.numbers, X.reshape(compiled.m, -1), 2 * compiled.H)
+    X = compiled.spread(X)
+    kappa, _, more = projected(compiled.numbers_of(X), X.reshape(compiled.m, -1), 2 * compiled.H)
     out: ComplexArray = kappa + more
     out[:, 0] -= compiled.numbers.linear.springs[0]
     return out
@@ -123,8 +127,17 @@ class Condensed:
         return np.arange(-H, H + 1)
 
     def receptances(self, s: complex) -> tuple[ComplexArray, ComplexArray]:
-        """G and dG/ds (2H + 1, m, m) at s + i k omega."""
-        away = 1.0 / (s + 1j * self.omega * self.k[:, None] - self.poles)
+        """G and dG/ds (2H + 1, m, m) at s + i k omega.
+
+        Raises
+        ------
+        ValueError
+            If one of these is a pole.
+        """
+        distance = s + 1j * self.omega * self.k[:, None] - self.poles
+        if not distance.all():
+            raise ValueError("the exponent is that of a mode that no gap changes: the motion is linear there")
+        away = 1.0 / distance
         G = np.einsum("ir,kr,rj->kij", self.output, away, self.input, optimize=True)
         return G, np.einsum("ir,kr,rj->kij", self.output, -np.square(away), self.input, optimize=True)
 

@@ -55,14 +55,17 @@ class Laws(NamedTuple):
 class Linear(NamedTuple):
     """The linear part: poles (2, r) and residues (m m, 2, r), real and imaginary parts, of the receptance G.
 
-    springs (2, m) : reference stiffness and damping of the elements. moved (H + 1, m) : harmonics of the prescribed
-    displacements. loads (L, 2) : power of Omega and basis harmonic of each load; drive (L, m, 2, r) : residues of its
-    response. nu : subharmonic order.
+    springs (2, m) : reference stiffness and damping of elements. orders (K + 1,) : basis harmonics that are unknowns,
+    0..H unless only some are; left (L,) : those up to 2H that are none. moved (K + 1, m) : harmonics of the prescribed
+    displacements. loads (L, 2) : power of Omega and place among the orders of each load; drive (L, m, 2, r) : residues
+    of its response. nu : subharmonic order.
     """
 
     poles: Array
     residues: Array
     springs: Array
+    orders: np.ndarray
+    left: np.ndarray
     moved: ComplexArray
     loads: np.ndarray
     drive: Array

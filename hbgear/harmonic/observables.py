@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
 from hbgear.continuation.branch import Branch, Point
-from hbgear.mechanics.fourier import evaluate, extrema, harmonics_of, stretch, to_complex, to_real
+from hbgear.mechanics.fourier import evaluate, extrema, harmonics_of, spread, stretch, to_complex, to_real
 
 
 def rms(X: Array) -> Array:
@@ -110,6 +110,7 @@ class Layout:
     elements : m names.
     breakpoints : per element, the values of its coordinate at which its law has a corner.
     labels : axis labels by name, e.g. ``{"Omega": "Ω = ω_mesh / ω_n", "amplitude": "d / b_c"}``.
+    orders : the basis harmonics from 1 that X has, ascending; None for all up to H.
     """
 
     harmonics: int
@@ -117,11 +118,13 @@ class Layout:
     elements: tuple[str, ...]
     breakpoints: tuple[tuple[float, ...], ...]
     labels: dict[str, str] = field(default_factory=dict, hash=False)
+    orders: tuple[int, ...] | None = None
 
     @property
     def width(self) -> int:
-        """Number of unknowns m (2H + 1)."""
-        return len(self.elements) * (2 * self.harmonics + 1)
+        """Number of unknowns m (2H + 1), or that of the orders for H."""
+        kept = self.harmonics if self.orders is None else len(self.orders)
+        return len(self.elements) * (2 * kept + 1)
 
     @property
     def regimes(self) -> tuple[str, ...]:
@@ -138,8 +141,14 @@ class Layout:
         raise KeyError(f"no element {element!r}; there are {', '.join(map(repr, self.elements))} (or by number from 0)")
 
     def rows(self, X: Array, element: int | str) -> Array:
-        """Coefficients ``(..., 2H + 1)`` of an element, out of ``X (..., m (2H + 1))``."""
-        return X.reshape(*X.shape[:-1], len(self.elements), -1)[..., self.index(element), :]
+        """Coefficients ``(..., 2H + 1)`` of an element, out of ``X``; zero where its orders leave out harmonics."""
+        return self.spread(X)[..., self.index(element), :]
+
+    def spread(self, X: Array) -> Array:
+        """Coefficients ``(..., m, 2H + 1)`` of all elements; zero where the orders leave out harmonics."""
+        if self.orders is None:
+            return X.reshape(*X.shape[:-1], len(self.elements), -1)
+        return spread(X, len(self.elements), np.array([0, *self.orders]), self.harmonics)
 
     def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
         """The measure of that name of an element, for each row."""
@@ -173,7 +182,7 @@ class Layout:
 
     def _amplitudes(self, X: Array, nu: int) -> Array:
         """Mean and root mean squares (m, H nu / own nu + 1) of the harmonics of Omega / nu."""
-        c = to_complex(stretch(X.reshape(len(self.elements), -1), nu // self.nu))
+        c = to_complex(stretch(self.spread(X), nu // self.nu))
         return np.concatenate([c[:, :1].real, np.abs(c[:, 1:]) / math.sqrt(2)], axis=1)
 
     def samples(self, X: Array, element: int | str, count: int, order: int) -> tuple[Array, Array]:

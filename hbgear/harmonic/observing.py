@@ -1,6 +1,8 @@
 """Kernels: what is said of periodic motions beside their stability: reach, impact regime, harmonics left out.
 
-delta d_k = -G_k f_k,   H < k <= 2H       the neglected force harmonics drive the closed structure
+delta d_k = -G_k f_k,   k <= 2H       the neglected force harmonics drive the closed structure
+
+at orders k that are no unknowns: H < k <= 2H, and those below H that a balance with some orders only leaves out.
 """
 
 from __future__ import annotations
@@ -45,39 +47,42 @@ def reach(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
 
 @kernel
 def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
-    """One-sided force harmonics H+1..2H (P, m, H) at Omega (P,): in closed form, but of compiled laws by samples.
+    """One-sided force harmonics (P, m, L) of the orders left at Omega (P,): exact, of compiled laws by samples.
 
-    The dampers' part is that of the displacements with corners, which alone have harmonics above H.
+    The dampers' part is that of the displacements with corners, which alone have other harmonics than the motion.
     """
-    H, m, beyond = f.shape[2], f.shape[1], numbers.corners.beyond
+    m, beyond, left = f.shape[1], numbers.corners.beyond, numbers.linear.left
+    H = numbers.basis.shape[0] // 2
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
         kappa, chi, _ = projected(numbers, rows, 3 * H)
         for j in range(m):
             c = waves_of(rows[j])
-            for k in range(H + 1, 2 * H + 1):
+            for i in range(left.shape[0]):
+                k = left[i]
                 total = kappa[j, k] * c[0] + chi[j, k]
                 for n in range(1, H + 1):
-                    total += 0.5 * (kappa[j, k - n] * c[n] + kappa[j, k + n] * c[n].conjugate())
-                f[p, j, k - H - 1] = 2.0 * total
+                    before = kappa[j, k - n] if k >= n else kappa[j, n - k].conjugate()
+                    total += 0.5 * (before * c[n] + kappa[j, k + n] * c[n].conjugate())
+                f[p, j, i] = 2.0 * total
         neglected_samples(numbers, rows, Omega[p] / numbers.linear.nu, f[p])
         for j in range(m):
-            for k in range(H + 1, 2 * H + 1):
-                rate = numbers.linear.springs[1, j] * Omega[p] * k / numbers.linear.nu
-                f[p, j, k - H - 1] -= 1j * rate * beyond[k - H - 1, j]
+            for i in range(left.shape[0]):
+                rate = numbers.linear.springs[1, j] * Omega[p] * left[i] / numbers.linear.nu
+                f[p, j, i] -= 1j * rate * beyond[i, j]
 
 
 @kernel
 def driven(linear: Any, Omega: Any, f: Any, out: Any) -> None:
-    """Put the motions that force harmonics H+1..2H (P, m, H) make the elements do in these harmonics of out (P, n)."""
-    P, m, H = f.shape
+    """Put the motions that force harmonics (P, m, L) of the orders left make the elements do in these of out (P, n)."""
+    P, m, L = f.shape
     poles, residues = linear.poles, linear.residues
     G, dG = np.empty((m, m), dtype=np.complex128), np.empty((m, m), dtype=np.complex128)
     for p in range(P):
         rows = out[p].reshape(m, -1)
-        for k in range(H):
-            receptance(poles, residues, Omega[p] * (H + 1 + k) / linear.nu, G, dG)
-            at = 2 * (H + 1 + k)
+        for k in range(L):
+            receptance(poles, residues, Omega[p] * linear.left[k] / linear.nu, G, dG)
+            at = 2 * linear.left[k]
             for i in range(m):
                 d = 0j
                 for j in range(m):

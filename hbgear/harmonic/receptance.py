@@ -89,27 +89,27 @@ class Modes:
 class LinearPart(NamedTuple):
     """Linear part Z_k d_k + g_k of the balance at one frequency.
 
-    matrices (2, H+1, m, m): Z, the dynamic stiffness seen from the elements without their reference springs, and
-    dZ/dOmega; constants (2, H+1, m): g, from loads and prescribed displacements, and dg/dOmega.
+    matrices (2, K+1, m, m): Z, the dynamic stiffness seen from the elements without their reference springs, and
+    dZ/dOmega; constants (2, K+1, m): g, from loads and prescribed displacements, and dg/dOmega; of K+1 harmonics.
     """
 
     matrices: ComplexArray
     constants: ComplexArray
 
     @staticmethod
-    def zero(H: int, m: int) -> LinearPart:
-        """Of nothing."""
-        return LinearPart(np.zeros((2, H + 1, m, m), dtype=complex), np.zeros((2, H + 1, m), dtype=complex))
+    def zero(count: int, m: int) -> LinearPart:
+        """Of nothing, at so many harmonics."""
+        return LinearPart(np.zeros((2, count, m, m), dtype=complex), np.zeros((2, count, m), dtype=complex))
 
     @property
     def Z(self) -> ComplexArray:
-        """Dynamic stiffness (H+1, m, m)."""
+        """Dynamic stiffness (K+1, m, m)."""
         M: Array = self.matrices[0]
         return M
 
     @property
     def g(self) -> ComplexArray:
-        """Constant terms (H+1, m)."""
+        """Constant terms (K+1, m)."""
         C: Array = self.constants[0]
         return C
 
@@ -171,7 +171,12 @@ class Structure:
     spins = False
     """Whether C and K depend on Omega, see `spinning`."""
 
+    highest: float = np.inf
+    """The highest frequency at which receptances are known."""
+
     def __init__(self, system: System) -> None:
+        if not np.isfinite(self.highest):
+            system.check_matrices()
         self.system = system
         self.n, self.m = system.n, len(system.elements)
         self.W = system.W
@@ -370,14 +375,13 @@ class Structure:
         return self
 
     def receptances(self, Omega: float, ratio: Array) -> tuple[ComplexArray, ComplexArray]:
-        """G and dG/dOmega, (P, m, m) each, at frequencies Omega ratio (P,), by one factorisation each."""
-        Q, dQ = self._direct(Omega * ratio, np.broadcast_to(self.W, (len(ratio), *self.W.shape)))
-        return self.W.T @ Q, (self.W.T @ dQ) * ratio[:, None, None]
+        """G and dG/dOmega, (P, m, m) each, at frequencies Omega ratio (P,)."""
+        return self.response(Omega, ratio, self.W)
 
     def response(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """W^T D^-1 F and its derivative in Omega, (P, m) each, at frequencies Omega ratio (P,) for a load F (n,)."""
-        Q, dQ = self._direct(Omega * ratio, np.broadcast_to(F[:, None], (len(ratio), self.n, 1)))
-        return (self.W.T @ Q)[..., 0], (self.W.T @ dQ)[..., 0] * ratio[:, None]
+        """W^T D^-1 F and its derivative in Omega, (P, m, c) each, at frequencies Omega ratio (P,), of F (n, c)."""
+        Q, dQ = self._direct(Omega * ratio, np.broadcast_to(F, (len(ratio), *F.shape)))
+        return self.W.T @ Q, (self.W.T @ dQ) * ratio[:, None, None]
 
     def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """D(w)^-1 F and its derivative in w for F (K, n, c), by one factorisation each."""
@@ -390,39 +394,42 @@ class Structure:
 
 
 class _LoadPart(NamedTuple):
-    """One harmonic Omega^power Re(amplitudes exp(i order tau)) of a load, amplitudes (n,)."""
+    """One harmonic Omega^power Re(amplitudes exp(i k theta)) of a load, amplitudes (n,); k is order number ``at``."""
 
     power: int
-    order: int
+    at: int
     amplitudes: ComplexArray
 
 
 class Receptance:
-    """The linear part of the balance for harmonics 0..H of the basis frequency Omega / nu.
+    """The linear part of the balance for harmonics 0..H of the basis frequency Omega / nu, or some of them.
 
     Parameters
     ----------
     structure : `Structure`.
     system : the system, for its loads and prescribed displacements.
     H, nu : harmonics of the basis and its subharmonic order.
+    orders : (K+1,) those of the basis harmonics 0..H that are unknowns; all by default.
 
     Attributes
     ----------
     numbers : the same for kernels; without poles where receptances are solved for directly.
     """
 
-    def __init__(self, structure: Structure, system: System, H: int, nu: int) -> None:
+    def __init__(self, structure: Structure, system: System, H: int, nu: int, orders: np.ndarray | None = None) -> None:
         self.structure, self.H, self.nu = structure, H, nu
-        self.k = np.arange(H + 1)
-        self.e = np.zeros((H + 1, structure.m), dtype=complex)
+        self.k = np.arange(H + 1) if orders is None else orders
+        e = np.zeros((H + 1, structure.m), dtype=complex)
         for j, element in enumerate(system.elements):
             c = to_complex(stretch(element.displacement.row(H // nu), nu))
-            self.e[: len(c), j] = c
+            e[: len(c), j] = c
+        self.e = np.ascontiguousarray(e[self.k])
+        place = {k: i for i, k in enumerate(self.k.tolist())}
         self._loads: list[_LoadPart] = []
         for load in system.loads:
             for order, amplitudes in load.complex(system.n).items():
-                if order * nu <= H:
-                    self._loads.append(_LoadPart(load.power, order, amplitudes))
+                if order * nu in place:
+                    self._loads.append(_LoadPart(load.power, place[order * nu], amplitudes))
         self.numbers = self._numbers()
 
     def _numbers(self) -> Linear:
@@ -435,22 +442,23 @@ class Receptance:
             residues = (modes.output.T[:, :, None] * modes.input[:, None, :]).reshape(len(poles), m * m)
             each = [modes.output * (modes.left @ load.amplitudes) for load in self._loads]
             drive = np.array(each, dtype=complex).reshape(len(each), m, len(poles))
-        loads = np.array([(load.power, load.order * self.nu) for load in self._loads], dtype=np.int64).reshape(-1, 2)
+        loads = np.array([(load.power, load.at) for load in self._loads], dtype=np.int64).reshape(-1, 2)
+        left = np.setdiff1d(np.arange(2 * self.H + 1), self.k)
         return Linear(
-            in_two(poles), in_two(residues.T), np.array([structure.kr, structure.c]), self.e, loads, in_two(drive),
-            int(self.nu),
+            in_two(poles), in_two(residues.T), np.array([structure.kr, structure.c]), self.k.astype(np.int64),
+            left.astype(np.int64), self.e, loads, in_two(drive), int(self.nu),
         )  # fmt: skip
 
     def loads(self, Omega: float) -> ComplexArray:
-        """Load harmonics (H+1, n) at Omega."""
-        F = np.zeros((self.H + 1, self.structure.n), dtype=complex)
+        """Load harmonics (K+1, n) at Omega."""
+        F = np.zeros((len(self.k), self.structure.n), dtype=complex)
         for part in self._loads:
-            F[part.order * self.nu] += Omega**part.power * part.amplitudes
+            F[part.at] += Omega**part.power * part.amplitudes
         return F
 
     def at(self, Omega: float) -> LinearPart:
         """Z_k, g_k and their derivatives in Omega."""
-        out = LinearPart.zero(self.H, self.structure.m)
+        out = LinearPart.zero(len(self.k), self.structure.m)
         if self.structure.modal:
             from hbgear.harmonic.assembly import linear_part
 
@@ -467,8 +475,10 @@ class Receptance:
     def _directly(self, Omega: float, out: LinearPart) -> None:
         """The same by solving for the receptances."""
         s, ratio = self.structure, self.k / self.nu
-        w = Omega * ratio
-        G, dG = s.receptances(Omega, ratio)
+        w, m = Omega * ratio, s.m
+        amplitudes = np.array([part.amplitudes for part in self._loads]).reshape(-1, s.n)
+        x, dx = s.response(Omega, ratio, np.column_stack([s.W, amplitudes.T]))
+        G, dG = x[..., :m], dx[..., :m]
         Y, dY = out.matrices
         own = np.ix_(np.arange(len(w)), s.own, s.own)
         Y[own] = np.linalg.inv(G[own])
@@ -477,9 +487,9 @@ class Receptance:
         constants[:] = (out.matrices @ self.e[..., None])[..., 0]
         constants[0] -= (s.kr + 1j * w[:, None] * s.c) * self.e
         constants[1] -= 1j * ratio[:, None] * s.c * self.e
-        for part in self._loads:
-            k, power = part.order * self.nu, part.power
-            (y,), (dy,) = s.response(Omega, ratio[k : k + 1], part.amplitudes)
+        for n, part in enumerate(self._loads):
+            k, power = part.at, part.power
+            y, dy = x[k, :, m + n], dx[k, :, m + n]
             growth = Omega**power
             change = growth * dy + (power * Omega ** (power - 1) * y if power else 0.0)
             constants[0, k] -= Y[k] @ (growth * y)
@@ -487,7 +497,7 @@ class Receptance:
         Y -= np.diag(s.kr)
 
     def motion(self, Omega: float, d: ComplexArray, f: ComplexArray) -> ComplexArray:
-        """Harmonics q_k (H+1, n) of all coordinates from those of the gaps d and of the law forces f, (H+1, m) each.
+        """Harmonics q_k (K+1, n) of all coordinates from those of the gaps d and of the law forces f, (K+1, m) each.
 
         q_k = D_k^-1 (F_k - W (f_k - kr d_k - (kr + i w c) e_k))
         """

@@ -73,18 +73,18 @@ class SampledLaws:
                 dR.reshape(m, n)[j] += damping[i] @ derivative(rows[j]) / self.nu
         return float(np.linalg.norm(f))
 
-    def add_neglected(self, X: Array, Omega: Array, f: ComplexArray) -> None:
-        """Put the force harmonics H+1..2H of motions X (P, n) into f (P, m, H), as far as N samples reach."""
-        P, m, H = f.shape
+    def add_neglected(self, X: Array, Omega: Array, left: np.ndarray, f: ComplexArray) -> None:
+        """Put the force harmonics ``left`` (L,) of motions X (P, n) into f (P, m, L), as far as N samples reach."""
+        P, m, _ = f.shape
         N = self._transform.N
+        reached = left[left < N // 2]
         c = to_complex(X.reshape(P, m, -1))[:, self.elements]
         velocity = samples_of((Omega / self.nu)[:, None, None] * derive(c), N)
         velocity += (Omega / self.nu)[:, None, None] * self._grid[1]
         tau = np.tile(2 * np.pi * self.nu * np.arange(N) / N, P)
         for i, (j, d) in enumerate(zip(self.elements, (samples_of(c, N) + self._grid[0]).swapaxes(0, 1), strict=True)):
             p = self.laws[i].force(d.ravel(), velocity[:, i].ravel(), tau)[0].reshape(P, -1)
-            tail = np.fft.rfft(p)[:, H + 1 : min(2 * H, N // 2 - 1) + 1]
-            f[:, j, : tail.shape[1]] = 2 * tail / N
+            f[:, j, : len(reached)] = 2 * np.fft.rfft(p)[:, reached] / N
 
 
 def products(kappa: ComplexArray) -> Array:
@@ -93,5 +93,5 @@ def products(kappa: ComplexArray) -> Array:
 
     out: Array = np.zeros((len(kappa), kappa.shape[1], kappa.shape[1]))
     for one, T in zip(np.ascontiguousarray(kappa), out, strict=True):
-        add_product(one, T)
+        add_product(one, np.arange(len(T) // 2 + 1), T)
     return out

@@ -50,10 +50,11 @@ def spectrum(x: Any, basis: Any, out: Any) -> None:
 
 @kernel
 def neglected_samples(numbers: Any, rows: Any, omega: float, f: Any) -> None:
-    """Put one-sided force harmonics H+1..2H of the compiled laws in their rows of f (m, H)."""
-    H, N = f.shape[1], numbers.basis.shape[1]
+    """Put one-sided force harmonics of the orders left, of the compiled laws, in their rows of f (m, L)."""
+    H, N, left = numbers.basis.shape[0] // 2, numbers.basis.shape[1], numbers.linear.left
     part = np.empty(2 * H + 1, dtype=np.complex128)
     for q in range(numbers.laws.own.shape[0]):
         spectrum(samples_of(numbers, rows, q, omega)[:, 0], numbers.basis, part)
-        for k in range(H + 1, min(2 * H, N // 2 - 1) + 1):
-            f[numbers.laws.own[q], k - H - 1] = 2.0 * part[k]
+        for i in range(left.shape[0]):
+            if left[i] < N // 2:
+                f[numbers.laws.own[q], i] = 2.0 * part[left[i]]

@@ -23,13 +23,13 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.replacing import replacing
-from hbgear.continuation.algebra import norm
 from hbgear.continuation.bordered import Augmented, Fold
 from hbgear.continuation.branch import Jump, Point, SpecialPoint
 from hbgear.continuation.differences import in_parameter
 from hbgear.continuation.events import event_at
 from hbgear.continuation.newton import NoConvergence, refine, solve
 from hbgear.continuation.problem import FullProblem, as_problem
+from hbgear.continuation.reading import Reader
 from hbgear.continuation.sensitivity import (
     Slopes,
     along,
@@ -40,6 +40,7 @@ from hbgear.continuation.sensitivity import (
     tangent,
 )
 from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.critical import Critical
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.special import EXTREMA, ExtremumPeak, Peak
 from hbgear.harmonic.speeds import MESH, PINION, scales
@@ -157,11 +158,11 @@ class Sensitivity:
 
 
 @checked_arguments(
-    point="a special point, peak, jump or row of a curve, such as curve['LP1']",
+    point="a special point, peak, jump, critical value or row of a curve, such as curve['LP1']",
     parameters="names of parameters, such as ('zeta', 'e[0]')",
 )
 def sensitivity(
-    point: Point | Jump,
+    point: Point | Jump | Critical,
     parameters: Sequence[str] | None = None,
     *,
     measure: str | None = None,
@@ -176,7 +177,7 @@ def sensitivity(
     Parameters
     ----------
     point : of a curve that knows its problem: ``curve["LP1"]``, ``curve.jumps()[0]``, ``hb.peaks(curve)[0]``,
-        ``curve[7]``, ``hb.critical(...).point``.
+        ``curve[7]``; or a critical value, ``hb.critical(...)``, whose first quantity is the value itself.
     parameters : names, entries of tuples as ``eps[0]``; by default all of the model.
     measure, element : amplitude, as of `Branch.amplitude`; by default rms, of a peak its own.
     multipliers : derivatives of the largest modulus of the multipliers too.
@@ -208,10 +209,12 @@ def sensitivity(
     >>> round(found.of("Omega")["zeta"], 2) > 0
     True
     """
+    if isinstance(point, Critical):
+        point = point.point
     one = point.before if isinstance(point, Jump) else point
     problem, here, parameter = _asked(one)
     names = _names(problem, here, parameter, parameters)
-    where = _At(_remembering(problem, one, 2 * len(names) + 8), one, here, parameter, names)
+    where = _At(_remembering(problem, one, 2 * len(names) + _ASIDE), one, here, parameter, names)
     slopes = where.slopes()
     rows: list[_Row] = [(parameter, here[parameter], slopes.p)]
     rows += [(name, here[name], X_a) for name, X_a in where.unknown(slopes)]
@@ -231,6 +234,9 @@ def sensitivity(
     values = np.array([here[name] for name in names])
     quantities, sizes, moved = zip(*rows, strict=True)
     return Sensitivity(label, names, values, quantities, np.array(sizes), np.array(moved))
+
+
+_ASIDE = 32  # sets of parameters that are asked for beside two for each derivative
 
 
 _Row = tuple[str, float, Array]  # quantity, value, derivatives
@@ -427,15 +433,12 @@ class _At:
         if layout is None:
             return []
         X, width = self.point.X, len(self.point.X)
-
-        def size(Y: Array) -> float:
-            return float(layout.measure(measure, Y, element))
-
-        moved = np.array([_derivative(size, X, dX[:width]) for dX in X_a])
-        rows: list[_Row] = [(name, size(X), moved)]
+        size = float(layout.measure(measure, X, element))
+        moved = measured_along(layout, measure, element, X[None], X_a[None, :, :width])[0]
+        rows: list[_Row] = [(name, size, moved)]
         own, changes = units
         if LENGTH in own:
-            rows.append((f"{name} {LENGTH}", own[LENGTH] * size(X), own[LENGTH] * moved + size(X) * changes[LENGTH]))
+            rows.append((f"{name} {LENGTH}", own[LENGTH] * size, own[LENGTH] * moved + size * changes[LENGTH]))
         return rows
 
     def landed(self, after: Point, p_a: Array) -> tuple[_At, Array]:
@@ -489,7 +492,15 @@ class Relocation:
         self._slopes = np.column_stack([slopes.X, slopes.p])
 
     def at(self, changes: Array) -> float:
-        """The value of the curve's parameter at the point, for changes (A,) of the parameters.
+        """The value of the curve's parameter at the point, for changes (A,) of the parameters; see `solved`."""
+        return float(self.solved(changes)[0][-1])
+
+    def slopes(self, U: Array, here: Mapping[str, float]) -> Slopes:
+        """Derivatives of the unknowns and of the curve's parameter at a point that was `solved` for."""
+        return of_special(self._equations, U, here, self._names)
+
+    def solved(self, changes: Array) -> tuple[Array, dict[str, float]]:
+        """The point (X, p) for changes (A,) of the parameters, and all parameters.
 
         Raises
         ------
@@ -502,7 +513,7 @@ class Relocation:
         moved, expected = abs(found[-1] - self._U[-1]), abs(U[-1] - self._U[-1])
         if moved > _FAR * (expected + 1e-3 * abs(self._U[-1])):
             raise NoConvergence("Newton ended at another point", found, here, [])
-        return float(found[-1])
+        return found, here
 
 
 _FAR = 5.0  # times the change to first order by which a point moves at most
@@ -513,10 +524,12 @@ def _innermost(problem: FullProblem) -> FullProblem:
     return _innermost(problem.problem) if isinstance(problem, Augmented) else problem
 
 
-def _derivative(of: Callable[[Array], float], X: Array, along: Array) -> float:
-    """Derivative of a function of X along a vector."""
-    length = norm(along)
-    if not length or not math.isfinite(length):
-        return 0.0 if not length else math.nan
-    h = 1e-5 * max(1e-3, norm(X)) / length
-    return (of(X + h * along) - of(X - h * along)) / (2 * h)
+def measured_along(layout: Reader, measure: str, element: int | str, X: Array, along: Array) -> Array:
+    """Derivatives (P, A) of an amplitude of motions X (P, n) along directions (P, A, n); nan of those not finite."""
+    sizes = np.linalg.norm(along, axis=-1)
+    known = np.isfinite(sizes)
+    h = 1e-5 * np.maximum(np.linalg.norm(X, axis=-1), 1e-3)[:, None] / np.where(known & (sizes > 0), sizes, 1.0)
+    moved = h[..., None] * np.where(known[..., None], along, 0.0)
+    up, down = (layout.measure(measure, X[:, None] + side * moved, element) for side in (1, -1))
+    rates: Array = np.where(known, up - down, math.nan) / (2 * h)
+    return rates

@@ -32,8 +32,8 @@ from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, null_vect
 from hbgear.continuation.differences import STEP, difference_along, in_parameter
 from hbgear.continuation.newton import NoConvergence
 from hbgear.continuation.problem import AnyProblem, linearise
-from hbgear.harmonic.hill import Condensed
-from hbgear.mechanics.fourier import extrema, to_real, waves
+from hbgear.harmonic.hill import Condensed, slopes
+from hbgear.mechanics.fourier import extrema, places, to_real, waves
 
 
 class PeriodDoubling(Fold):
@@ -68,8 +68,7 @@ class PeriodDoubling(Fold):
     def __init__(self, problem: AnyProblem, parameter: str = "") -> None:
         super().__init__(problem, parameter)
         doubled = problem.doubled
-        k = np.arange(doubled.H + 1)
-        harmonic = np.tile(np.concatenate([[0], np.repeat(k[1:], 2)]), problem.m)
+        harmonic = np.tile(np.concatenate([[0], np.repeat(doubled.orders[1:], 2)]), problem.m)
         self._fixed(doubled=doubled, odd=np.flatnonzero(harmonic % 2), even=np.flatnonzero(harmonic % 2 == 0))
 
     def embed(self, X: Array) -> Array:
@@ -222,12 +221,12 @@ class NeimarkSacker(Augmented):
         phi = -q / pair.rate  # of e^{-in theta}, n = -2H..2H
         rows = to_real(phi[:, 2 * H :].conj() + phi[:, 2 * H :: -1])
         rows[:, 0] /= 2.0
-        wide = self.problem.finer or self.problem.with_order(self.problem.nu, 2 * H)
-        compiled, at, along = wide.compiled(here), wide.fitted(X), rows.ravel()
-        h = difference_along(at, along)
-        bent = (compiled.stiffness(at + h * along) - compiled.stiffness(at - h * along)) / (2 * h)
-        means = bent[:: 4 * H + 1].sum(axis=0)
-        out: Array = means.reshape(m, -1)[:, : 2 * H + 1].ravel()
+        compiled, at = self.problem.compiled(here), np.zeros((m, 4 * H + 1))
+        at[:, : 2 * H + 1] = self.problem.rows(X)
+        h = difference_along(at.ravel(), rows.ravel())
+        up, down = (slopes(compiled, (at + side * h * rows).ravel())[:, self.problem.orders] for side in (1, -1))
+        bent = (up - down) / (2 * h)  # what the mean force does when the motion moves along an order: its coefficient
+        out: Array = to_real(bent).ravel()
         return out
 
     def _moved(self, X: Array, here: dict[str, float], name: str, pair: _Pair) -> float:
@@ -248,6 +247,8 @@ def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: 
     ------
     NoConvergence
         If it does not converge.
+    ValueError
+        If it is the exponent of a mode that no gap changes.
     """
     corner = np.zeros(len(b) + 1)
     corner[-1] = 1.0
@@ -258,7 +259,7 @@ def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: 
         right, left = scipy.linalg.lu_solve(lu, corner), scipy.linalg.lu_solve(lu, corner, trans=2)
         v, w, g = right[:-1], left[:-1], right[-1]
         rate = complex(w.conj() @ D_s @ v)
-        if not np.isfinite([g, rate]).all() or abs(rate) <= _NOWHERE * abs(g) / hill.omega:
+        if not abs(g) < hill.omega * abs(rate):  # exponents repeat at this distance: none is nearby
             break
         step = g / rate
         s, known = s + step, len(steps) and steps[-1] <= 1e-7 * hill.omega
@@ -268,9 +269,6 @@ def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: 
             y = np.einsum("kij,ki->kj", G.conj(), w.reshape(-1, hill.m)).ravel()
             return _Pair(s, v, w, y, rate)
     raise NoConvergence("Newton found no exponent of Hill's determinant", X, here, steps)
-
-
-_NOWHERE = 1e-6  # rate at which the determinant of no exponent nearby changes, over its value
 
 
 def _unit(v: ComplexArray) -> ComplexArray:
@@ -320,8 +318,8 @@ class Grazing(Augmented):
         now = linearise(self.problem, X, self.parameter, here)
         g, at = self.problem.graze(X, self.which, **here)
         element = self.problem.clearance_elements[self.which]
-        w = waves(at, self.problem.H)[0]
-        slope = np.zeros((self.problem.m, 2 * self.problem.H + 1))
+        w = waves(at, self.problem.H)[0, self.problem.orders]
+        slope = np.zeros((self.problem.m, 2 * len(w) - 1))
         slope[element, 0], slope[element, 1::2], slope[element, 2::2] = 1.0, w.real[1:], w.imag[1:]
         k = base.weight
         changes = (self._changed(X, here, name, now.dR_dX) for name in names)
@@ -338,7 +336,7 @@ class Grazing(Augmented):
         dg = self._moved(X, here, name, self.which)
         if not dg:
             return linearise(self.problem, X, name, here).dR_dp, dg
-        along, elements = np.zeros((self.problem.m, 2 * self.problem.H + 1)), self.problem.clearance_elements
+        along, elements = np.zeros((self.problem.m, len(X) // self.problem.m)), self.problem.clearance_elements
         for which in np.flatnonzero(np.abs(self.problem.clearance(X, **here)) < _TOUCHING * (1.0 + norm(X))):
             along[elements[which], 0] = -self._moved(X, here, name, int(which))
         X_a, value = along.ravel(), here[name]
@@ -397,13 +395,13 @@ class Peak(Augmented):
         self._fixed(measure=measure, element=element, S=self._weights(measure, element).ravel())
 
     def _weights(self, measure: str, element: int) -> Array:
-        """S (m, 2H + 1)."""
-        S = np.zeros((self.problem.m, 2 * self.problem.H + 1))
+        """S, as X."""
+        S = np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
         if measure == "rms":
             S[element, 1:] = 1.0
         else:
-            k = _harmonic(measure, self.problem)
-            S[element, 2 * k - 1 : 2 * k + 1] = 1.0
+            at = int(np.searchsorted(self.problem.orders, _harmonic(measure, self.problem)))
+            S[element, 2 * at - 1 : 2 * at + 1] = 1.0
         return S
 
     @property
@@ -470,12 +468,13 @@ class ExtremumPeak(Peak):
     def _weights(self, measure: str, element: int) -> Array:
         if measure not in EXTREMA:
             raise ValueError(f"extremum of {measure!r}: need {', '.join(EXTREMA)}")
-        return np.zeros((self.problem.m, 2 * self.problem.H + 1))
+        return np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
 
     def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
         """Gradient (n,) of A, and its derivative along t (n,): theta_i moves by -w'(theta_i).t / d''(theta_i)."""
-        slope, bent = np.zeros((2, self.problem.m, 2 * self.problem.H + 1))
-        row, along = X.reshape(self.problem.m, -1)[self.element], t.reshape(self.problem.m, -1)[self.element]
+        orders = self.problem.orders
+        slope, bent = np.zeros((2, self.problem.m, 2 * len(orders) - 1))
+        row, along = (self.problem.rows(x)[self.element] for x in (X, t))
         if self.measure == "mean":
             slope[self.element, 0] = 1.0
             return slope.ravel(), bent.ravel()
@@ -487,8 +486,8 @@ class ExtremumPeak(Peak):
         for share, at in parts:
             c = np.exp(-1j * k * at)
             w, w1, w2 = to_real(c), to_real(-1j * k * c), to_real(-(k**2) * c)
-            slope[self.element] += share * w
-            bent[self.element] -= share * w1 * float(w1 @ along) / float(w2 @ row)
+            slope[self.element] += share * w[places(orders)]
+            bent[self.element] -= share * w1[places(orders)] * float(w1 @ along) / float(w2 @ row)
         return slope.ravel(), bent.ravel()
 
 
@@ -501,6 +500,8 @@ def _harmonic(measure: str, problem: Any) -> int:
     nu, H = problem.nu, problem.H
     found = re.fullmatch(r"H(\d+)(?:/(\d+))?", measure)
     k = int(found[1]) * nu / int(found[2] or 1) if found and found[2] != "0" else 0
+    if k == int(k) and 1 <= k <= H and k not in problem.orders:
+        raise ValueError(f"peak of {measure!r}: the balance leaves out that order; give more of them")
     if k != int(k) or not 1 <= k <= H:
         fractions = f", also H1/{nu}, ..." if nu > 1 else ""
         raise ValueError(f"peak of {measure!r}: need 'rms' or 'H1' to 'H{H // nu}'{fractions}")

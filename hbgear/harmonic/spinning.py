@@ -43,7 +43,7 @@ class Spinning(Structure):
         assert system.speed is not None
         self._speed = system.speed
         self._whole: Recent[Structure] = Recent(_KEPT)
-        self._is_checked = False
+        self._free: bool | None = None
         super().__init__(system)
 
     def _close(self, system: System) -> None:
@@ -54,40 +54,39 @@ class Spinning(Structure):
         """The structure at one Omega, with its modes."""
         return self._whole.get(Omega, lambda: Structure(self.system.at_speed(Omega)))
 
-    def _solved(self, Omega: float, ratio: Array, F: Array) -> tuple[ComplexArray, ComplexArray]:
-        """W^T D^-1 F (P, m, c) and its derivative in Omega, at harmonics k / nu = ratio (P,), for F (n, c)."""
+    def response(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         C, K = (A + dense(B) for A, B in zip((self.C, self.K), self._speed.at(Omega, self.n), strict=True))
         dC, dK = (dense(B) for B in self._speed.slope(Omega, self.n))
         r, w = ratio[:, None, None], Omega * ratio[:, None, None]
         D = K + 1j * w * C - w**2 * self.M
         dD = dK + 1j * w * dC + 1j * r * C - 2 * w * r * self.M
         Q, L = np.empty((len(ratio), *F.shape), dtype=complex), np.empty((len(ratio), self.n, self.m), dtype=complex)
-        moving = ratio > 0
+        moving = ratio > 0 if self._loose(K) else np.full(len(ratio), True)
         Q[moving] = np.linalg.solve(D[moving], np.broadcast_to(F, Q[moving].shape))
         L[moving] = np.linalg.solve(D[moving].transpose(0, 2, 1), np.broadcast_to(self.W, L[moving].shape))
         if not moving.all():
-            flexibility = self._static(K)
+            flexibility = self._flexibility(K)
             Q[~moving], L[~moving] = flexibility @ F, flexibility.T @ self.W
         Lt = L.transpose(0, 2, 1)
         return self.W.T @ Q, -(Lt @ (dD @ Q))
 
-    def _static(self, K: Array) -> Array:
-        """The inverse of K without its free motions; the loads are held against these once."""
-        s = self._scale
-        if not self._is_checked:
+    def _loose(self, K: Array) -> bool:
+        """Whether something moves freely, judged once, as the loads are held against it.
+
+        Where nothing does, K can be singular at single speeds only, as D can at any other harmonic.
+        """
+        if self._free is None:
             closed, self.K = self.K, K
             self.free_left = self._null(K.T)
             try:
                 self._check_balance()
             finally:
                 self.K = closed
-            self._is_checked = True
+            self._free = self.free_left.shape[1] > 0
+        return self._free
+
+    def _flexibility(self, K: Array) -> Array:
+        """The inverse of K without its free motions."""
+        s = self._scale
         inverse: Array = s[:, None] * scipy.linalg.pinv(K * np.outer(s, s), rtol=1e-12) * s
         return inverse
-
-    def receptances(self, Omega: float, ratio: Array) -> tuple[ComplexArray, ComplexArray]:
-        return self._solved(Omega, ratio, self.W)
-
-    def response(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        y, dy = self._solved(Omega, ratio, F[:, None])
-        return y[..., 0], dy[..., 0]

@@ -314,8 +314,7 @@ def problem_point(problem: HarmonicBalance, X: Array, Omega: float) -> Point:
 
 def shifts(problem: HarmonicBalance, X: Array) -> list[Array]:
     """A motion of order nu and its copies shifted by 1, ..., nu - 1 periods of the excitation."""
-    c = to_complex(X.reshape(problem.m, -1))
-    k = np.arange(c.shape[-1])
+    c, k = to_complex(X.reshape(problem.m, -1)), problem.orders
     turns = range(problem.nu) if np.linalg.norm(problem.subharmonic_part(X)) > 1e-9 else range(1)
     return [to_real(c * np.exp(2j * np.pi * k * j / problem.nu)).ravel() for j in turns]
 
@@ -336,12 +335,15 @@ def random_motions(problem: HarmonicBalance, known: list[Array], count: int, rng
     means = [X.reshape(problem.m, -1)[:, 0] for X in known] or [np.zeros(problem.m)]
     out = []
     for i in range(count):
-        c = np.zeros((problem.m, problem.H + 1), dtype=complex)
-        top = min(problem.H, problem.nu + 1)
+        c = np.zeros((problem.m, len(problem.orders)), dtype=complex)
+        top = min(len(problem.orders) - 1, problem.nu + 1)
         if i % 2:  # motions of the size of the known ones, the higher harmonics smaller
             scale, weight = size * 10 ** rng.uniform(-0.7, 1.0), np.arange(1, top + 1) ** -0.5
         else:  # large ones, the excitation's own harmonic as strong as its subharmonics
-            scale, weight = size * 10 ** rng.uniform(-0.7, 1.2), np.where(np.arange(1, top + 1) <= problem.nu, 1, 0.5)
+            scale, weight = (
+                size * 10 ** rng.uniform(-0.7, 1.2),
+                np.where(problem.orders[1 : top + 1] <= problem.nu, 1, 0.5),
+            )
         phases = rng.uniform(0, 2 * np.pi, top)
         c[:, 1 : top + 1] = scale * weight * rng.uniform(0, 1, top) * np.exp(1j * phases)
         c[:, 0] = means[i % len(means)] + rng.normal(0, 0.3, problem.m) * scale

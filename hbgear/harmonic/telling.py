@@ -5,6 +5,7 @@ Numbers are written with the digits that hold. The command line, reports and not
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -20,6 +21,7 @@ from hbgear.harmonic.landings import landings
 from hbgear.harmonic.observables import layout_of
 from hbgear.harmonic.speeds import model_of, speeds_at
 from hbgear.mechanics.fields import defaults_of, kinds_of
+from hbgear.mechanics.periodic import Phased
 
 Rows = list[list[str]]
 
@@ -104,7 +106,9 @@ def trust(branch: Branch) -> list[str]:
     errors = [p.error / abs(p.parameters[branch.parameter]) for p in branch.special if p.parameters[branch.parameter]]
     points = f"what is labelled to {np.nanmax(errors):.0e}, " if errors and not np.isnan(errors).all() else ""
     verdicts = "" if branch.multipliers is None else ", stability sure at every point"
-    return [f"to be trusted: {points}motions to {branch.relative_error:.0e}{verdicts}"]
+    known = branch.meta.get("stability")
+    missing = [f"stability is {known}"] if isinstance(known, str) else []
+    return [f"to be trusted: {points}motions to {branch.relative_error:.0e}{verdicts}", *missing]
 
 
 def what_happens(branch: Branch, point: SpecialPoint) -> str:
@@ -177,13 +181,22 @@ def described(branch: Branch) -> str:
         name = about["class"] if catalogue.is_description(about) else "unknown"
         source = about.get("from") if catalogue.is_description(about) else None
         return f"{name} (not one of hbgear models{f'; from {source}' if isinstance(source, str) else ''})"
-    usual, fields = defaults_of(type(model)), kinds_of(type(model))
-    changed = [f"{f}={text_of(getattr(model, f))}" for f in fields if f not in usual or getattr(model, f) != usual[f]]
+    usual, values = defaults_of(type(model)), {name: getattr(model, name) for name in kinds_of(type(model))}
+    changed = [f"{f}={text_of(x)}" for f, x in values.items() if f not in usual or not _same(x, usual[f])]
     return f"{type(model).__name__}({', '.join(changed)}){'' if changed else ', all defaults'}"
 
 
+def _same(value: Any, usual: Any) -> bool:
+    """Whether a value is the usual one; a matrix is equal to none."""
+    return not hasattr(value, "shape") and bool(value == usual)
+
+
 def text_of(value: Any) -> str:
-    """A value as --set would take it."""
+    """A value as --set would take it; a part of a machine by its name, a matrix by its size."""
     if isinstance(value, list | tuple):
         return f"({','.join(map(text_of, value))}{',' * (len(value) == 1)})"
+    if hasattr(value, "shape"):
+        return " x ".join(map(str, value.shape))
+    if dataclasses.is_dataclass(value) and not isinstance(value, Phased):
+        return str(getattr(value, "name", "") or type(value).__name__)
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -230,7 +230,7 @@ _POINT: dict[str, Form] = {
 
 _FORMS: dict[type, dict[str, Form]] = {
     Layout: {"harmonics": _whole(0), "nu": _whole(1, 10_000), "elements": _tuple(_text), "breakpoints": _tuple(_FLOATS),
-             "labels": _table(_text)},
+             "labels": _table(_text), "orders": _optional(_tuple(_whole(1)))},
     Point: _POINT,
     SpecialPoint: {**_POINT, "kind": _text, "index": _whole(-1), "located": _flag, "interval": _tuple(_number, 2),
                    "note": _text, "meaning": _text, "marker": _marker, "truncation": _number},
@@ -307,6 +307,9 @@ def _check_motion(layout: Layout | None, X: Array, regime: Array, place: str) ->
     m = len(layout.elements)
     if not m or len(layout.breakpoints) != m:
         raise ValueError(f"{place} has {m} elements and the corners of {len(layout.breakpoints)}")
-    if X.shape[-1] != m * (2 * layout.harmonics + 1) or regime.shape[-1] not in (0, m):
+    orders = layout.orders
+    if orders is not None and (list(orders) != sorted(set(orders)) or max(orders, default=1) > layout.harmonics):
+        raise ValueError(f"{place} has orders {str(orders)[:40]}; they ascend from 1 to at most H = {layout.harmonics}")
+    if X.shape[-1] != layout.width or regime.shape[-1] not in (0, m):
         found = f"{X.shape[-1]} unknowns and {regime.shape[-1]} regimes"
         raise ValueError(f"{place} has {found}, which do not fit H = {layout.harmonics} and {m} elements")

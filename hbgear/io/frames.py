@@ -82,7 +82,7 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
             {"long_name": "amplitude of the motion", "measures": meanings, **size},
         )  # fmt: skip
         data["coefficients"] = (
-            ("point", "element", "term"), branch.X.reshape(len(branch), len(layout.elements), -1),
+            ("point", "element", "term"), layout.spread(branch.X),
             {"long_name": "Fourier coefficients a0, a1, b1, ... over the phase tau / nu", "nu": layout.nu, **size},
         )  # fmt: skip
         data["regime"] = (

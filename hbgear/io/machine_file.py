@@ -33,7 +33,7 @@ from hbgear.gears.gear import Gear
 from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
 from hbgear.gears.pair import GearPair
 from hbgear.gears.support import Support
-from hbgear.io.toml_file import Place, TomlFileError, bare, exactly, form, located, made, parsed, told
+from hbgear.io.toml_file import Place, TomlFileError, bare, checked, exactly, form, located, made
 from hbgear.mechanics.model import Model
 
 _SHARED = ("module", "face_width", "pressure_angle", "addendum", "dedendum", "fillet_radius", "E", "poisson", "density")
@@ -85,17 +85,9 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     MachineFileError
         If it cannot be read, or a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
     """
-    import pydantic
-
-    text, data = parsed(path, "a machine", MachineFileError)
-    schema = _schema()
-    try:
-        checked = schema.model_validate(data).model_dump(exclude_unset=True)
-    except pydantic.ValidationError as error:
-        problems = [told(schema, each) for each in error.errors()]
-        raise MachineFileError(located(path, text, problems)) from None
-    problems = []
-    machine = _Reader(problems, Path(path).parent).machine(checked)
+    text, data = checked(path, "a machine", MachineFileError, _schema())
+    problems: list[tuple[Place, str]] = []
+    machine = _Reader(problems, Path(path).parent).machine(data)
     if machine is None:
         raise MachineFileError(located(path, text, problems))
     return machine

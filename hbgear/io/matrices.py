@@ -16,11 +16,12 @@ import scipy
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.messages import did_you_mean, quoted
+from hbgear.common.messages import quoted
 from hbgear.common.ranges import ANY, checked
 from hbgear.mechanics.fourier import is_listed
 from hbgear.mechanics.matrices import square
 from hbgear.mechanics.model import Element, Load, System
+from hbgear.mechanics.receptances import vector_along
 from hbgear.mechanics.speed import OverSpeed, SpeedTerms
 
 NAMES = ("M", "K", "C", "G")
@@ -93,35 +94,8 @@ class Matrices:
         return int(self.M.shape[0])
 
     def along(self, coordinates: Mapping[str | int, float]) -> Array:
-        """A vector (n,) with these values of coordinates, by name or by number from 0, and 0 else.
-
-        Raises
-        ------
-        KeyError, IndexError
-            If there is no such coordinate.
-        ValueError
-            If nothing is given, or a value is no finite number.
-        """
-        if not isinstance(coordinates, Mapping) or not coordinates:
-            raise ValueError(
-                f"along: {quoted(coordinates)} must be values by coordinate, such as {{'{self.dof_names[0]}': 1.0}}"
-            )
-        out = np.zeros(self.n)
-        for name, value in coordinates.items():
-            checked("along", str(name), value, ANY)
-            out[self._number(name)] = value
-        return out
-
-    def _number(self, name: Any) -> int:
-        if isinstance(name, int | np.integer) and not isinstance(name, bool):
-            if not 0 <= name < self.n:
-                raise IndexError(
-                    f"there is no coordinate {name}; the {self.n} coordinates have the numbers 0 to {self.n - 1}"
-                )
-            return int(name)
-        if name not in self.dof_names:
-            raise KeyError(f"there is no coordinate '{name}'{did_you_mean(str(name), self.dof_names)}")
-        return list(self.dof_names).index(name)
+        """A vector (n,) with these values of coordinates, by name or number from 0, and 0 else; see `vector_along`."""
+        return vector_along(tuple(self.dof_names), coordinates)
 
     def system(self, elements: Sequence[Element], load: Load | Sequence[Load] = (), ratio: float = 1.0) -> System:
         """The `System` with these elements and loads.

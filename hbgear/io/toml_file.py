@@ -8,10 +8,10 @@ import tomllib
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 from hbgear.common.messages import did_you_mean, quoted, shortened
+from hbgear.common.texts import text_of_file
 from hbgear.common.units import Measured
 from hbgear.io.archive import too_deep
 
@@ -42,20 +42,38 @@ def parsed(path: str | os.PathLike[str], what: str, error_class: type[TomlFileEr
         Of the class given.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = text_of_file(path, what)
+    except ValueError as error:
+        raise error_class([str(error)]) from None
+    try:
         data = tomllib.loads(text)
         if not too_deep(data):
             return text, data
         reason = "a value in it is nested too deeply"
-    except OSError as error:
-        reason = str(error.strerror)
-    except UnicodeDecodeError:
-        reason = "it is no text (UTF-8)"
     except tomllib.TOMLDecodeError as error:
         reason = shortened(str(error), 200).replace("at end of document", f"at the end, line {len(text.splitlines())}")
     except RecursionError:
         reason = "a value in it is nested too deeply"
     raise error_class([f"'{path}' cannot be read as {what}: {reason}"])
+
+
+def checked(
+    path: str | os.PathLike[str], what: str, error_class: type[TomlFileError], schema: Any
+) -> tuple[str, dict[str, Any]]:
+    """Text of a file, and what stands in it if that is of the form of a model of pydantic.
+
+    Raises
+    ------
+    TomlFileError
+        Of the class given, if it cannot be read or is of another form.
+    """
+    import pydantic
+
+    text, data = parsed(path, what, error_class)
+    try:
+        return text, schema.model_validate(data).model_dump(exclude_unset=True)
+    except pydantic.ValidationError as error:
+        raise error_class(located(path, text, [told(schema, each) for each in error.errors()])) from None
 
 
 def located(path: str | os.PathLike[str], text: str, problems: Sequence[tuple[Place, str]]) -> list[str]:

@@ -17,27 +17,43 @@
     torque = "200 N m"
     pair = { backlash = "80 um" }
 
-Keys are the fields of `Train`, `Wheel`, `Shaft`, `Bearing` and `Mesh`; quantities are text with a unit, or numbers in
-SI. A wheel is given by its fields or by those of its `Gear`, a mesh by its fields or by those of its `GearPair` and a
-torque on the first wheel, from which stiffness, error, angles and backlash are computed.
+Keys are the fields of `Train`, `Wheel`, `Shaft`, `Beam`, `Bearing`, `Mesh` and `Housing`; quantities are text with a
+unit, or numbers in SI. A wheel is given by its fields or by those of its `Gear`, a mesh by its fields or by those of
+its `GearPair` and a torque on the first wheel, from which stiffness, error, angles and backlash are computed.
+
+    [[bearing]]             # a table over the speed of the wheel
+    at = "pinion"
+    table = { speed = ["600 r/min", "3000 r/min"], matrices = [[[1e8, 0.0], [0.0, 1e8]], [[2e8, 0.0], [0.0, 2e8]]] }
+
+    [housing]               # rows of numbers, or files as of `hb.from_matrices`
+    M = "mass.mtx"
+    K = "stiffness.mtx"
+    names = ["left", "right"]
+    seats = { pinion = { y = "left" } }
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Literal
 
+from hbgear.common.units import si
+from hbgear.gears.beam import Beam
 from hbgear.gears.gear import Gear
+from hbgear.gears.housing import Housing
 from hbgear.gears.pair import GearPair
 from hbgear.gears.train import Train
 from hbgear.gears.train_parts import Bearing, Mesh, Shaft, Wheel
-from hbgear.io.toml_file import Place, TomlFileError, exactly, form, located, made, parsed, told
+from hbgear.io.matrices import from_matrices
+from hbgear.io.toml_file import Place, TomlFileError, bare, checked, exactly, form, located, made, parsed
+from hbgear.mechanics.speed import MatrixTable
 
 _KINDS: dict[str, Any] = {
     "name": str, "first": str, "second": str, "at": str, "teeth": int, "internal": bool, "held": bool,
     "moves": Literal["torsion", "plane", "space"], "eps": list[float], "eps_lag": list[float], "e": list[float],
-    "e_lag": list[float], "backlash_measure": Literal["circumferential", "normal", "action"],
+    "e_lag": list[float], "elements": int, "backlash_measure": Literal["circumferential", "normal", "action"],
 }  # fmt: skip
 
 
@@ -61,16 +77,9 @@ def read_train(path: str | os.PathLike[str]) -> Train:
     TrainFileError
         If it cannot be read, or a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
     """
-    import pydantic
-
-    text, data = parsed(path, "a train", TrainFileError)
-    schema = _schema()
-    try:
-        checked = schema.model_validate(data).model_dump(exclude_unset=True)
-    except pydantic.ValidationError as error:
-        raise TrainFileError(located(path, text, [told(schema, each) for each in error.errors()])) from None
+    text, data = checked(path, "a train", TrainFileError, _schema())
     problems: list[tuple[Place, str]] = []
-    train = _train(checked, problems)
+    train = _train(data, Path(path).parent, problems)
     if train is None:
         raise TrainFileError(located(path, text, problems))
     return train
@@ -83,39 +92,51 @@ def _schema() -> Any:
     gear = form("gear", Gear, _KINDS, ("teeth", "module", "face_width"))
     pair = form("pair", GearPair, _KINDS, (), ("pinion", "wheel"))
     mesh = form("mesh", Mesh, _KINDS, ("first", "second"), _FUNCTIONS, pair=(pair, None), torque=(str | float, None))
+    table = create_model(
+        "table", __config__=exactly(), speed=(list[str | float], ...), matrices=(list[list[list[float]]], ...)
+    )
+    matrix: Any = str | list[list[float]]
+    housing = create_model(
+        "housing", __config__=exactly(), M=(matrix, ...), K=(matrix, ...), C=(matrix, None), names=(list[str], ()),
+        seats=(dict[str, dict[str, str]], {}),
+    )  # fmt: skip
     lists: dict[str, Any] = {
         "wheel": form("wheel", Wheel, _KINDS, ("name",), gear=(gear, None)),
         "shaft": form("shaft", Shaft, _KINDS, ("first", "second")),
-        "bearing": form("bearing", Bearing, _KINDS, ("at",), _TABLES),
+        "beam": form("beam", Beam, _KINDS, ("first", "second", "outer")),
+        "bearing": form("bearing", Bearing, _KINDS, ("at",), _TABLES, **dict.fromkeys(_TABLES, (table, None))),
         "mesh": mesh,
     }
     whole: dict[str, Any] = {
         name: (list[each], ... if name in ("wheel", "mesh") else [])  # type: ignore[valid-type]
         for name, each in lists.items()
-    } | {"balance": (str, ""), "gyroscopic": (bool, False)}
+    } | {"balance": (str, ""), "gyroscopic": (bool, False), "housing": (housing, None)}
     return create_model("train", __config__=exactly(), **whole)
 
 
 _TABLES = ("table", "damping_table")
-"""Fields of a bearing that a file has no place for."""
+"""Fields of a bearing that are tables over speed."""
 
 _FUNCTIONS = ("stiffness", "error")
-"""The same of a mesh."""
+"""Fields of a mesh that a file has no place for."""
 
 
-def _train(data: Mapping[str, Any], problems: list[tuple[Place, str]]) -> Train | None:
+def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, str]]) -> Train | None:
     """The train; None if something was refused."""
     gears: dict[str, Gear] = {}
     wheels = [_wheel(("wheel", i), table, gears, problems) for i, table in enumerate(data["wheel"])]
     meshes = [_mesh(("mesh", i), table, gears, problems) for i, table in enumerate(data["mesh"])]
-    shafts, bearings = (
+    shafts, beams = (
         [made(problems, (name, i), cls, table) for i, table in enumerate(data.get(name, []))]
-        for name, cls in (("shaft", Shaft), ("bearing", Bearing))
+        for name, cls in (("shaft", Shaft), ("beam", Beam))
     )
+    bearings = [_bearing(("bearing", i), table, problems) for i, table in enumerate(data.get("bearing", []))]
+    housing = _housing(data["housing"], folder, problems) if "housing" in data else None
     if problems:
         return None
     rest = {name: data[name] for name in ("balance", "gyroscopic") if name in data}
-    values = {"wheels": wheels, "meshes": meshes, "shafts": shafts, "bearings": bearings, **rest}
+    values = {"wheels": wheels, "meshes": meshes, "shafts": shafts, "bearings": bearings, "beams": beams,
+              "housing": housing, **rest}  # fmt: skip
     return made(problems, ("mesh", 0), Train, values)  # type: ignore[no-any-return]
 
 
@@ -134,6 +155,32 @@ def _wheel(
         return None
     gears[own["name"]] = gear
     return made(problems, place, Wheel, own, lambda **given: Wheel.of(gear=gear, **given))  # type: ignore[no-any-return]
+
+
+def _bearing(place: Place, table: Mapping[str, Any], problems: list[tuple[Place, str]]) -> Bearing | None:
+    """A bearing, its tables over the speed of the wheel."""
+    own = dict(table)
+    for name in _TABLES:
+        if own.get(name) is not None:
+            try:
+                speeds = [si("Bearing", f"{name}.speed", speed, "rad/s") for speed in own[name]["speed"]]
+                own[name] = MatrixTable(speeds, own[name]["matrices"])
+            except ValueError as error:
+                problems.append(((*place, name), bare(error)))
+                return None
+    return made(problems, place, Bearing, own)  # type: ignore[no-any-return]
+
+
+def _housing(table: Mapping[str, Any], folder: Path, problems: list[tuple[Place, str]]) -> Housing | None:
+    """The housing, its matrices out of files or as rows of numbers."""
+    try:
+        sources = {name: folder / table[name] if isinstance(table[name], str) else table[name]
+                   for name in ("M", "K", "C") if table.get(name) is not None}  # fmt: skip
+        found = from_matrices(sources)
+        return Housing(found.M, found.K, found.C, table.get("names", ()), table.get("seats", {}))
+    except ValueError as error:
+        problems.append((("housing",), bare(error)))
+        return None
 
 
 def _mesh(

@@ -48,6 +48,9 @@ class Unlikely(UserWarning):
     """
 
 
+_FAR_APART = 1e-3  # error between the lines of measured receptances, over their highest peak
+
+
 def tell(text: str) -> None:
     """Warn of it, at the line outside this package that led here."""
     level = 2
@@ -82,6 +85,12 @@ def of_model(model: Model, system: System) -> None:
     for name, usual in model.usual.items():
         _of_values(model, name, np.atleast_1d(np.asarray(getattr(model, name), dtype=float)), usual)
     _of_matrices(system)
+    if system.receptances is not None and system.receptances.coarseness > _FAR_APART:
+        tell(
+            f"the lines of the receptances are far apart: between them they are known to some "
+            f"{100 * system.receptances.coarseness:.2g} % of the highest peak; measure lines closer than a quarter of "
+            "the width of the peaks"
+        )
     for element in system.elements:
         springs = (spring for part in element.law.parts for spring in part.piecewise or ())
         if any(spring.stiffness.extremes()[0] < 0 for spring in springs):

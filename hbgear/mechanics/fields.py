@@ -74,8 +74,10 @@ def plain_kinds_of(cls: type) -> dict[str, Any]:
 
 
 def is_plain(kind: Any) -> bool:
-    """Whether values of a type can be written to a file and read again: numbers, texts, choices of them, tuples."""
-    return kind in (float, int, bool, str) or typing.get_origin(kind) in (typing.Literal, tuple)
+    """Whether values of a type are numbers, texts, truth values, choices of them, or tuples of such."""
+    if typing.get_origin(kind) is tuple:
+        return all(each is ... or is_plain(each) for each in typing.get_args(kind))
+    return kind in (float, int, bool, str) or typing.get_origin(kind) is typing.Literal
 
 
 def parameters_of(cls: type) -> tuple[str, ...]:

@@ -104,6 +104,22 @@ def resize(X: Array, H: int) -> Array:
     return out
 
 
+def places(orders: np.ndarray) -> np.ndarray:
+    """Where the coefficients of some harmonics, ascending, stand in a row of all of them."""
+    both = np.stack([2 * orders - 1, 2 * orders], axis=-1).ravel()
+    return both[1:] if len(orders) and orders[0] == 0 else both
+
+
+def spread(X: Array, m: int, orders: np.ndarray, H: int) -> Array:
+    """Rows (..., m, 2H + 1) of all harmonics from X (..., m (2K + 1)), those of K orders and 0; others are zero."""
+    some = X.reshape(*X.shape[:-1], m, -1)
+    if some.shape[-1] == 2 * H + 1:
+        return some
+    out = np.zeros((*some.shape[:-1], 2 * H + 1), dtype=X.dtype)
+    out[..., places(orders)] = some
+    return out
+
+
 def stretch(X: Array, nu: int) -> Array:
     """Rows of the same function seen over ``nu`` of its periods: harmonic k becomes harmonic ``nu k``."""
     c = to_complex(X)

@@ -6,13 +6,12 @@
 * ``w_j`` (n,) direction of element j, ``d_j`` its element coordinate (the mesh gap of a gear pair), ``e_j`` a
   prescribed displacement (the transmission error), ``p_j`` a scalar law, ``c_j`` a viscous damper beside it;
 * ``F = Omega^power (F_0 + sum_l F_cl cos(l tau) + F_sl sin(l tau))``;
-* C and K may have terms that depend on Omega, see `speed`.
+* C and K may have terms that depend on Omega, see `speed`; parts may be known by receptances, see `receptances`.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -25,13 +24,15 @@ from numpy.typing import ArrayLike
 
 from hbgear.common.arguments import check, check_fields
 from hbgear.common.arrays import Array
-from hbgear.common.messages import quoted
+from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked, counted
+from hbgear.mechanics.describing import told
 from hbgear.mechanics.fields import check_names, entries_of, parameters_of, with_entries
 from hbgear.mechanics.fourier import MOST_HARMONICS, Series, is_listed, real_numbers
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.matrices import square
-from hbgear.mechanics.periodic import Periodic, Phased, described
+from hbgear.mechanics.periodic import Periodic, Phased
+from hbgear.mechanics.receptances import Receptances
 from hbgear.mechanics.scales import Scales
 from hbgear.mechanics.speed import SpeedTerms
 
@@ -107,6 +108,11 @@ class Model(ABC):
     def reactions(self) -> Mapping[str, Reaction]:
         """Forces in linear supports that are told along a curve, by name; none by default."""
         return {}
+
+    @property
+    def sharing(self) -> Sequence[str]:
+        """Names of the elements that share a load; () for all. See `hbgear.load_sharing`."""
+        return ()
 
     @property
     def orders(self) -> Mapping[str, float]:
@@ -335,6 +341,8 @@ class System(Model):
     load : `Load` or a sequence of them.
     dof_names : (n,) names of the coordinates; ``q1, q2, ...`` by default.
     speed : `SpeedTerms`, what is added to C and K at an Omega: gyroscopic terms, bearings. None if nothing is.
+    receptances : `Receptances` of some of the coordinates, by their names: a part that was measured. These need no mass
+        then. None without. Curves have no stability with them, and nothing can be integrated in time.
 
     Raises
     ------
@@ -359,6 +367,7 @@ class System(Model):
     load: Load | Sequence[Load] = ()
     dof_names: Sequence[str] = ()
     speed: SpeedTerms | None = None
+    receptances: Receptances | None = None
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -396,6 +405,12 @@ class System(Model):
                 raise ValueError(f"a load vector has shape {vector.shape}; need ({n},)")
         if len(names) != n:
             raise ValueError(f"{len(names)} dof_names for {n} coordinates")
+        check("System", "receptances", self.receptances, Receptances | None)
+        for name in self.receptances.names if self.receptances is not None else ():
+            if names.count(name) != 1:
+                raise ValueError(f"receptances: there is no coordinate '{name}'{did_you_mean(name, names)}")
+        if self.receptances is not None and self.speed is not None:
+            raise ValueError("a System has receptances or terms that depend on speed; both at once cannot be computed")
         named = tuple(e if e.name else dataclasses.replace(e, name=f"element {i + 1}") for i, e in enumerate(elements))
         set_(self, "elements", named)
         set_(self, "load", loads)
@@ -415,12 +430,26 @@ class System(Model):
         Raises
         ------
         ValueError
-            If Omega is outside of a table.
+            If Omega is outside of a table, or parts are known by receptances only.
         """
+        self.check_matrices()
         if self.speed is None:
             return self
         C, K = self.speed.at(float(Omega), self.n)
         return dataclasses.replace(self, C=self.C + C, K=self.K + K, speed=None)
+
+    def check_matrices(self) -> None:
+        """Refuse what needs all of M, C and K where parts are known by receptances only.
+
+        Raises
+        ------
+        ValueError
+        """
+        if self.receptances is not None:
+            raise ValueError(
+                f"{', '.join(self.receptances.names)} are known by receptances only; this needs M, C and K of all "
+                "coordinates: modes, stability and integration in time have none"
+            )
 
     @property
     def n(self) -> int:
@@ -441,22 +470,19 @@ class System(Model):
 def describe(model: Model) -> dict[str, Any]:
     """``{"class": name, "fields": {...}}`` of plain numbers, strings and lists, fit for JSON.
 
-    Fields that JSON cannot hold (the matrices of a `System`) are left out: such a model cannot be rebuilt. Of a model
-    that is not of hbgear ``"from"`` says where it was written, for the eye of whoever reads the file.
+    Fields that are no data (functions, laws of your own, very large matrices) are left out, and named in
+    ``"left_out"``: such a model cannot be rebuilt. Of a model that is not of hbgear ``"from"`` says where it was
+    written, for the eye of whoever reads the file.
     """
     fields: dict[str, Any] = {}
+    left_out = []
     for each in dataclasses.fields(model):  # type: ignore[arg-type]
-        value = getattr(model, each.name)
-        if isinstance(value, Phased):
-            value = described(value)
-        if isinstance(value, np.generic):
-            value = value.item()
         try:
-            fields[each.name] = json.loads(json.dumps(value))
+            fields[each.name] = told(getattr(model, each.name))
         except TypeError:
-            continue
-    source = source_of(type(model))
-    return {"class": type(model).__name__, "fields": fields, **({"from": source} if source else {})}
+            left_out.append(each.name)
+    source, out = source_of(type(model)), {"class": type(model).__name__, "fields": fields}
+    return out | ({"left_out": left_out} if left_out else {}) | ({"from": source} if source else {})
 
 
 def source_of(cls: type) -> str:

@@ -220,6 +220,7 @@ def _reference(system: System, Omega: float | None) -> float | None:
 
 def _closed(system: System, Omega: float | None = None) -> tuple[Any, Any, Any]:
     """Sparse M, C and K with dampers and reference springs of the elements, at a speed if one is given."""
+    system.check_matrices()
     system = system if Omega is None else system.at_speed(Omega)
     W = scipy.sparse.csr_array(system.W)
     springs = scipy.sparse.diags_array([e.law.reference for e in system.elements])

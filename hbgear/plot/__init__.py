@@ -15,6 +15,7 @@ from hbgear.common import late as _late
 from hbgear.plot.runs import RUNS, orders, runs, waterfall  # at once: a function has the name of its module
 
 if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.plot.bands import band
     from hbgear.plot.curves import jump_map, response, responses, speed_axes
     from hbgear.plot.effects import tornado
     from hbgear.plot.fits import fitted, measured
@@ -55,7 +56,7 @@ if TYPE_CHECKING:  # imported when they are first used
         legend_entry,
         save,
     )
-    from hbgear.plot.trains import train
+    from hbgear.plot.trains import load_sharing, planetary, train
 
 __all__ = [
     "BASINS",
@@ -78,6 +79,7 @@ __all__ = [
     "WIDTHS",
     "State",
     "against_parameters",
+    "band",
     "basins",
     "bifurcation",
     "campbell",
@@ -88,11 +90,13 @@ __all__ = [
     "jump_distribution",
     "jump_map",
     "legend_entry",
+    "load_sharing",
     "measured",
     "mesh_cycles",
     "orders",
     "percentiles",
     "phase_diagram",
+    "planetary",
     "portrait",
     "response",
     "responses",

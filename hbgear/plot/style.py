@@ -95,9 +95,13 @@ STYLE: Any = {
 """Settings of matplotlib while a figure is drawn."""
 
 
-def scaled_axes(ax: Axes, known: dict[str, float], side: str = "top", title: str = "mesh frequency [Hz]") -> list[Any]:
+SPEEDS = {PINION: "speed of the pinion [r/min]", MESH: "mesh frequency [Hz]"}
+"""Names of axes of frequencies in physical units."""
+
+
+def scaled_axes(ax: Axes, known: dict[str, float], side: str = "top", title: str = SPEEDS[MESH]) -> list[Any]:
     """Axes at the top or on the right of Omega, or of an order of it, times each scale."""
-    titles = {PINION: "speed of the pinion [r/min]", MESH: title}
+    titles = {**SPEEDS, MESH: title}
     added: list[Any] = []
     for name in [name for name in titles if name in known]:
         make = ax.secondary_xaxis if side == "top" else ax.secondary_yaxis

@@ -1,4 +1,4 @@
-"""Figures of trains: where the wheels are, how they turn and where they touch."""
+"""Figures of trains and planetary sets: where the wheels are, how they turn and where they touch, and shares."""
 
 from __future__ import annotations
 
@@ -7,12 +7,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbgear.common.arguments import checked_arguments
+from hbgear.continuation.branch import Branch
 from hbgear.gears.phasing import inner_first
+from hbgear.gears.planetary import PlanetarySet
 from hbgear.gears.train import Train
-from hbgear.plot.style import BRANCHES, COLOURS, GREY, axes_or_new, dress, styled
+from hbgear.harmonic.observables import layout_of
+from hbgear.harmonic.sharing import Sharing
+from hbgear.plot.stretches import stretches
+from hbgear.plot.style import BRANCHES, COLOURS, GREY, LINES, axes_or_new, dress, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+_BEHIND = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85}
+"""Box behind text on lines."""
 
 _ARROW = 0.45  # radius of the arrow of a turning wheel, over that of the wheel
 
@@ -46,13 +54,13 @@ def train(machine: Train, ax: Axes | None = None) -> Axes:
         for shaft in machine.shafts:
             ends = np.array([places[shaft.first], places[shaft.second]])
             ax.plot(*ends.T, "-", color=GREY, linewidth=2.2, zorder=1, label="shaft", gid="shaft")
+        for beam in machine.beams:
+            ends = np.array([places[beam.first], places[beam.second]])
+            ax.plot(*ends.T, "-", color=GREY, linewidth=4.5, alpha=0.6, zorder=1, label="shaft with mass", gid="beam")
         for i, (mesh, angles) in enumerate(zip(machine.meshes, found.angles, strict=True)):
             _line_of_action(ax, machine, i, mesh, angles, places, size)
         for bearing in machine.bearings:
-            x, y = places[bearing.at]
-            ax.plot(
-                [x], [y - 0.12 * size[bearing.at]], "^", color="black", markersize=5, fillstyle="none", label="bearing"
-            )
+            _bearing(ax, machine, bearing, places[bearing.at] - [0.0, 0.12 * 1e3 * size[bearing.at]])
         for name, wheel in wheels.items():
             _wheel(ax, wheel, places[name], size[name], float(found.speeds[name]))
         ax.set_aspect("equal")
@@ -66,6 +74,122 @@ def train(machine: Train, ax: Axes | None = None) -> Axes:
                 handles.setdefault(str(line.get_label()), line)
         ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
     return ax
+
+
+@checked_arguments()
+def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
+    """A planetary set seen along its axis: sun, planets at their places, ring and carrier, and how each turns.
+
+    Beside every planet stand the lags of its meshes with the sun and with the ring, in mesh cycles.
+
+    Parameters
+    ----------
+    machine : `PlanetarySet`.
+    ax : axes to draw on; new ones by default.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> axes = hb.plot.planetary(hb.PlanetarySet(26, 34, 94, planets=3))
+    """
+    from matplotlib.patches import Circle
+
+    per_tooth = 1e3 * machine.r_s / np.cos(np.radians(machine.alpha_s_deg)) / machine.teeth_s  # pitch radius of a tooth
+    sun, planet, ring = (per_tooth * z for z in (machine.teeth_s, machine.teeth_p, machine.teeth_r))
+    centre = sun + planet
+    cycles = np.asarray(machine._lags).reshape(2, -1) / (2 * np.pi)
+    speeds = {name: float(speed) for name, speed in machine.speeds.items()}
+    with styled():
+        ax = axes_or_new(ax, (5.4, 4.6))
+        for name, r in (("sun", sun), ("ring", ring)):
+            _circle(ax, np.zeros(2), r, f"{name}, {_how(machine, name)}", heavy=name == "ring")
+        ax.annotate(
+            f"sun\n{machine.teeth_s} teeth",
+            (0, 0.1 * sun),
+            ha="center",
+            va="bottom",
+            fontsize=8,
+            zorder=5,
+            bbox=_BEHIND,
+        )
+        ax.annotate(f"ring, {machine.teeth_r} teeth", (0, 1.03 * ring), ha="center", va="bottom", fontsize=8)
+        ax.plot(0, 0, "+", color="black", markersize=5)
+        for n, psi in enumerate(machine.angles):
+            place = centre * np.array([np.cos(psi), np.sin(psi)])
+            ax.plot(*np.array([[0, 0], place]).T, "-", color=GREY, linewidth=2.2, zorder=1, gid=f"carrier {n + 1}",
+                    label=f"carrier, {_how(machine, 'carrier')}")  # fmt: skip
+            ax.add_patch(Circle(tuple(place), planet, fill=False, edgecolor=BRANCHES[1], linewidth=1.2, zorder=2))
+            told = f"p{n + 1}\n{cycles[0, n]:.3g} | {cycles[1, n]:.3g}"
+            ax.annotate(told, tuple(place), ha="center", va="center", fontsize=8, zorder=5, bbox=_BEHIND)
+            spin = -(speeds["sun"] - speeds["carrier"]) * machine.teeth_s / machine.teeth_p  # in the carrier's frame
+            _arrow(ax, place, 0.62 * planet, spin)
+        for name, r in (("sun", 0.62 * sun), ("ring", 0.96 * ring), ("carrier", centre)):
+            _arrow(ax, np.zeros(2), r, speeds[name])
+        ax.set_title(f"{machine.phasing}; lag of the meshes with sun | ring [cycles]", fontsize=9)
+        ax.set_aspect("equal")
+        ax.set_xlabel("x [mm]")
+        ax.set_ylabel("y [mm]")
+        ax.margins(0.08)
+        dress(ax)
+        handles = {str(line.get_label()): line for line in ax.lines if not str(line.get_label()).startswith("_")}
+        ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3)
+    return ax
+
+
+def _how(machine: PlanetarySet, name: str) -> str:
+    return "fixed" if name == machine.fixed else "drives" if name == machine.driver else "driven"
+
+
+def _circle(ax: Axes, place: np.ndarray, r: float, label: str, heavy: bool) -> None:
+    theta = np.linspace(0, 2 * np.pi, 200)
+    ax.plot(place[0] + r * np.cos(theta), place[1] + r * np.sin(theta), "-", label=label, zorder=2,
+            color=COLOURS["no_impact"] if heavy else BRANCHES[2], linewidth=2.2 if heavy else 1.2)  # fmt: skip
+
+
+@checked_arguments()
+def load_sharing(found: Sharing, ax: Axes | None = None) -> Axes:
+    """How meshes share a load along a curve: largest force over the mean one of all, a line for each mesh.
+
+    Solid is stable, dashed unstable. Thin lines are the shares of the mean load, times the number of meshes.
+
+    Parameters
+    ----------
+    found : of `hbgear.load_sharing`.
+    ax : axes to draw on; new ones by default.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> planets = hb.PlanetarySet(planet_errors=(10e-6, 0.0, 0.0, 0.0))
+    >>> curve = hb.trace(hb.HarmonicBalance(planets, 2), "Omega", (2.3, 2.28), stability=False)
+    >>> axes = hb.plot.load_sharing(hb.load_sharing(curve))
+    """
+    curve, n = found.curve, len(found.meshes)
+    with styled():
+        ax = axes_or_new(ax, (5.6, 3.4))
+        ax.axhline(1.0, color=GREY, linewidth=0.8, label="even, at rest")
+        for j, name in enumerate(found.meshes):
+            colour = BRANCHES[j % len(BRANCHES)]
+            for i, ((_, stable), first, last) in enumerate(stretches(curve, 0)):
+                some = slice(first, last + 1)
+                style, width = LINES[stable]
+                ax.plot(curve.values[some], found.factor[some, j], linestyle=style, linewidth=width, color=colour,
+                        label="_" if i else f"{name}: largest", gid=f"mesh {name}")  # fmt: skip
+            ax.plot(curve.values, n * found.share[:, j], color=colour, linewidth=0.7, alpha=0.7,
+                    label=f"{name}: mean" if n <= 4 else "_", gid=f"mean {name}")  # fmt: skip
+        ax.set_xlabel(_label(curve))
+        ax.set_ylabel("force over the mean of all meshes [-]")
+        if "unstable" in curve.verdicts:
+            ax.plot([], [], linestyle=LINES[False][0], color=GREY, label="unstable")
+        ax.set_ylim(bottom=min(0.0, float(found.factor.min())))
+        dress(ax)
+        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.2)
+    return ax
+
+
+def _label(curve: Branch) -> str:
+    layout = layout_of(curve)
+    return (layout.labels if layout else {}).get(curve.parameter, curve.parameter)
 
 
 def _places(machine: Train, size: dict[str, float]) -> dict[str, np.ndarray]:
@@ -93,9 +217,17 @@ def _places(machine: Train, size: dict[str, float]) -> dict[str, np.ndarray]:
             return {name: placed.get(name, np.zeros(2)) for name in given}
 
 
+def _bearing(ax: Axes, machine: Train, bearing: Any, place: np.ndarray) -> None:
+    """A triangle, open, or a ring of one with clearance; on a line if it sits on the housing."""
+    shape, label = ("o", "bearing with clearance") if bearing.clearance else ("^", "bearing")
+    ax.plot(*place[:, None], shape, color="black", markersize=5, fillstyle="none", label=label)
+    if machine.housing and bearing.at in machine.housing.seats:
+        ax.plot(*place[:, None], "_", color="black", markersize=11, markeredgewidth=2.0, label="on the housing")
+
+
 def _wheel(ax: Axes, wheel: Any, place: np.ndarray, size: float, speed: float) -> None:
     """A circle with the name, the teeth and an arrow of the sense in which it turns."""
-    from matplotlib.patches import Circle, FancyArrowPatch
+    from matplotlib.patches import Circle
 
     r = 1e3 * size
     colour = COLOURS["no_impact"]
@@ -105,12 +237,22 @@ def _wheel(ax: Axes, wheel: Any, place: np.ndarray, size: float, speed: float) -
     told = f"{wheel.name}\n{wheel.teeth} teeth" if wheel.teeth else wheel.name
     ring = wheel.internal
     ax.annotate(told, (place[0], place[1] + (0.78 * r if ring else 0.12 * r)), ha="center", va="bottom", fontsize=8)
+    if wheel.unbalance:
+        there = place + 0.7 * r * np.array([np.cos(wheel.unbalance_angle), np.sin(wheel.unbalance_angle)])
+        ax.plot(*there[:, None], "o", color="black", markersize=4, label="unbalance")
+    _arrow(ax, place, _ARROW * r if not ring else 0.94 * r, speed)
+
+
+def _arrow(ax: Axes, place: np.ndarray, r: float, speed: float) -> None:
+    """Part of a circle in the sense in which something turns; nothing if it does not."""
+    from matplotlib.patches import FancyArrowPatch
+
     if speed:
-        at = _ARROW * r if not ring else 0.94 * r
         turn = np.sign(speed)
-        begin, end = (place + at * np.array([np.cos(a), np.sin(a)]) for a in (-1.9 - 0.5 * turn, -1.9 + 0.7 * turn))
-        ax.add_patch(FancyArrowPatch(tuple(begin), tuple(end), connectionstyle=f"arc3,rad={0.3 * turn}",
-                                     arrowstyle="-|>", mutation_scale=9, color=colour, linewidth=1.0))  # fmt: skip
+        begin, end = (place + r * np.array([np.cos(a), np.sin(a)]) for a in (-1.9 - 0.5 * turn, -1.9 + 0.7 * turn))
+        ax.add_patch(FancyArrowPatch(tuple(begin), tuple(end), connectionstyle=f"arc3,rad={0.3 * turn}", zorder=3,
+                                     arrowstyle="-|>", mutation_scale=9, color=COLOURS["no_impact"],
+                                     linewidth=1.0))  # fmt: skip
 
 
 def _line_of_action(

@@ -184,7 +184,7 @@ def _as_point(problem: Any, d: Array, period: int, here: dict[str, float]) -> Po
     H = problem.H // problem.nu * period
     c = np.fft.rfft(d, axis=1)[:, : H + 1] / d.shape[1]
     c[:, 1:] *= 2
-    layout = replace(problem.layout, harmonics=H, nu=period)
+    layout = replace(problem.layout, harmonics=H, nu=period, orders=None)
     return Point(to_real(c).ravel(), here, np.nan, 0, None, np.full(len(d), -1, dtype=np.int8), np.nan, layout)
 
 

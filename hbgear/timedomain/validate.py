@@ -587,7 +587,7 @@ def _finer(problem: Any, X: Array, mu: ComplexArray | None, here: dict[str, floa
     layout = problem.layout
     rows = np.array([layout.rows(X, j) for j in range(len(layout.elements))])
     used = (int(np.flatnonzero(rows.any(axis=0)).max(initial=1)) + 1) // 2  # fewer in places, if H varies on the curve
-    own = problem if used == problem.H else problem.with_order(problem.nu, used)
+    own = problem if used >= problem.orders[-1] else problem.with_order(problem.nu, used)
     X = own.in_basis(X, layout)
     now = linearise(own, X, "", here)
     if not norm(now.R) <= _SOLVED * now.size:

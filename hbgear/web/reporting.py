@@ -12,6 +12,7 @@ from typing import Any
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.messages import shortened
 from hbgear.common.replacing import checked_suffix, replacing
+from hbgear.common.texts import text_of_file
 from hbgear.continuation.branch import Branch
 from hbgear.design.results import read_results
 from hbgear.design.study import Cases
@@ -151,12 +152,8 @@ def dots_of(path: str | os.PathLike[str], branches: Sequence[Branch]) -> dict[st
     FileNotFoundError, ValueError
         If there is no such file, or it has not two columns of numbers.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise FileNotFoundError(f"there is no file '{path}'; give a table of measured points") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is no text (UTF-8)"
-        raise ValueError(f"'{path}' cannot be read as measured points: {reason}") from None
+    if not os.path.exists(path):
+        raise FileNotFoundError(f"there is no file '{path}'; give a table of measured points")
+    text = text_of_file(path, "measured points")
     x, y = read_measured(text, str(path), common_scales(branches))
     return {"name": os.path.basename(os.fspath(path)), "mode": "markers", "x": plain(x), "y": plain(y)}

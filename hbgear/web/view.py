@@ -82,7 +82,7 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, 
         ],
         "verdicts": branch.verdicts,
         "regimes": branch.regimes,
-        "coefficients": packed(branch.X),
+        "coefficients": packed(layout.spread(branch.X).reshape(len(branch), -1)),
         "multipliers": None if branch.multipliers is None else multipliers(branch),
         "special": _special(branch, layout),
         "jumps": _jumps(layout, found),
@@ -150,7 +150,7 @@ def _sizes(layout: Layout, points: Sequence[Point]) -> list[dict[str, list[float
     """Measures of some motions, of every element; all are measured at once."""
     if not points:
         return []
-    X = [point.X.reshape(len(layout.elements), -1) for point in points]
+    X = [(layout_of(point) or layout).spread(point.X) for point in points]
     width = max(rows.shape[1] for rows in X)  # special points may have more harmonics than their curve
     padded = np.array([np.pad(rows, ((0, 0), (0, width - rows.shape[1]))) for rows in X])
     sizes = {m: layout.measure_rows(m, padded) for m in MEASURES}

@@ -50,7 +50,7 @@ HELD = {"spur": 80, "helical": 30, "bearings": 40, "two": 50}
 
 STORE = Path(__file__).parent / ".store"
 
-SECONDS = 120.0
+SECONDS = 600.0
 """Of the processor, after which a machine is interrupted, and counts as one that hangs."""
 
 TITLES = {"spur": "spur pairs", "helical": "double-helical pairs", "bearings": "pairs on bearings", "two": "two masses"}

@@ -309,7 +309,11 @@ def special_points(it: Machine, branch: Branch, fine: Branch, random: np.random.
     more = [j for j in range(len(finer)) if j not in partner.values() and finer[j][1].kind in KINDS_SHOT]
     more = random.permutation(more)[: MOST // 2].astype(int).tolist()
     both = random.permutation(list(partner))[: MOST - len(alone) - len(more)].astype(int)
-    out = [_compared(it, mine[i][1], *finer[partner[i]], sure=True) for i in sorted(both)]
+    out = []
+    for i in sorted(both):
+        near = finer[partner[i]][1]
+        others = [p.parameters["Omega"] for _, p in finer if p.kind == near.kind and p is not near]
+        out.append(_compared(it, mine[i][1], *finer[partner[i]], sure=True, others=others))
     out += [_compared(it, mine[i][1], *mine[i], sure=False) for i in alone]
     for j in more:
         one, p = finer[j]
@@ -322,11 +326,19 @@ def special_points(it: Machine, branch: Branch, fine: Branch, random: np.random.
     return out
 
 
-def _compared(it: Machine, p: SpecialPoint, branch: Branch, near: SpecialPoint, sure: bool) -> Compared:
-    """A special point and its truth, looked for near another one of a branch; sure: one of the finer trace."""
+def _compared(
+    it: Machine, p: SpecialPoint, branch: Branch, near: SpecialPoint, sure: bool, others: Sequence[float] = ()
+) -> Compared:
+    """A special point and its truth, looked for near another one of a branch.
+
+    sure : that is one of the finer trace. others : Omega of the others there, to which shooting may not have gone.
+    """
     Omega, true, by = p.parameters["Omega"], np.nan, "none"
     try:
-        true, by = shot(it, branch, near), "shooting"
+        found = shot(it, branch, near)
+        if any(abs(found - other) < abs(found - near.parameters["Omega"]) for other in others):
+            raise NotFound("shooting went to another point")
+        true, by = found, "shooting"
     except NotFound:
         if sure:
             true, by = near.parameters["Omega"], "finer"

@@ -3,10 +3,15 @@
 .ci/bridges makes an environment that has them and runs this.
 """
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.continuation.newton import solve
+from hbgear.continuation.passing import passings
+from hbgear.harmonic.observables import half_peak_to_peak
 from hbgear.mechanics.fourier import evaluate, to_complex
 from hbgear.timedomain.integrate import state_of
 
@@ -88,6 +93,73 @@ def test_a_geared_rotor_with_backlash(ross):
         end = hb.integrate(geared_pair, state, 1, Omega, method="exponential").d
         d = evaluate(X.reshape(1, -1), 2 * np.pi * np.arange(256) / 256)
         np.testing.assert_allclose(end, d, atol=0.02 * np.abs(d).max())
+
+
+def test_newmark_of_ross_lies_on_the_curve_with_jumps(ross):
+    """Its gear pair with backlash; ROSS has none, so its Newmark gets the force of the gap beside its matrices.
+
+    Damping in proportion to the masses lets the slow modes of the shafts die out within a few hundred cycles. Contact
+    is looked at once a step, 200 times a cycle.
+    """
+    from ross.utils import newmark
+
+    rotor = geared(ross)
+    found = hb.from_ross(rotor)
+    found = dataclasses.replace(found, C=found.C + 15.0 * found.M)
+    w, k = found.meshes["gears"]
+    one, other = (
+        found.dof_names.index(f"theta_{gear.n}") for gear in (rotor.mesh.driving_gear, rotor.mesh.driven_gear)
+    )
+    torque, ratio = found.along({one: 2e3, other: 2e3 * w[other] / w[one]}), 1 / rotor.mesh.driving_gear.n_teeth
+    b, eps, c = 1e-4, 0.3, 3e3
+    mesh = hb.Element(w, hb.Backlash(b=b, k=k, stiffness=hb.Series(1.0, (-eps,))), damping=c, name="mesh")
+    problem = hb.HarmonicBalance(found.system([mesh], hb.Load(torque), ratio=ratio), 12)
+    curve = hb.trace(problem, "Omega", (1890.0, 1850.0))
+    np.testing.assert_allclose([jump.value for jump in curve.jumps()], [1867.31, 1874.81], atol=0.05)
+    M, G, K = rotor.M(), rotor.G(), np.asarray(found.K)
+    sizes = []
+    for Omega in (1885.0, 1871.0, 1855.0):
+        t = np.linspace(0, 320 * 2 * np.pi / Omega, 320 * 200 + 1)
+        C = np.asarray(found.C) + ratio * Omega * G + c * np.outer(w, w)
+
+        def at(step, y=None, **rest):
+            d = w @ y
+            if abs(d) <= b:
+                return M, C, K, torque  # noqa: B023
+            now = k * (1 - eps * np.cos(Omega * t[step]))  # noqa: B023
+            return M, C, K + now * np.outer(w, w), torque + now * b * np.sign(d) * w  # noqa: B023
+
+        d = newmark(at, t, len(M), tol=1e-7)[-400:] @ w
+        one, last = 0.5 * np.ptp(d[:200]), 0.5 * np.ptp(d[200:])
+        assert one == pytest.approx(last, rel=1e-3)  # it has settled
+        stable = [
+            half_peak_to_peak(solve(problem, place.between(curve.X), {"Omega": Omega}).X)
+            for place in passings(curve, Omega)
+            if curve.stable[place.nearest]
+        ]
+        assert len(stable) == (2 if Omega == 1871.0 else 1)
+        nearest = min(stable, key=lambda size: abs(size - last))
+        assert last == pytest.approx(nearest, rel=0.01)
+        sizes.append(float(last))
+    assert sizes[0] > 1.2 * sizes[2]
+
+
+def test_steady_response_of_a_branched_drive_train(ot):
+    """Several harmonics of a torque at once, at several speeds, against the steady state of openTorsion."""
+    shafts = [ot.Shaft(0, 1, k=2e5, c=30.0), ot.Shaft(1, 2, k=3e5, c=20.0), ot.Shaft(1, 3, k=1.5e5, c=25.0)]
+    discs = [ot.Disk(0, I=0.5), ot.Disk(1, I=0.8, c=4.0), ot.Disk(2, I=0.3), ot.Disk(3, I=0.2, k=2e3)]
+    assembly = ot.Assembly(shafts, disk_elements=discs)
+    found = hb.from_opentorsion(assembly)
+    torques = {1: ("theta_0", 10.0), 2: ("theta_2", 4.0), 3: ("theta_0", 1.0)}
+    load = hb.Load(cosine={order: found.along({name: size}) for order, (name, size) in torques.items()})
+    problem = hb.HarmonicBalance(found.system([silent(found)], load), 3)
+    for Omega in (90.0, 310.0, 760.0):
+        motion = to_complex(problem.motion(problem.start(Omega=Omega), Omega=Omega))
+        for order, (name, size) in torques.items():
+            excited = np.zeros((4, 1), dtype=complex)
+            excited[found.dof_names.index(name)] = size
+            own = assembly.ss_response(excited, [order * Omega])[0][:, 0]
+            np.testing.assert_allclose(motion[:, order], own, rtol=1e-9, atol=1e-12 * np.abs(own).max())
 
 
 def test_a_drive_train(ot):

@@ -66,3 +66,14 @@ def test_where_there_is_none():
         hb.NeimarkSacker(linear).based(np.append(linear.start(Omega=0.5), 0.5), {})
     s = hb.NeimarkSacker(duffing).exponent(X, Omega=3.0)
     assert s.real == pytest.approx(-hb.Duffing().zeta, rel=1e-6)  # a pair that decays with the damper
+
+
+def test_a_linear_motion_has_the_exponents_of_its_modes():
+    """Both modes of two masses decay with half the damping, and turn with their damped frequencies less Omega."""
+    two = hb.System(np.eye(2), 0.1 * np.eye(2), [[2.0, -1.0], [-1.0, 2.0]],
+                    [hb.Element([1, 0], hb.Unilateral(k=5.0, gap=100.0))], hb.Load(cosine={1: [0.1, 0.0]}))  # fmt: skip
+    problem = hb.HarmonicBalance(two, 5)
+    s = hb.NeimarkSacker(problem).exponent(problem.start(Omega=1.3), Omega=1.3)
+    assert s.real == pytest.approx(-0.05, rel=1e-9)
+    turns = np.array([sign * np.sqrt(k - 0.05**2) for k in (1.0, 3.0) for sign in (1, -1)])
+    assert np.abs(((s.imag - turns) / 1.3 + 0.5) % 1.0 - 0.5).min() < 1e-9

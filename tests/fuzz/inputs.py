@@ -139,6 +139,12 @@ def assembly() -> Any:
 
 
 @cache
+def planets() -> hb.Branch:
+    """A short curve of a planetary set."""
+    return hb.trace(hb.HarmonicBalance(hb.PlanetarySet(), 2), "Omega", (2.3, 2.28), stability=False)
+
+
+@cache
 def train() -> hb.Train:
     """Two gears, the second of which holds the torque of the first."""
     a, b = (hb.Wheel(name, 1e-3, teeth=20, base_radius=0.028, torque=10.0 * (name == "a")) for name in "ab")
@@ -163,7 +169,7 @@ RECORDS = {
     "Answers", "Branch", "Campbell", "Cases", "Critical", "CriticalSpeed", "Evaluation", "Jump", "JumpMap", "Law",
     "Model", "NoConvergence", "NoFold", "Opinion", "PlanetMode", "Point", "Progress", "ProgressCallback", "Reduction",
     "Run", "SpecialPoint", "Status", "Steps", "Survey", "Unlikely", "__version__", "model", "plot",
-    "Fit", "Goal", "JumpScatter", "Redesign", "Sensitivity", "SweepStatistics", "no_jumps",
+    "Fit", "Goal", "JumpScatter", "Redesign", "ResponseBand", "Sensitivity", "SobolIndices", "SweepStatistics",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
 
@@ -326,6 +332,29 @@ def targets() -> tuple[Target, ...]:
                 "dof_names": _is((), ("a", "b")),
             },
         ),
+        Target(
+            "Receptances",
+            hb.Receptances,
+            {
+                "omega": [lambda: np.linspace(0.0, 9.0, 10)],
+                "values": [lambda: 1 / (1.5 - np.linspace(0.0, 9.0, 10) + 0.5j)[:, None, None]],
+                "names": _is(["x"]),
+                "static": _is(None, [[0.5]]),
+            },
+            2,
+            lambda found: found.stiffness(2.5),
+        ),
+        Target(
+            "from_receptances",
+            hb.from_receptances,
+            {
+                "source": _is({("a", "a"): "a.csv"}, "a.uff"),
+                "static": _is(None, "lowest"),
+                "quantity": _is(None, "mobility"),
+                "names": _is(None),
+            },
+        ),
+        Target("load_sharing", hb.load_sharing, {"curve": [planets], "meshes": _is(None, ["sun-p1", "sun-p3"])}, 1),
         Target("from_ross", hb.from_ross, {"rotor": [rotor]}),
         Target("from_opentorsion", hb.from_opentorsion, {"assembly": [assembly]}),
         Target("Settings", hb.Settings, {}),
@@ -346,7 +375,8 @@ def targets() -> tuple[Target, ...]:
                 "base_radius": _is(0.028, "28 mm"),
                 "internal": _is(False),
                 "x": _is(0.0, "10 mm"),
-                "moves": _is("torsion"),
+                "moves": _is("torsion", "plane"),
+                "unbalance": _is(0.0, "10 g mm"),
                 "torque": _is(0.0, "10 N m"),
                 "held": _is(False),
             },
@@ -362,7 +392,40 @@ def targets() -> tuple[Target, ...]:
             {"first": _is("a"), "second": _is("b"), "outer": _is("20 mm"), "length": _is("100 mm"), "inner": _is(0.0)},
             1,
         ),
-        Target("Bearing", hb.Bearing, {"at": _is("a"), "x": _is(1e8, "1e8 N/m"), "c_x": _is(None, 100.0)}, 1),
+        Target(
+            "Bearing",
+            hb.Bearing,
+            {"at": _is("a"), "x": _is(1e8, "1e8 N/m"), "c_x": _is(None, 100.0), "clearance": _is(0.0, "20 um")},
+            1,
+        ),
+        Target(
+            "Beam",
+            hb.Beam,
+            {
+                "first": _is("a"),
+                "second": _is("b"),
+                "outer": _is("40 mm"),
+                "length": _is("0.2 m"),
+                "inner": _is(0.0, "10 mm"),
+                "elements": _is(2),
+                "damping": _is(0.02),
+            },
+            2,
+            lambda beam: beam.dampers(np.ones(6), np.ones(6)) if beam.length else None,
+        ),
+        Target(
+            "Housing",
+            hb.Housing,
+            {
+                "M": [lambda: np.eye(2)],
+                "K": [lambda: np.eye(2)],
+                "C": _is(None),
+                "names": _is((), ("a", "b")),
+                "seats": _is({}, {"a": {"x": "h1"}}),
+            },
+            1,
+            lambda housing: housing.seat("a", 0),
+        ),
         Target(
             "Mesh",
             hb.Mesh,
@@ -389,7 +452,9 @@ def targets() -> tuple[Target, ...]:
                 "wheels": [lambda: train().wheels],
                 "meshes": [lambda: train().meshes],
                 "shafts": _is((), ()),
-                "bearings": _is((), ()),
+                "bearings": _is((), (hb.Bearing("b", 0.0),)),
+                "beams": _is(()),
+                "housing": _is(None),
                 "balance": _is("b"),
                 "gyroscopic": _is(False, True),
                 "torque_scale": _is(1.0, 0.5),
@@ -465,8 +530,15 @@ def targets() -> tuple[Target, ...]:
                 "nu": _is(1, 2),
                 "sampled": _is(False, True),
                 "tolerance": _is(1e-6),
+                "orders": _is(None, "meshes", (1, 2, 4)),
             },
             5,
+        ),
+        Target(
+            "HarmonicBalance.with_orders_of",
+            balance().with_orders_of,
+            {"curve": _is(curve()), "tolerance": _is(1e-6, 1e-3)},
+            0.5,
         ),
         Target("HarmonicBalance.start", balance().start, {**with_Omega, "zeta": _is(0.05)}),
         Target("HarmonicBalance.residual", balance().residual, {"X": _is(row), **with_Omega}),
@@ -605,6 +677,12 @@ def targets() -> tuple[Target, ...]:
             1,
         ),
         Target("grid", lambda zeta, F: hb.grid(zeta=zeta, F=F), {"zeta": _is([0.04, 0.05]), "F": _is([0.1])}),
+        Target(
+            "saltelli",
+            lambda blocks, seed, zeta: hb.saltelli(blocks, seed, zeta=zeta),
+            {"blocks": _is(2, 4), "seed": _is(0), "zeta": _is(("uniform", 0.04, 0.06))},
+            0.5,
+        ),
         Target(
             "latin_hypercube",
             lambda count, seed, zeta: list(hb.latin_hypercube(count, seed, zeta=zeta).rows()),
@@ -771,11 +849,37 @@ def targets() -> tuple[Target, ...]:
             0.5,
         ),
         Target(
+            "sobol_indices",
+            hb.sobol_indices,
+            {"found": [some_cases], "quantity": _is("peak", "jump_rising"), "seed": _is(0)},
+            0.3,
+        ),
+        Target(
+            "response_band",
+            hb.response_band,
+            {
+                "branch": [curve],
+                "scatter": _is({"zeta": 0.001}),
+                "measure": measure,
+                "element": element,
+                "unit": _is("Omega"),
+                "length": _is(""),
+            },
+            0.5,
+        ),
+        Target(
+            "ResponseBand.edges",
+            hb.response_band(curve(), {"zeta": 0.001}).edges,
+            {"sigmas": _is(2.0)},
+            0.5,
+        ),
+        Target(
             "sweep_statistics",
             hb.sweep_statistics,
             {"found": [some_cases], "Omega": _is(None, [0.8, 0.85]), "quantiles": _is((0.5,), (0.05, 0.95))},
             0.5,
         ),
+        Target("no_jumps", hb.no_jumps, {"margin": _is(0.0, 0.1), "parameter": _is("", "zeta")}, 0.3),
         Target("peak_below", hb.peak_below, {"limit": _is(0.9), "measure": measure, "element": element}, 0.5),
         Target(
             "redesign",
@@ -787,6 +891,8 @@ def targets() -> tuple[Target, ...]:
                 "within": _is(None, {"zeta": (0.02, 0.2)}),
                 "scatter": _is(None, {"zeta": 0.001}),
                 "sigmas": _is(2.0),
+                "tolerances": _is(None, hb.monte_carlo(2, zeta=("normal", 0.0, 0.001))),
+                "share": _is(1.0),
                 "span": _is((1.4, 0.8)),
                 "harmonics": _is(2),
             },

@@ -111,7 +111,8 @@ def test_degrees_of_freedom_need_nothing_but_the_file(tmp_path):
         again.amplitude(dof="x_pl")
 
 
-def own():
+@hb.model
+def own() -> hb.System:
     M, C, K = np.eye(2), 0.05 * np.eye(2), [[2, -1], [-1, 2]]
     stop = hb.Element([1, 0], hb.Unilateral(k=1.0, gap=1.0), name="stop")
     return hb.System(M, C, K, [stop], hb.Load(cosine={1: [0, 0.2]}), dof_names=["x", "y"])

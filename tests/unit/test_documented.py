@@ -8,14 +8,14 @@ import pkgutil
 import pytest
 
 import hbgear as hb
-from hbgear.plot import curves, effects, fits, mesh, rotors, simulation, study, trains
+from hbgear.plot import bands, curves, effects, fits, mesh, rotors, simulation, study, trains
 
 NAMES = sorted(
     name for name in hb.__all__ if isinstance(getattr(hb, name), type) or inspect.isroutine(getattr(hb, name))
 )
 FIGURES = {
-    "curves": curves, "effects": effects, "fits": fits, "mesh": mesh, "rotors": rotors, "simulation": simulation,
-    "study": study, "trains": trains,
+    "bands": bands, "curves": curves, "effects": effects, "fits": fits, "mesh": mesh, "rotors": rotors,
+    "simulation": simulation, "study": study, "trains": trains,
 }  # fmt: skip
 DRAWN = sorted(
     f"{module.__name__.rpartition('.')[2]}.{name}"

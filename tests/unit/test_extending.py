@@ -52,8 +52,9 @@ def test_further_than_the_span_was(problem, whole):
 def test_from_a_file_with_more_harmonics(problem, whole, tmp_path):
     trace(problem, "Omega", (1.5, 0.6), steps=Steps(max_points=30)).save(tmp_path / "part.npz")
     part = hb.load(tmp_path / "part.npz")
+    assert_same(extend(part), whole)
     with pytest.raises(ValueError, match="needs the problem"):
-        extend(part)
+        extend(dataclasses.replace(part, meta={}))
     curve = extend(part, problem=HarmonicBalance(hb.SpurPair(), 20))
     assert curve.layout.harmonics == 20 and curve.problem.H == 20
     np.testing.assert_allclose(curve.amplitude("rms")[: len(part)], part.amplitude("rms"), rtol=1e-14)

@@ -5,6 +5,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app
+from hbgear.design.redesign import _nearest, _Slack
 
 PAIR = hb.HarmonicBalance(hb.SpurPair(), 5)
 
@@ -14,7 +15,7 @@ def test_a_jump_is_removed_by_the_least_change():
     found = hb.redesign(PAIR, hb.no_jumps(), ["zeta", "e_scale"])
     assert found.reached and found.status.complete and not found.curve.jumps() and found.short == 0
     every = []
-    for factor in np.linspace(0.3, 0.37, 8):
+    for factor in np.linspace(0.31, 0.36, 5):
         other = hb.HarmonicBalance(PAIR.model.replace(e_scale=factor), 5)
         cusp = hb.critical(other, "zeta", frequencies=PAIR.model.default_span).value
         every.append(np.hypot(factor - 1.0, cusp / 0.05 - 1.0))
@@ -60,6 +61,76 @@ def test_a_goal_out_of_reach():
     assert not found.reached and found.short > 1 and "above the limit" in found.message
 
 
+def test_a_cusp_farther_away():
+    """A margin moves the damping that far beyond its cusp; the distance may be in a parameter that does not change."""
+    cusp = hb.critical(PAIR, "zeta", frequencies=PAIR.model.default_span).value
+    found = hb.redesign(PAIR, hb.no_jumps(0.2), ["zeta"])
+    assert found.reached and found.values["zeta"] == pytest.approx(cusp + 0.2 * 0.05, rel=1e-4)
+    found = hb.redesign(PAIR, hb.no_jumps(0.2, "zeta"), ["e_scale"])
+    assert found.reached
+    apart = hb.critical(hb.HarmonicBalance(found.model, 5), "zeta", frequencies=PAIR.model.default_span).value
+    assert apart == pytest.approx(0.05 - 0.2 * 0.05, rel=1e-3)
+    near, far = (
+        hb.trace(hb.HarmonicBalance(found.model.replace(zeta=apart + side * 2e-4), 5), "Omega", (1.5, 0.3))
+        for side in (1, -1)
+    )
+    assert not near.jumps() and far.jumps()
+    with pytest.raises(KeyError, match="no parameter 'zetta'"):
+        hb.redesign(PAIR, hb.no_jumps(0.2, "zetta"), ["zeta"])
+
+
+def test_a_goal_for_every_machine_of_a_sample():
+    """Deviations of the damping alone: the worst of them, or that of the share, is at the cusp."""
+    plain = hb.redesign(PAIR, hb.no_jumps(), ["zeta"]).values["zeta"]
+    drawn = hb.monte_carlo(9, 4, zeta=("normal", 0.0, 0.002))
+    off = np.sort([row["zeta"] for row in drawn.rows()])
+    every = hb.redesign(PAIR, hb.no_jumps(), ["zeta"], tolerances=drawn)
+    assert every.reached and every.share == 1.0
+    assert every.values["zeta"] == pytest.approx(plain - off[0], rel=1e-4)
+    most = hb.redesign(PAIR, hb.no_jumps(), ["zeta"], tolerances=drawn, share=0.75)
+    assert most.reached and most.share == pytest.approx(7 / 9)
+    assert most.values["zeta"] == pytest.approx(plain - off[2], rel=1e-4)
+
+
+def test_a_peak_below_its_limit_for_a_sample():
+    """Two parameters change, a third scatters too: of the curves traced for each, the worst is at the limit."""
+    own = max(point.amplitude("pp2") for point in hb.peaks(hb.trace(PAIR, "Omega", (1.5, 0.3)), "pp2"))
+    drawn = hb.latin_hypercube(6, 1, zeta=("normal", 0.0, 0.002), F_m=("uniform", -0.01, 0.01))
+    found = hb.redesign(PAIR, hb.peak_below(0.9 * own), ["zeta", "e[0]"], tolerances=drawn)
+    assert found.reached and found.share == 1.0
+    tops = []
+    for row in drawn.rows():
+        values = {"zeta": found.values["zeta"] + row["zeta"], "e[0]": found.values["e[0]"], "F_m": 0.1 + row["F_m"]}
+        curve = hb.trace(hb.HarmonicBalance(PAIR.model.replace(**values), 5), "Omega", (1.5, 0.3), stability=False)
+        tops.append(max(point.amplitude("pp2") for point in hb.peaks(curve, "pp2")))
+    assert max(tops) == pytest.approx(0.9 * own, rel=2e-3) and max(tops) <= 0.9 * own
+    # what is asked of the whole sample within tight bounds cannot be reached, and is told so
+    tight = {"zeta": (0.0499, 0.0501), "e[0]": (0.0499, 0.0501)}
+    short = hb.redesign(PAIR, hb.peak_below(0.995 * own), ["zeta", "e[0]"], tight, tolerances=drawn, share=0.9)
+    assert not short.reached and short.share < 0.9 and short.short > 0
+    with pytest.raises(ValueError, match="give either scatter"):
+        hb.redesign(PAIR, hb.no_jumps(), ["zeta"], scatter={"zeta": 0.001}, tolerances=drawn)
+    with pytest.raises(ValueError, match="share = 0"):
+        hb.redesign(PAIR, hb.no_jumps(), ["zeta"], tolerances=drawn, share=0)
+
+
+def test_the_nearest_point_of_several_half_planes():
+    """Against a search on a grid; where they have nothing in common within the bounds, the end of the worst."""
+    rng = np.random.default_rng(5)
+    low, high = np.array([-0.5, -0.4]), np.array([0.6, 0.5])
+    grid = np.stack(np.meshgrid(np.linspace(-0.5, 0.6, 441), np.linspace(-0.4, 0.5, 361), indexing="ij"), -1)
+    for _ in range(20):
+        slack = _Slack(rng.normal(0, 0.1, 3), rng.normal(size=(3, 2)), 0.05)
+        u = rng.uniform(-0.1, 0.1, 2)
+        found = _nearest(slack, u, low, high)
+        good = ((grid - u) @ slack.slopes.T + slack.c >= slack.needed).all(axis=-1)
+        if not good.any():
+            assert (np.isclose(found, low) | np.isclose(found, high)).all()
+            continue
+        assert ((found - u) @ slack.slopes.T + slack.c >= slack.needed - 1e-9).all()
+        assert np.linalg.norm(found) <= np.linalg.norm(grid, axis=-1)[good].min() + 1e-9
+
+
 def test_nothing_to_do():
     found = hb.redesign(hb.HarmonicBalance(hb.SpurPair(zeta=0.2), 5), hb.no_jumps(), ["zeta"])
     assert found.reached and found.distance == 0 and "reaches the goal as it is" in found.message
@@ -99,5 +170,11 @@ def test_command(tmp_path, capsys):
     assert not hb.load(path).jumps()
     assert run(*said, "--over", "zeta=0.04:0.052", "--peak", "0.5") == 1
     assert "the goal is missed by" in capsys.readouterr().out
+    assert run(*said, "--over", "zeta,F", "--scatter", "zeta=0.002", "--draws", "4") == 0
+    assert "100% of 4 machines drawn from the scatter reach it" in capsys.readouterr().out
+    assert run(*said, "--over", "F", "--margin", "0.1", "--margin-in", "zeta") == 0
+    assert run(*said, "--over", "F", "--draws", "4") == 2
+    assert run(*said, "--over", "F", "--margin", "0.1", "--peak", "1") == 2
+    assert "give it or --peak" in capsys.readouterr().err
     assert run(*said, "--over", "zeta=0.04") == 2
     assert "need NAME or NAME=LOW:HIGH" in capsys.readouterr().err

@@ -168,7 +168,7 @@ def test_branch_point_and_its_imperfections():
 def test_critical_value():
     model = hb.Duffing()  # with so many harmonics that a cusp solved for with more is the same
     cusp = hb.critical(model, "zeta", frequencies=(0.9, 1.4), harmonics=8)
-    found = hb.sensitivity(cusp.point)
+    found = hb.sensitivity(cusp)
     assert found.quantities[:2] == ("zeta", "Omega") and set(found.parameters) == {"k3", "F"}
     for name in found.parameters:
         h = 1e-3 * getattr(model, name)
@@ -277,7 +277,7 @@ def test_what_cannot_be_differentiated(spur):
         hb.sensitivity(spur["LP1"], ["Omega"])
     with pytest.raises(TypeError, match="needs names of parameters, such as"):
         hb.sensitivity(spur["LP1"], "zeta")
-    with pytest.raises(TypeError, match="needs a special point, peak, jump or row of a curve"):
+    with pytest.raises(TypeError, match="needs a special point, peak, jump, critical value or row"):
         hb.sensitivity(spur)
     with pytest.raises(KeyError, match="no derivatives of 'pp2'"):
         hb.sensitivity(spur["LP1"], ["zeta"]).of("pp2")

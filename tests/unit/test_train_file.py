@@ -1,11 +1,14 @@
 """Trains as files, on the command line and as figures."""
 
+import numpy as np
 import pytest
+import scipy
 from typer.testing import CliRunner
 
 import hbgear as hb
 from hbgear.cli.app import app
 from hbgear.io.train_file import TrainFileError, is_train, read_train
+from hbgear.mechanics.model import describe
 
 TEXT = """balance = "out"
 
@@ -79,6 +82,136 @@ def test_a_train_on_the_command_line(file, tmp_path):
     result = CliRunner().invoke(app, [*arguments, "--set", "eps_scale=0.5"])
     assert result.exit_code == 0, result.output
     assert hb.load(out).layout.elements == ("in-middle", "middle-out")
+
+
+ROTOR = """balance = "mill"
+gyroscopic = true
+
+[[wheel]]
+name = "in"
+teeth = 20
+base_radius = "28 mm"
+inertia = 1e-3
+mass = 1.5
+moves = "space"
+torque = "100 N m"
+
+[[wheel]]
+name = "out"
+teeth = 40
+base_radius = "56 mm"
+inertia = 4e-3
+mass = 4.0
+moves = "space"
+unbalance = "200 g mm"
+
+[[wheel]]
+name = "mill"
+inertia = 0.05
+mass = 9.0
+moves = "space"
+z = "300 mm"
+
+[[mesh]]
+first = "in"
+second = "out"
+k_mean = "4e8 N/m"
+half_backlash = "40 um"
+eps = [0.2]
+direction = 0.0
+
+[[beam]]
+first = "out"
+second = "mill"
+outer = "40 mm"
+elements = 2
+
+[[bearing]]
+at = "in"
+x = "2e8 N/m"
+y = "2e8 N/m"
+z = "1e8 N/m"
+tilt_x = 1e5
+tilt_y = 1e5
+clearance = "20 um"
+
+[[bearing]]
+at = "mill"
+z = 1e8
+table = { speed = ["60 r/min", 2000.0], matrices = [[[1e8, 0.0], [0.0, 1e8]], [[2e8, 1e6], [-1e6, 2e8]]] }
+
+[[bearing]]
+at = "out"
+x = 3e8
+y = 3e8
+
+[housing]
+M = "mass.mtx"
+K = [[1e9, 0.0], [0.0, 2e9]]
+names = ["left", "right"]
+seats = { in = { y = "left" }, mill = { x = "right" } }
+"""
+
+
+@pytest.fixture
+def rotor(tmp_path):
+    scipy.io.mmwrite(tmp_path / "mass.mtx", np.diag([20.0, 30.0]))
+    path = tmp_path / "rotor.toml"
+    path.write_text(ROTOR)
+    return path
+
+
+def test_a_file_of_all_that_a_train_may_have(rotor, tmp_path):
+    train = read_train(rotor)
+    wheels = [hb.Wheel("in", 1e-3, 1.5, teeth=20, base_radius=0.028, moves="space", torque=100.0),
+              hb.Wheel("out", 4e-3, 4.0, teeth=40, base_radius=0.056, moves="space", unbalance=2e-4),
+              hb.Wheel("mill", 0.05, 9.0, moves="space", z=0.3)]  # fmt: skip
+    table = hb.MatrixTable([2 * np.pi, 2000.0], [[[1e8, 0.0], [0.0, 1e8]], [[2e8, 1e6], [-1e6, 2e8]]])
+    bearings = [hb.Bearing("in", 2e8, 2e8, 1e8, 1e5, 1e5, clearance=2e-5), hb.Bearing("mill", z=1e8, table=table),
+                hb.Bearing("out", 3e8, 3e8)]  # fmt: skip
+    housing = hb.Housing(np.diag([20.0, 30.0]), np.diag([1e9, 2e9]), None, ["left", "right"],
+                         {"in": {"y": "left"}, "mill": {"x": "right"}})  # fmt: skip
+    made = hb.Train(
+        wheels, [hb.Mesh("in", "out", 4e8, 4e-5, eps=(0.2,), direction=0.0)], (), bearings, "mill", True,
+        beams=[hb.Beam("out", "mill", 0.04, elements=2)], housing=housing,
+    )  # fmt: skip
+    assert describe(train) == describe(made)
+    assert train.orders["out"] == 1.0 and train.orders["in-out"] == 40.0
+    problem = hb.HarmonicBalance(train, 42)
+    assert problem.layout.elements == ("in-out", "in x", "in y") and "left" in problem.dof_names
+    curve = hb.trace(problem, "Omega", (0.03, 0.0301), stability=False, steps=hb.StepControl(max_points=2))
+    curve.save(tmp_path / "rotor.npz")
+    assert describe(hb.load(tmp_path / "rotor.npz").known_problem.model) == describe(train)
+
+
+def test_figure_of_beams_and_housing(rotor):
+    ax = hb.plot.train(read_train(rotor))
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert {"shaft with mass", "bearing with clearance", "bearing", "on the housing", "unbalance"} <= set(labels)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('outer = "40 mm"', 'outer = "40 kg"', "line 40: outer = '40 kg' must be a quantity in m"),
+        ('outer = "40 mm"', "", "beam.0.outer' is missing"),
+        ('z = "300 mm"', "", "larger z"),
+        ('"60 r/min"', '"60 m"', "table.speed = '60 m' must be a quantity in rad/s"),
+        ('["60 r/min", 2000.0]', "[5.0]", "two or more frequencies"),
+        ('seats = { in = { y = "left" }', 'seats = { in = { y = "lift" }', "no coordinate 'lift'; did you mean 'left'"),
+        ('"mass.mtx"', '"mess.mtx"', "there is no file '.*mess.mtx'"),
+        ("K = [[1e9, 0.0], [0.0, 2e9]]", "K = [[1e9]]", "K has shape"),
+        ('clearance = "20 um"', 'clearance = "20 m"', "line 50: clearance = 20 m is beyond any machine"),
+        ('unbalance = "200 g mm"', 'unbalance = "200 g"', "unbalance = '200 g' must be a quantity in kg m"),
+        ("elements = 2", "elements = 2.5", "elements"),
+    ],
+)
+def test_bad_rotors(rotor, old, new, said):
+    text = ROTOR.replace(old, new)
+    assert text != ROTOR
+    rotor.write_text(text)
+    with pytest.raises(TrainFileError, match=said):
+        read_train(rotor)
 
 
 @pytest.mark.parametrize(

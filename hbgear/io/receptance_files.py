@@ -1,0 +1,220 @@
+"""Measured receptances: universal files (UFF, data set 58; pyuff reads them) and tables of numbers (.csv).
+
+H_ij(f) = x_i / F_j, v_i / F_j or a_i / F_j   becomes   x_i / F_j = H_ij, H_ij / (i w), -H_ij / w^2,   w = 2 pi f
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from hbgear.common.arguments import checked_arguments
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.messages import did_you_mean, quoted
+from hbgear.common.optional import needed
+from hbgear.common.texts import text_of_file
+from hbgear.mechanics.receptances import Receptances
+
+_POWERS = {"receptance": 0, "mobility": 1, "accelerance": 2}
+_ORDINATES = {8: "receptance", 11: "mobility", 12: "accelerance"}  # of data set 58
+_AXES = {1: "x", 2: "y", 3: "z", 4: "theta_x", 5: "theta_y", 6: "theta_z"}
+_FRF = 4  # type of function of data set 58
+_SAME = 1e-6  # difference of the lines of two functions, relative, that is rounding
+
+Function = tuple[Array, ComplexArray]
+"""Frequencies [Hz] and receptances [m/N]."""
+
+
+@checked_arguments()
+def from_receptances(
+    source: str | os.PathLike[str] | Mapping[Any, Any],
+    static: Any = None,
+    quantity: Literal["receptance", "mobility", "accelerance"] | None = None,
+    names: Mapping[str, str] | None = None,
+) -> Receptances:
+    """Receptances of a structure that was measured: displacements by forces, with angular frequencies in rad/s.
+
+    Parameters
+    ----------
+    source : a universal file (.uff, .unv) with functions of data set 58; or tables by response and force, such as
+        ``{("pinion", "pinion"): "pp.csv", ("case", "pinion"): "cp.csv", ...}``, each with columns frequency [Hz], real
+        and imaginary part, or, if its first line says so, magnitude and phase [deg]. What is missing of H_ij is taken
+        from H_ji.
+    static : matrix at rest; "lowest" for the real part at the lowest frequency; None if the lines begin at 0 Hz.
+    quantity : what was measured per force; by default as the universal file says, of tables "receptance".
+    names : for coordinates of a universal file, which are called by node and direction: ``{"12x": "pinion"}``. Others
+        are left out then.
+
+    Raises
+    ------
+    ValueError
+        If a file cannot be read, functions are missing or have different lines, or nothing is known at rest.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> import os, tempfile
+    >>> f = np.linspace(0.0, 50.0, 501)
+    >>> H = 1 / (1e4 - (2 * np.pi * f) ** 2 + 20j * 2 * np.pi * f)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = os.path.join(folder, "point.csv")
+    ...     np.savetxt(file, np.column_stack([f, H.real, H.imag]), delimiter=",")
+    ...     found = hb.from_receptances({("case", "case"): file})
+    ...
+    >>> found
+    Receptances(case; 501 lines from 0 to 314.159)
+    """
+    if isinstance(source, Mapping):
+        if names is not None:
+            raise ValueError("from_receptances: tables have the names they are given with; leave names out")
+        functions = {key: read_function(path, quantity or "receptance") for key, path in _pairs(source)}
+    else:
+        functions = _universal(source, quantity)
+        if names is not None:
+            functions = _renamed(functions, names, source)
+    return _together(functions, static)
+
+
+def _pairs(source: Mapping[Any, Any]) -> list[tuple[tuple[str, str], Any]]:
+    for key in source:
+        if not isinstance(key, tuple) or len(key) != 2 or not all(isinstance(name, str) for name in key):
+            raise ValueError(
+                f"from_receptances: {quoted(key)} must be the names of response and force, such as ('case', 'pinion')"
+            )
+    if not source:
+        raise ValueError("from_receptances: there are no tables; give {('case', 'pinion'): 'cp.csv', ...}")
+    return list(source.items())
+
+
+def _together(functions: Mapping[tuple[str, str], Function], static: Any) -> Receptances:
+    """One matrix for each line."""
+    names = list(dict.fromkeys(name for pair in functions for name in pair))
+    first, (f, _) = next(iter(functions.items()))
+    values = np.empty((len(f), len(names), len(names)), dtype=complex)
+    for i, a in enumerate(names):
+        for j, b in enumerate(names):
+            pair = (a, b) if (a, b) in functions else (b, a)
+            if pair not in functions:
+                there = ", ".join(f"{one} by {other}" for one, other in functions)
+                raise ValueError(
+                    f"from_receptances: there is no function of '{a}' by a force on '{b}', nor the other way round; "
+                    f"need one for each pair of {', '.join(names)}; there are {there}"
+                )
+            lines, values[:, i, j] = functions[pair][0], 0.0
+            if len(lines) != len(f) or np.abs(lines - f).max() > _SAME * f[-1]:
+                raise ValueError(
+                    f"from_receptances: {pair[0]} by {pair[1]} has {len(lines)} lines from {lines[0]:g} to "
+                    f"{lines[-1]:g} Hz, {first[0]} by {first[1]} has {len(f)} from {f[0]:g} to {f[-1]:g}; need the "
+                    "same lines"
+                )
+            values[:, i, j] = functions[pair][1]
+    if isinstance(static, str):
+        if static != "lowest":
+            raise ValueError(f"from_receptances: static = {quoted(static)} must be a matrix, 'lowest' or None")
+        static = values[0].real
+    return Receptances(2 * np.pi * f, values, names, static)
+
+
+def _as_receptance(f: Array, H: ComplexArray, quantity: str, where: str) -> Function:
+    """Over (i w)^0, 1 or 2; a line at 0 Hz, where velocities and accelerations tell nothing, is left out."""
+    power = _POWERS[quantity]
+    if len(f) < 4 or np.any(np.diff(f) <= 0) or f[0] < 0 or not np.all(np.isfinite(f)):
+        raise ValueError(f"{where}: need four or more frequencies that ascend from 0 Hz or above")
+    if power and f[0] == 0:
+        f, H = f[1:], H[1:]
+    return f, H / (2j * np.pi * f) ** power if power else H
+
+
+def read_function(path: str | os.PathLike[str], quantity: str) -> Function:
+    """A table of a frequency [Hz] and a complex number in each line.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    text = text_of_file(path, "a frequency response")
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    mark = next((mark for mark in ";\t," if lines and mark in lines[-1]), None)
+    rows = [[x.strip() for x in line.split(mark)] for line in lines]
+    head = [] if not rows or _is_number(rows[0][0]) else [x.lower() for x in rows.pop(0)]
+    try:
+        table = np.array([[float(x) for x in row[:3]] for row in rows])
+    except ValueError:
+        table = np.empty(0)
+    if table.ndim != 2 or table.shape[1] != 3 or not np.all(np.isfinite(table)):
+        raise ValueError(
+            f"'{path}' cannot be read as a frequency response: need rows of three numbers, the frequency [Hz] with "
+            "real and imaginary part, or with magnitude and phase [deg] if the first line says so"
+        )
+    f, a, b = table.T
+    if head and "rad/s" in head[0]:
+        f = f / (2 * np.pi)
+    polar = len(head) > 1 and any(word in head[1] for word in ("magnitude", "amplitude", "abs"))
+    angle = b if len(head) > 2 and "rad" in head[2] else np.radians(b)
+    return _as_receptance(f, a * np.exp(1j * angle) if polar else a + 1j * b, quantity, f"'{path}'")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _universal(path: str | os.PathLike[str], quantity: str | None) -> dict[tuple[str, str], Function]:
+    """Functions of a universal file by the names of response and force."""
+    if not Path(path).is_file():
+        raise ValueError(f"there is no file '{path}'")
+    pyuff = needed("pyuff", "measured", "reading a universal file")
+    try:
+        sets = pyuff.UFF(str(path)).read_sets()
+    except Exception as error:  # whatever a damaged file makes the reader say
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"'{path}' cannot be read as a universal file: {told[:200]}") from None
+    found: dict[tuple[str, str], Function] = {}
+    for one in sets if isinstance(sets, list) else [sets]:
+        if one.get("type") != 58 or one.get("func_type") != _FRF:
+            continue
+        own = quantity or _ORDINATES.get(int(one.get("ordinate_spec_data_type", 0)))
+        pair, sign = _names_of(one)
+        if own is None:
+            raise ValueError(
+                f"'{path}': {pair[0]} by {pair[1]} does not say whether it is a displacement, velocity or "
+                "acceleration: give quantity='receptance', 'mobility' or 'accelerance'"
+            )
+        f, H = np.asarray(one["x"], dtype=float), sign * np.asarray(one["data"], dtype=complex)
+        found[pair] = _as_receptance(f, H, own, f"'{path}': {pair[0]} by {pair[1]}")
+    if not found:
+        raise ValueError(f"'{path}' has no frequency responses: functions of type 4 in data sets 58")
+    return found
+
+
+def _names_of(one: Mapping[str, Any]) -> tuple[tuple[str, str], int]:
+    """Names of response and force of a data set 58, and the sign of their directions together."""
+    names, sign = [], 1
+    for end in ("rsp", "ref"):
+        node, direction = int(one[f"{end}_node"]), int(one[f"{end}_dir"])
+        names.append(f"{node}{_AXES.get(abs(direction), '')}")
+        sign *= -1 if direction < 0 else 1
+    return (names[0], names[1]), sign
+
+
+def _renamed(
+    functions: Mapping[tuple[str, str], Function], names: Mapping[str, str], path: Any
+) -> dict[tuple[str, str], Function]:
+    there = {name for pair in functions for name in pair}
+    for name in names:
+        if name not in there:
+            raise ValueError(f"'{path}' has no coordinate '{name}'{did_you_mean(name, sorted(there))}")
+    return {
+        (names[pair[0]], names[pair[1]]): function
+        for pair, function in functions.items()
+        if pair[0] in names and pair[1] in names
+    }

@@ -1,0 +1,167 @@
+"""The band of a whole curve, against curves traced with other values of the parameters."""
+
+import matplotlib
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.cli import app
+
+matplotlib.use("Agg")
+
+PAIR = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25.0))
+FINE = hb.StepControl(longest=0.004, max_points=4000)
+SPREAD = {"zeta": 1e-4, "e[0]": 5e-5, "F_m": 2e-4, "reference[0]": 10.0}
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return hb.trace(hb.HarmonicBalance(PAIR, 5), "Omega", (1.4, 0.4))
+
+
+def displaced(band, model, width=0.03):
+    """Signed distances (P,) along its normals to the curve of another model, in the units of the band."""
+    other = hb.trace(hb.HarmonicBalance(model, 5), "Omega", (1.5, 0.3), steps=FINE, accuracy=None, stability=False)
+    speed = model.scales.pinion_speed(1.0) if band.unit != "Omega" else 1.0
+    length = model.scales.length * 1e6 if band.length else 1.0
+    path = np.column_stack([speed * other.values, length * other.amplitude("pp2")]) / band.size
+    out = np.full(len(band.frequency), np.nan)
+    for i, (x, y) in enumerate(zip(band.frequency, band.amplitude, strict=True)):
+        n = band.normal[i]
+        away = path - np.array([x, y]) / band.size
+        along, across = away @ [n[1], -n[0]], away @ n
+        met = np.flatnonzero((along[:-1] * along[1:] <= 0) & (np.abs(across[:-1]) < width))
+        shares = along[met] / (along[met] - along[met + 1])
+        places = across[met] + shares * (across[met + 1] - across[met])
+        out[i] = places[np.argmin(np.abs(places))] if len(places) else np.nan
+    return out
+
+
+def moved(model, **changes):
+    own = model.parameters | model.entries
+    return model.replace(**{name: own[name] + change for name, change in changes.items()})
+
+
+@pytest.mark.parametrize(("unit", "length"), [("Omega", ""), ("pinion r/min", "um")])
+@pytest.mark.parametrize("name", SPREAD)
+def test_each_parameter_against_two_curves(curve, name, unit, length):
+    """Also in r/min and um, whose scales move with the curve: the natural frequency moves it in r/min alone."""
+    band = hb.response_band(curve, {name: SPREAD[name]}, unit=unit, length=length)
+    up, down = (displaced(band, moved(PAIR, **{name: side * SPREAD[name]})) for side in (1, -1))
+    found, expected = band.effects[:, 0], (up - down) / 2
+    np.testing.assert_allclose(band.deviation, np.abs(found), atol=1e-12)
+    if name == "reference[0]" and unit == "Omega":
+        np.testing.assert_allclose(found, 0.0, atol=1e-12)
+        return
+    assert np.isfinite(expected).all() and np.abs(expected).max() > 1e-4
+    np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
+
+
+def test_monte_carlo_of_whole_curves(curve):
+    """Each of many traced curves is where the first order puts it, and so is their standard deviation.
+
+    Where the curve is bent as sharply as the band is wide, at its tip, no first order holds; these rows are left out.
+    """
+    spread = {"zeta": 1e-4, "e[0]": 5e-5, "F_m": 2e-4}
+    band = hb.response_band(curve, spread)
+    xi = np.random.default_rng(3).normal(size=(40, 3))
+    drawn = np.array([
+        displaced(band, moved(PAIR, **{n: x * s for (n, s), x in zip(spread.items(), row, strict=True)})) for row in xi
+    ])  # fmt: skip
+    turned = np.abs(np.gradient(np.unwrap(np.arctan2(*band.normal.T))))
+    path = np.column_stack([band.frequency, band.amplitude]) / band.size
+    radius = np.linalg.norm(np.gradient(path, axis=0), axis=1) / turned
+    smooth = radius > 50 * band.deviation
+    assert smooth.sum() > 80 and smooth[curve["LP1"].index] and smooth[curve["LP2"].index]
+    drawn, first, deviation = drawn[:, smooth], (xi @ band.effects.T)[:, smooth], band.deviation[smooth]
+    assert np.isfinite(drawn).all()
+    assert np.sqrt(np.mean((drawn - first) ** 2, axis=0)).max() < 0.1 * deviation.max()
+    np.testing.assert_allclose(drawn.std(axis=0), first.std(axis=0), rtol=0.06, atol=0.02 * deviation.max())
+    assert 0.90 < (np.abs(drawn) < 2 * deviation).mean() < 0.99
+
+
+def test_held_frequency_and_held_amplitude(curve):
+    """Away from folds the scatter of the amplitude is that of `sensitivity`; at the fold there is none."""
+    band = hb.response_band(curve, {"zeta": 1e-3, "e[0]": 5e-4})
+    for i in (5, 20, len(curve) - 4):
+        row = hb.sensitivity(curve[i], ["zeta", "e[0]"], measure="pp2")
+        assert band.at_frequency[i] == pytest.approx(row.scatter({"zeta": 1e-3, "e[0]": 5e-4}, "pp2"), rel=1e-6)
+    fold = curve["LP1"]
+    jump = hb.sensitivity(fold, ["zeta", "e[0]"]).scatter({"zeta": 1e-3, "e[0]": 5e-4})
+    assert band.at_amplitude[fold.index] == pytest.approx(jump, rel=1e-6)
+    assert band.at_frequency[fold.index] > 1e3 * jump
+    upper, lower = band.edges(1)
+    np.testing.assert_allclose((upper + lower) / 2, np.column_stack([band.frequency, band.amplitude]))
+    apart = np.einsum("px,px->p", (upper - lower) / band.size, band.normal) / 2
+    np.testing.assert_allclose(apart, band.deviation)
+
+
+def test_band_of_a_fit(curve):
+    """The covariance counts, not the standard errors alone."""
+    rows = np.arange(2, 30, 3)
+    data = hb.Measurements(curve.values[rows], 1.001 * curve.amplitude("pp2")[rows], -1, 0.001)
+    found = hb.fit(hb.HarmonicBalance(PAIR, 5), data, ["zeta", "e[0]"])
+    band = hb.response_band(found.curve, found)
+    alone = hb.response_band(found.curve, found.errors)
+    i = 40
+    g = [alone.effects[i, j] / found.errors[name] for j, name in enumerate(found.names)]
+    assert band.deviation[i] == pytest.approx(np.sqrt(g @ found.covariance @ g), rel=1e-9)
+    assert not np.isclose(band.deviation[i], alone.deviation[i], rtol=1e-3)
+
+
+def test_figure(curve, tmp_path):
+    band = hb.response_band(curve, {"zeta": 2e-3}, unit="pinion r/min", length="um")
+    ax = hb.plot.band(band, sigmas=3)
+    assert "r/min" in ax.get_xlabel() and "[um]" in ax.get_ylabel()
+    (shade,) = ax.patches
+    upper, lower = band.edges(3)
+    corners = shade.get_path().vertices
+    for edge in (upper, lower):
+        apart = np.abs((corners[:, None] - edge[None]) / band.size).sum(axis=2).min(axis=0)
+        assert apart.max() < 1e-9
+    under = hb.plot.response(curve)
+    lines = len(under.lines)
+    hb.plot.band(hb.response_band(curve, {"zeta": 2e-3}), under)
+    assert len(under.lines) == lines + 1 and len(under.patches) >= 1
+    with pytest.raises(ValueError, match="there is no colour 'blau'"):
+        hb.plot.band(band, color="blau")
+
+
+def test_what_has_no_band(curve):
+    with pytest.raises(KeyError, match="no parameter 'zetta'; did you mean 'zeta'"):
+        hb.response_band(curve, {"zetta": 0.1})
+    with pytest.raises(ValueError, match="Omega is what the curve is traced in"):
+        hb.response_band(curve, {"Omega": 0.1})
+    with pytest.raises(ValueError, match="name at least one parameter that scatters"):
+        hb.response_band(curve, {})
+    with pytest.raises(ValueError, match=r"zeta = -0\.1"):
+        hb.response_band(curve, {"zeta": -0.1})
+    with pytest.raises(ValueError, match="unit = 'rpm'"):
+        hb.response_band(curve, {"zeta": 0.1}, unit="rpm")
+    duffing = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9))
+    with pytest.raises(ValueError, match="Duffing does not know its units"):
+        hb.response_band(duffing, {"zeta": 0.001}, length="um")
+    folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.051))
+    with pytest.raises(ValueError, match="a band needs a response curve"):
+        hb.response_band(folds, {"b": 0.1})
+
+
+def test_command(curve, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    path = str(tmp_path / "pair.npz")
+    curve.save(path)
+
+    def run(*words):
+        with pytest.raises(SystemExit) as end:
+            app.main(["scatter", path, *words])
+        return end.value.code, capsys.readouterr()
+
+    code, said = run("zeta=0.001", "e[0]=0.0005", "--draws", "20", "--plot", str(tmp_path / "band.png"))
+    assert code == 0 and "LP1" in said.out and "the curve is displaced most at Omega" in said.out
+    assert (tmp_path / "band.png").stat().st_size > 10_000
+    first = hb.jump_scatter(curve, {"zeta": 0.001, "e[0]": 0.0005}, draws=20)[0].first
+    assert f"{first:.3g}" in said.out
+    code, said = run("zetta=0.001")
+    assert code == 2 and "did you mean 'zeta'" in said.err
+    code, said = run("zeta")
+    assert code == 2

@@ -1,0 +1,129 @@
+"""Machines from matrices and from measured receptances as files, on the command line too."""
+
+import numpy as np
+import pytest
+import scipy
+from typer.testing import CliRunner
+
+import hbgear as hb
+from hbgear.cli.app import app
+from hbgear.io.structure_file import StructureFileError, is_structure, read_structure
+from hbgear.mechanics.model import describe
+
+M, K = np.diag([2.0, 5.0]), np.array([[200.0, -100.0], [-100.0, 400.0]])
+C = 5e-3 * K
+ELEMENTS = """
+[[element]]
+name = "stop"
+direction = { shaft = 1.0, case = -1.0 }
+law = "unilateral"
+k = 200.0
+gap = 0.1
+damping = 0.5
+eps = [0.1]
+
+[[element]]
+name = "gap"
+direction = { case = 1.0 }
+law = "backlash"
+k = 50.0
+b = 0.2
+error = [0.01, 0.002]
+
+[[load]]
+constant = { shaft = 1.0 }
+cosine = { 1 = { shaft = 4.0 }, 2 = { case = 0.5 } }
+"""
+SEPARATE = '[matrices]\nM = "mass.mtx"\nK = "stiffness.npy"\nC = "damping.mtx"\nnames = ["shaft", "case"]\n' + ELEMENTS
+TOGETHER = (
+    '[matrices]\nfile = "all.mat"\nK = "Stiffness"\nG = "spin"\nratio = 0.05\nnames = ["shaft", "case"]\n' + ELEMENTS
+)
+MEASURED = (
+    """[receptances]
+tables = [
+    { response = "shaft", force = "shaft", file = "ss.csv" },
+    { response = "shaft", force = "case", file = "sc.csv" },
+    { response = "case", force = "case", file = "cc.csv" },
+]
+"""
+    + ELEMENTS
+)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scipy.io.mmwrite("mass.mtx", M)
+    scipy.io.mmwrite("damping.mtx", scipy.sparse.coo_array(C))
+    np.save("stiffness.npy", K)
+    scipy.io.savemat("all.mat", {"M": M, "C": C, "Stiffness": K, "spin": np.array([[0.0, 1.0], [-1.0, 0.0]])})
+    f = np.linspace(0.0, 30.0, 3001)
+    w = 2 * np.pi * f[:, None, None]
+    H = np.linalg.inv(K + 1j * w * C - w**2 * M)
+    for name, (i, j) in {"ss": (0, 0), "sc": (0, 1), "cc": (1, 1)}.items():
+        np.savetxt(f"{name}.csv", np.column_stack([f, H[:, i, j].real, H[:, i, j].imag]), delimiter=",")
+    for name, text in (("separate", SEPARATE), ("together", TOGETHER), ("measured", MEASURED)):
+        (tmp_path / f"{name}.toml").write_text(text)
+    return tmp_path
+
+
+def by_hand(spin=0.0, structure=None):
+    names = ["shaft", "case"]
+    stop = hb.Element([1.0, -1.0], hb.Unilateral(200.0, 0.1, hb.Series(1.0, (-0.1,))), damping=0.5, name="stop")
+    gap = hb.Element([0.0, 1.0], hb.Backlash(0.2, 50.0), hb.Series(0.0, (0.01, 0.002)), name="gap")
+    load = hb.Load([1.0, 0.0], {1: [4.0, 0.0], 2: [0.0, 0.5]})
+    terms = hb.SpeedTerms([[0.0, spin], [-spin, 0.0]], 0.05) if spin else None
+    return hb.System(M, C, K, [stop, gap], load, names, terms)
+
+
+def test_files_are_the_machines(folder):
+    assert describe(read_structure("together.toml")) == describe(by_hand(1.0))
+    a, b = (hb.HarmonicBalance(model, 8) for model in (read_structure("separate.toml"), by_hand()))
+    X = np.sin(np.arange(a.size))
+    np.testing.assert_allclose(a.evaluate(X, Omega=9.0)[0], b.evaluate(X, Omega=9.0)[0], rtol=1e-12, atol=1e-12)
+    c = hb.HarmonicBalance(read_structure("measured.toml"), 8)
+    np.testing.assert_allclose(c.evaluate(X, Omega=9.0)[0], b.evaluate(X, Omega=9.0)[0], atol=1e-4 * np.abs(K).max())
+    assert is_structure("measured.toml") and not is_structure("nowhere.toml")
+
+
+@pytest.mark.parametrize("name", ["separate", "together", "measured"])
+def test_on_the_command_line(name, folder):
+    run = CliRunner().invoke
+    result = run(app, ["trace", f"{name}.toml", "--from", "8", "--to", "11", "--harmonics", "8", "-o", "a.npz"])
+    assert result.exit_code == 0, result.output
+    curve = hb.load("a.npz")
+    assert curve.layout.elements == ("stop", "gap") and (curve.multipliers is None) == (name == "measured")
+    assert ("stability is not available" in " ".join(result.output.split())) == (name == "measured")
+    longer = run(app, ["extend", "a.npz", "--to", "11.2", "-o", "b.npz"])
+    assert longer.exit_code == 0, longer.output
+    checked = run(app, ["validate", "a.npz", "--points", "1"])
+    told = str(checked.exception)
+    assert "known by receptances only" in told if name == "measured" else checked.exit_code == 0, told
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "said"),
+    [
+        (SEPARATE, '"mass.mtx"', '"mess.mtx"', "line 1: there is no file '.*mess.mtx'"),
+        (SEPARATE, "gap = 0.1", "", "line 7: law = 'unilateral' needs gap"),
+        (SEPARATE, "gap = 0.1", "gap = 0.1\nb = 2.0", "law = 'unilateral' has no b; it has k, gap, eps"),
+        (SEPARATE, "case = -1.0", "cage = -1.0", "no coordinate 'cage'; did you mean 'case'"),
+        (SEPARATE, 'law = "unilateral"', 'law = "stop"', "law = 'stop'"),
+        (SEPARATE, "2 = { case = 0.5 }", "two = { case = 0.5 }", "'two' is no harmonic"),
+        (SEPARATE, "k = 200.0", "k = -200.0", "k"),
+        (SEPARATE, '["shaft", "case"]', '["shaft"]', "1 dof_names for 2 coordinates"),
+        (SEPARATE, "[[load]]", "[[lode]]", "unknown key 'lode'"),
+        (SEPARATE, "[matrices]", "[receptances]\nstatic = [[1.0]]\n[matrices]", "one of them"),
+        (SEPARATE, 'M = "mass.mtx"', "", "M is missing"),
+        (TOGETHER, 'K = "Stiffness"', "", "has no matrix 'K', but"),
+        (TOGETHER, '"all.mat"', '"damping.mtx"', "must be a .mat or .npz file"),
+        (MEASURED, '"sc.csv"', '"all.mat"', "cannot be read as a frequency response|need rows of three numbers"),
+        (MEASURED, "[receptances]\n", '[receptances]\nfile = "a.uff"\n', "give file or tables, one of them"),
+        (MEASURED, "[receptances]\n", "[receptances]\nquantity = 'speed'\n", "quantity"),
+    ],
+)
+def test_bad_files(text, old, new, said, folder):
+    assert old in text
+    (folder / "bad.toml").write_text(text.replace(old, new, 1))
+    with pytest.raises(StructureFileError, match=said):
+        read_structure("bad.toml")
