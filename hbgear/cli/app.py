@@ -208,6 +208,9 @@ def trace(
     tolerance: Annotated[
         float, typer.Option(help="Largest estimated error of the motion with --harmonics auto.")
     ] = 1e-6,
+    orders: Annotated[
+        str, typer.Option(help="meshes: harmonics of every mesh of a train, and their combinations, instead of all.")
+    ] = "",
     samples: Annotated[
         int | None, typer.Option(min=1, help="N per period, at least 2H+1.", show_default="chosen from H")
     ] = None,
@@ -244,7 +247,9 @@ def trace(
         curve, point = start_of(start)
         layout = layout_of(curve)
         machine, nu = model_at(curve, point, model, changes), layout.nu if layout else 1
-    problem = problem_of(machine, harmonics, nu=nu, samples=samples, sampled=sampled, tolerance=tolerance)
+    problem = problem_of(
+        machine, harmonics, nu=nu, samples=samples, sampled=sampled, tolerance=tolerance, orders=orders or None
+    )
     parameter, span, held = path_of(machine, within, first, last, at, known=point is not None)
     if point is not None:  # its values of the parameters would count before those of --set
         held = {name: value for name, value in problem.parameters.items() if name != parameter} | held

@@ -184,7 +184,7 @@ class HarmonicBalance(FullProblem):
             return _FEWEST * self.nu if self.auto else harmonics
         if self.selection.given and self.auto:
             raise ValueError("harmonics = 'auto' chooses the orders itself: give orders='meshes', or no 'auto'")
-        if known:
+        if known and not self.auto:
             return harmonics
         return self.nu * (max(self.selection.given) if self.selection.given else harmonics * self.selection.unit)
 
@@ -577,7 +577,14 @@ class HarmonicBalance(FullProblem):
 
     def _warn_truncated(self, system: System) -> None:
         highest = max([e.displacement.order for e in system.elements] + [load.order for load in system.loads])
-        if highest * self.nu > self.H:
+        begins = zip((e.name for e in system.elements), excited(system), strict=False)
+        missed = next(((name, min(some)) for name, some in begins if some and min(some) * self.nu > self.H), None)
+        if missed is not None:
+            tell(
+                f"what excites {missed[0]} begins at order {missed[1]} of Omega, and {self.fineness} leaves it out: "
+                "give as many harmonics and more, or orders"
+            )
+        elif highest * self.nu > self.H:
             tell(
                 f"the excitation has {highest} harmonics but H = {self.H} with nu = {self.nu} keeps only "
                 f"{self.H // self.nu}; what is above is left out"

@@ -27,6 +27,9 @@ from hbgear.mechanics.laws import springs_of
 from hbgear.mechanics.model import System
 from hbgear.mechanics.periodic import Periodic, Phased
 
+_FAR = 8  # multiple of an order from which another one is a tone of its own, as that of 40 teeth beside their shaft
+
+
 _ROUNDING = 1e-13  # amplitude of a harmonic, relative to the largest, that is none
 
 HIGHEST = 10_000
@@ -143,9 +146,10 @@ def selection_of(orders: Any, system: System) -> Selection | None:
 
 
 def tones_of(system: System) -> tuple[int, ...]:
-    """The orders of which the excitation of each element and each load has multiples only, without multiples of others.
+    """The orders of which each function that excites has multiples only: of every mesh, and of a shaft out of balance.
 
-    (1,), which is all of them, if a law does not tell whether it depends on the phase.
+    An order that is a low multiple of another is no tone of its own. (1,), which is all orders, if a law does not tell
+    whether it depends on the phase.
 
     Examples
     --------
@@ -156,16 +160,16 @@ def tones_of(system: System) -> tuple[int, ...]:
     found = sorted({gcd(*some) for some in excited(system) if some})
     if not found or any(springs_of(e.law) is None for e in system.elements):
         return (1,)
-    return tuple(k for i, k in enumerate(found) if not any(k % other == 0 for other in found[:i]))
+    return tuple(k for k in found if not any(k % other == 0 and other < k < _FAR * other for other in found))
 
 
 def excited(system: System, corners: bool = True) -> list[list[int]]:
-    """Orders of the excitation of each element and each load, but of laws that do not tell.
+    """Orders of each function that excites, but of laws that do not tell.
 
     corners : whether functions with corners count, which have endless orders, all of which the forces know.
     """
-    functions = [(*_stiffness(e.law), e.displacement) for e in system.elements]
-    each = [[k for f in some if corners or not f.corners for k in _orders(f)] for some in functions]
+    functions = [f for e in system.elements for f in (*_stiffness(e.law), e.displacement)]
+    each = [_orders(f) for f in functions if corners or not f.corners]
     return each + [[k for k in load.complex(system.n) if k] for load in system.loads]
 
 

@@ -10,6 +10,7 @@ from cross.shooting_branch import Shooter
 from cross.test_two_masses import POINTS, SPAN, two_masses
 
 import hbgear as hb
+from hbgear.continuation.newton import solve
 
 STATED = 3.0  # times the stated error within which the true one lies
 
@@ -79,6 +80,25 @@ def test_a_backlash_fifty_times_as_stiff():
     assert all(label in " ".join(curve.doubts) for label in vague)
     asked = hb.trace(hb.HarmonicBalance(system, 16), "Omega", (0.6, 0.45), accuracy=None)
     assert asked.layout.harmonics == 16 and "motions are known to" in " ".join(asked.doubts)
+
+
+def test_multipliers_in_doubt_are_those_of_the_motion_at_this_frequency():
+    """With 5 harmonics of the double-helical pair, against eight times as many at the same Omega, on the same sheet."""
+    curve = hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 5), "Omega", (1.0, 0.8))
+    fine, counts = curve.problem.with_order(1, 40), []
+    doubtful = np.flatnonzero(np.isfinite(curve.modulus_error) & ~curve.undecided)
+    for i in set(doubtful.tolist()) - {p.index for p in curve.special}:
+        here, guess = {"Omega": float(curve.values[i])}, fine.fitted(curve.X[i])
+        try:
+            X = solve(fine, guess, here).X
+        except hb.NoConvergence:  # beyond a fold that is elsewhere with more harmonics
+            continue
+        if np.linalg.norm(X - guess) > 0.05 * np.linalg.norm(X):
+            continue
+        true, said = (np.abs(mu).max() for mu in (fine.multipliers(X, **here), curve.multipliers[i]))
+        assert (true > 1) == (said > 1), here
+        counts.append(abs(true - said) <= curve.modulus_error[i] + 1e-7)
+    assert len(counts) > 10 and np.mean(counts) > 0.9
 
 
 @pytest.mark.parametrize("first", [0, 10])

@@ -88,6 +88,11 @@ def test_rule_of_the_orders_of_meshes():
     assert two.of_length(4, 1) is None
     assert Selection((1,)).kept(9, 1).tolist() == list(range(10))
     assert tones_of(two_stages(21, 10)) == (10, 21) and tones_of(two_stages(4, 2)) == (2,)
+    unbalance = hb.Load(cosine={1: [0.0, 0.01, 0.0]}, sine={1: [0.0, 0.0, 0.01]}, power=2)
+    assert tones_of(two_stages(40, 80, load=(two_stages().loads[0], unbalance))) == (1, 40)
+    side = {40 * a + b for a in range(1, 5) for b in (-1, 1)} | {1, 2, 3, 4, 40, 80, 120, 160}
+    kept = set(Selection((1, 40)).kept(360, 1).tolist())
+    assert side <= kept and 201 not in kept and len(kept) < 100
     given = Selection(given=(3, 5))
     assert given.kept(5, 1).tolist() == [0, 3, 5] and given.kept(10, 1).tolist() == [0, 2, 3, 5, 6, 8, 10]
 
@@ -127,7 +132,7 @@ def test_motions_in_mesh_are_those_of_all_orders(train, curves):
 
 @pytest.fixture(scope="module")
 def lost():
-    """A curve on which the second mesh loses contact, with the orders that a coarse one asks for."""
+    """A curve on which a mesh loses contact, with the orders that a coarse one asks for."""
     model = two_stages(7, 4)
     first = hb.trace(hb.HarmonicBalance(model, 6, orders="meshes"), "Omega", SPAN, accuracy=None)
     return hb.trace(first.problem.with_orders_of(first, 2e-5), "Omega", SPAN)

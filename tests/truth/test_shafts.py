@@ -130,6 +130,19 @@ def test_unbalance_of_a_jeffcott_rotor(turn):
     assert resting.orders["pinion"] == 0.05  # without an unbalance Omega is that of the teeth
 
 
+def test_orders_about_the_multiples_of_the_teeth_are_enough():
+    """An unbalance of order 1 beside teeth of order 20: these orders against all of them; too few are told."""
+    rotor = hb.Wheel("pinion", 1e-3, 2.0, teeth=20, base_radius=0.028, moves="plane", torque=100.0, unbalance=1e-4)
+    train = hb.Train([rotor, gears()[1]], [MESH], bearings=[hb.Bearing("pinion", 2e8, 2e8)], balance="gear")
+    few = hb.HarmonicBalance(train, orders=[k for b in range(4) for k in range(20 * b - 3, 20 * b + 4) if k > 0])
+    whole, Omega = hb.HarmonicBalance(train, 63), 0.04
+    X = [problem.motion(problem.start(Omega=Omega), Omega=Omega) for problem in (few, whole)]
+    assert few.size < 0.5 * whole.size
+    np.testing.assert_allclose(X[0], X[1], atol=1e-6 * np.abs(X[1]).max())
+    with pytest.warns(hb.Unlikely, match="what excites pinion-gear begins at order 20 of Omega"):
+        hb.HarmonicBalance(train, 8)
+
+
 def static(train):
     """Displacements [m] by coordinate under the torques alone."""
     problem = hb.HarmonicBalance(train, 1)

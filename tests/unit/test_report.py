@@ -338,6 +338,15 @@ def test_paper_is_white_and_takes_the_whole_figure(shown):
     shown.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
+def test_page_is_drawn_anew_when_a_phone_is_turned(shown):
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    legend = "return document.getElementById('response')._fullLayout.legend.orientation"
+    for width, orientation in ((1280, "v"), (390, "h"), (1280, "v")):
+        resized(shown, width, 844)
+        WebDriverWait(shown, 20).until(lambda driver, want=orientation: driver.execute_script(legend) == want)
+
+
 def test_page_fits_a_phone(shown):
     resized(shown, 390, 844)
     shown.refresh()

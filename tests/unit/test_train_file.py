@@ -84,6 +84,19 @@ def test_a_train_on_the_command_line(file, tmp_path):
     assert hb.load(out).layout.elements == ("in-middle", "middle-out")
 
 
+def test_orders_of_two_stages_on_the_command_line(file, tmp_path):
+    """The second pinion sits where the flange was: tooth frequencies as 3 to 2."""
+    pinion = 'inertia = "0.01 kg m^2"\nteeth = 20\nbase_radius = "28.190778624 mm"\nx = "82.5 mm"'
+    text = TEXT.replace('inertia = "0.01 kg m^2"', pinion).replace('"187.5 mm"', '"172.5 mm"')
+    file.write_text(text.replace('first = "middle"\nsecond = "out"', 'first = "flange"\nsecond = "out"'))
+    out = tmp_path / "curve.npz"
+    arguments = ["trace", str(file), "--from", "0.3", "--to", "0.29", "--harmonics", "5", "--orders", "meshes"]
+    result = CliRunner().invoke(app, [*arguments, "-o", str(out)])
+    assert result.exit_code == 0, result.output
+    layout = hb.load(out).layout
+    assert layout.harmonics == 15 and {2, 3, 4, 6, 9, 15} <= set(layout.orders) and 14 not in layout.orders
+
+
 ROTOR = """balance = "mill"
 gyroscopic = true
 

@@ -7,6 +7,7 @@ const hbgear = (() => {
                    "*": "star", X: "x", x: "x-thin-open", "+": "cross-thin-open", p: "pentagon", P: "cross",
                    h: "hexagon", ".": "circle", "<": "triangle-left", ">": "triangle-right" };
   const SANS = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
+  const NARROW = 560, LOW = 400; // pixels of the response below which it is drawn for a phone
   const state = { curves: [], behind: [], measure: "pp2", element: 0, theme: "light", at: null, frame: null, printing: false };
   const PAPER = [700, 440], SMALL = [340, 230]; // pixels of figures on paper, as the style says too
   let settings = null, busy = false;
@@ -206,7 +207,7 @@ const hbgear = (() => {
 
   function responseFigure() {
     const first = state.curves[0], rpm = common("rpm"), Hz = common("Hz"), range = state.frame || span();
-    const narrow = !state.printing && $("response").clientWidth < 560, ink = palette();
+    const narrow = !state.printing && $("response").clientWidth < NARROW, ink = palette();
     const layout = layoutOf({
       xaxis: axis(first.label, { range: [...range] }),
       yaxis: axis(`${measureText(first)} of ${first.motion}${first.unit && first.unit !== "1" ? "" : " [-]"}`, { rangemode: "tozero" }),
@@ -226,7 +227,7 @@ const hbgear = (() => {
                   marker: { symbol: "arrow-up", size: 11, color: ink.text } });
     if (state.at) data.push(chosenTrace());
     let above = 0;
-    const low = ($("response").clientHeight || 520) < 400; // room for one axis only
+    const low = ($("response").clientHeight || 520) < LOW; // room for one axis only
     for (const [scale, title] of [[low ? null : Hz, "mesh frequency [Hz]"], [rpm, "speed of the pinion [r/min]"]]) {
       if (!scale || first.parameter !== "Omega") continue;
       above += 1;
@@ -261,7 +262,7 @@ const hbgear = (() => {
   function drawResponse() {
     const figure = responseFigure(), div = $("response");
     busy = true;
-    const config = { ...CONFIG, displayModeBar: div.clientWidth < 560 ? false : "hover" };
+    const config = { ...CONFIG, displayModeBar: div.clientWidth < NARROW ? false : "hover" };
     const done = Plotly.react(div, figure.data, figure.layout, config).then(() => { busy = false; return div; });
     div.scalesAbove = figure.scales;
     if (!div.listens) {
@@ -401,6 +402,11 @@ const hbgear = (() => {
     document.documentElement.dataset.theme = theme;
   }
 
+  function formOf() {
+    const div = $("response");
+    return `${div.clientWidth < NARROW} ${div.clientHeight < LOW}`;
+  }
+
   function redraw() {
     return Promise.all([drawResponse(), drawMotion()]);
   }
@@ -435,6 +441,12 @@ const hbgear = (() => {
       redraw();
     });
     window.addEventListener("afterprint", () => { state.printing = false; if (before) setTheme(before); redraw(); });
+    let form = formOf();
+    window.addEventListener("resize", () => { // a phone that is turned: legend and axes have other places
+      if (state.printing || formOf() === form || !state.curves.length) return;
+      form = formOf();
+      redraw();
+    });
     return data.curves && data.curves.length ? show(data.curves) : Promise.resolve();
   }
 
