@@ -45,9 +45,9 @@ class Results:
 
 
 def run(quick: bool = False) -> Results:
-    """9 x 9 factors with H = 8; ``quick``: 2 x 2 with H = 3."""
-    harmonics, count = (3, 2) if quick else (8, 9)
-    eps, e = np.linspace(0.78, 1.0, count), np.linspace(0.92, 1.0, count)
+    """7 x 7 factors with H = 8; ``quick``: 2 x 2 with H = 3."""
+    harmonics, count = (3, 2) if quick else (8, 7)
+    eps, e = np.linspace(0.82, 1.0, count), np.linspace(0.94, 1.0, count)
     begin = time.process_time()
     found = hb.redesign(BASE, hb.no_jumps(), OVER, harmonics=harmonics, span=SPAN)
     middle = time.process_time()
@@ -67,16 +67,15 @@ def plot(results: Results) -> Figure:
     lines = ax.contour(results.e, results.eps, 100 * results.distance, 12, cmap="viridis", linewidths=1.0)
     ax.clabel(lines, fmt="%.3g %%", fontsize=7)
     i, j = np.unravel_index(np.nanargmin(results.distance), results.distance.shape)
-    ax.plot(
-        results.e[j], results.eps[i], "s", color=study.GREY, label=f"least of the map: {results.distance[i, j]:.2%}"
-    )
+    least = f"least of the map: {results.distance[i, j]:.2%}"
+    ax.plot(results.e[j], results.eps[i], "s", color=study.GREY, linestyle="", label=least)
     at = results.found.values
-    ax.plot(at["e_scale"], at["eps_scale"], "*", color=study.ORANGE, markersize=10,
+    ax.plot(at["e_scale"], at["eps_scale"], "*", color=study.ORANGE, markersize=10, linestyle="",
             label=f"redesign: {results.found.distance:.2%}")  # fmt: skip
-    ax.plot(1.0, 1.0, "o", color="black", label="the design", clip_on=False)
+    ax.plot(1.0, 1.0, "o", color="black", linestyle="", label="the design", clip_on=False)
     ax.set_xlabel(r"factor of the error amplitudes $e_l$ [-]")
     ax.set_ylabel(r"factor of the stiffness amplitudes $\varepsilon_l$ [-]")
-    ax.legend(fontsize=7, loc="lower left")
+    figure.legend(fontsize=7, loc="outside upper center", ncols=3)
     return figure
 
 
