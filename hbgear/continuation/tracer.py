@@ -98,7 +98,7 @@ def trace(
     accuracy : largest error of a special point, relative to its parameter. Each point tells its own
         (`SpecialPoint.error`), and one whose error is larger is solved for with more unknowns, as are rows whose
         stability they leave undecided; the other rows stay what they are. But where solutions turn out to be off by a
-        hundredth of their size, a curve that covers its span is followed anew with twice the unknowns throughout, and
+        twentieth of their size, a curve that covers its span is followed anew with twice the unknowns throughout, and
         the message says so. None for the curve and the points of the problem's own equations, without errors.
 
     Returns
@@ -146,7 +146,7 @@ def trace(
         return replace(branch, message="; ".join(text for text in (branch.message, told) if text)) if told else branch
 
 
-_ROUGH = 1e-2  # error of a solution, relative to its size, above which a curve of it is only a sketch
+_ROUGH = 0.05  # error of a solution, relative to its size, above which a curve of it is only a sketch
 
 
 _TOGETHER = 32  # rows observed at once

@@ -169,7 +169,8 @@ RECORDS = {
     "Answers", "Branch", "Campbell", "Cases", "Critical", "CriticalSpeed", "Evaluation", "Jump", "JumpMap", "Law",
     "Model", "NoConvergence", "NoFold", "Opinion", "PlanetMode", "Point", "Progress", "ProgressCallback", "Reduction",
     "Run", "SpecialPoint", "Status", "Steps", "Survey", "Unlikely", "__version__", "model", "plot",
-    "Fit", "Goal", "JumpScatter", "Redesign", "ResponseBand", "Sensitivity", "Sharing", "SobolIndices", "SweepStatistics",
+    "Fit", "Goal", "JumpScatter", "Redesign", "ResponseBand", "Sensitivity", "Sharing", "SobolIndices",
+    "SweepStatistics",
 }  # fmt: skip
 """Public names that are not called by users: what is returned, raised or derived from."""
 

@@ -376,7 +376,7 @@ def million(tmp_path, monkeypatch):
         raise ValueError("enough")
 
     monkeypatch.setattr("typer.confirm", refuse)
-    monkeypatch.setattr("hbgear.cli.study.cases", nothing)
+    monkeypatch.setattr("hbgear.design.study.cases", nothing)
 
     def call(*options, terminal):
         monkeypatch.setattr(sys.stdin, "isatty", lambda: terminal)
