@@ -299,7 +299,8 @@ def test_dynamic_factor_of_iso(beta, grade, relief):
 
 @pytest.mark.parametrize(("torque", "speed", "grade", "said"), [
     (0.0, 1000.0, 6, "torque = 0 N m must be positive"), ("5 N", 1000.0, 6, "N m"),
-    (100.0, np.nan, 6, "speed = nan must be a finite number"), (100.0, 1000.0, 0, "grade"), (100.0, 1000.0, 12, "grade"),
+    (100.0, np.nan, 6, "speed = nan must be a finite number"), (100.0, 1000.0, 0, "grade"),
+    (100.0, 1000.0, 12, "grade"),
 ])  # fmt: skip
 def test_what_has_no_dynamic_factor(torque, speed, grade, said):
     with pytest.raises(ValueError, match=said):
