@@ -34,6 +34,7 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import as_dense, bordered, norms, slogdet
 from hbgear.continuation.bordered import Augmented, Fold, Level
+from hbgear.continuation.bracketing import bracketed_root
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status
 from hbgear.continuation.newton import NoConvergence, Settings, refine, solution_at, solve
 from hbgear.continuation.problem import FullProblem, as_problem, linearise
@@ -465,10 +466,10 @@ def root(
             return 0.0
 
     try:
-        scipy.optimize.brentq(beside, 0.0, 1.0, xtol=fine, rtol=fine, maxiter=60)
+        bracketed_root(beside, 0.0, 1.0, fine)
         s = min(values, key=lambda x: abs(values[x]))  # near a singular point the last of them may be noise
         return Found(event, s, rows[s], True, note)
-    except (NoConvergence, np.linalg.LinAlgError, ValueError, RuntimeError):
+    except (NoConvergence, np.linalg.LinAlgError, ValueError):
         f0, f1 = abs(test(segment.a)), abs(test(segment.b))
         s = 0.0 if f0 < f1 else 1.0
         return Found(event, s, rows[s], False, note)

@@ -48,6 +48,7 @@ FILES = {
     "continuation": {
         "__init__": "",
         "algebra": "",
+        "bracketing": "",
         "differences": "algebra",
         "reading": "",
         "stepsize": "",
@@ -69,7 +70,7 @@ FILES = {
         "asymptote": "algebra problem segment",
         "covering": "branch jumps newton segment",
         "record": "branch problem segment",
-        "events": "algebra bordered branch newton problem record segment",
+        "events": "algebra bordered bracketing branch newton problem record segment",
         "accuracy": "algebra branch events newton problem record segment",
         "stride": "corrector newton problem segment stepsize verdicts",
         "tracer": "accuracy algebra asymptote branch corrector covering ending events jumps newton problem record "
