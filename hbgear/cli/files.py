@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import typer
@@ -105,12 +106,22 @@ def wrote(*paths: Path | None) -> None:
         print("wrote", ", ".join(str(path) for path in paths if path))
 
 
-def _draw(make: Callable[[Any], Any], path: Path) -> None:
+def import_ahead() -> None:
+    """Import what draws while kernels are loaded: neither needs Python all the time."""
+    Thread(target=_pyplot, daemon=True).start()
+
+
+def _pyplot() -> Any:
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
+    return plt
+
+
+def _draw(make: Callable[[Any], Any], path: Path) -> None:
+    plt = _pyplot()
     from hbgear import plot as drawing
 
     try:

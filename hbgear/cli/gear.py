@@ -13,7 +13,7 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
+from hbgear.cli.files import BRANCHES, FIGURES, check_writable, import_ahead, outputs
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -90,6 +90,7 @@ def gear(
         teeth, module, width, torque, backlash, damping or str(USUAL_DAMPING), helix, pressure,
         _pair_of("--shift", shift, float, "0.2,0"), relief, measure,
     )  # fmt: skip
+    import_ahead()
     count, cycle = harmonics_of(harmonics), machine.mesh
     model = machine.model(cycle=cycle)
     curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
