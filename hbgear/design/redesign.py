@@ -507,14 +507,14 @@ def _nearest(slack: _Slack, u: Array, low: Array, high: Array) -> Array:
     The problem of least distance of Lawson and Hanson, by least squares without negative numbers. Where no change
     within the bounds suffices, that of the largest c of the worst of all.
     """
-    from scipy.optimize import nnls
+    from scipy.optimize import lsq_linear
 
     n = len(u)
     G = np.concatenate([slack.slopes, np.eye(n), -np.eye(n)])
     h = np.concatenate([slack.needed - slack.c + slack.slopes @ u, low, -high])
     size = np.linalg.norm(G, axis=1)
     E = np.vstack([G.T, h]) / np.where(size, size, 1.0)
-    y, _ = nnls(E, np.append(np.zeros(n), 1.0))
+    y = lsq_linear(E, np.append(np.zeros(n), 1.0), (0.0, np.inf), "bvls", tol=1e-15, max_iter=100 * len(h)).x
     r = E @ y - np.append(np.zeros(n), 1.0)
     if -r[n] > 1e-10:
         return np.asarray(np.clip(-r[:n] / r[n], low, high))
