@@ -298,6 +298,13 @@ class Jump:
         return f"nearest of {len(self.candidates)}" if len(self.candidates) > 1 else "nearest"
 
 
+def relative_errors(X: Array, error: Array) -> Array:
+    """Errors (P,) of solutions X (P, n), relative to their norms over sqrt 2; not finite where a solution is zero."""
+    with np.errstate(all="ignore"):
+        relative: Array = error * math.sqrt(2) / np.linalg.norm(X, axis=1)
+    return relative
+
+
 _ROUGH = 1e-2  # relative error of a motion above which a curve is only a sketch
 
 
@@ -478,8 +485,7 @@ class Branch:
     @property
     def relative_error(self) -> float:
         """Largest estimated error of a row, relative to the norm of its unknowns over sqrt 2; nan if unknown."""
-        with np.errstate(all="ignore"):
-            relative = self.error * math.sqrt(2) / np.linalg.norm(self.X, axis=1)
+        relative = relative_errors(self.X, self.error)
         return math.nan if np.isnan(relative).all() else float(np.nanmax(relative))
 
     @property

@@ -29,7 +29,7 @@ from hbgear.common.ranges import POSITIVE, Range, checked
 from hbgear.continuation.accuracy import assessed
 from hbgear.continuation.algebra import norm
 from hbgear.continuation.asymptote import asymptote
-from hbgear.continuation.branch import Branch, Point, Status, with_asymptotes
+from hbgear.continuation.branch import Branch, Point, Status, relative_errors, with_asymptotes
 from hbgear.continuation.corrector import correct
 from hbgear.continuation.covering import UNCOVERED, Search, find_rest, told
 from hbgear.continuation.ending import Ending
@@ -318,10 +318,11 @@ class _Tracer:
 
     def _check_enough(self, rows: list[CurvePoint]) -> None:
         """Give up a curve of solutions that so few unknowns cannot tell."""
-        for row in rows:
-            error, size = row.observed.get("error", 0.0), norm(row.X) / math.sqrt(2)
-            if error > _ROUGH * size:
-                raise _Sketch(self.problem, self.name, row.value, error / size)
+        error = np.array([row.observed.get("error", 0.0) for row in rows])
+        relative = relative_errors(np.array([row.X for row in rows]), error)
+        if (relative > _ROUGH).any():
+            first = int(np.argmax(relative > _ROUGH))
+            raise _Sketch(self.problem, self.name, rows[first].value, float(relative[first]))
 
     def _observed_alone(self, row: CurvePoint, problem: FullProblem) -> dict[str, Any]:
         try:

@@ -132,9 +132,10 @@ def arrivals(branch: Branch, jump: Jump, settling: Settling = Settling()) -> lis
     Omega = np.array([here["Omega"] for here in each])
     models = [problem.model.replace(**{k: x for k, x in here.items() if k != "Omega"}) for here in each]
     stepper = Stepper(models[0], Omega) if jump.parameter == "Omega" else Stepper(models, Omega)
-    state = state_of(problem.fitting(left), problem.fitting(left).converted(left), **left.parameters)
+    own = problem.fitting(left)
+    state = state_of(own, own.converted(left), **left.parameters)
     flight = stepper.start(np.tile(state, (_TRIES, 1)))
-    share = _PUSH if abs(begin - jump.value) > 0 else _DISTURBANCE
+    share = _DISTURBANCE if begin == jump.value else _PUSH
     flight = disturbed(stepper, flight, share, np.random.default_rng(1))
     how = settle(stepper, flight, settling)
     found = []
