@@ -55,7 +55,8 @@ def assessed(arc: Segment, found: Found, accuracy: float) -> Found:
         return found
     unit = arc.problem.unit_of(arc.name, found.row.value)
     goal = accuracy * unit
-    best = _by_equations(arc, found, goal) if found.located and arc.problem.smooth else found
+    simple = found.located and found.finder is None  # where two multipliers pass at once, the equations are singular
+    best = _by_equations(arc, found, goal) if simple and arc.problem.smooth else found
     if not best.error <= goal:
         other = _by_pieces(arc, found, goal)
         best = best if best.error <= other.error else other
@@ -89,7 +90,7 @@ def _by_equations(arc: Segment, found: Found, goal: float) -> Found:
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             break
         problem, row = finer, _row_at(arc, finer, solution.X, solution.iterations)
-        if _apart(arc, row, found.row) > _FAR:
+        if _apart(arc, row, found.row) > _FAR or row.residual > arc.settings.tolerance:
             break
         found = replace(found, sharp=Sharp(problem, row))
     return found

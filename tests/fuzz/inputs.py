@@ -591,7 +591,7 @@ def targets() -> tuple[Target, ...]:
                 },
                 1,
             )
-            for cls in (hb.Fold, hb.Grazing, hb.NeimarkSacker, hb.Peak, hb.PeriodDoubling)
+            for cls in (hb.BranchPoint, hb.Fold, hb.Grazing, hb.NeimarkSacker, hb.Peak, hb.PeriodDoubling)
         ),
         Target(
             "trace a Fold",

@@ -60,6 +60,7 @@ FILES = {
         "passing": "branch",
         "problem": "algebra branch differences reading",
         "bordered": "algebra branch differences problem reading",
+        "crossing": "algebra bordered differences problem",
         "sensitivity": "algebra bordered differences problem",
         "newton": "algebra problem",
         "corrector": "algebra newton problem",
@@ -70,7 +71,7 @@ FILES = {
         "asymptote": "algebra problem segment",
         "covering": "branch jumps newton segment",
         "record": "branch problem segment",
-        "events": "algebra bordered bracketing branch newton problem record segment",
+        "events": "algebra bordered bracketing branch crossing newton problem record segment",
         "accuracy": "algebra branch events newton problem record segment",
         "stride": "corrector newton problem segment stepsize verdicts",
         "tracer": "accuracy algebra asymptote branch corrector covering ending events jumps newton problem record "
