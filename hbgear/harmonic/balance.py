@@ -680,6 +680,16 @@ class HarmonicBalance(FullProblem):
         (dR,) = in_parameter(self, name, here, lambda at: (self.compiled(at).linearise(X, float(at["Omega"]))[0],))
         return dR  # type: ignore[no-any-return]
 
+    def moved_many(self, X: Array, Omega: Array, name: str, parameters: Mapping[str, float]) -> Array:
+        """`moved` (P, n) of many motions X (P, n) at Omega (P,); the name is that of a parameter of the model."""
+
+        def residuals(at: dict[str, float]) -> tuple[Array]:
+            compiled = self.compiled(at)
+            return (np.array([compiled.linearise(x, w)[0] for x, w in zip(X, Omega.tolist(), strict=True)]),)
+
+        (dR,) = in_parameter(self, name, {name: self._own.get(name, 0.0), **parameters}, residuals)
+        return dR  # type: ignore[no-any-return]
+
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:
         """Derivatives (n, n) of dR/dX along v (n,) and in a parameter; exact in Omega."""
         compiled = self.compiled(parameters)

@@ -256,7 +256,8 @@ def _asked(point: Point) -> tuple[FullProblem, dict[str, float], str]:
         low, high = point.interval
         raise ValueError(f"{point.label} was not located, only known to lie within {low:.8g} and {high:.8g}")
     problem = as_problem(point.problem)
-    entries = problem.model.entries if isinstance(problem, HarmonicBalance) else {}
+    inner = _innermost(problem)
+    entries = inner.model.entries if isinstance(inner, HarmonicBalance) else {}
     return problem, {**entries, **problem.parameters, **point.parameters}, list(point.parameters)[-1]
 
 
@@ -403,7 +404,7 @@ class _At:
     @cached_property
     def own(self) -> dict[str, float]:
         """The parameters of the model."""
-        model = getattr(self.problem, "model", None)
+        model = getattr(_innermost(self.problem), "model", None)
         return model.parameters | model.entries if isinstance(model, Model) else {}
 
     def _modulus(self) -> Callable[[Array, dict[str, float]], float]:
