@@ -418,7 +418,7 @@ def _estimate(best: Prediction, data: Measurements, low: Array, high: Array) -> 
     freedom = len(data) + len(data.jumps) - len(names)
     mean_square = _cost(best) / freedom if freedom > 0 else math.nan
     size = np.where(x, np.abs(x), high - low)
-    covariance, doubts = _covariance(best.jacobian(best.deviation) * size, names)
+    covariance, doubts = _covariance(best.information(best.deviation) * size, names)
     unit = mean_square if data.assumed and freedom > 0 else 1.0
     covariance = unit * covariance * np.outer(size, size)
     return _Estimate(x, covariance, mean_square, unit, np.full(len(names), math.nan), doubts)

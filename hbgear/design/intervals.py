@@ -52,7 +52,7 @@ def reach(
     low, high : (A,) bounds.
     """
     s = best.deviation
-    J, least = best.jacobian(s), float(np.square(best.residuals(s)).sum())
+    J, least = best.information(s), float(np.square(best.residuals(s)).sum())
     out = np.full(len(x), math.nan)
     known = np.flatnonzero(np.isfinite(np.diag(covariance)) & (np.diag(covariance) > 0))
     for j in known:

@@ -267,6 +267,17 @@ class Prediction:
         J[:count] /= deviation[:, None]
         return J
 
+    def information(self, deviation: Array) -> Array:
+        """The same without points beyond the end of their part.
+
+        They say that the part should reach them, and nothing any more as soon as it does: a wall to one side.
+        """
+        J, count = self.jacobian(deviation), len(self.data)
+        for i, place in enumerate(self.places):
+            if place.jump is not None:
+                J[[i, count + i]] = 0.0
+        return J
+
     @cached_property
     def _moved(self) -> Array:
         """`jacobian` with amplitudes in the unit of the data."""
