@@ -12,7 +12,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.files import FIGURES, check_writable, outputs
-from hbgear.cli.shares import first_of, show_shares
+from hbgear.cli.shares import ROUNDING, first_of, show_shares
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -127,8 +127,14 @@ def scatter(
             ]  # fmt: skip
             title = f"standard deviation of each jump, that of {draws} draws, and the share of each parameter"
             print_table(["jump", "while", branch.parameter, "+-", "drawn", "lost", *deviations], rows, title)
+            for one in jumps:
+                if one.lost:
+                    print(f"{one.label} vanishes in {one.lost} of {draws} draws, of which it has no frequency")
         else:
             print("the curve has no jumps")
+        for name, effect in zip(band.parameters, band.effects.T, strict=True):
+            if not np.nanmax(np.abs(effect)) > ROUNDING:
+                print(f"{name} has no effect on the curve")
         i = int(np.nanargmax(band.deviation))
         print(f"the curve is displaced most at {unit} = {band.frequency[i]:.6g}, {measure} = {band.amplitude[i]:.6g}: "
               f"by {sigmas * band.deviation[i]:.2%} of its range for {sigmas:g} standard deviations")  # fmt: skip

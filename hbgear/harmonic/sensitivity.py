@@ -268,6 +268,8 @@ def _names(
     own = {parameter, *problem.unknown_parameters}
     if wanted is None:
         return tuple(name for name in here if name not in own)
+    if not len(wanted):
+        raise ValueError("sensitivity: name at least one parameter, such as ['zeta'], or none for all")
     for name in wanted:
         problem.check_parameter(name)
         if name in own:
