@@ -54,10 +54,19 @@ def checked_arguments(**needs: str) -> Callable[[F], F]:
         signature = inspect.signature(call)
         parameters = signature.parameters
         name = call.__name__
+        plain = [key for key, each in parameters.items() if each.kind == each.POSITIONAL_OR_KEYWORD]
+        least = (
+            len(parameters)
+            if len(plain) < len(parameters)
+            else sum(each.default is each.empty for each in parameters.values())
+        )
 
         @functools.wraps(call)
         def checked(*args: Any, **given: Any) -> Any:
-            bound = signature.bind(*args, **given).arguments
+            if not given and least <= len(args) <= len(plain):  # what the signature would say, sooner
+                bound = dict(zip(plain, args, strict=False))
+            else:
+                bound = signature.bind(*args, **given).arguments
             owner = type(bound["self"]).__name__ if "self" in bound else name
             if "self" in bound and name != "__init__":
                 owner = f"{owner}.{name}"
@@ -106,6 +115,8 @@ def check(owner: str, name: str, value: Any, kind: Any, need: str = "") -> None:
     ------
     ValueError, TypeError
     """
+    if type(value) is kind:  # the usual case, and the quickest: models have many fields
+        return
     entries = value if isinstance(value, Mapping) else {}
     for key, inner in entries.items() if (inner_kind := _kind_of_entries(kind)) is not None else ():
         if isinstance(key, str) and inner_kind is float:

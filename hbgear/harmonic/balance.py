@@ -38,6 +38,7 @@ from hbgear.harmonic.deciding import decide
 from hbgear.harmonic.events import motion_events
 from hbgear.harmonic.floquet import is_reduced, multipliers_of, reduction
 from hbgear.harmonic.measuring import NOT_AVAILABLE, Measuring
+from hbgear.harmonic.nearby import Neighbourhood
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.orders import Selection, excited, selection_of
 from hbgear.harmonic.realbasis import derivative
@@ -168,6 +169,7 @@ class HarmonicBalance(FullProblem):
         if samples is not None:
             counted("samples", samples, _COUNTABLE)
         self._kept = 8
+        self._around: Neighbourhood | None = None
         self._structures: Recent[Structure] = Recent(6)
         self._systems: Recent[System] = Recent(6)
         self._models: Recent[Model] = Recent(6)
@@ -202,6 +204,7 @@ class HarmonicBalance(FullProblem):
         self._doubled: Recent[HarmonicBalance] = Recent(1)
         self._fitting: Recent[HarmonicBalance] = Recent(4)
         self._remembering: Recent[HarmonicBalance] = Recent(1)
+        self._beside: Recent[HarmonicBalance] = Recent(1)
         self._units: Recent[float] = Recent(32)
 
     def __repr__(self) -> str:
@@ -314,7 +317,7 @@ class HarmonicBalance(FullProblem):
                 return usual
             if change > (_FELT if h == STEP * usual else _SEEN):
                 return usual if h == STEP * usual else 1e-3 * h / change
-            h *= 1e3
+            h *= 1e6
         return usual
 
     def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
@@ -481,6 +484,19 @@ class HarmonicBalance(FullProblem):
         out._prepare(self.N)
         return out
 
+    def beside(self, parameters: Mapping[str, float], sets: int) -> HarmonicBalance:
+        """The same for values next to these, for derivatives: structures are of first order (`nearby`).
+
+        It keeps what it computes for that many sets of parameters.
+        """
+        changed = self._changed(parameters)
+        return self._beside.get((changed, sets), lambda: self._next_to(changed, sets))
+
+    def _next_to(self, changed: tuple[tuple[str, float], ...], sets: int) -> HarmonicBalance:
+        out, structure = self._with_memory(sets), self.compiled(dict(changed)).structure
+        out._around = Neighbourhood(structure) if Neighbourhood.reaches(structure) else None
+        return out
+
     def decided(
         self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
     ) -> None:
@@ -634,10 +650,11 @@ class HarmonicBalance(FullProblem):
         fresh = tuple(np.array([e.law.reference, e.damping]).tobytes() for e in system.elements)
         dense = [A for A in (system.M, system.C, system.K) if isinstance(A, np.ndarray)]
         loads = tuple(b"" if ld.constant is None else np.asarray(ld.constant).tobytes() for ld in system.loads)
+        make = Structure if self._around is None else self._around.of
         if len(dense) < 3:
-            return Structure(system)
+            return make(system)
         key = (*(A.tobytes() for A in dense), system.W.tobytes(), *fresh, *loads)
-        return self._structures.get(key, lambda: Structure(system))
+        return self._structures.get(key, lambda: make(system))
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
         """Residual (n,) and Jacobian (n, n) at X (n,), n = m (2H + 1); ``Omega`` must be among the parameters."""
@@ -661,6 +678,16 @@ class HarmonicBalance(FullProblem):
             return super().moved(X, name, parameters)
         here = {name: self._own.get(name, 0.0), **parameters}
         (dR,) = in_parameter(self, name, here, lambda at: (self.compiled(at).linearise(X, float(at["Omega"]))[0],))
+        return dR  # type: ignore[no-any-return]
+
+    def moved_many(self, X: Array, Omega: Array, name: str, parameters: Mapping[str, float]) -> Array:
+        """`moved` (P, n) of many motions X (P, n) at Omega (P,); the name is that of a parameter of the model."""
+
+        def residuals(at: dict[str, float]) -> tuple[Array]:
+            compiled = self.compiled(at)
+            return (np.array([compiled.linearise(x, w)[0] for x, w in zip(X, Omega.tolist(), strict=True)]),)
+
+        (dR,) = in_parameter(self, name, {name: self._own.get(name, 0.0), **parameters}, residuals)
         return dR  # type: ignore[no-any-return]
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:

@@ -242,11 +242,11 @@ class NeimarkSacker(Augmented):
     def _moved(self, X: Array, here: dict[str, float], name: str, pair: _Pair) -> float:
         """Derivative of Re s in a parameter."""
 
-        def form(at: dict[str, float]) -> tuple[float]:
-            D, _ = self._hill(X, at).matrices(pair.exponent)
-            return (float((-(pair.w.conj() @ D @ pair.v) / pair.rate).real),)
+        def drift(at: dict[str, float]) -> tuple[float]:
+            form = self._hill(X, at).form(pair.exponent, pair.w, pair.v)
+            return ((-form / pair.rate).real,)
 
-        (moved,) = in_parameter(self.problem, name, here, form)
+        (moved,) = in_parameter(self.problem, name, here, drift)
         return float(moved)
 
 
