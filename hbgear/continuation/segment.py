@@ -88,8 +88,8 @@ class Segment:
         """Length of the chord, scaled."""
         return norm((self.b.u - self.a.u) / self.scale)
 
-    def guess(self, s: float) -> Array:
-        """Hermite interpolation of u."""
+    def guess(self, s: float | Array) -> Array:
+        """Hermite interpolation of u, or of several at places (k, 1)."""
         a, b, length = self.a, self.b, self.length
         square, rest = s * s, 1.0 - s
         value = square * (3.0 - 2.0 * s)

@@ -27,6 +27,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.common.recent import Recent
+from hbgear.continuation.algebra import norm
 from hbgear.continuation.branch import Branch, Point
 from hbgear.continuation.differences import STEP, difference_along, in_parameter
 from hbgear.continuation.events import Event
@@ -161,7 +162,8 @@ class HarmonicBalance(FullProblem):
         self.auto = harmonics == "auto"
         self.tolerance = float(tolerance)
         self.model, self.nu, self.is_sampled, self.reduce = model, int(nu), bool(sampled), bool(reduce)
-        system = model.system()
+        self._systems: Recent[System] = Recent(6)
+        system = self._systems.get((), model.system)
         self.m = len(system.elements)
         self.selection = selection_of(orders, system)
         self.H = self._highest(_FEWEST if self.auto else int(harmonics), isinstance(orders, Selection))
@@ -169,7 +171,6 @@ class HarmonicBalance(FullProblem):
             counted("samples", samples, _COUNTABLE)
         self._kept = 8
         self._structures: Recent[Structure] = Recent(6)
-        self._systems: Recent[System] = Recent(6)
         self._models: Recent[Model] = Recent(6)
         self._own = model.parameters | model.entries
         self._prepare(samples)
@@ -840,7 +841,7 @@ class HarmonicBalance(FullProblem):
 
     def motion_size(self, X: Array) -> float:
         """Norm of the alternating part, which scales the arclength."""
-        return float(np.linalg.norm(X.reshape(self.m, -1)[:, 1:]))
+        return norm(X.reshape(self.m, -1)[:, 1:])
 
     def subharmonic_part(self, X: Array) -> Array:
         """The coefficients that a basis of smaller order could not hold; empty for nu = 1."""
