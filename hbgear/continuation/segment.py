@@ -6,7 +6,7 @@ and a distance mean the same whatever the units of X and lambda.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -47,6 +47,20 @@ class CurvePoint:
     def value(self) -> float:
         """Value of the traced parameter."""
         return float(self.u[-1])
+
+
+class Rows(list[CurvePoint]):
+    """Rows of a curve that do not change any more, of which columns are made once."""
+
+    def __init__(self, rows: Iterable[CurvePoint]) -> None:
+        super().__init__(rows)
+        self._columns: dict[Any, Any] = {}
+
+    def column(self, name: Any, make: Callable[[], Any]) -> Any:
+        """What is kept by that name; made when it is first asked for."""
+        if name not in self._columns:
+            self._columns[name] = make()
+        return self._columns[name]
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ from hbgear.continuation.events import (
     Found,
     Turning,
     as_traced,
+    column,
     dips,
     lengths,
     newton,
@@ -402,6 +403,10 @@ def _multipliers(rows: Sequence[CurvePoint]) -> ComplexArray | None:
 
 def _of_rows(rows: Sequence[CurvePoint], name: str) -> Any:
     """What was observed of all rows, nan of those that could not be; None without any, or where numbers differ."""
+    return column(rows, name, lambda: _observed(rows, name))
+
+
+def _observed(rows: Sequence[CurvePoint], name: str) -> Any:
     values = [row.observed.get(name) for row in rows]
     some = next((x for x in values if x is not None), None)
     if some is None:
