@@ -91,7 +91,8 @@ def checked_arguments(**needs: str) -> Callable[[F], F]:
 
 
 def _check_argument(owner: str, name: str, value: Any, kind: Any, need: str = "") -> None:
-    if _fits_by_type(type(value), kind):
+    given: Any = type(value)
+    if _fits_by_type(given, kind):
         return
     check(owner, name, value, kind, need)
     if kind is not Any:

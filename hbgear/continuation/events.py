@@ -397,7 +397,8 @@ class Watch:
                 for point in self.find(replace(segment, a=rows[i], b=rows[i + 1]))]  # fmt: skip
 
     def _values(self, event: Event, rows: Sequence[CurvePoint]) -> Array:
-        return column(rows, event, lambda: event.values(rows, self.problem, self.name, self.fixed))
+        values: Array = column(rows, event, lambda: event.values(rows, self.problem, self.name, self.fixed))
+        return values
 
 
 def column(rows: Sequence[CurvePoint], name: Any, make: Callable[[], Any]) -> Any:

@@ -436,6 +436,8 @@ class _Tracer:
     def _result(self) -> Branch:
         made = self.made or self._branch()
         message = "; ".join(text for text in (self.ending.told, self.remark) if text)
+        if not self.others and (made.status, made.message) == (self.ending.status, message):
+            return made
         return replace(made, status=self.ending.status, message=message, others=tuple(self.others))
 
     def _loop(self) -> tuple[Status, str]:
@@ -788,6 +790,9 @@ class _Tracer:
         """Whether the piece from last to row passes through the first row, in its direction."""
         if len(self.rows) < 4 or not self.turned:
             return False
+        length = norm((row.u - last.u) / self.scale)
+        if abs(self.first.value - row.value) > _AROUND * length * self.scale[-1]:
+            return False
         first = self._as_now(self.first)
         return cosine(row, first, self.scale) > 0 and self._arc(last, row).passes(first)
 
@@ -862,6 +867,9 @@ _TURNED = 0.9  # least cosine of the turn on the last step to the end of a param
 
 
 _NEAR = 1.3  # squared distance from its end, in its length squared, that what lies beside a piece may have
+
+
+_AROUND = 1.1  # distance from its end, in its length, that a row on a piece may have
 
 
 def _same(one: Found, other: Found) -> bool:

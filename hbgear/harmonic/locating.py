@@ -169,7 +169,7 @@ def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: A
     x, y = np.empty((n + 1, 1)), np.empty((n + 1, 1))
     _null(J, borders[0], borders[1], False, x)
     _null(J, borders[1], borders[0], True, y)
-    v, w = x[:n, 0].copy(), y[:n, 0].copy()
+    v, w, g = x[:n, 0].copy(), y[:n, 0].copy(), float(x[n, 0])
     along, across = np.empty((n, n)), np.empty((n, n))
     curvature(numbers, X, v, _STEP * max(1e-3, length(X)) / length(v), change, along, across)
     moved = 0.0
@@ -180,7 +180,7 @@ def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: A
             row[j] -= w[i] * along[i, j]
             moved += w[i] * across[i, j] * v[j]
     row[n] = -moved
-    return x[n, 0]
+    return g
 
 
 @inlined
@@ -204,4 +204,4 @@ def _clearance(numbers: Any, which: int, X: Any, m: int, row: Any) -> float:
     row[at] = 1.0
     for i in range(1, orders.shape[0]):
         row[at + 2 * i - 1], row[at + 2 * i] = math.cos(orders[i] * theta), math.sin(orders[i] * theta)
-    return side * value - numbers.laws.level[corner]
+    return float(side * value - numbers.laws.level[corner])
