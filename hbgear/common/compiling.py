@@ -36,6 +36,19 @@ def kernel(function: Function) -> Function:
     Fused products and sums may be used; the order of sums is kept, so that results differ between processors in the
     last digits only.
     """
+    return _compiled(function, "never")
+
+
+def inlined(function: Function) -> Function:
+    """A part of the kernels that call it, written into them: it is not compiled by itself.
+
+    A kernel is optimised together with all that it calls, so that each level of calls above costly ones, such as
+    `assembled`, takes as long to compile as these.
+    """
+    return _compiled(function, "always")
+
+
+def _compiled(function: Function, inline: str) -> Function:
     numba = _numba()
     if numba is None:
         return function
@@ -47,6 +60,7 @@ def kernel(function: Function) -> Function:
             nogil=True,
             error_model="numpy",
             fastmath={"contract"},
+            inline=inline,
             no_cfunc_wrapper=True,
             no_cpython_wrapper=function.__name__.startswith("_"),  # called by kernels only
         )(function)

@@ -38,10 +38,10 @@ from hbgear.continuation.bordered import Augmented, Fold, Level
 from hbgear.continuation.bracketing import bracketed_root
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status
 from hbgear.continuation.crossing import BranchPoint
-from hbgear.continuation.newton import NoConvergence, Settings, refine, solution_at, solve
+from hbgear.continuation.newton import NoConvergence, Settings, on_curve, solution_at
 from hbgear.continuation.problem import FullProblem, as_problem, linearise
 from hbgear.continuation.record import point_of
-from hbgear.continuation.segment import CurvePoint, Departure, Segment, row_of
+from hbgear.continuation.segment import CurvePoint, Departure, Rows, Segment, row_of
 
 
 @dataclass(frozen=True)
@@ -399,12 +399,19 @@ class Watch:
                 for point in self.find(replace(segment, a=rows[i], b=rows[i + 1]))]  # fmt: skip
 
     def _values(self, event: Event, rows: Sequence[CurvePoint]) -> Array:
-        return event.values(rows, self.problem, self.name, self.fixed)
+        values: Array = column(rows, event, lambda: event.values(rows, self.problem, self.name, self.fixed))
+        return values
+
+
+def column(rows: Sequence[CurvePoint], name: Any, make: Callable[[], Any]) -> Any:
+    """What is made of rows; kept with them by that name if they do not change any more."""
+    return rows.column(name, make) if isinstance(rows, Rows) else make()
 
 
 def lengths(rows: Sequence[CurvePoint], scale: Array) -> Array:
     """Scaled lengths (rows - 1,) of the pieces between rows."""
-    return norms(np.diff(np.array([row.u for row in rows]) / scale, axis=0))
+    u = column(rows, "u", lambda: np.array([row.u for row in rows]))
+    return norms(np.diff(u / scale, axis=0))
 
 
 def dips(f: Array, length: Array) -> list[tuple[int, float]]:
@@ -496,8 +503,7 @@ def _crossed(segment: Segment, rough: Found) -> Found:
     """A branch point to all digits by its equations, if what they are solved at solves those of the problem."""
     u, here = rough.row.u, {**segment.parameters, segment.name: rough.row.value}
     try:
-        extended = BranchPoint(segment.problem, segment.name).based(u, here)
-        U = refine(extended, solve(extended, u, here), here).X
+        U = BranchPoint(segment.problem, segment.name).located(u, here).X
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return rough
     row = singular(segment, U, rough.row)
@@ -512,9 +518,9 @@ def _turn(segment: Segment) -> float:
     """Where on the arc the parameter turns, by the Hermite polynomial through its ends."""
     rise = float(segment.b.u[-1] - segment.a.u[-1])
     begin, end = (float(row.tangent[-1]) * segment.length for row in (segment.a, segment.b))
-    roots = np.roots([3 * (begin + end) - 6 * rise, 6 * rise - 4 * begin - 2 * end, begin])
-    inside = [float(s.real) for s in roots if abs(s.imag) < 1e-12 and 0 <= s.real <= 1]
-    return inside[0] if inside else begin / (begin - end)
+    # begin and end differ in sign: so does the polynomial, and has one root between
+    half, bend = 3 * rise - 2 * begin - end, 3 * (begin + end) - 6 * rise
+    return begin / (math.copysign(math.sqrt(max(half * half - bend * begin, 0.0)), begin) - half)
 
 
 def newton(
@@ -533,16 +539,14 @@ def newton(
     u = segment.guess(s)
     settings = Settings(segment.settings.tolerance, segment.settings.step_tolerance, 5)
     here = {**segment.parameters, segment.name: float(u[-1])}
-    extended = extended.based(u, here)
-    solution = refine(extended, solve(extended, u, here, settings=settings), here)
+    solution = extended.located(u, here, settings)
     U = solution.X
     chord = (segment.b.u - segment.a.u) / segment.scale
     place = float(chord @ ((U - segment.a.u) / segment.scale) / (chord @ chord))
     inside = -beyond <= place <= 1 + beyond
     if not inside or np.linalg.norm((U - u) / segment.scale) > (0.5 + beyond) * np.linalg.norm(chord):
         raise NoConvergence("Newton left the arc", U, segment.parameters, [])
-    point = solution_at(segment.problem, U, segment.name, segment.parameters, solution.iterations)
-    return Found(event, place, row_of(point, chord / segment.scale, segment.scale), True, note)
+    return Found(event, place, row_of(on_curve(solution), chord / segment.scale, segment.scale), True, note)
 
 
 def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:

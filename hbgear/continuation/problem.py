@@ -103,6 +103,10 @@ Pursuit: TypeAlias = Callable[
 `hbgear.harmonic.pursuit.pursue` without the first."""
 
 
+Locating: TypeAlias = Callable[[Array, int, float, int, Array, Array], tuple[int, float]]
+"""Finds a special point; arguments as of `hbgear.harmonic.locating.located` without the first two."""
+
+
 @runtime_checkable
 class Pursued(Protocol):
     """Follows stretches of its curves itself, by a compiled loop."""
@@ -356,6 +360,10 @@ class FullProblem:
 
     def pursuit(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
         """`Pursued.pursuit`: none."""
+        return None
+
+    def locating(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
+        """Compiled Newton on special points of its curves in a parameter, by their number, -1 for folds: none."""
         return None
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Matrix, Matrix]:

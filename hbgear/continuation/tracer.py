@@ -41,6 +41,7 @@ from hbgear.continuation.record import Mark, branch_of
 from hbgear.continuation.segment import (
     CurvePoint,
     Departure,
+    Rows,
     Segment,
     cosine,
     normal_of,
@@ -153,7 +154,7 @@ _ROUGH = 0.05  # error of a solution, relative to its size, above which a curve 
 _ADRIFT = 1e-3  # error of a special point, over the unit of the parameter, above which it may not be there at all
 
 
-_TOGETHER = 32  # rows observed at once
+_TOGETHER = 64  # rows observed at once
 
 
 class _Tracer:
@@ -439,6 +440,8 @@ class _Tracer:
     def _result(self) -> Branch:
         made = self.made or self._branch()
         message = "; ".join(text for text in (self.ending.told, self.remark) if text)
+        if not self.others and (made.status, made.message) == (self.ending.status, message):
+            return made
         return replace(made, status=self.ending.status, message=message, others=tuple(self.others))
 
     def _loop(self) -> tuple[Status, str]:
@@ -572,14 +575,17 @@ class _Tracer:
         self._decide(path)
         found: dict[int, list[Found]] = {}  # by the number of the row behind
         if self.watch.passing and self.waiting:
-            for i in self.watch.suspects(path):
-                problem, scale = self.waiting[i]
-                arc = Segment(problem, self.name, self.fixed, path[i], path[i + 1], scale, self.settings)
-                found[start + 1 + i] = self._located(arc)
-            self._look_closer(path, start, found)
+            rows = Rows(self.rows[max(start - 1, 0) :])  # one more, which tells how test functions bend
+            for i in self.watch.suspects(rows):
+                number = i + 1 + max(start - 1, 0)
+                if number > start:
+                    problem, scale = self.waiting[number - start - 1]
+                    arc = Segment(problem, self.name, self.fixed, rows[i], rows[i + 1], scale, self.settings)
+                    found[number] = self._located(arc)
+            self._look_closer(rows, max(start - 1, 0), found)
         if self.together == 1:  # the problem may be another one at the next row
-            rows = [point.row for points in found.values() for point in points]
-            self._observe([row for row in rows if len(row.u) == len(self.scale)])
+            fresh = [point.row for points in found.values() for point in points]
+            self._observe([row for row in fresh if len(row.u) == len(self.scale)])
         before = [one for one in self.found if one[0] not in found]
         self.waiting, self.found = [], before + [(i, point) for i, points in found.items() for point in points]
 
@@ -637,17 +643,15 @@ class _Tracer:
             found, self.largest = again, max(self.largest, finer, key=_size)
         return found
 
-    def _look_closer(self, path: list[CurvePoint], start: int, found: dict[int, list[Found]]) -> None:
-        """Add what happens twice between two rows of a path, whose first is number start, and so shows at neither.
+    def _look_closer(self, rows: Rows, first: int, found: dict[int, list[Found]]) -> None:
+        """Add what happens twice between two rows, of which the first is number ``first``, and so shows at neither.
 
         found : what is known of its pieces; replaced where there is more.
         """
-        early = self.rows[start - 1 : start] if start else []
-        rows = [*early, *path]
         if len({len(row.u) for row in rows}) > 1:
             return
         for piece, hints in self.watch.touching(rows, self.scale).items():
-            number = start - len(early) + piece + 1
+            number = first + piece + 1
             known = found.get(number) or [point for other, point in self.found if other == number]
             arc = self._arc(rows[piece], rows[piece + 1])
             hidden = self.watch.find_hidden(arc, hints, self._observed_between)
@@ -800,6 +804,9 @@ class _Tracer:
         """Whether the piece from last to row passes through the first row, in its direction."""
         if len(self.rows) < 4 or not self.turned:
             return False
+        length = norm((row.u - last.u) / self.scale)
+        if abs(self.first.value - row.value) > _AROUND * length * self.scale[-1]:
+            return False
         first = self._as_now(self.first)
         return cosine(row, first, self.scale) > 0 and self._arc(last, row).passes(first)
 
@@ -873,6 +880,9 @@ _TURNED = 0.9  # least cosine of the turn on the last step to the end of a param
 
 
 _NEAR = 1.3  # squared distance from its end, in its length squared, that what lies beside a piece may have
+
+
+_AROUND = 1.1  # distance from its end, in its length, that a row on a piece may have
 
 
 def _same(one: Found, other: Found) -> bool:

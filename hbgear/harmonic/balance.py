@@ -27,18 +27,20 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.common.recent import Recent
+from hbgear.continuation.algebra import norm
 from hbgear.continuation.branch import Branch, Point
 from hbgear.continuation.differences import STEP, difference_along, in_parameter
 from hbgear.continuation.events import Event
 from hbgear.continuation.homotopy import solve_from_afar
 from hbgear.continuation.newton import NoConvergence, solve
-from hbgear.continuation.problem import Evaluation, FullProblem, Pursuit
+from hbgear.continuation.problem import Evaluation, FullProblem, Locating, Pursuit
 from hbgear.harmonic.compiled import Compiled, Crossings
 from hbgear.harmonic.deciding import decide
 from hbgear.harmonic.events import motion_events
 from hbgear.harmonic.floquet import is_reduced, multipliers_of, reduction
 from hbgear.harmonic.measuring import NOT_AVAILABLE, Measuring
 from hbgear.harmonic.nearby import Neighbourhood
+from hbgear.harmonic.numbers import Numbers
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.orders import Selection, excited, selection_of
 from hbgear.harmonic.realbasis import derivative
@@ -162,7 +164,8 @@ class HarmonicBalance(FullProblem):
         self.auto = harmonics == "auto"
         self.tolerance = float(tolerance)
         self.model, self.nu, self.is_sampled, self.reduce = model, int(nu), bool(sampled), bool(reduce)
-        system = model.system()
+        self._systems: Recent[System] = Recent(6)
+        system = self._systems.get((), model.system)
         self.m = len(system.elements)
         self.selection = selection_of(orders, system)
         self.H = self._highest(_FEWEST if self.auto else int(harmonics), isinstance(orders, Selection))
@@ -171,7 +174,6 @@ class HarmonicBalance(FullProblem):
         self._kept = 8
         self._around: Neighbourhood | None = None
         self._structures: Recent[Structure] = Recent(6)
-        self._systems: Recent[System] = Recent(6)
         self._models: Recent[Model] = Recent(6)
         self._own = model.parameters | model.entries
         self._prepare(samples)
@@ -702,12 +704,29 @@ class HarmonicBalance(FullProblem):
 
         Not where there are so many unknowns that LAPACK, which it does without, makes up for what it saves.
         """
-        compiled = self.compiled({key: value for key, value in parameters.items() if key != "Omega"})
-        if name != "Omega" or not compiled.whole or self.size > _LOOPED:
+        numbers = self._looped(name, parameters)
+        if numbers is None:
             return None
         from hbgear.harmonic.pursuit import pursue
 
-        return partial(pursue, compiled.numbers)
+        return partial(pursue, numbers)
+
+    def locating(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
+        """Compiled Newton on folds (-1) and on zeros of a `clearance`, under the same conditions.
+
+        Not on folds if laws must be asked for their slopes, whose second derivatives are not known.
+        """
+        numbers = self._looped(name, parameters)
+        if numbers is None or (which < 0 and numbers.laws.own.size):
+            return None
+        from hbgear.harmonic.locating import located
+
+        return partial(located, numbers, which)
+
+    def _looped(self, name: str, parameters: Mapping[str, float]) -> Numbers | None:
+        """What compiled loops along curves in a parameter need of the model; None where they cannot be used."""
+        compiled = self.compiled(dict(parameters))
+        return compiled.numbers if name == "Omega" and compiled.whole and self.size <= _LOOPED else None
 
     @checked_arguments()
     def residual(self, X: Array, **parameters: float) -> Array:
@@ -867,7 +886,7 @@ class HarmonicBalance(FullProblem):
 
     def motion_size(self, X: Array) -> float:
         """Norm of the alternating part, which scales the arclength."""
-        return float(np.linalg.norm(X.reshape(self.m, -1)[:, 1:]))
+        return norm(X.reshape(self.m, -1)[:, 1:])
 
     def subharmonic_part(self, X: Array) -> Array:
         """The coefficients that a basis of smaller order could not hold; empty for nu = 1."""

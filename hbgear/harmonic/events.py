@@ -38,6 +38,7 @@ from hbgear.continuation.events import (
     Found,
     Turning,
     as_traced,
+    column,
     dips,
     lengths,
     newton,
@@ -331,18 +332,30 @@ class AmplitudePeak(Event):
 
     def find(self, segment: Segment) -> list[Found]:
         """The row of the largest amplitude on a piece of the curve."""
-        layout, measure = segment.problem.layout, self.measure
-        assert isinstance(layout, Layout)
 
         def low(s: float) -> float:
-            return -float(layout.measure(measure, segment.at(s).X, self.element))
+            return -float(self._amplitude(segment, segment.at(s).X))
 
         def search(xatol: float) -> CurvePoint:
             best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": xatol})
             return segment.at(float(best.x))
 
-        sharp = self._sharp(segment, search(_ROUGH))
-        return [Found(self, 0.5, sharp or search(_SEARCHED), True, f"peak of {measure}")]
+        sharp = self._sharp(segment, segment.at(self._place(segment))) or self._sharp(segment, search(_ROUGH))
+        return [Found(self, 0.5, sharp or search(_SEARCHED), True, f"peak of {self.measure}")]
+
+    def _amplitude(self, segment: Segment, X: Array) -> Array:
+        layout = segment.problem.layout
+        assert isinstance(layout, Layout)
+        return layout.measure(self.measure, X, self.element)
+
+    def _place(self, segment: Segment) -> float:
+        """Where on a piece the amplitude of its interpolation is largest, by the parabola through three places."""
+        s = np.linspace(0.0, 1.0, _PLACES)
+        A = self._amplitude(segment, segment.guess(s[:, None])[:, :-1])
+        i = min(max(int(np.argmax(A)), 1), _PLACES - 2)
+        before, here, after = A[i - 1 : i + 2].tolist()
+        bend = before - 2 * here + after
+        return float(s[i] + (0.5 * (before - after) / bend * s[1] if bend < 0 else 0.0))
 
     def _sharp(self, segment: Segment, row: CurvePoint) -> CurvePoint | None:
         """All digits of a peak by Newton, if it stays on the piece."""
@@ -359,6 +372,9 @@ class AmplitudePeak(Event):
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         """See `Peak`."""
         return peak_of(problem, parameter, self.measure, self.element)
+
+
+_PLACES = 17  # on a piece at which the amplitude of its interpolation is looked at
 
 
 _ROUGH, _SEARCHED = 1e-2, 1e-7  # shares of a piece to which a peak is searched for: before Newton, and instead of it
@@ -399,6 +415,10 @@ def _multipliers(rows: Sequence[CurvePoint]) -> ComplexArray | None:
 
 def _of_rows(rows: Sequence[CurvePoint], name: str) -> Any:
     """What was observed of all rows, nan of those that could not be; None without any, or where numbers differ."""
+    return column(rows, name, lambda: _observed(rows, name))
+
+
+def _observed(rows: Sequence[CurvePoint], name: str) -> Any:
     values = [row.observed.get(name) for row in rows]
     some = next((x for x in values if x is not None), None)
     if some is None:

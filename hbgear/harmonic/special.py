@@ -17,7 +17,7 @@ Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), htt
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -31,7 +31,7 @@ from hbgear.continuation.algebra import bordered, norm
 from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, null_vectors, sides
 from hbgear.continuation.differences import STEP, difference_along, in_parameter
 from hbgear.continuation.newton import NoConvergence
-from hbgear.continuation.problem import AnyProblem, linearise
+from hbgear.continuation.problem import AnyProblem, Locating, linearise
 from hbgear.harmonic.hill import Condensed, slopes
 from hbgear.mechanics.fourier import extrema, places, to_real, waves
 
@@ -70,6 +70,10 @@ class PeriodDoubling(Fold):
         doubled = problem.doubled
         harmonic = np.tile(np.concatenate([[0], np.repeat(doubled.orders[1:], 2)]), problem.m)
         self._fixed(doubled=doubled, odd=np.flatnonzero(harmonic % 2), even=np.flatnonzero(harmonic % 2 == 0))
+
+    def compiled(self, parameters: Mapping[str, float]) -> None:
+        """None: its matrix is another one than dR/dX."""
+        return None
 
     def embed(self, X: Array) -> Array:
         """The motion in the basis of twice the period."""
@@ -324,6 +328,11 @@ class Grazing(Augmented):
     @property
     def arguments(self) -> tuple[Any, ...]:
         return (self.which,)
+
+    def compiled(self, parameters: Mapping[str, float]) -> Locating | None:
+        """See `Augmented.compiled`."""
+        out: Locating | None = self.problem.locating(self.parameter, parameters, self.which)
+        return out
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         return Base(linearise(self.problem, X, "", here).size / (1.0 + norm(X)))
