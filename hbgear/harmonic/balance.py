@@ -342,13 +342,13 @@ class HarmonicBalance(FullProblem):
         return self._with_reduction(branch)
 
     def _with_reduction(self, branch: Branch) -> Branch:
-        """The branch, whose header tells what leaving out modes does to the multipliers of its largest motions."""
+        """The branch, whose header tells what leaving out modes does to the multipliers of its largest motion."""
         compiled = self.compiled({k: v for k, v in branch.fixed.items() if k != "Omega"})
         if isinstance(compiled.structure, Measuring):
             return replace(branch, meta={**branch.meta, "stability": NOT_AVAILABLE})
         if branch.parameter != "Omega" or branch.multipliers is None or not is_reduced(compiled):
             return branch
-        some = np.argsort(-np.linalg.norm(branch.X, axis=1))[:: max(1, len(branch) // 4)][:3]
+        some = np.argmax(np.linalg.norm(branch.X, axis=1))[None]
         told = reduction(compiled, np.ascontiguousarray(branch.X[some]), branch.values[some])
         return replace(branch, meta={**branch.meta, "stability": told})
 
