@@ -2,17 +2,19 @@
 
     z' = poles z - input u,   d = output z        u (m,) forces of the elements beyond their reference springs
 
-A mode with output_j input_j = 0 for all elements takes no part. Of a large structure the modes far above the frequencies
-of a motion are seen by the elements as a power series, of which three terms are kept by one mode for each element,
+A mode with output_j input_j = 0 for all elements takes no part. Of a large structure modes far above the frequencies
+of a motion only give way, d = ... - rest u with their static flexibility: what they do beyond that goes with the square
+of the ratio of the frequencies. Where the elements are stiff beside them, three terms of the power series that they are
+to the elements are kept instead by one mode for each element,
 
-    sum_r output_r input_r / (s - poles_r) = g_0 + g_1 s + g_2 s^2 + ...,    g_j = -sum_r output_r poles_r^-(j+1) input_r
-    = g_0 (g_0 - g_1 s + (g_1 g_0^-1 g_1 - g_2) s^2)^-1 g_0 + ...            flexibility, damping and inertia
+    sum_r output_r input_r / (s - poles_r) = g_0 + g_1 s + g_2 s^2 + ...,   g_j = -sum_r output_r poles_r^-(j+1) input_r
+    = g_0 (g_0 - g_1 s + (g_1 g_0^-1 g_1 - g_2) s^2)^-1 g_0 + ...           flexibility, damping and inertia
 
-which leaves an error of the fourth power of the ratio of the frequencies where damping is small. Where these matrices are
-not those of a structure (symmetric and positive, as those of a symmetric one are) the modes only give way,
-d = ... - rest u with rest = g_0, and the error goes with the square. With an orthogonal T that puts the sum and the differences of alike elements in the place
-of their motions, T^T output and input T may fall into blocks: then modulations that are equal for alike elements keep
-the blocks apart.
+which leaves an error of the fourth power of that ratio where damping is small, if these matrices are those of a
+structure (symmetric and positive, as those of a symmetric one are).
+
+With an orthogonal T that puts the sum and the differences of alike elements in the place of their motions, T^T output
+and input T may fall into blocks: then modulations that are equal for alike elements keep the blocks apart.
 """
 
 from __future__ import annotations
@@ -54,7 +56,7 @@ class Parts:
     whole : every mode that takes part; split : the same in parts that do not mix while alike elements move alike.
     idle : poles of the others, both of each pair, those above the reach among them. groups (m,) : first element that
     each is like. mobility (m,) : inverse modal masses of the elements, of the modes that take part. size : number of
-    multipliers.
+    multipliers. rest (m, m) : flexibility beside the modes.
     """
 
     whole: Part
@@ -63,6 +65,7 @@ class Parts:
     groups: np.ndarray
     mobility: Array
     size: int
+    rest: Array
 
 
 _IDLE = 1e-15  # share in the static flexibility between the elements that is rounding
@@ -78,14 +81,28 @@ _UNLIKE = 1e-10  # parts of matrices that are unlike those of a structure, relat
 
 
 def parts_of(
-    poles: ComplexArray, output: ComplexArray, input_: ComplexArray, groups: np.ndarray, reach: float = np.inf
+    poles: ComplexArray,
+    output: ComplexArray,
+    input_: ComplexArray,
+    groups: np.ndarray,
+    reach: float = np.inf,
+    lumped: bool = False,
 ) -> Parts:
-    """From all poles (r,), output (m, r) and input (r, m); of modes of frequencies above reach little is kept."""
+    """From all poles (r,), output (m, r) and input (r, m); modes of frequencies above reach only give way.
+
+    lumped : with one mode for each element in their place, if they have such modes.
+    """
     T, fast = _sums_and_differences(groups), np.abs(poles) > reach
     idle, rest = poles[fast], np.zeros((len(output), len(output)))
     if fast.any():
-        kept, rest = _lumped(poles[fast], output[:, fast], input_[fast], np.eye(len(output)) if T is None else T)
-        poles, output, input_ = _together([(poles[~fast], output[:, ~fast], input_[~fast]), kept])
+        far = poles[fast], output[:, fast], input_[fast]
+        rest = -((far[1] / far[0]) @ far[2]).real
+        lumps = _lumped(*far, np.eye(len(output)) if T is None else T) if lumped else None
+        near = poles[~fast], output[:, ~fast], input_[~fast]
+        poles, output, input_ = near
+        if lumps is not None:
+            rest = np.zeros_like(rest)
+            poles, output, input_ = _together([near, lumps])
     residues = output.T[:, :, None] * input_[:, None, :]  # (r, m, m)
     share = np.abs(residues) / np.abs(poles)[:, None, None]
     largest = share.sum(axis=0).max(initial=0.0)
@@ -109,7 +126,7 @@ def parts_of(
             split = (everything,)
     mobility = mobility_of(poles[taking], output[:, taking], input_[taking])
     idle = np.concatenate([poles[still], idle])
-    return Parts(everything, split, idle, groups, mobility, everything.size + len(idle))
+    return Parts(everything, split, idle, groups, mobility, everything.size + len(idle), rest)
 
 
 def _blocks(joined: np.ndarray) -> np.ndarray:
@@ -122,8 +139,8 @@ def _blocks(joined: np.ndarray) -> np.ndarray:
 
 def _lumped(
     poles: ComplexArray, output: ComplexArray, input_: ComplexArray, T: Array
-) -> tuple[tuple[ComplexArray, ComplexArray, ComplexArray], Array]:
-    """One mode for each element in the place of many (poles, output, input), or their flexibility alone.
+) -> tuple[ComplexArray, ComplexArray, ComplexArray] | None:
+    """One mode for each element in the place of many (poles, output, input); None if there are no such modes.
 
     T (m, m) orthogonal: ports that the modes do not join in these coordinates are not joined by those either.
     """
@@ -135,10 +152,9 @@ def _lumped(
         ports = np.flatnonzero(block == b)
         one = _lump(g[:, ports[:, None], ports], float(np.abs(poles).max()))
         if one is None:
-            none = np.empty(0, dtype=complex), np.empty((len(T), 0), dtype=complex), np.empty((0, len(T)), dtype=complex)
-            return none, T @ g[0] @ T.T
+            return None
         found.append((one[0], T[:, ports] @ one[1], one[2] @ T[:, ports].T))
-    return _together(found), np.zeros_like(g[0])
+    return _together(found)
 
 
 def _together(
