@@ -91,12 +91,15 @@ def stiffness(numbers: Any, row: Any, j: int, theta: Any, out: Any) -> None:
             for r in range(laws.at.shape[0]):
                 if laws.part[r] == s and d > laws.level[laws.at[r]]:
                     slope += laws.change[r]
-            factor = laws.series[s, 0].real
+            if slope == 0.0:
+                continue
+            factor, power, at = laws.series[s, 0].real, complex(1.0, 0.0), 0
             for i in range(1, laws.shifts.shape[0]):
+                while at < laws.shifts[i]:
+                    power *= z
+                    at += 1
                 a = laws.series[s, i]
-                if slope != 0.0 and a != 0.0:
-                    at = laws.shifts[i] * theta[n]
-                    factor += 2 * (a.real * math.cos(at) - a.imag * math.sin(at))
+                factor += 2 * (a.real * power.real - a.imag * power.imag)
             if corners.parts[s] < corners.parts[s + 1]:
                 i = piece_of(corners.begin, corners.parts[s], corners.parts[s + 1], theta[n] % (2 * math.pi))
                 factor *= polynomial(corners.weight[i], theta[n] % (2 * math.pi) - corners.begin[i])
