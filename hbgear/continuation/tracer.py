@@ -191,7 +191,9 @@ class _Tracer:
         self.a, self.b = _checked_span(parameter, span, self.range)
         self.landed: float | None = None  # end of the parameter's range that the last row was put on
         self.fixed = self._fixed(start, at)
-        problem.check_trace(parameter, min(self.a, self.b), max(self.a, self.b), self.fixed)
+        ends = min(self.a, self.b), max(self.a, self.b)
+        problem.check_trace(parameter, *ends, self.fixed)
+        self.original = self.problem = self.largest = problem = problem.within(parameter, *ends, self.fixed)
         self.sense = 1.0 if self.b > self.a else -1.0
         self.rows: list[CurvePoint] = []
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
