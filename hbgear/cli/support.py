@@ -250,7 +250,7 @@ def landed_as(
     from hbgear.timedomain.landing import land
 
     try:
-        with one_thread(), bar("jumps") as progress:
+        with bar("jumps") as progress:
             return land(branch, others, problem=problem, progress=progress), True
     except (KeyboardInterrupt, ValueError, ArithmeticError) as error:
         why = "interrupted" if isinstance(error, KeyboardInterrupt) else f"jumps cannot be integrated: {error}"
@@ -371,15 +371,6 @@ def harmonics_of(text: str) -> int | str:
 
 
 @contextmanager
-def one_thread() -> Iterator[None]:
-    """Linear algebra on one thread: the matrices are too small to gain from more."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1):
-        yield
-
-
-@contextmanager
 def bar(what: str) -> Iterator[ProgressCallback | None]:
     """Shows progress on a terminal: a bar where the share done is known, the time gone, the text; nothing elsewhere."""
     if not sys.stderr.isatty():
@@ -419,8 +410,8 @@ def end_of(result: Any, *parts: Any) -> None:
 
 
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
-    """A curve, traced with a progress bar and one thread for linear algebra."""
-    with one_thread(), bar(parameter) as progress:
+    """A curve, traced with a progress bar."""
+    with bar(parameter) as progress:
         return hb.trace(problem, parameter, span, progress=progress, **options)
 
 
