@@ -2,8 +2,8 @@
 
 Ctrl-C meanwhile gives one sentence and the exit code 130, as nothing has begun. Objects in circles are looked for more
 rarely than Python does: a command makes few and ends soon, and what it imports makes hundreds of thousands of others.
-Linear algebra has one thread, unless the environment says otherwise when it is imported: its matrices are small, so that
-other threads would wait for work, at full speed.
+Linear algebra has one thread, unless the environment says otherwise when it is imported: its matrices are small, and
+other threads would wait for work at full speed.
 
 A program that imports hbgear as a library is left alone.
 """
