@@ -37,7 +37,11 @@ def end(kind: type[BaseException], error: BaseException, trace: TracebackType | 
     sys.exit(_CTRL_C)
 
 
-if is_command():
+IS_COMMAND = is_command()
+"""Whether this process is the command `hbgear`, not a program that uses the library."""
+
+
+if IS_COMMAND:
     sys.excepthook = end
     gc.set_threshold(_OBJECTS, 20, 20)
     for _library in ("OPENBLAS", "MKL", "OMP"):
