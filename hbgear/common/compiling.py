@@ -36,6 +36,18 @@ def kernel(function: Function) -> Function:
     Fused products and sums may be used; the order of sums is kept, so that results differ between processors in the
     last digits only.
     """
+    return _compiled(function, no_cpython_wrapper=function.__name__.startswith("_"))  # called by kernels only
+
+
+def inlined(function: Function) -> Function:
+    """A part of one kernel that is written apart, to be read: compiled within it.
+
+    All that a kernel calls is optimised and translated once more for it, which takes seconds where this is much.
+    """
+    return _compiled(function, inline="always")
+
+
+def _compiled(function: Function, **options: Any) -> Function:
     numba = _numba()
     if numba is None:
         return function
@@ -48,7 +60,7 @@ def kernel(function: Function) -> Function:
             error_model="numpy",
             fastmath={"contract"},
             no_cfunc_wrapper=True,
-            no_cpython_wrapper=function.__name__.startswith("_"),  # called by kernels only
+            **options,
         )(function)
     finally:
         numba.config.CACHE_DIR = before

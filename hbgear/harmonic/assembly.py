@@ -322,7 +322,7 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
     add_product(part, orders, T)
     spectrum(samples[:, 2], numbers.basis, part)
     damping = np.zeros((n, n))
-    add_product(part, orders, damping)
+    add_product(part, orders, damping[:n, :n])  # a part of a matrix as above, not another kernel
     grid = numbers.corners.grid
     if grid.shape[2]:
         spectrum(samples[:, 2] * grid[1, j], numbers.basis, part)
@@ -339,11 +339,3 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
             T[a, 2 * i] += omega * p
             dR[j * n + a] += (p * rows[j, 2 * orders[i]] - q * rows[j, 2 * orders[i] - 1]) / nu
     return math.sqrt(total)
-
-
-@kernel
-def linearised(numbers: Any, u: Any, R: Any, J: Any, dR: Any, matrices: Any, constants: Any) -> float:
-    """`assembled` at u = (X, Omega) of a model with poles; matrices and constants are room for its linear part."""
-    Omega = u[u.shape[0] - 1]
-    linear_part(numbers.linear, Omega, matrices, constants)
-    return assembled(numbers, u[: u.shape[0] - 1], Omega / numbers.linear.nu, matrices, constants, R, J, dR)

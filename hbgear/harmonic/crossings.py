@@ -81,7 +81,7 @@ def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> int:
     c : (H + 1,) ; samples : (N,) of the function, without the level, N of at least 4H.
     theta, sign : room for 2H + 4 of them.
     """
-    N, bend, count = samples.shape[0], bend_of(c), 0
+    N, bend, count = samples.shape[0], bend_of(c), np.int64(0)  # a literal would make other kernels of those called
     step = 2 * math.pi / N
     near = step * step * bend
     for i in range(N):

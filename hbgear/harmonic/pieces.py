@@ -76,7 +76,7 @@ def crossings_on(
 
     Returns their number, and whether x is above the level at 0. At least N cells are looked at.
     """
-    count, start = 0, value_on(c, level, rows[first], at[first], 0.0)[0]
+    count, start = np.int64(0), value_on(c, level, rows[first], at[first], 0.0)[0]
     before = start
     for i in range(first, last):
         end = at[i + 1] if i + 1 < last else 2 * math.pi

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import inlined, kernel
 from hbgear.continuation.elimination import eliminate, length
 from hbgear.continuation.stepping import (
     DONE,
@@ -24,7 +24,7 @@ from hbgear.continuation.stepping import (
     verdict,
 )
 from hbgear.continuation.verdicts import GOOD, MISSED, SINGULAR, STOPPED
-from hbgear.harmonic.assembly import linearised
+from hbgear.harmonic.assembly import assembled, linear_part
 
 
 @kernel
@@ -128,7 +128,7 @@ def _keep(row: Any, u: Any, t: Any, step: float, told: Any) -> None:
         row[2 * n + 1 + k] = told[k]
 
 
-@kernel
+@inlined
 def _corrected(
     numbers: Any, predicted: Any, normal: Any, tolerances: Any, room: Any, found: Any, direction: Any, told: Any
 ) -> int:
@@ -143,7 +143,8 @@ def _corrected(
     for iteration in range(most + 2):
         if not u[n] > 0.0:
             return STOPPED
-        size = linearised(numbers, u, R, J, dR, matrices, constants)
+        linear_part(numbers.linear, u[n], matrices, constants)
+        size = assembled(numbers, u[:n], u[n] / numbers.linear.nu, matrices, constants, R, J, dR)
         residual = length(R) / size
         off = 0.0
         for i in range(n):
