@@ -13,12 +13,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
+from hbgear.common.command import IS_COMMAND
 from hbgear.common.messages import shortened
 from hbgear.common.progress import Progress, ProgressCallback
+from hbgear.common.threads import processors
 from hbgear.continuation.branch import LANDINGS
 from hbgear.continuation.passing import passings
 from hbgear.harmonic import catalogue
@@ -411,8 +414,32 @@ def end_of(result: Any, *parts: Any) -> None:
 
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
     """A curve, traced with a progress bar."""
-    with bar(parameter) as progress:
+    with _compiled_beside(), bar(parameter) as progress:
         return hb.trace(problem, parameter, span, progress=progress, **options)
+
+
+@contextmanager
+def _compiled_beside() -> Iterator[None]:
+    """If nothing is compiled yet, a process that compiles what a curve needs last: this one begins with the first."""
+    from hbgear.common.compiling import nothing_compiled
+
+    if not IS_COMMAND or processors() < 2 or not nothing_compiled():
+        yield
+        return
+    from hbgear.design.workers import beside
+
+    with beside(_observed):
+        yield
+
+
+def _observed() -> None:
+    """Ask what is asked of every point of a curve: kernels are the same for all models."""
+    from hbgear.harmonic.floquet import multipliers_of
+
+    problem = hb.HarmonicBalance(hb.SpurPair(), 8)
+    motion, Omega = np.ones((1, problem.size)), np.array([0.8])
+    multipliers_of(problem.compiled({}), motion, Omega)
+    problem.observe_many(motion, "Omega", Omega)
 
 
 # ---- output

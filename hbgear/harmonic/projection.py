@@ -37,7 +37,7 @@ from hbgear.harmonic.pieces import crossings_on, spans, waves_with
 
 
 @kernel
-def instants(numbers: Any, rows: Any, ramped: bool) -> Any:
+def instants(numbers: Any, rows: Any, ramped: Any) -> Any:
     """Crossings of all corners by a motion given by its real rows (m, 2H + 1).
 
     ramped : only of the corners at which a spring of the table turns.
@@ -82,7 +82,7 @@ def projected(numbers: Any, rows: Any, order: int) -> Any:
     chi = np.zeros((m, order + 1), dtype=np.complex128)
     S = laws.of.shape[0]
     if S:
-        theta, sign, count, above = instants(numbers, rows, np.bool_(True))  # a literal would make another kernel
+        theta, sign, count, above = instants(numbers, rows, np.bool_(True))  # see `crossings` on literals
         length = order + laws.shifts[laws.shifts.shape[0] - 1] + 1
         s, pull = np.empty(length, dtype=np.complex128), np.empty(length, dtype=np.complex128)
         both = np.zeros((2, S, length), dtype=np.complex128)
