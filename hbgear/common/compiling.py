@@ -36,18 +36,19 @@ def kernel(function: Function) -> Function:
     Fused products and sums may be used; the order of sums is kept, so that results differ between processors in the
     last digits only.
     """
-    return _compiled(function, no_cpython_wrapper=function.__name__.startswith("_"))  # called by kernels only
+    return _compiled(function, "never")
 
 
 def inlined(function: Function) -> Function:
-    """A part of one kernel that is written apart, to be read: compiled within it.
+    """A part of the kernels that call it, written into them: it is not compiled by itself.
 
-    All that a kernel calls is optimised and translated once more for it, which takes seconds where this is much.
+    A kernel is optimised together with all that it calls, so that each level of calls above costly ones, such as
+    `assembled`, takes as long to compile as these.
     """
-    return _compiled(function, inline="always")
+    return _compiled(function, "always")
 
 
-def _compiled(function: Function, **options: Any) -> Function:
+def _compiled(function: Function, inline: str) -> Function:
     numba = _numba()
     if numba is None:
         return function
@@ -59,8 +60,9 @@ def _compiled(function: Function, **options: Any) -> Function:
             nogil=True,
             error_model="numpy",
             fastmath={"contract"},
+            inline=inline,
             no_cfunc_wrapper=True,
-            **options,
+            no_cpython_wrapper=function.__name__.startswith("_"),  # called by kernels only
         )(function)
     finally:
         numba.config.CACHE_DIR = before

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import inlined, kernel
 from hbgear.harmonic.projection import projected
 from hbgear.harmonic.sampling import samples_of, spectrum
 
@@ -339,3 +339,11 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
             T[a, 2 * i] += omega * p
             dR[j * n + a] += (p * rows[j, 2 * orders[i]] - q * rows[j, 2 * orders[i] - 1]) / nu
     return math.sqrt(total)
+
+
+@inlined
+def linearised(numbers: Any, u: Any, R: Any, J: Any, dR: Any, matrices: Any, constants: Any) -> float:
+    """`assembled` at u = (X, Omega) of a model with poles; matrices and constants are room for its linear part."""
+    Omega = u[u.shape[0] - 1]
+    linear_part(numbers.linear, Omega, matrices, constants)
+    return assembled(numbers, u[: u.shape[0] - 1], Omega / numbers.linear.nu, matrices, constants, R, J, dR)

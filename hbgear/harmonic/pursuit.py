@@ -24,7 +24,7 @@ from hbgear.continuation.stepping import (
     verdict,
 )
 from hbgear.continuation.verdicts import GOOD, MISSED, SINGULAR, STOPPED
-from hbgear.harmonic.assembly import assembled, linear_part
+from hbgear.harmonic.assembly import linearised
 
 
 @kernel
@@ -143,8 +143,7 @@ def _corrected(
     for iteration in range(most + 2):
         if not u[n] > 0.0:
             return STOPPED
-        linear_part(numbers.linear, u[n], matrices, constants)
-        size = assembled(numbers, u[:n], u[n] / numbers.linear.nu, matrices, constants, R, J, dR)
+        size = linearised(numbers, u, R, J, dR, matrices, constants)
         residual = length(R) / size
         off = 0.0
         for i in range(n):
