@@ -338,7 +338,7 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
     add_product(part, orders, T)
     spectrum(samples[:, 2], numbers.basis, part)
     damping = np.zeros((n, n))
-    add_product(part, orders, damping)
+    add_product(part, orders, damping[:n, :n])  # a part of a matrix as above, not another kernel
     grid = numbers.corners.grid
     if grid.shape[2]:
         spectrum(samples[:, 2] * grid[1, j], numbers.basis, part)

@@ -27,7 +27,7 @@ COARSE = 32  # phases of an excitation period at which the modulations are looke
 @kernel
 def corners(numbers: Any, rows: Any) -> Any:
     """Phases in [0, 2 pi), ascending, at which an element crosses a corner of its law, or the excitation has one."""
-    theta, _, count, _ = instants(numbers, rows, False)
+    theta, _, count, _ = instants(numbers, rows, np.bool_(False))
     total = n = numbers.corners.phases.shape[0]
     for i in range(count.shape[0]):
         total += count[i]
