@@ -170,6 +170,8 @@ class SecondFrequency(Event):
     def _sharp(self, segment: Segment, found: Found) -> Found:
         """By the equations of the pair that was located, not of another one next to the unit circle."""
         problem: Any = segment.problem
+        if not problem.smooth:
+            return found
         pairs = _known(segment, found.row)
         pairs = pairs[pairs.imag > 1e-8 * np.abs(pairs)]
         if not len(pairs):

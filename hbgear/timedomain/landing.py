@@ -215,14 +215,18 @@ def _noted(jump: Jump, told: str) -> Jump:
 
 
 def _slowly(branch: Branch, jump: Jump) -> str:
-    """What is to be said of a jump at which the motion loses its stability and is left at the fold only."""
+    """What is to be said of a jump at which the motion loses its stability long before it is left."""
     left = _left(branch, jump)
-    if left is jump.before or not isinstance(left, SpecialPoint):
-        return ""
     end = left.parameters[jump.parameter]
-    return (
-        f"slow: disturbances grow by less than {_GROWTH:.0%} a period up to {left.label} at {end:.6g}, where it leaves"
-    )
+    if abs(end - jump.value) <= _SOON * float(np.ptp(branch.values)):
+        return ""
+    rate = f"slow: disturbances grow by {_GROWTH:.0%} a period"
+    if isinstance(left, SpecialPoint):
+        return f"{rate} nowhere up to {left.label} at {end:.6g}, where it leaves"
+    return f"{rate} from {jump.parameter} = {end:.6g} on, where it leaves"
+
+
+_SOON = 2e-3  # of the span of the curve, from where a motion loses its stability to where it is left at once
 
 
 def _alike(found: Sequence[Arrival]) -> list[list[Arrival]]:

@@ -449,10 +449,10 @@ def landed(it: Machine, branch: Branch) -> list[Landed]:
             Omega = jump.value + times * jump.direction * BEYOND * float(np.ptp(branch.values))
             begin = _sizes(branch, jump.before, Omega)
             true = _settled(it, branch, jump, Omega, begin)
-            if not _alike(begin, true):
+            after = np.full(len(true), np.nan) if jump.after is None else _sizes(branch, jump.after, Omega)
+            right = _lands(jump, after, true)
+            if right or not _alike(begin, true):  # what it lands on may be of nearly the size of what it leaves
                 break
-        after = np.full(len(true), np.nan) if jump.after is None else _sizes(branch, jump.after, Omega)
-        right = _lands(jump, after, true)
         out.append(Landed(it.name, jump.label, jump.value, float(after[0]), float(true[0]), right, jump.note))
     return out
 
