@@ -11,6 +11,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
+from hbgear.cli.shares import first_of, show_shares
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -28,7 +29,6 @@ from hbgear.cli.support import (
     element_of,
     end_of,
     exit_code,
-    one_thread,
     print_table,
     problem_in,
     problem_of,
@@ -76,7 +76,7 @@ def map_command(
     parameter, span = range_of(within, first, last)
     problem = problem_of(chosen_model(model, changes), harmonics)
     frequencies = span_of(problem.model, first, last)
-    with one_thread(), bar("map") as progress:
+    with bar("map") as progress:
         found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress)
     digits = min((digits_of(fold, 6) for fold in found.folds), default=6)
     rows = [
@@ -109,14 +109,28 @@ def critical(
     harmonics: Harmonics = "16",
     first: First = None,
     last: Last = None,
+    derivatives: Annotated[
+        bool, typer.Option("--sensitivity", help="Which other parameters the value depends on, and how much.")
+    ] = False,
+    quantity: Annotated[
+        str, typer.Option("--of", help="What that table is sorted by, such as Omega.", show_default="PARAMETER")
+    ] = "",
+    most: Annotated[int, typer.Option(min=1, help="Parameters in the table and the figure, by their effect.")] = 15,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save all derivatives as .csv.")] = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
 ) -> None:
     """The value of a parameter at which a jump appears or vanishes, and the frequency at which it does so.
 
+    With --sensitivity, -o or --plot also its derivatives in all other parameters, in percent for one percent of each.
     Exit codes: 0 found, 2 bad input or none, 3 stopped early (what was found is shown).
     """
+    check_writable(output, (".csv",))
+    check_writable(plot, FIGURES)
     problem = problem_of(chosen_model(model, changes), harmonics)
     problem.check_parameter(parameter)
-    with one_thread(), bar("critical") as progress:
+    with bar("critical") as progress:
         found = hb.critical(problem, parameter, frequencies=span_of(problem.model, first, last), progress=progress)
     own = problem.parameters.get(parameter, float("nan"))
     side = "below" if found.jump_below else "above"
@@ -130,6 +144,12 @@ def critical(
     for other, Omega in found.others:
         place = f"{parameter} = {rounded(other, digits)}, Omega = {rounded(Omega, digits)}"
         print(f"another jump appears or vanishes at {place}")
+    if derivatives or output or plot:
+        moved = hb.sensitivity(found, measure=measure, element=element_of(element))
+        with outputs() as out:
+            out.write(output, moved.export)
+            out.figure(plot, lambda drawing: drawing.tornado(moved, quantity or first_of(moved), most=most))
+            show_shares(moved, quantity, most)
     end_of(found)
 
 
@@ -152,8 +172,7 @@ def switch(
     check_writable(plot, FIGURES)
     branch, which = hb.load(file), element_of(element)
     branch = hb.load(file, problem=problem_in(branch, model))
-    with one_thread():
-        new = hb.switch(branch, label)
+    new = hb.switch(branch, label)
     names = [str(file), f"from {label}"]
     with outputs() as out:
         out.branch(output, new)
@@ -191,7 +210,7 @@ def survey(
         check_writable(folder / "branch1.npz", BRANCHES)
     problem = problem_of(machine, harmonics, nu=nu)
     span = span_of(problem.model, first, last)
-    with one_thread(), bar("survey") as progress:
+    with bar("survey") as progress:
         found = hb.trace_all(problem, span, frequencies=places, guesses=guesses, progress=progress)
     with outputs() as out:
         for number, branch in enumerate(found.branches, 1):

@@ -121,6 +121,8 @@ def check(owner: str, name: str, value: Any, kind: Any, need: str = "") -> None:
     ------
     ValueError, TypeError
     """
+    if type(value) is kind:  # the usual case, and the quickest: models have many fields
+        return
     entries = value if isinstance(value, Mapping) else {}
     for key, inner in entries.items() if (inner_kind := _kind_of_entries(kind)) is not None else ():
         if isinstance(key, str) and inner_kind is float:

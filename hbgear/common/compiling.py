@@ -79,17 +79,31 @@ def _numba() -> Any:
     return numba
 
 
+def nothing_compiled() -> bool:
+    """Whether what is compiled for the sources as they are now will be kept, and there is nothing yet."""
+    numba = _numba()
+    if numba is None or _place(numba.config.CACHE_DIR).is_dir():
+        return False
+    return _folder(numba.config.CACHE_DIR) is not None
+
+
 @cache
-def _folder(given: str) -> Path | None:
-    """Where compiled code of the sources as they are now is kept; None if nothing can be written there."""
+def _place(given: str) -> Path:
+    """The folder for compiled code of the sources as they are now."""
     import platformdirs
 
     parent = Path(given) if given else Path(platformdirs.user_cache_dir("hbgear"))
-    folder = parent / f"kernels-{_state()}"
+    return parent / f"kernels-{_state()}"
+
+
+@cache
+def _folder(given: str) -> Path | None:
+    """Where compiled code of the sources as they are now is kept; None if nothing can be written there."""
+    folder = _place(given)
     try:
         if not folder.is_dir():
             folder.mkdir(parents=True, exist_ok=True)
-            _clear(parent)
+            _clear(folder.parent)
             _LOG.warning("hbgear compiles its core for this processor: once, for some seconds")
         if not os.access(folder, os.W_OK):
             raise PermissionError(f"no permission to write in {folder}")

@@ -20,7 +20,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import norm
 from hbgear.continuation.branch import SpecialPoint
 from hbgear.continuation.events import Found, Sharp
-from hbgear.continuation.newton import NoConvergence, Solution, on_curve
+from hbgear.continuation.newton import NoConvergence, Solution, solution_at
 from hbgear.continuation.problem import FullProblem, as_problem, observe_all
 from hbgear.continuation.record import fields_of
 from hbgear.continuation.segment import CurvePoint, Segment, solved_again, widened
@@ -55,7 +55,8 @@ def assessed(arc: Segment, found: Found, accuracy: float) -> Found:
         return found
     unit = arc.problem.unit_of(arc.name, found.row.value)
     goal = accuracy * unit
-    best = _by_equations(arc, found, goal) if found.located and arc.problem.smooth else found
+    simple = found.located and found.finder is None  # where two multipliers pass at once, the equations are singular
+    best = _by_equations(arc, found, goal) if simple and arc.problem.smooth else found
     if not best.error <= goal:
         other = _by_pieces(arc, found, goal)
         best = best if best.error <= other.error else other
@@ -85,8 +86,8 @@ def _by_equations(arc: Segment, found: Found, goal: float) -> Found:
             solution = extended.located(U, here)
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             break
-        problem, row = finer, _row_of(arc, finer, on_curve(solution))
-        if _apart(arc, row, found.row) > _FAR:
+        problem, row = finer, _row_of(arc, finer, solution_at(finer, solution.X, arc.name, arc.parameters))
+        if _apart(arc, row, found.row) > _FAR or row.residual > arc.settings.tolerance:
             break
         found = replace(found, sharp=Sharp(problem, row))
     return found

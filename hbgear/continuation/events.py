@@ -7,7 +7,8 @@ curve. Two events between the same two points leave no change of sign there: whe
 
 LP  fold: dR/dX singular, the curve turns in the parameter (`Turning`); CP on a curve of folds.
     Newton on {R = 0, g = 0}, g the bordered determinant, or a bracketed root of the tangent.
-BP  two curves cross: det [J R_lambda; t^T] changes sign (`BranchPoint`). Bracketed root of the determinant.
+BP  two curves cross: det [J R_lambda; t^T] changes sign (`Crossing`).
+    Newton on {(1 - b b^T) R, g_1, g_2}, see `crossing`, from a bracketed root of the determinant.
 
 A problem supplies the events of its kind (`FullProblem.events`); users add their own::
 
@@ -36,6 +37,7 @@ from hbgear.continuation.algebra import as_dense, bordered, norms, slogdet
 from hbgear.continuation.bordered import Augmented, Fold, Level
 from hbgear.continuation.bracketing import bracketed_root
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status
+from hbgear.continuation.crossing import BranchPoint
 from hbgear.continuation.newton import NoConvergence, Settings, on_curve, solution_at
 from hbgear.continuation.problem import FullProblem, as_problem, linearise
 from hbgear.continuation.record import point_of
@@ -255,7 +257,7 @@ class Cusp(Turning):
         return None
 
 
-class BranchPoint(Event):
+class Crossing(Event):
     """Two curves cross: the determinant of [J R_lambda; t^T] changes sign."""
 
     kind, meaning, marker = "BP", "branch point: two curves cross", "P"
@@ -274,10 +276,10 @@ class BranchPoint(Event):
     def find(self, segment: Segment) -> list[Found]:
         if segment.a.orientation == segment.b.orientation:
             return []
-        return [root(segment, self, _determinant(segment))]
+        return [_crossed(segment, root(segment, self, _determinant(segment)))]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
-        return None
+        return BranchPoint(problem, parameter)
 
     def departure(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[FullProblem, Departure] | None:
         """Across the traced curve, within the null space of [dR/dX, dR/dp]."""
@@ -326,7 +328,7 @@ def event_at(problem: FullProblem, parameter: str, point: SpecialPoint) -> Event
 def events_of(problem: FullProblem, parameter: str) -> tuple[Event, ...]:
     """Everything that is looked for along a curve of a problem: turning points, branch points, events of its own."""
     turning = Cusp() if problem.turning_kind == Cusp.kind else Turning()
-    return turning, BranchPoint(), *problem.events(parameter)
+    return turning, Crossing(), *problem.events(parameter)
 
 
 # ---- looking along a curve
@@ -495,6 +497,21 @@ def singular(segment: Segment, u: Array, near: CurvePoint) -> CurvePoint:
     """Point at u, where the equations are singular, with tangent and orientation of one nearby."""
     point = solution_at(segment.problem, u, segment.name, segment.parameters)
     return CurvePoint(u, near.tangent, near.orientation, point.residual, point.iterations)
+
+
+def _crossed(segment: Segment, rough: Found) -> Found:
+    """A branch point to all digits by its equations, if what they are solved at solves those of the problem."""
+    u, here = rough.row.u, {**segment.parameters, segment.name: rough.row.value}
+    try:
+        U = BranchPoint(segment.problem, segment.name).located(u, here).X
+    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+        return rough
+    row = singular(segment, U, rough.row)
+    near = np.linalg.norm((U - u) / segment.scale) <= _NEARBY * segment.length
+    return replace(rough, row=row) if rough.located and near and row.residual <= segment.settings.tolerance else rough
+
+
+_NEARBY = 1e-3  # share of the arc by which a branch point may lie beside the root of the determinant
 
 
 def _turn(segment: Segment) -> float:

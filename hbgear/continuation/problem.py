@@ -158,6 +158,14 @@ class Checked(Protocol):
 
 
 @runtime_checkable
+class Confined(Protocol):
+    """Is simpler where only a part of its solutions is asked for."""
+
+    def within(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> FullProblem:
+        """What a curve over that span, the other parameters fixed, is traced with; itself if nothing is simpler."""
+
+
+@runtime_checkable
 class Sized(Protocol):
     """Measures its unknowns."""
 
@@ -298,8 +306,8 @@ class Described(Protocol):
 
 
 ABILITIES = (
-    Problem, Linearised, Pursued, Curved, Started, Parametrised, Checked, Sized, Rough, Readable, Observed, Eventful,
-    Remeshed, Refinable, Deciding, Receding, Extended, Finished, Described,
+    Problem, Linearised, Pursued, Curved, Started, Parametrised, Checked, Confined, Sized, Rough, Readable, Observed,
+    Eventful, Remeshed, Refinable, Deciding, Receding, Extended, Finished, Described,
 )  # fmt: skip
 
 
@@ -388,6 +396,10 @@ class FullProblem:
     def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
         """`Checked.check_trace`: no warning."""
         pass
+
+    def within(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> FullProblem:
+        """`Confined.within`: itself."""
+        return self
 
     def unit_of(self, name: str, value: float) -> float:
         """Size against which a change of a parameter is small.

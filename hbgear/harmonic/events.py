@@ -32,7 +32,7 @@ from hbgear.continuation.algebra import norm
 from hbgear.continuation.bordered import Augmented
 from hbgear.continuation.branch import NEUTRAL, Branch, SpecialPoint, Status
 from hbgear.continuation.events import (
-    BranchPoint,
+    Crossing,
     Cusp,
     Event,
     Found,
@@ -50,7 +50,7 @@ from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
 from hbgear.harmonic.meeting import meetings
 from hbgear.harmonic.observables import Layout
-from hbgear.harmonic.special import Grazing, NeimarkSacker, PeriodDoubling, peak_of
+from hbgear.harmonic.special import Grazing, NeimarkSacker, PeriodDoubling, exponent_of, peak_of
 
 
 class Doubling(Event):
@@ -111,12 +111,15 @@ def _sharpened(segment: Segment, rough: Found, extended: Augmented) -> Found:
 
 
 class SecondFrequency(Event):
-    """A complex pair of multipliers leaves the unit circle: a second frequency sets in."""
+    """A complex pair of multipliers leaves the unit circle: a second frequency sets in.
+
+    near : the exponent of the pair, of one that was found.
+    """
 
     kind, meaning, marker = "NS", "Neimark-Sacker: a second frequency sets in", "s"
 
-    def __init__(self) -> None:
-        pass
+    def __init__(self, near: complex | None = None) -> None:
+        self.near = near
 
     def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
         """log |mu| of the complex pairs next to the unit circle: the first within it, the first outside; else nan."""
@@ -165,8 +168,17 @@ class SecondFrequency(Event):
         return [self._sharp(segment, found)] if found.located and abs(size - 1.0) < _DOUBLE else []
 
     def _sharp(self, segment: Segment, found: Found) -> Found:
-        equations = self.equations(segment.problem, segment.name, found)
-        return found if equations is None else _sharpened(segment, found, equations)
+        """By the equations of the pair that was located, not of another one next to the unit circle."""
+        problem: Any = segment.problem
+        pairs = _known(segment, found.row)
+        pairs = pairs[pairs.imag > 1e-8 * np.abs(pairs)]
+        if not len(pairs):
+            return found
+        mu = complex(pairs[np.argmin(np.abs(np.log(np.abs(pairs))))])
+        omega = {**segment.parameters, segment.name: found.row.value}["Omega"]
+        own = SecondFrequency(exponent_of(mu, problem.nu, omega))
+        equations = own.equations(problem, segment.name, found)
+        return found if equations is None else _sharpened(segment, replace(found, event=own), equations)
 
     def _two_at_once(self, segment: Segment, ends: ComplexArray) -> list[Found]:
         """Where two multipliers pass the unit circle together: a complex pair, or a double real one by symmetry.
@@ -189,7 +201,7 @@ class SecondFrequency(Event):
             return [replace(real, note="")]
         if abs(first - second) >= _DOUBLE:
             return []
-        return [replace(real, event=BranchPoint() if first.real > 0 else Doubling(), finder=self)]
+        return [replace(real, event=Crossing() if first.real > 0 else Doubling(), finder=self)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         """None for laws that must be asked for their slopes, and structures too large for their modes."""
@@ -197,7 +209,7 @@ class SecondFrequency(Event):
             return None
         compiled = problem.compiled({})
         known = not compiled.asked and not compiled.structure.large
-        return NeimarkSacker(problem, parameter) if known else None
+        return NeimarkSacker(problem, parameter, self.near) if known else None
 
 
 _FINE = 1e-10  # share of the chord to which a pair is located: beyond it lies the rounding of its modulus
@@ -377,7 +389,7 @@ def motion_events(nu: int) -> tuple[Event, ...]:
 KINDS: dict[str, Event] = {
     event.kind: event
     for event in (
-        Turning(), Doubling(), SecondFrequency(), BranchPoint(), GrazingContact(), Cusp(), Merging(), AmplitudePeak()
+        Turning(), Doubling(), SecondFrequency(), Crossing(), GrazingContact(), Cusp(), Merging(), AmplitudePeak()
     )
 }  # fmt: skip
 """Every kind of special point that hbgear knows itself, in the order of legends."""

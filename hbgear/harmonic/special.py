@@ -140,6 +140,8 @@ class NeimarkSacker(Augmented):
     ----------
     problem : a `HarmonicBalance` of laws that are known to hbgear.
     parameter : the parameter of the curve.
+    near : the exponent near which that of the pair is looked for; by default that of the pair of multipliers next to
+        the unit circle, which may be another one where two pairs pass close to each other.
 
     Raises
     ------
@@ -164,10 +166,20 @@ class NeimarkSacker(Augmented):
     """
 
     problem: Any  # a HarmonicBalance
+    near: complex | None
+
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "", near: complex | None = None) -> None:
+        super().__init__(problem, parameter)
+        self._fixed(near=near)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return (self.near,)
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         hill, size = self._hill(X, here), linearise(self.problem, X, "", here).size
-        s = self._guess(X, here)
+        s = self._guess(X, here) if self.near is None else self.near
         u, _, vh = scipy.linalg.svd(hill.matrices(s)[0])
         pair = _exponent(hill, s, u[:, -1], vh[-1].conj(), X, here)
         return Rotation(size / hill.omega, _unit(pair.w), _unit(pair.v), pair.exponent)
@@ -192,9 +204,7 @@ class NeimarkSacker(Augmented):
         mu = mu[mu.imag > 1e-8 * np.abs(mu)]
         if not len(mu):
             raise ValueError("no pair of multipliers of the motion is complex: it is at no Neimark-Sacker point")
-        nearest = mu[np.argmin(np.abs(np.log(np.abs(mu))))]
-        s: complex = complex(np.log(nearest)) * here["Omega"] / (2 * np.pi * self.problem.nu)
-        return s
+        return exponent_of(mu[np.argmin(np.abs(np.log(np.abs(mu))))], self.problem.nu, here["Omega"])
 
     def _pair(self, hill: Condensed, base: Base, X: Array, here: dict[str, float]) -> _Pair:
         assert isinstance(base, Rotation) and base.b is not None and base.c is not None
@@ -236,12 +246,17 @@ class NeimarkSacker(Augmented):
     def _moved(self, X: Array, here: dict[str, float], name: str, pair: _Pair) -> float:
         """Derivative of Re s in a parameter."""
 
-        def form(at: dict[str, float]) -> tuple[float]:
-            D, _ = self._hill(X, at).matrices(pair.exponent)
-            return (float((-(pair.w.conj() @ D @ pair.v) / pair.rate).real),)
+        def drift(at: dict[str, float]) -> tuple[float]:
+            form = self._hill(X, at).form(pair.exponent, pair.w, pair.v)
+            return ((-form / pair.rate).real,)
 
-        (moved,) = in_parameter(self.problem, name, here, form)
+        (moved,) = in_parameter(self.problem, name, here, drift)
         return float(moved)
+
+
+def exponent_of(multiplier: complex, nu: int, Omega: float) -> complex:
+    """The exponent s of a multiplier exp(2 pi nu s / Omega)."""
+    return complex(np.log(multiplier)) * Omega / (2 * np.pi * nu)
 
 
 def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: Array, here: dict[str, float]) -> _Pair:

@@ -291,6 +291,8 @@ class Series:
     @checked_arguments()
     def shifted(self, phase: float) -> Series:
         """The function delayed by a phase: ``s(tau - phase)``."""
+        if not phase:
+            return self
         c = to_complex(self.row()) * np.exp(-1j * phase * np.arange(self.order + 1))
         return Series(self.mean, tuple(c.real[1:]), tuple(-c.imag[1:]))
 
