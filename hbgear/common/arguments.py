@@ -199,7 +199,14 @@ def _fits_by_type(given: type, kind: Any) -> bool:
     if issubclass(given, float | list | tuple | np.ndarray | np.generic | Mapping | type):
         return False
     classes = [each for each in _alternatives(kind) if isinstance(each, type)]
-    return given in classes or any(each in given.__mro__ and each not in _FITS for each in classes)
+    return given in classes or any(_is_of(given, each) for each in classes if each not in _FITS)
+
+
+def _is_of(given: type, kind: type) -> bool:
+    """Whether a type is derived from another one, or has the methods that it asks for."""
+    if not getattr(kind, "_is_protocol", False):
+        return kind in given.__mro__
+    return getattr(kind, "_is_runtime_protocol", False) and not kind.__annotations__ and issubclass(given, kind)
 
 
 def words(kind: Any) -> str:

@@ -37,7 +37,7 @@ def branch_of(
     Rows with fewer unknowns than the problem has are padded; unknowns that are parameters go to ``tracked``. Where only
     some rows were observed, the multipliers of the others are nan and their regimes unknown.
     """
-    unknowns, own = zip(*(problem.split(row.X) for row in rows), strict=True)
+    unknowns, own = _unknowns(problem, rows)
     mu = _column(rows, "multipliers", math.nan + 0j)
     regime = _column(rows, "regime", np.int8(-1))
     regime = np.zeros((len(rows), 0), dtype=np.int8) if regime is None else regime.astype(np.int8)
@@ -57,7 +57,7 @@ def branch_of(
     return Branch(
         parameter=name,
         values=np.array([r.value for r in rows]),
-        X=np.array(unknowns),
+        X=unknowns,
         fixed=dict(fixed),
         tracked={k: np.array([here[k] for here in own]) for k in problem.unknown_parameters},
         multipliers=mu,
@@ -79,6 +79,14 @@ def branch_of(
         },
         problem=problem.original,
     )
+
+
+def _unknowns(problem: FullProblem, rows: list[CurvePoint]) -> tuple[Array, list[dict[str, float]]]:
+    """The unknowns of rows (P, n), and the parameters among those of each."""
+    if not problem.unknown_parameters and {len(row.u) - 1 for row in rows} == {problem.size}:
+        return np.array([row.u for row in rows])[:, :-1].copy(), []
+    X, own = zip(*(problem.split(row.X) for row in rows), strict=True)
+    return np.array(X), list(own)
 
 
 def special_of(

@@ -17,12 +17,13 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, wait
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -485,16 +486,18 @@ class _Run:
         running: dict[Future[Result], str],
     ) -> None:  # fmt: skip
         """Every case, a few hundred handed out ahead; ``running`` holds those that are not done yet."""
-        queue = iter(waiting.items())
+        queue, done = iter(waiting.items()), SimpleQueue[Future[Result]]()
         self._show()
         while True:
             for key, row in islice(queue, _AHEAD - len(running)):
-                running[_submitted(pool, cls, _inputs(self.study, row)["fields"], work)] = key
+                future = _submitted(pool, cls, _inputs(self.study, row)["fields"], work)
+                running[future] = key
+                future.add_done_callback(done.put)  # `wait` for the first of hundreds takes a while for each
             if not running:
                 return
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                self._keep(running[future], waiting, _result(future))
-                del running[future]
+            future = done.get()
+            self._keep(running[future], waiting, _result(future))
+            del running[future]
 
     def _finish(
         self, running: Mapping[Future[Result], str], waiting: Mapping[str, dict[str, Any]],

@@ -9,9 +9,12 @@ from hbgear import (
     DoubleHelicalPair,
     Duffing,
     Element,
+    Fold,
     HarmonicBalance,
     Load,
+    NoConvergence,
     Parallel,
+    Periodic,
     Series,
     Settings,
     SpurPair,
@@ -27,9 +30,12 @@ from hbgear.continuation.stride import _MOST, Strider
 
 
 class RowByRow(HarmonicBalance):
-    """Followed by the general loop."""
+    """Followed by the general loop, its special points located by the equations in Python."""
 
     def pursuit(self, name, parameters):
+        return None
+
+    def locating(self, name, parameters, which):
         return None
 
 
@@ -39,6 +45,11 @@ def hardening_gap():
     elements = [Element([1.0, -1.0], law, damping=0.08), Element([0.0, 1.0], Unilateral(0.7, 0.3))]
     loads = [Load([0.2, 0.0], {1: [0.3, 0.0]}), Load(cosine={1: [0.0, 0.05]}, power=2)]
     return System(np.diag([1.0, 2.0]), 0.06 * np.eye(2), np.array([[0.6, -0.1], [-0.1, 1.4]]), elements, loads)
+
+
+def arc():
+    """A spur pair whose transmission error is an arc with a corner."""
+    return SpurPair(e=(), error=Periodic((2.0,), ((-0.13, 0.04 * np.pi, -0.02),)))
 
 
 CURVES = {
@@ -85,6 +96,40 @@ def test_the_loops_choose_the_same_rows(name):
     np.testing.assert_allclose(one.values, many.values, rtol=0, atol=1e-7)
     np.testing.assert_allclose(one.step, many.step, rtol=1e-4)
     np.testing.assert_array_equal(one.iterations, many.iterations)
+
+
+@pytest.mark.parametrize("name", ["duffing", "spur pair", "double-helical", "arc"])
+def test_newton_on_special_points_is_the_same_compiled(name):
+    """Folds and grazing contacts from beside them, and the two steps that tell an error, as Python's equations say."""
+    model, H, span, kinds = (arc, 10, (1.5, 0.6), {"GR"}) if name == "arc" else CURVES[name]
+    one, many = (kind(model(), H) for kind in (RowByRow, HarmonicBalance))
+    curve = trace(many, "Omega", span, stability=False, accuracy=None)
+    assert kinds <= {p.kind for p in curve.special}
+    for point in curve.special:
+        if point.kind not in ("LP", "GR"):
+            continue
+        U = np.append(point.X, point.parameters["Omega"])
+        beside, here = U + 1e-4 * np.linalg.norm(U) * np.sin(np.arange(len(U))), point.parameters
+        python, compiled = (point.event.equations(p, "Omega", point) for p in (one, many))
+        assert compiled.compiled(here) is not None and python.compiled(here) is None
+        for problem in (python, compiled):
+            found = problem.located(beside, here)
+            np.testing.assert_allclose(found.X, U, rtol=0, atol=1e-11 * np.linalg.norm(U))
+            assert found.residual < 1e-12
+        # the weight and the borders of g differ, whose curvature enters squared
+        steps = [problem.stepped(beside, here, 1)[1] for problem in (python, compiled)]
+        far = np.linalg.norm(beside - U)
+        np.testing.assert_allclose(steps[0], steps[1], rtol=0, atol=0.05 * far)
+
+
+def test_compiled_newton_gives_up():
+    """Where there is no fold far and wide, and of laws that must be asked."""
+    problem = HarmonicBalance(SpurPair(), 6)
+    U = np.append(problem.start(1.5), 1.5)
+    with pytest.raises(NoConvergence, match="no special point"):
+        Fold(problem, "Omega").located(U, {"Omega": 1.5}, Settings(max_iterations=1))
+    assert HarmonicBalance(SpurPair(), 6, sampled=True).locating("Omega", {}, -1) is None
+    assert problem.locating("zeta", {"Omega": 0.9}, -1) is None
 
 
 def test_what_has_no_compiled_loop():
