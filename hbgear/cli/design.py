@@ -11,6 +11,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
+from hbgear.cli.shares import first_of, show_shares
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -108,11 +109,25 @@ def critical(
     harmonics: Harmonics = "16",
     first: First = None,
     last: Last = None,
+    derivatives: Annotated[
+        bool, typer.Option("--sensitivity", help="Which other parameters the value depends on, and how much.")
+    ] = False,
+    quantity: Annotated[
+        str, typer.Option("--of", help="What that table is sorted by, such as Omega.", show_default="PARAMETER")
+    ] = "",
+    most: Annotated[int, typer.Option(min=1, help="Parameters in the table and the figure, by their effect.")] = 15,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save all derivatives as .csv.")] = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
 ) -> None:
     """The value of a parameter at which a jump appears or vanishes, and the frequency at which it does so.
 
+    With --sensitivity, -o or --plot also its derivatives in all other parameters, in percent for one percent of each.
     Exit codes: 0 found, 2 bad input or none, 3 stopped early (what was found is shown).
     """
+    check_writable(output, (".csv",))
+    check_writable(plot, FIGURES)
     problem = problem_of(chosen_model(model, changes), harmonics)
     problem.check_parameter(parameter)
     with bar("critical") as progress:
@@ -129,6 +144,13 @@ def critical(
     for other, Omega in found.others:
         place = f"{parameter} = {rounded(other, digits)}, Omega = {rounded(Omega, digits)}"
         print(f"another jump appears or vanishes at {place}")
+    if derivatives or output or plot:
+        with one_thread():
+            moved = hb.sensitivity(found, measure=measure, element=element_of(element))
+        with outputs() as out:
+            out.write(output, moved.export)
+            out.figure(plot, lambda drawing: drawing.tornado(moved, quantity or first_of(moved), most=most))
+            show_shares(moved, quantity, most)
     end_of(found)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -12,6 +12,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.files import FIGURES, check_writable, outputs
+from hbgear.cli.shares import ROUNDING, first_of, show_shares
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -36,9 +37,6 @@ from hbgear.cli.support import (
     span_of,
 )
 from hbgear.design.measured import FREQUENCIES
-
-if TYPE_CHECKING:
-    from hbgear.harmonic.sensitivity import Sensitivity
 
 
 def register(app: typer.Typer) -> None:
@@ -83,25 +81,10 @@ def sensitivity(
     branch = hb.load(file, problem=problem_in(branch, model))
     chosen = _chosen(branch, point, measure, which)
     found = hb.sensitivity(chosen, measure=measure, element=which, multipliers=multipliers)
-    quantity = quantity or _first(found)
-    shares = {name: found.percent(name) for name in found.quantities}
     with outputs() as out:
         out.write(output, found.export)
-        out.figure(plot, lambda drawing: drawing.tornado(found, quantity, most=most))
-        print(f"{found.label}: " + ", ".join(f"{q} = {found.size(q):.6g}" for q in found.quantities))
-        known = [name for name, share in shares[quantity].items() if share or any(s.get(name) for s in shares.values())]
-        rows = [
-            [name, f"{found.values[found.parameters.index(name)]:.6g}", *(_share(shares[q][name]) for q in shares)]
-            for name in known[:most]
-        ]
-        title = f"percent of each for one percent of a parameter, by {quantity}"
-        print_table(["", "value", *found.quantities], rows, title)
-        left = len(known) - len(rows)
-        if left:
-            print(f"{left} more with less effect; see --most")
-        for name, value in zip(found.parameters, found.values, strict=True):
-            if not value and found.of(quantity)[name]:
-                print(f"{name} = 0: {quantity} changes by {found.of(quantity)[name]:.4g} for one of its unit")
+        out.figure(plot, lambda drawing: drawing.tornado(found, quantity or first_of(found), most=most))
+        show_shares(found, quantity, most)
 
 
 def scatter(
@@ -142,8 +125,14 @@ def scatter(
             ]  # fmt: skip
             title = f"standard deviation of each jump, that of {draws} draws, and the share of each parameter"
             print_table(["jump", "while", branch.parameter, "+-", "drawn", "lost", *deviations], rows, title)
+            for one in jumps:
+                if one.lost:
+                    print(f"{one.label} vanishes in {one.lost} of {draws} draws, of which it has no frequency")
         else:
             print("the curve has no jumps")
+        for name, effect in zip(band.parameters, band.effects.T, strict=True):
+            if not np.nanmax(np.abs(effect)) > ROUNDING:
+                print(f"{name} has no effect on the curve")
         i = int(np.nanargmax(band.deviation))
         print(f"the curve is displaced most at {unit} = {band.frequency[i]:.6g}, {measure} = {band.amplitude[i]:.6g}: "
               f"by {sigmas * band.deviation[i]:.2%} of its range for {sigmas:g} standard deviations")  # fmt: skip
@@ -294,15 +283,6 @@ def _bounds(text: str) -> tuple[str, tuple[float, float] | None]:
 
 def _known(number: float, form: str) -> str:
     return "-" if math.isnan(number) else f"{number:{form}}"
-
-
-def _first(found: Sensitivity) -> str:
-    """What moves: the frequency, or of a motion whose frequency is held its amplitude."""
-    return next((name for name in found.quantities if any(found.percent(name).values())), found.quantities[0])
-
-
-def _share(share: float) -> str:
-    return "-" if math.isnan(share) else f"{share:+.4f}"
 
 
 def _chosen(branch: hb.Branch, text: str, measure: str, element: int | str) -> hb.Point | hb.Jump:

@@ -4,7 +4,7 @@
 
 over the motions that the sweeps are on (`hbgear.design.predicted`), Omega_j the frequencies of jumps, with the
 Jacobian J by implicit differentiation. The covariance of the estimate is (J^T J)^-1, times the mean square of the
-residuals where no deviations were given.
+residuals where no deviations were given. Standard errors are those of the likelihood (`hbgear.design.intervals`).
 
 References
 ----------
@@ -25,9 +25,11 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
+from hbgear.common.recent import Recent
 from hbgear.continuation.branch import Branch, Status
 from hbgear.continuation.ending import Ending
 from hbgear.design.bounds import bounds_of
+from hbgear.design.intervals import MOST, reach
 from hbgear.design.measured import Measurements
 from hbgear.design.predicted import NotTraced, Prediction
 from hbgear.harmonic.balance import HarmonicBalance
@@ -61,7 +63,9 @@ class Fit:
     model : with the estimated values.
     names : (A,) of the parameters that were sought.
     values, errors : estimates and standard errors by name; an error is nan where the data do not determine it.
-    covariance, correlation : (A, A) of the estimates.
+        It is that of the likelihood where that is larger than the one to first order: half the distance to the farther
+        of the two values at which the sum of squares, the other parameters readjusted, is 4 above its least.
+    covariance, correlation : (A, A) of the estimates, to first order.
     data : what was measured.
     curve : the response of the model.
     predicted, residuals : (N,) amplitudes of the model, and their differences to the measured ones in deviations.
@@ -185,9 +189,12 @@ def fit(
         )
     span = _span(problem.model, data) if span is None else span
     search = _Search(problem, data, names, span, progress)
-    ending = Ending()
+    ending, estimate = Ending(), None
     try:
         followed = search.run(own, low, high, starts, seed)
+        assert search.best is not None
+        estimate = _estimate(search.best, data, low, high)
+        estimate.reach = reach(search.best, search.at, estimate.x, estimate.covariance, estimate.unit, low, high)
         ending.reached(Status.REACHED_END, f"{followed} of {starts} starts were followed")
     except KeyboardInterrupt as error:
         if search.best is None:
@@ -195,7 +202,8 @@ def fit(
         followed = search.followed
         ending.note(error, f"after {search.evaluations} curves")
     assert search.best is not None
-    return _result(problem, search, search.best, followed, low, high, ending)
+    estimate = estimate or _estimate(search.best, data, low, high)
+    return _result(problem, search, search.best, followed, estimate, low, high, ending)
 
 
 def _bounds(
@@ -245,24 +253,25 @@ class _Search:
         self.evaluations = self.followed = 0
         self.best: Prediction | None = None
         self.refused = ""
-        self._last: tuple[bytes, Prediction | None] = (b"", None)
+        self._known: Recent[Prediction | None] = Recent(3)
 
     def at(self, x: Array) -> Prediction | None:
         """The prediction with these values; None where the model has no response."""
-        key = x.tobytes()
-        if self._last[0] != key:
-            self.evaluations += 1
-            try:
-                values = dict(zip(self.names, map(float, x), strict=True))
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", Unlikely)  # of values on the way
-                    now = Prediction(self.problem, self.data, values, self.span)
-                if self.progress is not None:
-                    self.progress(Progress(math.nan, ", ".join(f"{name} = {x:.5g}" for name, x in values.items())))
-            except (NotTraced, ValueError) as error:
-                now, self.refused = None, str(error)
-            self._last = (key, now)
-        return self._last[1]
+        return self._known.get(x.tobytes(), lambda: self._traced(x))
+
+    def _traced(self, x: Array) -> Prediction | None:
+        self.evaluations += 1
+        try:
+            values = dict(zip(self.names, map(float, x), strict=True))
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", Unlikely)  # of values on the way
+                now = Prediction(self.problem, self.data, values, self.span)
+        except (NotTraced, ValueError) as error:
+            self.refused = str(error)
+            return None
+        if self.progress is not None:
+            self.progress(Progress(math.nan, ", ".join(f"{name} = {x:.5g}" for name, x in values.items())))
+        return now
 
     def judged(self, x: Array) -> Prediction | None:
         """The same, which is kept if it is the best so far."""
@@ -334,7 +343,7 @@ class _Search:
                 felt: Array = J * (np.linalg.norm(J, axis=0) * np.abs(x) > _NOTHING)
                 return felt  # rounding moves nothing
 
-            found = least_squares(residuals, x, jacobian, (low, high), xtol=_ENOUGH[final], ftol=_ENOUGH[final],
+            found = least_squares(residuals, x, jacobian, (low, high), xtol=_ENOUGH[final], ftol=_SPENT[final],
                                   loss="linear" if final else "soft_l1", f_scale=3.0,
                                   x_scale=np.maximum(np.abs(x), 1e-3 * (high - low)), max_nfev=30)  # fmt: skip
             x = found.x
@@ -359,7 +368,7 @@ class _Search:
             now = self.at(x)
             return np.zeros((len(worst), len(x))) if now is None else now.distances_moved
 
-        found = least_squares(distances, start, jacobian, (low, high), loss="soft_l1", xtol=1e-2, ftol=1e-2,
+        found = least_squares(distances, start, jacobian, (low, high), loss="soft_l1", xtol=2e-2, ftol=1e-1,
                               x_scale=np.maximum(np.abs(start), 1e-3 * (high - low)), max_nfev=20)  # fmt: skip
         x: Array = found.x
         return x
@@ -380,7 +389,10 @@ class _Search:
 
 
 _ENOUGH = {False: 1e-3, True: 1e-5}
-"""Relative change of the values, and of the sum of squares, at which a search ends, and the final one."""
+"""Relative change of the values at which a search ends, and the final one."""
+
+_SPENT = {False: 1e-2, True: 3e-4}
+"""The same of the sum of squares: the final one ends a tenth of a standard error or so from the least of 50 numbers."""
 
 
 def _cost(now: Prediction) -> float:
@@ -388,31 +400,55 @@ def _cost(now: Prediction) -> float:
     return float(r @ r)
 
 
-def _result(
-    problem: HarmonicBalance, search: _Search, best: Prediction, followed: int, low: Array, high: Array, ending: Ending
-) -> Fit:
-    names, data = search.names, search.data
-    values = {name: best.here[name] for name in names}
-    x = np.array(list(values.values()))
+@dataclass
+class _Estimate:
+    """Values and covariance to first order, mean square, what the sum rises by for one standard error, and `reach`."""
+
+    x: Array
+    covariance: Array
+    mean_square: float
+    unit: float
+    reach: Array
+    doubts: list[str]
+
+
+def _estimate(best: Prediction, data: Measurements, low: Array, high: Array) -> _Estimate:
+    names = best.names
+    x = np.array([best.here[name] for name in names])
     freedom = len(data) + len(data.jumps) - len(names)
     mean_square = _cost(best) / freedom if freedom > 0 else math.nan
-    unit = np.where(x, np.abs(x), high - low)
-    J = best.jacobian(best.deviation) * unit
-    covariance, doubts = _covariance(J, names)
-    covariance = covariance * np.outer(unit, unit)
-    if data.assumed and freedom > 0:
-        covariance = covariance * mean_square
-    errors = np.sqrt(np.diag(covariance))
+    size = np.where(x, np.abs(x), high - low)
+    covariance, doubts = _covariance(best.information(best.deviation) * size, names)
+    unit = mean_square if data.assumed and freedom > 0 else 1.0
+    covariance = unit * covariance * np.outer(size, size)
+    return _Estimate(x, covariance, mean_square, unit, np.full(len(names), math.nan), doubts)
+
+
+def _result(
+    problem: HarmonicBalance, search: _Search, best: Prediction, followed: int, estimate: _Estimate, low: Array,
+    high: Array, ending: Ending,
+) -> Fit:  # fmt: skip
+    names, data, x, covariance = search.names, search.data, estimate.x, estimate.covariance
+    first = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
-        correlation = covariance / np.outer(errors, errors)
-    doubts += [*_alike(names, correlation), *_of_data(best, mean_square), *_at_bounds(names, x, low, high)]
-    count = len(data)
+        correlation = covariance / np.outer(first, first)
+    errors = np.fmax(first, estimate.reach)
+    doubts = [*estimate.doubts, *_alike(names, correlation), *_of_data(best, estimate.mean_square)]
+    doubts += [*_loose(names, first, errors), *_at_bounds(names, x, low, high)]
+    count, values = len(data), dict(zip(names, x.tolist(), strict=True))
     return Fit(
         problem.model.replace(**values), names, values, dict(zip(names, errors.tolist(), strict=True)), covariance,
         correlation, data, best.curve, best.amplitudes, best.residuals(best.deviation)[:count],
-        tuple(place.kind for place in best.places), best.jump_frequencies, mean_square, followed, search.evaluations,
-        tuple(doubts), ending.status, ending.told,
+        tuple(place.kind for place in best.places), best.jump_frequencies, estimate.mean_square, followed,
+        search.evaluations, tuple(doubts), ending.status, ending.told,
     )  # fmt: skip
+
+
+def _loose(names: tuple[str, ...], first: Array, errors: Array) -> Iterator[str]:
+    """Parameters that the data hardly bound to one side."""
+    for name, linear, error in zip(names, first, errors, strict=True):
+        if error > 0.99 * MOST * linear:
+            yield f"{name} may be farther off than its error says: the sum of squares hardly rises to one side"
 
 
 def _covariance(J: Array, names: tuple[str, ...]) -> tuple[Array, list[str]]:

@@ -18,11 +18,11 @@ from functools import cached_property
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.algebra import norm
+from hbgear.continuation.algebra import Factors, norm
 from hbgear.continuation.branch import Jump, is_stable
 from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.passing import passings
-from hbgear.continuation.sensitivity import of_solution, tangent
+from hbgear.continuation.sensitivity import tangent
 from hbgear.continuation.tracer import trace
 from hbgear.design.measured import Measurements
 from hbgear.design.swept import stable_parts, swept
@@ -41,6 +41,8 @@ _OMEGA = 1e-3  # relative deviation of frequencies of points beyond the end of t
 
 _MISSING = 0.1  # relative distance of a jump that the model does not have
 
+
+_PLACES = 6  # of the fraction of a row, so that what both sweeps pass is solved for once
 
 _ROUGH = 0.03  # relative deviation of frequencies and amplitudes that are looked at from afar
 
@@ -128,6 +130,7 @@ class Prediction:
                 found = [self._leap(jump) for jump in self.jumps if jump.direction == direction]
                 leaps = np.array(found).reshape(-1, 3)
                 rows[order] = swept(sketch, leaps, self.Omega[order], direction)[0]
+        rows = np.round(rows, _PLACES)
         return [self._place(i, float(rows[i]), parts, amplitude) for i in range(len(data))]
 
     @cached_property
@@ -154,7 +157,7 @@ class Prediction:
         options: list[tuple[float, Place]] = []
         for x, y in parts:
             if x[0] <= Omega <= x[-1]:
-                at = float(np.interp(Omega, x, y))
+                at = round(float(np.interp(Omega, x, y)), _PLACES)
                 options.append((off(at), Place(OTHER, at)))
         for jump in self.jumps:
             beyond = (Omega - jump.value) * direction
@@ -264,6 +267,17 @@ class Prediction:
         J[:count] /= deviation[:, None]
         return J
 
+    def information(self, deviation: Array) -> Array:
+        """The same without points beyond the end of their part.
+
+        They say that the part should reach them, and nothing any more as soon as it does: a wall to one side.
+        """
+        J, count = self.jacobian(deviation), len(self.data)
+        for i, place in enumerate(self.places):
+            if place.jump is not None:
+                J[[i, count + i]] = 0.0
+        return J
+
     @cached_property
     def _moved(self) -> Array:
         """`jacobian` with amplitudes in the unit of the data."""
@@ -344,17 +358,25 @@ class Prediction:
 
     def _slopes_at(self, rows: Sequence[int]) -> dict[int, Array]:
         """Derivatives of the amplitudes of rows of the curve, at their frequencies, in the model's unit."""
-        problem, solved, along = self.problem, [], []
-        for row in rows:
-            here = {**problem.model.entries, **self.here, "Omega": float(self.curve.values[row])}
-            try:
-                along.append(of_solution(problem, self.curve.X[row], here, self.names).X)
-            except np.linalg.LinAlgError:
-                continue
-            solved.append(row)
-        if not solved:
+        if not rows:
             return {}
-        return dict(zip(solved, self._measured_along(self.curve.X[solved], np.array(along)), strict=True))
+        X, (known, along) = (
+            self.curve.X[list(rows)],
+            self._displaced(self.curve.X[list(rows)], self.curve.values[list(rows)]),
+        )
+        return dict(zip((rows[i] for i in known), self._measured_along(X[known], along), strict=True))
+
+    def _displaced(self, X: Array, Omega: Array) -> tuple[list[int], Array]:
+        """Derivatives (P, A, n) of motions at held frequencies, and which of them have some: all but folds."""
+        here = {**self.problem.model.entries, **self.here}
+        moved = np.stack([self.problem.moved_many(X, Omega, name, here) for name in self.names], axis=1)
+        known, found = [], []
+        for i, w in enumerate(Omega.tolist()):
+            along = -Factors(self.problem.evaluate(X[i], **here, Omega=w)[1]).solve(moved[i].T).T
+            if np.isfinite(along).all():
+                known.append(i)
+                found.append(along)
+        return known, np.array(found).reshape(len(known), *moved.shape[1:])
 
     def _of_jump(self, jump: Jump) -> dict[str, Array]:
         """Derivatives of its frequency and of the amplitude before it."""
@@ -373,32 +395,24 @@ class Prediction:
 
     def _slopes(self) -> dict[int, Array]:
         """Derivatives of amplitudes in the model's unit, by number of the point."""
-        problem = self.problem
         scale, moved_scale = self._unit(self.data.unit)
-        entries = self.problem.model.entries
-        known: dict[float, Array] = {}
-        numbers, X, along = [], [], []
-        for i, motion in enumerate(self.motions):
-            if motion is None or self.places[i].kind == END:
-                continue
-            Y, own = motion
-            key = hash((own["Omega"], Y.tobytes()))
-            if key not in known:
-                here = {**entries, **own}
-                try:
-                    X_a = of_solution(problem, Y, here, self.names).X
-                    if moved_scale.any():
-                        t = tangent(problem, Y, here, "Omega")
-                        X_a = X_a - np.outer(own["Omega"] * moved_scale / scale, t)
-                except np.linalg.LinAlgError:
-                    continue
-                known[key] = X_a
-            numbers.append(i)
-            X.append(Y)
-            along.append(known[key])
-        if not numbers:
+        place: dict[tuple[float, float], int] = {}
+        for i, (motion, where) in enumerate(zip(self.motions, self.places, strict=True)):
+            if motion is not None and where.kind != END:
+                place.setdefault((float(self.Omega[i]), where.row), i)
+        some = list(place.values())
+        if not some:
             return {}
-        return dict(zip(numbers, self._measured_along(np.array(X), np.array(along)), strict=True))
+        X, Omega = np.array([self.motions[i][0] for i in some]), self.Omega[some]  # type: ignore[index]
+        known, along = self._displaced(X, Omega)
+        if moved_scale.any():
+            here = {**self.problem.model.entries, **self.here}
+            for X_a, i in zip(along, known, strict=True):
+                t = tangent(self.problem, X[i], {**here, "Omega": float(Omega[i])}, "Omega")
+                X_a -= np.outer(Omega[i] * moved_scale / scale, t)
+        found = dict(zip((some[i] for i in known), self._measured_along(X[known], along), strict=True))
+        each = {i: place.get((float(self.Omega[i]), where.row), -1) for i, where in enumerate(self.places)}
+        return {i: found[first] for i, first in each.items() if first in found}
 
     def _measured_along(self, X: Array, along: Array) -> Array:
         """Derivatives (P, A) of the measure of motions X (P, n) along directions (P, A, n)."""

@@ -132,8 +132,8 @@ class Redesign:
     values, changes : of the parameters by name, and relative to the old ones.
     distance : root of the sum of squares of the changes.
     reached : whether a trace confirms the goal.
-    short : how far the goal is missed, relative (of a jump: the change of a parameter that is still wanting); 0 if it
-        is reached.
+    short : how far the goal is missed, relative (of a jump: the change of a parameter that is still wanting, nan if no
+        change removes it); 0 if it is reached.
     share : of the sample of tolerances that reaches the goal, each traced; nan without one.
     curve : the response of the new model.
     steps : how often cusps or peaks were computed.
@@ -523,7 +523,7 @@ def _nearest(slack: _Slack, u: Array, low: Array, high: Array) -> Array:
 
 
 def _result(search: _Search, u: Array, ending: Ending) -> Redesign:
-    goal, spread = search.goal, search.spread
+    spread = search.spread
     curve, missed = _missed_by(search, u, {})
     each = [_missed_by(search, u, deviations)[1] for deviations in spread.sample]
     share = float(np.mean([miss == 0 for miss in each])) if each else math.nan
@@ -533,13 +533,22 @@ def _result(search: _Search, u: Array, ending: Ending) -> Redesign:
         short = max(missed, sorted(each)[math.ceil(spread.share * len(each) - 1e-9) - 1])
     reached = curve.status.complete and not missed and not few
     if not reached and ending.error is None:
-        what = "jumps are left" if goal.kind == "no jumps" else f"the highest peak is {short:.2%} above the limit"
         of = f" in {1 - share:.0%} of the sample" if few and not missed else ""
-        ending.reached(ending.status, f"{search.told}; the goal is not reached: {what}{of}")
+        told = f"{search.told}; the goal is not reached: {_what_is_left(search, short)}{of}"
+        if math.isnan(short):
+            told = f"jumps are left, and no value of {', '.join(search.names)} was found at which one vanishes"
+        ending.reached(ending.status, told)
     return Redesign(
         curve.problem.model, search.values(u), dict(zip(search.names, u.tolist(), strict=True)),
         float(np.linalg.norm(u)), reached, short, share, curve, search.steps, ending.status, ending.told,
     )  # fmt: skip
+
+
+def _what_is_left(search: _Search, short: float) -> str:
+    if search.goal.kind != "no jumps":
+        return f"the highest peak is {short:.2%} above the limit"
+    more = "" if search.cusp is None else f": {search.cusp.name} would have to change by {short:.2%} more"
+    return f"jumps are left{more}"
 
 
 def _missed_by(search: _Search, u: Array, deviations: Mapping[str, float]) -> tuple[Branch, float]:
@@ -560,7 +569,8 @@ def _missed_by(search: _Search, u: Array, deviations: Mapping[str, float]) -> tu
             unit = search.cusp.side * abs((search.problem.model.parameters | search.problem.model.entries)[name])
             nearer = {**deviations, name: deviations.get(name, 0.0) - goal.margin * unit}
             jumps = _jumps(trace(search.balance(u, nearer), "Omega", search.span))
-    return curve, max(_MARGIN, search.slack.wanting) if jumps else 0.0
+    wanting = search.slack.wanting  # nan if there is no value at which they vanish
+    return curve, (wanting if math.isnan(wanting) else max(_MARGIN, wanting)) if jumps else 0.0
 
 
 def _jumps(curve: Branch) -> bool:

@@ -24,7 +24,7 @@ from hbgear.continuation.newton import NoConvergence
 from hbgear.harmonic.sensitivity import Relocation, sensitivity
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JumpScatter:
     """Scatter of the frequency of one jump.
 
@@ -52,6 +52,10 @@ class JumpScatter:
     first: float
     draws: Array
     lost: int
+
+    def __repr__(self) -> str:
+        drawn = f"{self.sampled:.3g} of {len(self.draws)} draws, {self.lost} lost"
+        return f"<JumpScatter of {self.label} at {self.value:.6g}: +- {self.first:.3g} to first order, {drawn}>"
 
     @property
     def sampled(self) -> float:

@@ -30,6 +30,8 @@ from hbgear.common.compiling import inlined, kernel
 from hbgear.harmonic.projection import projected
 from hbgear.harmonic.sampling import samples_of, spectrum
 
+_MANY = 64  # poles from which their terms are computed several at once
+
 
 @kernel
 def receptance(poles: Any, residues: Any, w: float, G: Any, dG: Any) -> None:
@@ -64,14 +66,28 @@ def _weighted_sum(each: Any, residues: Any) -> tuple[complex, complex]:
 def _modal_sum(poles: Any, residues: Any, w: float) -> tuple[complex, complex]:
     """sum_k residue_k / (i w - pole_k), and its derivative in w."""
     x = y = u = v = 0.0
-    for k in range(poles.shape[1]):
-        a, b = -poles[0, k], w - poles[1, k]
-        size = 1.0 / (a * a + b * b)
-        a, b = a * size, -b * size  # 1 / (i w - pole)
-        p, q = residues[0, k] * a - residues[1, k] * b, residues[0, k] * b + residues[1, k] * a
-        x, y = x + p, y + q
-        u, v = u + p * a - q * b, v + p * b + q * a
+    n = poles.shape[1]
+    if n < _MANY:
+        for k in range(n):
+            p, q, r, s = _term(poles, residues, w, k)
+            x, y, u, v = x + p, y + q, u + r, v + s
+        return complex(x, y), complex(v, -u)
+    terms = np.empty((4, n))  # all of them before the sums, so that processors compute several at once
+    for k in range(n):
+        terms[0, k], terms[1, k], terms[2, k], terms[3, k] = _term(poles, residues, w, k)
+    for k in range(n):
+        x, y, u, v = x + terms[0, k], y + terms[1, k], u + terms[2, k], v + terms[3, k]
     return complex(x, y), complex(v, -u)
+
+
+@kernel
+def _term(poles: Any, residues: Any, w: float, k: int) -> tuple[float, float, float, float]:
+    """residue / (i w - pole) and residue / (i w - pole)^2 of one pole, real and imaginary parts."""
+    a, b = -poles[0, k], w - poles[1, k]
+    size = 1.0 / (a * a + b * b)
+    a, b = a * size, -b * size  # 1 / (i w - pole)
+    p, q = residues[0, k] * a - residues[1, k] * b, residues[0, k] * b + residues[1, k] * a
+    return p, q, p * a - q * b, p * b + q * a
 
 
 @kernel

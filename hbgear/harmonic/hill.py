@@ -26,6 +26,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.compiled import Compiled
+from hbgear.harmonic.receptance import Structure
 
 _LARGEST = 3000  # equations of an eigenproblem that takes some ten seconds
 
@@ -88,13 +89,11 @@ def _check_known(compiled: Compiled) -> None:
 class Condensed:
     """Hill's determinant seen from the gaps, of one motion; see the module. Its unknowns are harmonic after harmonic.
 
-    poles (r,), output (m, r), input (r, m) : the modes of the structure. K (m, 2H + 1, 2H + 1) : slopes of the laws.
-    omega : frequency of the basis.
+    structure : `Structure` whose receptances they are. K (m, 2H + 1, 2H + 1) : slopes of the laws. omega : frequency of
+    the basis.
     """
 
-    poles: ComplexArray
-    output: ComplexArray
-    input: ComplexArray
+    structure: Structure
     K: ComplexArray
     omega: float
 
@@ -105,15 +104,11 @@ class Condensed:
         Raises
         ------
         ValueError
-            If a law must be asked for its slopes, or the structure is too large for its modes.
+            If a law must be asked for its slopes.
         """
         compiled = compiled.at(Omega)
         _check_known(compiled)
-        modes = compiled.structure.modes
-        if modes is None:
-            raise ValueError("Hill's determinant needs the modes of the structure, which is too large for them")
-        K = _two_sided(slopes(compiled, X))
-        return Condensed(modes.poles, modes.output, modes.input, K, Omega / compiled.nu)
+        return Condensed(compiled.structure, _two_sided(slopes(compiled, X)), Omega / compiled.nu)
 
     @property
     def m(self) -> int:
@@ -127,22 +122,22 @@ class Condensed:
         return np.arange(-H, H + 1)
 
     def receptances(self, s: complex) -> tuple[ComplexArray, ComplexArray]:
-        """G and dG/ds (2H + 1, m, m) at s + i k omega.
-
-        Raises
-        ------
-        ValueError
-            If one of these is a pole.
-        """
-        distance = s + 1j * self.omega * self.k[:, None] - self.poles
-        if not distance.all():
-            raise ValueError("the exponent is that of a mode that no gap changes: the motion is linear there")
-        away = 1.0 / distance
-        G = np.einsum("ir,kr,rj->kij", self.output, away, self.input, optimize=True)
-        return G, np.einsum("ir,kr,rj->kij", self.output, -np.square(away), self.input, optimize=True)
+        """G and dG/ds (2H + 1, m, m) at s + i k omega; see `Structure.transfer`."""
+        return self.structure.transfer(s + 1j * self.omega * self.k)
 
     def matrices(self, s: complex) -> tuple[ComplexArray, ComplexArray]:
         """D and dD/ds (m (2H + 1), m (2H + 1))."""
+        D, dD = (self._product(G) for G in self.receptances(s))
+        return D + np.eye(len(D)), dD
+
+    def form(self, s: complex, w: ComplexArray, v: ComplexArray) -> complex:
+        """w^H D v."""
+        rows = v.reshape(-1, self.m)
+        driven = np.stack([K @ column for K, column in zip(self.K, rows.T, strict=True)], axis=1)
+        out: complex = w.conj() @ (v + (self.receptances(s)[0] @ driven[..., None]).ravel())
+        return out
+
+    def _product(self, G: ComplexArray) -> ComplexArray:
         size = len(self.k) * self.m
-        D, dD = (np.einsum("kij,jkl->kilj", G, self.K).reshape(size, size) for G in self.receptances(s))
-        return D + np.eye(size), dD
+        out: ComplexArray = np.einsum("kij,jkl->kilj", G, self.K).reshape(size, size)
+        return out

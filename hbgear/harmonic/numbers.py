@@ -104,9 +104,11 @@ def laws_of(laws: Sequence[Law], sampled: bool, nu: int) -> tuple[Laws, Springs,
         ramps += [(place[j, float(x)], s, float(D)) for x, D in zip(corners, changes, strict=True)]
     at, part, change = (np.array(column) for column in zip(*ramps, strict=True)) if ramps else ([], [], [])
     at = np.asarray(at, dtype=np.int64)
+    ramped = np.zeros(len(level), dtype=bool)
+    ramped[at] = True
     cubic = np.array([parts[1:] if parts else (0.0, 0.0) for parts in known]).reshape(len(laws), 2)
     table = Laws(
-        level, owner.astype(np.int64), np.isin(np.arange(len(level)), at),
+        level, owner.astype(np.int64), ramped,
         np.array([j for j, _ in springs], dtype=np.int64), base, np.array(shifts, dtype=np.int64), series,
         at, np.asarray(part, dtype=np.int64), np.asarray(change, dtype=float), cubic, *_own(laws),
     )  # fmt: skip

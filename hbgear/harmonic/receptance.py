@@ -378,6 +378,26 @@ class Structure:
         """G and dG/dOmega, (P, m, m) each, at frequencies Omega ratio (P,)."""
         return self.response(Omega, ratio, self.W)
 
+    def transfer(self, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """G and dG/ds (P, m, m) at exponents s (P,).
+
+        Raises
+        ------
+        ValueError
+            If one of these is a pole, or there are no modes.
+        """
+        if self.modes is None:
+            raise ValueError("Hill's determinant needs the modes of the structure, which is too large for them")
+        distance = s[:, None] - self.modes.poles
+        if not distance.all():
+            raise ValueError("the exponent is that of a mode that no gap changes: the motion is linear there")
+        away = 1.0 / distance
+        out, in_ = self.modes.output, self.modes.input
+        return (
+            np.einsum("ir,kr,rj->kij", out, away, in_, optimize=True),
+            np.einsum("ir,kr,rj->kij", out, -np.square(away), in_, optimize=True),
+        )
+
     def response(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """W^T D^-1 F and its derivative in Omega, (P, m, c) each, at frequencies Omega ratio (P,), of F (n, c)."""
         Q, dQ = self._direct(Omega * ratio, np.broadcast_to(F, (len(ratio), *F.shape)))

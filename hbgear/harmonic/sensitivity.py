@@ -214,7 +214,7 @@ def sensitivity(
     one = point.before if isinstance(point, Jump) else point
     problem, here, parameter = _asked(one)
     names = _names(problem, here, parameter, parameters)
-    where = _At(_remembering(problem, one, 2 * len(names) + _ASIDE), one, here, parameter, names)
+    where = _At(_beside(problem, one, here, 2 * len(names) + _ASIDE), one, here, parameter, names)
     slopes = where.slopes()
     rows: list[_Row] = [(parameter, here[parameter], slopes.p)]
     rows += [(name, here[name], X_a) for name, X_a in where.unknown(slopes)]
@@ -256,7 +256,8 @@ def _asked(point: Point) -> tuple[FullProblem, dict[str, float], str]:
         low, high = point.interval
         raise ValueError(f"{point.label} was not located, only known to lie within {low:.8g} and {high:.8g}")
     problem = as_problem(point.problem)
-    entries = problem.model.entries if isinstance(problem, HarmonicBalance) else {}
+    inner = _innermost(problem)
+    entries = inner.model.entries if isinstance(inner, HarmonicBalance) else {}
     return problem, {**entries, **problem.parameters, **point.parameters}, list(point.parameters)[-1]
 
 
@@ -267,6 +268,8 @@ def _names(
     own = {parameter, *problem.unknown_parameters}
     if wanted is None:
         return tuple(name for name in here if name not in own)
+    if not len(wanted):
+        raise ValueError("sensitivity: name at least one parameter, such as ['zeta'], or none for all")
     for name in wanted:
         problem.check_parameter(name)
         if name in own:
@@ -278,10 +281,20 @@ def _names(
 
 def _remembering(problem: FullProblem, point: Point, sets: int) -> FullProblem:
     """The problem with the unknowns of the point, which keeps what it computes for many sets of parameters."""
+    return _keeping(problem, point, lambda balance: balance.remembering(sets))
+
+
+def _beside(problem: FullProblem, point: Point, here: Mapping[str, float], sets: int) -> FullProblem:
+    """The same for values of parameters next to those of the point."""
+    return _keeping(problem, point, lambda balance: balance.beside(here, sets))
+
+
+def _keeping(problem: FullProblem, point: Point, keep: Callable[[HarmonicBalance], HarmonicBalance]) -> FullProblem:
+    """The problem with the unknowns of the point, its balance replaced by one that keeps more."""
     if isinstance(problem, Augmented):
-        inner = _remembering(problem.problem, point, sets)
+        inner = _keeping(problem.problem, point, keep)
         return type(problem)(inner, problem.parameter, *problem.arguments)
-    return _like(problem.remembering(sets) if isinstance(problem, HarmonicBalance) else problem, point)
+    return _like(keep(problem) if isinstance(problem, HarmonicBalance) else problem, point)
 
 
 def _like(problem: FullProblem, point: Point) -> FullProblem:
@@ -343,13 +356,23 @@ class _At:
             return of_solution(self.problem, self.X, self.here, self.names)
         if self.point.kind == "BP":
             return of_branch_point(self.problem, self.X, self.here, self.parameter, self.names)
-        U, equations = np.append(self.X, self.here[self.parameter]), self.known_equations()
-        if equations is None and self.point.kind == "NS":
+        if self.point.kind == "NS" and self.known_equations() is None:
             return of_crossing(self.problem, self.X, self.here, self.parameter, self.names, self._modulus())
+        return of_special(*self.refined, self.here, self.names)
+
+    @cached_property
+    def refined(self) -> tuple[Augmented, Array]:
+        """The equations of a special point, based there, and (X, p) as near as rounding allows."""
+        U = np.append(self.X, self.here[self.parameter])
         equations = self.equations().based(U, self.here)
         with suppress(NoConvergence):  # else as near as it was located
             U = refine(equations, solve(equations, U, self.here), self.here).X
-        return of_special(equations, U, self.here, self.names)
+        return equations, U
+
+    @property
+    def place(self) -> float:
+        """The parameter of the curve at the point, refined if it was."""
+        return float(self.refined[1][-1]) if "refined" in vars(self) else self.here[self.parameter]
 
     def equations(self) -> Augmented:
         """The equations of a special point.
@@ -383,7 +406,7 @@ class _At:
     @cached_property
     def own(self) -> dict[str, float]:
         """The parameters of the model."""
-        model = getattr(self.problem, "model", None)
+        model = getattr(_innermost(self.problem), "model", None)
         return model.parameters | model.entries if isinstance(model, Model) else {}
 
     def _modulus(self) -> Callable[[Array, dict[str, float]], float]:
@@ -443,7 +466,7 @@ class _At:
     def landed(self, after: Point, p_a: Array) -> tuple[_At, Array]:
         """The motion on which a jump lands, which is held at the frequency of the jump, and its derivatives."""
         problem = _like(self.problem, after)
-        here = {**self.here, self.parameter: after.parameters[self.parameter]}
+        here = {**self.here, self.parameter: self.place}
         at = _At(problem, after, here, self.parameter, self.names)
         t = tangent(problem, at.X, here, self.parameter)
         return at, of_solution(problem, at.X, here, self.names).X + p_a[:, None] * t

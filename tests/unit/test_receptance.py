@@ -8,6 +8,7 @@ from scipy.linalg import block_diag
 from hbgear import (
     Backlash,
     Cubic,
+    DoubleHelicalPair,
     Duffing,
     Element,
     GearRotorBearing,
@@ -17,6 +18,7 @@ from hbgear import (
     Series,
     System,
     Unilateral,
+    model,
     reduce,
     trace,
     validate,
@@ -255,3 +257,61 @@ def test_numbers_too_far_apart_are_told():
     """A damper that holds all: the receptance of an element is zero to the last digit, and has no inverse."""
     with pytest.raises(ValueError, match="the structure does not give way"):
         HarmonicBalance(GearRotorBearing(zeta_2=1e30), 5).start(Omega=0.5)
+
+
+BESIDE = ("k_gz", "k_pz", "zeta", "m_p", "module", "beta_deg", "torque", "k_mean", "b_c", "e[1]")
+
+
+def of_balance(problem, name, value, Omega, s):
+    """Z, g, their derivatives in Omega, and Hill's receptances at exponents s, as one row of numbers."""
+    compiled = problem.compiled({name: value})
+    matrices, constants = compiled.receptance.at(Omega)
+    G, dG = compiled.structure.transfer(s)
+    return [np.concatenate([part.ravel() for part in parts]) for parts in ((matrices, constants), (G, dG))]
+
+
+@pytest.mark.parametrize("name", BESIDE)
+def test_structures_next_to_one_are_exact_in_differences(name):
+    """A free rotation, modes that repeat, loads and directions that change: against differences of fourth order."""
+    model = DoubleHelicalPair(zeta=0.05)
+    problem, Omega, s = HarmonicBalance(model, 5), 0.83, 0.01 + 1j * np.array([-0.4, 0.3, 1.1])
+    beside, value = problem.beside({}, 4), (model.parameters | model.entries)[name]
+    h = 1e-5 * problem.unit_of(name, value)
+    one = not value  # at the end of its range
+    near = [of_balance(beside, name, value + side * h, Omega, s) for side in ((0, 1, 2) if one else (-1, 1))]
+    far = [
+        of_balance(problem, name, value + side * 20 * h, Omega, s) for side in ((0, 1, 2, 3) if one else (-2, -1, 1, 2))
+    ]
+    for i in range(2):
+        if one:
+            found = (4 * near[1][i] - near[2][i] - 3 * near[0][i]) / (2 * h)
+            expected = (-11 * far[0][i] + 18 * far[1][i] - 9 * far[2][i] + 2 * far[3][i]) / (120 * h)
+        else:
+            found = (near[1][i] - near[0][i]) / (2 * h)
+            expected = (8 * (far[2][i] - far[1][i]) - (far[3][i] - far[0][i])) / (240 * h)
+        size = np.abs(expected).max()
+        assert size > 0 or name in ("torque", "b_c", "e[1]")  # these change no receptance
+        rounding = 2e-13 * np.abs(near[0][i]).max() / h
+        np.testing.assert_allclose(found, expected, atol=1e-6 * size + rounding, rtol=0)
+
+
+def test_stability_next_to_a_structure_is_that_of_itself():
+    problem = HarmonicBalance(DoubleHelicalPair(zeta=0.05), 5)
+    X = problem.start(Omega=1.1)
+    here = {"Omega": 1.1, "k_gz": 1.1e8}
+    mu = [one.multipliers(X, **here) for one in (problem, problem.beside({}, 4))]
+    np.testing.assert_allclose(mu[1], mu[0], atol=1e-9)
+
+
+def test_a_load_beside_a_balanced_one_is_refused():
+    """Two masses that nothing holds: their loads balance, and with another value of one they do not."""
+
+    @model()
+    def pair(drive: float = 0.3, k: float = 1.0) -> System:
+        element = Element([1, -1], Backlash(1.0, k), name="mesh", damping=0.1)
+        return System(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), [element], Load([drive, -0.3], {1: [0.1, -0.1]}))
+
+    beside = HarmonicBalance(pair(), 3).beside({}, 4)
+    assert beside.compiled({"k": 1.00001}).structure is not beside.compiled({"drive": 0.3}).structure
+    with pytest.raises(UnbalancedLoad, match="nothing holds"):
+        beside.compiled({"drive": 0.300003})

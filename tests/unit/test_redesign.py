@@ -1,5 +1,7 @@
 """The least change of a design that reaches a goal, against a search over all values."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -56,9 +58,16 @@ def test_a_goal_out_of_reach():
     assert not found.reached and found.values["zeta"] == pytest.approx(0.08)
     cusp = hb.critical(PAIR, "zeta", frequencies=PAIR.model.default_span).value
     assert found.short == pytest.approx((cusp - 0.08) / 0.05, abs=2e-3)
-    assert "the goal is not reached: jumps are left" in found.message
+    assert "the goal is not reached: jumps are left: zeta would have to change by" in found.message
     found = hb.redesign(PAIR, hb.peak_below(0.05), ["zeta"], {"zeta": (0.04, 0.08)})
     assert not found.reached and found.short > 1 and "above the limit" in found.message
+
+
+def test_a_parameter_that_removes_no_jump():
+    """eps_scale is a factor of amplitudes, and this pair has none."""
+    found = hb.redesign(PAIR, hb.no_jumps(), ["eps_scale"])
+    assert not found.reached and math.isnan(found.short) and found.values == {"eps_scale": 1.0}
+    assert found.message.startswith("jumps are left, and no value of eps_scale was found at which one vanishes")
 
 
 def test_a_cusp_farther_away():

@@ -287,6 +287,8 @@ def test_what_cannot_be_differentiated(spur):
         hb.sensitivity(spur["LP1"], ["eps[7]"])
     with pytest.raises(ValueError, match="Omega is what the point is sought in"):
         hb.sensitivity(spur["LP1"], ["Omega"])
+    with pytest.raises(ValueError, match="name at least one parameter"):
+        hb.sensitivity(spur["LP1"], [])
     with pytest.raises(TypeError, match="needs names of parameters, such as"):
         hb.sensitivity(spur["LP1"], "zeta")
     with pytest.raises(TypeError, match="needs a special point, peak, jump, critical value or row"):
@@ -326,6 +328,8 @@ def test_scatter_of_jumps_beside_monte_carlo(spur):
         assert found[jump.label].draws[0] == pytest.approx(place, rel=1e-6)
     wide = hb.jump_scatter(spur, {"zeta": 0.02, "e[0]": 0.03}, draws=100)
     assert any(one.lost for one in wide)
+    lossy = next(one for one in wide if one.lost)
+    assert repr(lossy).startswith(f"<JumpScatter of {lossy.label} at") and f"{lossy.lost} lost>" in repr(lossy)
     with pytest.raises(ValueError, match="name at least one parameter"):
         hb.jump_scatter(spur, {})
     with pytest.raises(KeyError, match="no parameter 'zetta'"):
