@@ -105,6 +105,29 @@ def test_a_change_of_a_kernel_reaches_those_that_call_it(tmp_path):
     assert len(list((tmp_path / "kept").iterdir())) == 2
 
 
+def test_whether_anything_is_compiled(tmp_path):
+    """Until the folder is made, which is told, if it can be."""
+    pytest.importorskip("numba")
+    asked = "from hbgear.common.compiling import nothing_compiled as asked; print(asked(), asked())"
+    out, err = told(start(asked, tmp_path / "new"))
+    assert out == "True False\n" and err.count("compiles its core for this processor: once") == 1
+    assert told(start(asked, tmp_path / "new")) == ("False False\n", "")
+    (tmp_path / "taken").touch()
+    assert told(start(asked, tmp_path / "taken"))[0] == "False False\n"
+
+
+def test_what_a_curve_needs_last_is_compiled_beside():
+    pytest.importorskip("numba")
+    asked = """
+from hbgear.cli.support import _observed
+from hbgear.harmonic import assembly, carrying, observing, pursuit
+_observed()
+last = carrying.monodromies, observing.neglected, observing.reach
+print(*(len(kernel.signatures) for kernel in (*last, assembly.assembled, pursuit.pursue)))
+"""
+    assert told(start(asked))[0].split() == ["1", "1", "1", "0", "0"]
+
+
 def test_without_numba_the_same_curves_are_found(without_numba):
     """Some hundred times slower, which is said once."""
     out, err = told(without_numba)

@@ -3,11 +3,13 @@
 import dataclasses
 import re
 import tomllib
+from functools import partial
 
 import pytest
 
 import hbgear as hb
 from hbgear.cli import app as cli
+from hbgear.cli import files as cli_files
 from hbgear.io.machine_file import Machine, MachineFileError, read_machine, write_machine
 
 TEXT = """torque = "200 N m"
@@ -186,6 +188,19 @@ def test_gear_says_what_is_asked(run, tmp_path):
     assert [float(x) for x in re.findall(r"LP\d +(\d+\.?\d*)", out)] == pytest.approx(speeds, rel=8e-5)
     lighter = next(x for x in out.splitlines() if "inertia 20 % less" in x)
     assert f"{max(speeds) / 0.8**0.5:.0f}+" in lighter  # speeds go with the root of stiffness over mass
+
+
+def test_the_command_draws_in_another_process(run, tmp_path, monkeypatch):
+    """The same figure as drawn here; what goes wrong there is told here."""
+    words = ["gear", *DRAWING, "--harmonics", 8, "--plot"]
+    assert run(*words, "here.png")[0] == 0
+    monkeypatch.setattr(cli_files, "IS_COMMAND", True)
+    monkeypatch.setattr(cli_files, "processors", lambda: 2)
+    monkeypatch.setattr(cli_files, "_pyplot", None)  # is not called
+    assert run(*words, "there.png")[0] == 0
+    assert (tmp_path / "here.png").read_bytes() == (tmp_path / "there.png").read_bytes()
+    with cli_files.artist() as by, pytest.raises(TypeError), cli_files.outputs() as out:
+        out.figure(tmp_path / "none.png", partial(int), by)
 
 
 def test_gear_assumes_what_is_not_said(run):
