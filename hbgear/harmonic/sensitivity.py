@@ -209,6 +209,8 @@ def sensitivity(
     >>> round(found.of("Omega")["zeta"], 2) > 0
     True
     """
+    if parameters is not None and not len(parameters):
+        raise ValueError("sensitivity: name at least one parameter, such as ['zeta'], or give None for all")
     if isinstance(point, Critical):
         point = point.point
     one = point.before if isinstance(point, Jump) else point
@@ -268,8 +270,6 @@ def _names(
     own = {parameter, *problem.unknown_parameters}
     if wanted is None:
         return tuple(name for name in here if name not in own)
-    if not len(wanted):
-        raise ValueError("sensitivity: name at least one parameter, such as ['zeta'], or none for all")
     for name in wanted:
         problem.check_parameter(name)
         if name in own:
