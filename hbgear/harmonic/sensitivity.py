@@ -331,8 +331,8 @@ def units_at(problem: FullProblem, here: Mapping[str, float], names: Sequence[st
 
 def units_of(model: Model) -> dict[str, float]:
     """Hz and r/min at Omega = 1 and the unit of length in metres; nothing if the model does not know them."""
-    known = scales(model, {})
-    return known | {LENGTH: model.scales.length} if known and model.scales else known
+    known, own = scales(model, {}), model.scales
+    return known | {LENGTH: own.length} if known and own else known
 
 
 @dataclass(frozen=True)
