@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.common.ranges import Range
     from hbgear.continuation.bordered import Fold
     from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
+    from hbgear.continuation.crossing import BranchPoint
     from hbgear.continuation.events import Event
     from hbgear.continuation.extending import extend
     from hbgear.continuation.following import follow
@@ -97,6 +98,7 @@ __all__ = [
     "Beam",
     "Bearing",
     "Branch",
+    "BranchPoint",
     "Campbell",
     "Cases",
     "CompiledLaw",

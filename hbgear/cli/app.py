@@ -57,7 +57,6 @@ from hbgear.cli.support import (
     loaded,
     longer_span,
     model_at,
-    one_thread,
     path_of,
     point_of,
     print_table,
@@ -327,7 +326,7 @@ def extend(
     branch = dataclasses.replace(branch, problem=problem_in(branch, model))
     problem = problem_in(branch, model, harmonics, samples)
     span = longer_span(branch, within, first, last)
-    with one_thread(), bar(branch.parameter) as progress:
+    with bar(branch.parameter) as progress:
         steps = hb.StepControl(max_points=max_points)
         whole = hb.extend(branch, span, problem=problem, steps=steps, progress=progress)
     with outputs() as out:

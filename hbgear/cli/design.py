@@ -29,7 +29,6 @@ from hbgear.cli.support import (
     element_of,
     end_of,
     exit_code,
-    one_thread,
     print_table,
     problem_in,
     problem_of,
@@ -77,7 +76,7 @@ def map_command(
     parameter, span = range_of(within, first, last)
     problem = problem_of(chosen_model(model, changes), harmonics)
     frequencies = span_of(problem.model, first, last)
-    with one_thread(), bar("map") as progress:
+    with bar("map") as progress:
         found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress)
     digits = min((digits_of(fold, 6) for fold in found.folds), default=6)
     rows = [
@@ -131,7 +130,7 @@ def critical(
     check_writable(plot, FIGURES)
     problem = problem_of(chosen_model(model, changes), harmonics)
     problem.check_parameter(parameter)
-    with one_thread(), bar("critical") as progress:
+    with bar("critical") as progress:
         found = hb.critical(problem, parameter, frequencies=span_of(problem.model, first, last), progress=progress)
     own = problem.parameters.get(parameter, float("nan"))
     side = "below" if found.jump_below else "above"
@@ -174,8 +173,7 @@ def switch(
     check_writable(plot, FIGURES)
     branch, which = hb.load(file), element_of(element)
     branch = hb.load(file, problem=problem_in(branch, model))
-    with one_thread():
-        new = hb.switch(branch, label)
+    new = hb.switch(branch, label)
     names = [str(file), f"from {label}"]
     with outputs() as out:
         out.branch(output, new)
@@ -213,7 +211,7 @@ def survey(
         check_writable(folder / "branch1.npz", BRANCHES)
     problem = problem_of(machine, harmonics, nu=nu)
     span = span_of(problem.model, first, last)
-    with one_thread(), bar("survey") as progress:
+    with bar("survey") as progress:
         found = hb.trace_all(problem, span, frequencies=places, guesses=guesses, progress=progress)
     with outputs() as out:
         for number, branch in enumerate(found.branches, 1):

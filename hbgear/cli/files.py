@@ -7,14 +7,18 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from threading import Thread
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 import hbgear as hb
 from hbgear.cli.support import BAD_INPUT, say
 from hbgear.common import replacing
+from hbgear.common.command import IS_COMMAND
+from hbgear.common.threads import processors
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
 
 BRANCHES = (".npz", ".csv", ".mat")
 
@@ -64,9 +68,10 @@ class Outputs:
         """Save or export a branch by the suffix."""
         self.write(path, branch.save if path and path.suffix.lower() == ".npz" else branch.export)
 
-    def figure(self, path: Path | None, make: Callable[[Any], Any]) -> None:
-        """A figure, without a window; make is given the module `hbgear.plot`."""
-        self.write(path, partial(_draw, make))
+    def figure(self, path: Path | None, make: Callable[[Any], Any], by: Executor | None = None) -> None:
+        """A figure, without a window; make is given the module `hbgear.plot`, by the process of `artist` if any."""
+        draw = partial(_draw, make)
+        self.write(path, draw if by is None else lambda path: by.submit(draw, path).result())
 
     def _tried(self, path: Path, write: Callable[[Path], object]) -> OSError | None:
         try:
@@ -106,9 +111,26 @@ def wrote(*paths: Path | None) -> None:
         print("wrote", ", ".join(str(path) for path in paths if path))
 
 
-def import_ahead() -> None:
-    """Import what draws while kernels are loaded: neither needs Python all the time."""
-    Thread(target=_pyplot, daemon=True).start()
+@contextmanager
+def artist() -> Iterator[Executor | None]:
+    """A process that draws while this one computes, and first imports what that needs; None if there is one processor.
+
+    None in other programs too, who have not asked for processes.
+    """
+    if not IS_COMMAND or processors() < 2:
+        yield None
+        return
+    from hbgear.design.workers import executor_of
+
+    with executor_of(None, 1, 1) as pool:
+        pool.submit(_ready)
+        yield pool
+
+
+def _ready() -> None:
+    """Import what draws."""
+    _pyplot()
+    from hbgear.plot import mesh  # noqa: F401 with the files it is made of
 
 
 def _pyplot() -> Any:

@@ -30,7 +30,6 @@ from hbgear.cli.support import (
     element_of,
     end_of,
     number_of,
-    one_thread,
     point_of,
     print_table,
     problem_in,
@@ -80,9 +79,8 @@ def sensitivity(
     which = element_of(element)
     branch = hb.load(file)
     branch = hb.load(file, problem=problem_in(branch, model))
-    with one_thread():
-        chosen = _chosen(branch, point, measure, which)
-        found = hb.sensitivity(chosen, measure=measure, element=which, multipliers=multipliers)
+    chosen = _chosen(branch, point, measure, which)
+    found = hb.sensitivity(chosen, measure=measure, element=which, multipliers=multipliers)
     with outputs() as out:
         out.write(output, found.export)
         out.figure(plot, lambda drawing: drawing.tornado(found, quantity or first_of(found), most=most))
@@ -112,7 +110,7 @@ def scatter(
     deviations = {name: number_of(name, text) for name, text in assignments("NAME=DEVIATION", spread)}
     branch = hb.load(file)
     branch = hb.load(file, problem=problem_in(branch, model))
-    with one_thread(), bar("scatter") as progress:
+    with bar("scatter") as progress:
         jumps = hb.jump_scatter(branch, deviations, draws=draws, progress=progress) if branch.jumps() else ()
         band = hb.response_band(
             branch, deviations, measure=measure, element=element_of(element), unit=unit, length=length
@@ -179,7 +177,7 @@ def fit(
         data, dict(assignments("--column", column or [])), unit=unit, length=length, measure=measure,
         element=element_of(element),
     )  # fmt: skip
-    with one_thread(), bar("fit") as progress:
+    with bar("fit") as progress:
         found = hb.fit(problem_of(machine, harmonics), measured, wanted, starts=starts, progress=progress)
     start = machine.parameters | machine.entries
     rows = [
@@ -249,7 +247,7 @@ def redesign(
     if draws and not spread:
         raise ValueError("--draws are of the scatter; give --scatter NAME=DEVIATION too")
     drawn = hb.latin_hypercube(draws, **{name: ("normal", 0.0, s) for name, s in spread.items()}) if draws else None
-    with one_thread(), bar("redesign") as progress:
+    with bar("redesign") as progress:
         found = hb.redesign(
             problem, goal, list(parts), within, scatter=None if draws else spread, sigmas=sigmas, tolerances=drawn,
             share=share, span=span, progress=progress,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator
 from math import degrees, floor, log10, pi
+from operator import methodcaller
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +14,7 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear.cli.files import BRANCHES, FIGURES, check_writable, import_ahead, outputs
+from hbgear.cli.files import BRANCHES, FIGURES, artist, check_writable, outputs
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -35,6 +36,8 @@ from hbgear.harmonic.answers import problem_along
 from hbgear.harmonic.telling import digits_of, text_at
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from hbgear.io.machine_file import Machine
 
 _LOOKED_AT = 5  # motions of a curve of which the dynamic factor is computed to find the largest
@@ -80,8 +83,6 @@ def gear(
     speed, in which everything else can be said: other inertias, centre distance, crowning, bearings.
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early.
     """
-    from hbgear.io.machine_file import write_machine
-
     teeth = _pair_of("--z", z, int, "25,40")
     plot = plot or Path(f"gear-{teeth[0]}-{abs(teeth[1])}.png")
     check_writable(output, (".toml",))
@@ -90,24 +91,8 @@ def gear(
         teeth, module, width, torque, backlash, damping or str(USUAL_DAMPING), helix, pressure,
         _pair_of("--shift", shift, float, "0.2,0"), relief, measure,
     )  # fmt: skip
-    import_ahead()
-    count, cycle = harmonics_of(harmonics), machine.mesh
-    model = machine.model(cycle=cycle)
-    curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
-
-    def otherwise(assumed: tuple[str, Callable[[], hb.Model]], stop: Event) -> list[str]:
-        name, other = assumed
-        return [name, *_found(other(), model, curve, count, stop)]
-
-    with begun(otherwise, list(_others(machine, damping is None))) as rows, outputs() as out:
-        out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
-        out.figure(plot, lambda drawing: drawing.drive(cycle, curve))
-        print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
-        print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
-        show_speeds(model, curve, machine)
-        ways = "jumps at r/min, while rising (+) or falling (-)"
-        headers = ["assumed, and if it is otherwise", "largest factor", ways]
-        print_table(headers, [["as computed", *_told(model, curve)], *(row.result() for row in rows)])
+    with artist() as by:
+        curve = _answered(machine, harmonics_of(harmonics), damping is None, output, plot, by)
     raise typer.Exit(exit_code(curve))
 
 
@@ -239,6 +224,32 @@ def _plainly(value: float, digits: int) -> str:
 
 
 # ---- what hbgear gear says
+
+
+def _answered(
+    machine: Machine, count: int | str, by_default: bool, output: Path | None, plot: Path, by: Executor | None
+) -> hb.Branch:
+    """The curve of a machine, once its files are written and all about it is printed."""
+    from hbgear.io.machine_file import write_machine
+
+    cycle = machine.mesh
+    model = machine.model(cycle=cycle)
+    curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
+
+    def otherwise(assumed: tuple[str, Callable[[], hb.Model]], stop: Event) -> list[str]:
+        name, other = assumed
+        return [name, *_found(other(), model, curve, count, stop)]
+
+    with begun(otherwise, list(_others(machine, by_default))) as rows, outputs() as out:
+        out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
+        out.figure(plot, methodcaller("drive", cycle, curve), by)
+        print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
+        print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
+        show_speeds(model, curve, machine)
+        ways = "jumps at r/min, while rising (+) or falling (-)"
+        headers = ["assumed, and if it is otherwise", "largest factor", ways]
+        print_table(headers, [["as computed", *_told(model, curve)], *(row.result() for row in rows)])
+    return curve
 
 
 def _machine(

@@ -19,7 +19,6 @@ from hbgear.cli.support import (
     OwnModel,
     bar,
     chosen_model,
-    one_thread,
     problem_in,
     say,
     span_of,
@@ -74,7 +73,7 @@ def report(
     checks = []
     for branch in branches if validate else ():
         known = dataclasses.replace(branch, problem=problem_in(branch, model))
-        with one_thread(), bar("points") as progress:
+        with bar("points") as progress:
             checks.append(hb.validate(known, validate, progress=progress))
     names = [file.stem for file in files] if len(files) > 1 else None
     made = hb.report(
@@ -122,7 +121,7 @@ def explore(
     print(f"open {server.address}\nend with Ctrl-C", flush=True)
     if browser and not webbrowser.open(server.address):
         say("warning", "no browser could be opened; open the address above in one")
-    with one_thread(), suppress(KeyboardInterrupt):
+    with suppress(KeyboardInterrupt):
         server.run()
     print("ended")
 

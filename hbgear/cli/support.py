@@ -13,12 +13,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
+from hbgear.common.command import IS_COMMAND
 from hbgear.common.messages import shortened
 from hbgear.common.progress import Progress, ProgressCallback
+from hbgear.common.threads import processors
 from hbgear.continuation.branch import LANDINGS
 from hbgear.continuation.passing import passings
 from hbgear.harmonic import catalogue
@@ -250,7 +253,7 @@ def landed_as(
     from hbgear.timedomain.landing import land
 
     try:
-        with one_thread(), bar("jumps") as progress:
+        with bar("jumps") as progress:
             return land(branch, others, problem=problem, progress=progress), True
     except (KeyboardInterrupt, ValueError, ArithmeticError) as error:
         why = "interrupted" if isinstance(error, KeyboardInterrupt) else f"jumps cannot be integrated: {error}"
@@ -371,15 +374,6 @@ def harmonics_of(text: str) -> int | str:
 
 
 @contextmanager
-def one_thread() -> Iterator[None]:
-    """Linear algebra on one thread: the matrices are too small to gain from more."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1):
-        yield
-
-
-@contextmanager
 def bar(what: str) -> Iterator[ProgressCallback | None]:
     """Shows progress on a terminal: a bar where the share done is known, the time gone, the text; nothing elsewhere."""
     if not sys.stderr.isatty():
@@ -419,9 +413,33 @@ def end_of(result: Any, *parts: Any) -> None:
 
 
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
-    """A curve, traced with a progress bar and one thread for linear algebra."""
-    with one_thread(), bar(parameter) as progress:
+    """A curve, traced with a progress bar."""
+    with _compiled_beside(), bar(parameter) as progress:
         return hb.trace(problem, parameter, span, progress=progress, **options)
+
+
+@contextmanager
+def _compiled_beside() -> Iterator[None]:
+    """If nothing is compiled yet, a process that compiles what a curve needs last: this one begins with the first."""
+    from hbgear.common.compiling import nothing_compiled
+
+    if not IS_COMMAND or processors() < 2 or not nothing_compiled():
+        yield
+        return
+    from hbgear.design.workers import beside
+
+    with beside(_observed):
+        yield
+
+
+def _observed() -> None:
+    """Ask what is asked of every point of a curve: kernels are the same for all models."""
+    from hbgear.harmonic.floquet import multipliers_of
+
+    problem = hb.HarmonicBalance(hb.SpurPair(), 8)
+    motion, Omega = np.ones((1, problem.size)), np.array([0.8])
+    multipliers_of(problem.compiled({}), motion, Omega)
+    problem.observe_many(motion, "Omega", Omega)
 
 
 # ---- output

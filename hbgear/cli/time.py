@@ -30,7 +30,6 @@ from hbgear.cli.support import (
     element_of,
     known_landing,
     number_of,
-    one_thread,
     path_of,
     print_table,
     problem_in,
@@ -77,7 +76,7 @@ def validate(
     branch[0].amplitude("rms", which)
     problem = None if model is None else problem_in(branch, model)
     others = [hb.load(path) for path in beside or ()]
-    with one_thread(), bar("points") as progress:
+    with bar("points") as progress:
         report = hold(branch, points, tolerance, problem=problem, landing=landing, others=others, progress=progress)
     headers, rows = report.table()
     with outputs() as out:
@@ -134,7 +133,7 @@ def sweep(
     settling = Settling(tolerance, longest)
     found: list[Any] = []
     for direction in [name for name, wanted in (("up", up or not down), ("down", down)) if wanted]:
-        with one_thread(), bar(f"sweep {direction}") as progress:
+        with bar(f"sweep {direction}") as progress:
             found.append(
                 run(machine, grid, direction, parameter=parameter, at=held, settling=settling, progress=progress)
             )
@@ -179,7 +178,7 @@ def basins(
     machine = chosen_model(model, changes)
     spans = _ends("--d", d), _ends("--v", v)
     settling, which = Settling(tolerance, longest, min(16, longest)), None if element is None else element_of(element)
-    with one_thread(), bar("basins") as progress:
+    with bar("basins") as progress:
         found = hb.basins(
             machine, omega, spans[0], spans[1], shape, element=which, settling=settling, progress=progress
         )

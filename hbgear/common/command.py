@@ -2,11 +2,14 @@
 
 Ctrl-C meanwhile gives one sentence and the exit code 130, as nothing has begun. Objects in circles are looked for more
 rarely than Python does: a command makes few and ends soon, and what it imports makes hundreds of thousands of others.
+Linear algebra has one thread, unless the environment says otherwise when it is imported: its matrices are small, and
+other threads would wait for work at full speed.
 
 A program that imports hbgear as a library is left alone.
 """
 
 import gc
+import os
 import sys
 from pathlib import Path
 from types import TracebackType
@@ -34,6 +37,12 @@ def end(kind: type[BaseException], error: BaseException, trace: TracebackType | 
     sys.exit(_CTRL_C)
 
 
-if is_command():
+IS_COMMAND = is_command()
+"""Whether this process is the command `hbgear`, not a program that uses the library."""
+
+
+if IS_COMMAND:
     sys.excepthook = end
     gc.set_threshold(_OBJECTS, 20, 20)
+    for _library in ("OPENBLAS", "MKL", "OMP"):
+        os.environ.setdefault(f"{_library}_NUM_THREADS", "1")

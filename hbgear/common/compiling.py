@@ -36,6 +36,19 @@ def kernel(function: Function) -> Function:
     Fused products and sums may be used; the order of sums is kept, so that results differ between processors in the
     last digits only.
     """
+    return _compiled(function, "never")
+
+
+def inlined(function: Function) -> Function:
+    """A part of the kernels that call it, written into them: it is not compiled by itself.
+
+    A kernel is optimised together with all that it calls, so that each level of calls above costly ones, such as
+    `assembled`, takes as long to compile as these.
+    """
+    return _compiled(function, "always")
+
+
+def _compiled(function: Function, inline: str) -> Function:
     numba = _numba()
     if numba is None:
         return function
@@ -47,6 +60,7 @@ def kernel(function: Function) -> Function:
             nogil=True,
             error_model="numpy",
             fastmath={"contract"},
+            inline=inline,
             no_cfunc_wrapper=True,
             no_cpython_wrapper=function.__name__.startswith("_"),  # called by kernels only
         )(function)
@@ -65,17 +79,31 @@ def _numba() -> Any:
     return numba
 
 
+def nothing_compiled() -> bool:
+    """Whether what is compiled for the sources as they are now will be kept, and there is nothing yet."""
+    numba = _numba()
+    if numba is None or _place(numba.config.CACHE_DIR).is_dir():
+        return False
+    return _folder(numba.config.CACHE_DIR) is not None
+
+
 @cache
-def _folder(given: str) -> Path | None:
-    """Where compiled code of the sources as they are now is kept; None if nothing can be written there."""
+def _place(given: str) -> Path:
+    """The folder for compiled code of the sources as they are now."""
     import platformdirs
 
     parent = Path(given) if given else Path(platformdirs.user_cache_dir("hbgear"))
-    folder = parent / f"kernels-{_state()}"
+    return parent / f"kernels-{_state()}"
+
+
+@cache
+def _folder(given: str) -> Path | None:
+    """Where compiled code of the sources as they are now is kept; None if nothing can be written there."""
+    folder = _place(given)
     try:
         if not folder.is_dir():
             folder.mkdir(parents=True, exist_ok=True)
-            _clear(parent)
+            _clear(folder.parent)
             _LOG.warning("hbgear compiles its core for this processor: once, for some seconds")
         if not os.access(folder, os.W_OK):
             raise PermissionError(f"no permission to write in {folder}")

@@ -17,11 +17,11 @@ from dataclasses import replace
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.algebra import norm, solve_linear
+from hbgear.continuation.algebra import norm
 from hbgear.continuation.branch import SpecialPoint
 from hbgear.continuation.events import Found, Sharp
-from hbgear.continuation.newton import NoConvergence, refine, solution_at, solve
-from hbgear.continuation.problem import FullProblem, as_problem, linearise, observe_all
+from hbgear.continuation.newton import NoConvergence, Solution, solution_at
+from hbgear.continuation.problem import FullProblem, as_problem, observe_all
 from hbgear.continuation.record import fields_of
 from hbgear.continuation.segment import CurvePoint, Segment, solved_again, widened
 
@@ -55,7 +55,8 @@ def assessed(arc: Segment, found: Found, accuracy: float) -> Found:
         return found
     unit = arc.problem.unit_of(arc.name, found.row.value)
     goal = accuracy * unit
-    best = _by_equations(arc, found, goal) if found.located and arc.problem.smooth else found
+    simple = found.located and found.finder is None  # where two multipliers pass at once, the equations are singular
+    best = _by_equations(arc, found, goal) if simple and arc.problem.smooth else found
     if not best.error <= goal:
         other = _by_pieces(arc, found, goal)
         best = best if best.error <= other.error else other
@@ -78,18 +79,15 @@ def _by_equations(arc: Segment, found: Found, goal: float) -> Found:
             if extended is None:
                 break
             U = np.append(finer.fitted(row.X), row.value)
-            extended = extended.based(U, here)
-            for _ in range(found.event.judged_by):
-                now = linearise(extended, U, "", here)
-                U = U - solve_linear(now.dR_dX, now.R)
+            extended, U = extended.stepped(U, here, found.event.judged_by)
             found = replace(found, error=abs(float(U[-1] - row.value)))
             if found.error <= goal:
                 break
-            solution = refine(extended, solve(extended, U, here), here)
+            solution = extended.located(U, here)
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             break
-        problem, row = finer, _row_at(arc, finer, solution.X, solution.iterations)
-        if _apart(arc, row, found.row) > _FAR:
+        problem, row = finer, _row_of(arc, finer, solution_at(finer, solution.X, arc.name, arc.parameters))
+        if _apart(arc, row, found.row) > _FAR or row.residual > arc.settings.tolerance:
             break
         found = replace(found, sharp=Sharp(problem, row))
     return found
@@ -128,11 +126,11 @@ def _again(arc: Segment, finer: FullProblem) -> Segment:
     return replace(arc, problem=finer, a=a, b=b, scale=scale)
 
 
-def _row_at(arc: Segment, problem: FullProblem, u: Array, iterations: int) -> CurvePoint:
+def _row_of(arc: Segment, problem: FullProblem, point: Solution) -> CurvePoint:
     """The row of a special point of the piece, with the tangent of the piece's beginning."""
-    point = solution_at(problem, u, arc.name, arc.parameters, iterations)
+    u = np.append(point.X, point.value)
     tangent = np.append(problem.fitted(arc.a.tangent[:-1]), arc.a.tangent[-1])
-    return CurvePoint(u, tangent, arc.a.orientation, point.residual, iterations)
+    return CurvePoint(u, tangent, arc.a.orientation, point.residual, point.iterations)
 
 
 def _apart(arc: Segment, one: CurvePoint, other: CurvePoint) -> float:

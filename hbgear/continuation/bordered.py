@@ -40,10 +40,21 @@ import scipy  # its parts are imported when they are first used
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
-from hbgear.continuation.algebra import SMALL, Factors, Matrix, bordered, dense, norm, slogdet, solve_signed
+from hbgear.continuation.algebra import (
+    SMALL,
+    Factors,
+    Matrix,
+    bordered,
+    dense,
+    norm,
+    slogdet,
+    solve_linear,
+    solve_signed,
+)
 from hbgear.continuation.branch import Point
 from hbgear.continuation.differences import STEP, in_parameter
-from hbgear.continuation.problem import AnyProblem, Evaluation, FullProblem, as_problem, linearise
+from hbgear.continuation.newton import NoConvergence, Settings, Solution, refine, solve
+from hbgear.continuation.problem import AnyProblem, Evaluation, FullProblem, Locating, as_problem, linearise
 from hbgear.continuation.reading import Reader
 
 
@@ -137,6 +148,50 @@ class Augmented(FullProblem):
     def renewed(self, base: Base, X: Array, here: dict[str, float]) -> Base:
         """A base for points near X that keeps the weight and the sign of g."""
         return base
+
+    # ---- locating
+
+    def compiled(self, parameters: Mapping[str, float]) -> Locating | None:
+        """Newton on these equations without Python, if the problem has it."""
+        return None
+
+    def located(self, U: Array, parameters: Mapping[str, float], settings: Settings = Settings()) -> Solution:
+        """The special point near U by Newton, one step further than its tolerance asks for.
+
+        Raises
+        ------
+        NoConvergence, numpy.linalg.LinAlgError
+            If it does not converge.
+        """
+        compiled = self.compiled(parameters)
+        if compiled is None:
+            own = self.based(U, parameters)
+            return refine(own, solve(own, U, parameters, settings=settings), parameters)
+        U, R, A = np.array(U), np.empty(len(U)), np.empty((len(U), len(U)))
+        steps, size = compiled(U, 0, settings.tolerance, 4 * settings.max_iterations, R, A)
+        if steps < 0:
+            raise NoConvergence("Newton found no special point", U, parameters, [norm(R) / size])
+        return Solution(U, math.nan, Evaluation(R, A, np.zeros(len(U)), size), steps, norm(R) / size)
+
+    def stepped(self, U: Array, parameters: Mapping[str, float], steps: int) -> tuple[Self, Array]:
+        """So many Newton steps from U, whatever they lead to, and the same problem with a base there, if it needs one.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the equations are singular.
+        """
+        compiled = self.compiled(parameters)
+        if compiled is None:
+            own = self.based(U, parameters)
+            for _ in range(steps):
+                now = linearise(own, U, "", parameters)
+                U = U - solve_linear(now.dR_dX, now.R)
+            return own, U
+        U = np.array(U)
+        if compiled(U, steps, math.nan, steps, np.empty(len(U)), np.empty((len(U), len(U))))[0] < 0:
+            raise np.linalg.LinAlgError("singular matrix")
+        return self, U
 
     # ---- as a problem
 
@@ -332,6 +387,10 @@ class Fold(Augmented):
     """
 
     turning_kind = "CP"
+
+    def compiled(self, parameters: Mapping[str, float]) -> Locating | None:
+        """See `Augmented.compiled`."""
+        return self.problem.locating(self.parameter, parameters, -1)
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         A, size = self.matrix(X, here)

@@ -7,7 +7,8 @@ curve. Two events between the same two points leave no change of sign there: whe
 
 LP  fold: dR/dX singular, the curve turns in the parameter (`Turning`); CP on a curve of folds.
     Newton on {R = 0, g = 0}, g the bordered determinant, or a bracketed root of the tangent.
-BP  two curves cross: det [J R_lambda; t^T] changes sign (`BranchPoint`). Bracketed root of the determinant.
+BP  two curves cross: det [J R_lambda; t^T] changes sign (`Crossing`).
+    Newton on {(1 - b b^T) R, g_1, g_2}, see `crossing`, from a bracketed root of the determinant.
 
 A problem supplies the events of its kind (`FullProblem.events`); users add their own::
 
@@ -36,10 +37,11 @@ from hbgear.continuation.algebra import as_dense, bordered, norms, slogdet
 from hbgear.continuation.bordered import Augmented, Fold, Level
 from hbgear.continuation.bracketing import bracketed_root
 from hbgear.continuation.branch import Branch, Point, SpecialPoint, Status
-from hbgear.continuation.newton import NoConvergence, Settings, refine, solution_at, solve
+from hbgear.continuation.crossing import BranchPoint
+from hbgear.continuation.newton import NoConvergence, Settings, on_curve, solution_at
 from hbgear.continuation.problem import FullProblem, as_problem, linearise
 from hbgear.continuation.record import point_of
-from hbgear.continuation.segment import CurvePoint, Departure, Segment, row_of
+from hbgear.continuation.segment import CurvePoint, Departure, Rows, Segment, row_of
 
 
 @dataclass(frozen=True)
@@ -255,7 +257,7 @@ class Cusp(Turning):
         return None
 
 
-class BranchPoint(Event):
+class Crossing(Event):
     """Two curves cross: the determinant of [J R_lambda; t^T] changes sign."""
 
     kind, meaning, marker = "BP", "branch point: two curves cross", "P"
@@ -274,10 +276,10 @@ class BranchPoint(Event):
     def find(self, segment: Segment) -> list[Found]:
         if segment.a.orientation == segment.b.orientation:
             return []
-        return [root(segment, self, _determinant(segment))]
+        return [_crossed(segment, root(segment, self, _determinant(segment)))]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
-        return None
+        return BranchPoint(problem, parameter)
 
     def departure(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[FullProblem, Departure] | None:
         """Across the traced curve, within the null space of [dR/dX, dR/dp]."""
@@ -326,7 +328,7 @@ def event_at(problem: FullProblem, parameter: str, point: SpecialPoint) -> Event
 def events_of(problem: FullProblem, parameter: str) -> tuple[Event, ...]:
     """Everything that is looked for along a curve of a problem: turning points, branch points, events of its own."""
     turning = Cusp() if problem.turning_kind == Cusp.kind else Turning()
-    return turning, BranchPoint(), *problem.events(parameter)
+    return turning, Crossing(), *problem.events(parameter)
 
 
 # ---- looking along a curve
@@ -397,12 +399,19 @@ class Watch:
                 for point in self.find(replace(segment, a=rows[i], b=rows[i + 1]))]  # fmt: skip
 
     def _values(self, event: Event, rows: Sequence[CurvePoint]) -> Array:
-        return event.values(rows, self.problem, self.name, self.fixed)
+        values: Array = column(rows, event, lambda: event.values(rows, self.problem, self.name, self.fixed))
+        return values
+
+
+def column(rows: Sequence[CurvePoint], name: Any, make: Callable[[], Any]) -> Any:
+    """What is made of rows; kept with them by that name if they do not change any more."""
+    return rows.column(name, make) if isinstance(rows, Rows) else make()
 
 
 def lengths(rows: Sequence[CurvePoint], scale: Array) -> Array:
     """Scaled lengths (rows - 1,) of the pieces between rows."""
-    return norms(np.diff(np.array([row.u for row in rows]) / scale, axis=0))
+    u = column(rows, "u", lambda: np.array([row.u for row in rows]))
+    return norms(np.diff(u / scale, axis=0))
 
 
 def dips(f: Array, length: Array) -> list[tuple[int, float]]:
@@ -490,13 +499,28 @@ def singular(segment: Segment, u: Array, near: CurvePoint) -> CurvePoint:
     return CurvePoint(u, near.tangent, near.orientation, point.residual, point.iterations)
 
 
+def _crossed(segment: Segment, rough: Found) -> Found:
+    """A branch point to all digits by its equations, if what they are solved at solves those of the problem."""
+    u, here = rough.row.u, {**segment.parameters, segment.name: rough.row.value}
+    try:
+        U = BranchPoint(segment.problem, segment.name).located(u, here).X
+    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+        return rough
+    row = singular(segment, U, rough.row)
+    near = np.linalg.norm((U - u) / segment.scale) <= _NEARBY * segment.length
+    return replace(rough, row=row) if rough.located and near and row.residual <= segment.settings.tolerance else rough
+
+
+_NEARBY = 1e-3  # share of the arc by which a branch point may lie beside the root of the determinant
+
+
 def _turn(segment: Segment) -> float:
     """Where on the arc the parameter turns, by the Hermite polynomial through its ends."""
     rise = float(segment.b.u[-1] - segment.a.u[-1])
     begin, end = (float(row.tangent[-1]) * segment.length for row in (segment.a, segment.b))
-    roots = np.roots([3 * (begin + end) - 6 * rise, 6 * rise - 4 * begin - 2 * end, begin])
-    inside = [float(s.real) for s in roots if abs(s.imag) < 1e-12 and 0 <= s.real <= 1]
-    return inside[0] if inside else begin / (begin - end)
+    # begin and end differ in sign: so does the polynomial, and has one root between
+    half, bend = 3 * rise - 2 * begin - end, 3 * (begin + end) - 6 * rise
+    return begin / (math.copysign(math.sqrt(max(half * half - bend * begin, 0.0)), begin) - half)
 
 
 def newton(
@@ -515,16 +539,14 @@ def newton(
     u = segment.guess(s)
     settings = Settings(segment.settings.tolerance, segment.settings.step_tolerance, 5)
     here = {**segment.parameters, segment.name: float(u[-1])}
-    extended = extended.based(u, here)
-    solution = refine(extended, solve(extended, u, here, settings=settings), here)
+    solution = extended.located(u, here, settings)
     U = solution.X
     chord = (segment.b.u - segment.a.u) / segment.scale
     place = float(chord @ ((U - segment.a.u) / segment.scale) / (chord @ chord))
     inside = -beyond <= place <= 1 + beyond
     if not inside or np.linalg.norm((U - u) / segment.scale) > (0.5 + beyond) * np.linalg.norm(chord):
         raise NoConvergence("Newton left the arc", U, segment.parameters, [])
-    point = solution_at(segment.problem, U, segment.name, segment.parameters, solution.iterations)
-    return Found(event, place, row_of(point, chord / segment.scale, segment.scale), True, note)
+    return Found(event, place, row_of(on_curve(solution), chord / segment.scale, segment.scale), True, note)
 
 
 def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:

@@ -27,15 +27,15 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
     """
     if branch.multipliers is None or branch.problem is None:
         return ()
-    left = []
+    left, likely = [], is_stable(branch.multipliers)  # undecided rows as they are most likely
     for fold in branch.special:
         if fold.kind != "LP" or not fold.located or not 0 < fold.index < len(branch) - 1:
             continue
-        sides = [(side, point) for side in (-1, 1) if (point := _leaves_at(branch, fold, side)) is not None]
+        sides = [(side, point) for side in (-1, 1) if (point := _leaves_at(branch, likely, fold, side)) is not None]
         if not sides:
             continue
         # a fold ends one stable part; where rows in doubt make it look like two, the longer run is the true one
-        side, point = max(sides, key=lambda found: _stable_run(branch, fold.index, found[0]))
+        side, point = max(sides, key=lambda found: _stable_run(branch, likely, fold.index, found[0]))
         direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
         left.append((point, direction, _crossed(branch, point, fold, direction, settings)))
     jumps = []
@@ -47,10 +47,8 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
     return tuple(jumps)
 
 
-def _leaves_at(branch: Branch, fold: SpecialPoint, side: int) -> SpecialPoint | None:
+def _leaves_at(branch: Branch, stable: np.ndarray, fold: SpecialPoint, side: int) -> SpecialPoint | None:
     """Where a sweep towards the fold from one side loses its stable motion; None if that side is unstable."""
-    assert branch.multipliers is not None
-    stable = is_stable(branch.multipliers)  # undecided rows as they are most likely
     marks = {p.index: p for p in branch.special if p.kind in ("LP", "PD", "NS", "BP")}
     lost: SpecialPoint | None = None
     i = fold.index + side
@@ -66,11 +64,9 @@ def _leaves_at(branch: Branch, fold: SpecialPoint, side: int) -> SpecialPoint | 
     return None
 
 
-def _stable_run(branch: Branch, start: int, side: int) -> int:
+def _stable_run(branch: Branch, stable: np.ndarray, start: int, side: int) -> int:
     """Number of stable rows on one side of a fold, up to the next fold."""
     folds = {p.index for p in branch.special if p.kind == "LP"}
-    assert branch.multipliers is not None
-    stable = is_stable(branch.multipliers)  # undecided rows as they are most likely
     count, i = 0, start + side
     while 0 <= i < len(branch) and i not in folds:
         count += int(stable[i])

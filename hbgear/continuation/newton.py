@@ -18,7 +18,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, checked, counted
-from hbgear.continuation.algebra import is_singular, norm, solve_linear
+from hbgear.continuation.algebra import as_dense, is_singular, norm, solve_linear
 from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise
 
 
@@ -94,6 +94,14 @@ def solution_at(
     """The solution known to lie at u (n + 1,), with its evaluation."""
     now = linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])})
     return Solution(u[:-1], float(u[-1]), now, iterations, norm(now.R) / now.size)
+
+
+def on_curve(solution: Solution) -> Solution:
+    """The solution of a curve in a parameter that a special point is, from that of its equations with one more."""
+    R, J, _, size = solution.evaluation
+    n = len(R) - 1
+    now = Evaluation(R[:n], J[:n, :n], as_dense(J[:n, n:]).ravel(), size)
+    return Solution(solution.X[:n], float(solution.X[n]), now, solution.iterations, norm(R[:n]) / size)
 
 
 def solve(

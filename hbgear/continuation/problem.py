@@ -103,6 +103,10 @@ Pursuit: TypeAlias = Callable[
 `hbgear.harmonic.pursuit.pursue` without the first."""
 
 
+Locating: TypeAlias = Callable[[Array, int, float, int, Array, Array], tuple[int, float]]
+"""Finds a special point; arguments as of `hbgear.harmonic.locating.located` without the first two."""
+
+
 @runtime_checkable
 class Pursued(Protocol):
     """Follows stretches of its curves itself, by a compiled loop."""
@@ -151,6 +155,14 @@ class Checked(Protocol):
 
     def missing(self, known: Sequence[str]) -> Sequence[str]:
         """Parameters that must be given and are not among the known ones."""
+
+
+@runtime_checkable
+class Confined(Protocol):
+    """Is simpler where only a part of its solutions is asked for."""
+
+    def within(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> FullProblem:
+        """What a curve over that span, the other parameters fixed, is traced with; itself if nothing is simpler."""
 
 
 @runtime_checkable
@@ -294,8 +306,8 @@ class Described(Protocol):
 
 
 ABILITIES = (
-    Problem, Linearised, Pursued, Curved, Started, Parametrised, Checked, Sized, Rough, Readable, Observed, Eventful,
-    Remeshed, Refinable, Deciding, Receding, Extended, Finished, Described,
+    Problem, Linearised, Pursued, Curved, Started, Parametrised, Checked, Confined, Sized, Rough, Readable, Observed,
+    Eventful, Remeshed, Refinable, Deciding, Receding, Extended, Finished, Described,
 )  # fmt: skip
 
 
@@ -358,6 +370,10 @@ class FullProblem:
         """`Pursued.pursuit`: none."""
         return None
 
+    def locating(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
+        """Compiled Newton on special points of its curves in a parameter, by their number, -1 for folds: none."""
+        return None
+
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Matrix, Matrix]:
         """`Curved.curvature`, by central differences."""
         h = difference_along(X, v)
@@ -380,6 +396,10 @@ class FullProblem:
     def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
         """`Checked.check_trace`: no warning."""
         pass
+
+    def within(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> FullProblem:
+        """`Confined.within`: itself."""
+        return self
 
     def unit_of(self, name: str, value: float) -> float:
         """Size against which a change of a parameter is small.

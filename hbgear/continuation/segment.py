@@ -6,7 +6,7 @@ and a distance mean the same whatever the units of X and lambda.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -49,6 +49,20 @@ class CurvePoint:
         return float(self.u[-1])
 
 
+class Rows(list[CurvePoint]):
+    """Rows of a curve that do not change any more, of which columns are made once."""
+
+    def __init__(self, rows: Iterable[CurvePoint]) -> None:
+        super().__init__(rows)
+        self._columns: dict[Any, Any] = {}
+
+    def column(self, name: Any, make: Callable[[], Any]) -> Any:
+        """What is kept by that name; made when it is first asked for."""
+        if name not in self._columns:
+            self._columns[name] = make()
+        return self._columns[name]
+
+
 @dataclass(frozen=True)
 class Departure:
     """Where a branch begins, and which way: X, parameters, and the direction (n + 1,) in (X, lambda).
@@ -88,8 +102,8 @@ class Segment:
         """Length of the chord, scaled."""
         return norm((self.b.u - self.a.u) / self.scale)
 
-    def guess(self, s: float) -> Array:
-        """Hermite interpolation of u."""
+    def guess(self, s: float | Array) -> Array:
+        """Hermite interpolation of u, or of several at places (k, 1)."""
         a, b, length = self.a, self.b, self.length
         square, rest = s * s, 1.0 - s
         value = square * (3.0 - 2.0 * s)

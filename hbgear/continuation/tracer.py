@@ -41,6 +41,7 @@ from hbgear.continuation.record import Mark, branch_of
 from hbgear.continuation.segment import (
     CurvePoint,
     Departure,
+    Rows,
     Segment,
     cosine,
     normal_of,
@@ -98,8 +99,9 @@ def trace(
     accuracy : largest error of a special point, relative to its parameter. Each point tells its own
         (`SpecialPoint.error`), and one whose error is larger is solved for with more unknowns, as are rows whose
         stability they leave undecided; the other rows stay what they are. But where solutions turn out to be off by a
-        twentieth of their size, a curve that covers its span is followed anew with twice the unknowns throughout, and
-        the message says so. None for the curve and the points of the problem's own equations, without errors.
+        twentieth of their size, or a special point is not found with more unknowns within a thousandth of where it was,
+        a curve that covers its span is followed anew with twice the unknowns throughout, and the message says so.
+        None for the curve and the points of the problem's own equations, without errors.
 
     Returns
     -------
@@ -149,7 +151,10 @@ def trace(
 _ROUGH = 0.05  # error of a solution, relative to its size, above which a curve of it is only a sketch
 
 
-_TOGETHER = 32  # rows observed at once
+_ADRIFT = 1e-3  # error of a special point, over the unit of the parameter, above which it may not be there at all
+
+
+_TOGETHER = 64  # rows observed at once
 
 
 class _Tracer:
@@ -159,7 +164,7 @@ class _Tracer:
         self, problem: FullProblem, parameter: str, span: tuple[float, float], start: Point | Departure | Array | None,
         at: Mapping[str, float] | None, steps: StepControl, settings: Settings,
         stability: bool, special: bool, events: Sequence[Event], progress: ProgressCallback | None,
-        cover: bool = False, accuracy: float | None = None,
+        cover: bool = False, accuracy: float | None = None, strict: bool = False,
     ) -> None:  # fmt: skip
         self.another = partial(  # curve of the span
             _Tracer, problem, parameter, at=at, steps=steps, settings=settings, stability=stability, special=special,
@@ -170,7 +175,7 @@ class _Tracer:
         self.accuracy = accuracy
         self.original, self.cover = problem, cover
         refinable = accuracy is not None and problem.finer is not None
-        self.strict = cover and refinable and not problem.changes and not problem.unknown_parameters
+        self.strict = strict or (cover and refinable and not problem.changes and not problem.unknown_parameters)
         self.others: list[Branch] = []  # curves that cover what this one leaves of the span
         self.remark = ""  # what there is to say of them
         self.problem, self.name, self.largest = problem, parameter, problem
@@ -186,7 +191,9 @@ class _Tracer:
         self.a, self.b = _checked_span(parameter, span, self.range)
         self.landed: float | None = None  # end of the parameter's range that the last row was put on
         self.fixed = self._fixed(start, at)
-        problem.check_trace(parameter, min(self.a, self.b), max(self.a, self.b), self.fixed)
+        ends = min(self.a, self.b), max(self.a, self.b)
+        problem.check_trace(parameter, *ends, self.fixed)
+        self.original = self.problem = self.largest = problem = problem.within(parameter, *ends, self.fixed)
         self.sense = 1.0 if self.b > self.a else -1.0
         self.rows: list[CurvePoint] = []
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
@@ -322,7 +329,7 @@ class _Tracer:
         relative = relative_errors(np.array([row.X for row in rows]), error)
         if (relative > _ROUGH).any():
             first = int(np.argmax(relative > _ROUGH))
-            raise _Sketch(self.problem, self.name, rows[first].value, float(relative[first]))
+            raise _Sketch(self.problem, f"an error of {relative[first]:.0%} at {self.name} = {rows[first].value:.6g}")
 
     def _observed_alone(self, row: CurvePoint, problem: FullProblem) -> dict[str, Any]:
         try:
@@ -410,7 +417,7 @@ class _Tracer:
     def _followed(self, span: tuple[float, float], start: Departure | None, rough: bool) -> Branch:
         """Another curve of the span; what interrupts it interrupts this one."""
         least: dict[str, Any] = {"stability": False, "special": False, "events": ()} if rough else {}
-        other = self.another(span=span, start=start, **least)
+        other = self.another(span=span, start=start, strict=self.strict, **least)
         branch = other.traced()
         if isinstance(other.ending.error, KeyboardInterrupt | _InProgress):
             self.others += [branch]
@@ -435,6 +442,8 @@ class _Tracer:
     def _result(self) -> Branch:
         made = self.made or self._branch()
         message = "; ".join(text for text in (self.ending.told, self.remark) if text)
+        if not self.others and (made.status, made.message) == (self.ending.status, message):
+            return made
         return replace(made, status=self.ending.status, message=message, others=tuple(self.others))
 
     def _loop(self) -> tuple[Status, str]:
@@ -568,14 +577,17 @@ class _Tracer:
         self._decide(path)
         found: dict[int, list[Found]] = {}  # by the number of the row behind
         if self.watch.passing and self.waiting:
-            for i in self.watch.suspects(path):
-                problem, scale = self.waiting[i]
-                arc = Segment(problem, self.name, self.fixed, path[i], path[i + 1], scale, self.settings)
-                found[start + 1 + i] = self._located(arc)
-            self._look_closer(path, start, found)
+            rows = Rows(self.rows[max(start - 1, 0) :])  # one more, which tells how test functions bend
+            for i in self.watch.suspects(rows):
+                number = i + 1 + max(start - 1, 0)
+                if number > start:
+                    problem, scale = self.waiting[number - start - 1]
+                    arc = Segment(problem, self.name, self.fixed, rows[i], rows[i + 1], scale, self.settings)
+                    found[number] = self._located(arc)
+            self._look_closer(rows, max(start - 1, 0), found)
         if self.together == 1:  # the problem may be another one at the next row
-            rows = [point.row for points in found.values() for point in points]
-            self._observe([row for row in rows if len(row.u) == len(self.scale)])
+            fresh = [point.row for points in found.values() for point in points]
+            self._observe([row for row in fresh if len(row.u) == len(self.scale)])
         before = [one for one in self.found if one[0] not in found]
         self.waiting, self.found = [], before + [(i, point) for i, points in found.items() for point in points]
 
@@ -594,7 +606,17 @@ class _Tracer:
         """Special points of a piece with their errors, solved for as accurately as is wanted."""
         if self.accuracy is None:
             return found
-        return [assessed(arc, point, self.accuracy) for point in found]
+        out = [assessed(arc, point, self.accuracy) for point in found]
+        if self.strict and arc.problem.smooth:
+            self._check_found(arc, out)
+        return out
+
+    def _check_found(self, arc: Segment, found: list[Found]) -> None:
+        """Give up a curve with special points that solutions with more unknowns do not have, or far from there."""
+        for point in found:
+            if point.error > _ADRIFT * arc.problem.unit_of(self.name, point.value):
+                where = f"{self.name} = {point.value:.6g}"
+                raise _Sketch(self.problem, f"it open whether there is the {point.event.kind} near {where}")
 
     def _located(self, arc: Segment) -> list[Found]:
         """The special points on a piece; none if an error ends the search, which is noted."""
@@ -623,17 +645,15 @@ class _Tracer:
             found, self.largest = again, max(self.largest, finer, key=_size)
         return found
 
-    def _look_closer(self, path: list[CurvePoint], start: int, found: dict[int, list[Found]]) -> None:
-        """Add what happens twice between two rows of a path, whose first is number start, and so shows at neither.
+    def _look_closer(self, rows: Rows, first: int, found: dict[int, list[Found]]) -> None:
+        """Add what happens twice between two rows, of which the first is number ``first``, and so shows at neither.
 
         found : what is known of its pieces; replaced where there is more.
         """
-        early = self.rows[start - 1 : start] if start else []
-        rows = [*early, *path]
         if len({len(row.u) for row in rows}) > 1:
             return
         for piece, hints in self.watch.touching(rows, self.scale).items():
-            number = start - len(early) + piece + 1
+            number = first + piece + 1
             known = found.get(number) or [point for other, point in self.found if other == number]
             arc = self._arc(rows[piece], rows[piece + 1])
             hidden = self.watch.find_hidden(arc, hints, self._observed_between)
@@ -786,6 +806,9 @@ class _Tracer:
         """Whether the piece from last to row passes through the first row, in its direction."""
         if len(self.rows) < 4 or not self.turned:
             return False
+        length = norm((row.u - last.u) / self.scale)
+        if abs(self.first.value - row.value) > _AROUND * length * self.scale[-1]:
+            return False
         first = self._as_now(self.first)
         return cosine(row, first, self.scale) > 0 and self._arc(last, row).passes(first)
 
@@ -830,10 +853,9 @@ class _Tracer:
 class _Sketch(BaseException):
     """Solutions are too rough for the curve to be worth its end: no error, and no stage of a trace goes on after it."""
 
-    def __init__(self, problem: FullProblem, name: str, value: float, error: float) -> None:
+    def __init__(self, problem: FullProblem, left: str) -> None:
         more = as_problem(problem.finer).fineness
-        where = f"{name} = {value:.6g}"
-        super().__init__(f"followed with {more}, for {problem.fineness} leaves an error of {error:.0%} at {where}")
+        super().__init__(f"followed with {more}, for {problem.fineness} leaves {left}")
 
 
 class _InProgress(Exception):
@@ -860,6 +882,9 @@ _TURNED = 0.9  # least cosine of the turn on the last step to the end of a param
 
 
 _NEAR = 1.3  # squared distance from its end, in its length squared, that what lies beside a piece may have
+
+
+_AROUND = 1.1  # distance from its end, in its length, that a row on a piece may have
 
 
 def _same(one: Found, other: Found) -> bool:

@@ -13,19 +13,20 @@ import csv
 import errno
 import json
 import os
+import sys
 import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
-from functools import partial
+from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
@@ -40,7 +41,8 @@ from hbgear.design.store import Result, Store, key_of
 from hbgear.design.workers import executor_of
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.critical import NoFold, critical
-from hbgear.harmonic.peaks import peaks
+from hbgear.harmonic.observables import layout_of
+from hbgear.harmonic.peaks import located
 from hbgear.io.npz import packed, unpacked
 from hbgear.mechanics.doubts import Unlikely
 from hbgear.mechanics.fields import made
@@ -285,7 +287,7 @@ def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> R
     """
     started = time.perf_counter()
     try:
-        with threadpool_limits(1), warnings.catch_warnings():
+        with _libraries(len(sys.modules)).limit(limits=1), warnings.catch_warnings():
             warnings.simplefilter("ignore", Unlikely)  # what is to be said of the model was said before the first case
             model = made(named(cls) if isinstance(cls, str) else cls, _as_fields(fields))
             result = _computed(model, work)
@@ -295,6 +297,12 @@ def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> R
         known = isinstance(error, ValueError | KeyError)
         reason = str(text) if known else f"{type(error).__name__}: {text}"
         return Result(reason=" ".join(reason.split()), seconds=time.perf_counter() - started)
+
+
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """The libraries with threads of their own that are loaded now; there are others only if there are other modules."""
+    return ThreadpoolController()
 
 
 def _computed(model: Model, work: Work) -> Result:
@@ -326,21 +334,28 @@ def _computed(model: Model, work: Work) -> Result:
 
 
 def _peak(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
-    """The largest peak, located on the curve; the largest row if that is an end."""
-    tops = peaks(branch, work.measure, work.element, share=0.99, accuracy=None)
-    points = [*tops, branch.peak(work.measure, work.element)]
-    top = max(points, key=lambda point: point.amplitude(work.measure, work.element))
-    numbers |= {"peak": top.amplitude(work.measure, work.element), "peak_Omega": top.parameters["Omega"]}
+    """The largest peak, located on the curve, or its end if the curve is largest there."""
+    rows = [found.row for *_, found in located(branch, work.measure, work.element, share=0.99)]
+    A = _amplitudes(branch, work, [*(row.X for row in rows), *branch.X[[0, -1]]])
+    largest = int(np.argmax(A))
+    Omega = [*(row.value for row in rows), *branch.values[[0, -1]].tolist()]
+    numbers |= {"peak": A[largest], "peak_Omega": Omega[largest]}
+
+
+def _amplitudes(branch: Branch, work: Work, X: Sequence[Array]) -> list[float]:
+    """Of motions with the unknowns of a branch; a measure of several takes hardly longer than of one."""
+    layout = layout_of(branch)
+    assert layout is not None  # of a harmonic balance
+    A: list[float] = layout.measure(work.measure, np.array(X), work.element).tolist()
+    return A
 
 
 def _jumps(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
     """All jumps, and of each direction the frequency of the one with the greatest change of amplitude."""
-    rows = []
-    for jump in branch.jumps():
-        before, after = (
-            np.nan if p is None else p.amplitude(work.measure, work.element) for p in (jump.before, jump.after)
-        )
-        rows.append([jump.value, jump.direction, before, after])
+    jumps = branch.jumps()
+    ends = [point for jump in jumps for point in (jump.before, jump.after) if point is not None]
+    known = iter(_amplitudes(branch, work, [point.X for point in ends]) if ends else [])
+    rows = [[jump.value, jump.direction, next(known), np.nan if jump.after is None else next(known)] for jump in jumps]
     arrays["jumps"] = np.array(rows, dtype=float).reshape(-1, 4)
     numbers["jumps"] = float(len(rows))
     for name, direction in (("jump_rising", 1), ("jump_falling", -1)):

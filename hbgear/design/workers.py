@@ -1,4 +1,4 @@
-"""The processes that cases run in: started fresh, deaf to Ctrl-C, and ended with the one that started them."""
+"""Processes that cases run in, and others: started fresh, deaf to Ctrl-C, and ended with the one that started them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import active_children, get_context, parent_process, resource_tracker
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,25 @@ def executor_of(given: Executor | None, processes: int | None, count: int) -> It
             raise
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def beside(work: Callable[[], object]) -> Iterator[None]:
+    """A process that does some work while the block runs; it is ended with it, and whether it fails does not matter."""
+    process = get_context("spawn").Process(target=_worked, args=(work,), daemon=True)
+    with _holding_ctrl_c():
+        process.start()
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.join()
+
+
+def _worked(work: Callable[[], object]) -> None:
+    _prepare()
+    with suppress(Exception):
+        work()
 
 
 def _check_guard() -> None:

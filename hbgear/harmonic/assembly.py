@@ -26,9 +26,11 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import inlined, kernel
 from hbgear.harmonic.projection import projected
 from hbgear.harmonic.sampling import samples_of, spectrum
+
+_MANY = 64  # poles from which their terms are computed several at once
 
 
 @kernel
@@ -64,14 +66,28 @@ def _weighted_sum(each: Any, residues: Any) -> tuple[complex, complex]:
 def _modal_sum(poles: Any, residues: Any, w: float) -> tuple[complex, complex]:
     """sum_k residue_k / (i w - pole_k), and its derivative in w."""
     x = y = u = v = 0.0
-    for k in range(poles.shape[1]):
-        a, b = -poles[0, k], w - poles[1, k]
-        size = 1.0 / (a * a + b * b)
-        a, b = a * size, -b * size  # 1 / (i w - pole)
-        p, q = residues[0, k] * a - residues[1, k] * b, residues[0, k] * b + residues[1, k] * a
-        x, y = x + p, y + q
-        u, v = u + p * a - q * b, v + p * b + q * a
+    n = poles.shape[1]
+    if n < _MANY:
+        for k in range(n):
+            p, q, r, s = _term(poles, residues, w, k)
+            x, y, u, v = x + p, y + q, u + r, v + s
+        return complex(x, y), complex(v, -u)
+    terms = np.empty((4, n))  # all of them before the sums, so that processors compute several at once
+    for k in range(n):
+        terms[0, k], terms[1, k], terms[2, k], terms[3, k] = _term(poles, residues, w, k)
+    for k in range(n):
+        x, y, u, v = x + terms[0, k], y + terms[1, k], u + terms[2, k], v + terms[3, k]
     return complex(x, y), complex(v, -u)
+
+
+@kernel
+def _term(poles: Any, residues: Any, w: float, k: int) -> tuple[float, float, float, float]:
+    """residue / (i w - pole) and residue / (i w - pole)^2 of one pole, real and imaginary parts."""
+    a, b = -poles[0, k], w - poles[1, k]
+    size = 1.0 / (a * a + b * b)
+    a, b = a * size, -b * size  # 1 / (i w - pole)
+    p, q = residues[0, k] * a - residues[1, k] * b, residues[0, k] * b + residues[1, k] * a
+    return p, q, p * a - q * b, p * b + q * a
 
 
 @kernel
@@ -322,7 +338,7 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
     add_product(part, orders, T)
     spectrum(samples[:, 2], numbers.basis, part)
     damping = np.zeros((n, n))
-    add_product(part, orders, damping)
+    add_product(part, orders, damping[:n, :n])  # a part of a matrix as above, not another kernel
     grid = numbers.corners.grid
     if grid.shape[2]:
         spectrum(samples[:, 2] * grid[1, j], numbers.basis, part)
@@ -341,7 +357,7 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
     return math.sqrt(total)
 
 
-@kernel
+@inlined
 def linearised(numbers: Any, u: Any, R: Any, J: Any, dR: Any, matrices: Any, constants: Any) -> float:
     """`assembled` at u = (X, Omega) of a model with poles; matrices and constants are room for its linear part."""
     Omega = u[u.shape[0] - 1]

@@ -15,6 +15,7 @@ Cameron & Griffin (1989), J. Appl. Mech. 56(1), https://doi.org/10.1115/1.317603
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -27,22 +28,25 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.common.recent import Recent
+from hbgear.continuation.algebra import norm
 from hbgear.continuation.branch import Branch, Point
 from hbgear.continuation.differences import STEP, difference_along, in_parameter
 from hbgear.continuation.events import Event
 from hbgear.continuation.homotopy import solve_from_afar
 from hbgear.continuation.newton import NoConvergence, solve
-from hbgear.continuation.problem import Evaluation, FullProblem, Pursuit
+from hbgear.continuation.problem import Evaluation, FullProblem, Locating, Pursuit
 from hbgear.harmonic.compiled import Compiled, Crossings
 from hbgear.harmonic.deciding import decide
 from hbgear.harmonic.events import motion_events
-from hbgear.harmonic.floquet import is_reduced, multipliers_of, reduction
+from hbgear.harmonic.floquet import is_reduced, multipliers_of
+from hbgear.harmonic.floquet import reduction as stability_reduction
 from hbgear.harmonic.measuring import NOT_AVAILABLE, Measuring
 from hbgear.harmonic.nearby import Neighbourhood
+from hbgear.harmonic.numbers import Numbers
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.orders import Selection, excited, selection_of
 from hbgear.harmonic.realbasis import derivative
-from hbgear.harmonic.receptance import Structure
+from hbgear.harmonic.receptance import MODAL_LIMIT, Structure
 from hbgear.harmonic.spinning import Spinning
 from hbgear.harmonic.starts import from_elsewhere, guesses
 from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, of_truncation, tell
@@ -58,6 +62,7 @@ from hbgear.mechanics.fourier import (
 )
 from hbgear.mechanics.model import Model, System, describe
 from hbgear.mechanics.recession import Receded, longest, receded
+from hbgear.mechanics.reduction import Reduction, reduced_within
 
 _UNKNOWNS = 4_000  # of the dense Jacobians, several of which are held at once
 
@@ -105,9 +110,11 @@ class HarmonicBalance(FullProblem):
     nu : subharmonic order; 2 for period-doubled motions.
     sampled : sample piecewise-linear laws too instead of projecting them exactly (a cross-check).
     tolerance : largest estimated truncation error (rms of the gap motion) with ``harmonics="auto"``.
-    reduce : compute the stability of a structure with more than 60 modes (30 coordinates) from those up to three times
-        the highest harmonic and the flexibility of the others; False for all modes. Curves do not depend on it. The
-        error of the multipliers is estimated from twice as many modes and told in ``branch.meta["stability"]``.
+    reduce : compute the stability of a structure with more than 60 modes (30 coordinates) from those that harmonics of
+        the stiffness of its elements reach, three times the highest harmonic of the motion at most, and one mode for
+        each element in the place of the others; False for all modes. The error of the multipliers is estimated from
+        twice as many modes and told in ``branch.meta["stability"]``. Curves do not depend on it, but of a structure of
+        more than 1500 coordinates: see `within`.
     orders : the orders of Omega that are unknowns, beside the mean; None for all up to H. "meshes" chooses them for
         meshes of several tooth frequencies: ``harmonics`` then counts those of every mesh, and combinations
         |k_1 p_1 + k_2 p_2| of their orders p_1, p_2 are kept while (1 + |k_1|) (1 + |k_2|) <= 1 + harmonics. Or a list
@@ -162,7 +169,8 @@ class HarmonicBalance(FullProblem):
         self.auto = harmonics == "auto"
         self.tolerance = float(tolerance)
         self.model, self.nu, self.is_sampled, self.reduce = model, int(nu), bool(sampled), bool(reduce)
-        system = model.system()
+        self._systems: Recent[System] = Recent(6)
+        system = self._systems.get((), model.system)
         self.m = len(system.elements)
         self.selection = selection_of(orders, system)
         self.H = self._highest(_FEWEST if self.auto else int(harmonics), isinstance(orders, Selection))
@@ -171,12 +179,13 @@ class HarmonicBalance(FullProblem):
         self._kept = 8
         self._around: Neighbourhood | None = None
         self._structures: Recent[Structure] = Recent(6)
-        self._systems: Recent[System] = Recent(6)
         self._models: Recent[Model] = Recent(6)
         self._own = model.parameters | model.entries
+        self._served: float | None = None  # Omega up to which a reduced structure stands for a large one
         self._prepare(samples)
         self._warn_truncated(system)
-        of_size(system)
+        if not self.reduce or system.n <= MODAL_LIMIT:
+            of_size(system)
         self.compiled({})
         of_problem(model, system, _MOST if self.auto else self.H // self.nu)
 
@@ -199,6 +208,8 @@ class HarmonicBalance(FullProblem):
         self._check_unknowns(len(self.orders) - 1)
         self._transform = Transform(H, self.N)
         self._compiled: Recent[Compiled] = Recent(self._kept)
+        self._reduced: Recent[tuple[Reduction, float] | None] = Recent(self._kept)
+        self._confined: Recent[HarmonicBalance] = Recent(4)
         self._receded: Recent[HarmonicBalance] = Recent(1)
         self._finer: Recent[HarmonicBalance] = Recent(1)
         self._doubled: Recent[HarmonicBalance] = Recent(1)
@@ -262,7 +273,8 @@ class HarmonicBalance(FullProblem):
     @property
     def dof_names(self) -> tuple[str, ...]:
         """Names of the coordinates of the structure."""
-        return tuple(self.compiled({}).system.dof_names)
+        reduction = self._reduction(())
+        return tuple((self.compiled({}).system if reduction is None else reduction[0].full).dof_names)
 
     def describe(self) -> dict[str, Any]:
         """Model and settings as plain data, for the header of a saved branch."""
@@ -328,6 +340,34 @@ class HarmonicBalance(FullProblem):
             measured.check(low if name == "Omega" else Omega, Omega, self.H, self.nu)
         of_frequency(self.compiled({}).structure.at(Omega), Omega)
 
+    def within(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> HarmonicBalance:
+        """The same with a structure too large for all its modes reduced to those that matter in such a curve.
+
+        Its receptances are exact to 1e-9 up to the highest harmonic of the highest Omega; the error is told in
+        ``branch.meta["structure"]``. Itself if the structure is smaller, more modes than 256 would be needed, or with
+        ``reduce=False``.
+        """
+        if not self.reduce or not (self._served or self.compiled({}).structure.large):
+            return self
+        level = 2.0 ** math.ceil(math.log2(high if name == "Omega" else fixed["Omega"]))
+        if self._served is not None and level <= self._served:
+            return self
+        return self._confined.get(level, lambda: self._serving(level) or self._serving(None) or self)
+
+    def _serving(self, Omega: float | None) -> HarmonicBalance | None:
+        """The same with a structure reduced for frequencies up to Omega, or the whole one; None if it cannot be."""
+        out = copy.copy(self)
+        out._served, out._structures, out._systems = Omega, Recent(6), Recent(6)
+        out._prepare(self.N)
+        return None if Omega is not None and out._reduction(()) is None else out
+
+    def _reduction(self, changed: tuple[tuple[str, float], ...]) -> tuple[Reduction, float] | None:
+        """The reduced structure at parameters that are not those of the model, and its error; None for the whole."""
+        if self._served is None:
+            return None
+        highest = self._served * self.H / self.nu
+        return self._reduced.get(changed, lambda: reduced_within(self._model_of(changed).system(), highest))
+
     def missing(self, known: Sequence[str]) -> Sequence[str]:
         """Omega is given with every evaluation."""
         return () if "Omega" in known else ("Omega",)
@@ -337,6 +377,10 @@ class HarmonicBalance(FullProblem):
         beyond = np.flatnonzero(branch.error > self.tolerance) if self.auto else np.empty(0, dtype=int)
         if beyond.size:
             of_truncation(self.tolerance, self.H, branch.parameter, branch.values[beyond], branch.error[beyond])
+        reduction = self._reduction(self._changed(branch.fixed))
+        if reduction is not None:
+            told = {"modes": reduction[0].system.n, "of": reduction[0].full.n, "error": reduction[1]}
+            branch = replace(branch, meta={**branch.meta, "structure": told})
         if not observed:
             return branch
         clearances = [seen["clearance"] for seen in observed if "clearance" in seen]
@@ -345,14 +389,14 @@ class HarmonicBalance(FullProblem):
         return self._with_reduction(branch)
 
     def _with_reduction(self, branch: Branch) -> Branch:
-        """The branch, whose header tells what leaving out modes does to the multipliers of its largest motions."""
+        """The branch, whose header tells what leaving out modes does to the multipliers of its largest motion."""
         compiled = self.compiled({k: v for k, v in branch.fixed.items() if k != "Omega"})
         if isinstance(compiled.structure, Measuring):
             return replace(branch, meta={**branch.meta, "stability": NOT_AVAILABLE})
         if branch.parameter != "Omega" or branch.multipliers is None or not is_reduced(compiled):
             return branch
-        some = np.argsort(-np.linalg.norm(branch.X, axis=1))[:: max(1, len(branch) // 4)][:3]
-        told = reduction(compiled, np.ascontiguousarray(branch.X[some]), branch.values[some])
+        some = np.argsort(-np.linalg.norm(branch.X, axis=1))[:1]
+        told = stability_reduction(compiled, np.ascontiguousarray(branch.X[some]), branch.values[some])
         return replace(branch, meta={**branch.meta, "stability": told})
 
     def events(self, parameter: str) -> tuple[Event, ...]:
@@ -465,7 +509,8 @@ class HarmonicBalance(FullProblem):
             enough = not self._has_room(2 * self.H, _MANY)
         if enough:
             return None
-        return self._finer.get((), lambda: self.with_order(self.nu, 2 * self.H))
+        finer = self._finer.get((), lambda: self.with_order(self.nu, 2 * self.H))
+        return None if finer._served is not None and finer._reduction(()) is None else finer
 
     def fitting(self, point: Point) -> HarmonicBalance:
         """The same with the harmonics of a point, if it has more."""
@@ -636,10 +681,14 @@ class HarmonicBalance(FullProblem):
         return self._models.get(changed, lambda: self.model.replace(**dict(changed)) if changed else self.model)
 
     def _compile(self, changed: tuple[tuple[str, float], ...]) -> Compiled:
-        system = self._systems.get(changed, lambda: self._model_of(changed).system())
+        system = self._systems.get(changed, lambda: self._system_of(changed))
         return Compiled(
             system, self._structure(system), self.H, self.nu, self.is_sampled, self._transform, self.reduce, self.orders
         )
+
+    def _system_of(self, changed: tuple[tuple[str, float], ...]) -> System:
+        reduction = self._reduction(changed)
+        return self._model_of(changed).system() if reduction is None else reduction[0].system
 
     def _structure(self, system: System) -> Structure:
         """Eigen-decompositions are shared between parameter sets that differ in laws and loads only."""
@@ -702,12 +751,29 @@ class HarmonicBalance(FullProblem):
 
         Not where there are so many unknowns that LAPACK, which it does without, makes up for what it saves.
         """
-        compiled = self.compiled({key: value for key, value in parameters.items() if key != "Omega"})
-        if name != "Omega" or not compiled.whole or self.size > _LOOPED:
+        numbers = self._looped(name, parameters)
+        if numbers is None:
             return None
         from hbgear.harmonic.pursuit import pursue
 
-        return partial(pursue, compiled.numbers)
+        return partial(pursue, numbers)
+
+    def locating(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
+        """Compiled Newton on folds (-1) and on zeros of a `clearance`, under the same conditions.
+
+        Not on folds if laws must be asked for their slopes, whose second derivatives are not known.
+        """
+        numbers = self._looped(name, parameters)
+        if numbers is None or (which < 0 and numbers.laws.own.size):
+            return None
+        from hbgear.harmonic.locating import located
+
+        return partial(located, numbers, which)
+
+    def _looped(self, name: str, parameters: Mapping[str, float]) -> Numbers | None:
+        """What compiled loops along curves in a parameter need of the model; None where they cannot be used."""
+        compiled = self.compiled(dict(parameters))
+        return compiled.numbers if name == "Omega" and compiled.whole and self.size <= _LOOPED else None
 
     @checked_arguments()
     def residual(self, X: Array, **parameters: float) -> Array:
@@ -799,7 +865,8 @@ class HarmonicBalance(FullProblem):
         q = np.zeros((self.H + 1, compiled.system.n), dtype=complex)
         d = to_complex(X.reshape(self.m, -1)).T
         q[self.orders] = compiled.receptance.motion(parameters["Omega"], d, f)
-        return to_real(q.T)
+        reduction = self._reduction(self._changed(parameters))
+        return to_real(q.T if reduction is None else reduction[0].motion(q.T))
 
     @checked_arguments()
     def multipliers(
@@ -811,8 +878,9 @@ class HarmonicBalance(FullProblem):
             counted("points", points, 50)
         if width is not None:
             checked("multipliers", "width", width, POSITIVE)
+        confined = self.within("Omega", parameters["Omega"], parameters["Omega"], {})
         Omega = np.array([parameters.pop("Omega")])
-        compiled = self.compiled(parameters)
+        compiled = confined.compiled(parameters)
         more = compiled.processed(X[None], Omega)
         mu: ComplexArray = multipliers_of(compiled, more, Omega, points=points, width=width)[0]
         return mu
@@ -867,7 +935,7 @@ class HarmonicBalance(FullProblem):
 
     def motion_size(self, X: Array) -> float:
         """Norm of the alternating part, which scales the arclength."""
-        return float(np.linalg.norm(X.reshape(self.m, -1)[:, 1:]))
+        return norm(X.reshape(self.m, -1)[:, 1:])
 
     def subharmonic_part(self, X: Array) -> Array:
         """The coefficients that a basis of smaller order could not hold; empty for nu = 1."""

@@ -27,7 +27,7 @@ COARSE = 32  # phases of an excitation period at which the modulations are looke
 @kernel
 def corners(numbers: Any, rows: Any) -> Any:
     """Phases in [0, 2 pi), ascending, at which an element crosses a corner of its law, or the excitation has one."""
-    theta, _, count, _ = instants(numbers, rows, False)
+    theta, _, count, _ = instants(numbers, rows, np.bool_(False))
     total = n = numbers.corners.phases.shape[0]
     for i in range(count.shape[0]):
         total += count[i]
@@ -91,12 +91,15 @@ def stiffness(numbers: Any, row: Any, j: int, theta: Any, out: Any) -> None:
             for r in range(laws.at.shape[0]):
                 if laws.part[r] == s and d > laws.level[laws.at[r]]:
                     slope += laws.change[r]
-            factor = laws.series[s, 0].real
+            if slope == 0.0:
+                continue
+            factor, power, at = laws.series[s, 0].real, complex(1.0, 0.0), 0
             for i in range(1, laws.shifts.shape[0]):
+                while at < laws.shifts[i]:
+                    power *= z
+                    at += 1
                 a = laws.series[s, i]
-                if slope != 0.0 and a != 0.0:
-                    at = laws.shifts[i] * theta[n]
-                    factor += 2 * (a.real * math.cos(at) - a.imag * math.sin(at))
+                factor += 2 * (a.real * power.real - a.imag * power.imag)
             if corners.parts[s] < corners.parts[s + 1]:
                 i = piece_of(corners.begin, corners.parts[s], corners.parts[s + 1], theta[n] % (2 * math.pi))
                 factor *= polynomial(corners.weight[i], theta[n] % (2 * math.pi) - corners.begin[i])
@@ -119,6 +122,19 @@ def pace(numbers: Any, rows: Any, mobility: Any, nu: int) -> float:
             largest = max(largest, abs(k[i]))
         most = max(most, mobility[j] * largest)
     return math.sqrt(most)
+
+
+@kernel
+def slopes(numbers: Any, X: Any, out: Any) -> None:
+    """dp/dd (P, m, T) of motions X (P, n) at T phases, equally far apart, of the basis period; out is zero before."""
+    m, T = out.shape[1], out.shape[2]
+    theta = np.empty(T)
+    for i in range(T):
+        theta[i] = 2 * math.pi * i / T
+    for p in range(X.shape[0]):
+        rows = X[p].reshape(m, -1)
+        for j in range(m):
+            stiffness(numbers, rows[j], j, theta, out[p, j])
 
 
 @kernel
@@ -168,10 +184,11 @@ def monodromy(modes: Any, cut: Any, omega: float, D: Any, x: Any, L: Any, out: A
         _tables(modes, turns, parts, A, R, B)
         for _ in range(int(cut[i, 2])):
             for o in range(orders):
-                _product(R[o], state, felt[o])
+                felt[o, :, :] = 0.0
+                _add_product(R[o], state, 1.0, felt[o])
             _answer(A, D[:, step], felt, u)
             _turned(turns[s], state)
-            _push(B, u, state)
+            _add_product(B, u, -1.0, state)
             step += 1
     for k in range(r):
         for n in range(r):
@@ -207,14 +224,18 @@ def _tables(modes: Any, turns: Any, parts: Any, A: Any, R: Any, B: Any) -> None:
 
 
 @kernel
-def _product(A: Any, B: Any, out: Any) -> None:
+def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
+    """Add factor A B to out: four rows of B at a time, for which out is read and written once."""
+    n, whole = A.shape[1], A.shape[1] - A.shape[1] % 4
     for i in range(A.shape[0]):
-        out[i, :] = 0.0
-        for k in range(A.shape[1]):
-            a = A[i, k]
-            if a != 0.0:
-                for j in range(B.shape[1]):
-                    out[i, j] += a * B[k, j]
+        for k in range(0, whole, 4):
+            a, b, c, d = factor * A[i, k], factor * A[i, k + 1], factor * A[i, k + 2], factor * A[i, k + 3]
+            for j in range(B.shape[1]):
+                out[i, j] += a * B[k, j] + b * B[k + 1, j] + c * B[k + 2, j] + d * B[k + 3, j]
+        for k in range(whole, n):
+            a = factor * A[i, k]
+            for j in range(B.shape[1]):
+                out[i, j] += a * B[k, j]
 
 
 @kernel
@@ -245,16 +266,6 @@ def _turned(turn: Any, state: Any) -> None:
         for j in range(state.shape[1]):
             x, y = state[k, j], state[q + k, j]
             state[k, j], state[q + k, j] = a * x - b * y, b * x + a * y
-
-
-@kernel
-def _push(B: Any, u: Any, state: Any) -> None:
-    for k in range(B.shape[0]):
-        for i in range(B.shape[1]):
-            b = B[k, i]
-            if b != 0.0:
-                for j in range(u.shape[1]):
-                    state[k, j] -= b * u[i, j]
 
 
 @kernel

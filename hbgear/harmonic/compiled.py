@@ -67,7 +67,7 @@ class Compiled:
         self.sampled = SampledLaws(self.laws, left, transform, nu, corners.grid) if left.size else None
         self.corner, self.element = laws.level, laws.owner
         self._linear: tuple[float, LinearPart] | None = None
-        self._parts: Recent[Parts] = Recent(16)
+        self._parts: Recent[Parts] = Recent(32)
         self._at: Recent[Compiled] = Recent(16)
 
     @property
@@ -92,16 +92,16 @@ class Compiled:
             ),
         )
 
-    def parts(self, reach: float = math.inf) -> Parts:
-        """The modes as stability needs them, those above a frequency as flexibility."""
-        return self._parts.get(reach, lambda: self._parts_to(reach))
+    def parts(self, reach: float = math.inf, lumped: bool = False) -> Parts:
+        """The modes as stability needs them, those above a frequency as flexibility, or lumped; see `modes`."""
+        return self._parts.get((reach, lumped), lambda: self._parts_to(reach, lumped))
 
-    def _parts_to(self, reach: float) -> Parts:
+    def _parts_to(self, reach: float, lumped: bool) -> Parts:
         modes = self.structure.modes
         assert modes is not None
         alike = [(element.law, element.damping) for element in self.system.elements]
         groups = np.array([alike.index(one) for one in alike])
-        return parts_of(modes.poles, modes.output, modes.input, groups, reach)
+        return parts_of(modes.poles, modes.output, modes.input, groups, reach, lumped)
 
     def linear(self, Omega: float) -> LinearPart:
         """Linear part at Omega; the last one is kept, for Newton at fixed Omega asks for it again and again."""

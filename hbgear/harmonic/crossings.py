@@ -73,7 +73,7 @@ def bend_of(c: Any) -> float:
 
 
 @kernel
-def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> int:
+def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> Any:
     """Put all crossings of a level, ascending in [0, 2 pi], in theta, and +1 (upwards) or -1 in sign; their number.
 
     Parameters
@@ -81,7 +81,8 @@ def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> int:
     c : (H + 1,) ; samples : (N,) of the function, without the level, N of at least 4H.
     theta, sign : room for 2H + 4 of them.
     """
-    N, bend, count = samples.shape[0], bend_of(c), 0
+    N, bend = samples.shape[0], bend_of(c)
+    count: Any = np.int64(0)  # for a literal those called would be compiled once more
     step = 2 * math.pi / N
     near = step * step * bend
     for i in range(N):

@@ -32,12 +32,13 @@ from hbgear.continuation.algebra import norm
 from hbgear.continuation.bordered import Augmented
 from hbgear.continuation.branch import NEUTRAL, Branch, SpecialPoint, Status
 from hbgear.continuation.events import (
-    BranchPoint,
+    Crossing,
     Cusp,
     Event,
     Found,
     Turning,
     as_traced,
+    column,
     dips,
     lengths,
     newton,
@@ -49,7 +50,7 @@ from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
 from hbgear.harmonic.meeting import meetings
 from hbgear.harmonic.observables import Layout
-from hbgear.harmonic.special import Grazing, NeimarkSacker, PeriodDoubling, peak_of
+from hbgear.harmonic.special import Grazing, NeimarkSacker, PeriodDoubling, exponent_of, peak_of
 
 
 class Doubling(Event):
@@ -110,12 +111,15 @@ def _sharpened(segment: Segment, rough: Found, extended: Augmented) -> Found:
 
 
 class SecondFrequency(Event):
-    """A complex pair of multipliers leaves the unit circle: a second frequency sets in."""
+    """A complex pair of multipliers leaves the unit circle: a second frequency sets in.
+
+    near : the exponent of the pair, of one that was found.
+    """
 
     kind, meaning, marker = "NS", "Neimark-Sacker: a second frequency sets in", "s"
 
-    def __init__(self) -> None:
-        pass
+    def __init__(self, near: complex | None = None) -> None:
+        self.near = near
 
     def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
         """log |mu| of the complex pairs next to the unit circle: the first within it, the first outside; else nan."""
@@ -164,8 +168,17 @@ class SecondFrequency(Event):
         return [self._sharp(segment, found)] if found.located and abs(size - 1.0) < _DOUBLE else []
 
     def _sharp(self, segment: Segment, found: Found) -> Found:
-        equations = self.equations(segment.problem, segment.name, found)
-        return found if equations is None else _sharpened(segment, found, equations)
+        """By the equations of the pair that was located, not of another one next to the unit circle."""
+        problem: Any = segment.problem
+        pairs = _known(segment, found.row)
+        pairs = pairs[pairs.imag > 1e-8 * np.abs(pairs)]
+        if not len(pairs):
+            return found
+        mu = complex(pairs[np.argmin(np.abs(np.log(np.abs(pairs))))])
+        omega = {**segment.parameters, segment.name: found.row.value}["Omega"]
+        own = SecondFrequency(exponent_of(mu, problem.nu, omega))
+        equations = own.equations(problem, segment.name, found)
+        return found if equations is None else _sharpened(segment, replace(found, event=own), equations)
 
     def _two_at_once(self, segment: Segment, ends: ComplexArray) -> list[Found]:
         """Where two multipliers pass the unit circle together: a complex pair, or a double real one by symmetry.
@@ -188,7 +201,7 @@ class SecondFrequency(Event):
             return [replace(real, note="")]
         if abs(first - second) >= _DOUBLE:
             return []
-        return [replace(real, event=BranchPoint() if first.real > 0 else Doubling(), finder=self)]
+        return [replace(real, event=Crossing() if first.real > 0 else Doubling(), finder=self)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         """None for laws that must be asked for their slopes, and structures too large for their modes."""
@@ -196,7 +209,7 @@ class SecondFrequency(Event):
             return None
         compiled = problem.compiled({})
         known = not compiled.asked and not compiled.structure.large
-        return NeimarkSacker(problem, parameter) if known else None
+        return NeimarkSacker(problem, parameter, self.near) if known else None
 
 
 _FINE = 1e-10  # share of the chord to which a pair is located: beyond it lies the rounding of its modulus
@@ -319,18 +332,30 @@ class AmplitudePeak(Event):
 
     def find(self, segment: Segment) -> list[Found]:
         """The row of the largest amplitude on a piece of the curve."""
-        layout, measure = segment.problem.layout, self.measure
-        assert isinstance(layout, Layout)
 
         def low(s: float) -> float:
-            return -float(layout.measure(measure, segment.at(s).X, self.element))
+            return -float(self._amplitude(segment, segment.at(s).X))
 
         def search(xatol: float) -> CurvePoint:
             best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": xatol})
             return segment.at(float(best.x))
 
-        sharp = self._sharp(segment, search(_ROUGH))
-        return [Found(self, 0.5, sharp or search(_SEARCHED), True, f"peak of {measure}")]
+        sharp = self._sharp(segment, segment.at(self._place(segment))) or self._sharp(segment, search(_ROUGH))
+        return [Found(self, 0.5, sharp or search(_SEARCHED), True, f"peak of {self.measure}")]
+
+    def _amplitude(self, segment: Segment, X: Array) -> Array:
+        layout = segment.problem.layout
+        assert isinstance(layout, Layout)
+        return layout.measure(self.measure, X, self.element)
+
+    def _place(self, segment: Segment) -> float:
+        """Where on a piece the amplitude of its interpolation is largest, by the parabola through three places."""
+        s = np.linspace(0.0, 1.0, _PLACES)
+        A = self._amplitude(segment, segment.guess(s[:, None])[:, :-1])
+        i = min(max(int(np.argmax(A)), 1), _PLACES - 2)
+        before, here, after = A[i - 1 : i + 2].tolist()
+        bend = before - 2 * here + after
+        return float(s[i] + (0.5 * (before - after) / bend * s[1] if bend < 0 else 0.0))
 
     def _sharp(self, segment: Segment, row: CurvePoint) -> CurvePoint | None:
         """All digits of a peak by Newton, if it stays on the piece."""
@@ -349,6 +374,9 @@ class AmplitudePeak(Event):
         return peak_of(problem, parameter, self.measure, self.element)
 
 
+_PLACES = 17  # on a piece at which the amplitude of its interpolation is looked at
+
+
 _ROUGH, _SEARCHED = 1e-2, 1e-7  # shares of a piece to which a peak is searched for: before Newton, and instead of it
 
 
@@ -361,7 +389,7 @@ def motion_events(nu: int) -> tuple[Event, ...]:
 KINDS: dict[str, Event] = {
     event.kind: event
     for event in (
-        Turning(), Doubling(), SecondFrequency(), BranchPoint(), GrazingContact(), Cusp(), Merging(), AmplitudePeak()
+        Turning(), Doubling(), SecondFrequency(), Crossing(), GrazingContact(), Cusp(), Merging(), AmplitudePeak()
     )
 }  # fmt: skip
 """Every kind of special point that hbgear knows itself, in the order of legends."""
@@ -387,6 +415,10 @@ def _multipliers(rows: Sequence[CurvePoint]) -> ComplexArray | None:
 
 def _of_rows(rows: Sequence[CurvePoint], name: str) -> Any:
     """What was observed of all rows, nan of those that could not be; None without any, or where numbers differ."""
+    return column(rows, name, lambda: _observed(rows, name))
+
+
+def _observed(rows: Sequence[CurvePoint], name: str) -> Any:
     values = [row.observed.get(name) for row in rows]
     some = next((x for x in values if x is not None), None)
     if some is None:

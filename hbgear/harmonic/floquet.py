@@ -47,16 +47,34 @@ from hbgear.harmonic.modes import Part, Parts
 _SHARE = 0.2  # longest step as a share of the excitation period, whatever the structure
 
 
-_MOST_STEPS = 10_000  # of one period
+_STEPS = 10_000  # of one period
 
 
 _LONG = 12.0  # periods in which the springs turn the inertia by more radians are cut into fewer steps of more points
 
 
+_WIDTH, _WIDER = 3.5, 4.5  # longest of these, in radians; where modes are left out, whose error is larger
+
+
 _FEW = 60  # modes, both of each pair, that are all carried
 
 
-_REACH = 3.0  # frequency up to which modes of larger structures are carried, over that of the highest harmonic
+_LEAST = 6.0  # least frequency up to which modes of larger structures are carried, over that of the excitation
+
+
+_MOST = 3.0  # the greatest, over that of the highest harmonic
+
+
+_BEYOND = 4  # orders by which it lies above the last harmonic that matters in the stiffness of the elements
+
+
+_MATTERS = 3e-2  # amplitude of a harmonic of the stiffness, over the largest, from which it matters
+
+
+_SOFT = 0.15  # flexibility of the modes above it, times stiffness, from which their inertia matters
+
+
+_PHASES = 64  # of an excitation period at which the stiffness is looked at
 
 
 _LEVELS = 4  # levels of that frequency in an octave: motions of one level share their modes
@@ -78,8 +96,9 @@ def multipliers_of(
 ) -> ComplexArray:
     """Floquet multipliers of P motions over their periods 2 pi nu / Omega, largest magnitude first.
 
-    They share the parameters of the model. Of a structure with more than 60 modes those above three times the highest
-    harmonic of the motion only give way by their static flexibility, and the 32 largest multipliers are listed, unless
+    They share the parameters of the model. Of a structure with more than 60 modes only those are carried that harmonics
+    of the stiffness of the elements reach, up to three times the highest harmonic of the motion, and little is kept of
+    the others (see `modes`), whose multipliers are told as nothing acted on them; the 32 largest are listed. Not where
     the model is compiled without ``reduce``.
 
     Parameters
@@ -90,8 +109,8 @@ def multipliers_of(
     points : s, Gauss points per step; the scheme has order 2s. By default 6, or 10 where the period is long beside the
         motions the springs of the elements would excite, for fewer steps are then worth more points.
     width : longest step, in units of the time in which the stiffest spring of the elements would turn the structure's
-        inertia by one radian; by default s / 5, or with these 10 points 3.5. None is longer than a fifth of the
-        excitation period.
+        inertia by one radian; by default s / 5, or with these 10 points 3.5 (4.5 where modes are left out). None is
+        longer than a fifth of the excitation period.
 
     Returns
     -------
@@ -119,7 +138,7 @@ def multipliers_of(
     X, Omega = compiled.spread(X), np.asarray(Omega, dtype=float)
     if not is_reduced(compiled):
         return _all_of(compiled, compiled.parts(), X, Omega, points, width)
-    return _reduced(compiled, X, Omega, _REACH, points, width)
+    return _reduced(compiled, X, Omega, 1.0, points, width)
 
 
 def is_reduced(compiled: Compiled) -> bool:
@@ -129,24 +148,52 @@ def is_reduced(compiled: Compiled) -> bool:
 
 
 def _reduced(
-    compiled: Compiled, X: Array, Omega: Array, reach: float, points: int | None = None, width: float | None = None
+    compiled: Compiled, X: Array, Omega: Array, times: float, points: int | None = None, width: float | None = None
 ) -> ComplexArray:
-    levels = np.ceil(_LEVELS * np.log2(reach * compiled.H * Omega / compiled.nu)).astype(int)
+    """`multipliers_of` by the modes up to so many times the frequency that is usual."""
+    reach, largest = _reach(compiled, X, Omega)
+    levels = np.ceil(_LEVELS * np.log2(times * reach)).astype(int)
     mu = np.empty((len(X), _LISTED), dtype=complex)
     for level in np.unique(levels):
-        some, parts = levels == level, compiled.parts(float(2.0 ** (level / _LEVELS)))
-        mu[some] = _all_of(compiled, parts, X[some], Omega[some], points, width)[:, :_LISTED]
+        some, frequency = levels == level, float(2.0 ** (level / _LEVELS))
+        soft = largest[some] @ np.diag(compiled.parts(frequency).rest) > _SOFT
+        for lumped in (False, True):
+            rows = np.flatnonzero(some)[soft == lumped]
+            if rows.size:
+                parts = compiled.parts(frequency, lumped)
+                mu[rows] = _all_of(compiled, parts, X[rows], Omega[rows], points, width)[:, :_LISTED]
     return mu
+
+
+def _reach(compiled: Compiled, X: Array, Omega: Array) -> tuple[Array, Array]:
+    """Frequency (P,) up to which modes are carried at each motion, and the largest stiffness (P, m) of the elements.
+
+    A harmonic of the stiffness joins modes whose frequencies it is the sum or difference of. Where the stiffness jumps
+    it has harmonics without end: a single mode in the place of those above would ring, so that it is told as zero.
+    """
+    most: Array = _MOST * compiled.H * Omega / compiled.nu
+    if compiled.asked:
+        return most, np.zeros((len(X), compiled.m))
+    from hbgear.harmonic import carrying
+
+    stiffness = np.zeros((len(X), compiled.m, _PHASES * compiled.nu))
+    carrying.slopes(compiled.numbers_of(X), X, stiffness)
+    largest = np.abs(stiffness).max(axis=2)
+    size = np.abs(np.fft.rfft(stiffness)).max(axis=1)
+    matters = size > _MATTERS * size.max(axis=1, keepdims=True)
+    last = (size.shape[1] - 1 - np.argmax(matters[:, ::-1], axis=1)) / compiled.nu
+    ends = last < _PHASES // 2 - 1
+    needed = np.where(ends, np.maximum(_LEAST, last + _BEYOND) * Omega, np.inf)
+    return np.minimum(needed, most), np.where(ends[:, None], largest, 0.0)
 
 
 def reduction(compiled: Compiled, X: Array, Omega: Array) -> dict[str, float]:
     """How many modes were carried at most, and how far the leading multipliers move with those of twice the reach."""
     modes = compiled.structure.modes
     assert modes is not None
-    mu, more = (_reduced(compiled, X, Omega, factor * _REACH) for factor in (1.0, 2.0))
+    mu, more = (_reduced(compiled, X, Omega, times) for times in (1.0, 2.0))
     moved = np.abs(more - mu[:, :1]).min(axis=1).max()
-    most = _REACH * compiled.H * float(Omega.max()) / compiled.nu
-    carried = int(np.count_nonzero(np.abs(modes.poles) <= most)) // 2
+    carried = int(np.count_nonzero(np.abs(modes.poles) <= _reach(compiled, X, Omega)[0].max())) // 2
     return {"modes": carried, "of": len(modes.poles) // 2, "error": float(moved)}
 
 
@@ -189,10 +236,11 @@ def monodromies(
     out = np.empty((len(X), part.size, part.size))
     short = points or 6
     long = _LONG if points is None else np.inf
-    schemes = ((*gauss(short), width or short / 5.0), (*gauss(10), width or 3.5), long)
+    usual = _WIDER if is_reduced(compiled) else _WIDTH
+    schemes = ((*gauss(short), width or short / 5.0), (*gauss(10), width or usual), long)
     if not compiled.asked:
         count = carrying.monodromies(
-            compiled.numbers_of(X), part.modes, X, Omega, mobility, schemes, _SHARE, float(_MOST_STEPS), out
+            compiled.numbers_of(X), part.modes, X, Omega, mobility, schemes, _SHARE, float(_STEPS), out
         )
         _check_steps(count)
         return out
@@ -220,7 +268,7 @@ def _carried(compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: f
     fast = max(carrying.pace(numbers, rows, mobility, nu), float(np.sqrt((mobility * largest).max())))
     which, longest = carrying.step_of(fast, omega, nu, schemes, _SHARE)
     x, L, _ = schemes[which]
-    _check_steps(2 * np.pi / longest if 2 * np.pi / longest > _MOST_STEPS else 0.0)
+    _check_steps(2 * np.pi / longest if 2 * np.pi / longest > _STEPS else 0.0)
     cut = carrying.pieces(carrying.corners(numbers, rows), longest)
     start = np.concatenate([first + h * np.arange(int(n)) for first, h, n in cut])
     theta = start[:, None] + np.repeat(cut[:, 1], cut[:, 2].astype(int))[:, None] * x

@@ -52,17 +52,22 @@ def peaks(
     >>> top.label, bool(top.amplitude("rms") >= curve.amplitude("rms").max())
     ('PK1', True)
     """
+    tops = located(branch, measure, element, share)
+    if accuracy is not None:
+        tops = [(i, arc, assessed(arc, found, accuracy)) for i, arc, found in tops]
+    return tuple(_point(branch, i, number, found) for number, (i, _, found) in enumerate(tops, 1))
+
+
+def located(branch: Branch, measure: str, element: int | str, share: float) -> list[tuple[int, Segment, Found]]:
+    """`peaks` of the branch's own equations, with the highest row and the piece between its neighbours."""
     layout = layout_of(branch)
     if branch.problem is None or layout is None:
         raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     A = branch.amplitude(measure, element)
-    tops = [i for i in range(1, len(branch) - 1) if A[i - 1] <= A[i] > A[i + 1] and A[i] >= share * A.max()]
+    tops = np.flatnonzero((A[:-2] <= A[1:-1]) & (A[1:-1] > A[2:]) & (A[1:-1] >= share * A.max())) + 1
     event = AmplitudePeak(measure, layout.index(element))
-    arcs = [_arc(branch, i) for i in tops]
-    found = [_on(arc, i, branch, event) for arc, i in zip(arcs, tops, strict=True)]
-    if accuracy is not None:
-        found = [assessed(arc, one, accuracy) for arc, one in zip(arcs, found, strict=True)]
-    return tuple(_point(branch, i, n, one) for n, (i, one) in enumerate(zip(tops, found, strict=True), 1))
+    arcs = [(i, _arc(branch, i)) for i in tops.tolist()]
+    return [(i, arc, _on(arc, i, branch, event)) for i, arc in arcs]
 
 
 def _point(branch: Branch, i: int, number: int, found: Found) -> SpecialPoint:

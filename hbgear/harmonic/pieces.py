@@ -76,8 +76,8 @@ def crossings_on(
 
     Returns their number, and whether x is above the level at 0. At least N cells are looked at.
     """
-    count, start = 0, value_on(c, level, rows[first], at[first], 0.0)[0]
-    before = start
+    count: Any = np.int64(0)  # for a literal those called would be compiled once more
+    before = start = value_on(c, level, rows[first], at[first], 0.0)[0]
     for i in range(first, last):
         end = at[i + 1] if i + 1 < last else 2 * math.pi
         cells = max(1, math.ceil((end - at[i]) * N / (2 * math.pi)))
@@ -189,7 +189,7 @@ def highest_on(c: Any, at: Any, rows: Any, first: int, last: int, N: int, side: 
 
 
 @kernel
-def spans(corners: Any, spring: int, theta: Any, sign: Any, count: int, above: bool, A: Any, B: Any) -> None:
+def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: Any, A: Any, B: Any) -> None:
     """Put the two-sided coefficients 0, 1, ... of k and k w where x is above a corner, and of zero elsewhere, in A, B.
 
     With G_n(theta) the integral of f exp(-i n x) from 0 to theta and sign_j = +1 on going above at theta_j,

@@ -37,7 +37,7 @@ from hbgear.harmonic.pieces import crossings_on, spans, waves_with
 
 
 @kernel
-def instants(numbers: Any, rows: Any, ramped: bool) -> Any:
+def instants(numbers: Any, rows: Any, ramped: Any) -> Any:
     """Crossings of all corners by a motion given by its real rows (m, 2H + 1).
 
     ramped : only of the corners at which a spring of the table turns.
@@ -82,7 +82,7 @@ def projected(numbers: Any, rows: Any, order: int) -> Any:
     chi = np.zeros((m, order + 1), dtype=np.complex128)
     S = laws.of.shape[0]
     if S:
-        theta, sign, count, above = instants(numbers, rows, True)
+        theta, sign, count, above = instants(numbers, rows, np.bool_(True))  # see `crossings` on literals
         length = order + laws.shifts[laws.shifts.shape[0] - 1] + 1
         s, pull = np.empty(length, dtype=np.complex128), np.empty(length, dtype=np.complex128)
         both = np.zeros((2, S, length), dtype=np.complex128)
@@ -90,7 +90,7 @@ def projected(numbers: Any, rows: Any, order: int) -> Any:
             if corners.parts[p] == corners.parts[p + 1]:
                 both[0, p, 0], both[1, p, 0] = laws.base[p, 0], laws.base[p, 1]
                 continue
-            spans(corners, p, theta[0], sign[0], 0, True, s, pull)
+            spans(corners, p, theta[0], sign[0], np.int64(0), np.bool_(True), s, pull)
             for n in range(length):
                 both[0, p, n] = laws.base[p, 0] * s[n]
                 both[1, p, n] = laws.base[p, 1] * s[n] + laws.base[p, 0] * pull[n]

@@ -17,7 +17,7 @@ Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), htt
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -31,7 +31,7 @@ from hbgear.continuation.algebra import bordered, norm
 from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, null_vectors, sides
 from hbgear.continuation.differences import STEP, difference_along, in_parameter
 from hbgear.continuation.newton import NoConvergence
-from hbgear.continuation.problem import AnyProblem, linearise
+from hbgear.continuation.problem import AnyProblem, Locating, linearise
 from hbgear.harmonic.hill import Condensed, slopes
 from hbgear.mechanics.fourier import extrema, places, to_real, waves
 
@@ -70,6 +70,10 @@ class PeriodDoubling(Fold):
         doubled = problem.doubled
         harmonic = np.tile(np.concatenate([[0], np.repeat(doubled.orders[1:], 2)]), problem.m)
         self._fixed(doubled=doubled, odd=np.flatnonzero(harmonic % 2), even=np.flatnonzero(harmonic % 2 == 0))
+
+    def compiled(self, parameters: Mapping[str, float]) -> None:
+        """None: its matrix is another one than dR/dX."""
+        return None
 
     def embed(self, X: Array) -> Array:
         """The motion in the basis of twice the period."""
@@ -136,6 +140,8 @@ class NeimarkSacker(Augmented):
     ----------
     problem : a `HarmonicBalance` of laws that are known to hbgear.
     parameter : the parameter of the curve.
+    near : the exponent near which that of the pair is looked for; by default that of the pair of multipliers next to
+        the unit circle, which may be another one where two pairs pass close to each other.
 
     Raises
     ------
@@ -160,10 +166,20 @@ class NeimarkSacker(Augmented):
     """
 
     problem: Any  # a HarmonicBalance
+    near: complex | None
+
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "", near: complex | None = None) -> None:
+        super().__init__(problem, parameter)
+        self._fixed(near=near)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return (self.near,)
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         hill, size = self._hill(X, here), linearise(self.problem, X, "", here).size
-        s = self._guess(X, here)
+        s = self._guess(X, here) if self.near is None else self.near
         u, _, vh = scipy.linalg.svd(hill.matrices(s)[0])
         pair = _exponent(hill, s, u[:, -1], vh[-1].conj(), X, here)
         return Rotation(size / hill.omega, _unit(pair.w), _unit(pair.v), pair.exponent)
@@ -188,9 +204,7 @@ class NeimarkSacker(Augmented):
         mu = mu[mu.imag > 1e-8 * np.abs(mu)]
         if not len(mu):
             raise ValueError("no pair of multipliers of the motion is complex: it is at no Neimark-Sacker point")
-        nearest = mu[np.argmin(np.abs(np.log(np.abs(mu))))]
-        s: complex = complex(np.log(nearest)) * here["Omega"] / (2 * np.pi * self.problem.nu)
-        return s
+        return exponent_of(mu[np.argmin(np.abs(np.log(np.abs(mu))))], self.problem.nu, here["Omega"])
 
     def _pair(self, hill: Condensed, base: Base, X: Array, here: dict[str, float]) -> _Pair:
         assert isinstance(base, Rotation) and base.b is not None and base.c is not None
@@ -238,6 +252,11 @@ class NeimarkSacker(Augmented):
 
         (moved,) = in_parameter(self.problem, name, here, drift)
         return float(moved)
+
+
+def exponent_of(multiplier: complex, nu: int, Omega: float) -> complex:
+    """The exponent s of a multiplier exp(2 pi nu s / Omega)."""
+    return complex(np.log(multiplier)) * Omega / (2 * np.pi * nu)
 
 
 def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: Array, here: dict[str, float]) -> _Pair:
@@ -309,6 +328,11 @@ class Grazing(Augmented):
     @property
     def arguments(self) -> tuple[Any, ...]:
         return (self.which,)
+
+    def compiled(self, parameters: Mapping[str, float]) -> Locating | None:
+        """See `Augmented.compiled`."""
+        out: Locating | None = self.problem.locating(self.parameter, parameters, self.which)
+        return out
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         return Base(linearise(self.problem, X, "", here).size / (1.0 + norm(X)))

@@ -138,8 +138,9 @@ def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
     -------
     low, theta_low, high, theta_high : each (...,), one per row.
     """
-    low, at_low = highest(-np.asarray(X, dtype=float))
-    return -low, at_low, *highest(X)
+    X = np.asarray(X, dtype=float)
+    (low, high), (at_low, at_high) = highest(np.stack([-X, X]))
+    return -low, at_low, high, at_high
 
 
 def highest(X: Array) -> tuple[Array, Array]:

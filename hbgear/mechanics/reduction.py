@@ -28,6 +28,7 @@ import scipy
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
+from hbgear.common.ranges import counted
 from hbgear.mechanics.model import Load, Model, System
 
 
@@ -104,24 +105,59 @@ class Reduction:
         with reference springs and dampers of the elements closed (K_r, C_r), by a direct solution each. Of a structure
         that depends on speed C and K are those at Omega, which must then be given.
         """
-        w = np.atleast_1d(np.asarray(frequencies, dtype=float))
         if self.full.speed is not None and Omega is None:
             raise ValueError("the structure depends on speed: give Omega=..., the frequency of the excitation")
+        return self._error(np.atleast_1d(np.asarray(frequencies, dtype=float)), self.full.W, Omega)
+
+    def _error(self, w: Array, F: Array, Omega: float | None = None) -> Array:
+        """The same of the response to each of the forces F (n, c), relative to the largest at a frequency."""
         M, C, K = _closed(self.full, Omega)
-        W, small = self.full.W.astype(complex), self.basis.T @ self.full.W
         reduced = [self.basis.T @ (A @ self.basis) for A in (K, C, M)]
         out = []
         for wk in w:
             factors = 1.0, 1j * wk, -(wk**2)
             D = sum((a * A for a, A in zip(factors, (K, C, M), strict=True)), 0 * M)
-            G = self.full.W.T @ _factored(D, 0.1).solve(W)
+            G = self.full.W.T @ _factored(D, 0.1).solve(F.astype(complex))
             near = sum((a * A for a, A in zip(factors, reduced, strict=True)), 0 * reduced[0])
-            out.append(np.abs(small.T @ scipy.linalg.solve(near, small) - G).max() / np.abs(G).max())
+            wrong = (self.basis.T @ self.full.W).T @ scipy.linalg.solve(near, self.basis.T @ F) - G
+            out.append((np.abs(wrong).max(axis=0) / np.abs(G).max(axis=0)).max())
         return np.array(out)
 
 
+_MODES = (32, 64, 128, 256)  # kept modes that are tried
+
+
+_CORRECTIONS = 4  # responses to each force that are kept beside them
+
+
+_EXACT = 1e-9  # error of receptances that leaves a curve what it is
+
+
+def reduced_within(system: System, highest: float) -> tuple[Reduction, float] | None:
+    """A reduction whose receptances are exact to 1e-9 up to an angular frequency, and how exact; None if there is none.
+
+    It is exact if few modes lie below that frequency, and tried with up to 256.
+    """
+    F = _forces(system)
+    w = highest * np.array([1.0, 0.75, 0.5, 0.25])
+    for modes in _MODES:
+        if 2 * modes > system.n:
+            break
+        found = reduce(system, modes, corrections=_CORRECTIONS)
+        if found.frequencies[-1] > highest:
+            error = float(found._error(w, F).max())
+            if error <= _EXACT:
+                return found, error
+    return None
+
+
+def _forces(system: System) -> Array:
+    """Directions of the elements and vectors of the loads, (n, c)."""
+    return np.column_stack([system.W, *(v for load in system.loads for v in load.vectors())])
+
+
 @checked_arguments()
-def reduce(model: Model, modes: int = 40, Omega: float | None = None) -> Reduction:
+def reduce(model: Model, modes: int = 40, Omega: float | None = None, corrections: int = 1) -> Reduction:
     """Reduce a model with many coordinates.
 
     Of a structure that depends on speed all terms are projected; it still does.
@@ -133,6 +169,9 @@ def reduce(model: Model, modes: int = 40, Omega: float | None = None) -> Reducti
     modes : how many of the lowest modes are kept, 1 <= modes < n. Three times the highest frequency that matters is a
         good reach for them; `Reduction.error` says how good.
     Omega : frequency whose stiffness the modes are of, if it depends on speed; by default the middle of its table.
+    corrections : s, 1 to 20: responses (K^-1 M)^j K^-1 F, j = 0..s-1, that are kept of each force F beside the modes:
+        the static one, and those of the inertia of the one before. The error of a receptance goes with the power 4 s of
+        the ratio of its frequency to that of the last mode.
 
     Returns
     -------
@@ -141,7 +180,7 @@ def reduce(model: Model, modes: int = 40, Omega: float | None = None) -> Reducti
     Raises
     ------
     ValueError
-        If ``modes`` is out of its range, M is not positive definite, or Omega is needed and not given.
+        If ``modes`` or ``corrections`` are out of range, M is not positive definite, or Omega is needed and not given.
 
     Examples
     --------
@@ -158,6 +197,7 @@ def reduce(model: Model, modes: int = 40, Omega: float | None = None) -> Reducti
     full = model.system()
     if isinstance(modes, bool) or not isinstance(modes, int | np.integer) or not 1 <= modes < full.n:
         raise ValueError(f"modes = {modes!r} must be a whole number from 1 to n - 1 = {full.n - 1}")
+    counted("corrections", corrections, 20)
     M, _, K = _closed(full, _reference(full, Omega))
     if np.any(M.diagonal() <= 0):
         worst = full.dof_names[int(np.argmin(M.diagonal()))]
@@ -170,8 +210,11 @@ def reduce(model: Model, modes: int = 40, Omega: float | None = None) -> Reducti
     rng = np.random.default_rng(0)  # the same start in every run
     start = rng.standard_normal(full.n)
     squares, shapes = scipy.sparse.linalg.eigsh(K, modes, M, sigma=-shift, OPinv=inverse, v0=start)
-    forces = np.column_stack([full.W, *(v for load in full.loads for v in load.vectors())])
-    basis = _orthonormal(shapes[:, np.argsort(squares)], solve(forces), M)
+    basis = _orthonormal(shapes[:, np.argsort(squares)], solve(_forces(full)), M)
+    last = modes
+    for _ in range(corrections - 1):
+        last, before = basis.shape[1], last
+        basis = _orthonormal(basis, solve(M @ basis[:, before:]), M)
     kept = basis[:, :modes]
     beyond = full.W - M @ (kept @ (kept.T @ full.W))  # what of the directions moves no mode that is kept
     flexibility = beyond.T @ solve(beyond)

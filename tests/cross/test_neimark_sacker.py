@@ -5,6 +5,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.timedomain.integrate import state_of
+from studies.random.machines import machine
 
 
 def nearest_to_the_circle(mu):
@@ -77,3 +78,14 @@ def test_a_linear_motion_has_the_exponents_of_its_modes():
     assert s.real == pytest.approx(-0.05, rel=1e-9)
     turns = np.array([sign * np.sqrt(k - 0.05**2) for k in (1.0, 3.0) for sign in (1, -1)])
     assert np.abs(((s.imag - turns) / 1.3 + 0.5) % 1.0 - 0.5).min() < 1e-9
+
+
+def test_two_pairs_next_to_the_circle_are_two_points():
+    """Each is judged by its own exponent with more harmonics, not by that of the other pair."""
+    problem, span = hb.HarmonicBalance(machine("helical", 0).model, 16), (0.43, 0.416)
+    curves = [hb.trace(problem, "Omega", span, cover=False)]
+    curves += [hb.trace(problem.with_order(1, 48), "Omega", span, accuracy=None)]
+    places = [[p.parameters["Omega"] for p in one.special if p.kind == "NS"] for one in curves]
+    mine, fine = ([place for place in found if 0.4162 < place < 0.4166] for found in places)
+    assert len(fine) == 3 and mine == pytest.approx(fine, abs=2e-6)
+    assert min(-np.diff(fine)) > 2e-5

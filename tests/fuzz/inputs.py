@@ -591,7 +591,7 @@ def targets() -> tuple[Target, ...]:
                 },
                 1,
             )
-            for cls in (hb.Fold, hb.Grazing, hb.NeimarkSacker, hb.Peak, hb.PeriodDoubling)
+            for cls in (hb.BranchPoint, hb.Fold, hb.Grazing, hb.NeimarkSacker, hb.Peak, hb.PeriodDoubling)
         ),
         Target(
             "trace a Fold",
@@ -790,7 +790,7 @@ def targets() -> tuple[Target, ...]:
             },
             1,
         ),
-        Target("reduce", hb.reduce, {"model": [system, hb.SpurPair], "modes": _is(1, 2)}, 2),
+        Target("reduce", hb.reduce, {"model": [system, hb.SpurPair], "modes": _is(1, 2), "corrections": _is(1, 3)}, 2),
         Target("load", hb.load, {"path": _is("no.npz"), "problem": _is(None)}, free=frozenset({"problem"})),
         Target("second_opinion", hb.second_opinion, {"branch": [curve, gears], "point": _is(1, "LP1")}, 0.3),
         Target("run", hb.run, {"branch": [curve], "direction": _is("up", "down"), "others": _is(())}),

@@ -262,19 +262,19 @@ def test_warnings_are_one_line(run):
     assert re.fullmatch(r"hbgear: warning: the excitation has 3 harmonics but H = 2 .*\n", err)
 
 
-def test_linear_algebra_has_one_thread_while_tracing(run, monkeypatch):
-    from threadpoolctl import threadpool_info, threadpool_limits
+def test_linear_algebra_of_the_command_has_one_thread_unless_others_are_asked_for():
+    def seen(name, **asked):
+        env = {key: value for key, value in ENVIRONMENT.items() if not key.endswith("_NUM_THREADS")}
+        program = (
+            f"import os, sys; sys.argv = ['{name}']\nimport hbgear, scipy.linalg, threadpoolctl\n"
+            "pools = [pool['num_threads'] for pool in threadpoolctl.threadpool_info() if pool['user_api'] == 'blas']\n"
+            "print(os.environ.get('OPENBLAS_NUM_THREADS'), max(pools))"
+        )
+        return shell("-c", program, env=env | asked).stdout.split()
 
-    seen = []
-
-    def look(*_, **__):
-        seen.extend(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
-        raise ValueError("enough")
-
-    monkeypatch.setattr(hb, "trace", look)
-    with threadpool_limits(2):
-        run(*QUICK)
-    assert seen and set(seen) == {1}
+    assert seen("hbgear") == ["1", "1"]
+    assert seen("hbgear", OPENBLAS_NUM_THREADS="2")[0] == "2"
+    assert seen("another_program")[0] == "None"
 
 
 def test_help_is_quick_to_import():

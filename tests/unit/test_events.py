@@ -13,7 +13,7 @@ from scipy.io import loadmat
 
 import hbgear as hb
 from hbgear.cli.app import main
-from hbgear.continuation.events import RESERVED, BranchPoint, Cusp, is_marker
+from hbgear.continuation.events import RESERVED, Cusp, is_marker
 from hbgear.harmonic.events import KINDS, Merging
 
 LIMIT = hb.Event("limit", lambda point: point.amplitude("max") - 1.3, "the largest deflection is 1.3", marker="*")
@@ -100,7 +100,7 @@ def test_what_cannot_be_followed(curve, tmp_path):
     flip = hb.Event("flip", lambda point: abs(point.multipliers[0]) - 1.0)
     with pytest.raises(ValueError, match="'flip' cannot be followed: its test must use no more of a point than"):
         flip.equations(curve.problem, "Omega", curve["LP1"])
-    for kind in (BranchPoint, Cusp, Merging):
+    for kind in (Cusp, Merging):
         point = replace(curve["LP1"], kind=kind.kind, label=f"{kind.kind}1", meaning=kind.meaning, event=kind())
         with pytest.raises(ValueError, match=f"{kind.kind}1 .* cannot be followed in a second parameter"):
             hb.follow(curve, point, "zeta", (0.05, 0.06))

@@ -3,9 +3,23 @@
 import numpy as np
 import pytest
 
-from hbgear import Backlash, Cubic, DoubleHelicalPair, Element, HarmonicBalance, Load, SpurPair, System, trace
+from hbgear import (
+    Backlash,
+    Cubic,
+    DoubleHelicalPair,
+    Element,
+    HarmonicBalance,
+    Load,
+    Parallel,
+    SpurPair,
+    System,
+    Unilateral,
+    trace,
+)
 from hbgear.harmonic import floquet
 from hbgear.harmonic.floquet import multipliers_of
+from hbgear.harmonic.modes import _lumped
+from hbgear.harmonic.receptance import Structure
 
 
 def from_the_whole(problem, X, Omega, monkeypatch):
@@ -109,3 +123,76 @@ def test_modes_that_no_element_feels_keep_their_poles():
     mu = problem.multipliers(problem.start(0.8), Omega=0.8)
     for value in np.exp(own * 2 * np.pi / 0.8):
         assert np.abs(mu - value).min() == pytest.approx(0.0, abs=1e-12)
+
+
+def chain(law, n=60, damping=0.02):
+    """n masses between walls, driven at the first, an element at the last; Omega of its first resonance."""
+    K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    element = Element(np.eye(n)[-1], law, name="ground")
+    system = System(np.eye(n), damping * K, K, [element], Load(cosine={1: 0.1 * np.eye(n)[0]}))
+    return system, 2 * np.sin(np.pi / (2 * (n + 1)))
+
+
+def flexibility(poles, output, input_, s):
+    """Sum of the modes at a complex frequency s, (m, m)."""
+    return (output / (s - poles)) @ input_
+
+
+@pytest.mark.parametrize("elements", [1, 2])
+def test_one_mode_for_each_element_stands_for_many(elements):
+    """Flexibility, damping and inertia of modes above a frequency: what is left goes with the third power or more."""
+    system, w = chain(Cubic(k1=0.3, k3=0.5))
+    more = [Element(np.eye(60)[20], Cubic(k1=0.3, k3=0.5), name=f"other {i}") for i in range(elements - 1)]
+    system = System(system.M, system.C, system.K, [*system.elements, *more], system.loads)
+    modes = Structure(system).modes
+    far = np.abs(modes.poles) > 10 * w
+    many = modes.poles[far], modes.output[:, far], modes.input[far]
+    few = _lumped(*many, np.eye(elements))
+    assert len(few[0]) == 2 * elements and np.all(few[0].real < 0)
+    s = 1j * w * np.array([0.2, 0.4])
+    sizes = [np.abs(flexibility(*many, x)).max() for x in s]
+    errors = [
+        np.abs(flexibility(*many, x) - flexibility(*few, x)).max() / size for x, size in zip(s, sizes, strict=True)
+    ]
+    assert errors[0] < 1e-6 and errors[1] / errors[0] > 7.5
+
+
+def test_modes_of_no_structure_are_not_lumped():
+    """An unsymmetric flexibility, a negative one, and a mode that would grow."""
+    poles = np.array([-0.1 + 5j, -0.1 - 5j, -0.2 + 9j, -0.2 - 9j])
+    output = np.array([[1, 1, 1, 1], [1, 1, -1, -1]], dtype=complex)
+    input_ = output.T / (2j * poles.imag)[:, None]
+    assert _lumped(poles, output, input_, np.eye(2)) is not None
+    assert _lumped(poles, output, input_ * [1.0, 2.0], np.eye(2)) is None
+    assert _lumped(poles, output, -input_, np.eye(2)) is None
+    growing = np.array([0.1 + 5j, 0.1 - 5j])
+    one = np.ones((1, 2), dtype=complex)
+    assert _lumped(growing, one, one.T / (2j * growing.imag)[:, None], np.eye(1)) is None
+
+
+@pytest.mark.parametrize(
+    ("law", "leading", "others"),
+    [
+        (Cubic(k1=0.0, k3=0.5), 1e-4, 1e-3),
+        (Unilateral(k=1.0, gap=1.0), 1e-2, 3e-2),
+        (Parallel((Cubic(k1=0.1, k3=0.2), Unilateral(k=0.2, gap=0.5))), 5e-3, 1e-2),
+    ],
+)
+def test_few_modes_tell_what_all_do(law, leading, others):
+    """Along the response of a chain, the largest and the eight largest multipliers; all carry far fewer modes."""
+    system, w = chain(law)
+    curve = trace(
+        HarmonicBalance(system, 7), "Omega", (0.9 * w, 1.2 * w), special=False, stability=False, accuracy=None
+    )
+    some = slice(None, None, max(1, len(curve) // 12))
+    X, Omega = curve.X[some], curve.values[some]
+    few, all_ = (HarmonicBalance(system, 7, reduce=reduce).compiled({}) for reduce in (True, False))
+    motions = all_.processed(X, Omega)
+    found, expected = multipliers_of(few, motions, Omega), multipliers_of(all_, motions, Omega)
+    apart = np.abs(found[:, :8, None] - expected[:, None]).min(axis=2)
+    assert apart[:, 0].max() < leading and apart.max() < others
+    assert np.abs(found).max() < np.abs(expected).max() + leading
+    carried = [few.parts(reach).whole.size for reach in floquet._reach(few, motions, Omega)[0]]
+    assert max(carried) < 60 and few.parts().whole.size == 120
+    if not law.breakpoints:
+        assert min(carried) < 20

@@ -6,6 +6,7 @@ from scipy import sparse
 from scipy.linalg import expm
 
 import hbgear as hb
+from hbgear.continuation.newton import solve
 from hbgear.mechanics.reduction import reduce
 
 
@@ -207,3 +208,46 @@ def test_a_driveline_out_of_balance_is_refused_also_when_reduced(seed, share):
     for model in (full, hb.reduce(full, modes=20).system):
         with pytest.raises(ValueError, match="on a motion that nothing holds"):
             hb.HarmonicBalance(model, 4)
+
+
+def test_responses_to_inertia_are_exact_where_few_modes_are():
+    """The error falls with the corrections, from below 1e-3 to below 1e-9."""
+    full, w = chain(200), 4 * first_frequency(200)
+    errors = [reduce(full, 12, corrections=s).error(w)[0] for s in (1, 2, 4)]
+    assert 1e-9 < errors[1] < 0.1 * errors[0] < 1e-3 and errors[2] < 1e-9
+    with pytest.raises(ValueError, match="corrections"):
+        reduce(full, 12, corrections=0)
+
+
+def test_a_structure_too_large_for_its_modes_is_reduced_for_a_curve():
+    """A chain of 1600: the curve is that of direct solutions, with the stability of a reduction by hand."""
+    n = 1600
+    w = first_frequency(n)
+    span = 0.97 * w, 1.01 * w
+    system = chain(n, damping=2.0)
+    problem, directly = (hb.HarmonicBalance(system, 3, reduce=reduce) for reduce in (True, False))
+    settings = {"special": False, "accuracy": None}
+    curve = hb.trace(problem, "Omega", span, **settings)
+    assert curve.status == "reached_end" and curve.multipliers.shape == (len(curve), 32)
+    told = curve.meta["structure"]
+    assert told["of"] == n and told["modes"] < 100 and 0 < told["error"] < 1e-9
+    X, Omega = curve.X[len(curve) // 2], curve.values[len(curve) // 2]
+    own = solve(directly, X, {"Omega": Omega}).X
+    np.testing.assert_allclose(X, own, rtol=0, atol=1e-8 * np.abs(own).max())
+    motion = curve.problem.motion(X, Omega=Omega)
+    np.testing.assert_allclose(motion, directly.motion(own, Omega=Omega), rtol=0, atol=1e-7 * np.abs(motion).max())
+    assert curve.problem.dof_names == directly.dof_names and motion.shape == (n, 7)
+    small = hb.HarmonicBalance(reduce(system, 60).system, 3)
+    mu = small.multipliers(X, Omega=Omega)[:6]
+    np.testing.assert_allclose(problem.multipliers(X, Omega=Omega)[:6], mu, rtol=1e-5)
+    with pytest.raises(ValueError, match="reduce the model"):
+        directly.multipliers(X, Omega=Omega)
+    again = curve.problem.within("Omega", *span, {})
+    assert again is curve.problem and again.within("Omega", w, 100 * w, {}) is not again
+
+
+def test_a_structure_whose_modes_all_matter_is_solved_directly():
+    """Far above the first 256 frequencies nothing is reduced."""
+    problem = hb.HarmonicBalance(chain(1600), 2)
+    assert problem.within("Omega", 0.5, 0.6, {}).compiled({}).structure.n == 1600
+    assert hb.HarmonicBalance(chain(40), 2).within("Omega", 0.5, 0.6, {}).compiled({}).structure.n == 40

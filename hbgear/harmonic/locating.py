@@ -1,0 +1,207 @@
+"""Kernels: folds and grazing contacts of a curve in Omega by Newton, without Python.
+
+    {R, g}(X, Omega) = 0        g the bordered determinant of dR/dX, or an extremum less a corner
+
+The equations are those of `continuation.bordered.Fold` and of `harmonic.special.Grazing`, Newton that of
+`continuation.newton`. The borders of a fold are found by inverse iteration, so that g is the least singular value
+of dR/dX up to its sign; its weight is that value over the norm of the matrix.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.compiling import inlined, kernel
+from hbgear.continuation.elimination import eliminate, length
+from hbgear.harmonic.assembly import curvature, linearised, spread
+from hbgear.harmonic.crossings import highest, sampled, waves_of
+from hbgear.harmonic.pieces import highest_on, waves_with
+
+_TURNED = 1e-10  # one minus the cosine of the angle by which borders may still turn
+
+_STEP = 1e-5  # `differences.STEP`
+
+_ITERATIONS = 30
+
+_HALVINGS = 12
+
+
+@kernel
+def located(
+    numbers: Any, which: int, u: Any, plain: int, tolerance: float, most: int, R: Any, A: Any
+) -> tuple[int, float]:
+    """Newton from u (n + 1,), which is overwritten, as are R (n + 1,) and A (n + 1, n + 1), the equations there.
+
+    Parameters
+    ----------
+    which : the clearance that vanishes, as numbered by `HarmonicBalance.clearance`; -1 for a fold.
+    plain : so many steps are taken, whatever they lead to; if 0, it is iterated with step halving until the residual is
+        below the tolerance, at most so many times, and a step more is taken if that lowers it.
+
+    Returns
+    -------
+    Number of steps, -1 if it does not converge; the size of the terms of R.
+    """
+    n, m, orders = u.shape[0] - 1, numbers.laws.cubic.shape[0], numbers.linear.orders.shape[0]
+    rest, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
+    matrices = np.zeros((2, orders, m, m), dtype=np.complex128)
+    constants = np.zeros((2, orders, m), dtype=np.complex128)
+    borders, trial, after, B = np.empty((2, n)), u.copy(), np.empty(n + 1), np.empty((n + 1, n + 1))
+    count, halved, last, factor, weight, size = -1, 0, False, 1.0, 1.0, 1.0
+    while True:  # the equations are evaluated at one place, for what is called at several takes as often to compile
+        new = linearised(numbers, trial, rest, J, dR, matrices, constants)
+        if count < 0:
+            weight = new / (_bordered(J, borders) if which < 0 else 1.0 + length(u[:n]))
+        if which < 0:
+            g = _determinant(numbers, trial[:n], J, matrices[1], borders, B[n])
+        else:
+            g = _clearance(numbers, which, trial[:n], m, B[n])
+        _fill(rest, J, dR, g, weight, after, B)
+        if count < 0 or plain:
+            good = True
+        elif last:
+            good = length(after) / new < length(R) / size
+        else:
+            good = length(after) < length(R) * (1.0 - 0.1 * factor)
+        if good:
+            size, halved, factor = _take(trial, after, B, new, u, R, A), 0, 1.0
+            count += 1
+        else:
+            halved, factor = halved + 1, 0.5 * factor
+        if last or halved == _HALVINGS:
+            return (count if last else -1), size
+        last = not plain and length(R) <= tolerance * size
+        if count == most and not last:
+            return -1, size
+        if not _move(u, R, A, factor, u if count + 1 == plain else trial):
+            return (count if last else -1), size
+        if count + 1 == plain:
+            return plain, size
+
+
+@kernel
+def _fill(rest: Any, J: Any, dR: Any, g: float, weight: float, R: Any, A: Any) -> None:
+    """The residual and the Jacobian of {R, g}; A holds the gradient of g."""
+    n = rest.shape[0]
+    for i in range(n):
+        R[i], A[i, n] = rest[i], dR[i]
+        for j in range(n):
+            A[i, j] = J[i, j]
+    R[n] = weight * g
+    for j in range(n + 1):
+        A[n, j] *= weight
+
+
+@kernel
+def _take(trial: Any, after: Any, B: Any, size: float, u: Any, R: Any, A: Any) -> float:
+    """Go on to the trial point with its equations; the size given."""
+    for i in range(u.shape[0]):
+        u[i], R[i] = trial[i], after[i]
+        for j in range(u.shape[0]):
+            A[i, j] = B[i, j]
+    return size
+
+
+@kernel
+def _move(u: Any, R: Any, A: Any, factor: float, out: Any) -> bool:
+    """out = u - factor A^-1 R; False if A is singular."""
+    work, x = A.copy(), np.empty((u.shape[0], 1))
+    for i in range(u.shape[0]):
+        x[i, 0] = R[i]
+    if eliminate(work, x) == 0:
+        return False
+    for i in range(u.shape[0]):
+        out[i] = u[i] - factor * x[i, 0]
+    return math.isfinite(length(out))
+
+
+@kernel
+def _bordered(J: Any, borders: Any) -> float:
+    """Put left and right singular vector of the least singular value of J into borders (2, n); the norm of J."""
+    n, total = J.shape[0], 0.0
+    for i in range(n):
+        borders[0, i], borders[1, i] = math.sin(1.0 + i * i), math.sin(2.0 + i * i)
+        for j in range(n):
+            total += J[i, j] * J[i, j]
+    x, y = np.empty((n + 1, 1)), np.empty((n + 1, 1))
+    for _ in range(_ITERATIONS):
+        _null(J, borders[0], borders[1], False, x)
+        _null(J, borders[1], borders[0], True, y)
+        turned = max(_turned(borders[0], y), _turned(borders[1], x))
+        if not turned > _TURNED:
+            break
+    return math.sqrt(total)
+
+
+@kernel
+def _turned(border: Any, x: Any) -> float:
+    """One minus the cosine of the angle between a border and the vector x[:n] that takes its place, of length one."""
+    n, along, total, own = border.shape[0], 0.0, 0.0, length(border)
+    for i in range(n):
+        along += border[i] * x[i, 0]
+        total += x[i, 0] * x[i, 0]
+    total = math.sqrt(total)
+    for i in range(n):
+        border[i] = x[i, 0] / total
+    return 1.0 - abs(along) / (total * own)
+
+
+@kernel
+def _null(J: Any, column: Any, row: Any, transposed: bool, x: Any) -> None:
+    """The solution x (n + 1, 1) of [J column; row^T 0] x = (0, ..., 0, 1), or with J transposed."""
+    n = J.shape[0]
+    B = np.empty((n + 1, n + 1))
+    for i in range(n):
+        for j in range(n):
+            B[i, j] = J[j, i] if transposed else J[i, j]
+        B[i, n], B[n, i], x[i, 0] = column[i], row[i], 0.0
+    B[n, n], x[n, 0] = 0.0, 1.0
+    eliminate(B, x)
+
+
+@inlined
+def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: Any) -> float:
+    """The bordered determinant g of J; its gradient in row (n + 1,). change : dZ/dOmega."""
+    n = X.shape[0]
+    x, y = np.empty((n + 1, 1)), np.empty((n + 1, 1))
+    _null(J, borders[0], borders[1], False, x)
+    _null(J, borders[1], borders[0], True, y)
+    v, w, g = x[:n, 0].copy(), y[:n, 0].copy(), float(x[n, 0])
+    along, across = np.empty((n, n)), np.empty((n, n))
+    curvature(numbers, X, v, _STEP * max(1e-3, length(X)) / length(v), change, along, across)
+    moved = 0.0
+    for j in range(n):
+        row[j] = 0.0
+    for i in range(n):
+        for j in range(n):
+            row[j] -= w[i] * along[i, j]
+            moved += w[i] * across[i, j] * v[j]
+    row[n] = -moved
+    return g
+
+
+@inlined
+def _clearance(numbers: Any, which: int, X: Any, m: int, row: Any) -> float:
+    """A clearance of a motion; its gradient in row (n + 1,)."""
+    corners, orders = numbers.corners, numbers.linear.orders
+    corner, side = which // 2, 1.0 if which % 2 else -1.0
+    j = numbers.laws.owner[corner]
+    motion, N = spread(numbers, X, m)[j], numbers.basis.shape[1]
+    first, last = corners.moves[j], corners.moves[j + 1]
+    if first < last:
+        c = waves_with(motion, corners.kept[:, j])
+        value, theta = highest_on(c, corners.at, corners.rows, first, last, N, side)
+    else:
+        samples = np.empty(N)
+        sampled(motion, numbers.basis, samples)
+        value, theta = highest(waves_of(motion), samples, side)
+    for i in range(row.shape[0]):
+        row[i] = 0.0
+    at = j * (2 * orders.shape[0] - 1)
+    row[at] = 1.0
+    for i in range(1, orders.shape[0]):
+        row[at + 2 * i - 1], row[at + 2 * i] = math.cos(orders[i] * theta), math.sin(orders[i] * theta)
+    return float(side * value - numbers.laws.level[corner])

@@ -1,0 +1,71 @@
+"""Branch points by their equations: against differences, shooting, more harmonics, and along a second parameter."""
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.timedomain.integrate import state_of
+
+STATED = 3.0  # times the stated error that a true one may be
+
+
+def spring(zeta=0.05):
+    """A hard spring far from its linear part: its motion stops being symmetric."""
+    return hb.Duffing(zeta=zeta, k3=1.0, F=20.0)
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return hb.trace(hb.HarmonicBalance(spring(), 9), "Omega", (1.0, 1.4))
+
+
+def test_the_equations_are_differentiated_exactly(curve):
+    point, problem = curve["BP1"], curve.problem
+    U = np.append(curve.X[point.index], curve.values[point.index])
+    equations = hb.BranchPoint(problem, "Omega").based(U, {"zeta": 0.05})
+    assert np.abs(equations.linearise(U, "", zeta=0.05).R).max() < 1e-10
+    random = np.random.default_rng(1)
+    at, step = U + 1e-2 * random.normal(size=len(U)), 1e-5 * random.normal(size=len(U))
+    now = equations.linearise(at, "zeta", zeta=0.05)
+    up, down = (equations.linearise(at + sign * step, "", zeta=0.05).R for sign in (1, -1))
+    assert (up - down) / 2 == pytest.approx(now.dR_dX @ step, rel=1e-6, abs=1e-12)
+    up, down = (equations.linearise(at, "", zeta=0.05 + sign * 1e-5).R for sign in (1, -1))
+    assert (up - down) / 2e-5 == pytest.approx(now.dR_dp, rel=1e-6, abs=1e-7)
+
+
+def test_a_multiplier_of_the_shot_motion_is_one(curve):
+    """And the motion is symmetric, x(t + T/2) = -x(t): it is no fold."""
+    point = curve["BP1"]
+    Omega = point.parameters["Omega"]
+    problem = curve.problem.fitting(point).with_order(1, 45)
+    orbit = hb.shoot(spring(), Omega, state_of(problem, problem.converted(point), Omega=Omega))
+    assert np.abs(orbit.multipliers - 1).min() < 1e-3  # the square root of the error of Omega, 3e-6
+    assert abs(point.amplitude("mean")) < 1e-10 < abs(point.amplitude("rms"))
+
+
+def test_stated_errors_and_the_second_parameter(curve):
+    """Against four times the harmonics, and against a curve traced at the other damping."""
+    places = {}
+    for zeta in (0.05, 0.06):
+        fine = hb.trace(hb.HarmonicBalance(spring(zeta), 36), "Omega", (1.0, 1.4), accuracy=None, stability=False)
+        places[zeta] = fine["BP1"].parameters["Omega"]
+    point = curve["BP1"]
+    assert abs(point.parameters["Omega"] - places[0.05]) < STATED * point.error < 3e-5
+    assert abs(point.parameters["Omega"] - places[0.05]) > 0.1 * point.error
+    held = hb.follow(curve, "BP1", "zeta", (0.05, 0.06))
+    assert held.status is hb.Status.REACHED_END
+    assert held.tracked["Omega"][-1] == pytest.approx(places[0.06], abs=1e-4)
+    assert abs(held.tracked["Omega"][-1] - held.tracked["Omega"][0]) > 3e-3
+    slope = hb.sensitivity(point, ["zeta"]).slopes[0, 0]
+    near = hb.follow(curve, "BP1", "zeta", (0.05, 0.0501))
+    change = (near.tracked["Omega"][-1] - near.tracked["Omega"][0]) / 1e-4
+    assert slope == pytest.approx(change, rel=1e-2)
+
+
+def test_curves_that_do_not_cross_have_none():
+    """A mean load breaks the symmetry: the crossing becomes a fold and a branch beside it."""
+    bent = hb.System(
+        [[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Cubic(k3=1.0))], hb.Load(constant=[0.05], cosine={1: [20.0]})
+    )
+    curve = hb.trace(hb.HarmonicBalance(bent, 9), "Omega", (1.0, 1.4))
+    assert "BP" not in {point.kind for point in curve.special}
