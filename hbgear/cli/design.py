@@ -145,8 +145,7 @@ def critical(
         place = f"{parameter} = {rounded(other, digits)}, Omega = {rounded(Omega, digits)}"
         print(f"another jump appears or vanishes at {place}")
     if derivatives or output or plot:
-        with one_thread():
-            moved = hb.sensitivity(found, measure=measure, element=element_of(element))
+        moved = hb.sensitivity(found, measure=measure, element=element_of(element))
         with outputs() as out:
             out.write(output, moved.export)
             out.figure(plot, lambda drawing: drawing.tornado(moved, quantity or first_of(moved), most=most))
