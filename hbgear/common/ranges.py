@@ -108,6 +108,8 @@ def checked(owner: str, name: str, value: Any, allowed: Range = ANY) -> None:
     ------
     ValueError
     """
+    if type(value) is float and -math.inf < value < math.inf and value in allowed:  # the usual case, and the quickest
+        return
     if isinstance(value, bool) or not isinstance(value, Real) or not _is_finite(value):
         raise ValueError(f"{owner}: {name} = {quoted(value)} must be a finite number")
     if float(value) not in allowed:

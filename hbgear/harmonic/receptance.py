@@ -500,9 +500,9 @@ class Receptance:
         x, dx = s.response(Omega, ratio, np.column_stack([s.W, amplitudes.T]))
         G, dG = x[..., :m], dx[..., :m]
         Y, dY = out.matrices
-        own = np.ix_(np.arange(len(w)), s.own, s.own)
+        own = np.ix_(np.arange(len(w)), s.own, s.own) if s.tied else ...
         Y[own] = np.linalg.inv(G[own])
-        dY[own] = Y[own] @ -dG[own] @ Y[own]
+        dY[own] = -(Y[own] @ dG[own] @ Y[own])
         constants = out.constants
         constants[:] = (out.matrices @ self.e[..., None])[..., 0]
         constants[0] -= (s.kr + 1j * w[:, None] * s.c) * self.e

@@ -209,6 +209,8 @@ def sensitivity(
     >>> round(found.of("Omega")["zeta"], 2) > 0
     True
     """
+    if parameters is not None and not len(parameters):
+        raise ValueError("sensitivity: name at least one parameter, such as ['zeta'], or give None for all")
     if isinstance(point, Critical):
         point = point.point
     one = point.before if isinstance(point, Jump) else point
@@ -268,8 +270,6 @@ def _names(
     own = {parameter, *problem.unknown_parameters}
     if wanted is None:
         return tuple(name for name in here if name not in own)
-    if not len(wanted):
-        raise ValueError("sensitivity: name at least one parameter, such as ['zeta'], or none for all")
     for name in wanted:
         problem.check_parameter(name)
         if name in own:
@@ -331,8 +331,8 @@ def units_at(problem: FullProblem, here: Mapping[str, float], names: Sequence[st
 
 def units_of(model: Model) -> dict[str, float]:
     """Hz and r/min at Omega = 1 and the unit of length in metres; nothing if the model does not know them."""
-    known = scales(model, {})
-    return known | {LENGTH: model.scales.length} if known and model.scales else known
+    known, own = scales(model, {}), model.scales
+    return known | {LENGTH: own.length} if known and own else known
 
 
 @dataclass(frozen=True)

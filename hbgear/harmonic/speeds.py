@@ -34,10 +34,13 @@ def model_of(branch: Branch) -> Model | None:
 def scales(model: Model | None, parameters: Mapping[str, float]) -> dict[str, float]:
     """Hz and r/min at Omega = 1 with these values of the parameters; nothing if the model does not know its units."""
     known: Any = model
-    if not getattr(known, "scales", None) and not (hasattr(known, "mesh_frequency") and hasattr(known, "pinion_speed")):
+    own = getattr(known, "scales", None)
+    if not own and not (hasattr(known, "mesh_frequency") and hasattr(known, "pinion_speed")):
         return {}
-    known = known.at(parameters) if parameters else known
-    known = getattr(known, "scales", None) or known
+    if parameters:
+        known = known.at(parameters)
+        own = getattr(known, "scales", None)
+    known = own or known
     return {MESH: float(known.mesh_frequency(1.0)), PINION: float(known.pinion_speed(1.0))}
 
 

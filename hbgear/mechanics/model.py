@@ -80,6 +80,8 @@ class Model(ABC):
         check_fields(self)
         for name, value in self.parameters.items():
             allowed = self.ranges.get(name, ANY)
+            if type(value) is float and 1 / _LARGEST < abs(value) < _LARGEST and value in allowed:
+                continue  # the usual case, and the quickest
             checked(type(self).__name__, name, value, allowed)
             if abs(float(value)) > _LARGEST:
                 raise ValueError(f"{type(self).__name__}: {name} = {value:g} is beyond {_LARGEST:g}: check its unit")
