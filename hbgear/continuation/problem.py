@@ -15,6 +15,7 @@ speaks to `FullProblem` only, which answers for what is not offered.
 | `Started` | a first solution | ``start=`` must be given |
 | `Parametrised` | its parameters with their values | all must be given |
 | `Checked` | checks of names and ranges of parameters | any name, any value |
+| `Confined` | a smaller problem for a span of a parameter | the problem itself |
 | `Sized` | the size of X that scales lengths along the curve | the norm of X |
 | `Rough` | whether dR/dX is continuous | it is |
 | `Readable` | how X is read: names, measures of amplitude | X as it is |
