@@ -11,7 +11,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
-from hbgear.cli.shares import first_of, show_shares
+from hbgear.cli.shares import Most, Saved, show_shares
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -115,8 +115,8 @@ def critical(
     quantity: Annotated[
         str, typer.Option("--of", help="What that table is sorted by, such as Omega.", show_default="PARAMETER")
     ] = "",
-    most: Annotated[int, typer.Option(min=1, help="Parameters in the table and the figure, by their effect.")] = 15,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save all derivatives as .csv.")] = None,
+    most: Most = 15,
+    output: Saved = None,
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
@@ -146,10 +146,7 @@ def critical(
         print(f"another jump appears or vanishes at {place}")
     if derivatives or output or plot:
         moved = hb.sensitivity(found, measure=measure, element=element_of(element))
-        with outputs() as out:
-            out.write(output, moved.export)
-            out.figure(plot, lambda drawing: drawing.tornado(moved, quantity or first_of(moved), most=most))
-            show_shares(moved, quantity, most)
+        show_shares(moved, quantity, most, output, plot)
     end_of(found)
 
 

@@ -12,7 +12,7 @@ import typer
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.files import FIGURES, check_writable, outputs
-from hbgear.cli.shares import ROUNDING, first_of, show_shares
+from hbgear.cli.shares import ROUNDING, Most, Saved, show_shares
 from hbgear.cli.support import (
     Changes,
     Element,
@@ -61,8 +61,8 @@ def sensitivity(
     quantity: Annotated[
         str, typer.Option("--of", help="What the table is sorted by, such as 'pinion r/min'.", show_default="Omega")
     ] = "",
-    most: Annotated[int, typer.Option(min=1, help="Parameters in the table and the figure, by their effect.")] = 15,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save all derivatives as .csv.")] = None,
+    most: Most = 15,
+    output: Saved = None,
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
@@ -81,10 +81,7 @@ def sensitivity(
     branch = hb.load(file, problem=problem_in(branch, model))
     chosen = _chosen(branch, point, measure, which)
     found = hb.sensitivity(chosen, measure=measure, element=which, multipliers=multipliers)
-    with outputs() as out:
-        out.write(output, found.export)
-        out.figure(plot, lambda drawing: drawing.tornado(found, quantity or first_of(found), most=most))
-        show_shares(found, quantity, most)
+    show_shares(found, quantity, most, output, plot)
 
 
 def scatter(

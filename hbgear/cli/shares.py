@@ -3,24 +3,39 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
+import typer
+
+from hbgear.cli.files import outputs
 from hbgear.cli.support import print_table
 
 if TYPE_CHECKING:
     from hbgear.harmonic.sensitivity import Sensitivity
 
 
+Most = Annotated[int, typer.Option(min=1, help="Parameters in the table and the figure, by their effect.")]
+
+Saved = Annotated[Path | None, typer.Option("-o", "--output", help="Save all derivatives as .csv.")]
+
 ROUNDING = 1e-6  # share that is none: derivatives of a cusp hold some 1e-7
 
 
-def show_shares(found: Sensitivity, quantity: str, most: int) -> None:
-    """Print the table, sorted by a quantity, of as many parameters.
+def show_shares(found: Sensitivity, quantity: str, most: int, output: Path | None, plot: Path | None) -> None:
+    """Write the derivatives and their figure, and print the table, sorted by a quantity, of as many parameters.
 
     quantity : "" for the first that moves.
     """
-    quantity = quantity or first_of(found)
+    quantity = quantity or _first(found)
     found.size(quantity)  # refuses one that is unknown
+    with outputs() as out:
+        out.write(output, found.export)
+        out.figure(plot, lambda drawing: drawing.tornado(found, quantity, most=most))
+        _print(found, quantity, most)
+
+
+def _print(found: Sensitivity, quantity: str, most: int) -> None:
     shares = {name: found.percent(name) for name in found.quantities}
     print(f"{found.label}: " + ", ".join(f"{q} = {found.size(q):.6g}" for q in found.quantities))
     known = [name for name in shares[quantity] if any(not abs(share[name]) < ROUNDING for share in shares.values())]
@@ -38,7 +53,7 @@ def show_shares(found: Sensitivity, quantity: str, most: int) -> None:
             print(f"{name} = 0: {quantity} changes by {found.of(quantity)[name]:.4g} for one of its unit")
 
 
-def first_of(found: Sensitivity) -> str:
+def _first(found: Sensitivity) -> str:
     """What moves: the frequency, or of a motion whose frequency is held its amplitude."""
     return next((name for name in found.quantities if any(found.percent(name).values())), found.quantities[0])
 

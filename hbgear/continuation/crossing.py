@@ -77,7 +77,7 @@ class BranchPoint(Augmented):
         return Crossed(now.size / float(s[0]), u[:, -1], vt[-2:].T, scale)
 
     def renewed(self, base: Base, X: Array, here: dict[str, float]) -> Base:
-        """Borders renewed at X, b and the sum of both of c in the sense of the old ones."""
+        """Borders renewed at X, in the sense of the old ones."""
         assert isinstance(base, Crossed)
         w, V, _ = self._null(linearise(self.problem, X, self.parameter, here), base)
         u, _, vt = scipy.linalg.svd(V, full_matrices=False)  # the orthonormal pair nearest to V
@@ -100,26 +100,27 @@ class BranchPoint(Augmented):
         now = linearise(self.problem, X, self.parameter, here)
         w, V, g = self._null(now, base)
         V, k, b = V * base.scale[:, None], base.weight, base.b
-        (bent,) = in_parameter(self.problem, self.parameter, here, lambda at: (self._rate(X, at),))
-        g_X, g_p = np.empty((2, len(X))), np.empty(2)
-        for j, (v, rate) in enumerate(zip(V[:-1].T, V[-1], strict=True)):
-            along, across = self.problem.curvature(X, v if v.any() else np.ones(len(X)), self.parameter, **here)
-            along = as_dense(along) if v.any() else np.zeros((len(X), len(X)))
-            g_X[j] = -(w @ along) - rate * (w @ across)
-            g_p[j] = -float(w @ (across @ v + rate * bent))
-        moved = []
-        for name in names:
-            dR, dA = in_parameter(self.problem, name, here, lambda at: self._both(X, at))
-            dg = -k * (w @ dA @ V)
-            moved.append((dR - b * (b @ dR) + b * dg[0], float(dg[1])))
-        R, A = now.R - b * (b @ now.R) + b * (k * g[0]), as_dense(now.dR_dX)
-        A = A - np.outer(b, b @ A) + np.outer(b, k * g_X[0])
-        across = now.dR_dp - b * (b @ now.dR_dp) + b * (k * g_p[0])
-        return Extra(Evaluation(R, A, across, now.size), k * g[1], k * g_X[1], k * g_p[1], tuple(moved))
 
-    def _rate(self, X: Array, at: dict[str, float]) -> Array:
-        rate: Array = linearise(self.problem, X, self.parameter, at).dR_dp
-        return rate
+        def moved(name: str) -> tuple[Array, Array]:
+            """Derivatives of R and g in a parameter."""
+            dR, dA = in_parameter(self.problem, name, here, lambda at: self._both(X, at))
+            return dR, -k * (w @ dA @ V)
+
+        g, g_X, g_p = k * g, k * self._slopes(X, here, w, V), moved(self.parameter)[1]
+        first = Evaluation(
+            _instead(b, now.R, g[0]), _instead(b, as_dense(now.dR_dX), g_X[0]), _instead(b, now.dR_dp, g_p[0]), now.size
+        )
+        others = tuple((_instead(b, dR, dg[0]), float(dg[1])) for dR, dg in map(moved, names))
+        return Extra(first, float(g[1]), g_X[1], float(g_p[1]), others)
+
+    def _slopes(self, X: Array, here: dict[str, float], w: Array, V: Array) -> Array:
+        """Gradients (2, n) of g in X: -w^T (R_XX v + R_Xp r) for each (v, r) of V."""
+        out = []
+        for *v, rate in V.T:
+            moves = any(v)  # else all that changes along it is the parameter
+            along, across = self.problem.curvature(X, np.array(v) if moves else np.ones(len(X)), self.parameter, **here)
+            out.append(-rate * (w @ across) - (w @ along if moves else 0.0))
+        return np.array(out)
 
     def _both(self, X: Array, at: dict[str, float]) -> tuple[Array, Array]:
         now = linearise(self.problem, X, self.parameter, at)
@@ -127,6 +128,12 @@ class BranchPoint(Augmented):
 
 
 _SIMPLE = 1e-7  # second singular value, relative to the largest, below which the null space has three dimensions
+
+
+def _instead(b: Array, of: Array, value: Array) -> Array:
+    """(1 - b b^T) of, and the value in the place of b^T of."""
+    out: Array = of + np.multiply.outer(b, value - b @ of)
+    return out
 
 
 def _matrix(now: Evaluation) -> Array:

@@ -725,9 +725,8 @@ class HarmonicBalance(FullProblem):
         """dR/dname alone (n,)."""
         if name == "Omega":
             return super().moved(X, name, parameters)
-        here = {name: self._own.get(name, 0.0), **parameters}
-        (dR,) = in_parameter(self, name, here, lambda at: (self.compiled(at).linearise(X, float(at["Omega"]))[0],))
-        return dR  # type: ignore[no-any-return]
+        dR: Array = self.moved_many(X[None], np.array([parameters["Omega"]]), name, parameters)[0]
+        return dR
 
     def moved_many(self, X: Array, Omega: Array, name: str, parameters: Mapping[str, float]) -> Array:
         """`moved` (P, n) of many motions X (P, n) at Omega (P,); the name is that of a parameter of the model."""

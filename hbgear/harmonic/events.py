@@ -50,7 +50,7 @@ from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
 from hbgear.harmonic.meeting import meetings
 from hbgear.harmonic.observables import Layout
-from hbgear.harmonic.special import Grazing, NeimarkSacker, PeriodDoubling, exponent_of, peak_of
+from hbgear.harmonic.special import Grazing, NeimarkSacker, PeriodDoubling, exponent_of_pair, peak_of
 
 
 class Doubling(Event):
@@ -172,13 +172,11 @@ class SecondFrequency(Event):
         problem: Any = segment.problem
         if not problem.smooth:
             return found
-        pairs = _known(segment, found.row)
-        pairs = pairs[pairs.imag > 1e-8 * np.abs(pairs)]
-        if not len(pairs):
+        Omega = {**segment.parameters, segment.name: found.row.value}["Omega"]
+        near = exponent_of_pair(_known(segment, found.row), problem.nu, Omega)
+        if near is None:
             return found
-        mu = complex(pairs[np.argmin(np.abs(np.log(np.abs(pairs))))])
-        omega = {**segment.parameters, segment.name: found.row.value}["Omega"]
-        own = SecondFrequency(exponent_of(mu, problem.nu, omega))
+        own = SecondFrequency(near)
         equations = own.equations(problem, segment.name, found)
         return found if equations is None else _sharpened(segment, replace(found, event=own), equations)
 

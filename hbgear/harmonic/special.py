@@ -200,11 +200,10 @@ class NeimarkSacker(Augmented):
 
     def _guess(self, X: Array, here: dict[str, float]) -> complex:
         """The exponent of the complex pair of multipliers next to the unit circle."""
-        mu = self.problem.multipliers(X, **here)
-        mu = mu[mu.imag > 1e-8 * np.abs(mu)]
-        if not len(mu):
+        s = exponent_of_pair(self.problem.multipliers(X, **here), self.problem.nu, here["Omega"])
+        if s is None:
             raise ValueError("no pair of multipliers of the motion is complex: it is at no Neimark-Sacker point")
-        return exponent_of(mu[np.argmin(np.abs(np.log(np.abs(mu))))], self.problem.nu, here["Omega"])
+        return s
 
     def _pair(self, hill: Condensed, base: Base, X: Array, here: dict[str, float]) -> _Pair:
         assert isinstance(base, Rotation) and base.b is not None and base.c is not None
@@ -254,9 +253,13 @@ class NeimarkSacker(Augmented):
         return float(moved)
 
 
-def exponent_of(multiplier: complex, nu: int, Omega: float) -> complex:
-    """The exponent s of a multiplier exp(2 pi nu s / Omega)."""
-    return complex(np.log(multiplier)) * Omega / (2 * np.pi * nu)
+def exponent_of_pair(mu: ComplexArray, nu: int, Omega: float) -> complex | None:
+    """The exponent s of the complex pair of multipliers exp(2 pi nu s / Omega) next to the unit circle, if any."""
+    pairs = mu[mu.imag > 1e-8 * np.abs(mu)]
+    if not len(pairs):
+        return None
+    nearest = complex(pairs[np.argmin(np.abs(np.log(np.abs(pairs))))])
+    return complex(np.log(nearest)) * Omega / (2 * np.pi * nu)
 
 
 def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: Array, here: dict[str, float]) -> _Pair:

@@ -265,7 +265,7 @@ FILES = {
         "complete": "",
         "support": "complete",
         "files": "support",
-        "shares": "support",
+        "shares": "files support",
         "design": "complete files shares support",
         "fit": "complete files shares support",
         "gear": "files support",
