@@ -11,14 +11,15 @@ solved for with twice the harmonics, or that nearest by where a fold leaves none
 
 A second set of multipliers is computed where it can matter. Where the largest modulus lies farther from 1 than ten
 thousand times the relative error of the motion, which no motion was seen to exceed, it cannot. Nearer by it is computed
-of one row in eight, which tells how much the modulus makes of the relative error hereabouts; and of the rows between
-them whose modulus lies within ten times the error that follows.
+of one row in eight, which tells how much the modulus makes of the relative error hereabouts; what follows is the error
+of the rows between them. Those whose modulus lies within ten times that are computed as well. Where the largest
+multiplier comes nearer to another one, with which it may collide, it is taken for more sensitive by as much.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -58,50 +59,47 @@ def decide(
     known = np.flatnonzero(~np.isnan(mu).any(axis=1))
     mu = mu[known]
     rough = np.array([seen[i]["error"] for i in known.tolist()])
-    size = norms(X[known].reshape(len(known), problem.m, -1)[:, :, 1:])
-    near = _SENSITIVE * rough > np.abs(_modulus(mu) - 1.0) * size
+    rough /= np.maximum(norms(X[known].reshape(len(known), problem.m, -1)[:, :, 1:]), 1e-300)
+    near = _SENSITIVE * rough > np.abs(_modulus(mu) - 1.0)
     if not near.any():
         return
     some, mu = known[near], mu[near]
 
-    def errors(rows: Any) -> Array:
-        at = some[rows]
-        return _errors(problem, X[at], mu[rows], name, values[at], parameters)
+    def computed(rows: np.ndarray) -> Array:
+        return _errors(problem, X[some[rows]], mu[rows], name, values[some[rows]], parameters)
 
-    for k, error in _where_they_matter(errors, mu, rough[near], size[near]):
-        i, one = int(some[k]), mu[k]
+    regime = np.array([seen[i]["regime"] for i in some.tolist()])
+    errors = _errors_of(mu, rough[near], regime, computed)
+    for i, one, error in zip(some.tolist(), mu, errors.tolist(), strict=True):
         if abs(_modulus(one) - 1.0) <= error and not is_sketch(problem, X[i], seen[i]["error"]):
             one, error = _with_more(problem, X[i], name, {**parameters, name: float(values[i])}, one, error)
-        seen[i]["multipliers"], seen[i]["modulus_error"] = one, float(error)
+        seen[i]["multipliers"], seen[i]["modulus_error"] = one, error
 
 
-def _where_they_matter(
-    errors: Callable[[Any], Array], mu: ComplexArray, rough: Array, size: Array
-) -> Iterator[tuple[int, float]]:
-    """Rows that tell how sensitive multipliers are, and those whose errors may reach the unit circle, with the errors.
+def _errors_of(mu: ComplexArray, rough: Array, regime: np.ndarray, computed: Callable[[np.ndarray], Array]) -> Array:
+    """Errors (k,) of the largest moduli of multipliers mu (k, r) of motions with relative errors rough (k,).
 
-    errors : computes those of rows, given by number. mu (k, r) : multipliers. rough, size (k,) : errors and sizes of the
-    motions.
+    regime (k, m) : of each element. computed : gives those of some rows by a second set of multipliers.
     """
-    stretches = _stretches(mu)
+    largest = np.take_along_axis(mu, np.abs(mu).argmax(axis=1)[:, None], axis=1)
+    apart = np.maximum(np.sort(np.abs(mu - largest), axis=1)[:, :2].max(axis=1), 1e-300)  # from the nearest other one
+    moved = np.abs(np.diff(largest[:, 0].real + 1j * np.abs(largest[:, 0].imag)))
+    ends = (moved > _ANOTHER) | np.any(regime[1:] != regime[:-1], axis=1)
+    stretches = np.split(np.arange(len(mu)), 1 + np.flatnonzero(ends))
     samples = [_samples(rows) for rows in stretches]
     first = np.concatenate(samples)
-    told = errors(first)
-    found = dict(zip(first.tolist(), (told * size[first] / rough[first]).tolist(), strict=True))
-    between = [_around(rows, some, np.array([found[k] for k in some.tolist()]))
-               for rows, some in zip(stretches, samples, strict=True)]  # fmt: skip
-    sure = np.abs(_modulus(mu) - 1.0) * size > _BETWEEN * np.concatenate(between) * rough
+    told, sensitive = computed(first), np.zeros((2, len(mu)))
+    sensitive[:, first] = told / rough[first] * np.stack([np.ones(len(first)), apart[first]])
+    around = np.concatenate(
+        [_around(rows, some, sensitive[:, some]) for rows, some in zip(stretches, samples, strict=True)], axis=1
+    )
+    errors: Array = rough * np.maximum(around[0], around[1] / apart)
+    sure = np.abs(_modulus(mu) - 1.0) > _BETWEEN * errors
+    errors[first] = told
     more = np.setdiff1d(np.flatnonzero(~sure), first)
-    yield from zip(first.tolist(), told.tolist(), strict=True)
     if more.size:
-        yield from zip(more.tolist(), errors(more).tolist(), strict=True)
-
-
-def _stretches(mu: ComplexArray) -> list[np.ndarray]:
-    """Rows in a row whose largest multiplier is the same one, a little farther along the curve."""
-    largest = np.take_along_axis(mu, np.abs(mu).argmax(axis=1)[:, None], axis=1)[:, 0]
-    moved = np.abs(np.diff(largest.real + 1j * np.abs(largest.imag)))
-    return np.split(np.arange(len(mu)), 1 + np.flatnonzero(moved > _ANOTHER))
+        errors[more] = computed(more)
+    return errors
 
 
 def _samples(rows: np.ndarray) -> np.ndarray:
@@ -111,10 +109,10 @@ def _samples(rows: np.ndarray) -> np.ndarray:
 
 
 def _around(rows: np.ndarray, samples: np.ndarray, sensitive: Array) -> Array:
-    """The largest sensitivity of the two samples on either side of each row."""
-    padded = np.pad(sensitive, (1, 2), mode="edge")
-    largest = np.max([padded[i : i + len(samples)] for i in range(4)], axis=0)
-    around: Array = largest[np.searchsorted(samples, rows, side="right") - 1]
+    """The largest sensitivities (..., k) of the two samples on either side of each row."""
+    padded = np.concatenate([sensitive[..., :1], sensitive, sensitive[..., -1:], sensitive[..., -1:]], axis=-1)
+    largest = np.max([padded[..., i : i + len(samples)] for i in range(4)], axis=0)
+    around: Array = largest[..., np.searchsorted(samples, rows, side="right") - 1]
     return around
 
 
