@@ -547,7 +547,8 @@ class HarmonicBalance(FullProblem):
     ) -> None:
         """Compare the multipliers near the unit circle with those of the motion without the harmonics left out.
 
-        The difference of the largest moduli, three times, is the error. Where that reaches the unit circle, the motion
+        The difference of the largest moduli, three times, is the error; of rows whose verdict is in no doubt it is told
+        by that of rows next to them (see `deciding`). Where that reaches the unit circle, the motion
         is solved for with twice the harmonics, and again up to eight times as many.
         """
         if not isinstance(self.compiled({}).structure, Measuring):

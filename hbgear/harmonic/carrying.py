@@ -17,7 +17,7 @@ import numpy as np
 from hbgear.common.compiling import kernel
 from hbgear.continuation.elimination import eliminate
 from hbgear.harmonic.crossings import waves_of
-from hbgear.harmonic.phi import integrals
+from hbgear.harmonic.phi import moments
 from hbgear.harmonic.pieces import piece_of, polynomial, waves_with
 from hbgear.harmonic.projection import instants
 
@@ -173,15 +173,14 @@ def monodromy(modes: Any, cut: Any, omega: float, D: Any, x: Any, L: Any, out: A
         state[k, k] = 1.0
     for k in range(r - q):
         state[q + k, q + k] = 1.0
-    turns, parts = np.empty((s + 1, q), dtype=np.complex128), np.empty((s, s + 1, q), dtype=np.complex128)
-    work = np.empty((s + 2, (s + 1) * q), dtype=np.complex128)
+    turns, work = np.empty((s + 1, q), dtype=np.complex128), np.empty((s + 2, (s + 1) * q), dtype=np.complex128)
     A, R = np.empty((orders, s * g, s * g)), np.empty((orders, s * g, 2 * q))
     B = np.empty((2 * q, s * g))
     u, felt = np.empty((s * g, r)), np.empty((orders, s * g, r))
     step = 0
     for i in range(cut.shape[0]):
-        integrals(modes.poles, cut[i, 1] / omega, ends, L, turns, parts, work)
-        _tables(modes, turns, parts, A, R, B)
+        moments(modes.poles, cut[i, 1] / omega, ends, turns, work)
+        _tables(modes, turns, work, L, A, R, B)
         for _ in range(int(cut[i, 2])):
             for o in range(orders):
                 felt[o, :, :] = 0.0
@@ -196,31 +195,50 @@ def monodromy(modes: Any, cut: Any, omega: float, D: Any, x: Any, L: Any, out: A
 
 
 @kernel
-def _tables(modes: Any, turns: Any, parts: Any, A: Any, R: Any, B: Any) -> None:
-    """A, R and B of a step: rows and columns are Gauss points and ports; modes are in real numbers."""
+def _tables(modes: Any, turns: Any, work: Any, L: Any, A: Any, R: Any, B: Any) -> None:
+    """A, R and B of a step, from `moments`: rows and columns are Gauss points and ports; modes are in real numbers.
+
+    The modes are summed before the monomials are put together to Lagrange polynomials, at a part of the cost.
+    """
     s, g, q, orders = turns.shape[0] - 1, modes.output.shape[0], modes.poles.shape[0], A.shape[0]
     A[:, :, :] = 0.0
+    w = np.empty(q, dtype=np.complex128)
     for o in range(orders):
         for p in range(g):
             for k in range(q):
-                w = modes.output[p, k] * (modes.poles[k] if o else 1.0)
-                for i in range(s):
-                    felt = w * turns[i, k]
+                w[k] = modes.output[p, k] * (modes.poles[k] if o else 1.0)
+            for i in range(s):
+                for k in range(q):
+                    felt = w[k] * turns[i, k]
                     R[o, i * g + p, k], R[o, i * g + p, q + k] = felt.real, -felt.imag
-                    for e in range(g):
-                        both = w * modes.input[k, e]
-                        for j in range(s):
-                            part = parts[j, i, k]
-                            A[o, i * g + p, j * g + e] += both.real * part.real - both.imag * part.imag
-            if o == 0:
-                for i in range(s):
-                    for e in range(g):
+            for e in range(g):
+                _felt(w, modes.input[:, e], work, L, A[o, p::g, e::g])
+                if o == 0:
+                    for i in range(s):
                         A[0, i * g + p, i * g + e] += modes.rest[p, e]
-    for k in range(q):
-        for j in range(s):
+    for j in range(s):
+        for k in range(q):
+            z = 0j
+            for n in range(s):
+                z += L[j, n] * work[n + 1, s * q + k]
             for p in range(g):
-                pushed = parts[j, s, k] * modes.input[k, p]
+                pushed = z * modes.input[k, p]
                 B[k, j * g + p], B[q + k, j * g + p] = pushed.real, pushed.imag
+
+
+@kernel
+def _felt(output: Any, pushed: Any, work: Any, L: Any, out: Any) -> None:
+    """Add what a port feels at the Gauss points (s, s) of a force on another one that is a Lagrange polynomial."""
+    s, q = L.shape[0], output.shape[0]
+    for n in range(s):
+        for i in range(s):
+            total = rest = 0.0
+            for k in range(q):
+                both, z = output[k] * pushed[k], work[n + 1, i * q + k]
+                total += both.real * z.real
+                rest += both.imag * z.imag
+            for j in range(s):
+                out[i, j] += (total - rest) * L[j, n]
 
 
 @kernel

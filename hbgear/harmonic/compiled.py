@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.recent import Recent
 from hbgear.harmonic.corners import corners_of, gap
-from hbgear.harmonic.modes import Parts, parts_of
+from hbgear.harmonic.modes import Parts, flexibilities, parts_of
 from hbgear.harmonic.numbers import Numbers, laws_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
 from hbgear.harmonic.sampled import SampledLaws
@@ -102,6 +103,18 @@ class Compiled:
         alike = [(element.law, element.damping) for element in self.system.elements]
         groups = np.array([alike.index(one) for one in alike])
         return parts_of(modes.poles, modes.output, modes.input, groups, reach, lumped)
+
+    def beside(self, frequencies: Array) -> Array:
+        """Flexibility (P, m) of the elements beside the modes up to frequencies (P,)."""
+        sizes, beside = self._flexibilities
+        out: Array = beside[np.searchsorted(sizes, frequencies, side="right")]
+        return out
+
+    @cached_property
+    def _flexibilities(self) -> tuple[Array, Array]:
+        modes = self.structure.modes
+        assert modes is not None
+        return flexibilities(modes.poles, modes.output, modes.input)
 
     def linear(self, Omega: float) -> LinearPart:
         """Linear part at Omega; the last one is kept, for Newton at fixed Omega asks for it again and again."""

@@ -153,15 +153,12 @@ def _reduced(
     """`multipliers_of` by the modes up to so many times the frequency that is usual."""
     reach, largest = _reach(compiled, X, Omega)
     levels = np.ceil(_LEVELS * np.log2(times * reach)).astype(int)
+    soft = (largest * compiled.beside(2.0 ** (levels / _LEVELS))).sum(axis=1) > _SOFT
     mu = np.empty((len(X), _LISTED), dtype=complex)
-    for level in np.unique(levels):
-        some, frequency = levels == level, float(2.0 ** (level / _LEVELS))
-        soft = largest[some] @ np.diag(compiled.parts(frequency).rest) > _SOFT
-        for lumped in (False, True):
-            rows = np.flatnonzero(some)[soft == lumped]
-            if rows.size:
-                parts = compiled.parts(frequency, lumped)
-                mu[rows] = _all_of(compiled, parts, X[rows], Omega[rows], points, width)[:, :_LISTED]
+    for level, lumped in {*zip(levels.tolist(), soft.tolist(), strict=True)}:
+        rows = np.flatnonzero((levels == level) & (soft == lumped))
+        parts = compiled.parts(2.0 ** (level / _LEVELS), lumped)
+        mu[rows] = _all_of(compiled, parts, X[rows], Omega[rows], points, width, _LISTED)
     return mu
 
 
@@ -198,22 +195,29 @@ def reduction(compiled: Compiled, X: Array, Omega: Array) -> dict[str, float]:
 
 
 def _all_of(
-    compiled: Compiled, parts: Parts, X: Array, Omega: Array, points: int | None, width: float | None
+    compiled: Compiled,
+    parts: Parts,
+    X: Array,
+    Omega: Array,
+    points: int | None,
+    width: float | None,
+    listed: int | None = None,
 ) -> ComplexArray:
-    """`multipliers_of`, by the modes of some parts."""
+    """`multipliers_of`, by the modes of some parts; all of them, or so many of the largest."""
     alike = _alike(compiled, parts, X) if len(parts.split) > 1 else np.zeros(len(X), dtype=bool)
-    mu = np.empty((len(X), parts.size), dtype=complex)
-    mu[:, : len(parts.idle)] = np.exp(parts.idle * (2 * np.pi * compiled.nu / Omega)[:, None])
+    idle = parts.idle[:listed]
+    mu = np.empty((len(X), len(idle) + parts.whole.size), dtype=complex)
+    mu[:, : len(idle)] = np.exp(idle * (2 * np.pi * compiled.nu / Omega)[:, None])
     for some, each in ((alike, parts.split), (~alike, (parts.whole,))):
         if some.any():
-            at = len(parts.idle)
+            at = len(idle)
             for part in each:
                 found = np.linalg.eigvals(
                     monodromies(compiled, part, parts.mobility, X[some], Omega[some], points, width)
                 )
                 mu[some, at : at + part.size] = found
                 at += part.size
-    return mu[np.arange(len(mu))[:, None], np.argsort(-np.abs(mu), axis=-1, kind="stable")]
+    return mu[np.arange(len(mu))[:, None], np.argsort(-np.abs(mu), axis=-1, kind="stable")[:, :listed]]
 
 
 def _alike(compiled: Compiled, parts: Parts, X: Array) -> np.ndarray:

@@ -54,9 +54,9 @@ class Parts:
     """All modes of a structure.
 
     whole : every mode that takes part; split : the same in parts that do not mix while alike elements move alike.
-    idle : poles of the others, both of each pair, those above the reach among them. groups (m,) : first element that
-    each is like. mobility (m,) : inverse modal masses of the elements, of the modes that take part. size : number of
-    multipliers. rest (m, m) : flexibility beside the modes.
+    idle : poles of the others, both of each pair, those above the reach among them; the least damped first. groups
+    (m,) : first element that each is like. mobility (m,) : inverse modal masses of the elements, of the modes that take
+    part. size : number of multipliers. rest (m, m) : flexibility beside the modes.
     """
 
     whole: Part
@@ -126,7 +126,18 @@ def parts_of(
             split = (everything,)
     mobility = mobility_of(poles[taking], output[:, taking], input_[taking])
     idle = np.concatenate([poles[still], idle])
+    idle = idle[np.argsort(-idle.real, kind="stable")]
     return Parts(everything, split, idle, groups, mobility, everything.size + len(idle), rest)
+
+
+def flexibilities(poles: ComplexArray, output: ComplexArray, input_: ComplexArray) -> tuple[Array, Array]:
+    """Frequencies (r,) of the modes, ascending, and the flexibility (r + 1, m) of each element beside the first few."""
+    size = np.abs(poles)
+    order = np.argsort(size, kind="stable")
+    each = -(output / poles * input_.T).real[:, order]
+    beside = np.zeros((len(poles) + 1, len(output)))
+    beside[:-1] = np.cumsum(each.T[::-1], axis=0)[::-1]
+    return size[order], beside
 
 
 def _blocks(joined: np.ndarray) -> np.ndarray:
@@ -223,7 +234,9 @@ def _part(
     poles: ComplexArray, output: ComplexArray, input_: ComplexArray, some: np.ndarray, ports: np.ndarray, rest: Array
 ) -> Part:
     """The modes number ``some``, seen through ports, and the flexibility beside them."""
-    pairs, alone = (half[np.isin(half, some)] for half in halves(poles))
+    taking = np.zeros(len(poles), dtype=bool)
+    taking[some] = True
+    pairs, alone = (half[taking[half]] for half in halves(poles))
     kept = np.concatenate([pairs, alone])
     lam, out, push = (np.array(x, dtype=complex) for x in (poles[kept], output[:, kept], input_[kept]))
     k = len(pairs)

@@ -50,6 +50,35 @@ def phi(z: ComplexArray, out: ComplexArray) -> None:
 
 
 @kernel
+def moments(poles: ComplexArray, h: float, c: Array, turns: ComplexArray, work: ComplexArray) -> None:
+    """What modes make of monomials in a step of length h, up to c_i h.
+
+        e^{lambda c_i h},   int_0^{c_i h} e^{lambda (c_i h - x)} (x / h)^p dx = c_i h c_i^p p! phi_{p+1}(lambda c_i h)
+
+    Parameters
+    ----------
+    poles : (q,) lambda.
+    c : (n,) ends, in units of the step.
+    turns : (n, q), the first of these on return.
+    work : (s + 2, n q), whose rows 1..s are the second on return, of p = 0..s-1.
+    """
+    s, n, q = len(work) - 2, len(c), len(poles)
+    z, powers = work[s + 1], work[: s + 1]
+    for i in range(n):
+        for r in range(q):
+            z[i * q + r] = c[i] * h * poles[r]
+    phi(z, powers)
+    for i in range(n):
+        scale = c[i] * h
+        for r in range(q):
+            turns[i, r] = powers[0, i * q + r]
+        for p in range(s):
+            for r in range(q):
+                powers[p + 1, i * q + r] *= scale
+            scale *= c[i] * (p + 1)
+
+
+@kernel
 def integrals(
     poles: ComplexArray, h: float, c: Array, L: Array, turns: ComplexArray, out: ComplexArray, work: ComplexArray
 ) -> None:
@@ -67,22 +96,11 @@ def integrals(
     work : (s + 2, n q), overwritten.
     """
     s, n, q = len(L), len(c), len(poles)
-    z, powers, flat = work[s + 1], work[: s + 1], out.reshape(s, n * q)
-    for i in range(n):
-        for r in range(q):
-            z[i * q + r] = c[i] * h * poles[r]
-    phi(z, powers)
-    for i in range(n):
-        scale = c[i] * h
-        for r in range(q):
-            turns[i, r] = powers[0, i * q + r]
-        for p in range(s):  # int_0^{c h} e^{lambda (c h - x)} (x / h)^p dx = c h c^p p! phi_{p+1}(lambda c h)
-            for r in range(q):
-                powers[p + 1, i * q + r] *= scale
-            scale *= c[i] * (p + 1)
+    moments(poles, h, c, turns, work)
+    flat = out.reshape(s, n * q)
     for j in range(s):
         for i in range(n * q):
-            flat[j, i] = L[j, 0] * powers[1, i]
+            flat[j, i] = L[j, 0] * work[1, i]
         for p in range(1, s):
             for i in range(n * q):
-                flat[j, i] += L[j, p] * powers[p + 1, i]
+                flat[j, i] += L[j, p] * work[p + 1, i]

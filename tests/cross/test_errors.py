@@ -11,6 +11,7 @@ from cross.test_two_masses import POINTS, SPAN, two_masses
 
 import hbgear as hb
 from hbgear.continuation.newton import solve
+from hbgear.harmonic import deciding
 
 STATED = 3.0  # times the stated error within which the true one lies
 
@@ -100,6 +101,32 @@ def test_multipliers_in_doubt_are_those_of_the_motion_at_this_frequency():
         assert (true > 1) == (said > 1), here
         counts.append(abs(true - said) <= curve.modulus_error[i] + 1e-7)
     assert len(counts) > 10 and np.mean(counts) > 0.9
+
+
+@pytest.mark.parametrize("zeta, harmonics, span", [(0.05, 5, (1.0, 0.8)), (0.03, 8, (0.95, 0.7))])
+def test_errors_of_few_multipliers_tell_those_of_the_rows_between(zeta, harmonics, span, monkeypatch):
+    """No verdict in doubt is missed, and no error told is a tenth of what a second set of multipliers tells."""
+    problem = hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=zeta), harmonics)
+    curve = hb.trace(problem, "Omega", span, stability=False, accuracy=None)
+    seen, asked = problem.observe_many(curve.X, "Omega", curve.values), []
+    mu = np.array([one["multipliers"] for one in seen])
+    every = deciding._errors(problem, curve.X, mu, "Omega", curve.values, {})
+    rows = {x.tobytes(): i for i, x in enumerate(curve.X)}
+    kept = deciding._errors
+    monkeypatch.setattr(deciding, "_errors", lambda p, X, *given: asked.extend(map(bytes, X)) or kept(p, X, *given))
+    monkeypatch.setattr(deciding, "_with_more", lambda *given: given[-2:])
+    problem.decided(curve.X, "Omega", curve.values, seen, {})
+    computed = np.zeros(len(curve), dtype=bool)
+    computed[[rows[x] for x in asked]] = True
+    told = np.array([one["modulus_error"] for one in seen])
+    between = ~computed & np.isfinite(told)
+    doubtful = np.abs(np.abs(mu).max(axis=1) - 1) <= every
+    assert between.sum() > 0.3 * len(curve) and doubtful.any()
+    assert not np.any(doubtful & between)
+    np.testing.assert_array_equal(told[computed], every[computed])
+    assert np.all(told[between] >= 0.1 * every[between])
+    some = between & (every > 0)
+    assert some.sum() > 10 and np.median(told[some] / every[some]) < 3
 
 
 @pytest.mark.parametrize("first", [0, 10])

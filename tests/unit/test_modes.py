@@ -196,3 +196,12 @@ def test_few_modes_tell_what_all_do(law, leading, others):
     assert max(carried) < 60 and few.parts().whole.size == 120
     if not law.breakpoints:
         assert min(carried) < 20
+
+
+def test_flexibility_beside_the_modes_up_to_a_frequency():
+    system, w = chain(Cubic(0.0, 0.5))
+    compiled = HarmonicBalance(system, 3).compiled({})
+    frequencies = np.array([0.5, 2.5, 7.3, 20.0, 1e3]) * w
+    beside = [np.diag(compiled.parts(one).rest) for one in frequencies.tolist()]
+    np.testing.assert_allclose(compiled.beside(frequencies), beside, rtol=1e-12, atol=1e-15)
+    assert compiled.beside(frequencies)[-1] == 0 < compiled.beside(frequencies)[-2]
