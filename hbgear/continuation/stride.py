@@ -30,7 +30,7 @@ class Stride(NamedTuple):
     reason: str
 
 
-_MOST = 64  # rows of one call of a compiled loop
+_MOST = 128  # rows of one call of a compiled loop
 
 
 _WORK = 3e8  # multiplications of one call, so that Ctrl-C is heard within a second

@@ -154,7 +154,7 @@ _ROUGH = 0.05  # error of a solution, relative to its size, above which a curve 
 _ADRIFT = 1e-3  # error of a special point, over the unit of the parameter, above which it may not be there at all
 
 
-_TOGETHER = 64  # rows observed at once
+_TOGETHER = 128  # rows observed at once
 
 
 class _Tracer:
