@@ -313,23 +313,22 @@ class _Tracer:
         if not fresh:
             return
         told: Iterable[dict[str, Any]]
+        u = np.array([row.u for row in fresh])
         try:
-            u = np.array([row.u for row in fresh])
             told = observe_all(problem or self.problem, u, self.name, self.fixed, self.stability)
         except Exception:
             told = (self._observed_alone(row, problem or self.problem) for row in fresh)
         for row, seen in zip(fresh, told, strict=True):
             row.observed.update(seen)
         if self.strict:
-            self._check_enough(fresh)
+            self._check_enough(u, np.array([row.observed.get("error", 0.0) for row in fresh]))
 
-    def _check_enough(self, rows: list[CurvePoint]) -> None:
-        """Give up a curve of solutions that so few unknowns cannot tell."""
-        error = np.array([row.observed.get("error", 0.0) for row in rows])
-        relative = relative_errors(np.array([row.X for row in rows]), error)
+    def _check_enough(self, u: Array, error: Array) -> None:
+        """Give up a curve of solutions u (P, n + 1) that so few unknowns cannot tell."""
+        relative = relative_errors(u[:, :-1], error)
         if (relative > _ROUGH).any():
             first = int(np.argmax(relative > _ROUGH))
-            raise _Sketch(self.problem, f"an error of {relative[first]:.0%} at {self.name} = {rows[first].value:.6g}")
+            raise _Sketch(self.problem, f"an error of {relative[first]:.0%} at {self.name} = {u[first, -1]:.6g}")
 
     def _observed_alone(self, row: CurvePoint, problem: FullProblem) -> dict[str, Any]:
         try:
@@ -596,11 +595,11 @@ class _Tracer:
         fresh = [row for row in path if "multipliers" in row.observed and "modulus_error" not in row.observed]
         if self.accuracy is None or not fresh:
             return
-        X, values = np.array([row.X for row in fresh]), np.array([row.value for row in fresh])
+        u = np.array([row.u for row in fresh])
         try:
-            self.problem.decided(X, self.name, values, [row.observed for row in fresh], self.fixed)
+            self.problem.decided(u[:, :-1], self.name, u[:, -1], [row.observed for row in fresh], self.fixed)
         except Exception as error:
-            self.ending.note(error, f"in making sure of the stability near {self.name} = {values[-1]:.6g}")
+            self.ending.note(error, f"in making sure of the stability near {self.name} = {u[-1, -1]:.6g}")
 
     def _assessed(self, arc: Segment, found: list[Found]) -> list[Found]:
         """Special points of a piece with their errors, solved for as accurately as is wanted."""

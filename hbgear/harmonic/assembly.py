@@ -132,8 +132,12 @@ def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> Non
         ratio = orders[k] / nu
         w, Y, dY = Omega * ratio, matrices[0, k], matrices[1, k]
         receptance(poles, residues, w, G, dG)
-        inverse(G, Y)
-        _change(Y, dG, -ratio, dY)
+        if m == 1 and G[0, 0] != 0.0:  # the usual case, at a third of the cost
+            Y[0, 0] = 1.0 / G[0, 0]
+            dY[0, 0] = -ratio * Y[0, 0] * Y[0, 0] * dG[0, 0]
+        else:
+            inverse(G, Y)
+            _change(Y, dG, -ratio, dY)
         for i in range(m):
             e = moved[k, i]
             constants[0, k, i] = -(springs[0, i] + 1j * w * springs[1, i]) * e

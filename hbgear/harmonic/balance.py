@@ -673,6 +673,8 @@ class HarmonicBalance(FullProblem):
     def _changed(self, parameters: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
         """The parameters that are not those of the model, by name."""
         changed = {k: v for k, v in parameters.items() if k != "Omega" and v != self._own.get(k)}
+        if not changed:  # the usual case, of which every call asks
+            return ()
         for name in changed.keys() - self._own.keys():
             self.check_parameter(name)
         return tuple(sorted(changed.items()))
