@@ -82,7 +82,7 @@ def branch_of(
 
 
 def _unknowns(problem: FullProblem, rows: list[CurvePoint]) -> tuple[Array, Array, list[dict[str, float]]]:
-    """The unknowns of rows (P, n), their values of the parameter (P,), and the parameters among the unknowns of each."""
+    """Unknowns of rows (P, n), their values of the parameter (P,), and the parameters among the unknowns of each."""
     if not problem.unknown_parameters and {len(row.u) - 1 for row in rows} == {problem.size}:
         u = np.array([row.u for row in rows])
         return u[:, :-1].copy(), u[:, -1].copy(), []

@@ -200,5 +200,5 @@ def widened(scale: Array, problem: FullProblem, size: int) -> Array:
 
 
 def heading_of(moves: float, before: int) -> int:
-    """Whether lambda rises or falls, by the scaled component of a unit tangent in it; as before where it stands still."""
+    """Whether lambda rises or falls, by the scaled component of the tangent in it; as before where it stands still."""
     return (1 if moves > 0 else -1) if abs(moves) > _STILL else before

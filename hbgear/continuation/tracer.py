@@ -463,7 +463,8 @@ class _Tracer:
             if far is not None:
                 self.asymptote = far
                 return Status.UNBOUNDED, f"the curve runs off to infinity towards {self.name} = {far:.6g}"
-            self.top = max(self.top, *(self._motion_size(row.X) for row in rows))
+            sizes = self.problem.motion_sizes(np.array([row.u for row in rows])[:, :-1])
+            self.top = max(self.top, float(sizes.max()))
             self.scale = self._scale(self.rows[-1].X)
             self._adapt()
 
