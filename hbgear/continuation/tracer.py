@@ -454,7 +454,10 @@ class _Tracer:
             if not rows:
                 status = Status.RETRACED if reason == _BACK else Status.STEP_TOO_SMALL
                 return status, f"{reason} at {self.name} = {self.rows[-1].value:.6g}; the shortest step was tried"
-            for row in rows:
+            quiet = self._quiet(rows)
+            if quiet:
+                self._append(rows[:quiet])
+            for row in rows[quiet:]:
                 ended = self._take(row)
                 if ended is not None:
                     if self.stop is None:
@@ -467,6 +470,14 @@ class _Tracer:
             self.top = max(self.top, float(sizes.max()))
             self.scale = self._scale(self.rows[-1].X)
             self._adapt()
+
+    def _quiet(self, rows: list[CurvePoint]) -> int:
+        """How many of the new rows lie within the span and go on as the last one does, so that nothing ends there."""
+        if self.progress or self.watch.terminal or self.turned or self.landed is not None:
+            return 0
+        heading = self.rows[-1].heading
+        going = (row.heading == heading and self._outside(row.value) is None for row in rows)
+        return next((i for i, on in enumerate(going) if not on), len(rows))
 
     def _take(self, row: CurvePoint) -> tuple[Status, str] | None:
         """Go on to a row; status and message if the curve ends there."""
@@ -482,8 +493,8 @@ class _Tracer:
             row = self._as_now(self.first)
         stop = self.watch.ends(self._arc(last, row)) if self.watch.terminal else None
         if stop is not None:
-            return self._end_at(last, stop)
-        self._append(last, row)
+            return self._end_at(stop)
+        self._append([row])
         if self.progress:
             self._tell(row, self.progress)
         if end is not None:
@@ -507,13 +518,13 @@ class _Tracer:
         text = f"{self.name} = {row.value:.5f}, {len(self.rows)} points, step {row.step:.1e}"
         return Progress(done, text, {"value": row.value, "points": len(self.rows), "step": row.step})
 
-    def _end_at(self, last: CurvePoint, stop: Found) -> tuple[Status, str]:
+    def _end_at(self, stop: Found) -> tuple[Status, str]:
         """Go on to the point of a terminal event."""
         if stop.event.alone:
             self._settle()
             self.rows += [stop.row]
         else:
-            self._append(last, stop.row)
+            self._append([stop.row])
         self.stop = stop
         return stop.event.ending(self.name, stop.row.value)
 
@@ -558,16 +569,16 @@ class _Tracer:
         self.landed = end
         return row
 
-    def _append(self, last: CurvePoint, row: CurvePoint) -> None:
-        """Store a row; what lies between it and the last is looked at when enough rows have come together."""
-        piece = self.problem, self.scale
-        self.turned = self.turned or row.heading != last.heading
-        self.waiting += [piece]  # no call, and so no Ctrl-C, comes between this and the next
-        self.rows += [row]
+    def _append(self, rows: list[CurvePoint]) -> None:
+        """Store rows; what lies between them and the last is looked at when enough have come together."""
+        pieces, heading = [(self.problem, self.scale)] * len(rows), self.rows[-1].heading
+        self.turned = self.turned or any(row.heading != heading for row in rows)
+        self.waiting += pieces  # no call, and so no Ctrl-C, comes between this and the next
+        self.rows += rows
         if len(self.waiting) >= self.together:
             self._settle()
         if self.problem.unknown_parameters:
-            self.problem = self.problem.based(row.X, {**self.fixed, self.name: row.value}, renew=True)
+            self.problem = self.problem.based(rows[-1].X, {**self.fixed, self.name: rows[-1].value}, renew=True)
 
     def _settle(self) -> None:
         """Observe the rows that wait and find the special points between them."""
@@ -781,7 +792,7 @@ class _Tracer:
         if last.heading * row.heading >= 0:
             return row
         arc = self._arc(last, row)
-        near = [float(arc.guess(k / 8)[-1]) for k in range(1, 8)]
+        near = arc.guess(np.arange(1, 8)[:, None] / 8)[:, -1].tolist()
         reach = max(near) - min(near)
         if all(self._outside(x + d) is None for x in near for d in (-reach, reach)):
             return row
