@@ -4,9 +4,9 @@
 
 R', g' and J' are the equations of the special point with more unknowns (`problem.Refinable`), at the point found with
 fewer: one Newton step. It tells the error as long as the errors fall fast enough with the number of unknowns that those
-of the finer solution do not count. Points that no equations are known for are located again, between the ends of their
-piece of the curve solved again. Where the error is larger than wanted, the point is solved for with more unknowns, and
-judged anew.
+of the finer solution do not count. Points that no equations are known for, and those that leave their piece of the
+curve, are located again between the ends of the piece solved again. Where the error is larger than wanted, the point is
+solved for with more unknowns, and judged anew.
 """
 
 from __future__ import annotations
@@ -57,9 +57,11 @@ def assessed(arc: Segment, found: Found, accuracy: float) -> Found:
     goal = accuracy * unit
     simple = found.located and found.finder is None  # where two multipliers pass at once, the equations are singular
     best = _by_equations(arc, found, goal) if simple and arc.problem.smooth else found
-    if not best.error <= goal:
+    left = _left(arc, best)
+    if left or not best.error <= goal:
         other = _by_pieces(arc, found, goal)
-        best = best if best.error <= other.error else other
+        known = math.inf if left else best.error
+        best = other if other.error < known or math.isnan(known) else best
     return replace(best, error=max(best.error, _ROUNDING * unit))
 
 
@@ -91,6 +93,14 @@ def _by_equations(arc: Segment, found: Found, goal: float) -> Found:
             break
         found = replace(found, sharp=Sharp(problem, row))
     return found
+
+
+def _left(arc: Segment, found: Found) -> bool:
+    """Whether Newton with more unknowns went beyond the ends of the piece, where another point may be."""
+    if found.sharp is None:
+        return False
+    row = found.sharp.row
+    return not 0 <= arc.place(np.append(arc.problem.fitted(row.X), row.value)) <= 1
 
 
 def _by_pieces(arc: Segment, found: Found, goal: float) -> Found:

@@ -3,7 +3,7 @@
 An `Event` is one kind of special point. It says between which neighbouring points of a curve it happens, and locates it
 there, by default as the bracketed root of a test function along the segment, where every point is corrected onto the
 curve. Two events between the same two points leave no change of sign there: where a test function seems to touch zero
-(`Event.close`), the curve is looked at more closely.
+(`Event.close`), the curve is looked at more closely (`hidden`).
 
 LP  fold: dR/dX singular, the curve turns in the parameter (`Turning`); CP on a curve of folds.
     Newton on {R = 0, g = 0}, g the bordered determinant, or a bracketed root of the tangent.
@@ -42,6 +42,7 @@ from hbgear.continuation.newton import NoConvergence, Settings, on_curve, soluti
 from hbgear.continuation.problem import FullProblem, as_problem, linearise
 from hbgear.continuation.record import point_of
 from hbgear.continuation.segment import CurvePoint, Departure, Rows, Segment, row_of
+from hbgear.continuation.touching import SHALLOW, dips
 
 
 @dataclass(frozen=True)
@@ -227,7 +228,7 @@ class Turning(Event):
         with np.errstate(divide="ignore", invalid="ignore"):
             s = -0.5 * b / c
             share = (begin + 0.5 * b * s) / np.where(np.abs(begin) < np.abs(end), begin, end)
-        shallow = (begin * end > 0) & (begin * c > 0) & (s > 0) & (s < 1) & (share < _SHALLOW)
+        shallow = (begin * end > 0) & (begin * c > 0) & (s > 0) & (s < 1) & (share < SHALLOW)
         return [(int(i), float(s[i])) for i in np.flatnonzero(shallow)]
 
     def find(self, segment: Segment) -> list[Found]:
@@ -350,7 +351,7 @@ class Watch:
         """Numbers i of the pieces from rows[i] to rows[i + 1] on which `find` finds something."""
         some = np.zeros(len(rows) - 1, dtype=bool)
         for event in self.passing:
-            some |= event.suspects(rows, self._values(event, rows))
+            some |= event.suspects(rows, self.values(event, rows))
         return [int(i) for i in np.flatnonzero(some)]
 
     def find(self, segment: Segment) -> list[Found]:
@@ -366,39 +367,12 @@ class Watch:
         """Pieces between rows on which an event may happen twice; which event, and the place s on each."""
         found: dict[int, list[tuple[Event, float]]] = {}
         for event in self.passing:
-            for piece, s in event.close(rows, self._values(event, rows), scale):
+            for piece, s in event.close(rows, self.values(event, rows), scale):
                 found.setdefault(piece, []).append((event, s))
         return found
 
-    def find_hidden(
-        self, segment: Segment, hints: Sequence[tuple[Event, float]], observed: Callable[[CurvePoint], CurvePoint]
-    ) -> list[Found]:
-        """Special points on a piece of the curve on which events seem to happen twice near places s, if they do."""
-        places, rows = [0.0, 1.0], [segment.a, segment.b]
-        for event, s in hints:
-            for _ in range(_TRIES):
-                if not 0 < s < 1 or s in places:
-                    break
-                try:
-                    row = observed(segment.at(s))
-                except (NoConvergence, np.linalg.LinAlgError):
-                    break
-                i = int(np.searchsorted(places, s))
-                places.insert(i, s)
-                rows.insert(i, row)
-                values = self._values(event, rows)
-                near = event.close(rows, values, segment.scale)
-                if not near or event.suspects(rows, values).any():
-                    break
-                piece, share = near[0]
-                s = places[piece] + share * (places[piece + 1] - places[piece])
-        pieces = self.suspects(rows)
-        if len(pieces) <= len(self.suspects([segment.a, segment.b])):  # no more than was known
-            return []
-        return [replace(point, s=places[i] + point.s * (places[i + 1] - places[i])) for i in pieces
-                for point in self.find(replace(segment, a=rows[i], b=rows[i + 1]))]  # fmt: skip
-
-    def _values(self, event: Event, rows: Sequence[CurvePoint]) -> Array:
+    def values(self, event: Event, rows: Sequence[CurvePoint]) -> Array:
+        """`Event.values` of rows, kept with them."""
         values: Array = column(rows, event, lambda: event.values(rows, self.problem, self.name, self.fixed))
         return values
 
@@ -412,33 +386,6 @@ def lengths(rows: Sequence[CurvePoint], scale: Array) -> Array:
     """Scaled lengths (rows - 1,) of the pieces between rows."""
     u = column(rows, "u", lambda: np.array([row.u for row in rows]))
     return norms(np.diff(u / scale, axis=0))
-
-
-def dips(f: Array, length: Array) -> list[tuple[int, float]]:
-    """Pieces on which test functions f (rows, T) of one sign at the rows may cross zero twice, and where on them.
-
-    They do if the parabola through three rows, the pieces between them of the given lengths, comes close to zero.
-    """
-    if len(f) < 3:
-        return []
-    before, here, after = f[:-2], f[1:-1], f[2:]
-    h, k = length[:-1, None], length[1:, None]
-    least = (before * here > 0) & (here * after > 0) & (np.abs(here) <= np.minimum(np.abs(before), np.abs(after)))
-    rise, fall = (here - before) / h, (after - here) / k
-    bend, slope = (fall - rise) / (h + k), (rise * k + fall * h) / (h + k)
-    found = []
-    for i, j in np.argwhere(least & (bend * here > 0)):
-        at = -0.5 * slope[i, j] / bend[i, j]
-        if 1 + 0.5 * slope[i, j] * at / here[i, j] <= _SHALLOW:
-            piece, s = (int(i), 1 + at / h[i, 0]) if at < 0 else (int(i) + 1, at / k[i, 0])
-            found.append((piece, float(s)))
-    return found
-
-
-_SHALLOW = 0.25  # share of its least value at the rows below which a test function may cross zero between them
-
-
-_TRIES = 3  # rows looked at on a piece for each event that may happen there
 
 
 # ---- locating

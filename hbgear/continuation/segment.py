@@ -7,7 +7,7 @@ and a distance mean the same whatever the units of X and lambda.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -127,12 +127,20 @@ class Segment:
         normal = normal / np.linalg.norm(normal)
         return row_along(correct(self.problem, u, normal, self.name, self.parameters, self.settings), self.scale)
 
+    def part(self, a: CurvePoint, b: CurvePoint) -> Segment:
+        """The curve between two rows on it."""
+        return replace(self, a=a, b=b)
+
+    def place(self, u: Array) -> float:
+        """The fraction of the chord at which u lies beside it."""
+        chord = (self.b.u - self.a.u) / self.scale
+        return float(chord @ ((u - self.a.u) / self.scale) / (chord @ chord))
+
     def passes(self, known: CurvePoint) -> bool:
         """Whether the curve from a to b contains a row already known: the points nearest to it are compared."""
         chord = (self.b.u - self.a.u) / self.scale
         offset = (known.u - self.a.u) / self.scale
-        length = norm(chord)
-        s = float(offset @ chord) / length**2
+        length, s = norm(chord), self.place(known.u)
         if not 0 <= s <= 1 or np.linalg.norm(offset - s * chord) > 0.1 * length:
             return False
         try:

@@ -34,6 +34,7 @@ from hbgear.continuation.corrector import correct
 from hbgear.continuation.covering import UNCOVERED, Search, find_rest, told
 from hbgear.continuation.ending import Ending
 from hbgear.continuation.events import Event, Found, Turning, Watch, events_of
+from hbgear.continuation.hidden import Path, find_hidden
 from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import NoConvergence, Settings, solve
 from hbgear.continuation.problem import AnyProblem, FullProblem, as_problem, observe_all
@@ -663,13 +664,25 @@ class _Tracer:
         """
         if len({len(row.u) for row in rows}) > 1:
             return
-        for piece, hints in self.watch.touching(rows, self.scale).items():
-            number = first + piece + 1
-            known = found.get(number) or [point for other, point in self.found if other == number]
-            arc = self._arc(rows[piece], rows[piece + 1])
-            hidden = self.watch.find_hidden(arc, hints, self._observed_between)
-            if len(hidden) > len(known):
-                found[number] = self._assessed(arc, hidden)
+        known = {**found}
+        for number, point in self.found:
+            if number > first and number not in found:
+                known[number] = [*known.get(number, []), point]
+        points = {(number - first - 1, one.s): one.row for number, some in known.items() for one in some
+                  if one.located and 0 < one.s < 1 and len(one.row.u) == len(self.scale)}  # fmt: skip
+        self._observe(list(points.values()))
+        path = Path.through(rows, points)
+        for k, hints in path.hints(self.watch, rows, self.scale).items():
+            piece, low, high = path.ends(k)
+            hidden = find_hidden(self.watch, self._arc(*path.rows[k : k + 2]), hints, self._observed_between)
+            others = known.get(first + piece + 1, [])
+            kept = [point for point in others if not low < point.s < high]
+            if len(hidden) > len(others) - len(kept):
+                whole = self._arc(rows[piece], rows[piece + 1])
+                fresh = [
+                    replace(p, s=whole.place(p.row.u)) for arc, point in hidden for p in self._assessed(arc, [point])
+                ]
+                found[first + piece + 1] = known[first + piece + 1] = sorted(kept + fresh, key=lambda point: point.s)
 
     def _observed_between(self, row: CurvePoint) -> CurvePoint:
         self._observe([row])
@@ -707,11 +720,10 @@ class _Tracer:
             on = number + (point.s > 1) - (point.s < 0)
             if on == number or not 0 < on < len(self.rows):
                 break
-            a, b = self.rows[on - 1].u, self.rows[on].u
-            if not len(a) == len(b) == len(point.row.u) == len(self.scale):
+            a, b = self.rows[on - 1 : on + 1]
+            if not len(a.u) == len(b.u) == len(point.row.u) == len(self.scale):
                 break
-            chord = (b - a) / self.scale
-            s = float(chord @ ((point.row.u - a) / self.scale) / (chord @ chord))
+            s = self._arc(a, b).place(point.row.u)
             if (s - 0.5) * (point.s - 0.5) < 0:  # between the two, in the corner of their chords
                 break
             number, point = on, replace(point, s=s)

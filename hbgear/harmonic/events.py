@@ -39,7 +39,6 @@ from hbgear.continuation.events import (
     Turning,
     as_traced,
     column,
-    dips,
     lengths,
     newton,
     root,
@@ -48,7 +47,8 @@ from hbgear.continuation.events import (
 from hbgear.continuation.newton import NoConvergence, refine, solution_at, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
-from hbgear.harmonic.meeting import meetings
+from hbgear.continuation.touching import dips
+from hbgear.harmonic.meeting import exchanges, meetings
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.special import Grazing, NeimarkSacker, PeriodDoubling, exponent_of_pair, peak_of
 
@@ -134,9 +134,9 @@ class SecondFrequency(Event):
         return np.where(np.isfinite(both), both, np.nan)
 
     def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
-        """Where a pair comes close to the unit circle, alone or because two pairs meet; see `between`."""
+        """Where a pair comes close to the unit circle, alone or because two meet, or one leaves as another returns."""
         mu, length = _multipliers(rows), lengths(rows, scale)
-        return [] if mu is None else [*dips(values, length), *meetings(mu, length)]
+        return [] if mu is None else [*dips(values, length), *meetings(mu, length), *exchanges(mu)]
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         mu = _multipliers(rows)
@@ -156,16 +156,22 @@ class SecondFrequency(Event):
         explained = int(real) + int(da * db < 0)
         if abs(int(ua) - int(ub)) - explained >= 2:
             return self._two_at_once(segment, ends)
-        return self._beside(segment, ends) if explained else []
+        return self._beside(segment, ends) if explained or ua != ub else []  # ends may be special points
 
     def _beside(self, segment: Segment, ends: ComplexArray) -> list[Found]:
         """A pair that passes on the same piece as a fold, branch point or doubling, which makes up for it in number."""
-        few, many = sorted(int(_verdicts(_pairs(mu)[None])[0][0]) for mu in ends)
-        if few == many:
-            return []
-        found = root(segment, self, lambda row: _modulus(_pairs(_known(segment, row)), few) - 1.0)
-        size = _modulus(_pairs(_known(segment, found.row)), few)  # else the pair became real outside of the circle
-        return [self._sharp(segment, found)] if found.located and abs(size - 1.0) < _DOUBLE else []
+        few, many = _pairs_outside(ends)
+        out = []
+        for rank in range(few, many, 2):
+            found = self._passing(segment, rank)
+            size = _modulus(_pairs(_known(segment, found.row)), rank)  # else the pair became real outside of the circle
+            if found.located and abs(size - 1.0) < _DOUBLE:
+                out.append(self._sharp(segment, found))
+        return out
+
+    def _passing(self, segment: Segment, rank: int) -> Found:
+        """Where the complex multiplier of that number, from the largest, passes the unit circle."""
+        return root(segment, self, lambda row: _modulus(_pairs(_known(segment, row)), rank) - 1.0, fine=_FINE)
 
     def _sharp(self, segment: Segment, found: Found) -> Found:
         """By the equations of the pair that was located, not of another one next to the unit circle."""
@@ -187,10 +193,10 @@ class SecondFrequency(Event):
         two different real ones pass +1 one after the other: they belong to folds or branch points from which they
         differ by the truncation error.
         """
-        outside = min(int(_verdicts(_pairs(mu)[None])[0][0]) for mu in ends)  # complex ones unstable at both ends
-        found = root(segment, self, lambda row: _modulus(_pairs(_known(segment, row)), outside) - 1.0, fine=_FINE)
-        if found.located:
-            return [self._sharp(segment, found)]
+        outside, most = _pairs_outside(ends)
+        found = [self._passing(segment, rank) for rank in range(outside, max(most, outside + 1), 2)]
+        if any(one.located for one in found):
+            return [self._sharp(segment, one) for one in found if one.located]
         few = int(_verdicts(ends)[0].min())
         sizes = sorted(_modulus(mu, few) for mu in ends)
         level = 1.0 if sizes[0] < 1.0 < sizes[1] else 1.0 + NEUTRAL
@@ -449,6 +455,12 @@ def _pairs(mu: ComplexArray) -> ComplexArray:
     """The multipliers that are not real."""
     complex_pairs: ComplexArray = mu[np.abs(mu.imag) > 1e-8 * np.abs(mu)]
     return complex_pairs
+
+
+def _pairs_outside(ends: ComplexArray) -> tuple[int, int]:
+    """The lesser and the larger number of unstable complex multipliers at two ends."""
+    few, many = sorted(int(_verdicts(_pairs(mu)[None])[0][0]) for mu in ends)
+    return few, many
 
 
 def _modulus(mu: ComplexArray, k: int) -> float:

@@ -1,4 +1,4 @@
-"""Multipliers that meet between two rows of a curve.
+"""Multipliers that meet, or pass the unit circle both ways, between two rows of a curve.
 
     prod_i (z - mu_i) = z^k + c_1 z^(k-1) + ... + c_k
 
@@ -55,6 +55,41 @@ def meetings(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
         changed = np.abs(np.count_nonzero(np.abs(between) > 1 + NEUTRAL, axis=2) - outside[pieces[some], None])
         found += [(int(i), float(_PLACES[x.argmax()])) for i, x in zip(pieces[some], changed, strict=True) if x.any()]
     return sorted(found)
+
+
+def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
+    """Pieces between rows on which one complex pair leaves the unit circle and another one comes back to it.
+
+    Their number outside stays as it is, but those outside at one end are nearer to ones inside at the other. Each with
+    the place s between the two, which lines between the rows tell.
+    """
+    pairs = mu.imag > 1e-8 * np.abs(mu)
+    outside = pairs & (np.abs(mu) > 1 + NEUTRAL)
+    number = np.count_nonzero(outside, axis=1)
+    pieces = np.flatnonzero(np.minimum(number[1:], number[:-1]))
+    if not pieces.size:
+        return []
+    x = np.log(np.where(pairs, mu, 1.0))
+    apart = np.where(pairs[pieces, :, None] & pairs[pieces + 1, None, :],
+                     np.abs(x[pieces, :, None] - x[pieces + 1, None, :]), np.inf)  # fmt: skip
+    returned = _passed(apart, x.real, outside, pieces, pieces + 1)
+    left = _passed(apart.transpose(0, 2, 1), x.real, outside, pieces + 1, pieces)
+    found = zip(pieces, np.isfinite(returned), np.isfinite(left), returned, 1 - left, strict=True)
+    return [(int(i), 0.5 * float(r[a].mean() + s[b].mean())) for i, a, b, r, s in found if a.any() and b.any()]
+
+
+def _passed(apart: Array, size: Array, outside: np.ndarray, here: np.ndarray, there: np.ndarray) -> Array:
+    """Where between two rows multipliers that are outside ``here`` pass the circle, nan for those that do not."""
+    inner = np.where(outside[there, None, :], np.inf, apart)
+    least = inner.min(axis=2)
+    passes = outside[here] & (least < _SURE * np.where(outside[there, None, :], apart, np.inf).min(axis=2))
+    there_size = np.take_along_axis(size[there], inner.argmin(axis=2), axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place: Array = np.where(passes, size[here] / (size[here] - there_size), np.nan)
+    return place
+
+
+_SURE = 0.5  # distance to the nearest multiplier on the other side of the circle, over that on its own, that is near
 
 
 def _near(mu: ComplexArray) -> np.ndarray:

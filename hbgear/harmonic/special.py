@@ -117,6 +117,9 @@ class Rotation(Base):
     exponent: complex = 0j
 
 
+_REAL = 1e-3  # half turns of a multiplier, from a whole number of them, within which it may be a real one
+
+
 class _Pair(NamedTuple):
     """An exponent s of a motion, its disturbance v, y = G^H w with the left vector w, and w^H dD/ds v."""
 
@@ -207,7 +210,11 @@ class NeimarkSacker(Augmented):
 
     def _pair(self, hill: Condensed, base: Base, X: Array, here: dict[str, float]) -> _Pair:
         assert isinstance(base, Rotation) and base.b is not None and base.c is not None
-        return _exponent(hill, base.exponent, base.b, base.c, X, here)
+        pair = _exponent(hill, base.exponent, base.b, base.c, X, here)
+        turns = 2 * pair.exponent.imag * self.problem.nu / here["Omega"]
+        if abs(turns - round(turns)) < _REAL:  # det D = 0 at period doublings and branch points too
+            raise NoConvergence("the pair of multipliers became real", X, here, [])
+        return pair
 
     def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Base) -> Extra:
         """See `Augmented.extra`."""

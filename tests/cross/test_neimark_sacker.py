@@ -79,17 +79,43 @@ def test_a_linear_motion_has_the_exponents_of_its_modes():
     assert np.abs(((s.imag - turns) / 1.3 + 0.5) % 1.0 - 0.5).min() < 1e-9
 
 
+PAIR = hb.DoubleHelicalPair(
+    phi_deg=2.4450378633291523, zeta=0.006114419661484982, torque=370.6846248952864, W=0.37760398300698106,
+    eps_scale=1.3324911562218102, e_scale=3.1570524284344605, e_phase=3.0417072415162063, stagger=np.pi,
+    support_damping="zeta", tilt=False,
+)  # fmt: skip
+"""Little damping and load: many pairs of multipliers lie next to the unit circle and pass it."""
+
+
+def neimark_sacker_of(curve):
+    return [p.parameters["Omega"] for p in curve.special if p.kind == "NS"]
+
+
 def test_two_pairs_next_to_the_circle_are_two_points():
     """Each is judged by its own exponent with more harmonics, not by that of the other pair."""
-    pair = hb.DoubleHelicalPair(
-        phi_deg=2.4450378633291523, zeta=0.006114419661484982, torque=370.6846248952864, W=0.37760398300698106,
-        eps_scale=1.3324911562218102, e_scale=3.1570524284344605, e_phase=3.0417072415162063, stagger=np.pi,
-        support_damping="zeta", tilt=False,
-    )  # fmt: skip
-    problem, span = hb.HarmonicBalance(pair, 16), (0.43, 0.416)
+    problem, span = hb.HarmonicBalance(PAIR, 16), (0.43, 0.416)
     curves = [hb.trace(problem, "Omega", span, cover=False)]
     curves += [hb.trace(problem.with_order(1, 48), "Omega", span, accuracy=None)]
-    places = [[p.parameters["Omega"] for p in one.special if p.kind == "NS"] for one in curves]
-    mine, fine = ([place for place in found if 0.4162 < place < 0.4166] for found in places)
+    mine, fine = ([x for x in neimark_sacker_of(one) if 0.4162 < x < 0.4166] for one in curves)
     assert len(fine) == 3 and mine == pytest.approx(fine, abs=2e-6)
     assert min(-np.diff(fine)) > 2e-5
+
+
+def test_pairs_that_pass_between_two_rows_are_found():
+    """Two that leave together, one that leaves and comes back, one that leaves as another comes back: as short steps."""
+    problem, span = hb.HarmonicBalance(PAIR, 16), (0.87, 0.68)
+    curve = hb.trace(problem, "Omega", span, accuracy=None)
+    short = hb.trace(problem, "Omega", span, accuracy=None, steps=hb.StepControl(longest=1e-3))
+    assert len(curve) < 50 and len(short) > 1000
+    assert len(neimark_sacker_of(short)) == 9
+    assert neimark_sacker_of(curve) == pytest.approx(neimark_sacker_of(short), abs=1e-8)
+
+
+def test_a_doubling_is_no_neimark_sacker_point():
+    """Hill's determinant is zero there too, at half the frequency of the motion."""
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(zeta=0.03, F_m=0.05), 10), "Omega", (1.4, 1.1))
+    point = next(p for p in curve.special if p.kind == "PD")
+    Omega = point.parameters["Omega"]
+    U = np.append(curve.problem.converted(point), Omega)
+    with pytest.raises(hb.NoConvergence, match="became real"):
+        hb.NeimarkSacker(curve.problem, "Omega", near=0.5j * Omega).based(U, {}).linearise(U, "")

@@ -69,13 +69,15 @@ FILES = {
         "homotopy": "algebra corrector newton problem",
         "segment": "algebra corrector newton problem",
         "asymptote": "algebra problem segment",
+        "touching": "",
         "covering": "branch jumps newton segment",
         "record": "branch problem segment",
-        "events": "algebra bordered bracketing branch crossing newton problem record segment",
+        "events": "algebra bordered bracketing branch crossing newton problem record segment touching",
+        "hidden": "events newton segment",
         "accuracy": "algebra branch events newton problem record segment",
         "stride": "corrector newton problem segment stepsize verdicts",
-        "tracer": "accuracy algebra asymptote branch corrector covering ending events jumps newton problem record "
-        "segment stepsize stride",
+        "tracer": "accuracy algebra asymptote branch corrector covering ending events hidden jumps newton problem "
+        "record segment stepsize stride",
         "refining": "algebra branch newton problem",
         "extending": "branch jumps newton problem segment tracer",
         "following": "branch events problem tracer",

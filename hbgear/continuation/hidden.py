@@ -1,0 +1,108 @@
+"""Special points that show at no row of a curve: an event that happens twice between two of them.
+
+Where test functions seem to touch zero (`Event.close`), along the rows and the special points that are known already,
+rows are solved for between, until a change of sign shows or there is nothing more to look for.
+"""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.events import Event, Found, Watch
+from hbgear.continuation.newton import NoConvergence
+from hbgear.continuation.segment import CurvePoint, Rows, Segment
+
+Place: TypeAlias = tuple[int, float]
+"""Number of a piece between two rows, and share of its chord."""
+
+Hint: TypeAlias = tuple[Event, float]
+"""What may happen twice on a piece, and near which share of its chord."""
+
+_TRIES = 8  # rows looked at on a piece for each event that may happen there
+
+
+_AT_THE_ENDS = 1e-6  # share of a piece within which a point found on it is the special point at its end
+
+
+@dataclass(frozen=True)
+class Path:
+    """Rows of a curve and special points between them, in the order of the curve, with the place of each."""
+
+    rows: Rows
+    places: list[Place]
+
+    @classmethod
+    def through(cls, rows: Rows, points: Mapping[Place, CurvePoint]) -> Path:
+        """Rows and the special points at some places between them."""
+        own = {(i, 0.0): row for i, row in enumerate(rows)}
+        every = {**points, **own}
+        places = sorted(every)
+        return cls(Rows(every[place] for place in places) if points else rows, places)
+
+    def ends(self, k: int) -> tuple[int, float, float]:
+        """The piece between two rows that piece k of the path lies on, and where it begins and ends there."""
+        (piece, low), (following, high) = self.places[k : k + 2]
+        return piece, low, high if following == piece else 1.0
+
+    def hints(self, watch: Watch, rows: Rows, scale: Array) -> dict[int, list[Hint]]:
+        """Pieces of the path on which events may happen twice, as it tells, or its rows without the special points."""
+        found = watch.touching(self.rows, scale)
+        if self.rows is rows:
+            return found
+        for piece, hints in watch.touching(rows, scale).items():
+            for event, s in hints:
+                k = bisect.bisect(self.places, (piece, s)) - 1
+                _, low, high = self.ends(k)
+                found.setdefault(k, []).append((event, (s - low) / (high - low)))
+        return found
+
+
+def find_hidden(
+    watch: Watch, segment: Segment, hints: Sequence[Hint], observed: Callable[[CurvePoint], CurvePoint]
+) -> list[tuple[Segment, Found]]:
+    """Special points on a piece of a curve on which events seem to happen twice, if they do, each on its part of it.
+
+    observed : notes with a row what the problem says of it.
+    """
+    places, rows = [0.0, 1.0], [segment.a, segment.b]
+    for event, s in hints:
+        _look(watch, segment, event, s, observed, places, rows)
+    pieces = watch.suspects(rows)
+    if len(pieces) <= len(watch.suspects([segment.a, segment.b])):  # no more than was known
+        return []
+    out = []
+    for i in pieces:
+        part, low, length = segment.part(rows[i], rows[i + 1]), places[i], places[i + 1] - places[i]
+        found = ((point, low + point.s * length) for point in watch.find(part))
+        out += [(part, point) for point, s in found if _AT_THE_ENDS < s < 1 - _AT_THE_ENDS]
+    return out
+
+
+def _look(
+    watch: Watch, segment: Segment, event: Event, s: float, observed: Callable[[CurvePoint], CurvePoint],
+    places: list[float], rows: list[CurvePoint],
+) -> None:  # fmt: skip
+    """Add rows between those known of a piece, the first at s, until the event shows or seems to happen no more."""
+    before = np.count_nonzero(event.suspects(rows, watch.values(event, rows)))
+    for _ in range(_TRIES):
+        if not 0 < s < 1 or s in places:
+            return
+        try:
+            row = observed(segment.at(s))
+        except (NoConvergence, np.linalg.LinAlgError):
+            return
+        i = bisect.bisect(places, s)
+        places.insert(i, s)
+        rows.insert(i, row)
+        values = watch.values(event, rows)
+        near = event.close(rows, values, segment.scale)
+        if not near or np.count_nonzero(event.suspects(rows, values)) > before:
+            return
+        piece, share = near[0]
+        s = places[piece] + share * (places[piece + 1] - places[piece])
