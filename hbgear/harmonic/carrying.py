@@ -202,18 +202,19 @@ def monodromy(modes: Any, cut: Any, omega: float, D: Any, x: Any, L: Any, out: A
         state[q + k, q + k] = 1.0
     turns, parts = np.empty((s + 1, q), dtype=np.complex128), np.empty((s, s + 1, q), dtype=np.complex128)
     work = np.empty((s + 2, (s + 1) * q), dtype=np.complex128)
-    A, R = np.empty((orders * s * g, s * g)), np.empty((orders * s * g, 2 * q))
-    B, M = np.empty((2 * q, s * g)), np.empty((s * g, s * g))
-    u, felt = np.empty((s * g, r)), np.empty((orders * s * g, r))
+    A, R = np.empty((orders, s * g, s * g)), np.empty((orders, s * g, 2 * q))
+    B = np.empty((2 * q, s * g))
+    u, felt = np.empty((s * g, r)), np.empty((orders, s * g, r))
     step = 0
     for i in range(cut.shape[0]):
         integrals(modes.poles, cut[i, 1] / omega, ends, L, turns, parts, work)
         _tables(modes, turns, parts, A, R, B)
-        for _ in range(int(cut[i, 2])):  # no parts of arrays here: they take longer to make than small products
-            felt[:, :] = 0.0
-            _add_product(R, state, 1.0, felt)
-            _answer(A, D, step, felt, M, u)
-            _turned(turns, state)
+        for _ in range(int(cut[i, 2])):
+            for o in range(orders):
+                felt[o, :, :] = 0.0
+                _add_product(R[o], state, 1.0, felt[o])
+            _answer(A, D[:, step], felt, u)
+            _turned(turns[s], state)
             _add_product(B, u, -1.0, state)
             step += 1
     for k in range(r):
@@ -223,25 +224,25 @@ def monodromy(modes: Any, cut: Any, omega: float, D: Any, x: Any, L: Any, out: A
 
 @kernel
 def _tables(modes: Any, turns: Any, parts: Any, A: Any, R: Any, B: Any) -> None:
-    """A, R and B of a step: rows and columns are Gauss points and ports, of one order after the other in A and R."""
-    s, g, q = turns.shape[0] - 1, modes.output.shape[0], modes.poles.shape[0]
-    A[:, :] = 0.0
-    for o in range(A.shape[0] // (s * g)):
+    """A, R and B of a step: rows and columns are Gauss points and ports; modes are in real numbers."""
+    s, g, q, orders = turns.shape[0] - 1, modes.output.shape[0], modes.poles.shape[0], A.shape[0]
+    A[:, :, :] = 0.0
+    for o in range(orders):
         for p in range(g):
             for k in range(q):
                 w = modes.output[p, k] * (modes.poles[k] if o else 1.0)
                 for i in range(s):
-                    felt, at = w * turns[i, k], (o * s + i) * g + p
-                    R[at, k], R[at, q + k] = felt.real, -felt.imag
+                    felt = w * turns[i, k]
+                    R[o, i * g + p, k], R[o, i * g + p, q + k] = felt.real, -felt.imag
                     for e in range(g):
                         both = w * modes.input[k, e]
                         for j in range(s):
                             part = parts[j, i, k]
-                            A[at, j * g + e] += both.real * part.real - both.imag * part.imag
+                            A[o, i * g + p, j * g + e] += both.real * part.real - both.imag * part.imag
             if o == 0:
                 for i in range(s):
                     for e in range(g):
-                        A[i * g + p, i * g + e] += modes.rest[p, e]
+                        A[0, i * g + p, i * g + e] += modes.rest[p, e]
     for k in range(q):
         for j in range(s):
             for p in range(g):
@@ -265,30 +266,30 @@ def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
 
 
 @kernel
-def _answer(A: Any, D: Any, step: int, felt: Any, M: Any, u: Any) -> None:
-    """u from (1 + D A) u = D R z_0 of a step; M is room for the matrix."""
+def _answer(A: Any, D: Any, felt: Any, u: Any) -> None:
+    """u from (1 + D A) u = D R z_0."""
     n, r = u.shape
-    g = D.shape[3]
-    M[:, :] = 0.0
-    u[:, :] = 0.0
+    g = D.shape[2]
+    M = np.zeros((n, n))
     for i in range(n):
         M[i, i] = 1.0
+        u[i, :] = 0.0
         for o in range(D.shape[0]):
-            d = D[o, step, i // g, i % g]
+            d = D[o, i // g, i % g]
             if d != 0.0:
                 for j in range(n):
-                    M[i, j] += d * A[o * n + i, j]
+                    M[i, j] += d * A[o, i, j]
                 for j in range(r):
-                    u[i, j] += d * felt[o * n + i, j]
+                    u[i, j] += d * felt[o, i, j]
     eliminate(M, u)
 
 
 @kernel
-def _turned(turns: Any, state: Any) -> None:
-    """e^{poles h} z in the place of z; the last of the turns."""
-    s, q = turns.shape[0] - 1, turns.shape[1]
+def _turned(turn: Any, state: Any) -> None:
+    """e^{poles h} z in the place of z."""
+    q = turn.shape[0]
     for k in range(q):
-        a, b = turns[s, k].real, turns[s, k].imag
+        a, b = turn[k].real, turn[k].imag
         for j in range(state.shape[1]):
             x, y = state[k, j], state[q + k, j]
             state[k, j], state[q + k, j] = a * x - b * y, b * x + a * y
