@@ -135,11 +135,12 @@ def trace(
     >>> [round(jump.value, 3) for jump in curve.jumps()]
     [1.103, 1.1]
     """
-    full, told = as_problem(problem), ""
+    asked = full = as_problem(problem)
+    told = ""
     while True:
         tracer = _Tracer(
             full, parameter, span, start, at, steps, settings, stability, special, events, progress,
-            cover and start is None, accuracy,
+            cover and start is None, accuracy, asked=asked,
         )  # fmt: skip
         try:
             branch = tracer.run()
@@ -165,8 +166,9 @@ class _Tracer:
         self, problem: FullProblem, parameter: str, span: tuple[float, float], start: Point | Departure | Array | None,
         at: Mapping[str, float] | None, steps: StepControl, settings: Settings,
         stability: bool, special: bool, events: Sequence[Event], progress: ProgressCallback | None,
-        cover: bool = False, accuracy: float | None = None, strict: bool = False,
+        cover: bool = False, accuracy: float | None = None, strict: bool = False, asked: FullProblem | None = None,
     ) -> None:  # fmt: skip
+        # asked : the problem with as many unknowns as were asked for, in which solutions are looked for at less cost
         self.another = partial(  # curve of the span
             _Tracer, problem, parameter, at=at, steps=steps, settings=settings, stability=stability, special=special,
             events=events, progress=progress, accuracy=accuracy,
@@ -194,7 +196,10 @@ class _Tracer:
         self.fixed = self._fixed(start, at)
         ends = min(self.a, self.b), max(self.a, self.b)
         problem.check_trace(parameter, *ends, self.fixed)
-        self.original = self.problem = self.largest = problem = problem.within(parameter, *ends, self.fixed)
+        self.asked = (asked or problem).within(parameter, *ends, self.fixed)
+        same = asked is None or asked is problem
+        problem = self.asked if same else problem.within(parameter, *ends, self.fixed)
+        self.original = self.problem = self.largest = problem
         self.sense = 1.0 if self.b > self.a else -1.0
         self.rows: list[CurvePoint] = []
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
@@ -427,7 +432,9 @@ class _Tracer:
     def _departure(self, value: float, near: Array | None) -> Departure:
         """A solution at a value of the parameter, to go up from in it."""
         here, problem = {**self.fixed, self.name: value}, self.original
-        X = problem.start(**here) if near is None else solve(problem, problem.fitted(near), here, "", self.settings).X
+        if near is None:
+            near = self.asked.start(**here)
+        X = solve(problem, problem.fitted(near), here, "", self.settings).X
         return Departure(X, here, np.append(np.zeros(len(X)), 1.0), away=False)
 
     def _branch(self) -> Branch:
