@@ -114,8 +114,8 @@ VERDICTS = ("unstable", "stable", "undecided", "unknown")
 def verdict_codes(multipliers: ComplexArray, modulus_error: Array) -> NDArray[np.int_]:
     """Numbers in `VERDICTS` for multipliers (..., r) and errors (...) of their largest modulus."""
     modulus = np.abs(multipliers).max(axis=-1, initial=0.0)
-    reached = np.abs(modulus - 1.0) <= np.nan_to_num(modulus_error)
-    codes: NDArray[np.int_] = np.where(reached & (modulus_error > NEUTRAL), 2, is_stable(multipliers).astype(int))
+    reached = (np.abs(modulus - 1.0) <= modulus_error) & (modulus_error > NEUTRAL)
+    codes: NDArray[np.int_] = np.where(reached, 2, modulus <= 1 + NEUTRAL)
     return np.where(np.isnan(modulus), 3, codes)
 
 

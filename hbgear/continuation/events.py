@@ -384,8 +384,9 @@ def column(rows: Sequence[CurvePoint], name: Any, make: Callable[[], Any]) -> An
 
 def lengths(rows: Sequence[CurvePoint], scale: Array) -> Array:
     """Scaled lengths (rows - 1,) of the pieces between rows."""
-    u = column(rows, "u", lambda: np.array([row.u for row in rows]))
-    return norms(np.diff(u / scale, axis=0))
+    name = "lengths", scale.tobytes()
+    out: Array = column(rows, name, lambda: norms(np.diff(np.array([row.u for row in rows]) / scale, axis=0)))
+    return out
 
 
 # ---- locating

@@ -41,9 +41,8 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
     jumps = []
     for (point, direction, _), found in zip(left, seen_points(branch, [found for *_, found in left]), strict=True):
         value, stable = point.parameters[branch.parameter], tuple(p for p in found if p.stable)
-        jumps.append(
-            Jump(point.label, branch.parameter, value, direction, point, nearest(point, found), candidates=stable)
-        )
+        after = nearest(point, stable) if len(stable) > 1 else next(iter(stable), None)
+        jumps.append(Jump(point.label, branch.parameter, value, direction, point, after, candidates=stable))
     return tuple(jumps)
 
 

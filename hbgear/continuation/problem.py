@@ -418,6 +418,10 @@ class FullProblem:
         """`Sized.motion_size`: the norm of X."""
         return norm(X)
 
+    def motion_sizes(self, X: Array) -> Array:
+        """`motion_size` (P,) of solutions X (P, n)."""
+        return np.array([self.motion_size(x) for x in X])
+
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """`Observed.observe`: nothing."""
         return {}

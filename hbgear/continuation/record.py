@@ -37,7 +37,7 @@ def branch_of(
     Rows with fewer unknowns than the problem has are padded; unknowns that are parameters go to ``tracked``. Where only
     some rows were observed, the multipliers of the others are nan and their regimes unknown.
     """
-    unknowns, own = _unknowns(problem, rows)
+    unknowns, values, own = _unknowns(problem, rows)
     mu = _column(rows, "multipliers", math.nan + 0j)
     regime = _column(rows, "regime", np.int8(-1))
     regime = np.zeros((len(rows), 0), dtype=np.int8) if regime is None else regime.astype(np.int8)
@@ -56,7 +56,7 @@ def branch_of(
         special.append(special_of(found, known, f"{kind}{count[kind]}", mark.index, mark.interval))
     return Branch(
         parameter=name,
-        values=np.array([r.value for r in rows]),
+        values=values,
         X=unknowns,
         fixed=dict(fixed),
         tracked={k: np.array([here[k] for here in own]) for k in problem.unknown_parameters},
@@ -81,12 +81,13 @@ def branch_of(
     )
 
 
-def _unknowns(problem: FullProblem, rows: list[CurvePoint]) -> tuple[Array, list[dict[str, float]]]:
-    """The unknowns of rows (P, n), and the parameters among those of each."""
+def _unknowns(problem: FullProblem, rows: list[CurvePoint]) -> tuple[Array, Array, list[dict[str, float]]]:
+    """Unknowns of rows (P, n), their values of the parameter (P,), and the parameters among the unknowns of each."""
     if not problem.unknown_parameters and {len(row.u) - 1 for row in rows} == {problem.size}:
-        return np.array([row.u for row in rows])[:, :-1].copy(), []
+        u = np.array([row.u for row in rows])
+        return u[:, :-1].copy(), u[:, -1].copy(), []
     X, own = zip(*(problem.split(row.X) for row in rows), strict=True)
-    return np.array(X), list(own)
+    return np.array(X), np.array([row.value for row in rows]), list(own)
 
 
 def special_of(

@@ -19,9 +19,9 @@ from hbgear.continuation.newton import NoConvergence, Settings, Solution
 from hbgear.continuation.problem import FullProblem
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)  # not frozen, for that makes it three times as dear to make one
 class CurvePoint:
-    """A converged point of a curve with what the curve does there.
+    """A converged point of a curve with what the curve does there; it is not changed.
 
     u (n + 1,) unknowns and parameter; tangent (n + 1,), unit in the scaled unknowns but given unscaled; orientation:
     sign of the determinant of [J R_lambda; tangent], which changes at branch points and not at folds. heading: whether
@@ -177,7 +177,7 @@ def row_along(point: Corrected, scale: Array, step: float = 0.0, before: CurvePo
     """Point of a solution whose direction is known."""
     solution, unit = point.solution, point.direction / norm(point.direction / scale)
     u = np.append(solution.X, solution.value)
-    heading = heading_of(unit, scale, before.heading if before else 0)
+    heading = heading_of(float(unit[-1] / scale[-1]), before.heading if before else 0)
     return CurvePoint(u, unit, point.orientation, solution.residual, solution.iterations, step, heading)
 
 
@@ -207,7 +207,6 @@ def widened(scale: Array, problem: FullProblem, size: int) -> Array:
     return np.concatenate([np.full(size + 1 - own, scale[0]), scale[-own:]])
 
 
-def heading_of(unit: Array, scale: Array, before: int) -> int:
-    """Whether lambda rises or falls along a unit tangent; as before where it stands still."""
-    moves = float(unit[-1] / scale[-1])
+def heading_of(moves: float, before: int) -> int:
+    """Whether lambda rises or falls, by the scaled component of the tangent in it; as before where it stands still."""
     return (1 if moves > 0 else -1) if abs(moves) > _STILL else before

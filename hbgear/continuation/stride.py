@@ -81,8 +81,9 @@ class Strider:
     def _rows(self, found: Array, before: CurvePoint, scale: Array) -> list[CurvePoint]:
         """Rows of a table of u, tangent, step, orientation, iterations, residual."""
         out, n, heading = [], len(scale), before.heading
-        for row, (step, sign, iterations, residual) in zip(found, found[:, 2 * n :].tolist(), strict=True):
-            heading = heading_of(row[n : 2 * n], scale, heading)
+        moves = (found[:, 2 * n - 1] / scale[-1]).tolist()
+        for row, move, (step, sign, iterations, residual) in zip(found, moves, found[:, 2 * n :].tolist(), strict=True):
+            heading = heading_of(move, heading)
             out.append(CurvePoint(row[:n], row[n : 2 * n], int(sign), residual, int(iterations), step, heading))
         return out
 

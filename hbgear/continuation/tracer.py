@@ -156,7 +156,7 @@ _ROUGH = 0.05  # error of a solution, relative to its size, above which a curve 
 _ADRIFT = 1e-3  # error of a special point, over the unit of the parameter, above which it may not be there at all
 
 
-_TOGETHER = 64  # rows observed at once
+_TOGETHER = 128  # rows observed at once
 
 
 class _Tracer:
@@ -319,23 +319,22 @@ class _Tracer:
         if not fresh:
             return
         told: Iterable[dict[str, Any]]
+        u = np.array([row.u for row in fresh])
         try:
-            u = np.array([row.u for row in fresh])
             told = observe_all(problem or self.problem, u, self.name, self.fixed, self.stability)
         except Exception:
             told = (self._observed_alone(row, problem or self.problem) for row in fresh)
         for row, seen in zip(fresh, told, strict=True):
             row.observed.update(seen)
         if self.strict:
-            self._check_enough(fresh)
+            self._check_enough(u, np.array([row.observed.get("error", 0.0) for row in fresh]))
 
-    def _check_enough(self, rows: list[CurvePoint]) -> None:
-        """Give up a curve of solutions that so few unknowns cannot tell."""
-        error = np.array([row.observed.get("error", 0.0) for row in rows])
-        relative = relative_errors(np.array([row.X for row in rows]), error)
+    def _check_enough(self, u: Array, error: Array) -> None:
+        """Give up a curve of solutions u (P, n + 1) that so few unknowns cannot tell."""
+        relative = relative_errors(u[:, :-1], error)
         if (relative > _ROUGH).any():
             first = int(np.argmax(relative > _ROUGH))
-            raise _Sketch(self.problem, f"an error of {relative[first]:.0%} at {self.name} = {rows[first].value:.6g}")
+            raise _Sketch(self.problem, f"an error of {relative[first]:.0%} at {self.name} = {u[first, -1]:.6g}")
 
     def _observed_alone(self, row: CurvePoint, problem: FullProblem) -> dict[str, Any]:
         try:
@@ -463,7 +462,10 @@ class _Tracer:
             if not rows:
                 status = Status.RETRACED if reason == _BACK else Status.STEP_TOO_SMALL
                 return status, f"{reason} at {self.name} = {self.rows[-1].value:.6g}; the shortest step was tried"
-            for row in rows:
+            quiet = self._quiet(rows)
+            if quiet:
+                self._append(rows[:quiet])
+            for row in rows[quiet:]:
                 ended = self._take(row)
                 if ended is not None:
                     if self.stop is None:
@@ -472,9 +474,18 @@ class _Tracer:
             if far is not None:
                 self.asymptote = far
                 return Status.UNBOUNDED, f"the curve runs off to infinity towards {self.name} = {far:.6g}"
-            self.top = max(self.top, *(self._motion_size(row.X) for row in rows))
+            sizes = self.problem.motion_sizes(np.array([row.u for row in rows])[:, :-1])
+            self.top = max(self.top, float(sizes.max()))
             self.scale = self._scale(self.rows[-1].X)
             self._adapt()
+
+    def _quiet(self, rows: list[CurvePoint]) -> int:
+        """How many of the new rows lie within the span and go on as the last one does, so that nothing ends there."""
+        if self.progress or self.watch.terminal or self.turned or self.landed is not None:
+            return 0
+        heading = self.rows[-1].heading
+        going = (row.heading == heading and self._outside(row.value) is None for row in rows)
+        return next((i for i, on in enumerate(going) if not on), len(rows))
 
     def _take(self, row: CurvePoint) -> tuple[Status, str] | None:
         """Go on to a row; status and message if the curve ends there."""
@@ -490,8 +501,8 @@ class _Tracer:
             row = self._as_now(self.first)
         stop = self.watch.ends(self._arc(last, row)) if self.watch.terminal else None
         if stop is not None:
-            return self._end_at(last, stop)
-        self._append(last, row)
+            return self._end_at(stop)
+        self._append([row])
         if self.progress:
             self._tell(row, self.progress)
         if end is not None:
@@ -515,13 +526,13 @@ class _Tracer:
         text = f"{self.name} = {row.value:.5f}, {len(self.rows)} points, step {row.step:.1e}"
         return Progress(done, text, {"value": row.value, "points": len(self.rows), "step": row.step})
 
-    def _end_at(self, last: CurvePoint, stop: Found) -> tuple[Status, str]:
+    def _end_at(self, stop: Found) -> tuple[Status, str]:
         """Go on to the point of a terminal event."""
         if stop.event.alone:
             self._settle()
             self.rows += [stop.row]
         else:
-            self._append(last, stop.row)
+            self._append([stop.row])
         self.stop = stop
         return stop.event.ending(self.name, stop.row.value)
 
@@ -566,16 +577,16 @@ class _Tracer:
         self.landed = end
         return row
 
-    def _append(self, last: CurvePoint, row: CurvePoint) -> None:
-        """Store a row; what lies between it and the last is looked at when enough rows have come together."""
-        piece = self.problem, self.scale
-        self.turned = self.turned or row.heading != last.heading
-        self.waiting += [piece]  # no call, and so no Ctrl-C, comes between this and the next
-        self.rows += [row]
+    def _append(self, rows: list[CurvePoint]) -> None:
+        """Store rows; what lies between them and the last is looked at when enough have come together."""
+        pieces, heading = [(self.problem, self.scale)] * len(rows), self.rows[-1].heading
+        self.turned = self.turned or any(row.heading != heading for row in rows)
+        self.waiting += pieces  # no call, and so no Ctrl-C, comes between this and the next
+        self.rows += rows
         if len(self.waiting) >= self.together:
             self._settle()
         if self.problem.unknown_parameters:
-            self.problem = self.problem.based(row.X, {**self.fixed, self.name: row.value}, renew=True)
+            self.problem = self.problem.based(rows[-1].X, {**self.fixed, self.name: rows[-1].value}, renew=True)
 
     def _settle(self) -> None:
         """Observe the rows that wait and find the special points between them."""
@@ -604,11 +615,11 @@ class _Tracer:
         fresh = [row for row in path if "multipliers" in row.observed and "modulus_error" not in row.observed]
         if self.accuracy is None or not fresh:
             return
-        X, values = np.array([row.X for row in fresh]), np.array([row.value for row in fresh])
+        u = np.array([row.u for row in fresh])
         try:
-            self.problem.decided(X, self.name, values, [row.observed for row in fresh], self.fixed)
+            self.problem.decided(u[:, :-1], self.name, u[:, -1], [row.observed for row in fresh], self.fixed)
         except Exception as error:
-            self.ending.note(error, f"in making sure of the stability near {self.name} = {values[-1]:.6g}")
+            self.ending.note(error, f"in making sure of the stability near {self.name} = {u[-1, -1]:.6g}")
 
     def _assessed(self, arc: Segment, found: list[Found]) -> list[Found]:
         """Special points of a piece with their errors, solved for as accurately as is wanted."""
@@ -800,7 +811,7 @@ class _Tracer:
         if last.heading * row.heading >= 0:
             return row
         arc = self._arc(last, row)
-        near = [float(arc.guess(k / 8)[-1]) for k in range(1, 8)]
+        near = arc.guess(np.arange(1, 8)[:, None] / 8)[:, -1].tolist()
         reach = max(near) - min(near)
         if all(self._outside(x + d) is None for x in near for d in (-reach, reach)):
             return row

@@ -128,24 +128,38 @@ def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> Non
     m, nu, orders = matrices.shape[2], linear.nu, linear.orders
     poles, residues, springs, moved = linear.poles, linear.residues, linear.springs, linear.moved
     G, dG = np.empty((m, m), dtype=np.complex128), np.empty((m, m), dtype=np.complex128)
+    first = residues[0]
     for k in range(orders.shape[0]):
         ratio = orders[k] / nu
-        w, Y, dY = Omega * ratio, matrices[0, k], matrices[1, k]
-        receptance(poles, residues, w, G, dG)
-        inverse(G, Y)
-        _change(Y, dG, -ratio, dY)
+        w = Omega * ratio
+        if m == 1:  # the usual case: parts of arrays would take longer to make than all that is computed with them
+            matrices[0, k, 0, 0], matrices[1, k, 0, 0] = _stiffness(poles, first, w, ratio)
+        else:
+            receptance(poles, residues, w, G, dG)
+            inverse(G, matrices[0, k])
+            _change(matrices[0, k], dG, -ratio, matrices[1, k])
         for i in range(m):
             e = moved[k, i]
             constants[0, k, i] = -(springs[0, i] + 1j * w * springs[1, i]) * e
             constants[1, k, i] = -1j * ratio * springs[1, i] * e
             for j in range(m):
-                constants[0, k, i] += Y[i, j] * moved[k, j]
-                constants[1, k, i] += dY[i, j] * moved[k, j]
+                constants[0, k, i] += matrices[0, k, i, j] * moved[k, j]
+                constants[1, k, i] += matrices[1, k, i, j] * moved[k, j]
     for n in range(linear.loads.shape[0]):
         _add_load(linear, Omega, n, matrices, constants)
     for k in range(orders.shape[0]):
         for i in range(m):
             matrices[0, k, i, i] -= springs[0, i]
+
+
+@kernel
+def _stiffness(poles: Any, residues: Any, w: float, ratio: float) -> tuple[complex, complex]:
+    """1 / G of a single element, and its derivative in Omega = w / ratio; nan where G is zero."""
+    G, dG = _modal_sum(poles, residues, w)
+    if G == 0.0:
+        return complex(math.nan, math.nan), complex(math.nan, math.nan)
+    Y = 1.0 / G
+    return Y, -ratio * Y * Y * dG
 
 
 @kernel
@@ -231,20 +245,20 @@ def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, a
     for k in range(change.shape[0]):
         for i in range(m):
             for j in range(m):
-                _add_harmonic(change[k, i, j], k, across[i * n : (i + 1) * n, j * n : (j + 1) * n])
+                _add_harmonic(change[k, i, j], k, across, i * n, j * n)
 
 
 @kernel
-def _add_harmonic(Z: complex, k: int, J: Any) -> None:
-    """Add the product of harmonic number k of the unknowns with a complex number, in the real basis."""
+def _add_harmonic(Z: complex, k: int, J: Any, row: int, column: int) -> None:
+    """Add the product of harmonic number k of the unknowns with a complex number, in the real basis, from a corner."""
     if k == 0:
-        J[0, 0] += Z.real
+        J[row, column] += Z.real
         return
     a, b = 2 * k - 1, 2 * k
-    J[a, a] += Z.real
-    J[b, b] += Z.real
-    J[a, b] += Z.imag
-    J[b, a] -= Z.imag
+    J[row + a, column + a] += Z.real
+    J[row + b, column + b] += Z.real
+    J[row + a, column + b] += Z.imag
+    J[row + b, column + a] -= Z.imag
 
 
 @kernel
@@ -305,7 +319,7 @@ def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: An
                 Z = matrices[0, k, i, j]
                 zd += Z * d
                 dzd += matrices[1, k, i, j] * d
-                _add_harmonic(Z, k, J[i * n : (i + 1) * n, j * n : (j + 1) * n])
+                _add_harmonic(Z, k, J, i * n, j * n)
             g, dg = constants[0, k, i], dzd + constants[1, k, i]
             moved += zd.real**2 + zd.imag**2
             held += g.real**2 + g.imag**2

@@ -28,7 +28,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean
 from hbgear.common.ranges import ANY, POSITIVE, Range, checked, counted
 from hbgear.common.recent import Recent
-from hbgear.continuation.algebra import norm
+from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.branch import Branch, Point
 from hbgear.continuation.differences import STEP, difference_along, in_parameter
 from hbgear.continuation.events import Event
@@ -217,6 +217,7 @@ class HarmonicBalance(FullProblem):
         self._remembering: Recent[HarmonicBalance] = Recent(1)
         self._beside: Recent[HarmonicBalance] = Recent(1)
         self._units: Recent[float] = Recent(32)
+        self._layout: Recent[Layout] = Recent(1)
 
     def __repr__(self) -> str:
         kind = ", sampled" if self.is_sampled else ""
@@ -260,6 +261,9 @@ class HarmonicBalance(FullProblem):
     @property
     def layout(self) -> Layout:
         """How a row of unknowns is to be read."""
+        return self._layout.get((), self._read)
+
+    def _read(self) -> Layout:
         system = self.compiled({}).system
         return Layout(
             harmonics=self.H,
@@ -674,6 +678,8 @@ class HarmonicBalance(FullProblem):
     def _changed(self, parameters: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
         """The parameters that are not those of the model, by name."""
         changed = {k: v for k, v in parameters.items() if k != "Omega" and v != self._own.get(k)}
+        if not changed:  # the usual case, of which every call asks
+            return ()
         for name in changed.keys() - self._own.keys():
             self.check_parameter(name)
         return tuple(sorted(changed.items()))
@@ -936,6 +942,10 @@ class HarmonicBalance(FullProblem):
     def motion_size(self, X: Array) -> float:
         """Norm of the alternating part, which scales the arclength."""
         return norm(X.reshape(self.m, -1)[:, 1:])
+
+    def motion_sizes(self, X: Array) -> Array:
+        """`motion_size` (P,) of motions X (P, n)."""
+        return norms(X.reshape(len(X), self.m, -1)[:, :, 1:])
 
     def subharmonic_part(self, X: Array) -> Array:
         """The coefficients that a basis of smaller order could not hold; empty for nu = 1."""

@@ -69,56 +69,80 @@ def pieces(theta: Any, longest: float) -> Any:
 
 
 @kernel
-def stiffness(numbers: Any, row: Any, j: int, theta: Any, out: Any) -> None:
-    """Add dp/dd of element j, whose motion is the row, at phases theta of the basis to out."""
+def circle(count: int) -> Any:
+    """Phases, equally far apart, of a period, with their cosines and sines (3, count)."""
+    out = np.empty((3, count))
+    for i in range(count):
+        theta = 2 * math.pi * i / count
+        out[0, i], out[1, i], out[2, i] = theta, math.cos(theta), math.sin(theta)
+    return out
+
+
+@kernel
+def stiffness(numbers: Any, row: Any, j: int, phases: Any, out: Any) -> None:
+    """Add dp/dd of element j, whose motion is the row, at phases (3, T) as of `circle` to out."""
     laws, corners = numbers.laws, numbers.corners
+    S, K, T = laws.of.shape[0], laws.shifts.shape[0], phases.shape[1]
     first, end = corners.moves[j], corners.moves[j + 1]
     c = waves_of(row) if first == end else waves_with(row, corners.kept[:, j])
-    for n in range(theta.shape[0]):
-        z = complex(math.cos(theta[n]), math.sin(theta[n]))
-        p = 0j
-        for k in range(c.shape[0] - 1, 0, -1):
-            p = (p + c[k]) * z
-        d = c[0].real + p.real
+    gap, factor, powers, at = np.empty(T), np.empty((S, T)), np.zeros((2, T)), 1
+    for n in range(T):
+        gap[n], powers[0, n] = c[0].real, 1.0
+        for s in range(S):
+            factor[s, n] = laws.series[s, 0].real
+    for k in range(1, max(c.shape[0], laws.shifts[K - 1] + 1)):  # all phases together, several of them at once
+        for n in range(T):
+            x, y = powers[0, n], powers[1, n]
+            powers[0, n] = x * phases[1, n] - y * phases[2, n]
+            powers[1, n] = x * phases[2, n] + y * phases[1, n]
+        if k < c.shape[0]:
+            _add_wave(c[k], powers, gap)
+        if at < K and laws.shifts[at] == k:
+            for s in range(S):
+                if laws.of[s] == j:
+                    _add_wave(2 * laws.series[s, at], powers, factor[s])
+            at += 1
+    for n in range(T):
+        d = gap[n]
         if first < end:
-            i = piece_of(corners.at, first, end, theta[n] % (2 * math.pi))
-            d += polynomial(corners.rows[i], theta[n] % (2 * math.pi) - corners.at[i])
+            theta = phases[0, n] % (2 * math.pi)
+            i = piece_of(corners.at, first, end, theta)
+            d += polynomial(corners.rows[i], theta - corners.at[i])
         out[n] += laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * d * d
-        for s in range(laws.of.shape[0]):
+        for s in range(S):
             if laws.of[s] != j:
                 continue
             slope = laws.base[s, 0]
             for r in range(laws.at.shape[0]):
                 if laws.part[r] == s and d > laws.level[laws.at[r]]:
                     slope += laws.change[r]
-            if slope == 0.0:
-                continue
-            factor, power, at = laws.series[s, 0].real, complex(1.0, 0.0), 0
-            for i in range(1, laws.shifts.shape[0]):
-                while at < laws.shifts[i]:
-                    power *= z
-                    at += 1
-                a = laws.series[s, i]
-                factor += 2 * (a.real * power.real - a.imag * power.imag)
-            if corners.parts[s] < corners.parts[s + 1]:
-                i = piece_of(corners.begin, corners.parts[s], corners.parts[s + 1], theta[n] % (2 * math.pi))
-                factor *= polynomial(corners.weight[i], theta[n] % (2 * math.pi) - corners.begin[i])
-            out[n] += factor * slope
+            if slope != 0.0 and corners.parts[s] < corners.parts[s + 1]:
+                theta = phases[0, n] % (2 * math.pi)
+                i = piece_of(corners.begin, corners.parts[s], corners.parts[s + 1], theta)
+                slope *= polynomial(corners.weight[i], theta - corners.begin[i])
+            out[n] += slope * factor[s, n]
 
 
 @kernel
-def pace(numbers: Any, rows: Any, mobility: Any, nu: int) -> float:
-    """How fast the modulations can turn the state [rad per unit of time], 0 without any.
+def _add_wave(c: complex, powers: Any, out: Any) -> None:
+    """Add Re c z^k at phases whose powers z^k (2, T) are known."""
+    a, b = c.real, c.imag
+    for n in range(out.shape[0]):
+        out[n] += a * powers[0, n] - b * powers[1, n]
+
+
+@kernel
+def pace(numbers: Any, rows: Any, mobility: Any, coarse: Any) -> float:
+    """How fast the modulations can turn the state [rad per unit of time], 0 without any; coarse: phases to look at.
 
     The square is the largest of: inverse modal mass of an element times the largest stiffness of its law.
     """
-    most, theta, k = 0.0, np.empty(COARSE * nu), np.empty(COARSE * nu)
+    most, k = 0.0, np.empty(coarse.shape[1])
     for j in range(rows.shape[0]):
-        for i in range(COARSE * nu):
-            theta[i], k[i] = 2 * math.pi * i / (COARSE * nu), 0.0
-        stiffness(numbers, rows[j], j, theta, k)
+        k[:] = 0.0
+        stiffness(numbers, rows[j], j, coarse, k)
         largest = numbers.linear.springs[0, j]
-        for i in range(COARSE * nu):
+        for i in range(k.shape[0]):
             largest = max(largest, abs(k[i]))
         most = max(most, mobility[j] * largest)
     return math.sqrt(most)
@@ -127,14 +151,11 @@ def pace(numbers: Any, rows: Any, mobility: Any, nu: int) -> float:
 @kernel
 def slopes(numbers: Any, X: Any, out: Any) -> None:
     """dp/dd (P, m, T) of motions X (P, n) at T phases, equally far apart, of the basis period; out is zero before."""
-    m, T = out.shape[1], out.shape[2]
-    theta = np.empty(T)
-    for i in range(T):
-        theta[i] = 2 * math.pi * i / T
+    m, phases = out.shape[1], circle(out.shape[2])
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
         for j in range(m):
-            stiffness(numbers, rows[j], j, theta, out[p, j])
+            stiffness(numbers, rows[j], j, phases, out[p, j])
 
 
 @kernel
@@ -143,17 +164,23 @@ def moduli(numbers: Any, rows: Any, ports: Any, cut: Any, x: Any) -> Any:
     steps, s, at = 0, x.shape[0], 0
     for i in range(cut.shape[0]):
         steps += int(cut[i, 2])
-    theta, k = np.empty(steps * s), np.empty(steps * s)
+    phases, k = np.empty((3, steps * s)), np.empty(steps * s)
     for i in range(cut.shape[0]):
+        a, b = math.cos(cut[i, 1]), math.sin(cut[i, 1])
         for n in range(int(cut[i, 2])):
             for j in range(s):
-                theta[at] = cut[i, 0] + cut[i, 1] * (n + x[j])
+                theta = phases[0, at] = cut[i, 0] + cut[i, 1] * (n + x[j])
+                if n:  # those of the step before, turned on
+                    c, d = phases[1, at - s], phases[2, at - s]
+                    phases[1, at], phases[2, at] = a * c - b * d, a * d + b * c
+                else:
+                    phases[1, at], phases[2, at] = math.cos(theta), math.sin(theta)
                 at += 1
     D = np.empty((1, steps, s, ports.shape[0]))
     for p in range(ports.shape[0]):
         for i in range(steps * s):
             k[i] = -numbers.linear.springs[0, ports[p]]
-        stiffness(numbers, rows[ports[p]], ports[p], theta, k)
+        stiffness(numbers, rows[ports[p]], ports[p], phases, k)
         for i in range(steps * s):
             D[0, i // s, i % s, p] = k[i]
     return D
@@ -304,9 +331,10 @@ def monodromies(
     radians between. Returns 0, or the number of steps of a period if it exceeds ``most``.
     """
     nu = numbers.linear.nu
+    coarse = circle(COARSE * nu)
     for p in range(X.shape[0]):
         rows, omega = X[p].reshape(mobility.shape[0], -1), Omega[p] / nu
-        fast = pace(numbers, rows, mobility, nu)
+        fast = pace(numbers, rows, mobility, coarse)
         which, longest = step_of(fast, omega, nu, schemes, share)
         x, L, _ = schemes[0] if which == 0 else schemes[1]
         count: float = 2 * math.pi / longest

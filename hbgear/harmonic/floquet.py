@@ -267,9 +267,9 @@ def _carried(compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: f
 
     numbers, nu = compiled.numbers_of(X), compiled.nu
     rows, omega = X.reshape(compiled.m, -1), Omega / nu
-    coarse = 2 * np.pi * np.arange(carrying.COARSE * nu) / (carrying.COARSE * nu)
-    largest = np.abs(_slopes(compiled, rows, omega, coarse)[0]).max(axis=1)
-    fast = max(carrying.pace(numbers, rows, mobility, nu), float(np.sqrt((mobility * largest).max())))
+    coarse = carrying.circle(carrying.COARSE * nu)
+    largest = np.abs(_slopes(compiled, rows, omega, coarse[0])[0]).max(axis=1)
+    fast = max(carrying.pace(numbers, rows, mobility, coarse), float(np.sqrt((mobility * largest).max())))
     which, longest = carrying.step_of(fast, omega, nu, schemes, _SHARE)
     x, L, _ = schemes[which]
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > _STEPS else 0.0)

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
+from hbgear.continuation.algebra import norm
 from hbgear.continuation.branch import Branch, Point
 from hbgear.mechanics.fourier import evaluate, extrema, harmonics_of, spread, stretch, to_complex, to_real
 
@@ -175,10 +176,9 @@ class Layout:
         Motions of different periods are compared over a common multiple.
         """
         nu = math.lcm(self.nu, other.nu)
-        mine, others = self._amplitudes(X, nu), other._amplitudes(Y, nu)
-        width = max(mine.shape[1], others.shape[1])
-        a, b = (np.pad(x, ((0, 0), (0, width - x.shape[1]))) for x in (mine, others))
-        return float(np.linalg.norm(a - b))
+        few, apart = sorted((self._amplitudes(X, nu), other._amplitudes(Y, nu)), key=np.size)
+        apart[:, : few.shape[1]] -= few
+        return norm(apart)
 
     def _amplitudes(self, X: Array, nu: int) -> Array:
         """Mean and root mean squares (m, H nu / own nu + 1) of the harmonics of Omega / nu."""

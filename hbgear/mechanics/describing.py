@@ -32,6 +32,8 @@ def told(value: Any) -> Any:
     TypeError
         If it is none: a function, an object of a class of a user, a matrix of more than 50 000 numbers.
     """
+    if type(value) in _PLAIN:
+        return value
     if isinstance(value, Phased):
         return json.loads(json.dumps(described(value)))
     if scipy.sparse.issparse(value):
@@ -54,6 +56,9 @@ def told(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [told(each) for each in value]
     return json.loads(json.dumps(value.item() if isinstance(value, np.generic) else value))
+
+
+_PLAIN = (float, int, bool, str, type(None))
 
 
 def _check_size(count: int) -> None:

@@ -69,6 +69,7 @@ FILES = {
         "homotopy": "algebra corrector newton problem",
         "segment": "algebra corrector newton problem",
         "asymptote": "algebra problem segment",
+        "nearing": "",
         "touching": "",
         "covering": "branch jumps newton segment",
         "record": "branch problem segment",

@@ -77,7 +77,9 @@ def test_the_compiled_loop_tells_the_same_curve(name, back):
     assert [(j.label, j.direction) for j in one.jumps()] == [(j.label, j.direction) for j in many.jumps()]
     for a, b in zip(one.jumps(), many.jumps(), strict=True):
         assert a.value == pytest.approx(b.value, rel=0, abs=1e-9)
-    largest = max(many.problem.motion_size(X) for X in many.X)
+    sizes = many.problem.motion_sizes(many.X)
+    np.testing.assert_allclose(sizes, [many.problem.motion_size(X) for X in many.X], rtol=1e-14)
+    largest = sizes.max()
     rows = np.column_stack([many.X / largest, many.values / abs(span[1] - span[0])])
     assert np.linalg.norm(np.diff(rows, axis=0), axis=1).max() < 1.5 * StepControl().longest
     assert many.residual.max() < 1e-10
