@@ -86,7 +86,8 @@ def trace(
     span : (from, to). The curve is followed through every fold until it leaves the span at either end, closes on
         itself, or cannot be followed.
     start : where to begin: a `Point` (``curve["LP1"]``, ``curve[10]``) or unknowns (n,); by default the problem finds
-        one at ``span[0]``. A Point that knows ``parameter`` is begun from at its own value.
+        one at ``span[0]``, or if there is none, and the whole span is looked at, at ``span[1]``, which the message
+        says. A Point that knows ``parameter`` is begun from at its own value.
     at : values of parameters that stay fixed, if not the problem's own (``{"zeta": 0.05}``).
     steps, settings : step control and corrector.
     stability : ask the problem for multipliers at every point.
@@ -121,7 +122,7 @@ def trace(
     ValueError
         If the span is empty, not finite or outside the range of the parameter, or a fixed parameter is missing.
     NoConvergence
-        If no solution is found at the start.
+        If no solution is found at the start, nor at the other end.
     KeyboardInterrupt
         If Ctrl-C comes before the first point is found.
 
@@ -136,18 +137,29 @@ def trace(
     [1.103, 1.1]
     """
     asked = full = as_problem(problem)
-    told = ""
+    anew = nowhere = ""
     while True:
-        tracer = _Tracer(
-            full, parameter, span, start, at, steps, settings, stability, special, events, progress,
-            cover and start is None, accuracy, asked=asked,
-        )  # fmt: skip
+        try:
+            tracer = _Tracer(
+                full, parameter, span, start, at, steps, settings, stability, special, events, progress,
+                cover and start is None, accuracy, asked=asked,
+            )  # fmt: skip
+        except NoConvergence:
+            if nowhere or start is not None or not cover:
+                raise
+            nowhere, span = (
+                f"no solution was found at {parameter} = {span[0]:.6g}: followed from the other end",
+                span[::-1],
+            )
+            continue
         try:
             branch = tracer.run()
         except _Sketch as sketch:
-            full, told = as_problem(full.finer), str(sketch)
+            full, anew = as_problem(full.finer), str(sketch)
             continue
-        return replace(branch, message="; ".join(text for text in (branch.message, told) if text)) if told else branch
+        if not anew and not nowhere:
+            return branch
+        return replace(branch, message="; ".join(text for text in (branch.message, anew, nowhere) if text))
 
 
 _ROUGH = 0.05  # error of a solution, relative to its size, above which a curve of it is only a sketch

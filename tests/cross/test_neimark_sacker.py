@@ -102,7 +102,7 @@ def test_two_pairs_next_to_the_circle_are_two_points():
 
 
 def test_pairs_that_pass_between_two_rows_are_found():
-    """Two that leave together, one that leaves and comes back, one that leaves as another comes back: as short steps."""
+    """Two that leave together, one that leaves and returns, one that leaves as another returns: as by short steps."""
     problem, span = hb.HarmonicBalance(PAIR, 16), (0.87, 0.68)
     curve = hb.trace(problem, "Omega", span, accuracy=None)
     short = hb.trace(problem, "Omega", span, accuracy=None, steps=hb.StepControl(longest=1e-3))

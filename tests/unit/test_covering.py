@@ -125,6 +125,15 @@ def test_where_no_curve_was_found_is_said():
     )
 
 
+def test_from_the_other_end_where_nothing_is_found_at_the_beginning():
+    curve = hb.trace(Broken(), "p", (1.5, 3.0))
+    assert curve.values[0] == 3.0 and curve.values.min() == pytest.approx(2.0)
+    assert curve.message.endswith("no solution was found at p = 1.5: followed from the other end")
+    for span, options in (((1.2, 1.8), {}), ((1.5, 3.0), {"cover": False})):
+        with pytest.raises(hb.NoConvergence, match="nothing there"):
+            hb.trace(Broken(), "p", span, **options)
+
+
 class Middle(Broken):
     """Curves at both ends that turn back, and one between that closes: (x - 5)^2 + (p - 1.5)^2 = 0.45^2."""
 
