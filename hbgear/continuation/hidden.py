@@ -27,23 +27,24 @@ Hint: TypeAlias = tuple[Event, float]
 _TRIES = 8  # rows looked at on a piece for each event that may happen there
 
 
-_AT_THE_ENDS = 1e-6  # share of a piece within which a point found on it is the special point at its end
+_AT_AN_END = 0.02  # share of a piece within which a point found on it is the special point of its kind at the end
 
 
 @dataclass(frozen=True)
 class Path:
-    """Rows of a curve and special points between them, in the order of the curve, with the place of each."""
+    """Rows of a curve and special points between them, in the order of the curve, with the place and kind of each."""
 
     rows: Rows
     places: list[Place]
+    kinds: list[str]
 
     @classmethod
-    def through(cls, rows: Rows, points: Mapping[Place, CurvePoint]) -> Path:
+    def through(cls, rows: Rows, points: Mapping[Place, Found]) -> Path:
         """Rows and the special points at some places between them."""
-        own = {(i, 0.0): row for i, row in enumerate(rows)}
-        every = {**points, **own}
+        every = {(i, 0.0): (row, "") for i, row in enumerate(rows)}
+        every.update((place, (point.row, point.event.kind)) for place, point in points.items())
         places = sorted(every)
-        return cls(Rows(every[place] for place in places) if points else rows, places)
+        return cls(Rows(every[at][0] for at in places) if points else rows, places, [every[at][1] for at in places])
 
     def ends(self, k: int) -> tuple[int, float, float]:
         """The piece between two rows that piece k of the path lies on, and where it begins and ends there."""
@@ -64,11 +65,15 @@ class Path:
 
 
 def find_hidden(
-    watch: Watch, segment: Segment, hints: Sequence[Hint], observed: Callable[[CurvePoint], CurvePoint]
+    watch: Watch,
+    segment: Segment,
+    hints: Sequence[Hint],
+    observed: Callable[[CurvePoint], CurvePoint],
+    kinds: Sequence[str] = ("", ""),
 ) -> list[tuple[Segment, Found]]:
     """Special points on a piece of a curve on which events seem to happen twice, if they do, each on its part of it.
 
-    observed : notes with a row what the problem says of it.
+    observed : notes with a row what the problem says of it. kinds : of the special points at its ends, "" for rows.
     """
     places, rows = [0.0, 1.0], [segment.a, segment.b]
     for event, s in hints:
@@ -76,11 +81,14 @@ def find_hidden(
     pieces = watch.suspects(rows)
     if len(pieces) <= len(watch.suspects([segment.a, segment.b])):  # no more than was known
         return []
-    out = []
+    out: list[tuple[Segment, Found]] = []
     for i in pieces:
         part, low, length = segment.part(rows[i], rows[i + 1]), places[i], places[i + 1] - places[i]
-        found = ((point, low + point.s * length) for point in watch.find(part))
-        out += [(part, point) for point, s in found if _AT_THE_ENDS < s < 1 - _AT_THE_ENDS]
+        for point in watch.find(part):
+            s = low + point.s * length
+            end = kinds[0] if s < _AT_AN_END else kinds[1] if s > 1 - _AT_AN_END else ""
+            if point.event.kind != end:
+                out.append((part, point))
     return out
 
 

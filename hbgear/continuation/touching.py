@@ -28,7 +28,7 @@ def dips(f: Array, length: Array) -> list[tuple[int, float]]:
     return sorted((int(piece), s) for piece, s in found[:count].tolist())
 
 
-_SOON = 0.1  # share of a piece on which a line that reaches zero tells of a test function that does
+_SOON = 0.2  # share of a piece on which a line that reaches zero tells of a test function that does
 
 
 SHALLOW = 0.25  # share of its least value at the rows below which a test function may cross zero between them

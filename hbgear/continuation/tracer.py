@@ -687,13 +687,15 @@ class _Tracer:
         for number, point in self.found:
             if number > first and number not in found:
                 known[number] = [*known.get(number, []), point]
-        points = {(number - first - 1, one.s): one.row for number, some in known.items() for one in some
+        points = {(number - first - 1, one.s): one for number, some in known.items() for one in some
                   if one.located and 0 < one.s < 1 and len(one.row.u) == len(self.scale)}  # fmt: skip
-        self._observe(list(points.values()))
+        self._observe([point.row for point in points.values()])
         path = Path.through(rows, points)
         for k, hints in path.hints(self.watch, rows, self.scale).items():
             piece, low, high = path.ends(k)
-            hidden = find_hidden(self.watch, self._arc(*path.rows[k : k + 2]), hints, self._observed_between)
+            hidden = find_hidden(
+                self.watch, self._arc(*path.rows[k : k + 2]), hints, self._observed_between, path.kinds[k : k + 2]
+            )
             others = known.get(first + piece + 1, [])
             kept = [point for point in others if not low < point.s < high]
             if len(hidden) > len(others) - len(kept):
