@@ -696,14 +696,19 @@ class _Tracer:
             hidden = find_hidden(
                 self.watch, self._arc(*path.rows[k : k + 2]), hints, self._observed_between, path.kinds[k : k + 2]
             )
-            others = known.get(first + piece + 1, [])
+            others, whole = known.get(first + piece + 1, []), self._arc(rows[piece], rows[piece + 1])
             kept = [point for point in others if not low < point.s < high]
-            if len(hidden) > len(others) - len(kept):
-                whole = self._arc(rows[piece], rows[piece + 1])
-                fresh = [
-                    replace(p, s=whole.place(p.row.u)) for arc, point in hidden for p in self._assessed(arc, [point])
-                ]
+            sure = (self._confirmed(arc, point) for arc, point in hidden)
+            fresh = [replace(point, s=whole.place(point.row.u)) for point in sure if point is not None]
+            if len(fresh) > len(others) - len(kept):
                 found[first + piece + 1] = known[first + piece + 1] = sorted(kept + fresh, key=lambda point: point.s)
+
+    def _confirmed(self, arc: Segment, point: Found) -> Found | None:
+        """A point that no change of sign between rows told of, with its error; None if more unknowns do not have it."""
+        if self.accuracy is None:
+            return point
+        judged = assessed(arc, point, self.accuracy)
+        return None if judged.error > self.accuracy * arc.problem.unit_of(self.name, judged.row.value) else judged
 
     def _observed_between(self, row: CurvePoint) -> CurvePoint:
         self._observe([row])

@@ -41,7 +41,13 @@ FINER = 4
 """Times the harmonics of the curve, of the trace that tells where to look."""
 
 NEAR = 0.1
-"""Distance, in Omega over the span and in the motion over its size, within which two points are the same."""
+"""Distance, in Omega over the span and in the motion over its size, within which shooting looks for a point."""
+
+SAME = 0.01
+"""Such a distance within which points of two traces are the same."""
+
+KNOWN = 1e-5
+"""Distance in Omega over the span within which a point that shooting confirms is one that the curve has."""
 
 ROWS = 4
 """Rows of each curve whose verdict is compared: half of them those nearest to the unit circle."""
@@ -310,28 +316,29 @@ def special_points(it: Machine, branch: Branch, fine: Branch, random: np.random.
     more = random.permutation(more)[: MOST // 2].astype(int).tolist()
     both = random.permutation(list(partner))[: MOST - len(alone) - len(more)].astype(int)
     out = []
-    for i in sorted(both):
-        near = finer[partner[i]][1]
-        others = [p.parameters["Omega"] for _, p in finer if p.kind == near.kind and p is not near]
-        out.append(_compared(it, mine[i][1], *finer[partner[i]], sure=True, others=others))
-    out += [_compared(it, mine[i][1], *mine[i], sure=False) for i in alone]
+    for i in (*sorted(both), *alone):
+        pair = finer[partner[i]] if i in partner else mine[i]
+        others = [p.parameters["Omega"] for _, p in (*finer, *mine)
+                  if p.kind == pair[1].kind and p is not pair[1] and p is not mine[i][1]]  # fmt: skip
+        out.append(_compared(it, mine[i][1], *pair, sure=i in partner, others=others))
     for j in more:
         one, p = finer[j]
         try:
             true = shot(it, one, p)
         except NotFound:
             continue
-        if not any(c.kind == p.kind and abs(c.true - true) < 1e-7 for c in out):
+        within = KNOWN * abs(it.span[1] - it.span[0])
+        if not any(q.kind == p.kind and abs(q.parameters["Omega"] - true) < within for _, q in mine):
             out.append(Compared(it.name, p.kind, np.nan, true, np.nan, "shooting"))
     return out
 
 
 def _compared(
-    it: Machine, p: SpecialPoint, branch: Branch, near: SpecialPoint, sure: bool, others: Sequence[float] = ()
+    it: Machine, p: SpecialPoint, branch: Branch, near: SpecialPoint, sure: bool, others: Sequence[float]
 ) -> Compared:
     """A special point and its truth, looked for near another one of a branch.
 
-    sure : that is one of the finer trace. others : Omega of the others there, to which shooting may not have gone.
+    sure : that is one of the finer trace. others : Omega of others of its kind, to which shooting may not have gone.
     """
     Omega, true, by = p.parameters["Omega"], np.nan, "none"
     try:
@@ -382,14 +389,14 @@ def _corner(branch: Branch, point: SpecialPoint) -> tuple[int, int, float]:
 
 
 def matched(it: Machine, mine: Sequence[SpecialPoint], finer: Sequence[SpecialPoint]) -> list[tuple[int, int]]:
-    """Pairs of points of one kind that are nearest to each other, within `NEAR`."""
+    """Pairs of points of one kind that are nearest to each other, within `SAME`."""
     out = []
     for kind in sorted({p.kind for p in mine}):
         a = [i for i, p in enumerate(mine) if p.kind == kind]
         b = [j for j, p in enumerate(finer) if p.kind == kind]
         far = np.array([[_distance(it, mine[i], finer[j]) for j in b] for i in a]).reshape(len(a), len(b))
-        for i, j in zip(*scipy.optimize.linear_sum_assignment(np.minimum(far, NEAR)), strict=True):
-            if far[i, j] < NEAR:
+        for i, j in zip(*scipy.optimize.linear_sum_assignment(np.minimum(far, SAME)), strict=True):
+            if far[i, j] < SAME:
                 out.append((a[i], b[j]))
     return out
 
