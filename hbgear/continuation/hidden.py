@@ -27,7 +27,10 @@ Hint: TypeAlias = tuple[Event, float]
 _TRIES = 8  # rows looked at on a piece for each event that may happen there
 
 
-_AT_AN_END = 0.02  # share of a piece within which a point found on it is the special point of its kind at the end
+_AT_AN_END = 0.05  # share of a piece within which a point found on it is the special point of its kind at the end
+
+
+_ON_A_ROW = 1e-6  # such a share within which it is the row at the end, where nothing was hidden
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ def find_hidden(
         for point in watch.find(part):
             s = low + point.s * length
             end = kinds[0] if s < _AT_AN_END else kinds[1] if s > 1 - _AT_AN_END else ""
-            if point.event.kind != end:
+            if point.event.kind != end and _ON_A_ROW < s < 1 - _ON_A_ROW:
                 out.append((part, point))
     return out
 
