@@ -7,6 +7,7 @@ rows are solved for between, until a change of sign shows or there is nothing mo
 from __future__ import annotations
 
 import bisect
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -93,6 +94,12 @@ def find_hidden(
             if point.event.kind != end and _ON_A_ROW < s < 1 - _ON_A_ROW:
                 out.append((part, point))
     return out
+
+
+def paired(points: Sequence[Found]) -> list[Found]:
+    """Points found between rows of one sign, without those of a kind that change it an odd number of times."""
+    odd = {kind for kind, count in Counter(p.event.kind for p in points if p.finder is None).items() if count % 2}
+    return [point for point in points if point.finder is not None or point.event.kind not in odd]
 
 
 def _look(

@@ -34,7 +34,7 @@ from hbgear.continuation.corrector import correct
 from hbgear.continuation.covering import UNCOVERED, Search, find_rest, told
 from hbgear.continuation.ending import Ending
 from hbgear.continuation.events import Event, Found, Turning, Watch, events_of
-from hbgear.continuation.hidden import Path, find_hidden
+from hbgear.continuation.hidden import Path, find_hidden, paired
 from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import NoConvergence, Settings, solve
 from hbgear.continuation.problem import AnyProblem, FullProblem, as_problem, observe_all
@@ -700,6 +700,7 @@ class _Tracer:
             kept = [point for point in others if not low < point.s < high]
             sure = (self._confirmed(arc, point) for arc, point in hidden)
             fresh = [replace(point, s=whole.place(point.row.u)) for point in sure if point is not None]
+            fresh = fresh if len(kept) < len(others) or any(path.kinds[k : k + 2]) else paired(fresh)
             if len(fresh) > len(others) - len(kept):
                 found[first + piece + 1] = known[first + piece + 1] = sorted(kept + fresh, key=lambda point: point.s)
 
