@@ -19,11 +19,14 @@ import logging
 import os
 import re
 import shutil
+import threading
 import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
+
+from hbgear.common.signals import held
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -76,7 +79,28 @@ def _numba() -> Any:
     except ImportError as error:
         _LOG.warning("Numba cannot be imported (%s): hbgear works without it, a hundred times slower", error)
         return None
+    _let_it_finish()
     return numba
+
+
+def _let_it_finish() -> None:
+    """Ctrl-C and SIGTERM wait until a kernel is compiled or loaded: the compiler does not survive them everywhere."""
+    from numba.core import event
+
+    class Waiting(event.Listener):
+        def __init__(self) -> None:
+            self.waits: list[contextlib.AbstractContextManager[None]] = []
+
+        def on_start(self, event: Any) -> None:
+            if threading.current_thread() is threading.main_thread():
+                self.waits.append(held() if not self.waits else contextlib.nullcontext())
+                self.waits[-1].__enter__()
+
+        def on_end(self, event: Any) -> None:
+            if threading.current_thread() is threading.main_thread() and self.waits:
+                self.waits.pop().__exit__(None, None, None)
+
+    event.register("numba:compiler_lock", Waiting())  # type: ignore[no-untyped-call]
 
 
 def nothing_compiled() -> bool:

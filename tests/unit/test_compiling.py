@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.common import compiling
 
 ROOT = Path(hb.__file__).parent
 
@@ -29,6 +31,7 @@ WITHOUT = """
 import json, sys
 sys.modules["numba"] = None
 import hbgear as hb
+from hbgear.common import compiling
 found = []
 for H in (1, 2, 3):
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), H), "Omega", (0.8, 1.6))
@@ -142,3 +145,19 @@ def test_without_numba_the_same_curves_are_found(without_numba):
             np.testing.assert_allclose(X, point.X, rtol=0, atol=1e-6)
         assert [label for label, _ in jumps] == [jump.label for jump in curve.jumps()]
         np.testing.assert_allclose([x for _, x in jumps], [jump.value for jump in curve.jumps()], rtol=0, atol=1e-8)
+
+
+def test_ctrl_c_waits_until_a_kernel_is_compiled():
+    event = pytest.importorskip("numba.core.event")
+    assert compiling._numba() is not None
+    reached = False
+    with pytest.raises(KeyboardInterrupt):
+        event.start_event("numba:compiler_lock")
+        try:
+            event.start_event("numba:compiler_lock")  # a kernel that this one calls
+            signal.raise_signal(signal.SIGINT)
+            event.end_event("numba:compiler_lock")
+            reached = True
+        finally:
+            event.end_event("numba:compiler_lock")
+    assert reached

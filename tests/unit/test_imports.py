@@ -38,11 +38,11 @@ FILES = {
         "ranges": "messages",
         "units": "messages ranges",
         "recent": "",
-        "compiling": "",
+        "signals": "",
+        "compiling": "signals",
         "digits": "",
         "threads": "",
         "late": "",
-        "signals": "",
         "replacing": "signals",
     },
     "continuation": {
