@@ -89,16 +89,19 @@ def _let_it_finish() -> None:
 
     class Waiting(event.Listener):
         def __init__(self) -> None:
-            self.waits: list[contextlib.AbstractContextManager[None]] = []
+            self.depth, self.waiting = 0, contextlib.ExitStack()
 
         def on_start(self, event: Any) -> None:
             if threading.current_thread() is threading.main_thread():
-                self.waits.append(held() if not self.waits else contextlib.nullcontext())
-                self.waits[-1].__enter__()
+                self.depth += 1
+                if self.depth == 1:
+                    self.waiting.enter_context(held())
 
         def on_end(self, event: Any) -> None:
-            if threading.current_thread() is threading.main_thread() and self.waits:
-                self.waits.pop().__exit__(None, None, None)
+            if threading.current_thread() is threading.main_thread() and self.depth:
+                self.depth -= 1
+                if self.depth == 0:
+                    self.waiting.close()
 
     event.register("numba:compiler_lock", Waiting())  # type: ignore[no-untyped-call]
 

@@ -97,10 +97,7 @@ def _by_equations(arc: Segment, found: Found, goal: float) -> Found:
 
 def _left(arc: Segment, found: Found) -> bool:
     """Whether Newton with more unknowns went beyond the ends of the piece, where another point may be."""
-    if found.sharp is None:
-        return False
-    row = found.sharp.row
-    return not 0 <= arc.place(np.append(arc.problem.fitted(row.X), row.value)) <= 1
+    return found.sharp is not None and not 0 <= arc.place(_fitted(arc, found.sharp.row)) <= 1
 
 
 def _by_pieces(arc: Segment, found: Found, goal: float) -> Found:
@@ -145,5 +142,9 @@ def _row_of(arc: Segment, problem: FullProblem, point: Solution) -> CurvePoint:
 
 def _apart(arc: Segment, one: CurvePoint, other: CurvePoint) -> float:
     """Scaled distance of two rows in the unknowns of the piece."""
-    u, v = (np.append(arc.problem.fitted(row.X), row.value) for row in (one, other))
-    return norm((u - v) / arc.scale)
+    return norm((_fitted(arc, one) - _fitted(arc, other)) / arc.scale)
+
+
+def _fitted(arc: Segment, row: CurvePoint) -> Array:
+    """A row in the unknowns of the piece."""
+    return np.append(arc.problem.fitted(row.X), row.value)

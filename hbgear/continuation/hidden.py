@@ -73,7 +73,7 @@ def find_hidden(
     segment: Segment,
     hints: Sequence[Hint],
     observed: Callable[[CurvePoint], CurvePoint],
-    kinds: Sequence[str] = ("", ""),
+    kinds: Sequence[str],
 ) -> list[tuple[Segment, Found]]:
     """Special points on a piece of a curve on which events seem to happen twice, if they do, each on its part of it.
 

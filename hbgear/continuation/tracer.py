@@ -147,10 +147,8 @@ def trace(
         except NoConvergence:
             if nowhere or start is not None or not cover:
                 raise
-            nowhere, span = (
-                f"no solution was found at {parameter} = {span[0]:.6g}: followed from the other end",
-                span[::-1],
-            )
+            nowhere = f"no solution was found at {parameter} = {span[0]:.6g}: followed from the other end"
+            span = span[::-1]
             continue
         try:
             branch = tracer.run()
@@ -183,7 +181,7 @@ class _Tracer:
         # asked : the problem with as many unknowns as were asked for, in which solutions are looked for at less cost
         self.another = partial(  # curve of the span
             _Tracer, problem, parameter, at=at, steps=steps, settings=settings, stability=stability, special=special,
-            events=events, progress=progress, accuracy=accuracy,
+            events=events, progress=progress, accuracy=accuracy, asked=asked,
         )  # fmt: skip
         if accuracy is not None:
             checked("trace", "accuracy", accuracy, POSITIVE)
@@ -208,10 +206,10 @@ class _Tracer:
         self.fixed = self._fixed(start, at)
         ends = min(self.a, self.b), max(self.a, self.b)
         problem.check_trace(parameter, *ends, self.fixed)
-        self.asked = (asked or problem).within(parameter, *ends, self.fixed)
-        same = asked is None or asked is problem
-        problem = self.asked if same else problem.within(parameter, *ends, self.fixed)
+        whole, problem = problem, problem.within(parameter, *ends, self.fixed)
         self.original = self.problem = self.largest = problem
+        asked = asked or whole
+        self.asked = problem if asked is whole else asked.within(parameter, *ends, self.fixed)
         self.sense = 1.0 if self.b > self.a else -1.0
         self.rows: list[CurvePoint] = []
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
@@ -265,7 +263,7 @@ class _Tracer:
         elif start is not None:
             X = np.array(start, dtype=float)
         else:
-            X = problem.start(**{**self.fixed, self.name: value})
+            X = self._anywhere({**self.fixed, self.name: value})
         _check_start(problem, X)
         self.problem = problem = problem.based(X, {**self.fixed, self.name: value})
         solution = solve(problem, X, {**self.fixed, self.name: value}, self.name, self.settings)
@@ -286,6 +284,16 @@ class _Tracer:
             self.scale = self._scale(solution.X)
             row = row_of(solution, normal, self.scale)
         return row
+
+    def _anywhere(self, here: dict[str, float]) -> Array:
+        """A solution wherever the problem finds one, if it can with as few unknowns as were asked for."""
+        X = self.asked.start(**here)
+        if self.asked is self.original:
+            return X
+        try:
+            return solve(self.original, self.original.fitted(X), here, "", self.settings).X
+        except NoConvergence:
+            return self.original.start(**here)
 
     def _depart(self, start: Departure) -> CurvePoint:
         """First row of another branch, a short way along the direction that leaves the point; or the point itself."""
@@ -444,9 +452,8 @@ class _Tracer:
     def _departure(self, value: float, near: Array | None) -> Departure:
         """A solution at a value of the parameter, to go up from in it."""
         here, problem = {**self.fixed, self.name: value}, self.original
-        if near is None:
-            near = self.asked.start(**here)
-        X = solve(problem, problem.fitted(near), here, "", self.settings).X
+        near = self._anywhere(here) if near is None else problem.fitted(near)
+        X = solve(problem, near, here, "", self.settings).X
         return Departure(X, here, np.append(np.zeros(len(X)), 1.0), away=False)
 
     def _branch(self) -> Branch:

@@ -425,7 +425,7 @@ def test_commands_stop_at_any_moment(tmp_path, name, stop):
         assert set(os.listdir(folder)) <= {"out.npz", "out.csv"}
         if command.returncode == 3:
             assert "stopped" in err or "interrupted" in out + err
-            assert "a jump exists" not in out
+            assert "a jump exists" not in out or "the model has" in out  # all of it, or nothing
         if (folder / "out.npz").exists():
             curve = hb.load(folder / "out.npz")
             assert curve.status.complete or (curve.status is Status.INTERRUPTED and command.returncode == 3)
