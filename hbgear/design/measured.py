@@ -18,6 +18,7 @@ from hbgear.common.arguments import check_fields, checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.units import si
+from hbgear.harmonic.observables import check_measure
 from hbgear.harmonic.speeds import MESH, PINION
 from hbgear.io.measured import rows_of
 
@@ -50,7 +51,8 @@ class Measurements:
     Raises
     ------
     ValueError
-        If lengths differ, a number is not finite, a frequency or amplitude not positive, or there is nothing.
+        If lengths differ, a number is not finite, a frequency or amplitude not positive, a measure or unit
+        unknown, or there is nothing.
 
     Examples
     --------
@@ -76,6 +78,7 @@ class Measurements:
         check_fields(self)
         if self.unit not in FREQUENCIES:
             raise ValueError(f"Measurements: unit = {quoted(self.unit)}{did_you_mean(str(self.unit), FREQUENCIES)}")
+        check_measure("Measurements", self.measure)
         frequency, amplitude = self._numbers("frequency"), self._numbers("amplitude")
         if len(frequency) != len(amplitude):
             raise ValueError(

@@ -41,7 +41,7 @@ from hbgear.design.bounds import bounds_of
 from hbgear.design.sampling import Grid, Sample
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.critical import NoFold, critical
-from hbgear.harmonic.observables import Layout
+from hbgear.harmonic.observables import Layout, check_measure
 from hbgear.harmonic.peaks import peaks
 from hbgear.harmonic.sensitivity import Relocation, measured_along
 from hbgear.mechanics.doubts import Unlikely
@@ -110,7 +110,7 @@ def peak_below(limit: float, measure: str = "pp2", element: int | str = 0) -> Go
     Raises
     ------
     ValueError
-        If the limit is not positive.
+        If the limit is not positive, or there is no such measure.
 
     Examples
     --------
@@ -119,6 +119,7 @@ def peak_below(limit: float, measure: str = "pp2", element: int | str = 0) -> Go
     0.5
     """
     checked("peak_below", "limit", limit, POSITIVE)
+    check_measure("peak_below", measure)
     return Goal("peak", float(limit), measure, element)
 
 

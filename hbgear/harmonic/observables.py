@@ -79,13 +79,28 @@ def measure(name: str, X: Array, nu: int = 1) -> Array:
     if name in MEASURES:
         return MEASURES[name](X)
     H = harmonics_of(X)
-    found = re.fullmatch(r"H(\d+)(?:/([1-9]\d*))?", name)
+    found = _HARMONIC.fullmatch(name)
     if found is None:
         raise ValueError(f"no measure '{name}'; there are {_names(H, nu)}")
     above, below = int(found[1]) * nu, int(found[2] or 1)
     if above % below or not 1 <= above // below <= H:
         raise ValueError(f"no harmonic '{name}' among H = {H} harmonics of order nu = {nu}; there are {_names(H, nu)}")
     return harmonic(X, above // below)
+
+
+_HARMONIC = re.compile(r"H(\d+)(?:/([1-9]\d*))?")
+
+
+def check_measure(where: str, name: str) -> None:
+    """Refuse what is the measure of no motion.
+
+    Raises
+    ------
+    ValueError
+        If it is the name of none.
+    """
+    if name not in MEASURES and _HARMONIC.fullmatch(name) is None:
+        raise ValueError(f"{where}: no measure '{name}'; there are {', '.join(MEASURES)}, H1, H2, ...")
 
 
 def derivative(X: Array, rate: ArrayLike, order: int) -> Array:

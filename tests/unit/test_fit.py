@@ -159,6 +159,8 @@ def test_measurements_that_are_none():
         hb.Measurements([0.9], [0.5], jumps=[(1, 0)])
     with pytest.raises(ValueError, match="unit = 'hz'"):
         hb.Measurements([0.9], [0.5], unit="hz")
+    with pytest.raises(ValueError, match="Measurements: no measure 'pp'; there are rms, pp2"):
+        hb.Measurements([0.9], [0.5], measure="pp")
 
 
 def test_file(tmp_path, largest):

@@ -160,6 +160,8 @@ def test_what_cannot_be_redesigned():
         hb.redesign(PAIR, hb.no_jumps(), ["zeta"], {"zeta": (0.06, 0.2)})
     with pytest.raises(ValueError, match="limit = -1"):
         hb.peak_below(-1)
+    with pytest.raises(ValueError, match="peak_below: no measure 'peak'; there are rms, pp2"):
+        hb.peak_below(1.0, "peak")
     with pytest.raises(TypeError, match="needs a goal, such as no_jumps"):
         hb.redesign(PAIR, "no jumps", ["zeta"])
 
