@@ -33,7 +33,7 @@ from hbgear.continuation.branch import Branch, Point, Status, relative_errors, w
 from hbgear.continuation.corrector import correct
 from hbgear.continuation.covering import UNCOVERED, Search, find_rest, told
 from hbgear.continuation.ending import Ending
-from hbgear.continuation.events import Event, Found, Turning, Watch, events_of
+from hbgear.continuation.events import Crossing, Event, Found, Turning, Watch, events_of
 from hbgear.continuation.hidden import Path, find_hidden, paired
 from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import NoConvergence, Settings, solve
@@ -741,7 +741,7 @@ class _Tracer:
         return rows, marks
 
     def _single(self) -> list[tuple[int, Found]]:
-        """Special points, without those that turned out to be the same as an earlier one with more unknowns."""
+        """Special points, without those that turned out to be the same as an earlier one."""
         out: list[tuple[int, Found]] = []
         for number, point in self.found:
             if not any(_same(point, other) for _, other in out):
@@ -945,11 +945,14 @@ _AROUND = 1.1  # distance from its end, in its length, that a row on a piece may
 
 
 def _same(one: Found, other: Found) -> bool:
-    """Whether two special points are one, solved for with the same number of unknowns."""
-    if one.sharp is None or other.sharp is None or one.event.kind != other.event.kind:
+    """Whether two special points, with the same number of unknowns, are one; where it crosses itself a curve has two.
+
+    Where multipliers change so fast that their determinants change sign back and forth, Newton ends at one each time.
+    """
+    if (one.event.kind, one.note) != (other.event.kind, other.note) or one.event.kind == Crossing.kind:
         return False
-    u, v = one.sharp.row.u, other.sharp.row.u
-    return len(u) == len(v) and norm(u - v) <= 1e-6 * norm(u)
+    u, v = ((point.sharp or point).row.u for point in (one, other))
+    return one.located and other.located and len(u) == len(v) and norm(u - v) <= 1e-6 * norm(u)
 
 
 def _size(problem: FullProblem) -> int:

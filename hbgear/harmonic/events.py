@@ -117,6 +117,7 @@ class SecondFrequency(Event):
     """
 
     kind, meaning, marker = "NS", "Neimark-Sacker: a second frequency sets in", "s"
+    judged_by = 2  # exponents bend with the contacts of the motion: the first step alone may end where it began
 
     def __init__(self, near: complex | None = None) -> None:
         self.near = near

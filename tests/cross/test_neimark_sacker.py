@@ -119,3 +119,30 @@ def test_a_doubling_is_no_neimark_sacker_point():
     U = np.append(curve.problem.converted(point), Omega)
     with pytest.raises(hb.NoConvergence, match="became real"):
         hb.NeimarkSacker(curve.problem, "Omega", near=0.5j * Omega).based(U, {}).linearise(U, "")
+
+
+@pytest.fixture(scope="module")
+def stopped():
+    """Two masses, one of them between stops, where H = 16 has a Neimark-Sacker point at 0.53300."""
+    C = [[0.02954701, -0.01334178], [-0.01334178, 0.02488377]]
+    K = [[1.85088655, -1.20091555], [-1.20091555, 1.20091555]]
+    stops = hb.Element([0.0, 1.0], hb.Backlash(b=0.35092747, k=25.50283167))
+    load = hb.Load(cosine={1: [0.0, 0.05034684], 2: [0.0, 0.01510405]})
+    model = hb.System(np.diag([0.9163537, 1.17723058]), C, K, [stops], load)
+    return hb.trace(hb.HarmonicBalance(model, 16), "Omega", (0.5, 0.6))
+
+
+def test_an_error_is_told_where_the_first_step_with_more_harmonics_ends_where_it_began(stopped):
+    point, model = stopped["NS1"], stopped.problem.model
+    problem = stopped.problem.fitting(point)
+    state = state_of(problem, problem.converted(point), **point.parameters)
+    Omega = point.parameters["Omega"] + np.array([-1e-6, 1e-6])
+    low, high = (nearest_to_the_circle(hb.shoot(model, x, state).multipliers)[0] for x in Omega.tolist())
+    true = Omega[0] - low * (Omega[1] - Omega[0]) / (high - low)
+    assert point.parameters["Omega"] == pytest.approx(true, abs=3 * point.error)
+    assert point.error < 1e-6
+
+
+def test_a_point_at_which_newton_ends_from_several_rows_is_one_point(stopped):
+    assert [point.label for point in stopped.special if point.kind == "PD"] == ["PD1", "PD2"]
+    assert stopped["PD1"].parameters["Omega"] < 0.55 < stopped["PD2"].parameters["Omega"]
