@@ -42,8 +42,9 @@ from studies.random import truth
 from studies.random.machines import KINDS, Machine, machine
 from studies.random.truth import Compared, Comparison, Landed, Verdict
 
-TRACED = {"spur": 5000, "helical": 1250, "bearings": 1250, "two": 2500}
-"""Machines of each kind that are traced."""
+TRACED = {"spur": 8000, "helical": 1250, "bearings": 600, "two": 450}
+"""Machines of each kind that are traced, the fewer the longer they take: about an hour of one core for each of the last
+two kinds."""
 
 HELD = {"spur": 80, "helical": 30, "bearings": 40, "two": 50}
 """Those of them, the first, that are held against the truth."""
