@@ -379,7 +379,7 @@ def _below(ax: Axes) -> None:
 
 def report(results: Results) -> str:
     """Counts, errors, and every machine of which something is not as it should be."""
-    head = ["machines", "number", *(s for s in _statuses(results)), "exceptions", "untrue", "median [s]", "longest [s]"]
+    head = ["machines", "number", *_statuses(results), "exceptions", "untrue or cut short", "median [s]", "longest [s]"]
     rows = [head, ["---"] * len(head)]
     for kind in KINDS:
         some = _of_kind(results.ended, kind)
