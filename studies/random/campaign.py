@@ -43,8 +43,7 @@ from studies.random.machines import KINDS, Machine, machine
 from studies.random.truth import Compared, Comparison, Landed, Verdict
 
 TRACED = {"spur": 8000, "helical": 1250, "bearings": 600, "two": 450}
-"""Machines of each kind that are traced, the fewer the longer they take: about an hour of one core for each of the last
-two kinds."""
+"""Machines of each kind that are traced, the fewer the longer they take."""
 
 HELD = {"spur": 80, "helical": 30, "bearings": 40, "two": 50}
 """Those of them, the first, that are held against the truth."""

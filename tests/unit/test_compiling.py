@@ -31,7 +31,6 @@ WITHOUT = """
 import json, sys
 sys.modules["numba"] = None
 import hbgear as hb
-from hbgear.common import compiling
 found = []
 for H in (1, 2, 3):
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), H), "Omega", (0.8, 1.6))
