@@ -329,6 +329,8 @@ class FullProblem:
     """What curves are traced in if nothing else is said."""
     undetermined: str = "an unknown that no equation holds"
     """What it may mean that the Jacobian is singular at a start, for the error that says so."""
+    at_once: int = 128
+    """Solutions that `observe_many` is asked for in one call, which Ctrl-C waits for."""
 
     @property
     def original(self) -> Any:

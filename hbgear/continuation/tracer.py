@@ -166,9 +166,6 @@ _ROUGH = 0.05  # error of a solution, relative to its size, above which a curve 
 _ADRIFT = 1e-3  # error of a special point, over the unit of the parameter, above which it may not be there at all
 
 
-_TOGETHER = 128  # rows observed at once
-
-
 class _Tracer:
     """State of one trace."""
 
@@ -216,7 +213,7 @@ class _Tracer:
         self.waiting: list[tuple[FullProblem, Array]] = []  # problem and scale of the last pieces, not yet looked at
         self.stop: Found | None = None  # the terminal event the trace stopped at
         # a problem that changes its unknowns from row to row is looked at row by row
-        self.together = 1 if problem.changes else _TOGETHER
+        self.together = 1 if problem.changes else problem.at_once  # rows observed at once
         self.turned = False  # whether the curve has changed its heading
         self.path, self.kept = np.empty((0, 0)), 0  # u of the first rows, and how many of them; see _earlier
         self.ending = Ending()
@@ -561,7 +558,7 @@ class _Tracer:
         single = self.together == 1
         strider = Strider(self.problem, self.name, self.fixed, (low, high), self.steps, self.settings, single)
         last = [self.rows[-1], *(self._as_now(row) for row in self.rows[-2 : -1 - self.steps.history : -1])]
-        most = self.steps.max_points - len(self.rows)
+        most = min(self.steps.max_points - len(self.rows), self.together)
         while True:
             tried = self.step
             rows, self.step, reason = strider.stride(last, self.scale, self.top, tried, most)

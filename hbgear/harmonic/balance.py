@@ -70,6 +70,9 @@ _UNKNOWNS = 4_000  # of the dense Jacobians, several of which are held at once
 _SAMPLES = 1_000_000  # of all elements together
 
 
+_WORK = 2e8  # squares of products of one call of `observe_many`, so that Ctrl-C is heard within a second
+
+
 _COUNTABLE = 10**15  # larger numbers are refused before anything is computed with them
 
 
@@ -924,6 +927,12 @@ class HarmonicBalance(FullProblem):
             for one, mu in zip(seen, multipliers_of(compiled, more, values), strict=True):
                 one["multipliers"] = mu
         return seen
+
+    @property
+    def at_once(self) -> int:
+        """Motions observed in one call: fewer of a structure all of whose modes are carried through the period."""
+        structure = self.compiled({}).structure
+        return 128 if self.reduce else min(max(int(_WORK / (2 * structure.n) ** 3), 2), 128)
 
     @property
     def clearance_names(self) -> tuple[str, ...]:

@@ -165,6 +165,28 @@ def test_ctrl_c_while_the_compiled_loop_runs():
     assert np.isfinite(part.multipliers).all()
 
 
+class Counted(hb.HarmonicBalance):
+    """Notes how many motions are observed in one call."""
+
+    def observe_many(self, X, *arguments, **parameters):
+        self.calls = [*getattr(self, "calls", []), len(X)]
+        return super().observe_many(X, *arguments, **parameters)
+
+
+def test_ctrl_c_waits_for_few_motions_of_a_large_structure():
+    """All modes of 150 coordinates take some 20 ms for each motion: no call takes more than half a second of them."""
+
+    def chain(n):
+        K, end = 20 * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)), np.eye(n)[-1]
+        load = hb.Load(cosine={1: 5 * end})
+        return hb.System(np.eye(n), 0.02 * (K + np.eye(n)), K, [hb.Element(end, hb.Backlash(b=0.1, k=5.0))], load)
+
+    whole = Counted(chain(150), 5, reduce=False)
+    assert whole.at_once == 7 and Counted(chain(150), 5).at_once == Counted(hb.Duffing(), 5, reduce=False).at_once == 128
+    part = hb.trace(whole, "Omega", (1.0, 1.2), steps=hb.Steps(max_points=30))
+    assert len(part) >= 20 and max(whole.calls) <= 2 * whole.at_once + 1 and len(whole.calls) > 2
+
+
 def test_a_jump_map_keeps_fold_curves_that_are_whole():
     def work():
         return hb.jump_map(DUFFING, "zeta", (0.03, 0.05), frequencies=(0.6, 1.6), harmonics=3, seeds=2)
