@@ -26,4 +26,4 @@ def gauss(s: int) -> tuple[Array, Array]:
     7e-11 with 10 and 2e-9 with 12.
     """
     x = 0.5 * (np.polynomial.legendre.leggauss(s)[0] + 1.0)
-    return x, np.linalg.inv(np.vander(x, increasing=True)).T
+    return x, np.ascontiguousarray(np.linalg.inv(np.vander(x, increasing=True)).T)  # kernels know one layout

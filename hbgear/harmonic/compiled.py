@@ -144,7 +144,7 @@ class Compiled:
 
         n = self._length(X)
         R, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
-        size = assembled(self.numbers, np.ascontiguousarray(X), Omega / self.nu, *linear, R, J, dR)
+        size = assembled(self.numbers, _writable(X), Omega / self.nu, *linear, R, J, dR)
         if self.sampled:
             size += self._add_sampled(self.sampled, X, Omega, R, J, dR)
         return R, J, dR, size
@@ -166,7 +166,7 @@ class Compiled:
         """Motions (..., n) with all harmonics 0..H, (..., m (2H + 1)); as they are if they have them, and more."""
         full = self.m * (2 * self.H + 1)
         if X.shape[-1] == full or X.shape[-1] == self.m * (4 * self.H + 1):
-            return np.ascontiguousarray(X)
+            return _writable(X)
         self._length(X)
         return spread(X, self.m, self.orders, self.H).reshape(*X.shape[:-1], full)
 
@@ -193,7 +193,7 @@ class Compiled:
 
         n = self._length(X)
         along, across = np.empty((2, n, n))
-        curvature(self.numbers, X, v, h, self.linear(Omega).matrices[1], along, across)
+        curvature(self.numbers, _writable(X), _writable(v), h, self.linear(Omega).matrices[1], along, across)
         return (self._joined(along), self._joined(across)) if self.structure.tied else (along, across)
 
     def forces(self, X: Array, Omega: float) -> Array:
@@ -222,12 +222,13 @@ class Compiled:
 
         corners = self.numbers.corners
         first, last = corners.moves[j : j + 2].tolist()
+        row = _writable(row)
         if first == last:
             samples = np.empty(self.N)
             sampled(row, self.numbers.basis, samples)
             value, theta = highest(waves_of(row), samples, side)
             return float(value), float(theta)
-        c = waves_with(np.ascontiguousarray(row), corners.kept[:, j])
+        c = waves_with(row, corners.kept[:, j])
         top: tuple[float, float] = highest_on(c, corners.at, corners.rows, first, last, self.N, side)
         return top
 
@@ -245,9 +246,7 @@ class Compiled:
         from hbgear.harmonic.observing import driven, neglected
 
         self._length(X)
-        X, Omega = (
-            np.require(each, float, ("C", "W")) for each in (self.spread(X), Omega)
-        )  # read-only is another type
+        X, Omega = self.spread(X), _writable(Omega)
         left = self.numbers.linear.left
         f = np.zeros((len(X), self.m, len(left)), dtype=complex)
         neglected(self.numbers, X, Omega, f)
@@ -277,3 +276,9 @@ class Compiled:
         beyond = processed.reshape(len(processed), self.m, -1)[..., places(self.numbers.linear.left)]
         rms: Array = np.sqrt(0.5 * np.sum(beyond**2, axis=(1, 2)))
         return rms
+
+
+def _writable(X: Array) -> Array:
+    """Numbers as kernels take them; for those that are read-only, another type, they would be compiled anew."""
+    out: Array = np.require(X, float, ("C", "W"))
+    return out

@@ -106,7 +106,7 @@ def laws_of(laws: Sequence[Law], sampled: bool, nu: int) -> tuple[Laws, Springs,
     at = np.asarray(at, dtype=np.int64)
     ramped = np.zeros(len(level), dtype=bool)
     ramped[at] = True
-    cubic = np.array([parts[1:] if parts else (0.0, 0.0) for parts in known]).reshape(len(laws), 2)
+    cubic = np.array([parts[1:] if parts else (0.0, 0.0) for parts in known], dtype=float).reshape(len(laws), 2)
     table = Laws(
         level, owner.astype(np.int64), ramped,
         np.array([j for j, _ in springs], dtype=np.int64), base, np.array(shifts, dtype=np.int64), series,

@@ -160,3 +160,27 @@ def test_ctrl_c_waits_until_a_kernel_is_compiled():
         finally:
             event.end_event("numba:compiler_lock")
     assert reached
+
+
+def test_whole_numbers_and_arrays_that_cannot_be_written_need_no_kernels_of_their_own():
+    """Each would be of another type, for which everything is compiled again."""
+    from hbgear.harmonic.assembly import assembled
+    from hbgear.harmonic.carrying import monodromies
+
+    def curve(one, corner):
+        law = hb.PiecewiseLinear((-corner, corner), (one, 0 * one, one))
+        load = hb.Load(constant=np.array([one]), cosine={1: np.array([one])})
+        return hb.HarmonicBalance(hb.System([[one]], [[one / 5]], [[one]], [hb.Element([one], law)], load), 4)
+
+    def looked_at(problem, X):
+        problem.linearise(X, "Omega", Omega=1.0)
+        problem.curvature(X, X, "Omega", Omega=1.0)
+        problem.observe(X, Omega=1.0)
+        problem.clearance(X, Omega=1.0)
+
+    X = np.linspace(1.0, 2.0, 9)
+    looked_at(curve(1.0, 0.5), X)
+    known = [len(kernel.signatures) for kernel in (assembled, monodromies)]
+    X.setflags(write=False)
+    looked_at(curve(1, 1), X)
+    assert [len(kernel.signatures) for kernel in (assembled, monodromies)] == known
