@@ -120,6 +120,10 @@ class Factors:
             raise np.linalg.LinAlgError("singular matrix")
         return x
 
+    def adjoint_solve(self, b: Array) -> Array:
+        """A^-H b."""
+        return self.solve(b.conj(), transposed=True).conj()
+
     def slogdet(self) -> tuple[float, float]:
         """Sign and logarithm of the magnitude of det A, of a sparse matrix."""
         diagonal = self._lu.U.diagonal()
@@ -167,6 +171,6 @@ def bordered(A: Matrix, column: Array, row: Array, corner: float = 0.0) -> Matri
     row, corner = (row[:n], row[n]) if len(row) > n else (row, corner)
     if not dense(A):
         return scipy.sparse.block_array([[A, column[:, None]], [row[None], np.array([[corner]])]], format="csc")
-    B = np.empty((n + 1, n + 1))
+    B = np.empty((n + 1, n + 1), dtype=np.result_type(A, float))
     B[:n, :n], B[:n, n], B[n, :n], B[n, n] = A, column, row, corner
     return B

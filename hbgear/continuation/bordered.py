@@ -312,22 +312,23 @@ def borders_of(A: Matrix) -> tuple[Array, Array, float]:
     """Borders b and c for a matrix that is nearly singular, and its size.
 
     The left and right singular vectors of the least singular value, of signs for which g has the sign of det A. Of a
-    sparse matrix by inverse iteration, b ~ A^-T c and c ~ A^-1 b, each solved for in a bordered matrix, which is
-    regular where A is not.
+    large or sparse matrix by inverse iteration, b ~ A^-T c and c ~ A^-1 b, each solved for in a bordered matrix, which
+    is regular where A is not.
     """
     sign = -1.0 if slogdet(A)[0] > 0 else 1.0
-    if dense(A):
+    if dense(A) and len(A) <= SMALL:
         u, s, vt = scipy.linalg.svd(A)
         return sign * u[:, -1], vt[-1], float(s[0])
-    b, c = _least_singular_vectors(A)
+    b, c = least_singular_vectors(A)
     g = null_vectors(A, b, c)[2]
     return (-b if g * sign > 0 else b), c, float(abs(A).sum(axis=0).max())
 
 
-def _least_singular_vectors(A: Matrix) -> tuple[Array, Array]:
-    """Left and right singular vector of the least singular value of a sparse matrix, whatever their signs.
+def least_singular_vectors(A: Matrix, most: int = 200) -> tuple[Array, Array]:
+    """Left and right singular vector of the least singular value of a matrix, whatever their signs.
 
-    With A v = -g b and c^T v = 1, and x, s from the same bordered matrix with A x + s b = y and c^T x = 0,
+    By inverse iteration, at most so many times: 200 are enough where two singular values differ by 5 %, a few near a
+    fold. With A v = -g b and c^H v = 1, and x, s from the same bordered matrix with A x + s b = y and c^H x = 0,
     A (g x - s v) = g y: the direction of A^-1 y without division by g, which is zero where A is singular.
     """
     n = A.shape[0]
@@ -336,20 +337,17 @@ def _least_singular_vectors(A: Matrix) -> tuple[Array, Array]:
     lu = Factors(bordered(A, b, c))
     corner = np.zeros(n + 1)
     corner[-1] = 1.0
-    right, left = lu.solve(corner), lu.solve(corner, transposed=True)
+    right, left = lu.solve(corner), lu.adjoint_solve(corner)
     g = right[-1]
-    for _ in range(_ITERATIONS):
-        x, y = lu.solve(np.append(b, 0.0)), lu.solve(np.append(c, 0.0), transposed=True)
-        new_c, new_b = g * x[:-1] - x[-1] * right[:-1], g * y[:-1] - y[-1] * left[:-1]
+    for _ in range(most):
+        x, y = lu.solve(np.append(b, 0.0)), lu.adjoint_solve(np.append(c, 0.0))
+        new_c, new_b = g * x[:-1] - x[-1] * right[:-1], g.conj() * y[:-1] - y[-1] * left[:-1]
         new_b, new_c = new_b / norm(new_b), new_c / norm(new_c)
-        turned = max(1.0 - abs(new_b @ b), 1.0 - abs(new_c @ c))
+        turned = max(1.0 - abs(np.vdot(new_b, b)), 1.0 - abs(np.vdot(new_c, c)))
         b, c = new_b, new_c
         if turned < _STEADY:
             break
     return b, c
-
-
-_ITERATIONS = 200  # enough where two singular values differ by 5 %; a few near a fold
 
 
 _STEADY = 1e-15  # one minus the cosine of the angle by which the vectors still turn

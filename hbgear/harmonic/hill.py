@@ -125,19 +125,28 @@ class Condensed:
         """G and dG/ds (2H + 1, m, m) at s + i k omega; see `Structure.transfer`."""
         return self.structure.transfer(s + 1j * self.omega * self.k)
 
-    def matrices(self, s: complex) -> tuple[ComplexArray, ComplexArray]:
-        """D and dD/ds (m (2H + 1), m (2H + 1))."""
-        D, dD = (self._product(G) for G in self.receptances(s))
-        return D + np.eye(len(D)), dD
-
-    def form(self, s: complex, w: ComplexArray, v: ComplexArray) -> complex:
-        """w^H D v."""
-        rows = v.reshape(-1, self.m)
-        driven = np.stack([K @ column for K, column in zip(self.K, rows.T, strict=True)], axis=1)
-        out: complex = w.conj() @ (v + (self.receptances(s)[0] @ driven[..., None]).ravel())
-        return out
-
-    def _product(self, G: ComplexArray) -> ComplexArray:
+    def matrix(self, G: ComplexArray) -> ComplexArray:
+        """D (m (2H + 1), m (2H + 1)) from the receptances G."""
         size = len(self.k) * self.m
-        out: ComplexArray = np.einsum("kij,jkl->kilj", G, self.K).reshape(size, size)
+        D: ComplexArray = np.einsum("kij,jkl->kilj", G, self.K).reshape(size, size)
+        D[np.diag_indices(size)] += 1.0
+        return D
+
+    def times(self, G: ComplexArray, v: ComplexArray) -> ComplexArray:
+        """D v."""
+        return v + self.driven(G, v)
+
+    def driven(self, G: ComplexArray, v: ComplexArray) -> ComplexArray:
+        """D v - v, and with dG/ds in the place of G dD/ds v."""
+        forces = np.stack([K @ column for K, column in zip(self.K, v.reshape(-1, self.m).T, strict=True)], axis=1)
+        out: ComplexArray = (G @ forces[..., None]).ravel()
         return out
+
+    def adjoint_times(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
+        """D^H w."""
+        moved = self.felt(G, w).reshape(-1, self.m).T
+        return w + np.stack([K @ column for K, column in zip(self.K, moved, strict=True)], axis=1).ravel()
+
+    def felt(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
+        """G^H w."""
+        return np.einsum("kij,ki->kj", G.conj(), w.reshape(-1, self.m)).ravel()

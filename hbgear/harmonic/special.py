@@ -16,6 +16,7 @@ Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), htt
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.algebra import bordered, norm
-from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, null_vectors, sides
+from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, least_singular_vectors, null_vectors, sides
 from hbgear.continuation.differences import STEP, difference_along, in_parameter
 from hbgear.continuation.newton import NoConvergence
 from hbgear.continuation.problem import AnyProblem, Locating, linearise
@@ -183,8 +184,8 @@ class NeimarkSacker(Augmented):
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         hill, size = self._hill(X, here), linearise(self.problem, X, "", here).size
         s = self._guess(X, here) if self.near is None else self.near
-        u, _, vh = scipy.linalg.svd(hill.matrices(s)[0])
-        pair = _exponent(hill, s, u[:, -1], vh[-1].conj(), X, here)
+        b, c = least_singular_vectors(hill.matrix(hill.receptances(s)[0]), _BORDERS)
+        pair = _exponent(hill, s, b, c, X, here)
         return Rotation(size / hill.omega, _unit(pair.w), _unit(pair.v), pair.exponent)
 
     def renewed(self, base: Base, X: Array, here: dict[str, float]) -> Base:
@@ -253,7 +254,8 @@ class NeimarkSacker(Augmented):
         """Derivative of Re s in a parameter."""
 
         def drift(at: dict[str, float]) -> tuple[float]:
-            form = self._hill(X, at).form(pair.exponent, pair.w, pair.v)
+            hill = self._hill(X, at)
+            form = pair.w.conj() @ hill.times(hill.receptances(pair.exponent)[0], pair.v)
             return ((-form / pair.rate).real,)
 
         (moved,) = in_parameter(self.problem, name, here, drift)
@@ -269,8 +271,19 @@ def exponent_of_pair(mu: ComplexArray, nu: int, Omega: float) -> complex | None:
     return complex(np.log(nearest)) * Omega / (2 * np.pi * nu)
 
 
+_BORDERS = 4  # inverse iterations for borders, which need not be singular vectors to all digits
+
+
+_CLOSE = 1e-3  # step of an exponent, over the frequency, behind which the factors of D still serve
+
+
+_FALLING = 0.1  # share of the step before it that a step with them takes at most
+
+
 def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: Array, here: dict[str, float]) -> _Pair:
     """Newton on the bordered determinant g(s) of D(s), dg/ds = -w^H D_s v.
+
+    Near the exponent D is not factorised anew, but v, w and g are mended by the factors that there are.
 
     Raises
     ------
@@ -281,23 +294,30 @@ def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: 
     """
     corner = np.zeros(len(b) + 1)
     corner[-1] = 1.0
-    steps: list[float] = []
-    for _ in range(20):
-        D, D_s = hill.matrices(s)
-        lu = scipy.linalg.lu_factor(np.block([[D, b[:, None]], [c.conj()[None], np.zeros((1, 1))]]))
-        right, left = scipy.linalg.lu_solve(lu, corner), scipy.linalg.lu_solve(lu, corner, trans=2)
+    steps: list[float] = [math.inf]
+    lu = None
+    for _ in range(40):
+        G, dG = hill.receptances(s)
+        if lu is None:
+            lu = scipy.linalg.lu_factor(bordered(hill.matrix(G), b, c.conj()))
+            right, left = scipy.linalg.lu_solve(lu, corner), scipy.linalg.lu_solve(lu, corner, trans=2)
+        else:
+            v, w = right[:-1], left[:-1]
+            missing = corner - np.append(hill.times(G, v) + right[-1] * b, c.conj() @ v)
+            beside = corner - np.append(hill.adjoint_times(G, w) + left[-1] * c, b.conj() @ w)
+            right, left = right + scipy.linalg.lu_solve(lu, missing), left + scipy.linalg.lu_solve(lu, beside, trans=2)
         v, w, g = right[:-1], left[:-1], right[-1]
-        rate = complex(w.conj() @ D_s @ v)
+        rate = complex(w.conj() @ hill.driven(dG, v))
         if not abs(g) < hill.omega * abs(rate):  # exponents repeat at this distance: none is nearby
             break
-        step = g / rate
-        s, known = s + step, len(steps) and steps[-1] <= 1e-7 * hill.omega
+        step, last = g / rate, steps[-1] / hill.omega
+        s, size = s + step, abs(step) / hill.omega
         steps.append(abs(step))
-        if known or abs(step) <= 1e-14 * hill.omega:
-            G = hill.receptances(s)[0]
-            y = np.einsum("kij,ki->kj", G.conj(), w.reshape(-1, hill.m)).ravel()
-            return _Pair(s, v, w, y, rate)
-    raise NoConvergence("Newton found no exponent of Hill's determinant", X, here, steps)
+        if size <= 1e-14 or last <= 1e-11 or (last <= 1e-7 and size > _FALLING * last):
+            return _Pair(s, v, w, hill.felt(hill.receptances(s)[0], w), rate)
+        if size > _CLOSE or size > _FALLING * last:
+            lu = None
+    raise NoConvergence("Newton found no exponent of Hill's determinant", X, here, steps[1:])
 
 
 def _unit(v: ComplexArray) -> ComplexArray:
