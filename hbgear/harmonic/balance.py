@@ -929,7 +929,7 @@ class HarmonicBalance(FullProblem):
         return seen
 
     @property
-    def at_once(self) -> int:
+    def at_once(self) -> int:  # type: ignore[override]
         """Motions observed in one call: fewer of a structure all of whose modes are carried through the period."""
         structure = self.compiled({}).structure
         return 128 if self.reduce else min(max(int(_WORK / (2 * structure.n) ** 3), 2), 128)

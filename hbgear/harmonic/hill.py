@@ -145,8 +145,10 @@ class Condensed:
     def adjoint_times(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
         """D^H w."""
         moved = self.felt(G, w).reshape(-1, self.m).T
-        return w + np.stack([K @ column for K, column in zip(self.K, moved, strict=True)], axis=1).ravel()
+        out: ComplexArray = w + np.stack([K @ column for K, column in zip(self.K, moved, strict=True)], axis=1).ravel()
+        return out
 
     def felt(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
         """G^H w."""
-        return np.einsum("kij,ki->kj", G.conj(), w.reshape(-1, self.m)).ravel()
+        out: ComplexArray = np.einsum("kij,ki->kj", G.conj(), w.reshape(-1, self.m)).ravel()
+        return out

@@ -255,7 +255,7 @@ class NeimarkSacker(Augmented):
 
         def drift(at: dict[str, float]) -> tuple[float]:
             hill = self._hill(X, at)
-            form = pair.w.conj() @ hill.times(hill.receptances(pair.exponent)[0], pair.v)
+            form = complex(pair.w.conj() @ hill.times(hill.receptances(pair.exponent)[0], pair.v))
             return ((-form / pair.rate).real,)
 
         (moved,) = in_parameter(self.problem, name, here, drift)

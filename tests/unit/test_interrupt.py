@@ -182,7 +182,8 @@ def test_ctrl_c_waits_for_few_motions_of_a_large_structure():
         return hb.System(np.eye(n), 0.02 * (K + np.eye(n)), K, [hb.Element(end, hb.Backlash(b=0.1, k=5.0))], load)
 
     whole = Counted(chain(150), 5, reduce=False)
-    assert whole.at_once == 7 and Counted(chain(150), 5).at_once == Counted(hb.Duffing(), 5, reduce=False).at_once == 128
+    assert whole.at_once == 7 and Counted(chain(150), 5).at_once == 128
+    assert Counted(hb.Duffing(), 5, reduce=False).at_once == 128
     part = hb.trace(whole, "Omega", (1.0, 1.2), steps=hb.Steps(max_points=30))
     assert len(part) >= 20 and max(whole.calls) <= 2 * whole.at_once + 1 and len(whole.calls) > 2
 
