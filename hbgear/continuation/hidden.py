@@ -67,6 +67,17 @@ class Path:
                 found.setdefault(k, []).append((event, (s - low) / (high - low)))
         return found
 
+    def unseen(self, watch: Watch) -> dict[int, list[Event]]:
+        """Events that change sign on a piece beside a special point of another kind, of which no row told."""
+        found: dict[int, list[Event]] = {}
+        if not any(self.kinds):
+            return found
+        for event in watch.passing:
+            for k in np.flatnonzero(event.suspects(self.rows, watch.values(event, self.rows))).tolist():
+                if any(self.kinds[k : k + 2]) and event.kind not in self.kinds[k : k + 2]:
+                    found.setdefault(k, []).append(event)
+        return found
+
 
 def find_hidden(
     watch: Watch,

@@ -695,11 +695,11 @@ class _Tracer:
                   if one.located and 0 < one.s < 1 and len(one.row.u) == len(self.scale)}  # fmt: skip
         self._observe([point.row for point in points.values()])
         path = Path.through(rows, points)
-        for k, hints in path.hints(self.watch, rows, self.scale).items():
-            piece, low, high = path.ends(k)
-            hidden = find_hidden(
-                self.watch, self._arc(*path.rows[k : k + 2]), hints, self._observed_between, path.kinds[k : k + 2]
-            )
+        hints, unseen = path.hints(self.watch, rows, self.scale), path.unseen(self.watch)
+        for k in sorted({*hints, *unseen}):
+            (piece, low, high), part, ends = path.ends(k), self._arc(*path.rows[k : k + 2]), path.kinds[k : k + 2]
+            hidden = find_hidden(self.watch, part, hints.get(k, ()), self._observed_between, ends)
+            hidden = hidden or [(part, point) for event in unseen.get(k, ()) for point in event.find(part)]
             others, whole = known.get(first + piece + 1, []), self._arc(rows[piece], rows[piece + 1])
             kept = [point for point in others if not low < point.s < high]
             sure = (self._confirmed(arc, point) for arc, point in hidden)
@@ -754,10 +754,13 @@ class _Tracer:
             a, b = self.rows[on - 1 : on + 1]
             if not len(a.u) == len(b.u) == len(point.row.u) == len(self.scale):
                 break
-            s = self._arc(a, b).place(point.row.u)
-            if (s - 0.5) * (point.s - 0.5) < 0:  # between the two, in the corner of their chords
+            arc = self._arc(a, b)
+            s, before = arc.place(point.row.u), self._arc(*self.rows[number - 1 : number + 1])
+            corner = (s - 0.5) * (point.s - 0.5) < 0  # between the two, beyond the end of both chords
+            if not corner or _beyond(s) * arc.length < _beyond(point.s) * before.length:
+                number, point = on, replace(point, s=s)
+            if corner:
                 break
-            number, point = on, replace(point, s=s)
         return number, point
 
     def _adapt(self, last: bool = False) -> None:
@@ -926,7 +929,12 @@ class _InProgress(Exception):
         return self.given
 
 
-_FARTHEST = 8  # pieces by which a special point may lie beyond the one it was found on
+_FARTHEST = 64  # pieces, some of them very short, by which a special point may lie beyond the one it was found on
+
+
+def _beyond(s: float) -> float:
+    """How far a place on a piece lies beyond its ends, over its length."""
+    return max(-s, s - 1.0)
 
 
 _BACK = "the curve ran back over itself"
