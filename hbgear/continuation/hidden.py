@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.events import Event, Found, Watch
+from hbgear.continuation.events import Event, Found, Turning, Watch
 from hbgear.continuation.newton import NoConvergence
 from hbgear.continuation.segment import CurvePoint, Rows, Segment
 
@@ -67,15 +67,18 @@ class Path:
                 found.setdefault(k, []).append((event, (s - low) / (high - low)))
         return found
 
-    def unseen(self, watch: Watch) -> dict[int, list[Event]]:
-        """Events that change sign on a piece beside a special point of another kind, of which no row told."""
+    def folds(self, watch: Watch) -> dict[int, list[Event]]:
+        """Pieces beside special points on which the curve turns back, of which no row told.
+
+        Folds alone: points that more accurate equations gave their place may lie on the other side of a change of sign
+        of other test functions than the point that this change was found to be.
+        """
         found: dict[int, list[Event]] = {}
-        if not any(self.kinds):
-            return found
-        for event in watch.passing:
-            for k in np.flatnonzero(event.suspects(self.rows, watch.values(event, self.rows))).tolist():
-                if any(self.kinds[k : k + 2]) and event.kind not in self.kinds[k : k + 2]:
-                    found.setdefault(k, []).append(event)
+        for event in watch.passing if any(self.kinds) else ():
+            if isinstance(event, Turning):
+                for k in np.flatnonzero(event.suspects(self.rows, watch.values(event, self.rows))).tolist():
+                    if any(self.kinds[k : k + 2]) and event.kind not in self.kinds[k : k + 2]:
+                        found.setdefault(k, []).append(event)
         return found
 
 

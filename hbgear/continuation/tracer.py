@@ -695,11 +695,11 @@ class _Tracer:
                   if one.located and 0 < one.s < 1 and len(one.row.u) == len(self.scale)}  # fmt: skip
         self._observe([point.row for point in points.values()])
         path = Path.through(rows, points)
-        hints, unseen = path.hints(self.watch, rows, self.scale), path.unseen(self.watch)
-        for k in sorted({*hints, *unseen}):
+        hints, folds = path.hints(self.watch, rows, self.scale), path.folds(self.watch)
+        for k in sorted({*hints, *folds}):
             (piece, low, high), part, ends = path.ends(k), self._arc(*path.rows[k : k + 2]), path.kinds[k : k + 2]
             hidden = find_hidden(self.watch, part, hints.get(k, ()), self._observed_between, ends)
-            hidden = hidden or [(part, point) for event in unseen.get(k, ()) for point in event.find(part)]
+            hidden = hidden or [(part, point) for event in folds.get(k, ()) for point in event.find(part)]
             others, whole = known.get(first + piece + 1, []), self._arc(rows[piece], rows[piece + 1])
             kept = [point for point in others if not low < point.s < high]
             sure = (self._confirmed(arc, point) for arc, point in hidden)
