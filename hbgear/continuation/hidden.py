@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.events import Event, Found, Turning, Watch
+from hbgear.continuation.events import Event, Found, Watch
 from hbgear.continuation.newton import NoConvergence
 from hbgear.continuation.segment import CurvePoint, Rows, Segment
 
@@ -67,18 +67,24 @@ class Path:
                 found.setdefault(k, []).append((event, (s - low) / (high - low)))
         return found
 
-    def folds(self, watch: Watch) -> dict[int, list[Event]]:
-        """Pieces beside special points on which the curve turns back, of which no row told.
+    def unseen(self, watch: Watch, rows: Rows) -> dict[int, list[tuple[int, Event]]]:
+        """Pieces between rows on which an event changes sign twice, as special points of other kinds tell.
 
-        Folds alone: points that more accurate equations gave their place may lie on the other side of a change of sign
-        of other test functions than the point that this change was found to be.
+        On each the pieces of the path on which it does. Not where one of its own kind is known: more accurate equations
+        may have put that on the other side of its change of sign.
         """
-        found: dict[int, list[Event]] = {}
-        for event in watch.passing if any(self.kinds) else ():
-            if isinstance(event, Turning):
-                for k in np.flatnonzero(event.suspects(self.rows, watch.values(event, self.rows))).tolist():
-                    if any(self.kinds[k : k + 2]) and event.kind not in self.kinds[k : k + 2]:
-                        found.setdefault(k, []).append(event)
+        found: dict[int, list[tuple[int, Event]]] = {}
+        if self.rows is rows:
+            return found
+        kinds: dict[int, set[str]] = {}
+        for (piece, _), kind in zip(self.places, self.kinds, strict=True):
+            kinds.setdefault(piece, set()).add(kind)
+        for event in watch.passing:
+            known = event.suspects(rows, watch.values(event, rows))
+            for k in np.flatnonzero(event.suspects(self.rows, watch.values(event, self.rows))).tolist():
+                piece = self.places[k][0]
+                if not known[piece] and event.kind not in kinds[piece]:
+                    found.setdefault(piece, []).append((k, event))
         return found
 
 

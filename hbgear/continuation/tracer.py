@@ -695,18 +695,29 @@ class _Tracer:
                   if one.located and 0 < one.s < 1 and len(one.row.u) == len(self.scale)}  # fmt: skip
         self._observe([point.row for point in points.values()])
         path = Path.through(rows, points)
-        hints, folds = path.hints(self.watch, rows, self.scale), path.folds(self.watch)
-        for k in sorted({*hints, *folds}):
-            (piece, low, high), part, ends = path.ends(k), self._arc(*path.rows[k : k + 2]), path.kinds[k : k + 2]
-            hidden = find_hidden(self.watch, part, hints.get(k, ()), self._observed_between, ends)
-            hidden = hidden or [(part, point) for event in folds.get(k, ()) for point in event.find(part)]
+        for piece, parts in path.unseen(self.watch, rows).items():
+            arcs = [(self._arc(*path.rows[k : k + 2]), event) for k, event in parts]
+            hidden = [(arc, point) for arc, event in arcs for point in event.find(arc) if point.located]
+            fresh = paired(self._sure(hidden, self._arc(rows[piece], rows[piece + 1])))
+            if fresh:
+                both = sorted([*known.get(first + piece + 1, []), *fresh], key=lambda point: point.s)
+                found[first + piece + 1] = known[first + piece + 1] = both
+        for k, hints in path.hints(self.watch, rows, self.scale).items():
+            piece, low, high = path.ends(k)
+            hidden = find_hidden(
+                self.watch, self._arc(*path.rows[k : k + 2]), hints, self._observed_between, path.kinds[k : k + 2]
+            )
             others, whole = known.get(first + piece + 1, []), self._arc(rows[piece], rows[piece + 1])
             kept = [point for point in others if not low < point.s < high]
-            sure = (self._confirmed(arc, point) for arc, point in hidden)
-            fresh = [replace(point, s=whole.place(point.row.u)) for point in sure if point is not None]
+            fresh = self._sure(hidden, whole)
             fresh = fresh if len(kept) < len(others) or any(path.kinds[k : k + 2]) else paired(fresh)
             if len(fresh) > len(others) - len(kept):
                 found[first + piece + 1] = known[first + piece + 1] = sorted(kept + fresh, key=lambda point: point.s)
+
+    def _sure(self, hidden: Sequence[tuple[Segment, Found]], whole: Segment) -> list[Found]:
+        """Points found on parts of a piece, those that more unknowns have too, at their places on the whole of it."""
+        sure = (self._confirmed(arc, point) for arc, point in hidden)
+        return [replace(point, s=whole.place(point.row.u)) for point in sure if point is not None]
 
     def _confirmed(self, arc: Segment, point: Found) -> Found | None:
         """A point that no change of sign between rows told of, with its error; None if more unknowns do not have it."""

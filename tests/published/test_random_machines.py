@@ -136,3 +136,22 @@ def test_the_parameter_turns_at_folds_only(on_path, kind, number, harmonics):
     folds = np.array([point.index for point in curve.special if point.kind == "LP"])
     assert len(turns) > 1 and np.abs(turns[:, None] - folds).min(axis=1).max() <= 1
     assert len(turns) == len(folds)
+
+
+def test_two_doublings_beside_a_grazing_contact_are_found(on_path):
+    """Within one step, stable at both of its rows; with three times the harmonics they lie between two rows each."""
+    from studies.random.machines import machine
+
+    it = machine("helical", 113)
+    curve = hb.trace(hb.HarmonicBalance(it.model, 16), "Omega", (0.36, 0.28), cover=False)
+    found = [point for point in curve.special if 0.325 < point.parameters["Omega"] < 0.335]
+    assert [point.kind for point in found] == ["PD", "GR", "PD"]
+    first, _, second = (curve.values[point.index] for point in found)
+    inside = curve.values[(curve.values < first) & (curve.values > second)]
+    assert len(inside) and not curve.stable[np.isin(curve.values, inside)].any()
+    short = hb.Steps(longest=0.002)
+    fine = hb.trace(hb.HarmonicBalance(it.model, 48), "Omega", (0.333, 0.328), steps=short, accuracy=None, cover=False)
+    places = [point.parameters["Omega"] for point in fine.special if point.kind == "PD"]
+    assert len(places) == 2
+    for point, place in zip((found[0], found[2]), places, strict=True):
+        assert abs(point.parameters["Omega"] - place) < 3 * point.error

@@ -106,7 +106,7 @@ def test_a_trace_survives_whatever_comes_at_whatever_call(work, error, tmp_path)
     work()  # what is kept for later calls is not computed again
     whole, count = at_call(0, work)
     kept = []
-    for n in moments(count, 10):
+    for n in moments(count, 14):
         try:
             part, reached = at_call(n, work, error)
         except error:  # before the first point, or while the result is put together out of what there is
