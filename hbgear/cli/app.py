@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 import hbgear as hb
@@ -254,7 +253,7 @@ def trace(
         held = {name: value for name, value in problem.parameters.items() if name != parameter} | held
     problem.check_parameter(parameter)
     which = element_of(element)
-    problem.layout.measure(measure, np.zeros(problem.size), which)  # a wrong name is refused before the work
+    problem.layout.check_measure(measure, which)  # before the work
 
     started = time.perf_counter()
     try:

@@ -553,7 +553,7 @@ def _check(model: Model, vary: Grid | Sample, work: Work, most: int) -> None:
             raise KeyError(f"{type(model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
     problem = HarmonicBalance(model, work.harmonics)
     problem.check_trace("Omega", min(work.span), max(work.span), {})
-    problem.layout.measure(work.measure, np.zeros(problem.size), work.element)
+    problem.layout.check_measure(work.measure, work.element)
     for name in work.critical:
         problem.check_parameter(name)
 

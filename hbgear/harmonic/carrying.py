@@ -16,10 +16,10 @@ import numpy as np
 
 from hbgear.common.compiling import kernel
 from hbgear.continuation.elimination import eliminate
-from hbgear.harmonic.crossings import waves_of
 from hbgear.harmonic.phi import moments
 from hbgear.harmonic.pieces import piece_of, polynomial, waves_with
 from hbgear.harmonic.projection import instants
+from hbgear.mechanics.summing import waves_of
 
 COARSE = 32  # phases of an excitation period at which the modulations are looked at for their size
 

@@ -217,8 +217,8 @@ class Compiled:
 
     def highest(self, j: int, row: Array, side: float) -> tuple[float, float]:
         """The largest value of side times the gap of element j, and its phase."""
-        from hbgear.harmonic.crossings import highest, sampled, waves_of
         from hbgear.harmonic.pieces import highest_on, waves_with
+        from hbgear.mechanics.summing import highest, sampled, waves_of
 
         corners = self.numbers.corners
         first, last = corners.moves[j : j + 2].tolist()

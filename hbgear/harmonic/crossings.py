@@ -1,4 +1,4 @@
-"""Kernels: instants at which a periodic motion crosses the corners of a law, and its extrema.
+"""Kernels: instants at which a periodic motion crosses the corners of a law.
 
     x(theta) = Re sum_k c_k exp(i k theta) - level
 
@@ -18,58 +18,13 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.compiling import kernel
+from hbgear.mechanics.summing import bend_of, value_of
 
 ROUNDING = 4e-16  # relative size of a value that is zero
 
 CLOSE = 4e-16 * math.pi  # distance of instants that are the same
 
 PARTS = 16  # pieces of a cell that may hold three crossings
-
-
-@kernel
-def waves_of(row: Any) -> Any:
-    """One-sided coefficients c (H + 1,) of a real row (2H + 1,)."""
-    H = row.shape[0] // 2
-    c = np.empty(H + 1, dtype=np.complex128)
-    c[0] = row[0]
-    for k in range(1, H + 1):
-        c[k] = complex(row[2 * k - 1], -row[2 * k])
-    return c
-
-
-@kernel
-def sampled(row: Any, basis: Any, out: Any) -> None:
-    """Samples (N,) of a real row."""
-    for n in range(out.shape[0]):
-        out[n] = row[0]
-    for k in range(1, row.shape[0]):
-        a = row[k]
-        if a != 0.0:
-            for n in range(out.shape[0]):
-                out[n] += a * basis[k, n]
-
-
-@kernel
-def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
-    """x, x' and x'' at theta."""
-    z = complex(math.cos(theta), math.sin(theta))
-    p = q = r = 0j
-    for k in range(c.shape[0] - 1, 0, -1):
-        r = r * z + q
-        q = q * z + p
-        p = p * z + c[k]
-    # sum c_k z^k = z p;  its derivatives by i theta: z (p + z q),  z (p + 3 z q + 2 z^2 r)
-    once, twice = z * (p + z * q), z * (p + z * (3.0 * q + 2.0 * z * r))
-    return (z * p).real + (c[0].real - level), -once.imag, -twice.real
-
-
-@kernel
-def bend_of(c: Any) -> float:
-    """Bound of |x''|."""
-    total = 0.0
-    for k in range(1, c.shape[0]):
-        total += k * k * abs(c[k])
-    return total
 
 
 @kernel
@@ -198,34 +153,3 @@ def _sort(theta: Any, sign: Any, count: int) -> None:
             theta[j], sign[j] = theta[j - 1], sign[j - 1]
             j -= 1
         theta[j], sign[j] = at, way
-
-
-@kernel
-def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
-    """Largest value of side x, side +1 or -1, over a period, and where: Newton from the samples that can be nearest."""
-    N = samples.shape[0]
-    most: float = -math.inf
-    step, size = 2 * math.pi / N, 0.0
-    for k in range(c.shape[0]):
-        size += abs(c[k])
-    for n in range(N):
-        most = max(most, side * samples[n])
-    miss = 0.125 * step * step * bend_of(c)
-    if not miss > 1e-14 * size:  # a constant has its extremum anywhere
-        return side * samples[0], 0.0
-    top, place = most, 0.0
-    for n in range(N):
-        if side * samples[n] < most - miss:
-            continue
-        at = step * n
-        for _ in range(16):
-            _, slope, curve = value_of(c, 0.0, at)
-            move = side * slope / abs(curve) if abs(curve) > 1e-300 else 0.0  # |curve|: always uphill
-            move = min(0.5 * step, max(-0.5 * step, move))
-            at += move
-            if abs(move) <= 1e-6:  # the next one is its square
-                break
-        value = side * value_of(c, 0.0, at)[0]
-        if value > top or samples[n] * side == top:
-            top, place = max(value, top), at
-    return top, place

@@ -17,8 +17,8 @@ import numpy as np
 from hbgear.common.compiling import inlined, kernel
 from hbgear.continuation.elimination import eliminate, length
 from hbgear.harmonic.assembly import curvature, linearised, spread
-from hbgear.harmonic.crossings import highest, sampled, waves_of
 from hbgear.harmonic.pieces import highest_on, waves_with
+from hbgear.mechanics.summing import highest, sampled, waves_of
 
 _TURNED = 1e-10  # one minus the cosine of the angle by which borders may still turn
 

@@ -15,6 +15,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -76,16 +77,20 @@ def measure(name: str, X: Array, nu: int = 1) -> Array:
         If there is no measure of that name, or no such harmonic among the H of the rows.
     """
     X = np.asarray(X, dtype=float)
+    return _measured_by(name, harmonics_of(X), nu)(X)
+
+
+def _measured_by(name: str, H: int, nu: int) -> Callable[[Array], Array]:
+    """The function of rows of H harmonics that a measure is; see `measure`."""
     if name in MEASURES:
-        return MEASURES[name](X)
-    H = harmonics_of(X)
+        return MEASURES[name]
     found = _HARMONIC.fullmatch(name)
     if found is None:
         raise ValueError(f"no measure '{name}'; there are {_names(H, nu)}")
     above, below = int(found[1]) * nu, int(found[2] or 1)
     if above % below or not 1 <= above // below <= H:
         raise ValueError(f"no harmonic '{name}' among H = {H} harmonics of order nu = {nu}; there are {_names(H, nu)}")
-    return harmonic(X, above // below)
+    return partial(harmonic, k=above // below)
 
 
 _HARMONIC = re.compile(r"H(\d+)(?:/([1-9]\d*))?")
@@ -169,6 +174,11 @@ class Layout:
     def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
         """The measure of that name of an element, for each row."""
         return self.measure_rows(name, self.rows(X, element))
+
+    def check_measure(self, name: str, element: int | str = 0) -> None:
+        """Raise what `measure` would for a wrong name of a measure or an element."""
+        self.index(element)
+        _measured_by(name, self.harmonics, self.nu)
 
     def measure_rows(self, name: str, rows: Array) -> Array:
         """The measure of that name of rows (..., 2H + 1) of one element."""

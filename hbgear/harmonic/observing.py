@@ -13,10 +13,10 @@ import numpy as np
 
 from hbgear.common.compiling import kernel
 from hbgear.harmonic.assembly import receptance
-from hbgear.harmonic.crossings import highest, sampled, waves_of
 from hbgear.harmonic.pieces import highest_on, waves_with
 from hbgear.harmonic.projection import projected
 from hbgear.harmonic.sampling import neglected_samples
+from hbgear.mechanics.summing import highest, sampled, waves_of
 
 
 @kernel

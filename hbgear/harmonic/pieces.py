@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.compiling import kernel
-from hbgear.harmonic.crossings import CLOSE, PARTS, ROUNDING, value_of
+from hbgear.harmonic.crossings import CLOSE, PARTS, ROUNDING
 from hbgear.mechanics.periodic import PARTS as BY_PARTS
 from hbgear.mechanics.periodic import rule
+from hbgear.mechanics.summing import value_of
 
 _NODES, _WEIGHTS = rule()
 

@@ -32,8 +32,9 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.compiling import kernel
-from hbgear.harmonic.crossings import crossings, sampled, waves_of
+from hbgear.harmonic.crossings import crossings
 from hbgear.harmonic.pieces import crossings_on, spans, waves_with
+from hbgear.mechanics.summing import sampled, waves_of
 
 
 @kernel

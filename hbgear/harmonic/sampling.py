@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.compiling import kernel
-from hbgear.harmonic.crossings import sampled
 from hbgear.mechanics.calling import called
+from hbgear.mechanics.summing import sampled
 
 
 @kernel

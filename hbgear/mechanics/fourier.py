@@ -138,43 +138,13 @@ def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
     -------
     low, theta_low, high, theta_high : each (...,), one per row.
     """
-    X = np.asarray(X, dtype=float)
-    (low, high), (at_low, at_high) = highest(np.stack([-X, X]))
-    return -low, at_low, high, at_high
+    from hbgear.mechanics.summing import extremes
 
-
-def highest(X: Array) -> tuple[Array, Array]:
-    """Largest value of each row over a period and its phase, each (...,); see `extrema`."""
     X = np.asarray(X, dtype=float)
     c = to_complex(X.reshape(-1, X.shape[-1]))
-    H = harmonics_of(X)
-    N = max(64, 16 * H)
-    miss = 0.5 * (np.pi / N) ** 2 * (np.arange(H + 1) ** 2 * np.abs(c)).sum(-1)
-    value, at = _highest(c, samples_of(c, N), miss)
-    return value.reshape(X.shape[:-1]), at.reshape(X.shape[:-1])
-
-
-def _highest(c: ComplexArray, samples: Array, miss: Array) -> tuple[Array, Array]:
-    """Largest value of each row of ``c`` and its phase, from the samples within ``miss`` of the largest sample."""
-    N = samples.shape[-1]
-    near = ~(samples < (samples.max(-1) - miss)[:, None])  # so written, rows of nan are kept
-    near[miss <= 1e-14 * np.abs(c).sum(-1), 1:] = False  # a constant has its extremum anywhere
-    near[:, 0] |= ~near.any(-1)
-    row, column = np.nonzero(near)
-    at, c = 2 * np.pi * column / N, c[row]
-    c1, c2 = derive(c), derive(c, 2)
-    for _ in range(16):
-        w = waves(at, c.shape[-1] - 1)
-        slope, bend = (c1 * w).sum(-1).real, np.abs((c2 * w).sum(-1).real)
-        step = np.divide(slope, bend, out=np.zeros_like(slope), where=bend > 1e-300)  # |bend|: always uphill
-        step = np.clip(step, -np.pi / N, np.pi / N)
-        at = at + step
-        if not np.any(np.abs(step) > 1e-6):  # the next one is its square
-            break
-    value = (c * waves(at, c.shape[-1] - 1)).sum(-1).real
-    order = np.lexsort((value, row))
-    best = order[np.searchsorted(row, np.arange(len(samples)), side="right") - 1]
-    return value[best], at[best]
+    low, at_low, high, at_high = np.empty((4, len(c)))
+    extremes(c, samples_of(c, max(64, 16 * harmonics_of(X))), low, at_low, high, at_high)
+    return tuple(part.reshape(X.shape[:-1])[()] for part in (low, at_low, high, at_high))  # type: ignore[return-value]
 
 
 def real_numbers(what: str, value: Any, need: str) -> Array:

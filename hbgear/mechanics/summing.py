@@ -1,0 +1,101 @@
+"""Kernels: a Fourier row summed: samples, value and slopes at a phase, largest value.
+
+    x(theta) = Re sum_k c_k exp(i k theta)
+
+The one-sided coefficients c of a row are those of `fourier.to_complex`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.compiling import kernel
+
+
+@kernel
+def waves_of(row: Any) -> Any:
+    """One-sided coefficients c (H + 1,) of a real row (2H + 1,)."""
+    H = row.shape[0] // 2
+    c = np.empty(H + 1, dtype=np.complex128)
+    c[0] = row[0]
+    for k in range(1, H + 1):
+        c[k] = complex(row[2 * k - 1], -row[2 * k])
+    return c
+
+
+@kernel
+def sampled(row: Any, basis: Any, out: Any) -> None:
+    """Samples (N,) of a real row."""
+    for n in range(out.shape[0]):
+        out[n] = row[0]
+    for k in range(1, row.shape[0]):
+        a = row[k]
+        if a != 0.0:
+            for n in range(out.shape[0]):
+                out[n] += a * basis[k, n]
+
+
+@kernel
+def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
+    """x, x' and x'' at theta."""
+    z = complex(math.cos(theta), math.sin(theta))
+    p = q = r = 0j
+    for k in range(c.shape[0] - 1, 0, -1):
+        r = r * z + q
+        q = q * z + p
+        p = p * z + c[k]
+    # sum c_k z^k = z p;  its derivatives by i theta: z (p + z q),  z (p + 3 z q + 2 z^2 r)
+    once, twice = z * (p + z * q), z * (p + z * (3.0 * q + 2.0 * z * r))
+    return (z * p).real + (c[0].real - level), -once.imag, -twice.real
+
+
+@kernel
+def bend_of(c: Any) -> float:
+    """Bound of |x''|."""
+    total = 0.0
+    for k in range(1, c.shape[0]):
+        total += k * k * abs(c[k])
+    return total
+
+
+@kernel
+def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
+    """Largest value of side x, side +1 or -1, over a period, and where: Newton from the samples that can be nearest."""
+    N = samples.shape[0]
+    most: float = -math.inf
+    step, size = 2 * math.pi / N, 0.0
+    for k in range(c.shape[0]):
+        size += abs(c[k])
+    for n in range(N):
+        most = max(most, side * samples[n])
+    miss = 0.125 * step * step * bend_of(c)
+    if not miss > 1e-14 * size:  # a constant has its extremum anywhere
+        return side * samples[0], 0.0
+    top, place = most, 0.0
+    for n in range(N):
+        if side * samples[n] < most - miss:
+            continue
+        at = step * n
+        for _ in range(16):
+            _, slope, curve = value_of(c, 0.0, at)
+            move = side * slope / abs(curve) if abs(curve) > 1e-300 else 0.0  # |curve|: always uphill
+            move = min(0.5 * step, max(-0.5 * step, move))
+            at += move
+            if abs(move) <= 1e-6:  # the next one is its square
+                break
+        value = side * value_of(c, 0.0, at)[0]
+        if value > top or samples[n] * side == top:
+            top, place = max(value, top), at
+    return top, place
+
+
+@kernel
+def extremes(c: Any, samples: Any, low: Any, at_low: Any, high: Any, at_high: Any) -> None:
+    """Smallest and largest values (P,) of rows c (P, H + 1), given their samples (P, N), and their phases (P,)."""
+    for p in range(c.shape[0]):
+        high[p], at_high[p] = highest(c[p], samples[p], 1.0)
+        low[p], at_low[p] = highest(c[p], samples[p], -1.0)
+        low[p] = -low[p]
