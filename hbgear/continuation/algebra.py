@@ -92,7 +92,9 @@ SMALL = 100
 
 
 class Factors:
-    """A = P L U of a dense or sparse matrix, to solve with A and its transpose.
+    """A = P L U of a real or complex matrix, dense or sparse, to solve with A, its transpose and its adjoint.
+
+    Solutions with a dense matrix that is exactly singular, or not finite, are not finite.
 
     Raises
     ------
@@ -102,8 +104,10 @@ class Factors:
 
     def __init__(self, A: Matrix) -> None:
         self._lu: Any
-        if dense(A):
-            self._lu = scipy.linalg.lu_factor(A)
+        self._exchanged: np.ndarray | None = None
+        if dense(A):  # the checks of scipy.linalg.lu_factor cost more than it does
+            factorise = scipy.linalg.lapack.zgetrf if np.iscomplexobj(A) else scipy.linalg.lapack.dgetrf
+            self._lu, self._exchanged, _ = factorise(A)
             return
         try:
             self._lu = scipy.sparse.linalg.splu(scipy.sparse.csc_array(A))
@@ -112,17 +116,23 @@ class Factors:
 
     def solve(self, b: Array, transposed: bool = False) -> Array:
         """A^-1 b, or A^-T b."""
-        if isinstance(self._lu, tuple):
-            dense_x: Array = scipy.linalg.lu_solve(self._lu, b, trans=int(transposed))
-            return dense_x
-        x: Array = self._lu.solve(b, "T" if transposed else "N")
-        if not math.isfinite(x.sum()):
-            raise np.linalg.LinAlgError("singular matrix")
-        return x
+        return self._solved(b, "T" if transposed else "N")
 
     def adjoint_solve(self, b: Array) -> Array:
         """A^-H b."""
-        return self.solve(b.conj(), transposed=True).conj()
+        return self._solved(b, "H")
+
+    def _solved(self, b: Array, way: str) -> Array:
+        x: Array
+        if self._exchanged is not None:
+            real = np.isrealobj(self._lu) and np.isrealobj(b)
+            solve = scipy.linalg.lapack.dgetrs if real else scipy.linalg.lapack.zgetrs
+            x = solve(self._lu, self._exchanged, b, trans="NTH".index(way))[0]
+            return x
+        x = self._lu.solve(b, way)
+        if not math.isfinite(abs(x.sum())):
+            raise np.linalg.LinAlgError("singular matrix")
+        return x
 
     def slogdet(self) -> tuple[float, float]:
         """Sign and logarithm of the magnitude of det A, of a sparse matrix."""

@@ -27,7 +27,7 @@ import numpy as np
 import scipy  # its parts are imported when they are first used
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.algebra import as_dense, dense, norm
+from hbgear.continuation.algebra import Factors, as_dense, dense, norm
 from hbgear.continuation.bordered import Augmented, Base, Extra
 from hbgear.continuation.differences import in_parameter
 from hbgear.continuation.problem import Evaluation, linearise
@@ -89,9 +89,8 @@ class BranchPoint(Augmented):
         n = len(base.b)
         B = np.zeros((n + 2, n + 2))
         B[:n, : n + 1], B[:n, -1], B[n:, : n + 1] = _matrix(now) * base.scale, base.b, base.c.T
-        lu = scipy.linalg.lu_factor(B)
-        right = scipy.linalg.lu_solve(lu, np.eye(n + 2)[:, n:])
-        left = scipy.linalg.lu_solve(lu, np.eye(n + 2)[-1], trans=1)
+        factors, unit = Factors(B), np.eye(n + 2)
+        right, left = factors.solve(unit[:, n:]), factors.solve(unit[-1], transposed=True)
         return left[:n], right[: n + 1], right[-1]
 
     def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Base) -> Extra:

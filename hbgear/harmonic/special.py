@@ -28,13 +28,13 @@ from numpy.typing import NDArray
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.continuation.algebra import bordered, norm
+from hbgear.continuation.algebra import Factors, bordered, norm
 from hbgear.continuation.bordered import Augmented, Base, Extra, Fold, least_singular_vectors, null_vectors, sides
 from hbgear.continuation.differences import STEP, difference_along, in_parameter
 from hbgear.continuation.newton import NoConvergence
 from hbgear.continuation.problem import AnyProblem, Locating, linearise
 from hbgear.harmonic.hill import Condensed, slopes
-from hbgear.mechanics.fourier import extrema, places, to_real, waves
+from hbgear.mechanics.fourier import extrema, to_real, waves
 
 
 class PeriodDoubling(Fold):
@@ -295,17 +295,17 @@ def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: 
     corner = np.zeros(len(b) + 1)
     corner[-1] = 1.0
     steps: list[float] = [math.inf]
-    lu = None
+    factors = None
     for _ in range(40):
         G, dG = hill.receptances(s)
-        if lu is None:
-            lu = scipy.linalg.lu_factor(bordered(hill.matrix(G), b, c.conj()))
-            right, left = scipy.linalg.lu_solve(lu, corner), scipy.linalg.lu_solve(lu, corner, trans=2)
+        if factors is None:
+            factors = Factors(bordered(hill.matrix(G), b, c.conj()))
+            right, left = factors.solve(corner), factors.adjoint_solve(corner)
         else:
             v, w = right[:-1], left[:-1]
             missing = corner - np.append(hill.times(G, v) + right[-1] * b, c.conj() @ v)
             beside = corner - np.append(hill.adjoint_times(G, w) + left[-1] * c, b.conj() @ w)
-            right, left = right + scipy.linalg.lu_solve(lu, missing), left + scipy.linalg.lu_solve(lu, beside, trans=2)
+            right, left = right + factors.solve(missing), left + factors.adjoint_solve(beside)
         v, w, g = right[:-1], left[:-1], right[-1]
         rate = complex(w.conj() @ hill.driven(dG, v))
         if not abs(g) < hill.omega * abs(rate):  # exponents repeat at this distance: none is nearby
@@ -316,7 +316,7 @@ def _exponent(hill: Condensed, s: complex, b: ComplexArray, c: ComplexArray, X: 
         if size <= 1e-14 or last <= 1e-11 or (last <= 1e-7 and size > _FALLING * last):
             return _Pair(s, v, w, hill.felt(hill.receptances(s)[0], w), rate)
         if size > _CLOSE or size > _FALLING * last:
-            lu = None
+            factors = None
     raise NoConvergence("Newton found no exponent of Hill's determinant", X, here, steps[1:])
 
 
@@ -471,11 +471,11 @@ class Peak(Augmented):
         n = len(X)
         e = np.zeros(n + 1)
         e[-1] = 1.0  # the direction is normed by its component in the parameter
-        lu = scipy.linalg.lu_factor(bordered(now.dR_dX, now.dR_dp, e))
-        t = scipy.linalg.lu_solve(lu, e)
+        factors = Factors(bordered(now.dR_dX, now.dR_dp, e))
+        t = factors.solve(e)
         slope, bent = self.slopes(X, t[:n], here)
         g = float(slope @ t[:n])
-        z = scipy.linalg.lu_solve(lu, np.append(slope, 0.0), trans=1)[:n]
+        z = factors.solve(np.append(slope, 0.0), transposed=True)[:n]
         h = STEP * max(1e-3, norm(X)) / max(norm(t), 1e-12)
         u = np.append(X, here[self.parameter])
         plus, minus = (
@@ -526,22 +526,21 @@ class ExtremumPeak(Peak):
 
     def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
         """Gradient (n,) of A, and its derivative along t (n,): theta_i moves by -w'(theta_i).t / d''(theta_i)."""
-        orders = self.problem.orders
-        slope, bent = np.zeros((2, self.problem.m, 2 * len(orders) - 1))
-        row, along = (self.problem.rows(x)[self.element] for x in (X, t))
+        k, m = self.problem.orders, self.problem.m
+        slope, bent = np.zeros((2, m, 2 * len(k) - 1))
         if self.measure == "mean":
             slope[self.element, 0] = 1.0
             return slope.ravel(), bent.ravel()
-        low, at_low, high, at_high = extrema(row)
+        low, at_low, high, at_high = extrema(self.problem.rows(X)[self.element])
         parts = [(-0.5, at_low), (0.5, at_high)] if self.measure == "pp2" else [
             (1.0, at_high) if abs(high) >= abs(low) else (-1.0, at_low)
         ]  # fmt: skip
-        k = np.arange(self.problem.H + 1)
+        row, along = (x.reshape(m, -1)[self.element] for x in (X, t))
         for share, at in parts:
             c = np.exp(-1j * k * at)
-            w, w1, w2 = to_real(c), to_real(-1j * k * c), to_real(-(k**2) * c)
-            slope[self.element] += share * w[places(orders)]
-            bent[self.element] -= share * w1[places(orders)] * float(w1 @ along) / float(w2 @ row)
+            w, w1, w2 = (to_real(part) for part in (c, -1j * k * c, -(k**2) * c))
+            slope[self.element] += share * w
+            bent[self.element] -= share * w1 * float(w1 @ along) / float(w2 @ row)
         return slope.ravel(), bent.ravel()
 
 
