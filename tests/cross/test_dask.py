@@ -15,6 +15,7 @@ from distributed.security import Security
 
 from hbgear.cli import app as cli
 
+# so many harmonics that some of the cases are still to be computed when three are stored
 STUDY = """model = "duffing"
 [base]
 k3 = 1.0
@@ -24,7 +25,7 @@ count = 12
 zeta = ["uniform", 0.03, 0.06]
 [compute]
 what = ["peak"]
-harmonics = 3
+harmonics = 60
 span = [0.5, 2.0]
 """
 
