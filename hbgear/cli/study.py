@@ -14,6 +14,7 @@ import typer
 
 from hbgear.cli.files import wrote
 from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, bar, print_table, say
+from hbgear.common.signals import held
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -150,7 +151,8 @@ def dask_executor(
         yield None
         return
     try:
-        from distributed import Client
+        with held():
+            from distributed import Client
     except ImportError:
         raise ValueError("--dask needs Dask: install hbgear with its extra [dask], or distributed>=2024.8") from None
     security = _security(address, ca_file, cert, key)

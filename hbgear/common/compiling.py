@@ -75,7 +75,8 @@ def _compiled(function: Function, inline: str) -> Function:
 @cache
 def _numba() -> Any:
     try:
-        import numba
+        with held():  # an extension module of Numba makes an ImportError of Ctrl-C: hbgear would go on without it
+            import numba
     except ImportError as error:
         _LOG.warning("Numba cannot be imported (%s): hbgear works without it, a hundred times slower", error)
         return None

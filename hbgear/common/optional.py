@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from hbgear.common.signals import held
+
 
 def needed(library: str, extra: str, what: str) -> Any:
     """The library, imported.
@@ -21,7 +23,8 @@ def needed(library: str, extra: str, what: str) -> Any:
         If it is not installed.
     """
     try:
-        return importlib.import_module(library)
+        with held():  # some extension modules say ImportError when Ctrl-C comes
+            return importlib.import_module(library)
     except ImportError as error:
         raise ValueError(
             f"{what} needs {library.partition('.')[0]}, which is not installed; pip install 'hbgear[{extra}]'"

@@ -9,12 +9,14 @@ from functools import lru_cache
 from typing import Any
 
 from hbgear.common.compiling import kernel
+from hbgear.common.signals import held
 
 try:
-    import numba
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
+    with held():
+        import numba
+        from llvmlite import ir
+        from numba.core import types
+        from numba.extending import intrinsic
 except ImportError:  # without Numba the same by ctypes
     import ctypes
 

@@ -162,6 +162,20 @@ def test_ctrl_c_waits_until_a_kernel_is_compiled():
     assert reached
 
 
+@pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
+def test_ctrl_c_while_numba_is_imported_is_not_taken_for_a_missing_numba(tmp_path):
+    """Some of its extension modules say ImportError when a KeyboardInterrupt comes up in them."""
+    (tmp_path / "numba.py").write_text(
+        "import os, signal, time\ntry:\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(0.1)\n"
+        "except KeyboardInterrupt:\n    raise ImportError('_devicearray failed to import')\n"
+    )
+    for module in ("hbgear.common.compiling", "hbgear.mechanics.calling"):
+        program = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import {module} as m; m.kernel(lambda: 1)"
+        ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT.parent, capture_output=True, text=True,
+                               timeout=60)  # fmt: skip
+        assert ended.stderr.endswith("KeyboardInterrupt\n") and "times slower" not in ended.stderr
+
+
 def test_whole_numbers_and_arrays_that_cannot_be_written_need_no_kernels_of_their_own():
     """Each would be of another type, for which everything is compiled again."""
     from hbgear.harmonic.assembly import assembled

@@ -31,7 +31,7 @@ FILES = {
         "texts": "",
         "arguments": "messages",
         "command": "",
-        "optional": "",
+        "optional": "signals",
         "symbols": "",
         "progress": "",
         "progress_bar": "progress",
