@@ -257,6 +257,10 @@ class Augmented(FullProblem):
         """Values a parameter may have."""
         return self.problem.range_of(name)
 
+    def costly(self, name: str) -> bool:
+        """As of the problem."""
+        return self.problem.costly(name)
+
     def split(self, U: Array) -> tuple[Array, dict[str, float]]:
         """X of the problem and the parameter that belongs to it."""
         return U[:-1], {self.parameter: float(U[-1])}

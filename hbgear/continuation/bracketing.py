@@ -17,12 +17,15 @@ from collections.abc import Callable
 _MOST = 100  # evaluations
 
 
-def bracketed_root(function: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
+def bracketed_root(
+    function: Callable[[float], float], low: float, high: float, tolerance: float, first: float = math.nan
+) -> float:
     """Where a continuous function passes zero between two places at which it has different signs.
 
     Parameters
     ----------
     tolerance : distance from the root.
+    first : where to look first, between the two; by default half way.
 
     Raises
     ------
@@ -33,7 +36,7 @@ def bracketed_root(function: Callable[[float], float], low: float, high: float, 
     fa, fb = function(a), function(b)
     if not fa * fb <= 0:
         raise ValueError(f"the function has the values {fb} and {fa} at {low} and {high}: no change of sign")
-    share = 0.5
+    share = 0.5 if math.isnan(first) else (first - a) / (b - a)
     for _ in range(_MOST):
         best, smallest = (b, fb) if abs(fb) < abs(fa) else (a, fa)
         least = (2 * sys.float_info.epsilon * abs(best) + tolerance) / abs(b - a)

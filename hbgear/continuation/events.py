@@ -243,7 +243,9 @@ class Turning(Event):
                 return [newton(segment, self, Fold(segment.problem, segment.name), _turn(segment))]
             except (NoConvergence, np.linalg.LinAlgError):
                 pass
-        return [root(segment, self, lambda row: float(row.tangent[-1]), fine=1e-9)]
+        rough = not segment.problem.smooth and not segment.problem.unknown_parameters  # it turns at corners, anywhere
+        first = math.nan if rough else _turn(segment)
+        return [root(segment, self, lambda row: float(row.tangent[-1]), fine=1e-9, first=first)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         return Fold(problem, parameter)
@@ -395,11 +397,13 @@ _AT_THE_END = 1e-6  # how far beyond the ends of its arc a point may come to lie
 
 
 def root(
-    segment: Segment, event: Event, test: Callable[[CurvePoint], float], note: str = "", fine: float = 1e-13
-) -> Found:
+    segment: Segment, event: Event, test: Callable[[CurvePoint], float], note: str = "", fine: float = 1e-13,
+    first: float = math.nan,
+) -> Found:  # fmt: skip
     """Bracketed root of a test function along the segment; where correction fails, the nearer end, not located.
 
     fine : share of the chord to which it is located; at a turning point an error there enters the parameter squared.
+    first : where on the chord to look first, if something is known of it.
     """
     rows: dict[float, CurvePoint] = {0.0: segment.a, 1.0: segment.b}
     values: dict[float, float] = {}
@@ -423,7 +427,7 @@ def root(
             return 0.0
 
     try:
-        bracketed_root(beside, 0.0, 1.0, fine)
+        bracketed_root(beside, 0.0, 1.0, fine, first)
         s = min(values, key=lambda x: abs(values[x]))  # near a singular point the last of them may be noise
         return Found(event, s, rows[s], True, note)
     except (NoConvergence, np.linalg.LinAlgError, ValueError):

@@ -11,6 +11,7 @@ speaks to `FullProblem` only, which answers for what is not offered.
 | `Problem` | ``evaluate`` | |
 | `Linearised` | R, dR/dX, dR/dp in one go, the size of the terms of R | dR/dp by a difference, size 1 + norm(X) |
 | `Pursued` | a loop of its own along the curve in some parameters | point after point |
+| `Costly` | which parameters cost much to change, and are kept while a row is solved for | none |
 | `Curved` | second derivatives, for special points | central differences |
 | `Started` | a first solution | ``start=`` must be given |
 | `Parametrised` | its parameters with their values | all must be given |
@@ -114,6 +115,14 @@ class Pursued(Protocol):
 
     def pursuit(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
         """The loop in a parameter, the others fixed; None where there is none."""
+
+
+@runtime_checkable
+class Costly(Protocol):
+    """Says which parameters are better kept while other unknowns change."""
+
+    def costly(self, name: str) -> bool:
+        """Whether the equations at another value of this parameter cost much more than with other unknowns."""
 
 
 @runtime_checkable
@@ -307,8 +316,8 @@ class Described(Protocol):
 
 
 ABILITIES = (
-    Problem, Linearised, Pursued, Curved, Started, Parametrised, Checked, Confined, Sized, Rough, Readable, Observed,
-    Eventful, Remeshed, Refinable, Deciding, Receding, Extended, Finished, Described,
+    Problem, Linearised, Pursued, Costly, Curved, Started, Parametrised, Checked, Confined, Sized, Rough, Readable,
+    Observed, Eventful, Remeshed, Refinable, Deciding, Receding, Extended, Finished, Described,
 )  # fmt: skip
 
 
@@ -372,6 +381,10 @@ class FullProblem:
     def pursuit(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
         """`Pursued.pursuit`: none."""
         return None
+
+    def costly(self, name: str) -> bool:
+        """`Costly.costly`: no parameter is."""
+        return False
 
     def locating(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
         """Compiled Newton on special points of its curves in a parameter, by their number, -1 for folds: none."""

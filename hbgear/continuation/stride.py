@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.continuation.algebra import norm
 from hbgear.continuation.corrector import correct
 from hbgear.continuation.newton import NoConvergence, Settings
 from hbgear.continuation.problem import FullProblem
@@ -31,6 +32,9 @@ class Stride(NamedTuple):
 
 
 _MOST = 64  # rows of one call of a compiled loop
+
+
+_STEADY = 0.35  # least share of the parameter in the tangent with which rows are sought at a value given beforehand
 
 
 _WORK = 3e8  # multiplications of one call, so that Ctrl-C is heard within a second
@@ -95,6 +99,8 @@ class Strider:
 
         normal, predicted, limits = np.empty(len(scale)), np.empty(len(scale)), np.array([control[2], math.inf])
         planes_normal(t[0], scale, normal)
+        if self.problem.costly(self.name) and abs(t[0, -1] / scale[-1]) > _STEADY * norm(t[0] / scale):
+            normal[:-1], normal[-1] = 0.0, math.copysign(1.0, t[0, -1])  # Newton keeps the value of the parameter
         while True:
             predict(u, t, count, scale, step, predicted)
             limits[1] = control[4] if count > 1 and step > HASTE * control[0] else math.inf

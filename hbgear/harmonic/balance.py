@@ -755,6 +755,10 @@ class HarmonicBalance(FullProblem):
             return super().curvature(X, v, name, **parameters)
         return compiled.curvature(X, v, difference_along(X, v), float(parameters["Omega"]))
 
+    def costly(self, name: str) -> bool:
+        """Whether another value needs another model: of all parameters but Omega."""
+        return name != "Omega"
+
     def pursuit(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
         """A compiled loop along curves in Omega, if every law is known to it and no pair of poles is too close.
 

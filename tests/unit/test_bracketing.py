@@ -52,6 +52,27 @@ def test_hundred_polynomials():
     assert np.mean(own) < 1.2 * np.mean(brent)
 
 
+def test_a_good_first_place_saves_evaluations():
+    rng, blind, told = np.random.default_rng(4), [], []
+    for _ in range(100):
+        place, bend = rng.uniform(0.05, 0.95), rng.uniform(-0.6, 0.6)
+        for counts, first in ((blind, math.nan), (told, place + 1e-3 * rng.uniform(-1, 1))):
+            calls = []
+
+            def function(x, place=place, bend=bend, calls=calls):
+                calls.append(x)
+                return (x - place) * (1 + bend * x)
+
+            assert abs(bracketed_root(function, 0.0, 1.0, 1e-9, first) - place) < 1e-9
+            counts.append(len(calls))
+    assert np.mean(told) < np.mean(blind) - 1 and max(told) <= max(blind)
+
+
+def test_a_bad_first_place_does_no_harm():
+    for first in (0.0, 1.0, 1e-12, 0.999):
+        assert abs(bracketed_root(lambda x: x**3 - 0.2, 0.0, 1.0, 1e-13, first) - 0.2 ** (1 / 3)) < 2e-13
+
+
 def test_ends_and_bad_input():
     assert bracketed_root(lambda x: x, 0.0, 1.0, 1e-13) == 0.0
     assert bracketed_root(lambda x: x - 1, 0.0, 1.0, 1e-13) == 1.0

@@ -76,7 +76,7 @@ FILES = {
         "events": "algebra bordered bracketing branch crossing newton problem record segment touching",
         "hidden": "events newton segment",
         "accuracy": "algebra branch events newton problem record segment",
-        "stride": "corrector newton problem segment stepsize verdicts",
+        "stride": "algebra corrector newton problem segment stepsize verdicts",
         "tracer": "accuracy algebra asymptote branch corrector covering ending events hidden jumps newton problem "
         "record segment stepsize stride",
         "refining": "algebra branch newton problem",

@@ -25,7 +25,7 @@ from hbgear import (
 )
 from hbgear.continuation.corrector import correct
 from hbgear.continuation.newton import solve
-from hbgear.continuation.problem import Evaluation, as_problem, linearise
+from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise
 from hbgear.continuation.stepping import predict
 
 
@@ -270,6 +270,39 @@ def test_a_row_costs_its_newton_steps_and_one_evaluation():
     curve = trace(Counted(), "p", (-2, 2), at(1, 0), special=False)
     assert len(calls) <= curve.iterations.sum() + len(curve) + 4  # and the start and the end
     assert curve.iterations[5:].max() <= 2 and np.mean(curve.iterations[5:]) < 1.5
+
+
+class Weighed(FullProblem):
+    """x^3 - x / 2 - a = 0 with a = p + p^3 / 4: two folds; it notes every value of p that it is asked for."""
+
+    def __init__(self, costly):
+        self.said, self.values = costly, []
+
+    def costly(self, name):
+        return self.said
+
+    def linearise(self, X, name, p):
+        self.values.append(p)
+        R, J = np.array([X[0] ** 3 - X[0] / 2 - p - p**3 / 4]), np.array([[3 * X[0] ** 2 - 0.5]])
+        return Evaluation(R, J, np.array([-1 - 0.75 * p * p]), 1.0)
+
+
+def test_a_costly_parameter_is_kept_while_a_row_is_solved_for():
+    """Away from the folds each row asks for one value; everywhere it is the same curve."""
+    curves, asked = [], []
+    for costly in (False, True):
+        curves.append(trace(Weighed(costly), "p", (-1.0, 1.0), np.array([-1.1])))
+        problem = Weighed(costly)
+        rows = trace(problem, "p", (-1.0, 1.0), np.array([-1.1]), special=False)
+        asked.append(len(set(problem.values)) / len(rows))
+        x, p = curves[-1].X[:, 0], curves[-1].values
+        np.testing.assert_allclose(x**3 - x / 2, p + p**3 / 4, rtol=0, atol=1e-10)
+    folds = [[point.parameters["p"] for point in curve.special] for curve in curves]
+    heights = np.sqrt(1 / 6) * np.array([1, -1]) / 3  # of x^3 - x / 2 at its turns
+    exact = [brentq(lambda p, a=a: p + p**3 / 4 - a, -1, 1, xtol=1e-15) for a in heights]
+    for found in folds:
+        np.testing.assert_allclose(sorted(found), sorted(exact), rtol=0, atol=1e-10)
+    assert asked[1] < 1.5 < 1.8 < asked[0], asked
 
 
 def test_the_first_step_fits_between_the_shortest_and_the_longest():
