@@ -12,6 +12,7 @@ solved for with more unknowns, and judged anew.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -108,13 +109,13 @@ def _by_pieces(arc: Segment, found: Found, goal: float) -> Found:
     while arc.problem.finer is not None and missed < _MISSED:
         try:
             arc = _again(arc, as_problem(arc.problem.finer))
-            again = [p for p in find(arc) if p.located and p.event.kind == found.event.kind]
+            again = [p for p in find(arc) or _beyond(arc, find) if p.located and p.event.kind == found.event.kind]
         except (NoConvergence, np.linalg.LinAlgError):
             break
         missed = 0 if again else missed + 1
         if not again:
             continue
-        row = min(again, key=lambda p: abs(p.s - found.s)).row
+        row = min(again, key=lambda p: abs(arc.place(p.row.u) - found.s)).row
         if abs(row.value - place) <= goal:
             return replace(found, error=abs(row.value - place))
         error = math.inf if math.isnan(place) else abs(row.value - place)
@@ -127,10 +128,23 @@ def _again(arc: Segment, finer: FullProblem) -> Segment:
     scale = widened(arc.scale, finer, len(finer.fitted(arc.a.X)))
     finer = finer.based(finer.fitted(arc.a.X), {**arc.parameters, arc.name: arc.a.value})
     a, b = (solved_again(row, finer, arc.name, arc.parameters, scale, arc.settings) for row in (arc.a, arc.b))
-    seen = observe_all(finer, np.array([a.u, b.u]), arc.name, arc.parameters, "multipliers" in arc.a.observed)
+    return _between(replace(arc, problem=finer, scale=scale), a, b, "multipliers" in arc.a.observed)
+
+
+def _beyond(arc: Segment, find: Callable[[Segment], list[Found]]) -> list[Found]:
+    """What is found with as much of the curve again at either end, where more unknowns may have put a point near it."""
+    try:
+        return find(_between(arc, arc.at(-1.0), arc.at(2.0), "multipliers" in arc.a.observed))
+    except (NoConvergence, np.linalg.LinAlgError):
+        return []
+
+
+def _between(arc: Segment, a: CurvePoint, b: CurvePoint, stability: bool) -> Segment:
+    """The piece between two rows, which are observed."""
+    seen = observe_all(arc.problem, np.array([a.u, b.u]), arc.name, arc.parameters, stability)
     for end, told in zip((a, b), seen, strict=True):
         end.observed.update(told)
-    return replace(arc, problem=finer, a=a, b=b, scale=scale)
+    return arc.part(a, b)
 
 
 def _row_of(arc: Segment, problem: FullProblem, point: Solution) -> CurvePoint:

@@ -97,6 +97,7 @@ class Augmented(FullProblem):
     """
 
     smooth = False
+    at_once = 1  # special points of curves of special points take long to find: Ctrl-C waits for one row at most
     problem: FullProblem
     parameter: str
     base: Base | None = None

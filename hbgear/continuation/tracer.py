@@ -390,7 +390,7 @@ class _Tracer:
         """All that takes time: Ctrl-C or an error ends one stage, and the next goes on with what there is."""
         for stage, place in (
             (self._follow, self._place),
-            (self._settle, lambda: "while the last motions were being looked at"),
+            (self._settle_the_rest, lambda: "while the last motions were being looked at"),
             (self._complete, lambda: "while the special points were being looked at"),
             (self._finish, lambda: "while the curve was looked at as a whole"),
             (self._cover, lambda: "while the rest of the span was looked at"),
@@ -603,6 +603,17 @@ class _Tracer:
             self._settle()
         if self.problem.unknown_parameters:
             self.problem = self.problem.based(rows[-1].X, {**self.fixed, self.name: rows[-1].value}, renew=True)
+
+    def _settle_the_rest(self) -> None:
+        """`_settle` at the end; a single row that waits is left out if Ctrl-C ended the trace.
+
+        It may have come while that row was looked at, which can take minutes, and would begin anew; the row itself is
+        found again in no time by whoever goes on from the one before.
+        """
+        if self.together == 1 and self.waiting and isinstance(self.ending.error, KeyboardInterrupt):
+            del self.rows[-len(self.waiting) :]
+            self.waiting = []
+        self._settle()
 
     def _settle(self) -> None:
         """Observe the rows that wait and find the special points between them."""

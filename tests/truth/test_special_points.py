@@ -134,6 +134,17 @@ def test_cusp_to_eight_digits():
         assert found["CP1"].parameters[name] == pytest.approx(value, rel=0, abs=5e-9)
 
 
+@pytest.mark.parametrize("before", [1e-7, 3e-7, 1e-6])
+def test_a_cusp_next_to_a_row_has_an_error(before):
+    """Whose other side of the row it is on with more harmonics."""
+    coarse, settings = HarmonicBalance(SpurPair(), 10), Steps(first=0.03, longest=0.03)
+    cusp = fold_curve(coarse, 0.117, 0.119)["CP1"].parameters["zeta"]
+    near = fold_curve(coarse, 0.117, cusp - before)
+    found = trace(Fold(coarse), "zeta", (cusp - before, 0.119), near[-1], steps=settings)["CP1"]
+    assert found.parameters["zeta"] == pytest.approx(cusp, rel=0, abs=1e-10)
+    assert abs(cusp - CUSP["zeta"]) == pytest.approx(found.error, rel=0.1)
+
+
 def test_the_same_cusp_by_shooting():
     """There the largest share of Omega in the tangent of the curve, negative beyond the cusp, is zero."""
     near, coarse = 0.118, HarmonicBalance(SpurPair(), 10)

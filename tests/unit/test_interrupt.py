@@ -387,6 +387,24 @@ def test_the_second_ctrl_c_is_heard_at_once_and_leaves_nothing_behind(tmp_path):
     assert path.read_text() == "before" and os.listdir(tmp_path) == ["a.txt"]
 
 
+def test_ctrl_c_does_not_begin_a_long_search_anew(monkeypatch):
+    """On a curve of folds the row whose special points were being sought is left to whoever goes on from there."""
+    problem, searches = hb.HarmonicBalance(hb.SpurPair(), 10), []
+    start = hb.trace(problem, "Omega", (1.3, 0.8), at={"zeta": 0.117}, stability=False)["LP1"]
+
+    def interrupted(self, arc):
+        searches.append(arc)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as held_up:
+        held_up.setattr("hbgear.continuation.tracer._Tracer._located", interrupted)
+        folds = hb.trace(hb.Fold(problem), "zeta", (0.117, 0.119), start)
+    assert folds.status is Status.INTERRUPTED and len(searches) == 1 and folds.special == ()
+    assert folds.values[-1] == searches[0].a.value and len(folds) > 5
+    whole = hb.extend(folds)
+    assert whole.status.complete and [p.label for p in whole.special] == ["CP1"]
+
+
 def test_sigterm_is_heard_like_ctrl_c():
     before = signal.getsignal(signal.SIGTERM)
     with pytest.raises(KeyboardInterrupt), sigterm_like_ctrl_c(), held():
