@@ -240,11 +240,11 @@ class Turning(Event):
             return [Found(self, 0.0, a, True)]
         if segment.problem.smooth:
             try:
-                return [newton(segment, self, Fold(segment.problem, segment.name), _turn(segment))]
+                return [newton(segment, self, Fold(segment.problem, segment.name), turn_of(segment))]
             except (NoConvergence, np.linalg.LinAlgError):
                 pass
         rough = not segment.problem.smooth and not segment.problem.unknown_parameters  # it turns at corners, anywhere
-        first = math.nan if rough else _turn(segment)
+        first = math.nan if rough else turn_of(segment)
         return [root(segment, self, lambda row: float(row.tangent[-1]), fine=1e-9, first=first)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
@@ -466,13 +466,33 @@ def _crossed(segment: Segment, rough: Found) -> Found:
 _NEARBY = 1e-3  # share of the arc by which a branch point may lie beside the root of the determinant
 
 
-def _turn(segment: Segment) -> float:
+def turn_of(segment: Segment) -> float:
     """Where on the arc the parameter turns, by the Hermite polynomial through its ends."""
     rise = float(segment.b.u[-1] - segment.a.u[-1])
     begin, end = (float(row.tangent[-1]) * segment.length for row in (segment.a, segment.b))
     # begin and end differ in sign: so does the polynomial, and has one root between
     half, bend = 3 * rise - 2 * begin - end, 3 * (begin + end) - 6 * rise
     return begin / (math.copysign(math.sqrt(max(half * half - bend * begin, 0.0)), begin) - half)
+
+
+def behind_the_turn(segment: Segment, value: float) -> Array:
+    """u where the parameter comes back to a value, on a piece on which it turns.
+
+    Raises
+    ------
+    NoConvergence, numpy.linalg.LinAlgError
+        If it does not, or the piece cannot be followed to there.
+    """
+    rows: dict[float, CurvePoint] = {}
+
+    def beyond(s: float) -> float:
+        rows[s] = segment.b if s == 1.0 else segment.at(s)
+        return rows[s].value - value
+
+    try:
+        return rows[bracketed_root(beyond, turn_of(segment), 1.0, 1e-9)].u
+    except ValueError as error:
+        raise NoConvergence(str(error), segment.b.X, segment.parameters, []) from None
 
 
 def newton(

@@ -33,7 +33,7 @@ from hbgear.continuation.branch import Branch, Point, Status, relative_errors, w
 from hbgear.continuation.corrector import correct
 from hbgear.continuation.covering import UNCOVERED, Search, find_rest, told
 from hbgear.continuation.ending import Ending
-from hbgear.continuation.events import Crossing, Event, Found, Turning, Watch, events_of
+from hbgear.continuation.events import Crossing, Event, Found, Turning, Watch, behind_the_turn, events_of
 from hbgear.continuation.hidden import Path, find_hidden, paired
 from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import NoConvergence, Settings, solve
@@ -871,10 +871,10 @@ class _Tracer:
 
     def _final(self, last: CurvePoint, row: CurvePoint, end: float) -> CurvePoint:
         """CurvePoint exactly at the end of the span, solved at fixed parameter from between the last two rows."""
+        arc, here = self._arc(last, row), {**self.fixed, self.name: end}
         s = (end - last.value) / (row.value - last.value)
-        guess = self._arc(last, row).guess(s)
-        here = {**self.fixed, self.name: end}
         try:
+            guess = behind_the_turn(arc, end) if last.heading * row.heading < 0 else arc.guess(s)
             solution = solve(self.problem, guess[:-1], here, self.name, self.settings)
             final = row_of(solution, normal_of(row.u - last.u, self.scale), self.scale, s * row.step, last)
         except (NoConvergence, np.linalg.LinAlgError):

@@ -534,6 +534,18 @@ def test_a_start_with_other_harmonics_either_works_or_says_so():
         assert finer.status.complete and finer.layout.harmonics == 5
 
 
+@pytest.mark.parametrize("before", [1e-7, 1e-6, 1e-5])
+def test_a_fold_next_to_the_start_is_on_the_curve_which_ends_behind_it(before):
+    problem = HarmonicBalance(Duffing(), 7)
+    fold = trace(problem, "Omega", (0.8, 1.6))["LP1"].parameters["Omega"]
+    start = trace(problem, "Omega", (0.8, fold - before))[-1]
+    curve = trace(problem, "Omega", (fold - before, 1.6), start)
+    assert curve.status == "left_span" and [p.label for p in curve.special] == ["LP1"]
+    assert curve.values[0] == curve.values[-1] == fold - before
+    assert curve["LP1"].parameters["Omega"] == pytest.approx(fold, rel=0, abs=1e-13)
+    assert np.linalg.norm(curve.X[-1] - curve.X[0]) > np.sqrt(before)  # the other side of the fold
+
+
 def test_a_start_on_a_fold_either_works_or_says_so():
     curve = trace(DUFFING, "Omega", (0.5, 1.6))
     try:
