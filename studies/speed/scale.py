@@ -1,4 +1,4 @@
-"""Cost of a point with stability as the structure grows: flat once it is reduced, and linear in memory.
+"""Cost of a point as the structure grows: flat once it is reduced, but for its stability; linear in memory.
 
     python -m studies.speed.scale [--quick] [-o DIR]
 
