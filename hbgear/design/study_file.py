@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from hbgear.common.messages import shortened
+from hbgear.common.signals import held
 from hbgear.design.sampling import METHODS, Grid, Sample, distribution, grid
 from hbgear.design.study import KINDS, Work
 from hbgear.harmonic.catalogue import class_of
@@ -67,7 +68,8 @@ def _within(table: str) -> Iterator[None]:
 
 def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
     """Errors by place, and the data as checked."""
-    import pydantic
+    with held():
+        import pydantic
 
     name = data.get("model")
     problems: list[tuple[Place, str]] = []
@@ -96,6 +98,7 @@ def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
     return problems, checked
 
 
+@held()  # pydantic panics if Ctrl-C comes while it makes one
 def _schema(cls: type[Model] | None) -> Any:
     """The form of the file, as a model of pydantic: its tables have the fields of the model of the machine."""
     from pydantic import AfterValidator, ConfigDict, Field, create_model

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hbgear.common.messages import did_you_mean
+from hbgear.common.signals import held
 from hbgear.gears import (
     Beam,
     Bearing,
@@ -139,6 +140,7 @@ def is_description(meta: Any) -> bool:
     return whole and all(isinstance(name, str) for name in meta["fields"])
 
 
+@held()  # pydantic panics if Ctrl-C comes while it prepares a check
 def _check_types(cls: type[Model], fields: Mapping[str, Any]) -> None:
     """Refuse values that are not of the types of their fields; the model itself refuses unknown fields."""
     import pydantic

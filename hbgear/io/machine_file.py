@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from hbgear.common.replacing import checked_suffix, replacing
+from hbgear.common.signals import held
 from hbgear.common.units import Measured
 from hbgear.gears.forms import DAMPING
 from hbgear.gears.gear import Gear
@@ -93,6 +94,7 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     return machine
 
 
+@held()  # pydantic panics if Ctrl-C comes while it makes one
 def _schema() -> Any:
     """The form of the file, as a model of pydantic."""
     from pydantic import create_model

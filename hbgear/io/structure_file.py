@@ -28,6 +28,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+from hbgear.common.signals import held
 from hbgear.io.matrices import NAMES, Matrices, from_matrices
 from hbgear.io.receptance_files import from_receptances
 from hbgear.io.toml_file import Place, TomlFileError, checked, exactly, located, parsed
@@ -76,6 +77,7 @@ def read_structure(path: str | os.PathLike[str]) -> System:
     return system
 
 
+@held()  # pydantic panics if Ctrl-C comes while it makes one
 def _schema() -> Any:
     """The form of the file, as a model of pydantic."""
     from pydantic import create_model

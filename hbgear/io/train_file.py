@@ -39,6 +39,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+from hbgear.common.signals import held
 from hbgear.common.units import si
 from hbgear.gears.beam import Beam
 from hbgear.gears.gear import Gear
@@ -85,6 +86,7 @@ def read_train(path: str | os.PathLike[str]) -> Train:
     return train
 
 
+@held()  # pydantic panics if Ctrl-C comes while it makes one
 def _schema() -> Any:
     """The form of the file, as a model of pydantic."""
     from pydantic import create_model

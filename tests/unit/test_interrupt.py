@@ -18,6 +18,7 @@ import hbgear as hb
 from hbgear import Status
 from hbgear.common.replacing import replacing
 from hbgear.common.signals import held, sigterm_like_ctrl_c
+from hbgear.harmonic.catalogue import rebuild
 from hbgear.timedomain.exponential import Stepper
 from hbgear.timedomain.settle import Settling
 
@@ -403,6 +404,23 @@ def test_ctrl_c_does_not_begin_a_long_search_anew(monkeypatch):
     assert folds.values[-1] == searches[0].a.value and len(folds) > 5
     whole = hb.extend(folds)
     assert whole.status.complete and [p.label for p in whole.special] == ["CP1"]
+
+
+def test_ctrl_c_while_pydantic_prepares_a_check_comes_after_it(monkeypatch):
+    """In the midst of that its core panics, which ends a command with a text of Rust."""
+    pydantic, done = pytest.importorskip("pydantic"), []
+
+    class Adapter(pydantic.TypeAdapter):
+        def __init__(self, kind):
+            signal.raise_signal(signal.SIGINT)
+            super().__init__(kind)
+            done.append(kind)
+
+    monkeypatch.setattr(pydantic, "TypeAdapter", Adapter)
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 3), "Omega", (1.6, 1.5))
+    with pytest.raises(KeyboardInterrupt):
+        rebuild(curve.meta["model"])
+    assert done
 
 
 def test_sigterm_is_heard_like_ctrl_c():
