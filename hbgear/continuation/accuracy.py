@@ -128,20 +128,20 @@ def _again(arc: Segment, finer: FullProblem) -> Segment:
     scale = widened(arc.scale, finer, len(finer.fitted(arc.a.X)))
     finer = finer.based(finer.fitted(arc.a.X), {**arc.parameters, arc.name: arc.a.value})
     a, b = (solved_again(row, finer, arc.name, arc.parameters, scale, arc.settings) for row in (arc.a, arc.b))
-    return _between(replace(arc, problem=finer, scale=scale), a, b, "multipliers" in arc.a.observed)
+    return _between(replace(arc, problem=finer, scale=scale), a, b)
 
 
 def _beyond(arc: Segment, find: Callable[[Segment], list[Found]]) -> list[Found]:
     """What is found with as much of the curve again at either end, where more unknowns may have put a point near it."""
     try:
-        return find(_between(arc, arc.at(-1.0), arc.at(2.0), "multipliers" in arc.a.observed))
+        return find(_between(arc, arc.at(-1.0), arc.at(2.0)))
     except (NoConvergence, np.linalg.LinAlgError):
         return []
 
 
-def _between(arc: Segment, a: CurvePoint, b: CurvePoint, stability: bool) -> Segment:
-    """The piece between two rows, which are observed."""
-    seen = observe_all(arc.problem, np.array([a.u, b.u]), arc.name, arc.parameters, stability)
+def _between(arc: Segment, a: CurvePoint, b: CurvePoint) -> Segment:
+    """The piece between two other rows, which are observed as its own were."""
+    seen = observe_all(arc.problem, np.array([a.u, b.u]), arc.name, arc.parameters, "multipliers" in arc.a.observed)
     for end, told in zip((a, b), seen, strict=True):
         end.observed.update(told)
     return arc.part(a, b)

@@ -243,8 +243,7 @@ class Turning(Event):
                 return [newton(segment, self, Fold(segment.problem, segment.name), turn_of(segment))]
             except (NoConvergence, np.linalg.LinAlgError):
                 pass
-        rough = not segment.problem.smooth and not segment.problem.unknown_parameters  # it turns at corners, anywhere
-        first = math.nan if rough else turn_of(segment)
+        first = math.nan if segment.problem.cornered else turn_of(segment)  # at corners it turns anywhere
         return [root(segment, self, lambda row: float(row.tangent[-1]), fine=1e-9, first=first)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
@@ -483,16 +482,11 @@ def behind_the_turn(segment: Segment, value: float) -> Array:
     NoConvergence, numpy.linalg.LinAlgError
         If it does not, or the piece cannot be followed to there.
     """
-    rows: dict[float, CurvePoint] = {}
-
-    def beyond(s: float) -> float:
-        rows[s] = segment.b if s == 1.0 else segment.at(s)
-        return rows[s].value - value
-
-    try:
-        return rows[bracketed_root(beyond, turn_of(segment), 1.0, 1e-9)].u
-    except ValueError as error:
-        raise NoConvergence(str(error), segment.b.X, segment.parameters, []) from None
+    behind = segment.part(segment.at(turn_of(segment)), segment.b)
+    found = root(behind, Turning(), lambda row: row.value - value, fine=1e-9)
+    if not found.located:
+        raise NoConvergence("the curve does not come back to this value", found.row.X, segment.parameters, [])
+    return found.row.u
 
 
 def newton(

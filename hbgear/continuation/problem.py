@@ -347,6 +347,11 @@ class FullProblem:
         return self
 
     @property
+    def cornered(self) -> bool:
+        """Whether its curves have corners; of equations with parameters among the unknowns that is not said."""
+        return not self.smooth and not self.unknown_parameters
+
+    @property
     def fineness(self) -> str:
         """How many unknowns it has, in words."""
         return f"n = {self.size}"

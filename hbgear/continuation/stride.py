@@ -66,8 +66,7 @@ class Strider:
         u, t = np.zeros((2, history, width))
         for i, row in enumerate(rows[:count]):
             u[i], t[i] = row.u, row.tangent
-        rough = not self.problem.smooth and not self.problem.unknown_parameters
-        miss = math.inf if rough else steps.max_prediction_error
+        miss = math.inf if self.problem.cornered else steps.max_prediction_error
         control = np.array([steps.shortest, steps.longest, steps.max_turn_deg, steps.newton, miss])
         tolerances = np.array([settings.tolerance, settings.step_tolerance, settings.max_iterations])
         pursue = self.problem.pursuit(self.name, self.fixed)
