@@ -15,6 +15,7 @@ Allgower & Georg, Introduction to Numerical Continuation Methods (2003), https:/
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -605,15 +606,26 @@ class _Tracer:
             self.problem = self.problem.based(rows[-1].X, {**self.fixed, self.name: rows[-1].value}, renew=True)
 
     def _settle_the_rest(self) -> None:
-        """`_settle` at the end; a single row that waits is left out if Ctrl-C ended the trace.
+        """`_settle` at the end; row by row if Ctrl-C ended the trace, and only as far as that takes no time.
 
-        It may have come while that row was looked at, which can take minutes, and would begin anew; the row itself is
-        found again in no time by whoever goes on from the one before.
+        What happens between two rows can take minutes to look at; rows that are left out for it are found again in no
+        time by whoever goes on from the one before.
         """
-        if self.together == 1 and self.waiting and isinstance(self.ending.error, KeyboardInterrupt):
-            del self.rows[-len(self.waiting) :]
-            self.waiting = []
+        if not isinstance(self.ending.error, KeyboardInterrupt):
+            self._settle()
+            return
+        settled = len(self.rows) - len(self.waiting)
+        rest = list(zip(self.rows[settled:], self.waiting, strict=True))
+        del self.rows[settled:]
+        self.waiting = []
         self._settle()
+        end = time.monotonic() + (_PATIENCE if self.together > 1 else 0.0)
+        for row, piece in rest:
+            if time.monotonic() >= end:
+                break
+            self.rows.append(row)
+            self.waiting = [piece]
+            self._settle()
 
     def _settle(self) -> None:
         """Observe the rows that wait and find the special points between them."""
@@ -949,6 +961,9 @@ class _InProgress(Exception):
         self.given.branch = branch  # type: ignore[attr-defined]
         self.given.add_note(f"what was traced until then ({len(branch)} points) is this exception's attribute branch")
         return self.given
+
+
+_PATIENCE = 0.3  # seconds that rows are still looked at after Ctrl-C
 
 
 _FARTHEST = 64  # pieces, some of them very short, by which a special point may lie beyond the one it was found on

@@ -18,6 +18,7 @@ import hbgear as hb
 from hbgear import Status
 from hbgear.common.replacing import replacing
 from hbgear.common.signals import held, sigterm_like_ctrl_c
+from hbgear.continuation.tracer import _Tracer
 from hbgear.harmonic.catalogue import rebuild
 from hbgear.timedomain.exponential import Stepper
 from hbgear.timedomain.settle import Settling
@@ -404,6 +405,51 @@ def test_ctrl_c_does_not_begin_a_long_search_anew(monkeypatch):
     assert folds.values[-1] == searches[0].a.value and len(folds) > 5
     whole = hb.extend(folds)
     assert whole.status.complete and [p.label for p in whole.special] == ["CP1"]
+
+
+class Stopped(hb.HarmonicBalance):
+    """Ctrl-C comes before the compiled loop runs for the fourth time."""
+
+    calls = 0
+
+    def pursuit(self, name, parameters):
+        loop = super().pursuit(name, parameters)
+
+        def stopped(*arguments):
+            self.calls += 1
+            if self.calls == 4:
+                raise KeyboardInterrupt
+            return loop(*arguments)
+
+        return stopped
+
+
+def test_ctrl_c_leaves_rows_between_which_it_takes_long_to_look(monkeypatch):
+    """As if every special point took .4 s: of the two on rows that wait, the second is left to whoever goes on."""
+    span, steps, looked = hb.SpurPair.default_span, hb.Steps(longest=0.02), []
+    whole = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 10), "Omega", span, steps=steps)
+    located, monotonic = _Tracer._located, time.monotonic
+
+    def slow(self, arc):
+        looked.append(arc)
+        return located(self, arc)
+
+    with monkeypatch.context() as held_up:
+        held_up.setattr(_Tracer, "_located", slow)
+        held_up.setattr(time, "monotonic", lambda: monotonic() + 0.4 * len(looked))
+        part = hb.trace(Stopped(hb.SpurPair(), 10), "Omega", span, steps=steps)
+    assert part.status is Status.INTERRUPTED and len(looked) == 2
+    assert [p.label for p in part.special] == ["GR1", "LP1"] and [p.kind for p in whole.special] == [
+        "GR",
+        "LP",
+        "LP",
+        "GR",
+    ]
+    assert within(part, whole) and np.isfinite(part.multipliers).all() and len(part) == part.special[1].index + 2
+    again = hb.extend(part)
+    assert again.status.complete and [p.label for p in again.special] == [p.label for p in whole.special]
+    there, known = ([p.parameters["Omega"] for p in curve.special] for curve in (again, whole))
+    np.testing.assert_allclose(there, known, rtol=1e-9)
 
 
 def test_ctrl_c_while_pydantic_prepares_a_check_comes_after_it(monkeypatch):
