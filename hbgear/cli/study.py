@@ -14,7 +14,7 @@ import typer
 
 from hbgear.cli.files import wrote
 from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, bar, print_table, say
-from hbgear.common.signals import held
+from hbgear.common.optional import needed
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -150,16 +150,12 @@ def dask_executor(
             raise ValueError("certificates are for a Dask scheduler; give its address with --dask tls://HOST:PORT")
         yield None
         return
-    try:
-        with held():
-            from distributed import Client
-    except ImportError:
-        raise ValueError("--dask needs Dask: install hbgear with its extra [dask], or distributed>=2024.8") from None
+    distributed = needed("distributed", "dask", "--dask")
     security = _security(address, ca_file, cert, key)
     for name in ("distributed", "distributed.client", "tornado.application"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # a lost scheduler is told in one line instead
     try:
-        client: Any = Client(address, timeout=_PATIENCE, security=security)
+        client: Any = distributed.Client(address, timeout=_PATIENCE, security=security)
     except (OSError, ValueError) as error:
         raise ValueError(
             f"no Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' and give its address"

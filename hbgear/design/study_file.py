@@ -14,7 +14,7 @@ from hbgear.common.signals import held
 from hbgear.design.sampling import METHODS, Grid, Sample, distribution, grid
 from hbgear.design.study import KINDS, Work
 from hbgear.harmonic.catalogue import class_of
-from hbgear.io.toml_file import Place, TomlFileError, located, parsed, told
+from hbgear.io.toml_file import Place, TomlFileError, exactly, located, parsed, told
 from hbgear.mechanics.fields import made, plain_kinds_of, required_of
 from hbgear.mechanics.model import Model
 
@@ -103,7 +103,7 @@ def _schema(cls: type[Model] | None) -> Any:
     """The form of the file, as a model of pydantic: its tables have the fields of the model of the machine."""
     from pydantic import AfterValidator, ConfigDict, Field, create_model
 
-    strict = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+    strict = exactly()
 
     def table(title: str, fields: dict[str, Any]) -> Any:
         return create_model(title, __config__=strict, **fields)

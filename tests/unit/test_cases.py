@@ -412,7 +412,11 @@ def test_no_dask(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(SystemExit) as stop:
         cli.main(["study", str(tmp_path / "a.toml"), "--dask", "tcp://127.0.0.1:9"])
-    assert stop.value.code == 2 and "--dask needs Dask" in capsys.readouterr().err
+    assert (
+        stop.value.code == 2
+        and "--dask needs distributed" in (err := capsys.readouterr().err)
+        and "hbgear[dask]" in err
+    )
 
 
 # ---- stores that were damaged
