@@ -706,6 +706,8 @@ class _Tracer:
     def _look_closer(self, rows: Rows, first: int, found: dict[int, list[Found]]) -> None:
         """Add what happens twice between two rows, of which the first is number ``first``, and so shows at neither.
 
+        What is found so divides its piece, on whose parts the next may show.
+
         found : what is known of its pieces; replaced where there is more.
         """
         if len({len(row.u) for row in rows}) > 1:
@@ -714,28 +716,47 @@ class _Tracer:
         for number, point in self.found:
             if number > first and number not in found:
                 known[number] = [*known.get(number, []), point]
+        pieces: Sequence[int] = range(len(rows) - 1)
+        for _ in range(_LOOKS):
+            fresh = self._hidden(rows, first, known, pieces)
+            found.update(fresh)
+            known.update(fresh)
+            pieces = [number - first - 1 for number in fresh]
+            if not pieces:
+                break
+
+    def _hidden(
+        self, rows: Rows, first: int, known: Mapping[int, list[Found]], pieces: Sequence[int]
+    ) -> dict[int, list[Found]]:
+        """What is known of some pieces, of those on which there is more than that, by the number of the row behind."""
         points = {(number - first - 1, one.s): one for number, some in known.items() for one in some
                   if one.located and 0 < one.s < 1 and len(one.row.u) == len(self.scale)}  # fmt: skip
         self._observe([point.row for point in points.values()])
-        path = Path.through(rows, points)
+        path, found = Path.through(rows, points), dict[int, list[Found]]()
         for piece, parts in path.unseen(self.watch, rows).items():
+            if piece not in pieces:
+                continue
             arcs = [(self._arc(*path.rows[k : k + 2]), event) for k, event in parts]
             hidden = [(arc, point) for arc, event in arcs for point in event.find(arc) if point.located]
             fresh = paired(self._sure(hidden, self._arc(rows[piece], rows[piece + 1])))
             if fresh:
                 both = sorted([*known.get(first + piece + 1, []), *fresh], key=lambda point: point.s)
-                found[first + piece + 1] = known[first + piece + 1] = both
+                found[first + piece + 1] = both
         for k, hints in path.hints(self.watch, rows, self.scale).items():
             piece, low, high = path.ends(k)
+            if piece not in pieces:
+                continue
             hidden = find_hidden(
                 self.watch, self._arc(*path.rows[k : k + 2]), hints, self._observed_between, path.kinds[k : k + 2]
             )
-            others, whole = known.get(first + piece + 1, []), self._arc(rows[piece], rows[piece + 1])
+            number, whole = first + piece + 1, self._arc(rows[piece], rows[piece + 1])
+            others = found.get(number, known.get(number, []))
             kept = [point for point in others if not low < point.s < high]
             fresh = self._sure(hidden, whole)
             fresh = fresh if len(kept) < len(others) or any(path.kinds[k : k + 2]) else paired(fresh)
             if len(fresh) > len(others) - len(kept):
-                found[first + piece + 1] = known[first + piece + 1] = sorted(kept + fresh, key=lambda point: point.s)
+                found[number] = sorted(kept + fresh, key=lambda point: point.s)
+        return found
 
     def _sure(self, hidden: Sequence[tuple[Segment, Found]], whole: Segment) -> list[Found]:
         """Points found on parts of a piece, those that more unknowns have too, at their places on the whole of it."""
@@ -747,7 +768,8 @@ class _Tracer:
         if self.accuracy is None:
             return point
         judged = assessed(arc, point, self.accuracy)
-        return None if judged.error > self.accuracy * arc.problem.unit_of(self.name, judged.row.value) else judged
+        most = self.accuracy if judged.sharp is None else max(self.accuracy, _ADRIFT)
+        return None if judged.error > most * arc.problem.unit_of(self.name, judged.row.value) else judged
 
     def _observed_between(self, row: CurvePoint) -> CurvePoint:
         self._observe([row])
@@ -961,6 +983,9 @@ class _InProgress(Exception):
         self.given.branch = branch  # type: ignore[attr-defined]
         self.given.add_note(f"what was traced until then ({len(branch)} points) is this exception's attribute branch")
         return self.given
+
+
+_LOOKS = 4  # times that the parts of a piece are looked at once more for what they hide
 
 
 _PATIENCE = 0.3  # seconds that rows are still looked at after Ctrl-C

@@ -60,8 +60,9 @@ def meetings(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
 def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
     """Pieces between rows on which one complex pair leaves the unit circle and another one comes back to it.
 
-    Their number outside stays as it is, but those outside at one end are nearer to ones inside at the other. Each with
-    the place s between the two, which lines between the rows tell.
+    Those outside at one end are nearer to ones inside at the other. Where their number outside stays as it is, it is
+    enough that one surely comes back, or leaves: another must have done the opposite. Each with the place s between the
+    two, which lines between the rows tell.
     """
     pairs = mu.imag > 1e-8 * np.abs(mu)
     outside = pairs & (np.abs(mu) > 1 + NEUTRAL)
@@ -72,24 +73,29 @@ def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
     x = np.log(np.where(pairs, mu, 1.0))
     apart = np.where(pairs[pieces, :, None] & pairs[pieces + 1, None, :],
                      np.abs(x[pieces, :, None] - x[pieces + 1, None, :]), np.inf)  # fmt: skip
-    returned = _passed(apart, x.real, outside, pieces, pieces + 1)
-    left = _passed(apart.transpose(0, 2, 1), x.real, outside, pieces + 1, pieces)
-    found = zip(pieces, np.isfinite(returned), np.isfinite(left), returned, 1 - left, strict=True)
-    return [(int(i), 0.5 * float(r[a].mean() + s[b].mean())) for i, a, b, r, s in found if a.any() and b.any()]
-
-
-def _passed(apart: Array, size: Array, outside: np.ndarray, here: np.ndarray, there: np.ndarray) -> Array:
-    """Where between two rows multipliers that are outside ``here`` pass the circle, nan for those that do not."""
-    inner = np.where(outside[there, None, :], np.inf, apart)
-    least = inner.min(axis=2)
-    passes = outside[here] & (least < _SURE * np.where(outside[there, None, :], apart, np.inf).min(axis=2))
-    there_size = np.take_along_axis(size[there], inner.argmin(axis=2), axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        place: Array = np.where(passes, size[here] / (size[here] - there_size), np.nan)
-    return place
+    doubt, returned = _passed(apart, x.real, outside, pieces, pieces + 1)
+    other, left = _passed(apart.transpose(0, 2, 1), x.real, outside, pieces + 1, pieces)
+    same = number[pieces] == number[pieces + 1]
+    sure = np.where(same, np.minimum(doubt, other), np.maximum(doubt, other)) < _SURE
+    return [(int(i), float(s)) for i, s in zip(pieces[sure], 0.5 * (returned + 1 - left)[sure], strict=True)]
 
 
 _SURE = 0.5  # distance to the nearest multiplier on the other side of the circle, over that on its own, that is near
+
+
+def _passed(apart: Array, size: Array, outside: np.ndarray, here: np.ndarray, there: np.ndarray) -> tuple[Array, Array]:
+    """How doubtful it is that a multiplier which is outside ``here`` is not ``there``, and where it passes the circle.
+
+    Of those of each piece the likeliest; size: log of the moduli.
+    """
+    inner = np.where(outside[there, None, :], np.inf, apart)
+    least, outer = inner.min(axis=2), np.where(outside[there, None, :], apart, np.inf).min(axis=2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        doubt = np.where(outside[here] & np.isfinite(least), least / outer, np.inf)
+        there_size = np.take_along_axis(size[there], inner.argmin(axis=2), axis=1)
+        place = size[here] / (size[here] - there_size)
+    likeliest = np.arange(len(doubt)), doubt.argmin(axis=1)
+    return doubt[likeliest], place[likeliest]
 
 
 def _near(mu: ComplexArray) -> np.ndarray:

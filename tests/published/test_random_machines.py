@@ -155,3 +155,22 @@ def test_two_doublings_beside_a_grazing_contact_are_found(on_path):
     assert len(places) == 2
     for point, place in zip((found[0], found[2]), places, strict=True):
         assert abs(point.parameters["Omega"] - place) < 3 * point.error
+
+
+@pytest.mark.parametrize(
+    "kind, number, between, shot",
+    [
+        ("helical", 0, (0.3164, 0.3171), (0.316600628842, 0.317018689341)),
+        ("bearings", 11, (0.3474, 0.3476), (0.347489101730,)),
+    ],
+)
+def test_pairs_that_change_sides_twice_on_a_step_are_where_shooting_has_them(on_path, kind, number, between, shot):
+    """Two beside two others that showed on the same step, and one that more harmonics move by more than is wanted."""
+    from studies.random.machines import machine
+
+    it = machine(kind, number)
+    curve = hb.trace(hb.HarmonicBalance(it.model, 16), "Omega", it.span, cover=False)
+    found = [p for p in curve.special if p.kind == "NS" and between[0] < p.parameters["Omega"] < between[1]]
+    assert len(found) == len(shot)
+    for point, place in zip(found, shot, strict=True):
+        assert abs(point.parameters["Omega"] - place) < 3 * point.error < 3e-5
