@@ -76,14 +76,14 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
         return response
 
     def answered(answer: Answer, **place: str) -> Any:
-        """What was computed, or one sentence that says why not."""
+        """What was computed, nothing if it is not wanted any more, or one sentence that says why not."""
         given = request.get_json(silent=True)
         try:
             if not isinstance(given, dict):
                 raise ValueError("need an object of JSON")
             return answer({**given, **place}, str(given.get("session", ""))[:64], Asked.of(given))
         except Overtaken:
-            return flask.jsonify(error="cancelled"), 409
+            return "", 204  # no error: browsers would write one to their console for every move of a slider
         except (ValueError, KeyError, NoConvergence, ArithmeticError) as error:
             text = error.args[0] if isinstance(error, KeyError) and error.args else error
             return flask.jsonify(error=str(text)), 422

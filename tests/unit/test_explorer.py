@@ -399,6 +399,48 @@ def test_a_slider_draws_another_curve(shown):
     assert complaints(shown) == []
 
 
+@pytest.fixture
+def slow(monkeypatch):
+    """Curves that take until nobody wants them, for the values that are put in."""
+    values = []
+
+    def traced(self, asked, job):
+        if asked.values["zeta"] in values:
+            while True:
+                job(job.now)
+                time.sleep(0.01)
+        return usual(self, asked, job)
+
+    usual = Explorer._traced
+    monkeypatch.setattr(Explorer, "_traced", traced)
+    return values
+
+
+def test_an_overtaken_or_cancelled_curve_is_no_error(shown, slow):
+    from selenium.webdriver.common.keys import Keys
+
+    handle = shown.find_element("css selector", "[aria-label='zeta as a slider']")
+    sent = "performance.getEntriesByType('resource').filter(entry => entry.name.endsWith('/curve'))"
+    before = value_of(shown, "zeta")
+    slide(shown, "zeta", Keys.ARROW_RIGHT)
+    step = value_of(shown, "zeta")
+    slide(shown, "zeta", Keys.ARROW_LEFT)
+    slow.append(step)
+    handle.send_keys(Keys.ARROW_RIGHT)
+    waited_for(shown, "!document.getElementById('work').hidden")
+    ended = shown.execute_script(f"return {sent}.length")
+    handle.send_keys(Keys.ARROW_RIGHT)
+    waited_for(shown, f"{sent}.length === {ended} + 2")
+    settled(shown)
+    assert value_of(shown, "zeta") > step > before
+    handle.send_keys(Keys.ARROW_LEFT)
+    waited_for(shown, "!document.getElementById('work').hidden")
+    shown.find_element("id", "cancel").click()
+    waited_for(shown, "document.getElementById('work').hidden")
+    assert shown.find_element("id", "status").text.startswith("cancelled; the curve that is shown is the one before")
+    assert complaints(shown) == []
+
+
 def test_undo_link_and_reset(shown):
     from selenium.webdriver.common.keys import Keys
 

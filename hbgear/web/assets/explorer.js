@@ -11,10 +11,11 @@ const explorer = (() => {
   async function asked(path, body, raw = false) {
     const answer = await fetch(path, { method: "POST", body: JSON.stringify(body),
       headers: { "Content-Type": "application/json", "X-Hbgear-Token": token } });
+    if (answer.status === 204) return null; // overtaken or cancelled
     if (raw && answer.ok) return answer;
     const found = await answer.json().catch(() => ({ error: `the server answered ${answer.status}` }));
-    if (!answer.ok && answer.status !== 409) throw new Error(found.error || `the server answered ${answer.status}`);
-    return answer.status === 409 ? null : found;
+    if (!answer.ok) throw new Error(found.error || `the server answered ${answer.status}`);
+    return found;
   }
 
   const question = () => ({ session, values: { ...now.values }, span: [now.from, now.to], harmonics: now.harmonics });
