@@ -113,6 +113,8 @@ class Event:
     terminal: bool = False
     judged_by: int = 1
     """Newton steps on its equations with more unknowns that tell its error; more where these bend."""
+    sided: bool = False
+    """Whether a point at which it happens is on neither side of it, so that rows beside tell what happens near."""
     alone: bool = False
     """Whether nothing else is looked for on the segment that a terminal event ends."""
 

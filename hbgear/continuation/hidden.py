@@ -34,21 +34,42 @@ _AT_AN_END = 0.05  # share of a piece within which a point found on it is the sp
 _ON_A_ROW = 1e-6  # such a share within which it is the row at the end, where nothing was hidden
 
 
+_BESIDE = 0.05  # share of the way from a special point to the next, or to a row, at which there is a row beside it
+
+
 @dataclass(frozen=True)
 class Path:
-    """Rows of a curve and special points between them, in the order of the curve, with the place and kind of each."""
+    """Rows of a curve and special points between them, in the order of the curve, with the place and kind of each.
+
+    A point that is on neither side of what happens there (`Event.sided`) is passed by two rows beside it. holds: its
+    kind, by the number of the piece of the path between these.
+    """
 
     rows: Rows
     places: list[Place]
     kinds: list[str]
+    holds: Mapping[int, str]
 
     @classmethod
-    def through(cls, rows: Rows, points: Mapping[Place, Found]) -> Path:
-        """Rows and the special points at some places between them."""
+    def through(
+        cls, rows: Rows, points: Mapping[Place, Found], between: Callable[[int, float], CurvePoint | None]
+    ) -> Path:
+        """Rows and the special points at some places between them.
+
+        between : solves for a row on a piece, at a share of it; None if there is none.
+        """
         every = {(i, 0.0): (row, "") for i, row in enumerate(rows)}
-        every.update((place, (point.row, point.event.kind)) for place, point in points.items())
+        order, held = sorted([*every, *points]), dict[Place, str]()
+        for before, place, after in zip(order, order[1:], order[2:], strict=False):
+            if place in points:
+                row, event = points[place].row, points[place].event
+                sides = _beside(before, place, after, between) if event.sided else {}
+                every.update(sides or {place: (row, event.kind)})
+                held.update({min(sides): event.kind} if sides else {})
         places = sorted(every)
-        return cls(Rows(every[at][0] for at in places) if points else rows, places, [every[at][1] for at in places])
+        holds = {k: held[place] for k, place in enumerate(places) if place in held}
+        path = Rows(every[place][0] for place in places) if points else rows
+        return cls(path, places, [every[place][1] for place in places], holds)
 
     def ends(self, k: int) -> tuple[int, float, float]:
         """The piece between two rows that piece k of the path lies on, and where it begins and ends there."""
@@ -68,24 +89,37 @@ class Path:
         return found
 
     def unseen(self, watch: Watch, rows: Rows) -> dict[int, list[tuple[int, Event]]]:
-        """Pieces between rows on which an event changes sign twice, as special points of other kinds tell.
+        """Pieces between rows on which an event changes sign more often than is known, as the path tells.
 
-        On each the pieces of the path on which it does. Not where one of its own kind is known: more accurate equations
-        may have put that on the other side of its change of sign.
+        On each the pieces of the path on which it does so unknown. Not where a change of sign is known whose point the
+        path does not have on its own piece: more accurate equations may have put it on another.
         """
         found: dict[int, list[tuple[int, Event]]] = {}
         if self.rows is rows:
             return found
-        kinds: dict[int, set[str]] = {}
-        for (piece, _), kind in zip(self.places, self.kinds, strict=True):
-            kinds.setdefault(piece, set()).add(kind)
+        pieces = [piece for piece, _ in self.places]
         for event in watch.passing:
-            known = event.suspects(rows, watch.values(event, rows))
-            for k in np.flatnonzero(event.suspects(self.rows, watch.values(event, self.rows))).tolist():
-                piece = self.places[k][0]
-                if not known[piece] and event.kind not in kinds[piece]:
-                    found.setdefault(piece, []).append((k, event))
+            changes = event.suspects(self.rows, watch.values(event, self.rows))
+            held = [k for k, kind in self.holds.items() if kind == event.kind]
+            known = np.flatnonzero(event.suspects(rows, watch.values(event, rows))).tolist()
+            doubtful = set(known) - {pieces[k] for k in held}
+            doubtful.update(pieces[k] for k in held if not changes[k])
+            doubtful.update(piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind == event.kind)
+            for k in np.flatnonzero(changes).tolist():
+                if k not in held and pieces[k] not in doubtful:
+                    found.setdefault(pieces[k], []).append((k, event))
         return found
+
+
+def _beside(
+    before: Place, place: Place, after: Place, between: Callable[[int, float], CurvePoint | None]
+) -> dict[Place, tuple[CurvePoint, str]]:
+    """Two rows beside a special point that lies between two places, with theirs; none if one cannot be solved for."""
+    piece, s = place
+    ends = before[1], after[1] if after[0] == piece else 1.0
+    sides = {s + _BESIDE * (end - s): between(piece, s + _BESIDE * (end - s)) for end in ends}
+    rows = {(piece, at): (row, "") for at, row in sides.items() if row is not None}
+    return rows if len(rows) == len(ends) else {}
 
 
 def find_hidden(

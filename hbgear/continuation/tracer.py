@@ -732,7 +732,14 @@ class _Tracer:
         points = {(number - first - 1, one.s): one for number, some in known.items() for one in some
                   if one.located and 0 < one.s < 1 and len(one.row.u) == len(self.scale)}  # fmt: skip
         self._observe([point.row for point in points.values()])
-        path, found = Path.through(rows, points), dict[int, list[Found]]()
+
+        def between(piece: int, s: float) -> CurvePoint | None:
+            try:
+                return self._observed_between(self._arc(rows[piece], rows[piece + 1]).at(s))
+            except (NoConvergence, np.linalg.LinAlgError):
+                return None
+
+        path, found = Path.through(rows, points, between), dict[int, list[Found]]()
         for piece, parts in path.unseen(self.watch, rows).items():
             if piece not in pieces:
                 continue

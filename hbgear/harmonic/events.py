@@ -117,6 +117,7 @@ class SecondFrequency(Event):
     """
 
     kind, meaning, marker = "NS", "Neimark-Sacker: a second frequency sets in", "s"
+    sided = True
     judged_by = 2  # exponents bend with the contacts of the motion: the first step alone may end where it began
 
     def __init__(self, near: complex | None = None) -> None:
@@ -185,7 +186,11 @@ class SecondFrequency(Event):
             return found
         own = SecondFrequency(near)
         equations = own.equations(problem, segment.name, found)
-        return found if equations is None else _sharpened(segment, replace(found, event=own), equations)
+        if equations is None:
+            return found
+        rough = replace(found, event=own)
+        fine = _sharpened(segment, rough, equations)
+        return rough if _came_back(segment, rough.row, fine) else fine
 
     def _two_at_once(self, segment: Segment, ends: ComplexArray) -> list[Found]:
         """Where two multipliers pass the unit circle together: a complex pair, or a double real one by symmetry.
@@ -217,6 +222,20 @@ class SecondFrequency(Event):
         compiled = problem.compiled({})
         known = not compiled.asked and not compiled.structure.large
         return NeimarkSacker(problem, parameter, self.near) if known else None
+
+
+def _came_back(segment: Segment, rough: CurvePoint, fine: Found) -> bool:
+    """Whether Newton went to another point: beyond an end, where the pair is nearer to the circle than at that end."""
+    if 0 <= fine.s <= 1:
+        return False
+    mu = _known(segment, rough)
+    passing = mu[np.abs(np.abs(mu) - 1).argmin()]
+
+    def off(row: CurvePoint) -> float:
+        found = _known(segment, row)
+        return abs(float(np.abs(found[np.abs(found - passing).argmin()])) - 1)
+
+    return off(fine.row) < off(segment.a if fine.s < 0 else segment.b)
 
 
 _FINE = 1e-10  # share of the chord to which a pair is located: beyond it lies the rounding of its modulus

@@ -158,18 +158,23 @@ def test_two_doublings_beside_a_grazing_contact_are_found(on_path):
 
 
 @pytest.mark.parametrize(
-    "kind, number, between, shot",
+    "kind, number, harmonics, way, between, shot",
     [
-        ("helical", 0, (0.3164, 0.3171), (0.316600628842, 0.317018689341)),
-        ("bearings", 11, (0.3474, 0.3476), (0.347489101730,)),
+        ("helical", 0, 16, 1, (0.3164, 0.3171), (0.316600628842, 0.317018689341)),
+        ("bearings", 11, 16, 1, (0.3474, 0.3476), (0.347489101730,)),
+        ("bearings", 8, 10, -1, (0.46624, 0.4664), (0.466368069970, 0.466254838821, 0.466288418686)),
     ],
 )
-def test_pairs_that_change_sides_twice_on_a_step_are_where_shooting_has_them(on_path, kind, number, between, shot):
-    """Two beside two others that showed on the same step, and one that more harmonics move by more than is wanted."""
+def test_pairs_that_change_sides_often_on_a_step_are_where_shooting_has_them(
+    on_path, kind, number, harmonics, way, between, shot
+):
+    """Two beside others that showed on the same step; one that more harmonics move by more than is wanted; two of a
+    pair that leaves as far as its step tells, but comes back on it and leaves again.
+    """
     from studies.random.machines import machine
 
     it = machine(kind, number)
-    curve = hb.trace(hb.HarmonicBalance(it.model, 16), "Omega", it.span, cover=False)
+    curve = hb.trace(hb.HarmonicBalance(it.model, harmonics), "Omega", it.span[::way], cover=False)
     found = [p for p in curve.special if p.kind == "NS" and between[0] < p.parameters["Omega"] < between[1]]
     assert len(found) == len(shot)
     for point, place in zip(found, shot, strict=True):
