@@ -12,7 +12,7 @@ solved for with more unknowns, and judged anew.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +30,9 @@ _ROUNDING = 1e-12  # of a parameter, relative to its unit: no error is told to b
 
 
 _FAR = 0.05  # scaled length by which a point may move when it is solved for with more unknowns
+
+
+_REACHES = 1.0, 3.0, 9.0  # lengths of the piece, at either end, with which it is looked at again
 
 
 _MISSED = 2  # times in a row that a point is not found with more unknowns, after which it is given up
@@ -105,11 +108,14 @@ def _by_pieces(arc: Segment, found: Found, goal: float) -> Found:
     """`assessed` by looking for the point again on the piece of the curve solved with more unknowns."""
     place, missed = found.row.value if found.located else math.nan, 0
     find = (found.finder or found.event).find
+    reaches = _REACHES if found.event.judged_by > 1 else _REACHES[:1]  # where equations bend, points run farther
     found = replace(found, error=math.inf)
     while arc.problem.finer is not None and missed < _MISSED:
         try:
             arc = _again(arc, as_problem(arc.problem.finer))
-            again = [p for p in find(arc) or _beyond(arc, find) if p.located and p.event.kind == found.event.kind]
+            again = [
+                p for p in find(arc) or _beyond(arc, find, reaches) if p.located and p.event.kind == found.event.kind
+            ]
         except (NoConvergence, np.linalg.LinAlgError):
             break
         missed = 0 if again else missed + 1
@@ -131,12 +137,17 @@ def _again(arc: Segment, finer: FullProblem) -> Segment:
     return _between(replace(arc, problem=finer, scale=scale), a, b)
 
 
-def _beyond(arc: Segment, find: Callable[[Segment], list[Found]]) -> list[Found]:
-    """What is found with as much of the curve again at either end, where more unknowns may have put a point near it."""
-    try:
-        return find(_between(arc, arc.at(-1.0), arc.at(2.0)))
-    except (NoConvergence, np.linalg.LinAlgError):
-        return []
+def _beyond(arc: Segment, find: Callable[[Segment], list[Found]], reaches: Sequence[float]) -> list[Found]:
+    """What is found with more of the curve at both ends, where more unknowns may have put a point near them."""
+    found: list[Found] = []
+    for reach in reaches:
+        if found or (reach > 1 and reach * arc.length > _FAR):
+            break
+        try:
+            found = find(_between(arc, arc.at(-reach), arc.at(1.0 + reach)))
+        except (NoConvergence, np.linalg.LinAlgError):
+            break
+    return found
 
 
 def _between(arc: Segment, a: CurvePoint, b: CurvePoint) -> Segment:

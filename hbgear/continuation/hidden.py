@@ -127,20 +127,26 @@ def find_hidden(
     segment: Segment,
     hints: Sequence[Hint],
     observed: Callable[[CurvePoint], CurvePoint],
-    kinds: Sequence[str],
+    path: Path,
+    k: int,
 ) -> list[tuple[Segment, Found]]:
-    """Special points on a piece of a curve on which events seem to happen twice, if they do, each on its part of it.
+    """Special points on a piece of a path on which events seem to happen twice, if they do, each on its part of it.
 
-    observed : notes with a row what the problem says of it. kinds : of the special points at its ends, "" for rows.
+    observed : notes with a row what the problem says of it. k : number of the piece of the path.
     """
-    places, rows = [0.0, 1.0], [segment.a, segment.b]
+    first, kinds = min(k, 1), path.kinds[k : k + 2]
+    rows = path.rows[k - first : k + 3]  # with those on either side
+    places = [-1.0, 0.0, 1.0, 2.0][1 - first :][: len(rows)]
+    known = watch.suspects(rows)
     for event, s in hints:
         _look(watch, segment, event, s, observed, places, rows)
     pieces = watch.suspects(rows)
-    if len(pieces) <= len(watch.suspects([segment.a, segment.b])):  # no more than was known
+    if len(pieces) <= len(known):
         return []
     out: list[tuple[Segment, Found]] = []
     for i in pieces:
+        if not 0 <= places[i] < 1:
+            continue
         part, low, length = segment.part(rows[i], rows[i + 1]), places[i], places[i + 1] - places[i]
         for point in watch.find(part):
             s = low + point.s * length
@@ -160,7 +166,10 @@ def _look(
     watch: Watch, segment: Segment, event: Event, s: float, observed: Callable[[CurvePoint], CurvePoint],
     places: list[float], rows: list[CurvePoint],
 ) -> None:  # fmt: skip
-    """Add rows between those known of a piece, the first at s, until the event shows or seems to happen no more."""
+    """Add rows between those known of a piece, the first at s, until the event shows or seems to happen no more.
+
+    places : on the piece, 0 and 1 its ends, of the rows; those of the rows before and behind are anything beyond.
+    """
     before = np.count_nonzero(event.suspects(rows, watch.values(event, rows)))
     for _ in range(_TRIES):
         if not 0 < s < 1 or s in places:
@@ -173,7 +182,7 @@ def _look(
         places.insert(i, s)
         rows.insert(i, row)
         values = watch.values(event, rows)
-        near = event.close(rows, values, segment.scale)
+        near = [(i, s) for i, s in event.close(rows, values, segment.scale) if 0 <= places[i] < 1]
         if not near or np.count_nonzero(event.suspects(rows, values)) > before:
             return
         piece, share = near[0]

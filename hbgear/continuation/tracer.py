@@ -753,9 +753,7 @@ class _Tracer:
             piece, low, high = path.ends(k)
             if piece not in pieces:
                 continue
-            hidden = find_hidden(
-                self.watch, self._arc(*path.rows[k : k + 2]), hints, self._observed_between, path.kinds[k : k + 2]
-            )
+            hidden = find_hidden(self.watch, self._arc(*path.rows[k : k + 2]), hints, self._observed_between, path, k)
             number, whole = first + piece + 1, self._arc(rows[piece], rows[piece + 1])
             others = found.get(number, known.get(number, []))
             kept = [point for point in others if not low < point.s < high]
