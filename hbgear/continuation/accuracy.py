@@ -139,15 +139,16 @@ def _again(arc: Segment, finer: FullProblem) -> Segment:
 
 def _beyond(arc: Segment, find: Callable[[Segment], list[Found]], reaches: Sequence[float]) -> list[Found]:
     """What is found with more of the curve at both ends, where more unknowns may have put a point near them."""
-    found: list[Found] = []
     for reach in reaches:
-        if found or (reach > 1 and reach * arc.length > _FAR):
+        if reach > 1 and reach * arc.length > _FAR:
             break
         try:
             found = find(_between(arc, arc.at(-reach), arc.at(1.0 + reach)))
         except (NoConvergence, np.linalg.LinAlgError):
             break
-    return found
+        if found:
+            return found
+    return []
 
 
 def _between(arc: Segment, a: CurvePoint, b: CurvePoint) -> Segment:

@@ -113,8 +113,8 @@ class Event:
     terminal: bool = False
     judged_by: int = 1
     """Newton steps on its equations with more unknowns that tell its error; more where these bend."""
-    sided: bool = False
-    """Whether a point at which it happens is on neither side of it, so that rows beside tell what happens near."""
+    flanked: bool = False
+    """Whether rows on both sides of a point at which it happens tell what happens near, for itself it is on neither."""
     alone: bool = False
     """Whether nothing else is looked for on the segment that a terminal event ends."""
 

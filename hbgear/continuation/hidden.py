@@ -16,7 +16,6 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.events import Event, Found, Watch
-from hbgear.continuation.newton import NoConvergence
 from hbgear.continuation.segment import CurvePoint, Rows, Segment
 
 Place: TypeAlias = tuple[int, float]
@@ -24,6 +23,9 @@ Place: TypeAlias = tuple[int, float]
 
 Hint: TypeAlias = tuple[Event, float]
 """What may happen twice on a piece, and near which share of its chord."""
+
+Solved: TypeAlias = Callable[[Segment, float], CurvePoint | None]
+"""Solves for the row at a share of a piece, and notes with it what the problem says of it; None if there is none."""
 
 _TRIES = 8  # rows looked at on a piece for each event that may happen there
 
@@ -41,7 +43,7 @@ _BESIDE = 0.05  # share of the way from a special point to the next, or to a row
 class Path:
     """Rows of a curve and special points between them, in the order of the curve, with the place and kind of each.
 
-    A point that is on neither side of what happens there (`Event.sided`) is passed by two rows beside it. holds: its
+    A point that is on neither side of what happens there (`Event.flanked`) is passed by two rows beside it. holds: its
     kind, by the number of the piece of the path between these.
     """
 
@@ -63,9 +65,10 @@ class Path:
         for before, place, after in zip(order, order[1:], order[2:], strict=False):
             if place in points:
                 row, event = points[place].row, points[place].event
-                sides = _beside(before, place, after, between) if event.sided else {}
+                sides = _beside(before, place, after, between) if event.flanked else {}
                 every.update(sides or {place: (row, event.kind)})
-                held.update({min(sides): event.kind} if sides else {})
+                if sides:
+                    held[min(sides)] = event.kind
         places = sorted(every)
         holds = {k: held[place] for k, place in enumerate(places) if place in held}
         path = Rows(every[place][0] for place in places) if points else rows
@@ -123,25 +126,20 @@ def _beside(
 
 
 def find_hidden(
-    watch: Watch,
-    segment: Segment,
-    hints: Sequence[Hint],
-    observed: Callable[[CurvePoint], CurvePoint],
-    path: Path,
-    k: int,
+    watch: Watch, segment: Segment, hints: Sequence[Hint], solved: Solved, path: Path, k: int
 ) -> list[tuple[Segment, Found]]:
     """Special points on a piece of a path on which events seem to happen twice, if they do, each on its part of it.
 
-    observed : notes with a row what the problem says of it. k : number of the piece of the path.
+    solved : solves for a row on the piece. k : number of the piece of the path.
     """
     first, kinds = min(k, 1), path.kinds[k : k + 2]
     rows = path.rows[k - first : k + 3]  # with those on either side
     places = [-1.0, 0.0, 1.0, 2.0][1 - first :][: len(rows)]
-    known = watch.suspects(rows)
+    known = len(watch.suspects(rows))
     for event, s in hints:
-        _look(watch, segment, event, s, observed, places, rows)
+        _look(watch, segment, event, s, solved, places, rows)
     pieces = watch.suspects(rows)
-    if len(pieces) <= len(known):
+    if len(pieces) <= known:
         return []
     out: list[tuple[Segment, Found]] = []
     for i in pieces:
@@ -163,9 +161,8 @@ def paired(points: Sequence[Found]) -> list[Found]:
 
 
 def _look(
-    watch: Watch, segment: Segment, event: Event, s: float, observed: Callable[[CurvePoint], CurvePoint],
-    places: list[float], rows: list[CurvePoint],
-) -> None:  # fmt: skip
+    watch: Watch, segment: Segment, event: Event, s: float, solved: Solved, places: list[float], rows: list[CurvePoint]
+) -> None:
     """Add rows between those known of a piece, the first at s, until the event shows or seems to happen no more.
 
     places : on the piece, 0 and 1 its ends, of the rows; those of the rows before and behind are anything beyond.
@@ -174,15 +171,14 @@ def _look(
     for _ in range(_TRIES):
         if not 0 < s < 1 or s in places:
             return
-        try:
-            row = observed(segment.at(s))
-        except (NoConvergence, np.linalg.LinAlgError):
+        row = solved(segment, s)
+        if row is None:
             return
         i = bisect.bisect(places, s)
         places.insert(i, s)
         rows.insert(i, row)
         values = watch.values(event, rows)
-        near = [(i, s) for i, s in event.close(rows, values, segment.scale) if 0 <= places[i] < 1]
+        near = [(piece, at) for piece, at in event.close(rows, values, segment.scale) if 0 <= places[piece] < 1]
         if not near or np.count_nonzero(event.suspects(rows, values)) > before:
             return
         piece, share = near[0]

@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -717,8 +717,13 @@ class _Tracer:
             if number > first and number not in found:
                 known[number] = [*known.get(number, []), point]
         pieces: Sequence[int] = range(len(rows) - 1)
+
+        @cache  # a look asks for the same rows as the one before
+        def between(piece: int, s: float) -> CurvePoint | None:
+            return self._row_at(self._arc(rows[piece], rows[piece + 1]), s)
+
         for _ in range(_LOOKS):
-            fresh = self._hidden(rows, first, known, pieces)
+            fresh = self._hidden(rows, first, known, pieces, between)
             found.update(fresh)
             known.update(fresh)
             pieces = [number - first - 1 for number in fresh]
@@ -726,19 +731,16 @@ class _Tracer:
                 break
 
     def _hidden(
-        self, rows: Rows, first: int, known: Mapping[int, list[Found]], pieces: Sequence[int]
-    ) -> dict[int, list[Found]]:
-        """What is known of some pieces, of those on which there is more than that, by the number of the row behind."""
+        self, rows: Rows, first: int, known: Mapping[int, list[Found]], pieces: Sequence[int],
+        between: Callable[[int, float], CurvePoint | None],
+    ) -> dict[int, list[Found]]:  # fmt: skip
+        """What is known of some pieces, of those on which there is more than that, by the number of the row behind.
+
+        between : as of `Path.through`.
+        """
         points = {(number - first - 1, one.s): one for number, some in known.items() for one in some
                   if one.located and 0 < one.s < 1 and len(one.row.u) == len(self.scale)}  # fmt: skip
         self._observe([point.row for point in points.values()])
-
-        def between(piece: int, s: float) -> CurvePoint | None:
-            try:
-                return self._observed_between(self._arc(rows[piece], rows[piece + 1]).at(s))
-            except (NoConvergence, np.linalg.LinAlgError):
-                return None
-
         path, found = Path.through(rows, points, between), dict[int, list[Found]]()
         for piece, parts in path.unseen(self.watch, rows).items():
             if piece not in pieces:
@@ -747,13 +749,13 @@ class _Tracer:
             hidden = [(arc, point) for arc, event in arcs for point in event.find(arc) if point.located]
             fresh = paired(self._sure(hidden, self._arc(rows[piece], rows[piece + 1])))
             if fresh:
-                both = sorted([*known.get(first + piece + 1, []), *fresh], key=lambda point: point.s)
-                found[first + piece + 1] = both
+                number = first + piece + 1
+                found[number] = sorted([*known.get(number, []), *fresh], key=lambda point: point.s)
         for k, hints in path.hints(self.watch, rows, self.scale).items():
             piece, low, high = path.ends(k)
             if piece not in pieces:
                 continue
-            hidden = find_hidden(self.watch, self._arc(*path.rows[k : k + 2]), hints, self._observed_between, path, k)
+            hidden = find_hidden(self.watch, self._arc(*path.rows[k : k + 2]), hints, self._row_at, path, k)
             number, whole = first + piece + 1, self._arc(rows[piece], rows[piece + 1])
             others = found.get(number, known.get(number, []))
             kept = [point for point in others if not low < point.s < high]
@@ -776,8 +778,13 @@ class _Tracer:
         most = self.accuracy if judged.sharp is None else max(self.accuracy, _ADRIFT)
         return None if judged.error > most * arc.problem.unit_of(self.name, judged.row.value) else judged
 
-    def _observed_between(self, row: CurvePoint) -> CurvePoint:
-        self._observe([row])
+    def _row_at(self, arc: Segment, s: float) -> CurvePoint | None:
+        """The row at a share of a piece, observed; None if it cannot be solved for."""
+        try:
+            row = arc.at(s)
+            self._observe([row])
+        except (NoConvergence, np.linalg.LinAlgError):
+            return None
         return row
 
     def _record(self) -> tuple[list[CurvePoint], list[Mark]]:

@@ -117,7 +117,7 @@ class SecondFrequency(Event):
     """
 
     kind, meaning, marker = "NS", "Neimark-Sacker: a second frequency sets in", "s"
-    sided = True
+    flanked = True
     judged_by = 2  # exponents bend with the contacts of the motion: the first step alone may end where it began
 
     def __init__(self, near: complex | None = None) -> None:
@@ -181,7 +181,8 @@ class SecondFrequency(Event):
         if not problem.smooth:
             return found
         Omega = {**segment.parameters, segment.name: found.row.value}["Omega"]
-        near = exponent_of_pair(_known(segment, found.row), problem.nu, Omega)
+        mu = _known(segment, found.row)
+        near = exponent_of_pair(mu, problem.nu, Omega)
         if near is None:
             return found
         own = SecondFrequency(near)
@@ -190,7 +191,7 @@ class SecondFrequency(Event):
             return found
         rough = replace(found, event=own)
         fine = _sharpened(segment, rough, equations)
-        return rough if _came_back(segment, rough.row, fine) else fine
+        return rough if _came_back(segment, mu, fine) else fine
 
     def _two_at_once(self, segment: Segment, ends: ComplexArray) -> list[Found]:
         """Where two multipliers pass the unit circle together: a complex pair, or a double real one by symmetry.
@@ -224,11 +225,13 @@ class SecondFrequency(Event):
         return NeimarkSacker(problem, parameter, self.near) if known else None
 
 
-def _came_back(segment: Segment, rough: CurvePoint, fine: Found) -> bool:
-    """Whether Newton went to another point: beyond an end, where the pair is nearer to the circle than at that end."""
+def _came_back(segment: Segment, mu: ComplexArray, fine: Found) -> bool:
+    """Whether Newton went to another point: beyond an end, where the pair is nearer to the circle than at that end.
+
+    mu : multipliers of the point it began at, of which the pair on the circle is the one.
+    """
     if 0 <= fine.s <= 1:
         return False
-    mu = _known(segment, rough)
     passing = mu[np.abs(np.abs(mu) - 1).argmin()]
 
     def off(row: CurvePoint) -> float:

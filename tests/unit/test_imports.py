@@ -74,7 +74,7 @@ FILES = {
         "covering": "branch jumps newton segment",
         "record": "branch problem segment",
         "events": "algebra bordered bracketing branch crossing newton problem record segment touching",
-        "hidden": "events newton segment",
+        "hidden": "events segment",
         "accuracy": "algebra branch events newton problem record segment",
         "stride": "algebra corrector newton problem segment stepsize verdicts",
         "tracer": "accuracy algebra asymptote branch corrector covering ending events hidden jumps newton problem "
