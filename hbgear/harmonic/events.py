@@ -48,7 +48,7 @@ from hbgear.continuation.newton import NoConvergence, refine, solution_at, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
 from hbgear.continuation.touching import dips
-from hbgear.harmonic.meeting import exchanges, meetings
+from hbgear.harmonic.meeting import exchanges, meetings, passing
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.special import Grazing, NeimarkSacker, PeriodDoubling, exponent_of_pair, peak_of
 
@@ -65,6 +65,14 @@ class Doubling(Event):
         """det(Phi + 1), as far as the multipliers are known."""
         mu = _multipliers(rows)
         return np.zeros((len(rows), 0)) if mu is None else _verdicts(mu)[1][:, None]
+
+    def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
+        """Where det(Phi + 1) seems to touch zero, but for pairs that plainly pass -1 and do not meet there."""
+        mu, found = _multipliers(rows), super().close(rows, values, scale)
+        if mu is None or not found:
+            return found
+        plain = passing(mu, lengths(rows, scale), np.array([piece for piece, _ in found]))
+        return [one for one, passed in zip(found, plain, strict=True) if not passed]
 
     def find(self, segment: Segment) -> list[Found]:
         mu = _multipliers((segment.a, segment.b))

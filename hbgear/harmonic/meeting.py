@@ -1,11 +1,15 @@
 """Multipliers that meet, or pass the unit circle both ways, between two rows of a curve.
 
     prod_i (z - mu_i) = z^k + c_1 z^(k-1) + ... + c_k
+    log mu = sigma + i (pi - theta),   (1 + mu) (1 + mu*) = 2 |mu| (cosh sigma - cos theta)
 
 Two multipliers that come near each other repel at right angles, often across the unit circle and back: two complex
 pairs make a bubble of their moduli, a pair that meets on the real axis two real ones. It may be far shorter than a
 step. The coefficients of their polynomial know nothing of that: they are smooth along the curve, so they are
 interpolated by cubics through four rows, and the roots between looked at.
+
+A pair passes -1 whenever the frequency of its mode is an odd number of halves of the basis frequency, and comes as near
+as sigma. Only if it meets on the real axis may it reach -1: theta^2, which is smooth there, falls to -sigma^2.
 
 References
 ----------
@@ -80,6 +84,84 @@ def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
     return [(int(i), float(s)) for i, s in zip(pieces[sure], 0.5 * (returned + 1 - left)[sure], strict=True)]
 
 
+def passing(mu: ComplexArray, length: Array, pieces: np.ndarray) -> np.ndarray:
+    """Whether complex pairs plainly pass -1 on pieces (n,) between rows, and none that comes near reaches it there.
+
+    Each pair is followed over the piece and the ones beside it: with a steady sigma, and a theta that is straight and
+    may change its sign, where the cubic through sigma^2 + theta^2 at these four rows is to come down to sigma^2, and
+    not below. It is not plain where pairs cannot be followed or are real, nor on the first piece and the last.
+    """
+    plain = np.zeros(len(pieces), dtype=bool)
+    inner = np.flatnonzero((pieces > 0) & (pieces + 1 < len(length)))
+    rows = pieces[inner, None] + np.arange(-1, 3)
+    negative = (np.abs(mu.imag) <= 1e-8 * np.abs(mu)) & (mu.real < -_LARGE)
+    known = np.isfinite(mu[rows]).all(axis=(1, 2)) & ~negative[rows].any(axis=(1, 2))
+    inner, rows = inner[known], rows[known]
+    if inner.size:
+        x = np.append(0.0, np.cumsum(length))
+        sigma, theta = _from_minus_one(mu[rows])
+        same = _followed(sigma, theta, x[rows], _weights(x, pieces[inner], rows, _FINE))
+        near = theta < _BEFORE
+        followed = (same.any(axis=2) | ~near[:, 1]).all(axis=1) & (same.any(axis=1) | ~near[:, 2]).all(axis=1)
+        plain[inner] = followed & near[:, 1:3].any(axis=(1, 2))
+    return plain
+
+
+_BEFORE = 1.0  # theta from which a pair may reach -1 on a piece
+
+
+_STEADY, _STRAIGHT = 0.2, 0.1  # shares of sigma, and of what theta moves up to a row beside, by which they may differ
+
+
+_LEAST, _MOST_LEFT = 0.5, 2.0  # shares of sigma^2 between which a pair that passes -1 comes down to it
+
+
+_FINE = np.arange(17) / 16  # where between two rows it is looked for
+
+
+_NONE = 1e9
+
+
+def _from_minus_one(mu: ComplexArray) -> tuple[Array, Array]:
+    """sigma and theta, as mu each, of its pairs; of others those of a multiplier that is like none of them."""
+    log = np.log(np.where((mu.imag > 1e-8 * np.abs(mu)) & (np.abs(mu) > _LARGE), mu, _NONE))
+    return log.real, np.pi - log.imag
+
+
+def _followed(sigma: Array, theta: Array, x: Array, weights: Array) -> np.ndarray:
+    """Which pairs at row 1 of four plainly are which at row 2, (pieces, r, r), if one of them is near -1.
+
+    x : (pieces, 4) of the rows. weights : (pieces, `_FINE`, 4), of the rows in the cubic between these two.
+    """
+    steady = np.abs(sigma[:, 2, None, :] - sigma[:, 1, :, None]) <= _STEADY * np.abs(sigma[:, 1, :, None])
+    near = np.minimum(theta[:, 1, :, None], theta[:, 2, None, :]) < _BEFORE
+    piece, one, other = both = np.nonzero(steady & near)
+    s, t, end = sigma[piece, 1, one], theta[piece, 1, one], theta[piece, 2, other]
+    way, slope = x[piece] - x[piece, 1:2], (np.array([[1.0], [-1.0]]) * end - t) / (x[:, 2] - x[:, 1])[piece]
+    straight = np.abs(t[:, None] + slope[:, :, None] * way)  # (signs, found, 4)
+    off = np.where(np.abs(sigma[piece] - s[:, None, None]) <= _STEADY * np.abs(s)[:, None, None],
+                   np.abs(theta[piece] - straight[..., None]), np.inf)  # fmt: skip
+    beside = np.minimum(np.abs(way), np.abs(x[piece] - x[piece, 2:3]))
+    followed = (off.min(axis=-1) <= _STRAIGHT * np.abs(slope[:, :, None]) * beside + 1e-9).all(axis=-1)
+    square = (sigma**2 + theta**2)[piece[:, None], np.arange(4), off.argmin(axis=-1)]
+    lowest = _lowest(np.einsum("sfr,fpr->sfp", square, weights[piece]))
+    least = np.minimum(s**2, sigma[piece, 2, other] ** 2)
+    most = np.array([[np.inf], [_MOST_LEFT]]) * least  # of pairs that pass
+    same = np.zeros(steady.shape, dtype=bool)
+    same[both] = (followed & (lowest > _LEAST * least) & (lowest < most)).any(axis=0)
+    return same
+
+
+def _lowest(f: Array) -> Array:
+    """The least value along the last axis, of the parabola through the three values there."""
+    i = np.clip(f.argmin(axis=-1), 1, f.shape[-1] - 2)[..., None]
+    before, here, after = (np.take_along_axis(f, i + k, axis=-1)[..., 0] for k in (-1, 0, 1))
+    bend = before - 2 * here + after
+    at = np.clip(0.5 * (before - after) / np.where(bend > 0, bend, np.inf), -1.0, 1.0)
+    lowest: Array = here + 0.5 * at * (after - before) + 0.5 * at**2 * bend
+    return lowest
+
+
 _SURE = 0.5  # distance to the nearest multiplier on the other side of the circle, over that on its own, that is near
 
 
@@ -126,19 +208,24 @@ def _groups(size: Array) -> np.ndarray:
 
 def _between(mu: ComplexArray, x: Array, pieces: np.ndarray, rows: np.ndarray) -> ComplexArray:
     """Multipliers (pieces, places, k) at the `_PLACES` of pieces, from those (all, k) at x of some rows for each."""
-    k, count = mu.shape[1], rows.shape[1]
+    k = mu.shape[1]
     c = np.zeros((len(mu), k + 1), dtype=complex)
     c[:, 0] = 1.0
     for j in range(k):
         c[:, 1 : j + 2] -= mu[:, j, None] * c[:, : j + 1]
-    at = x[pieces, None] + np.diff(x)[pieces, None] * _PLACES
-    weights = np.ones((len(pieces), len(_PLACES), count))
+    companion = np.zeros((len(pieces), len(_PLACES), k, k))
+    companion[:, :, 0] = -(_weights(x, pieces, rows, _PLACES) @ c.real[rows])[:, :, 1:]
+    companion[:, :, 1:, :-1] = np.eye(k - 1)
+    roots: ComplexArray = np.linalg.eigvals(companion)
+    return roots
+
+
+def _weights(x: Array, pieces: np.ndarray, rows: np.ndarray, places: Array) -> Array:
+    """Weights (pieces, places, rows) of rows at x in the polynomial through those of a piece, at places on it."""
+    at, count = x[pieces, None] + np.diff(x)[pieces, None] * places, rows.shape[1]
+    weights = np.ones((len(pieces), len(places), count))
     for i in range(count):
         for j in range(count):
             if j != i:
                 weights[:, :, i] *= (at - x[rows[:, j], None]) / (x[rows[:, i], None] - x[rows[:, j], None])
-    companion = np.zeros((len(pieces), len(_PLACES), k, k))
-    companion[:, :, 0] = -(weights @ c.real[rows])[:, :, 1:]
-    companion[:, :, 1:, :-1] = np.eye(k - 1)
-    roots: ComplexArray = np.linalg.eigvals(companion)
-    return roots
+    return weights

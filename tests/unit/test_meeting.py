@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from hbgear.harmonic.meeting import exchanges
+import hbgear as hb
+from hbgear.continuation import tracer
+from hbgear.continuation.hidden import find_hidden
+from hbgear.harmonic.meeting import exchanges, passing
 
 
 def pairs(*exponents):
@@ -30,3 +33,65 @@ def test_one_that_moves_far_leaves_because_another_surely_returned():
     mu = np.array([pairs(0.007 + 0.805j, -0.0185 + 0.868j), pairs(-0.001 + 0.83j, 0.096 + 0.88j)])
     ((piece, s),) = exchanges(mu)
     assert piece == 0 and s == pytest.approx((7 / 8 + 185 / 1145) / 2)
+
+
+def near_minus_one(sigma, detuning, width=0.0):
+    """A pair that passes -1, and is real there where the detuning is below the width: it reaches -1 from sigma on."""
+    parted = np.emath.sqrt(width**2 - detuning**2)
+    return -np.exp(sigma + np.array([parted, -parted], dtype=complex))
+
+
+def four_rows(random, curved, width):
+    """Lengths and multipliers of rows on either side of where a pair passes -1; the width in units of sigma."""
+    x = np.cumsum(random.uniform(0.6, 1.4, 4))
+    x -= random.uniform(x[1], x[2])
+    speed, sigma = random.uniform(0.05, 0.4), -(10 ** random.uniform(-3, -0.7))
+    detuning = speed * (x + curved * random.uniform(-0.05, 0.05) * x**2)
+    mu = [near_minus_one(sigma * (1 + 0.02 * at), d, width * abs(sigma)) for at, d in zip(x, detuning, strict=True)]
+    return np.diff(x), np.array(mu)
+
+
+def plainly(rows):
+    length, mu = rows
+    return bool(passing(mu, length, np.array([1]))[0])
+
+
+def test_a_pair_that_passes_minus_one_is_told_from_one_that_reaches_it():
+    random = np.random.default_rng(3)
+    assert all(plainly(four_rows(random, 0, 0.0)) for _ in range(300))
+    for width in (1.02, 1.3, 2.0, 5.0, 30.0):
+        assert not any(plainly(four_rows(random, curved, width)) for curved in (0, 1) for _ in range(300))
+
+
+def test_each_of_several_pairs_must_pass_plainly():
+    x = np.array([-1.3, -0.4, 0.7, 1.8])
+    slow, fast = ([near_minus_one(s, d) for d in v * (x - at)] for s, v, at in ((-0.01, 0.1, 0.0), (-0.2, 0.4, 0.3)))
+    wide = [near_minus_one(-0.2, d, 0.25) for d in 0.4 * (x - 0.1)]
+    apart = [near_minus_one(-0.05, d) for d in (1.4, 1.5, 1.6, 1.7)]
+    for pairs_, plain in (((slow, fast), True), ((slow, apart), True), ((slow, wide), False), ((apart,), False)):
+        assert plainly((np.diff(x), np.hstack(pairs_))) is plain
+
+
+def test_what_cannot_be_followed_is_not_plain():
+    x = np.array([-1.3, -0.4, 0.7, 1.8])
+    mu = np.array([near_minus_one(-0.01, 0.1 * d) for d in x])
+    assert passing(mu, np.diff(x), np.array([0, 1, 2])).tolist() == [False, True, False]  # no rows on either side
+    assert passing(mu, np.diff(x), np.array([], dtype=int)).tolist() == []
+    unknown, real, sudden = mu.copy(), np.hstack([mu, np.full((4, 2), -0.8)]), mu.copy()
+    unknown[3] = np.nan
+    sudden[2] *= np.exp(-0.01)
+    assert not plainly((np.diff(x), unknown))
+    assert not plainly((np.diff(x), real))
+    assert not plainly((np.diff(x), sudden))
+
+
+def test_modes_that_pass_minus_one_are_not_looked_at_closer(monkeypatch):
+    """Each of the modes of a chain does, some on every curve; a look takes as long as twenty rows."""
+    looks = []
+    monkeypatch.setattr(tracer, "find_hidden", lambda *args: looks.append(args) or find_hidden(*args))
+    K = 2 * np.eye(30) - np.eye(30, k=1) - np.eye(30, k=-1)
+    spring = hb.Element(np.eye(30)[-1], hb.Cubic(k1=0.0, k3=0.5))
+    chain = hb.System(np.eye(30), 0.02 * K, K, [spring], hb.Load(cosine={1: 0.1 * np.eye(30)[0]}))
+    first = 2 * np.sin(np.pi / 62)
+    curve = hb.trace(hb.HarmonicBalance(chain, 5), "Omega", (0.8 * first, 1.3 * first), accuracy=None)
+    assert [point.kind for point in curve.special] == ["LP", "LP"] and len(looks) <= 2
