@@ -119,13 +119,14 @@ _LEAST, _MOST_LEFT = 0.5, 2.0  # shares of sigma^2 between which a pair that pas
 _FINE = np.arange(17) / 16  # where between two rows it is looked for
 
 
-_NONE = 1e9
+_MANY = 32  # pairs next to -1 among which one is followed
 
 
 def _from_minus_one(mu: ComplexArray) -> tuple[Array, Array]:
-    """sigma and theta, as mu each, of its pairs; of others those of a multiplier that is like none of them."""
-    log = np.log(np.where((mu.imag > 1e-8 * np.abs(mu)) & (np.abs(mu) > _LARGE), mu, _NONE))
-    return log.real, np.pi - log.imag
+    """sigma and theta, (pieces, 4, r) each, of the pairs next to -1; in place of others what is like none of them."""
+    log = np.log(np.where((mu.imag > 1e-8 * np.abs(mu)) & (np.abs(mu) > _LARGE), mu, 1e9))
+    order = np.argsort(-log.imag, axis=2, kind="stable")[:, :, :_MANY]
+    return np.take_along_axis(log.real, order, axis=2), np.pi - np.take_along_axis(log.imag, order, axis=2)
 
 
 def _followed(sigma: Array, theta: Array, x: Array, weights: Array) -> np.ndarray:
