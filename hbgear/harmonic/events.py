@@ -240,11 +240,11 @@ def _came_back(segment: Segment, mu: ComplexArray, fine: Found) -> bool:
     """
     if 0 <= fine.s <= 1:
         return False
-    passing = mu[np.abs(np.abs(mu) - 1).argmin()]
+    pair = mu[np.abs(np.abs(mu) - 1).argmin()]
 
     def off(row: CurvePoint) -> float:
         found = _known(segment, row)
-        return abs(float(np.abs(found[np.abs(found - passing).argmin()])) - 1)
+        return abs(float(np.abs(found[np.abs(found - pair).argmin()])) - 1)
 
     return off(fine.row) < off(segment.a if fine.s < 0 else segment.b)
 

@@ -68,7 +68,7 @@ def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
     enough that one surely comes back, or leaves: another must have done the opposite. Each with the place s between the
     two, which lines between the rows tell.
     """
-    pairs = mu.imag > 1e-8 * np.abs(mu)
+    pairs = _upper(mu)
     outside = pairs & (np.abs(mu) > 1 + NEUTRAL)
     number = np.count_nonzero(outside, axis=1)
     pieces = np.flatnonzero(np.minimum(number[1:], number[:-1]))
@@ -94,7 +94,7 @@ def passing(mu: ComplexArray, length: Array, pieces: np.ndarray) -> np.ndarray:
     plain = np.zeros(len(pieces), dtype=bool)
     inner = np.flatnonzero((pieces > 0) & (pieces + 1 < len(length)))
     rows = pieces[inner, None] + np.arange(-1, 3)
-    negative = (np.abs(mu.imag) <= 1e-8 * np.abs(mu)) & (mu.real < -_LARGE)
+    negative = ~_upper(mu) & ~_upper(mu.conj()) & (mu.real < -_LARGE)
     known = np.isfinite(mu[rows]).all(axis=(1, 2)) & ~negative[rows].any(axis=(1, 2))
     inner, rows = inner[known], rows[known]
     if inner.size:
@@ -113,7 +113,7 @@ _BEFORE = 1.0  # theta from which a pair may reach -1 on a piece
 _STEADY, _STRAIGHT = 0.2, 0.1  # shares of sigma, and of what theta moves up to a row beside, by which they may differ
 
 
-_LEAST, _MOST_LEFT = 0.5, 2.0  # shares of sigma^2 between which a pair that passes -1 comes down to it
+_LOW, _HIGH = 0.5, 2.0  # shares of sigma^2 between which a pair that passes -1 comes down to it
 
 
 _FINE = np.arange(17) / 16  # where between two rows it is looked for
@@ -124,7 +124,7 @@ _MANY = 32  # pairs next to -1 among which one is followed
 
 def _from_minus_one(mu: ComplexArray) -> tuple[Array, Array]:
     """sigma and theta, (pieces, 4, r) each, of the pairs next to -1; in place of others what is like none of them."""
-    log = np.log(np.where((mu.imag > 1e-8 * np.abs(mu)) & (np.abs(mu) > _LARGE), mu, 1e9))
+    log = np.log(np.where(_upper(mu) & (np.abs(mu) > _LARGE), mu, 1e9))
     order = np.argsort(-log.imag, axis=2, kind="stable")[:, :, :_MANY]
     return np.take_along_axis(log.real, order, axis=2), np.pi - np.take_along_axis(log.imag, order, axis=2)
 
@@ -147,9 +147,9 @@ def _followed(sigma: Array, theta: Array, x: Array, weights: Array) -> np.ndarra
     square = (sigma**2 + theta**2)[piece[:, None], np.arange(4), off.argmin(axis=-1)]
     lowest = _lowest(np.einsum("sfr,fpr->sfp", square, weights[piece]))
     least = np.minimum(s**2, sigma[piece, 2, other] ** 2)
-    most = np.array([[np.inf], [_MOST_LEFT]]) * least  # of pairs that pass
+    most = np.array([[np.inf], [_HIGH]]) * least  # of pairs that pass
     same = np.zeros(steady.shape, dtype=bool)
-    same[both] = (followed & (lowest > _LEAST * least) & (lowest < most)).any(axis=0)
+    same[both] = (followed & (lowest > _LOW * least) & (lowest < most)).any(axis=0)
     return same
 
 
@@ -161,6 +161,12 @@ def _lowest(f: Array) -> Array:
     at = np.clip(0.5 * (before - after) / np.where(bend > 0, bend, np.inf), -1.0, 1.0)
     lowest: Array = here + 0.5 * at * (after - before) + 0.5 * at**2 * bend
     return lowest
+
+
+def _upper(mu: ComplexArray) -> np.ndarray:
+    """Which multipliers are the one of a complex pair whose imaginary part is positive."""
+    found: np.ndarray = mu.imag > 1e-8 * np.abs(mu)
+    return found
 
 
 _SURE = 0.5  # distance to the nearest multiplier on the other side of the circle, over that on its own, that is near
