@@ -102,9 +102,9 @@ class Path:
             return found
         pieces = [piece for piece, _ in self.places]
         for event in watch.passing:
-            changes = event.suspects(self.rows, watch.values(event, self.rows))
+            changes = watch.changes(event, self.rows)
             held = [k for k, kind in self.holds.items() if kind == event.kind]
-            known = np.flatnonzero(event.suspects(rows, watch.values(event, rows))).tolist()
+            known = np.flatnonzero(watch.changes(event, rows)).tolist()
             doubtful = set(known) - {pieces[k] for k in held}
             doubtful.update(pieces[k] for k in held if not changes[k])
             doubtful.update(piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind == event.kind)
@@ -167,7 +167,7 @@ def _look(
 
     places : on the piece, 0 and 1 its ends, of the rows; those of the rows before and behind are anything beyond.
     """
-    before = np.count_nonzero(event.suspects(rows, watch.values(event, rows)))
+    before = np.count_nonzero(watch.changes(event, rows))
     for _ in range(_TRIES):
         if not 0 < s < 1 or s in places:
             return
@@ -179,7 +179,7 @@ def _look(
         rows.insert(i, row)
         values = watch.values(event, rows)
         near = [(piece, at) for piece, at in event.close(rows, values, segment.scale) if 0 <= places[piece] < 1]
-        if not near or np.count_nonzero(event.suspects(rows, values)) > before:
+        if not near or np.count_nonzero(watch.changes(event, rows)) > before:
             return
         piece, share = near[0]
         s = places[piece] + share * (places[piece + 1] - places[piece])
