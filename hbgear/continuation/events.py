@@ -147,7 +147,7 @@ class Event:
         return np.array([[self.test(point_of(problem, name, fixed, row))] for row in rows])
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
-        """Whether the event happens between each row and the next, (rows - 1,); ``values`` are those of `values`."""
+        """How often the event happens between each row and the next at least, (rows - 1,); ``values`` of `values`."""
         return np.asarray((values[1:] * values[:-1] < 0).any(axis=1))
 
     def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
@@ -354,7 +354,7 @@ class Watch:
         """Numbers i of the pieces from rows[i] to rows[i + 1] on which `find` finds something."""
         some = np.zeros(len(rows) - 1, dtype=bool)
         for event in self.passing:
-            some |= self.changes(event, rows)
+            some |= self.changes(event, rows) > 0
         suspects: list[int] = np.flatnonzero(some).tolist()
         return suspects
 

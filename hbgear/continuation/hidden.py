@@ -94,8 +94,9 @@ class Path:
     def unseen(self, watch: Watch, rows: Rows) -> dict[int, list[tuple[int, Event]]]:
         """Pieces between rows on which an event changes sign more often than is known, as the path tells.
 
-        On each the pieces of the path on which it does so unknown. Not where a change of sign is known whose point the
-        path does not have on its own piece: more accurate equations may have put it on another.
+        On each the pieces of the path on which it does so unknown, or besides what is known. Not where a change of
+        sign is known whose point the path does not have on its own piece: more accurate equations may have put it on
+        another.
         """
         found: dict[int, list[tuple[int, Event]]] = {}
         if self.rows is rows:
@@ -109,7 +110,7 @@ class Path:
             doubtful.update(pieces[k] for k in held if not changes[k])
             doubtful.update(piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind == event.kind)
             for k in np.flatnonzero(changes).tolist():
-                if k not in held and pieces[k] not in doubtful:
+                if pieces[k] not in doubtful and (k not in held or changes[k] > 1):
                     found.setdefault(pieces[k], []).append((k, event))
         return found
 

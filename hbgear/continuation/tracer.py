@@ -762,11 +762,13 @@ class _Tracer:
             if piece not in pieces:
                 continue
             arcs = [(self._arc(*path.rows[k : k + 2]), event) for k, event in parts]
-            hidden = [(arc, point) for arc, event in arcs for point in event.find(arc) if point.located]
+            number = first + piece + 1
+            others = known.get(number, [])
+            hidden = [(arc, point) for arc, event in arcs for point in event.find(arc)
+                      if point.located and not any(_at_once(point, other) for other in others)]  # fmt: skip
             fresh = paired(self._sure(hidden, self._arc(rows[piece], rows[piece + 1])))
             if fresh:
-                number = first + piece + 1
-                found[number] = sorted([*known.get(number, []), *fresh], key=lambda point: point.s)
+                found[number] = sorted([*others, *fresh], key=lambda point: point.s)
         for k, hints in path.hints(self.watch, rows, self.scale).items():
             piece, low, high = path.ends(k)
             if piece not in pieces:
@@ -1047,7 +1049,17 @@ def _same(one: Found, other: Found) -> bool:
     if (one.event.kind, one.note) != (other.event.kind, other.note) or one.event.kind == Crossing.kind:
         return False
     u, v = ((point.sharp or point).row.u for point in (one, other))
-    return one.located and other.located and len(u) == len(v) and norm(u - v) <= 1e-6 * norm(u)
+    return one.located and other.located and _alike(u, v)
+
+
+def _at_once(one: Found, other: Found) -> bool:
+    """Whether two points of a kind are one as they were found on the curve, whatever more unknowns make of them."""
+    return one.event.kind == other.event.kind and _alike(one.row.u, other.row.u)
+
+
+def _alike(u: Array, v: Array) -> bool:
+    """Whether two rows are the same up to rounding."""
+    return len(u) == len(v) and norm(u - v) <= 1e-6 * norm(u)
 
 
 def _size(problem: FullProblem) -> int:

@@ -153,8 +153,8 @@ class SecondFrequency(Event):
         if mu is None:
             return np.zeros(len(rows) - 1, dtype=bool)
         unstable = _unstable(mu)
-        changed: np.ndarray = unstable[1:] != unstable[:-1]
-        return changed
+        pairs: np.ndarray = (np.abs(unstable[1:] - unstable[:-1]) + 1) // 2
+        return pairs
 
     def find(self, segment: Segment) -> list[Found]:
         """Where more multipliers pass than folds, branch points and period doublings explain."""
