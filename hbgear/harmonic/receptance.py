@@ -183,6 +183,7 @@ class Structure:
         self.kr = np.array([e.law.reference for e in system.elements])
         self.c = np.array([e.damping for e in system.elements])
         self.own, self.joint, self.ties = _ties_of(self.W, self.kr)
+        self.free = self.free_left = np.zeros((self.n, 0))
         self.large = self.n > MODAL_LIMIT
         if self.large:
             Ws, M, C, K = (scipy.sparse.csr_array(A) for A in (self.W, system.M, system.C, system.K))
@@ -215,7 +216,7 @@ class Structure:
             self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
             self.free = self._null(self.K)
             self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
-            self._check_balance()
+            self.check_balance(system)
             modes = self._decompose(part)
             if modes.condition < _ILL:
                 break
@@ -246,8 +247,7 @@ class Structure:
             near = np.abs(gap) * _ILL < np.abs(delta) + np.sqrt(np.abs(squares))
             if squares[0] <= _FREE * squares[-1] or mixed or near.any():
                 continue
-            self.kr, self.K, self.free = kr, K, np.zeros((self.n, 0))
-            self.free_left = self.free
+            self.kr, self.K = kr, K
             poles = np.concatenate([-delta + 0.5 * gap, -delta - 0.5 * gap])
             right = np.tile(s[:, None] * V, 2).astype(complex)
             left = right.T / np.concatenate([gap, -gap])[:, None]
@@ -286,8 +286,9 @@ class Structure:
     def _null(self, A: Array) -> Array:
         return self._scale[:, None] * _null_space(A * np.outer(self._scale, self._scale))
 
-    def _check_balance(self) -> None:
-        for load in self.system.loads:
+    def check_balance(self, system: System) -> None:
+        """Refuse constant loads, of a system with these matrices, that act on a free motion."""
+        for load in system.loads if self.free_left.shape[1] else ():
             if load.constant is None:
                 continue
             for r in self.free_left.T:
