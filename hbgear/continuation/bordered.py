@@ -74,7 +74,8 @@ class Extra(NamedTuple):
 
 def sides(problem: FullProblem, X: Array, here: Mapping[str, float], name: str) -> tuple[Array, Matrix]:
     """Derivatives of R and dR/dX in a parameter."""
-    dR, dJ = in_parameter(problem, name, here, lambda at: problem.evaluate(X, **at))
+    near = problem.beside(here, 2)
+    dR, dJ = in_parameter(problem, name, here, lambda at: near.evaluate(X, **at))
     return dR, dJ
 
 

@@ -394,6 +394,10 @@ class FullProblem:
         """`Costly.costly`: no parameter is."""
         return False
 
+    def beside(self, parameters: Mapping[str, float], sets: int) -> FullProblem:
+        """The same for so many sets of values next to these, for derivatives: itself."""
+        return self
+
     def locating(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
         """Compiled Newton on points of its curves in a parameter, by their number, or `FOLD`, `HELD`: none."""
         return None

@@ -57,7 +57,10 @@ MANY = 1_000_000
 KINDS = ("peak", "jumps", "curve", "branch")
 
 
-_AHEAD = 256  # cases handed to the executor before the first of them is done
+_AHEAD = 256  # groups of cases handed to the executor before the first of them is done
+
+
+_TOGETHER = 0.2  # seconds of cases that are handed over as one, for each way there and back takes a millisecond
 
 
 class Outcome(StrEnum):
@@ -300,6 +303,10 @@ def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> R
         return Result(reason=" ".join(reason.split()), seconds=time.perf_counter() - started)
 
 
+def _run_cases(cls: type[Model] | str, group: Sequence[Mapping[str, Any]], work: Work) -> list[Result]:
+    return [run_case(cls, fields, work) for fields in group]
+
+
 @lru_cache(maxsize=1)
 def _libraries(modules: int) -> ThreadpoolController:
     """The libraries with threads of their own that are loaded now; there are others only if there are other modules."""
@@ -465,7 +472,7 @@ class _Run:
 
         Ctrl-C waits for the cases at work; once more, and it is raised.
         """
-        running: dict[Future[Result], str] = {}
+        running: dict[Future[list[Result]], list[str]] = {}
         try:
             try:
                 self._compute(pool, cls, waiting, work, running)
@@ -483,24 +490,26 @@ class _Run:
 
     def _compute(
         self, pool: Executor, cls: type[Model] | str, waiting: Mapping[str, dict[str, Any]], work: Work,
-        running: dict[Future[Result], str],
+        running: dict[Future[list[Result]], list[str]],
     ) -> None:  # fmt: skip
-        """Every case, a few hundred handed out ahead; ``running`` holds those that are not done yet."""
-        queue, done = iter(waiting.items()), SimpleQueue[Future[Result]]()
+        """Every case, some hundred groups handed out ahead; ``running`` holds those that are not done yet."""
+        queue, done, together = iter(waiting), SimpleQueue[Future[list[Result]]](), 1
         self._show()
         while True:
-            for key, row in islice(queue, _AHEAD - len(running)):
-                future = _submitted(pool, cls, _inputs(self.study, row)["fields"], work)
-                running[future] = key
+            while len(running) < _AHEAD and (keys := list(islice(queue, together))):
+                future = _submitted(pool, cls, [_inputs(self.study, waiting[key])["fields"] for key in keys], work)
+                running[future] = keys
                 future.add_done_callback(done.put)  # `wait` for the first of hundreds takes a while for each
             if not running:
                 return
             future = done.get()
-            self._keep(running[future], waiting, _result(future))
+            results = _result(future)
+            self._keep(running[future], waiting, results)
             del running[future]
+            together = min(max(int(_TOGETHER / max(1e-6, *(result.seconds for result in results))), 1), _AHEAD)
 
     def _finish(
-        self, running: Mapping[Future[Result], str], waiting: Mapping[str, dict[str, Any]],
+        self, running: Mapping[Future[list[Result]], list[str]], waiting: Mapping[str, dict[str, Any]],
         patience: float | None = None,
     ) -> None:  # fmt: skip
         """Keep the cases that could not be cancelled any more, those done within ``patience`` seconds."""
@@ -509,15 +518,16 @@ class _Run:
             if not future.cancelled() and future.exception() is None:
                 self._keep(running[future], waiting, future.result())
 
-    def _keep(self, key: str, waiting: Mapping[str, dict[str, Any]], result: Result) -> None:
-        self.add(key, result)
-        if self.folder:
-            try:
-                self.folder.write(key, _inputs(self.study, waiting[key]), result)
-            except OSError as error:
-                raise _NotStored(error) from error
-            self.add(key, replace(result, branch=b""))  # a branch is large, and in the file
-        self._show()
+    def _keep(self, keys: Sequence[str], waiting: Mapping[str, dict[str, Any]], results: Sequence[Result]) -> None:
+        for key, result in zip(keys, results, strict=True):
+            self.add(key, result)
+            if self.folder:
+                try:
+                    self.folder.write(key, _inputs(self.study, waiting[key]), result)
+                except OSError as error:
+                    raise _NotStored(error) from error
+                self.add(key, replace(result, branch=b""))  # a branch is large, and in the file
+            self._show()
 
     def _show(self) -> None:
         if self.progress:
@@ -527,15 +537,17 @@ class _Run:
             self.progress(Progress(finished / max(self.total, 1), text, numbers))
 
 
-def _submitted(pool: Executor, cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> Future[Result]:
+def _submitted(
+    pool: Executor, cls: type[Model] | str, group: Sequence[Mapping[str, Any]], work: Work
+) -> Future[list[Result]]:
     try:
-        return pool.submit(run_case, cls, fields, work)
+        return pool.submit(_run_cases, cls, group, work)
     except Exception as error:
         raise _Lost(error) from error
 
 
-def _result(future: Future[Result]) -> Result:
-    """What a case gave. `run_case` raises nothing, so what is raised here comes from the executor."""
+def _result(future: Future[list[Result]]) -> list[Result]:
+    """What a group gave. `run_case` raises nothing, so what is raised here comes from the executor."""
     try:
         return future.result()
     except Exception as error:

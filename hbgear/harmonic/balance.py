@@ -534,6 +534,7 @@ class HarmonicBalance(FullProblem):
         out = copy.copy(self)
         out._kept, out._structures, out._systems, out._models = sets, Recent(sets), Recent(sets), Recent(sets)
         out._prepare(self.N)
+        out._transform = self._transform
         return out
 
     def beside(self, parameters: Mapping[str, float], sets: int) -> HarmonicBalance:
@@ -541,6 +542,8 @@ class HarmonicBalance(FullProblem):
 
         It keeps what it computes for that many sets of parameters.
         """
+        if self._around is not None:
+            return self
         changed = self._changed(parameters)
         return self._beside.get((changed, sets), lambda: self._next_to(changed, sets))
 
@@ -708,12 +711,13 @@ class HarmonicBalance(FullProblem):
             return Measuring(system)
         fresh = tuple(np.array([e.law.reference, e.damping]).tobytes() for e in system.elements)
         dense = [A for A in (system.M, system.C, system.K) if isinstance(A, np.ndarray)]
-        loads = tuple(b"" if ld.constant is None else np.asarray(ld.constant).tobytes() for ld in system.loads)
         make = Structure if self._around is None else self._around.of
         if len(dense) < 3:
             return make(system)
-        key = (*(A.tobytes() for A in dense), system.W.tobytes(), *fresh, *loads)
-        return self._structures.get(key, lambda: make(system))
+        key = (*(A.tobytes() for A in dense), system.W.tobytes(), *fresh)
+        structure = self._structures.get(key, lambda: make(system))
+        structure.check_balance(system)
+        return structure
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Array]:
         """Residual (n,) and Jacobian (n, n) at X (n,), n = m (2H + 1); ``Omega`` must be among the parameters."""
@@ -740,9 +744,10 @@ class HarmonicBalance(FullProblem):
 
     def moved_many(self, X: Array, Omega: Array, name: str, parameters: Mapping[str, float]) -> Array:
         """`moved` (P, n) of many motions X (P, n) at Omega (P,); the name is that of a parameter of the model."""
+        near = self.beside(parameters, 2)
 
         def residuals(at: dict[str, float]) -> tuple[Array]:
-            compiled = self.compiled(at)
+            compiled = near.compiled(at)
             return (np.array([compiled.linearise(x, w)[0] for x, w in zip(X, Omega.tolist(), strict=True)]),)
 
         (dR,) = in_parameter(self, name, {name: self._own.get(name, 0.0), **parameters}, residuals)

@@ -280,5 +280,7 @@ class Compiled:
 
 def _writable(X: Array) -> Array:
     """Numbers as kernels take them; for those that are read-only, another type, they would be compiled anew."""
+    if X.flags.carray and X.dtype == float:  # the usual case; `require` takes several times as long to see it
+        return X
     out: Array = np.require(X, float, ("C", "W"))
     return out

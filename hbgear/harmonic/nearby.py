@@ -5,7 +5,8 @@
     G_near = W_near^T D_near^-1 F_near  ~  L (F_near - E D^-1 F_near),   L = W_near^T D^-1
 
 Half the difference of two of these, on both sides of a point, is that of the exact ones but for h^2, as any central
-difference is, and rounding of D^-1 drops out of it. D^-1 is computed once for all of them, so that another value of a
+difference is, and rounding of D^-1 drops out of it. D^-1 is that of the modes of the one structure, or is computed once
+for all of them where something moves freely under the loads or modes are nearly alike, so that another value of a
 parameter takes products of small matrices, and no decomposition.
 
 Where something moves freely and bears no load, D(0) is singular, and the pseudo-inverse of the one structure serves:
@@ -27,6 +28,8 @@ from hbgear.mechanics.model import System
 _MOST = 300  # coordinates up to which inverses at all harmonics are kept
 
 _KEPT = 4  # lists of frequencies whose inverses are kept
+
+_WELL = 1e5  # condition of modes up to which they stand for inverses
 
 _BALANCED = 1e-8  # work of a constant load on a free motion, relative, that is rounding or of second order
 
@@ -63,7 +66,8 @@ class Neighbourhood:
         one = self.structure
         if (system.n, len(system.elements)) != (one.n, one.m) or system.speed or system.receptances:
             return Structure(system)
-        return Nearby(self, system)
+        near = Nearby(self, system)
+        return near if near.differs else one
 
     def static(self, F: Array) -> Array:
         """K^-1 F (n,) of a constant load."""
@@ -74,9 +78,17 @@ class Neighbourhood:
         return self._solutions.get((s.tobytes(), W.tobytes(), F.tobytes()), lambda: self._solved(s, W, F))
 
     def _solved(self, s: ComplexArray, W: Array, F: ComplexArray) -> Solutions:
-        inverse, slope = self._inverses.get(s.tobytes(), lambda: self._inverse(s))
-        L, Q = W.T @ inverse, inverse @ F
-        dL, dQ = -(L @ slope) @ inverse, -inverse @ (slope @ Q)
+        modes, free = self.structure.modes, self.structure.free_left.T
+        assert modes is not None
+        if modes.condition < _WELL and np.all(np.abs(free @ F) <= _BALANCED * (np.abs(free) @ np.abs(F))):
+            away = 1.0 / (s[:, None] - modes.poles)
+            output, input_ = W.T @ modes.right, modes.left @ F
+            L, dL = ((output * part[:, None]) @ modes.left for part in (away, -np.square(away)))
+            Q, dQ = (modes.right @ (part[..., None] * input_) for part in (away, -np.square(away)))
+        else:
+            inverse, slope = self._inverses.get(s.tobytes(), lambda: self._inverse(s))
+            L, Q = W.T @ inverse, inverse @ F
+            dL, dQ = -(L @ slope) @ inverse, -inverse @ (slope @ Q)
         return Solutions(L, dL, np.ascontiguousarray(np.stack([Q, dQ]).transpose(2, 0, 1, 3)))
 
     def _inverse(self, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
@@ -93,10 +105,7 @@ class Neighbourhood:
 class Nearby(Structure):
     """A structure that differs little from that of a neighbourhood; its receptances are of first order.
 
-    Raises
-    ------
-    UnbalancedLoad
-        If a constant load acts on a free motion.
+    differs : whether it does at all.
     """
 
     def __init__(self, around: Neighbourhood, system: System) -> None:
@@ -110,12 +119,12 @@ class Nearby(Structure):
         self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
         changes = enumerate((self.K - one.K, self.C - one.C, self.M - one.M))
         self._changes = [(power, A) for power, A in changes if A.any()]
-        self._check_held()
+        self.differs = bool(self._changes) or any(map(np.any, (self.W - one.W, self.c - one.c)))
 
-    def _check_held(self) -> None:
+    def check_balance(self, system: System) -> None:
         """Refuse a load on what moves freely: r^T F = 0 stays so if r^T (F - E K^-1 F) does to first order."""
         one = self._around.structure
-        for load in self.system.loads if one.free_left.shape[1] else ():
+        for load in system.loads if one.free_left.shape[1] else ():
             if load.constant is None:
                 continue
             F = np.asarray(load.constant)

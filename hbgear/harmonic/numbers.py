@@ -131,7 +131,9 @@ def _own(laws: Sequence[Law]) -> tuple[np.ndarray, np.ndarray, Array]:
 
 def in_two(z: ComplexArray) -> Array:
     """Real and imaginary parts (..., 2, r) of (..., r)."""
-    return np.ascontiguousarray(np.stack([z.real, z.imag], axis=-2))
+    out = np.empty((*z.shape[:-1], 2, z.shape[-1]))
+    out[..., 0, :], out[..., 1, :] = z.real, z.imag
+    return out
 
 
 def _series_of(stiffness: Phased) -> Array:

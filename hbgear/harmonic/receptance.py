@@ -27,7 +27,6 @@ Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https:/
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -35,6 +34,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.algebra import norm
 from hbgear.harmonic.numbers import Linear, in_two
 from hbgear.mechanics.fourier import stretch, to_complex
 from hbgear.mechanics.model import System
@@ -130,8 +130,8 @@ def _ties_of(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
     joint, ties = np.eye(m), np.zeros((m, m))
     stiffness = float(kr.max(initial=0.0)) or 1.0  # so that ties are of the size of forces
     for j in range(m):
-        B = np.linalg.lstsq(W[:, own], W[:, j], rcond=None)[0]
-        if np.linalg.norm(W[:, j] - W[:, own] @ B) > _DEPENDENT * np.linalg.norm(W[:, j]):
+        B = np.linalg.lstsq(W[:, own], W[:, j], rcond=None)[0] if own else np.empty(0)
+        if not own or norm(W[:, j] - W[:, own] @ B) > _DEPENDENT * norm(W[:, j]):
             own.append(j)
             continue
         joint[own, j], joint[j, j] = B, 0.0
@@ -141,7 +141,7 @@ def _ties_of(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
 
 def _null_space(A: Array) -> Array:
     """Orthonormal basis of the null space of a matrix whose rows and columns are already scaled."""
-    _, s, vt = scipy.linalg.svd(A)
+    _, s, vt = np.linalg.svd(A)
     largest = s.max(initial=0.0)
     rank = int(np.sum(s > _FREE * largest)) if largest > 0 else 0
     null: Array = vt[rank:].T
@@ -183,6 +183,7 @@ class Structure:
         self.kr = np.array([e.law.reference for e in system.elements])
         self.c = np.array([e.damping for e in system.elements])
         self.own, self.joint, self.ties = _ties_of(self.W, self.kr)
+        self.free = self.free_left = np.zeros((self.n, 0))
         self.large = self.n > MODAL_LIMIT
         if self.large:
             Ws, M, C, K = (scipy.sparse.csr_array(A) for A in (self.W, system.M, system.C, system.K))
@@ -215,7 +216,7 @@ class Structure:
             self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
             self.free = self._null(self.K)
             self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
-            self._check_balance()
+            self.check_balance(system)
             modes = self._decompose(part)
             if modes.condition < _ILL:
                 break
@@ -246,8 +247,7 @@ class Structure:
             near = np.abs(gap) * _ILL < np.abs(delta) + np.sqrt(np.abs(squares))
             if squares[0] <= _FREE * squares[-1] or mixed or near.any():
                 continue
-            self.kr, self.K, self.free = kr, K, np.zeros((self.n, 0))
-            self.free_left = self.free
+            self.kr, self.K = kr, K
             poles = np.concatenate([-delta + 0.5 * gap, -delta - 0.5 * gap])
             right = np.tile(s[:, None] * V, 2).astype(complex)
             left = right.T / np.concatenate([gap, -gap])[:, None]
@@ -286,8 +286,9 @@ class Structure:
     def _null(self, A: Array) -> Array:
         return self._scale[:, None] * _null_space(A * np.outer(self._scale, self._scale))
 
-    def _check_balance(self) -> None:
-        for load in self.system.loads:
+    def check_balance(self, system: System) -> None:
+        """Refuse constant loads, of a system with these matrices, that act on a free motion."""
+        for load in system.loads if self.free_left.shape[1] else ():
             if load.constant is None:
                 continue
             for r in self.free_left.T:
@@ -325,19 +326,20 @@ class Structure:
             T = self._scale[:, None] * _null_space((free.T @ M.T) * self._scale)
         else:
             B = T = np.diag(self._scale)
-        Mi = scipy.linalg.inv(T.T @ M @ B)
+        Mi = np.linalg.inv(T.T @ M @ B)
         K, C = Mi @ T.T @ K @ B, Mi @ T.T @ C @ B
         size = B.shape[1]
         clock = np.sqrt(np.abs(K).max()) or 1.0  # states (q, q'/clock): no bias from the unit of time
-        A = np.block([[np.zeros((size, size)), clock * np.eye(size)], [-K / clock, -C]])
-        A += part * clock * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
-        poles, V = scipy.linalg.eig(A)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # the condition is judged by the caller
-            try:
-                U = scipy.linalg.inv(V)
-            except scipy.linalg.LinAlgError:
-                U = np.full_like(V, np.inf)
+        A = np.zeros((2 * size, 2 * size))
+        A[:size, size:], A[size:, :size], A[size:, size:] = clock * np.eye(size), -K / clock, -C
+        if part:
+            A += part * clock * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
+        poles, V = np.linalg.eig(A)
+        poles, V = poles.astype(complex), V.astype(complex)
+        try:
+            U = np.linalg.inv(V)
+        except np.linalg.LinAlgError:
+            U = np.full_like(V, np.inf)  # the condition is judged by the caller
         right = B @ V[:size]
         left_vectors = U[:, size:] @ (Mi @ T.T) / clock
         output, input_ = self.W.T @ right, left_vectors @ self.W
@@ -463,10 +465,11 @@ class Receptance:
             each = [modes.output * (modes.left @ load.amplitudes) for load in self._loads]
             drive = np.array(each, dtype=complex).reshape(len(each), m, len(poles))
         loads = np.array([(load.power, load.at) for load in self._loads], dtype=np.int64).reshape(-1, 2)
-        left = np.setdiff1d(np.arange(2 * self.H + 1), self.k)
+        unknown = np.zeros(2 * self.H + 1, dtype=bool)
+        unknown[self.k] = True
         return Linear(
             in_two(poles), in_two(residues.T), np.array([structure.kr, structure.c]), self.k.astype(np.int64),
-            left.astype(np.int64), self.e, loads, in_two(drive), int(self.nu),
+            np.flatnonzero(~unknown), self.e, loads, in_two(drive), int(self.nu),
         )  # fmt: skip
 
     def loads(self, Omega: float) -> ComplexArray:

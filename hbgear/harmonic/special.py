@@ -475,16 +475,17 @@ class Peak(Augmented):
         t = factors.solve(e)
         slope, bent = self.slopes(X, t[:n], here)
         g = float(slope @ t[:n])
-        z = factors.solve(np.append(slope, 0.0), transposed=True)[:n]
+        e[:n], e[n] = slope, 0.0
+        z = factors.solve(e, transposed=True)[:n]
         h = STEP * max(1e-3, norm(X)) / max(norm(t), 1e-12)
         u = np.append(X, here[self.parameter])
         plus, minus = (
             linearise(self.problem, v[:-1], self.parameter, {**here, self.parameter: float(v[-1])})
             for v in (u + h * t, u - h * t)
         )
-        bend = z @ np.column_stack([plus.dR_dX - minus.dR_dX, plus.dR_dp - minus.dR_dp]) / (2 * h)
         weight = base.weight
-        g_X, g_p = weight * (bent - bend[:n]), -weight * float(bend[n])
+        g_X = weight * (bent - z @ (plus.dR_dX - minus.dR_dX) / (2 * h))
+        g_p = -weight * float(z @ (plus.dR_dp - minus.dR_dp)) / (2 * h)
         changes = (self._along(X, here, name, z, t) for name in names)
         return Extra(now, weight * g, g_X, g_p, tuple((dR, -weight * moved) for dR, moved in changes))
 
@@ -535,12 +536,12 @@ class ExtremumPeak(Peak):
         parts = [(-0.5, at_low), (0.5, at_high)] if self.measure == "pp2" else [
             (1.0, at_high) if abs(high) >= abs(low) else (-1.0, at_low)
         ]  # fmt: skip
+        share, at = np.array(parts).T
         row, along = (x.reshape(m, -1)[self.element] for x in (X, t))
-        for share, at in parts:
-            c = np.exp(-1j * k * at)
-            w, w1, w2 = (to_real(part) for part in (c, -1j * k * c, -(k**2) * c))
-            slope[self.element] += share * w
-            bent[self.element] -= share * w1 * float(w1 @ along) / float(w2 @ row)
+        c = np.exp(-1j * k * at[:, None])
+        w, w1, w2 = to_real(np.array([c, -1j * k * c, -(k**2) * c]))
+        slope[self.element] = share @ w
+        bent[self.element] = -(share * (w1 @ along) / (w2 @ row)) @ w1
         return slope.ravel(), bent.ravel()
 
 

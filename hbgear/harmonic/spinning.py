@@ -79,7 +79,7 @@ class Spinning(Structure):
             closed, self.K = self.K, K
             self.free_left = self._null(K.T)
             try:
-                self._check_balance()
+                self.check_balance(self.system)
             finally:
                 self.K = closed
             self._free = self.free_left.shape[1] > 0

@@ -122,6 +122,8 @@ def spread(X: Array, m: int, orders: np.ndarray, H: int) -> Array:
 
 def stretch(X: Array, nu: int) -> Array:
     """Rows of the same function seen over ``nu`` of its periods: harmonic k becomes harmonic ``nu k``."""
+    if nu == 1:
+        return X
     c = to_complex(X)
     out = np.zeros((*c.shape[:-1], nu * (c.shape[-1] - 1) + 1), dtype=complex)
     out[..., ::nu] = c

@@ -22,7 +22,7 @@ import hbgear as hb
 from hbgear.cli import app as cli
 from hbgear.design import workers
 from hbgear.design.sampling import distribution, grid, latin_hypercube, monte_carlo
-from hbgear.design.store import Store
+from hbgear.design.store import Result, Store
 from hbgear.design.study import cases
 from hbgear.design.study_file import read_study
 
@@ -126,9 +126,29 @@ def test_a_failing_case_is_a_row_and_is_retried_only_if_asked(run, monkeypatch):
 
 
 def found_result():
-    from hbgear.design.store import Result
-
     return Result({"peak": 1.0})
+
+
+def test_quick_cases_are_handed_over_in_groups(monkeypatch):
+    """As soon as it is known how quick they are; each is told and keeps its own row, whether it fails or not."""
+
+    class Counting(ThreadPoolExecutor):
+        handed = 0
+
+        def submit(self, *args):
+            self.handed += 1
+            return super().submit(*args)
+
+    def quick(cls, fields, work):
+        return Result({"peak": fields["zeta"]}, seconds=0.01, reason="odd" if fields["zeta"] == 899 else "")
+
+    monkeypatch.setattr("hbgear.design.study.run_case", quick)
+    told = []
+    with Counting(1) as here:
+        found = cases(DUFFING, grid(zeta=range(900)), ("peak",), executor=here,
+                      progress=lambda now: told.append(now.numbers["finished"]))  # fmt: skip
+    assert told == list(range(901)) and 256 < here.handed < 300
+    assert found.table["peak"].tolist() == list(range(900)) and found.failed == {899: "odd"}
 
 
 def test_a_full_disk_stops_and_keeps_what_is_there(run, monkeypatch):

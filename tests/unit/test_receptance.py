@@ -312,6 +312,33 @@ def test_a_load_beside_a_balanced_one_is_refused():
         return System(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), [element], Load([drive, -0.3], {1: [0.1, -0.1]}))
 
     beside = HarmonicBalance(pair(), 3).beside({}, 4)
-    assert beside.compiled({"k": 1.00001}).structure is not beside.compiled({"drive": 0.3}).structure
-    with pytest.raises(UnbalancedLoad, match="nothing holds"):
-        beside.compiled({"drive": 0.300003})
+    assert beside.compiled({"k": 1.00001}).structure is beside.compiled({}).structure  # its matrices do not change
+    for problem in (beside, HarmonicBalance(pair(), 3)):
+        with pytest.raises(UnbalancedLoad, match="nothing holds"):
+            problem.compiled({"drive": 0.300003})
+
+
+def test_structures_do_not_depend_on_loads():
+    problem = HarmonicBalance(DoubleHelicalPair(), 3)
+    assert problem.compiled({"torque": 1500.0}).structure is problem.compiled({}).structure
+    assert problem.compiled({"zeta": 0.05}).structure is not problem.compiled({}).structure
+
+
+def test_differences_where_a_load_swings_what_moves_freely():
+    """Modes leave the free motion out, which a varying load sets going and a changed mass or damper then feels."""
+
+    @model()
+    def swung(mass: float = 1.0, damper: float = 0.05) -> System:
+        element, C = Element([1, -1], Backlash(1.0), name="mesh", damping=0.1), damper * np.array([[1, -1], [-1, 1]])
+        return System(np.diag([mass, 2.0]), C, np.zeros((2, 2)), [element], Load([0.3, -0.3], {1: [0.1, 0]}))
+
+    problem = HarmonicBalance(swung(), 3)
+    for name, value in (("mass", 1.0), ("damper", 0.05)):
+        near, far = (
+            [
+                np.concatenate([part.ravel() for part in one.compiled({name: value + h}).receptance.at(0.8)])
+                for h in steps
+            ]
+            for one, steps in ((problem.beside({}, 2), (1e-5, -1e-5)), (problem, (1e-4, -1e-4)))
+        )
+        np.testing.assert_allclose((near[0] - near[1]) / 2e-5, (far[0] - far[1]) / 2e-4, atol=1e-6)
