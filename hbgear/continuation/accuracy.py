@@ -64,8 +64,8 @@ def assessed(arc: Segment, found: Found, accuracy: float) -> Found:
     left = _left(arc, best)
     if left or not best.error <= goal:
         other = _by_pieces(arc, found, goal)
-        known = math.inf if left else best.error
-        best = other if other.error < known or math.isnan(known) else best
+        better = other.error < best.error or math.isnan(best.error)
+        best = other if (_moved(arc, found, other) < _moved(arc, found, best) if left else better) else best
     return replace(best, error=max(best.error, _ROUNDING * unit))
 
 
@@ -102,6 +102,13 @@ def _by_equations(arc: Segment, found: Found, goal: float) -> Found:
 def _left(arc: Segment, found: Found) -> bool:
     """Whether Newton with more unknowns went beyond the ends of the piece, where another point may be."""
     return found.sharp is not None and not 0 <= arc.place(_fitted(arc, found.sharp.row)) <= 1
+
+
+def _moved(arc: Segment, found: Found, judged: Found) -> float:
+    """How far a point moved with more unknowns: of two answers the one that moved less is likelier to be that point."""
+    if math.isinf(judged.error):
+        return math.inf
+    return 0.0 if judged.sharp is None else _apart(arc, judged.sharp.row, found.row)
 
 
 def _by_pieces(arc: Segment, found: Found, goal: float) -> Found:

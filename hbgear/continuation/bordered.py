@@ -54,7 +54,7 @@ from hbgear.continuation.algebra import (
 from hbgear.continuation.branch import Point
 from hbgear.continuation.differences import STEP, in_parameter
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, refine, solve
-from hbgear.continuation.problem import AnyProblem, Evaluation, FullProblem, Locating, as_problem, linearise
+from hbgear.continuation.problem import FOLD, AnyProblem, Evaluation, FullProblem, Locating, as_problem, linearise
 from hbgear.continuation.reading import Reader
 
 
@@ -394,7 +394,7 @@ class Fold(Augmented):
 
     def compiled(self, parameters: Mapping[str, float]) -> Locating | None:
         """See `Augmented.compiled`."""
-        return self.problem.locating(self.parameter, parameters, -1)
+        return self.problem.locating(self.parameter, parameters, FOLD)
 
     def base_at(self, X: Array, here: dict[str, float]) -> Base:
         A, size = self.matrix(X, here)

@@ -147,7 +147,7 @@ class Event:
         return np.array([[self.test(point_of(problem, name, fixed, row))] for row in rows])
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
-        """Whether the event happens between each row and the next, (rows - 1,); ``values`` are those of `values`."""
+        """How often the event happens between each row and the next at least, (rows - 1,); ``values`` of `values`."""
         return np.asarray((values[1:] * values[:-1] < 0).any(axis=1))
 
     def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
@@ -214,7 +214,7 @@ class Turning(Event):
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         heading = np.array([row.heading for row in rows])
-        turned: Array = heading[1:] * heading[:-1] < 0
+        turned: np.ndarray = heading[1:] * heading[:-1] < 0
         return turned
 
     def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
@@ -222,16 +222,16 @@ class Turning(Event):
 
         dp/ds = a + b s + c s^2,   least at s = -b / 2c
         """
-        p, length = np.array([row.u[-1] for row in rows]), lengths(rows, scale)
-        tangents = np.array([row.tangent for row in rows])
+        p, length, tangents = unknowns(rows)[:, -1], lengths(rows, scale), np.array([row.tangent for row in rows])
         slope = tangents[:, -1] / norms(tangents / scale)
-        begin, end = slope[:-1] * length, slope[1:] * length
-        b, c = 6 * np.diff(p) - 4 * begin - 2 * end, 3 * (begin + end) - 6 * np.diff(p)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            s = -0.5 * b / c
-            share = (begin + 0.5 * b * s) / np.where(np.abs(begin) < np.abs(end), begin, end)
-        shallow = (begin * end > 0) & (begin * c > 0) & (s > 0) & (s < 1) & (share < SHALLOW)
-        return [(int(i), float(s[i])) for i in np.flatnonzero(shallow)]
+        begin, end, rise = slope[:-1] * length, slope[1:] * length, 6 * (p[1:] - p[:-1])
+        b, c = rise - 4 * begin - 2 * end, 3 * (begin + end) - rise
+        bent = np.flatnonzero((begin * end > 0) & (begin * c > 0) & (begin * b < 0))
+        begin, end, b, c = begin[bent], end[bent], b[bent], c[bent]
+        s = -0.5 * b / c
+        share = (begin + 0.5 * b * s) / np.where(np.abs(begin) < np.abs(end), begin, end)
+        shallow = (s < 1) & (share < SHALLOW)
+        return list(zip(bent[shallow].tolist(), s[shallow].tolist(), strict=True))
 
     def find(self, segment: Segment) -> list[Found]:
         """Newton on {R, g} from where the tangent's component vanishes; bracketed where forces are sampled."""
@@ -354,8 +354,9 @@ class Watch:
         """Numbers i of the pieces from rows[i] to rows[i + 1] on which `find` finds something."""
         some = np.zeros(len(rows) - 1, dtype=bool)
         for event in self.passing:
-            some |= event.suspects(rows, self.values(event, rows))
-        return [int(i) for i in np.flatnonzero(some)]
+            some |= self.changes(event, rows) > 0
+        suspects: list[int] = np.flatnonzero(some).tolist()
+        return suspects
 
     def find(self, segment: Segment) -> list[Found]:
         """All special points between the two rows of a segment, in the order in which the curve meets them."""
@@ -374,6 +375,11 @@ class Watch:
                 found.setdefault(piece, []).append((event, s))
         return found
 
+    def changes(self, event: Event, rows: Sequence[CurvePoint]) -> np.ndarray:
+        """`Event.suspects` of rows, kept with them."""
+        changes: np.ndarray = column(rows, (event, "changes"), lambda: event.suspects(rows, self.values(event, rows)))
+        return changes
+
     def values(self, event: Event, rows: Sequence[CurvePoint]) -> Array:
         """`Event.values` of rows, kept with them."""
         values: Array = column(rows, event, lambda: event.values(rows, self.problem, self.name, self.fixed))
@@ -385,10 +391,20 @@ def column(rows: Sequence[CurvePoint], name: Any, make: Callable[[], Any]) -> An
     return rows.column(name, make) if isinstance(rows, Rows) else make()
 
 
+def unknowns(rows: Sequence[CurvePoint]) -> Array:
+    """u (rows, n + 1) of rows."""
+    u: Array = column(rows, "u", lambda: np.array([row.u for row in rows]))
+    return u
+
+
 def lengths(rows: Sequence[CurvePoint], scale: Array) -> Array:
     """Scaled lengths (rows - 1,) of the pieces between rows."""
-    name = "lengths", scale.tobytes()
-    out: Array = column(rows, name, lambda: norms(np.diff(np.array([row.u for row in rows]) / scale, axis=0)))
+
+    def make() -> Array:
+        u = unknowns(rows)
+        return norms((u[1:] - u[:-1]) / scale)
+
+    out: Array = column(rows, ("lengths", scale.tobytes()), make)
     return out
 
 

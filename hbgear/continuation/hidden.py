@@ -94,22 +94,23 @@ class Path:
     def unseen(self, watch: Watch, rows: Rows) -> dict[int, list[tuple[int, Event]]]:
         """Pieces between rows on which an event changes sign more often than is known, as the path tells.
 
-        On each the pieces of the path on which it does so unknown. Not where a change of sign is known whose point the
-        path does not have on its own piece: more accurate equations may have put it on another.
+        On each the pieces of the path on which it does so unknown, or besides what is known. Not where a change of
+        sign is known whose point the path does not have on its own piece: more accurate equations may have put it on
+        another.
         """
         found: dict[int, list[tuple[int, Event]]] = {}
         if self.rows is rows:
             return found
         pieces = [piece for piece, _ in self.places]
         for event in watch.passing:
-            changes = event.suspects(self.rows, watch.values(event, self.rows))
+            changes = watch.changes(event, self.rows)
             held = [k for k, kind in self.holds.items() if kind == event.kind]
-            known = np.flatnonzero(event.suspects(rows, watch.values(event, rows))).tolist()
+            known = np.flatnonzero(watch.changes(event, rows)).tolist()
             doubtful = set(known) - {pieces[k] for k in held}
             doubtful.update(pieces[k] for k in held if not changes[k])
             doubtful.update(piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind == event.kind)
             for k in np.flatnonzero(changes).tolist():
-                if k not in held and pieces[k] not in doubtful:
+                if pieces[k] not in doubtful and (k not in held or changes[k] > 1):
                     found.setdefault(pieces[k], []).append((k, event))
         return found
 
@@ -167,7 +168,7 @@ def _look(
 
     places : on the piece, 0 and 1 its ends, of the rows; those of the rows before and behind are anything beyond.
     """
-    before = np.count_nonzero(event.suspects(rows, watch.values(event, rows)))
+    before = np.count_nonzero(watch.changes(event, rows))
     for _ in range(_TRIES):
         if not 0 < s < 1 or s in places:
             return
@@ -179,7 +180,7 @@ def _look(
         rows.insert(i, row)
         values = watch.values(event, rows)
         near = [(piece, at) for piece, at in event.close(rows, values, segment.scale) if 0 <= places[piece] < 1]
-        if not near or np.count_nonzero(event.suspects(rows, values)) > before:
+        if not near or np.count_nonzero(watch.changes(event, rows)) > before:
             return
         piece, share = near[0]
         s = places[piece] + share * (places[piece + 1] - places[piece])

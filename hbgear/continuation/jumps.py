@@ -65,12 +65,10 @@ def _leaves_at(branch: Branch, stable: np.ndarray, fold: SpecialPoint, side: int
 
 def _stable_run(branch: Branch, stable: np.ndarray, start: int, side: int) -> int:
     """Number of stable rows on one side of a fold, up to the next fold."""
-    folds = {p.index for p in branch.special if p.kind == "LP"}
-    count, i = 0, start + side
-    while 0 <= i < len(branch) and i not in folds:
-        count += int(stable[i])
-        i += side
-    return count
+    folds = [p.index for p in branch.special if p.kind == "LP"]
+    if side > 0:
+        return int(np.count_nonzero(stable[start + 1 : min((i for i in folds if i > start), default=len(branch))]))
+    return int(np.count_nonzero(stable[max((i for i in folds if i < start), default=-1) + 1 : start]))
 
 
 def _crossed(

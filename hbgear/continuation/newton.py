@@ -19,7 +19,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.algebra import as_dense, is_singular, norm, solve_linear
-from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise
+from hbgear.continuation.problem import HELD, Evaluation, FullProblem, as_problem, linearise
 
 
 class NoConvergence(RuntimeError):
@@ -126,6 +126,9 @@ def solve(
     """
     X = np.array(X, dtype=float)
     problem = as_problem(problem).based(X, parameters)
+    found = _compiled(problem, X, parameters, name, settings)
+    if found is not None:
+        return found
     now = linearise(problem, X, name, parameters)
     residuals = [norm(now.R) / now.size]
     for iteration in range(settings.max_iterations * 4 + 1):
@@ -156,6 +159,23 @@ def solve(
         f"after {len(residuals) - 1} steps at {describe(parameters)}",
         X, parameters, residuals,
     )  # fmt: skip
+
+
+def _compiled(
+    problem: FullProblem, X: Array, parameters: Mapping[str, float], name: str, settings: Settings
+) -> Solution | None:
+    """`solve` without Python, if the problem has that; None where it finds nothing: `solve` tells why."""
+    curve = name or problem.usual_parameter
+    locate = problem.locating(curve, parameters, HELD)
+    if locate is None:
+        return None
+    n = len(X)
+    U, R, A = np.append(X, parameters[curve]), np.empty(n + 1), np.empty((n + 1, n + 1))
+    steps, size = locate(U, 0, settings.tolerance, 4 * settings.max_iterations, R, A)
+    if steps < 0:
+        return None
+    value, dR = (float(U[n]), A[:n, n]) if name else (math.nan, np.zeros(n))
+    return Solution(U[:n], value, Evaluation(R[:n], A[:n, :n], dR, size), steps, norm(R[:n]) / size)
 
 
 def refine(problem: FullProblem, solution: Solution, parameters: Mapping[str, float]) -> Solution:

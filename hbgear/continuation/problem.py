@@ -106,7 +106,10 @@ Pursuit: TypeAlias = Callable[
 
 
 Locating: TypeAlias = Callable[[Array, int, float, int, Array, Array], tuple[int, float]]
-"""Finds a special point; arguments as of `hbgear.harmonic.locating.located` without the first two."""
+"""Finds a point of a curve; arguments as of `hbgear.harmonic.locating.located` without the first two."""
+
+FOLD, HELD = -1, -2
+"""What is located if it is no special point with a number: a fold, or the solution at the value that is given."""
 
 
 @runtime_checkable
@@ -396,7 +399,7 @@ class FullProblem:
         return self
 
     def locating(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
-        """Compiled Newton on special points of its curves in a parameter, by their number, -1 for folds: none."""
+        """Compiled Newton on points of its curves in a parameter, by their number, or `FOLD`, `HELD`: none."""
         return None
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Matrix, Matrix]:

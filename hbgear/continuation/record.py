@@ -107,7 +107,7 @@ def _column(rows: list[CurvePoint], name: str, nothing: Any) -> Array | None:
     length = max((len(x) for x in seen if x is not None), default=None)
     if length is None:
         return None
-    column: Array = np.array([np.full(length, nothing) if x is None or len(x) < length else x for x in seen])
+    column: Array = np.array([x if x is not None and len(x) == length else np.full(length, nothing) for x in seen])
     return column
 
 

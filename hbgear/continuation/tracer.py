@@ -28,7 +28,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.common.ranges import POSITIVE, Range, checked
 from hbgear.continuation.accuracy import assessed
-from hbgear.continuation.algebra import norm
+from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.asymptote import asymptote
 from hbgear.continuation.branch import Branch, Point, Status, relative_errors, with_asymptotes
 from hbgear.continuation.corrector import correct
@@ -479,15 +479,11 @@ class _Tracer:
             if not rows:
                 status = Status.RETRACED if reason == _BACK else Status.STEP_TOO_SMALL
                 return status, f"{reason} at {self.name} = {self.rows[-1].value:.6g}; the shortest step was tried"
-            quiet = self._quiet(rows)
-            if quiet:
-                self._append(rows[:quiet])
-            for row in rows[quiet:]:
-                ended = self._take(row)
-                if ended is not None:
-                    if self.stop is None:
-                        self._adapt(last=True)
-                    return ended
+            ended = self._through(rows)
+            if ended is not None:
+                if self.stop is None:
+                    self._adapt(last=True)
+                return ended
             if far is not None:
                 self.asymptote = far
                 return Status.UNBOUNDED, f"the curve runs off to infinity towards {self.name} = {far:.6g}"
@@ -496,13 +492,33 @@ class _Tracer:
             self.scale = self._scale(self.rows[-1].X)
             self._adapt()
 
-    def _quiet(self, rows: list[CurvePoint]) -> int:
-        """How many of the new rows lie within the span and go on as the last one does, so that nothing ends there."""
-        if self.progress or self.watch.terminal or self.turned or self.landed is not None:
-            return 0
-        heading = self.rows[-1].heading
-        going = (row.heading == heading and self._outside(row.value) is None for row in rows)
-        return next((i for i, on in enumerate(going) if not on), len(rows))
+    def _through(self, rows: list[CurvePoint]) -> tuple[Status, str] | None:
+        """Go on to new rows, those at which nothing can end together; status and message if the curve ends there."""
+        done = 0
+        for i in self._watched(rows):
+            if done < i:
+                self._append(rows[done:i])
+            ended = self._take(rows[i])
+            if ended is not None:
+                return ended
+            done = i + 1
+        if done < len(rows):
+            self._append(rows[done:])
+        return None
+
+    def _watched(self, rows: list[CurvePoint]) -> Sequence[int]:
+        """Numbers of the new rows at which the curve may end: outside, where it turns, or then near its first row."""
+        if self.progress or self.watch.terminal or self.landed is not None or len(rows) == 1:
+            return range(len(rows))
+        path = [self.rows[-1], *rows]
+        u, heading = np.array([row.u for row in path]), np.array([row.heading for row in path])
+        turns, value = heading[1:] != heading[:-1], u[1:, -1]
+        outside = (self.sense * (value - self.b) >= 0) | (self.sense * (value - self.a) < 0)
+        length = norms((u[1:] - u[:-1]) / self.scale)
+        near = np.abs(value - self.first.value) <= _AROUND * length * self.scale[-1]
+        turned = np.logical_or.accumulate(turns) | self.turned
+        watched: list[int] = np.flatnonzero(outside | turns | (near & turned)).tolist()
+        return watched
 
     def _take(self, row: CurvePoint) -> tuple[Status, str] | None:
         """Go on to a row; status and message if the curve ends there."""
@@ -746,11 +762,13 @@ class _Tracer:
             if piece not in pieces:
                 continue
             arcs = [(self._arc(*path.rows[k : k + 2]), event) for k, event in parts]
-            hidden = [(arc, point) for arc, event in arcs for point in event.find(arc) if point.located]
+            number = first + piece + 1
+            others = known.get(number, [])
+            hidden = [(arc, point) for arc, event in arcs for point in event.find(arc)
+                      if point.located and not any(_at_once(point, other) for other in others)]  # fmt: skip
             fresh = paired(self._sure(hidden, self._arc(rows[piece], rows[piece + 1])))
             if fresh:
-                number = first + piece + 1
-                found[number] = sorted([*known.get(number, []), *fresh], key=lambda point: point.s)
+                found[number] = sorted([*others, *fresh], key=lambda point: point.s)
         for k, hints in path.hints(self.watch, rows, self.scale).items():
             piece, low, high = path.ends(k)
             if piece not in pieces:
@@ -1031,7 +1049,17 @@ def _same(one: Found, other: Found) -> bool:
     if (one.event.kind, one.note) != (other.event.kind, other.note) or one.event.kind == Crossing.kind:
         return False
     u, v = ((point.sharp or point).row.u for point in (one, other))
-    return one.located and other.located and len(u) == len(v) and norm(u - v) <= 1e-6 * norm(u)
+    return one.located and other.located and _alike(u, v)
+
+
+def _at_once(one: Found, other: Found) -> bool:
+    """Whether two points of a kind are one as they were found on the curve, whatever more unknowns make of them."""
+    return one.event.kind == other.event.kind and _alike(one.row.u, other.row.u)
+
+
+def _alike(u: Array, v: Array) -> bool:
+    """Whether two rows are the same up to rounding."""
+    return len(u) == len(v) and norm(u - v) <= 1e-6 * norm(u)
 
 
 def _size(problem: FullProblem) -> int:

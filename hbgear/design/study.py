@@ -16,12 +16,12 @@ import os
 import sys
 import time
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, wait
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from functools import lru_cache, partial
-from itertools import islice
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -61,6 +61,9 @@ _AHEAD = 256  # groups of cases handed to the executor before the first of them 
 
 
 _TOGETHER = 0.2  # seconds of cases that are handed over as one, for each way there and back takes a millisecond
+
+
+_LONG = 1.0  # seconds after which a group of cases that take longer than those before is handed back, done or not
 
 
 class Outcome(StrEnum):
@@ -304,7 +307,13 @@ def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> R
 
 
 def _run_cases(cls: type[Model] | str, group: Sequence[Mapping[str, Any]], work: Work) -> list[Result]:
-    return [run_case(cls, fields, work) for fields in group]
+    """The first cases of a group, all of them but where they take long."""
+    started, results = time.perf_counter(), list[Result]()
+    for fields in group:
+        results.append(run_case(cls, fields, work))
+        if time.perf_counter() - started > _LONG:
+            break
+    return results
 
 
 @lru_cache(maxsize=1)
@@ -493,10 +502,11 @@ class _Run:
         running: dict[Future[list[Result]], list[str]],
     ) -> None:  # fmt: skip
         """Every case, some hundred groups handed out ahead; ``running`` holds those that are not done yet."""
-        queue, done, together = iter(waiting), SimpleQueue[Future[list[Result]]](), 1
+        queue, done, together = deque(waiting), SimpleQueue[Future[list[Result]]](), 1
         self._show()
         while True:
-            while len(running) < _AHEAD and (keys := list(islice(queue, together))):
+            while len(running) < _AHEAD and queue:
+                keys = [queue.popleft() for _ in range(min(together, len(queue)))]
                 future = _submitted(pool, cls, [_inputs(self.study, waiting[key])["fields"] for key in keys], work)
                 running[future] = keys
                 future.add_done_callback(done.put)  # `wait` for the first of hundreds takes a while for each
@@ -505,7 +515,7 @@ class _Run:
             future = done.get()
             results = _result(future)
             self._keep(running[future], waiting, results)
-            del running[future]
+            queue.extend(running.pop(future)[len(results) :])
             together = min(max(int(_TOGETHER / max(1e-6, *(result.seconds for result in results))), 1), _AHEAD)
 
     def _finish(
@@ -519,7 +529,8 @@ class _Run:
                 self._keep(running[future], waiting, future.result())
 
     def _keep(self, keys: Sequence[str], waiting: Mapping[str, dict[str, Any]], results: Sequence[Result]) -> None:
-        for key, result in zip(keys, results, strict=True):
+        """Keep the cases of a group that were done, its first ones."""
+        for key, result in zip(keys, results, strict=False):
             self.add(key, result)
             if self.folder:
                 try:

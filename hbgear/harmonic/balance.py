@@ -34,7 +34,7 @@ from hbgear.continuation.differences import STEP, difference_along, in_parameter
 from hbgear.continuation.events import Event
 from hbgear.continuation.homotopy import solve_from_afar
 from hbgear.continuation.newton import NoConvergence, solve
-from hbgear.continuation.problem import Evaluation, FullProblem, Locating, Pursuit
+from hbgear.continuation.problem import FOLD, Evaluation, FullProblem, Locating, Pursuit
 from hbgear.harmonic.compiled import Compiled, Crossings
 from hbgear.harmonic.deciding import decide
 from hbgear.harmonic.events import motion_events
@@ -777,12 +777,12 @@ class HarmonicBalance(FullProblem):
         return partial(pursue, numbers)
 
     def locating(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
-        """Compiled Newton on folds (-1) and on zeros of a `clearance`, under the same conditions.
+        """Compiled Newton on motions at a given Omega, folds and zeros of a `clearance`, under the same conditions.
 
         Not on folds if laws must be asked for their slopes, whose second derivatives are not known.
         """
         numbers = self._looped(name, parameters)
-        if numbers is None or (which < 0 and numbers.laws.own.size):
+        if numbers is None or (which == FOLD and numbers.laws.own.size):
             return None
         from hbgear.harmonic.locating import located
 

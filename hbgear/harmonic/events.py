@@ -64,7 +64,7 @@ class Doubling(Event):
     def values(self, rows: Sequence[CurvePoint], problem: FullProblem, name: str, fixed: dict[str, float]) -> Array:
         """det(Phi + 1), as far as the multipliers are known."""
         mu = _multipliers(rows)
-        return np.zeros((len(rows), 0)) if mu is None else _verdicts(mu)[1][:, None]
+        return np.zeros((len(rows), 0)) if mu is None else _doubled(mu)[:, None]
 
     def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
         """Where det(Phi + 1) seems to touch zero, but for pairs that plainly pass -1 and do not meet there."""
@@ -78,8 +78,8 @@ class Doubling(Event):
         mu = _multipliers((segment.a, segment.b))
         if mu is None:
             return []
-        before, after = _verdicts(mu)[1]
-        return [self.locate(segment, float(before), float(after))] if before * after < 0 else []
+        before, after = _doubled(mu).tolist()
+        return [self.locate(segment, before, after)] if before * after < 0 else []
 
     def locate(self, segment: Segment, before: float, after: float) -> Found:
         """Newton on the half-integer block; bracketed root of det(Phi + 1) where forces are sampled.
@@ -94,7 +94,7 @@ class Doubling(Event):
                 return newton(segment, self, extended, before / (before - after))
             except (NoConvergence, np.linalg.LinAlgError):
                 pass
-        rough = root(segment, self, lambda row: float(_verdicts(_known(segment, row)[None])[1][0]))
+        rough = root(segment, self, lambda row: float(_doubled(_known(segment, row)[None])[0]))
         return rough if extended is None else _sharpened(segment, rough, extended)
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
@@ -137,7 +137,7 @@ class SecondFrequency(Event):
         if mu is None:
             return np.zeros((len(rows), 0))
         with np.errstate(divide="ignore", invalid="ignore"):
-            size = np.where(np.abs(mu.imag) > 1e-8 * np.abs(mu), np.log(np.abs(mu)), np.nan)
+            size = np.where(_paired(mu), np.log(np.abs(mu)), np.nan)
         inside = np.where(size < -NEUTRAL, size, -np.inf).max(axis=1, initial=-np.inf)
         outside = np.where(size > NEUTRAL, size, np.inf).min(axis=1, initial=np.inf)
         both = np.column_stack([inside, outside])
@@ -152,19 +152,19 @@ class SecondFrequency(Event):
         mu = _multipliers(rows)
         if mu is None:
             return np.zeros(len(rows) - 1, dtype=bool)
-        unstable, _ = _verdicts(mu)
-        changed: Array = unstable[1:] != unstable[:-1]
-        return changed
+        unstable = _unstable(mu)
+        pairs: np.ndarray = (np.abs(unstable[1:] - unstable[:-1]) + 1) // 2
+        return pairs
 
     def find(self, segment: Segment) -> list[Found]:
         """Where more multipliers pass than folds, branch points and period doublings explain."""
         ends = _multipliers((segment.a, segment.b))
         if ends is None:
             return []
-        (ua, ub), (da, db) = _verdicts(ends)
+        (ua, ub), (da, db) = _unstable(ends).tolist(), _doubled(ends).tolist()
         real = segment.a.heading * segment.b.heading < 0 or segment.a.orientation != segment.b.orientation
         explained = int(real) + int(da * db < 0)
-        if abs(int(ua) - int(ub)) - explained >= 2:
+        if abs(ua - ub) - explained >= 2:
             return self._two_at_once(segment, ends)
         return self._beside(segment, ends) if explained or ua != ub else []  # ends may be special points
 
@@ -212,7 +212,7 @@ class SecondFrequency(Event):
         found = [self._passing(segment, rank) for rank in range(outside, max(most, outside + 1), 2)]
         if any(one.located for one in found):
             return [self._sharp(segment, one) for one in found if one.located]
-        few = int(_verdicts(ends)[0].min())
+        few = int(_unstable(ends).min())
         sizes = sorted(_modulus(mu, few) for mu in ends)
         level = 1.0 if sizes[0] < 1.0 < sizes[1] else 1.0 + NEUTRAL
         real = root(segment, self, lambda row: _modulus(_known(segment, row), few) - level, "two multipliers at once")
@@ -477,20 +477,33 @@ def _known(segment: Segment, row: CurvePoint) -> ComplexArray:
     return fine
 
 
-def _verdicts(mu: ComplexArray) -> tuple[np.ndarray, Array]:
-    """Numbers of unstable multipliers, and det(Phi + 1), whose sign changes at period doublings, of sets (P, r)."""
-    return np.count_nonzero(np.abs(mu) > 1 + NEUTRAL, axis=1), (mu + 1).prod(axis=1).real
+def _unstable(mu: ComplexArray) -> np.ndarray:
+    """Numbers of unstable multipliers of sets (P, r)."""
+    number: np.ndarray = (np.abs(mu) > 1 + NEUTRAL).sum(axis=1)
+    return number
+
+
+def _doubled(mu: ComplexArray) -> Array:
+    """det(Phi + 1), whose sign changes at period doublings, of sets (P, r)."""
+    determinant: Array = (mu + 1).prod(axis=1).real
+    return determinant
 
 
 def _pairs(mu: ComplexArray) -> ComplexArray:
     """The multipliers that are not real."""
-    complex_pairs: ComplexArray = mu[np.abs(mu.imag) > 1e-8 * np.abs(mu)]
+    complex_pairs: ComplexArray = mu[_paired(mu)]
     return complex_pairs
+
+
+def _paired(mu: ComplexArray) -> np.ndarray:
+    """Which multipliers are not real."""
+    paired: np.ndarray = np.abs(mu.imag) > 1e-8 * np.abs(mu)
+    return paired
 
 
 def _pairs_outside(ends: ComplexArray) -> tuple[int, int]:
     """The lesser and the larger number of unstable complex multipliers at two ends."""
-    few, many = sorted(int(_verdicts(_pairs(mu)[None])[0][0]) for mu in ends)
+    few, many = sorted(_unstable(np.where(_paired(ends), ends, 0.0)).tolist())
     return few, many
 
 

@@ -1,6 +1,6 @@
-"""Kernels: folds and grazing contacts of a curve in Omega by Newton, without Python.
+"""Kernels: motions at a given Omega, folds and grazing contacts of a curve in it by Newton, without Python.
 
-    {R, g}(X, Omega) = 0        g the bordered determinant of dR/dX, or an extremum less a corner
+    {R, g}(X, Omega) = 0        g the bordered determinant of dR/dX, an extremum less a corner, or nothing: Omega stays
 
 The equations are those of `continuation.bordered.Fold` and of `harmonic.special.Grazing`, Newton that of
 `continuation.newton`. The borders of a fold are found by inverse iteration, so that g is the least singular value
@@ -16,6 +16,7 @@ import numpy as np
 
 from hbgear.common.compiling import inlined, kernel
 from hbgear.continuation.elimination import eliminate, length
+from hbgear.continuation.problem import FOLD, HELD
 from hbgear.harmonic.assembly import curvature, linearised, spread
 from hbgear.harmonic.pieces import highest_on, waves_with
 from hbgear.mechanics.summing import highest, sampled, waves_of
@@ -37,9 +38,9 @@ def located(
 
     Parameters
     ----------
-    which : the clearance that vanishes, as numbered by `HarmonicBalance.clearance`; -1 for a fold.
+    which : the clearance that vanishes, as numbered by `HarmonicBalance.clearance`; or `FOLD`, `HELD`.
     plain : so many steps are taken, whatever they lead to; if 0, it is iterated with step halving until the residual is
-        below the tolerance, at most so many times, and a step more is taken if that lowers it.
+        below the tolerance, at most so many times, and but for `HELD` a step more is taken if that lowers it.
 
     Returns
     -------
@@ -54,8 +55,10 @@ def located(
     while True:  # the equations are evaluated at one place, for what is called at several takes as often to compile
         new = linearised(numbers, trial, rest, J, dR, matrices, constants)
         if count < 0:
-            weight = new / (_bordered(J, borders) if which < 0 else 1.0 + length(u[:n]))
-        if which < 0:
+            weight = new / (_bordered(J, borders) if which == FOLD else 1.0 + length(u[:n]))
+        if which == HELD:
+            g = _held(B[n])
+        elif which == FOLD:
             g = _determinant(numbers, trial[:n], J, matrices[1], borders, B[n])
         else:
             g = _clearance(numbers, which, trial[:n], m, B[n])
@@ -74,6 +77,8 @@ def located(
         if last or halved == _HALVINGS:
             return (count if last else -1), size
         last = not plain and length(R) <= tolerance * size
+        if last and which == HELD:
+            return count, size
         if count == most and not last:
             return -1, size
         if not _move(u, R, A, factor, u if count + 1 == plain else trial):
@@ -181,6 +186,15 @@ def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: A
             moved += w[i] * across[i, j] * v[j]
     row[n] = -moved
     return g
+
+
+@kernel
+def _held(row: Any) -> float:
+    """No change of Omega: zero, and its gradient in row (n + 1,)."""
+    for i in range(row.shape[0]):
+        row[i] = 0.0
+    row[row.shape[0] - 1] = 1.0
+    return 0.0
 
 
 @inlined

@@ -10,7 +10,11 @@ from cross.shooting_branch import Shooter
 from cross.test_two_masses import POINTS, SPAN, two_masses
 
 import hbgear as hb
+from hbgear.continuation import accuracy
+from hbgear.continuation.events import Found, Sharp, Turning
 from hbgear.continuation.newton import solve
+from hbgear.continuation.problem import as_problem
+from hbgear.continuation.segment import Segment, row_of
 from hbgear.harmonic import deciding
 
 STATED = 3.0  # times the stated error within which the true one lies
@@ -165,6 +169,32 @@ def test_a_cusp_and_a_peak_state_their_errors():
         (true,) = hb.peaks(fine, measure, share=0.99)
         away = abs(top.parameters["Omega"] - true.parameters["Omega"])
         assert away <= STATED * (top.error + true.error) and top.error < 1e-5, measure
+
+
+@pytest.mark.parametrize("near", ["equations", "piece"])
+def test_of_two_answers_beyond_a_piece_the_nearer_one_is_the_point(monkeypatch, near):
+    """Newton with more harmonics left the piece, on which another point is then found: whichever moved less is it.
+
+    A pair of multipliers of helical:0 at .317019 was told at .325235, where it passes again, with an error of 1e-7.
+    """
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6), accuracy=None)
+    problem, i = as_problem(curve.problem), curve["LP1"].index
+    rows = [row_of(solve(problem, curve.X[k], {"Omega": curve.values[k]}, "Omega"), np.eye(12)[-1], np.ones(12))
+            for k in (i - 1, i + 1)]  # fmt: skip
+    arc = Segment(problem, "Omega", {}, *rows, np.ones(12), hb.Settings())
+    found = Found(Turning(), -0.1, rows[0], True)
+    finer = as_problem(problem.finer)
+
+    def answer(moved, error):
+        u = np.append(finer.fitted(rows[0].X), rows[0].value + moved)
+        return replace(found, sharp=Sharp(finer, replace(rows[0], u=u)), error=error)
+
+    answers = [answer(1e-4, 3e-7), answer(8e-3, 1e-7)]
+    by_equations, by_pieces = answers if near == "equations" else answers[::-1]
+    monkeypatch.setattr(accuracy, "_by_equations", lambda *_: by_equations)
+    monkeypatch.setattr(accuracy, "_by_pieces", lambda *_: by_pieces)
+    monkeypatch.setattr(accuracy, "_left", lambda *_: True)
+    assert accuracy.assessed(arc, found, 1e-9).value == rows[0].value + 1e-4
 
 
 def test_a_doubling_solved_for_with_more_harmonics_is_left_as_before():

@@ -179,3 +179,19 @@ def test_pairs_that_change_sides_often_on_a_step_are_where_shooting_has_them(
     assert len(found) == len(shot)
     for point, place in zip(sorted(found, key=lambda p: p.parameters["Omega"]), shot, strict=True):
         assert abs(point.parameters["Omega"] - place) < 3 * point.error < 3e-5
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rounding_does_not_decide_which_pairs_are_found(on_path, seed):
+    """Two pairs leave within 6e-5 of Omega, one of which came back a step before: whichever rows fall beside them."""
+    from studies.random.machines import machine
+
+    it = machine("helical", 0)
+    problem = hb.HarmonicBalance(it.model, 16)
+    X = problem.start(Omega=it.span[0])
+    moved = X * (1 + 1e-12 * np.random.default_rng(seed).standard_normal(len(X)))
+    curve = hb.trace(problem, "Omega", it.span, moved)
+    found = sorted(
+        p.parameters["Omega"] for p in curve.special if p.kind == "NS" and 0.325 < p.parameters["Omega"] < 0.33
+    )
+    assert found == pytest.approx([0.3251643, 0.3252338, 0.3280795, 0.3298697, 0.3299159], abs=1e-6)

@@ -12,6 +12,7 @@ import time
 import warnings
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -337,6 +338,25 @@ def test_a_study_stopped_by_ctrl_c_goes_on(tmp_path):
     assert len(rows) == len(files)
 
 
+def test_a_group_of_cases_that_take_long_is_handed_back(monkeypatch):
+    """Whatever the cases before took: Ctrl-C waits for one case, and no process is left without work."""
+    calls, groups, clock = [], [], iter(range(0, 10_000, 2))
+    monkeypatch.setattr(
+        "hbgear.design.study.run_case", lambda cls, fields, work: calls.append(fields["zeta"]) or found_result()
+    )
+    monkeypatch.setattr("hbgear.design.study.time", SimpleNamespace(perf_counter=lambda: float(next(clock))))
+
+    class Counting(ThreadPoolExecutor):
+        def submit(self, function, cls, group, work):
+            groups.append(len(group))
+            return super().submit(function, cls, group, work)
+
+    with Counting(1) as here:
+        found = hb.cases(hb.Duffing(), hb.grid(zeta=np.linspace(0.05, 0.1, 300).tolist()), executor=here)
+    assert found.outcome == "finished" and len(found) == len(set(calls)) == len(calls) == 300
+    assert len(groups) == 300 and max(groups) > 1
+
+
 def test_ctrl_c_twice_waits_for_nothing(tmp_path):
     """No case in work would end by itself."""
     (tmp_path / "study.py").write_text(ENDLESS)
@@ -349,7 +369,7 @@ import os, signal, threading, time
 import hbgear as hb
 from hbgear.design import study
 
-def endless(cls, fields, work):
+def endless(cls, group, work):
     time.sleep(600)
 
 def interrupt():
@@ -358,7 +378,7 @@ def interrupt():
         os.kill(os.getpid(), signal.SIGINT)
 
 if __name__ == "__main__":
-    study.run_case = endless
+    study._run_cases = endless
     threading.Thread(target=interrupt, daemon=True).start()
     found = hb.cases(hb.Duffing(), hb.grid(zeta=[0.1, 0.2]), processes=2)
     print(found.outcome, len(found))

@@ -25,6 +25,7 @@ from hbgear import (
     trace,
 )
 from hbgear.continuation.newton import solve
+from hbgear.continuation.problem import HELD
 from hbgear.continuation.segment import row_of
 from hbgear.continuation.stride import _MOST, Strider
 
@@ -122,6 +123,29 @@ def test_newton_on_special_points_is_the_same_compiled(name):
         steps = [problem.stepped(beside, here, 1)[1] for problem in (python, compiled)]
         far = np.linalg.norm(beside - U)
         np.testing.assert_allclose(steps[0], steps[1], rtol=0, atol=0.05 * far)
+
+
+@pytest.mark.parametrize("name", ["duffing", "spur pair", "double-helical", "cubic spring and gap"])
+def test_newton_at_a_given_frequency_is_the_same_compiled(name):
+    """Motions with their derivatives, from beside them; and from nowhere, with the same reason why there is none."""
+    model, H, span, _ = CURVES[name]
+    one, many = (kind(model(), H) for kind in (RowByRow, HarmonicBalance))
+    here = {"Omega": 0.5 * sum(span)}
+    X = many.start(**here)
+    beside = X + 1e-2 * np.linalg.norm(X) * np.sin(np.arange(len(X)))
+    assert many.locating("Omega", here, HELD) is not None and one.locating("Omega", here, HELD) is None
+    python, compiled = (solve(problem, beside, here, "Omega") for problem in (one, many))
+    assert python.iterations == compiled.iterations > 0 and compiled.value == here["Omega"]
+    np.testing.assert_allclose(compiled.X, python.X, rtol=0, atol=1e-9 * np.linalg.norm(X))
+    for a, b in zip(compiled.evaluation, python.evaluation, strict=True):
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-7 * max(np.abs(b).max(), python.evaluation.size))
+    never = Settings(tolerance=1e-30)
+    reasons = []
+    for problem in (one, many):
+        with pytest.raises(NoConvergence) as error:
+            solve(problem, beside, here, "Omega", never)
+        reasons.append(str(error.value))
+    assert reasons[0] == reasons[1] and "(needed 1e-30)" in reasons[0]
 
 
 def test_compiled_newton_gives_up():
