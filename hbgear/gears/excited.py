@@ -112,10 +112,10 @@ def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
     return out
 
 
-def lagging(values: tuple[float, ...], lag: tuple[float, ...]) -> Series:
+def lagging(values: tuple[float, ...], lag: tuple[float, ...], mean: float = 0.0) -> Series:
     """A sum of cosines, each with a lag of its own.
 
-        sum_l values[l-1] cos(l tau - lag[l-1])
+        mean + sum_l values[l-1] cos(l tau - lag[l-1])
 
     Parameters
     ----------
@@ -123,9 +123,9 @@ def lagging(values: tuple[float, ...], lag: tuple[float, ...]) -> Series:
     lag : (L,) phases [rad]; () for none.
     """
     if not lag:
-        return Series(cosine=values)
+        return Series(mean, values)
     c = np.asarray(values) * np.exp(1j * np.asarray(lag))
-    return Series(cosine=tuple(c.real), sine=tuple(c.imag))
+    return Series(mean, tuple(c.real), tuple(c.imag))
 
 
 def checked_lags(owner: str, name: str, values: tuple[float, ...], lag: Any) -> tuple[float, ...]:
@@ -171,7 +171,7 @@ def mesh_stiffness(eps: tuple[float, ...], scale: float = 1.0, lag: tuple[float,
     scale : factor of all of them.
     lag : (L,) phases [rad]; () for none.
     """
-    return dataclasses.replace(lagging(tuple(-scale * amplitude for amplitude in eps), lag), mean=1.0)
+    return lagging(tuple(-scale * amplitude for amplitude in eps), lag, 1.0)
 
 
 def scales_of(owner: str, reference: tuple[float, ...]) -> Scales | None:

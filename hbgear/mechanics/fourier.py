@@ -9,6 +9,7 @@ are ``c_k / 2`` for ``k >= 1`` and their conjugates for ``k <= -1``.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -205,16 +206,18 @@ class Series:
     sine: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        if real_numbers("Series: mean", self.mean, "a number").ndim:
+        if type(self.mean) is not float and real_numbers("Series: mean", self.mean, "a number").ndim:
             raise ValueError(f"Series: mean = {quoted(self.mean)} must be a number")
         for name in ("cosine", "sine"):
             given = getattr(self, name)
+            if type(given) is tuple and len(given) <= MOST_HARMONICS and all(type(x) is float for x in given):
+                continue  # the usual case, and the quickest
             row = real_numbers(f"Series: {name}", given, "a sequence of numbers such as (0.1, 0.05)")
             if row.ndim != 1:
                 raise ValueError(f"Series: {name} = {quoted(given)} must be a sequence of numbers such as (0.1, 0.05)")
             counted(f"Series: number of entries of {name}", row.size, MOST_HARMONICS, least=0)
             object.__setattr__(self, name, tuple(row.tolist()))
-        if not np.all(np.isfinite([self.mean, *self.cosine, *self.sine])):
+        if not all(map(math.isfinite, (self.mean, *self.cosine, *self.sine))):
             raise ValueError(f"Series needs finite coefficients, got {self}")
 
     @property

@@ -57,7 +57,7 @@ def bend_of(c: Any) -> float:
     """Bound of |x''|."""
     total = 0.0
     for k in range(1, c.shape[0]):
-        total += k * k * abs(c[k])
+        total += k * k * math.sqrt(c[k].real * c[k].real + c[k].imag * c[k].imag)  # abs takes five times as long
     return total
 
 
@@ -68,16 +68,18 @@ def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
     most: float = -math.inf
     step, size = 2 * math.pi / N, 0.0
     for k in range(c.shape[0]):
-        size += abs(c[k])
+        size += abs(c[k].real) + abs(c[k].imag)
     for n in range(N):
-        most = max(most, side * samples[n])
+        if side * samples[n] > most:
+            most = side * samples[n]
     miss = 0.125 * step * step * bend_of(c)
     if not miss > 1e-14 * size:  # a constant has its extremum anywhere
         return side * samples[0], 0.0
     top, place = most, 0.0
     for n in range(N):
-        if side * samples[n] < most - miss:
-            continue
+        here = side * samples[n]
+        if here < most - miss or here < side * samples[n - 1] or here < side * samples[n + 1 - N]:
+            continue  # too low, or on the way up to a neighbour that is not
         at = step * n
         for _ in range(16):
             _, slope, curve = value_of(c, 0.0, at)
@@ -87,7 +89,7 @@ def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
             if abs(move) <= 1e-6:  # the next one is its square
                 break
         value = side * value_of(c, 0.0, at)[0]
-        if value > top or samples[n] * side == top:
+        if value > top or here == top:
             top, place = max(value, top), at
     return top, place
 
