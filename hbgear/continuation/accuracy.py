@@ -20,7 +20,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import norm
 from hbgear.continuation.branch import SpecialPoint
-from hbgear.continuation.events import Found, Sharp
+from hbgear.continuation.events import Found, Sharp, Turning
 from hbgear.continuation.newton import NoConvergence, Solution, solution_at
 from hbgear.continuation.problem import FullProblem, as_problem, observe_all
 from hbgear.continuation.record import fields_of
@@ -119,6 +119,10 @@ def _by_pieces(arc: Segment, found: Found, goal: float) -> Found:
     found = replace(found, error=math.inf)
     while arc.problem.finer is not None and missed < _MISSED:
         try:
+            if found.located and isinstance(found.event, Turning):
+                error = _of_turn(arc, found.sharp.row if found.sharp else found.row, as_problem(arc.problem.finer))
+                if error <= goal:
+                    return replace(found, error=error)
             arc = _again(arc, as_problem(arc.problem.finer))
             again = [
                 p for p in find(arc) or _beyond(arc, find, reaches) if p.located and p.event.kind == found.event.kind
@@ -134,6 +138,20 @@ def _by_pieces(arc: Segment, found: Found, goal: float) -> Found:
         error = math.inf if math.isnan(place) else abs(row.value - place)
         place, found = row.value, replace(found, error=error, sharp=Sharp(arc.problem, row), located=True)
     return found
+
+
+def _of_turn(arc: Segment, row: CurvePoint, finer: FullProblem) -> float:
+    """What more unknowns change of the value at which the curve turns, from one row with them beside it.
+
+        p(s) ~ p + t (s - s_0) + k (s - s_0)^2 / 2,   at its turn p - t^2 / 2k
+
+    with the slopes t there and k = dt/ds of the piece: where the curve turns its value hardly changes along it.
+    """
+    finer = finer.based(finer.fitted(row.X), {**arc.parameters, arc.name: row.value})
+    scale = widened(arc.scale, finer, len(finer.fitted(row.X)))
+    beside = solved_again(row, finer, arc.name, arc.parameters, scale, arc.settings)
+    bend = (arc.b.tangent[-1] - arc.a.tangent[-1]) / arc.length
+    return float(abs(beside.value - row.value) + beside.tangent[-1] ** 2 / abs(2 * bend))
 
 
 def _again(arc: Segment, finer: FullProblem) -> Segment:

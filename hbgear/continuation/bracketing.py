@@ -17,6 +17,9 @@ from collections.abc import Callable
 _MOST = 100  # evaluations
 
 
+_SURE = 0.1  # share of the tolerance within which three values see the root: no other beyond it is asked for
+
+
 def bracketed_root(
     function: Callable[[float], float], low: float, high: float, tolerance: float, first: float = math.nan
 ) -> float:
@@ -49,6 +52,8 @@ def bracketed_root(
         c, fc, b, fb = (a, fa, b, fb) if (fx > 0) == (fa > 0) else (b, fb, a, fa)
         a, fa = x, fx
         share = _share(a, b, c, fa, fb, fc)
+        if abs(share * (b - a)) < _SURE * tolerance:
+            return a
     return best
 
 

@@ -171,6 +171,19 @@ def test_a_cusp_and_a_peak_state_their_errors():
         assert away <= STATED * (top.error + true.error) and top.error < 1e-5, measure
 
 
+@pytest.mark.parametrize("H", [5, 8])
+def test_a_turn_is_judged_by_one_row_beside_it(H):
+    """Where a curve of folds turns its value hardly changes: what twice the harmonics make of it, to three hundredths."""
+    cusps = []
+    for harmonics, accuracy in ((H, 1.0), (2 * H, None)):
+        curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), harmonics), "Omega", (1.0, 0.6), accuracy=None)
+        folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.2), accuracy=accuracy)
+        cusps.append(folds["CP1"])
+    judged, true = cusps
+    moved = abs(true.parameters["zeta"] - judged.parameters["zeta"])
+    assert moved > 1e-7 and judged.error == pytest.approx(moved, rel=0.03) and judged.layout.harmonics == H
+
+
 @pytest.mark.parametrize("near", ["equations", "piece"])
 def test_of_two_answers_beyond_a_piece_the_nearer_one_is_the_point(monkeypatch, near):
     """Newton with more harmonics left the piece, on which another point is then found: whichever moved less is it.
