@@ -135,7 +135,7 @@ def _corrected(
     """Newton on the plane through the prediction; told : sign of the determinant, iterations, residual."""
     R, J, dR, matrices, constants = room
     n = R.shape[0]
-    A, b, u = np.empty((n + 1, n + 1)), np.empty((n + 1, 2)), np.empty(n + 1)
+    A, u = np.empty((n + 1, n + 3)), np.empty(n + 1)
     for i in range(n + 1):
         u[i] = predicted[i]
     last = first = best = math.inf
@@ -149,18 +149,18 @@ def _corrected(
         for i in range(n):
             for j in range(n):
                 A[i, j] = J[i, j]
-            A[i, n], b[i, 0], b[i, 1] = dR[i], R[i], 0.0
+            A[i, n], A[i, n + 1], A[i, n + 2] = dR[i], R[i], 0.0
         for j in range(n + 1):
             A[n, j] = normal[j]
             off += normal[j] * (u[j] - predicted[j])
-        b[n, 0], b[n, 1] = off, 1.0
-        sign = eliminate(A, b)
+        A[n, n + 1], A[n, n + 2] = off, 1.0
+        sign = eliminate(A)
         if sign == 0:
             return SINGULAR
         moved = reached = 0.0
         for i in range(n + 1):
-            moved += b[i, 0] ** 2
-            reached += (u[i] - b[i, 0]) ** 2
+            moved += A[i, n + 1] ** 2
+            reached += (u[i] - A[i, n + 1]) ** 2
         step = math.sqrt(moved / max(reached, 1e-300))
         good, what = judged(residual, step, last, first, best, iteration, tolerances[0], tolerances[1], most, SHARP)
         first, last = min(first, residual), step
@@ -168,12 +168,12 @@ def _corrected(
             best = residual
             told[0], told[1], told[2] = sign, iteration, residual
             for i in range(n + 1):
-                found[i], direction[i] = u[i], b[i, 1]
+                found[i], direction[i] = u[i], A[i, n + 2]
         if what == FAILED:
             told[2] = residual
             return STOPPED
         if what == DONE:
             return GOOD
         for i in range(n + 1):
-            u[i] -= b[i, 0]
+            u[i] -= A[i, n + 1]
     return GOOD if best < math.inf else STOPPED
