@@ -2,7 +2,7 @@
 
     A = P L U,   X = U^-1 L^-1 P^T B,   the sign of det A from the pivots and their order
 
-Rows are exchanged for the largest pivot of each column. Four columns are eliminated before the others are touched, which
+Rows are exchanged for the largest pivot of each column. Four columns are eliminated before others are touched, which
 are then read and written once for all four. For matrices of up to some seventy rows this takes no longer than LAPACK;
 threads may run it at once, and its results hardly depend on the processor.
 

@@ -284,21 +284,25 @@ def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
 @kernel
 def _answer(A: Any, R: Any, D: Any, state: Any, M: Any, shown: Any, u: Any) -> None:
     """u from (1 + D A) u = D R z_0; M and shown are room for [1 + D A  D R z_0] and D R."""
-    n, r = u.shape
-    g = D.shape[2]
+    n, g = u.shape[0], D.shape[2]
     for i in range(n):
-        M[i, :n], shown[i, :], u[i, :] = 0.0, 0.0, 0.0
-        M[i, i] = 1.0
         for o in range(D.shape[0]):
             d = D[o, i // g, i % g]
             for j in range(n):
-                M[i, j] += d * A[o, i, j]
+                M[i, j] = d * A[o, i, j] + (M[i, j] if o else 0.0)
             for j in range(shown.shape[1]):
-                shown[i, j] += d * R[o, i, j]
+                shown[i, j] = d * R[o, i, j] + (shown[i, j] if o else 0.0)
+        M[i, i] += 1.0
+        for j in range(u.shape[1]):
+            u[i, j] = 0.0
     _add_product(shown, state, 1.0, u)
-    M[:, n:] = u
+    for i in range(n):
+        for j in range(u.shape[1]):
+            M[i, n + j] = u[i, j]
     eliminate(M)
-    u[:, :] = M[:, n:]
+    for i in range(n):
+        for j in range(u.shape[1]):
+            u[i, j] = M[i, n + j]
 
 
 @kernel

@@ -76,15 +76,16 @@ def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
 def driven(linear: Any, Omega: Any, f: Any, out: Any) -> None:
     """Put the motions that force harmonics (P, m, L) of the orders left make the elements do in these of out (P, n)."""
     P, m, L = f.shape
-    poles, residues = linear.poles, linear.residues
-    G, dG = np.empty((m, m), dtype=np.complex128), np.empty((m, m), dtype=np.complex128)
+    w, sums = np.empty(L), np.empty((4, m * m, L))
     for p in range(P):
         rows = out[p].reshape(m, -1)
         for k in range(L):
-            receptance(poles, residues, Omega[p] * linear.left[k] / linear.nu, G, dG)
+            w[k] = Omega[p] * linear.left[k] / linear.nu
+        receptance(linear.poles, linear.residues[: m * m], w, sums)
+        for k in range(L):
             at = 2 * linear.left[k]
             for i in range(m):
                 d = 0j
                 for j in range(m):
-                    d += G[i, j] * f[p, j, k]
+                    d += complex(sums[0, i * m + j, k], sums[1, i * m + j, k]) * f[p, j, k]
                 rows[i, at - 1], rows[i, at] = -d.real, d.imag
