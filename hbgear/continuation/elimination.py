@@ -16,12 +16,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import bare
 
 _PIVOTS = 4  # columns eliminated at once; `_reduce` takes as many
 
 
-@kernel
+@bare
 def eliminate(A: Any) -> int:
     """Put A^-1 B in the place of B in [A B] (n, n + r), whose A is lost. The sign of det A, 0 if A is singular."""
     n, sign = A.shape[0], 1
@@ -48,7 +48,7 @@ def eliminate(A: Any) -> int:
     return sign
 
 
-@kernel
+@bare
 def _factorise(A: Any, first: int, panel: Any) -> int:
     """L and U in the place of some columns of the rows from the first one on; whole rows are exchanged."""
     sign, (n, columns) = 1, panel.shape
@@ -74,19 +74,19 @@ def _factorise(A: Any, first: int, panel: Any) -> int:
     return sign
 
 
-@kernel
+@bare
 def _exchange(x: Any, y: Any) -> None:
     for k in range(x.shape[0]):
         x[k], y[k] = y[k], x[k]
 
 
-@kernel
+@bare
 def _subtract(f: float, x: Any, y: Any) -> None:
     for k in range(x.shape[0]):
         y[k] -= f * x[k]
 
 
-@kernel
+@bare
 def _reduce(A: Any, j: int, first: int, end: int, start: int) -> None:
     """Subtract from the rows from first to end their multiples of four rows from j on, in the columns from start on.
 
@@ -101,7 +101,7 @@ def _reduce(A: Any, j: int, first: int, end: int, start: int) -> None:
                 row[k] -= a * p[k] + b * q[k] + c * r[k] + d * s[k]
 
 
-@kernel
+@bare
 def length(x: Any) -> float:
     """Euclidean norm of a vector."""
     total = 0.0
@@ -110,7 +110,7 @@ def length(x: Any) -> float:
     return math.sqrt(total)
 
 
-@kernel
+@bare
 def distance(x: Any, y: Any, scale: Any) -> float:
     """Euclidean norm of (x - y) / scale."""
     total = 0.0

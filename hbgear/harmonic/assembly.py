@@ -27,8 +27,9 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.compiling import inlined, kernel
-from hbgear.harmonic.projection import projected
+from hbgear.harmonic.projection import coefficient, projected
 from hbgear.harmonic.sampling import samples_of, spectrum
+from hbgear.mechanics.summing import waves_of
 
 
 @kernel
@@ -163,11 +164,7 @@ def assembled(numbers: Any, X: Any, omega: float, matrices: Any, constants: Any,
     n = X.shape[0] // m
     some, rows = X.reshape(m, n), spread(numbers, X, m)
     kappa, chi, more = projected(numbers, rows, rows.shape[1] - 1)
-    size_f = _forces(some, orders, kappa, chi, R, J)
-    for j in range(m):
-        if numbers.laws.cubic[j, 1] != 0.0:
-            add_product(more[j], orders, J[j * n : (j + 1) * n, j * n : (j + 1) * n])
-    size = size_f + _add_linear(some, matrices, constants, R, J, dR)
+    size = _forces(rows, orders, kappa, chi, more, R, J) + _add_linear(some, matrices, constants, R, J, dR)
     for q in range(numbers.laws.own.shape[0]):
         size += _add_samples(numbers, rows, q, omega, R, J, dR)
     return size if size > 0.0 else 1.0
@@ -220,47 +217,52 @@ def _add_harmonic(Z: complex, k: int, J: Any, row: int, column: int) -> None:
 
 
 @kernel
-def _forces(rows: Any, orders: Any, kappa: Any, chi: Any, R: Any, J: Any) -> float:
-    """R = T(kappa) d + chi, J = T(kappa); the norm of R."""
-    m, n = rows.shape
+def _forces(rows: Any, orders: Any, kappa: Any, chi: Any, more: Any, R: Any, J: Any) -> float:
+    """R = kappa d + chi, J = T(kappa + more), where more is added to kappa; the norm of R."""
+    n, total = 2 * orders.shape[0] - 1, 0.0
     J[:, :] = 0.0
-    total = 0.0
-    for j in range(m):
-        T = J[j * n : (j + 1) * n, j * n : (j + 1) * n]
-        add_product(kappa[j], orders, T)
-        for a in range(n):
-            f = 0.0
-            for b in range(n):
-                f += T[a, b] * rows[j, b]
-            k = orders[(a + 1) // 2]
-            f += chi[j, k].real * (2.0 if a else 1.0) if a % 2 or a == 0 else -2.0 * chi[j, k].imag
-            R[j * n + a] = f
-            total += f * f
+    for j in range(rows.shape[0]):
+        c = waves_of(rows[j])
+        for i in range(orders.shape[0]):
+            k, at = orders[i], j * n + 2 * i
+            f = coefficient(kappa[j], c, k) + chi[j, k]
+            if i:
+                R[at - 1], R[at] = 2.0 * f.real, -2.0 * f.imag
+                total += R[at - 1] ** 2 + R[at] ** 2
+            else:
+                R[at] = f.real
+                total += R[at] ** 2
+        for k in range(more.shape[1]):
+            kappa[j, k] += more[j, k]
+        add_product(kappa[j], orders, J[j * n : (j + 1) * n, j * n : (j + 1) * n])
     return math.sqrt(total)
 
 
 @kernel
 def add_product(kappa: Any, orders: Any, T: Any) -> None:
-    """Add the matrix of the product with kappa, in the real basis of some orders, of which the first is 0."""
-    K = orders.shape[0]
+    """Add the matrix of the product with kappa, in the real basis of some orders, of which the first is 0.
+
+    But for row 0 it is symmetric.
+    """
     T[0, 0] += kappa[0].real
-    for k in range(1, K):
+    for k in range(1, orders.shape[0]):
         r, s = kappa[orders[k]].real, kappa[orders[k]].imag
         T[0, 2 * k - 1] += r
         T[0, 2 * k] -= s
         T[2 * k - 1, 0] += 2 * r
         T[2 * k, 0] -= 2 * s
-    for k in range(1, K):
-        for i in range(1, K):
-            apart, both = orders[k] - orders[i], orders[k] + orders[i]
-            r, s = kappa[abs(apart)].real, kappa[abs(apart)].imag
-            if apart < 0:
-                s = -s
-            p, q = kappa[both].real, kappa[both].imag
+        for i in range(1, k + 1):
+            apart, both = kappa[orders[k] - orders[i]], kappa[orders[k] + orders[i]]
+            r, s, p, q = apart.real, apart.imag, both.real, both.imag
             T[2 * k - 1, 2 * i - 1] += r + p
             T[2 * k - 1, 2 * i] += s - q
             T[2 * k, 2 * i - 1] -= s + q
             T[2 * k, 2 * i] += r - p
+            if i < k:
+                T[2 * i - 1, 2 * k - 1] += r + p
+                T[2 * i, 2 * k - 1] += s - q
+                T[2 * i - 1, 2 * k] -= s + q
+                T[2 * i, 2 * k] += r - p
 
 
 @kernel

@@ -767,9 +767,9 @@ class HarmonicBalance(FullProblem):
         numbers = self._looped(name, parameters)
         if numbers is None:
             return None
-        from hbgear.harmonic.pursuit import pursue
+        from hbgear.harmonic.pursuit import pursue, room
 
-        return partial(pursue, numbers)
+        return partial(pursue, numbers, room(numbers))
 
     def locating(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
         """Compiled Newton on folds (-1) and on zeros of a `clearance`, under the same conditions.
