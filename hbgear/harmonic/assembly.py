@@ -121,7 +121,8 @@ def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> Non
         power, k = linear.loads[n]
         growth, slope = Omega**power, power * Omega ** (power - 1.0)
         for j in range(m):
-            y, dy = _entry(sums, m * (m + n) + j, k, orders[k] / linear.nu)
+            at, ratio = m * (m + n) + j, orders[k] / linear.nu
+            y, dy = complex(sums[0, at, k], sums[1, at, k]), ratio * complex(sums[3, at, k], -sums[2, at, k])
             y, dy = growth * y, growth * dy + slope * y
             for i in range(m):
                 constants[0, k, i] -= matrices[0, k, i, j] * y
@@ -132,26 +133,22 @@ def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> Non
 
 
 @kernel
-def _entry(sums: Any, row: int, k: int, ratio: float) -> tuple[complex, complex]:
-    """One of the sums of `receptance` at w = ratio Omega, with its derivative in Omega."""
-    return complex(sums[0, row, k], sums[1, row, k]), ratio * complex(sums[3, row, k], -sums[2, row, k])
-
-
-@kernel
 def _stiffnesses(sums: Any, orders: Any, nu: int, matrices: Any) -> None:
     """Put Y = G^-1 and dY/dOmega = -Y dG/dOmega Y of all orders in matrices; nan where G is singular."""
     K, m = orders.shape[0], matrices.shape[2]
     if m == 1:  # the usual case
         for k in range(K):
-            G, dG = _entry(sums, 0, k, orders[k] / nu)
+            G, dG = complex(sums[0, 0, k], sums[1, 0, k]), complex(sums[3, 0, k], -sums[2, 0, k])
             Y = 1.0 / G if G != 0.0 else complex(math.nan, math.nan)
-            matrices[0, k, 0, 0], matrices[1, k, 0, 0] = Y, -Y * Y * dG
+            matrices[0, k, 0, 0], matrices[1, k, 0, 0] = Y, -orders[k] / nu * Y * Y * dG
         return
     work = np.empty((3, K, m, m), dtype=np.complex128)
     for k in range(K):
         for i in range(m):
             for j in range(m):
-                work[0, k, i, j], work[1, k, i, j] = _entry(sums, i * m + j, k, orders[k] / nu)
+                n, ratio = i * m + j, orders[k] / nu
+                work[0, k, i, j] = complex(sums[0, n, k], sums[1, n, k])
+                work[1, k, i, j] = ratio * complex(sums[3, n, k], -sums[2, n, k])
     _invert(work[0], matrices[0])
     _multiply(work[1], matrices[0], 1.0, work[2])
     _multiply(matrices[0], work[2], -1.0, matrices[1])

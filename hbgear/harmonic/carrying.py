@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import bare, kernel
+from hbgear.common.compiling import kernel
 from hbgear.continuation.elimination import eliminate
 from hbgear.harmonic.phi import moments
 from hbgear.harmonic.pieces import piece_of, polynomial, waves_with
@@ -324,37 +324,26 @@ def step_of(fast: float, omega: float, nu: int, schemes: Any, share: float) -> t
     return which, min(width * omega / max(fast, 1e-300), share * 2 * math.pi / nu)
 
 
-@bare
+@kernel
 def monodromies(
-    numbers: Any, modes: Any, X: Any, Omega: Any, mobility: Any, coarse: Any, schemes: Any, share: float, most: float,
-    out: Any,
-) -> float:  # fmt: skip
+    numbers: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, share: float, most: float, out: Any
+) -> float:
     """Matrices (P, r, r) of motions X (P, n) at Omega (P,) of a model whose laws are all in the table.
 
-    coarse : phases of a period at which to look for the largest stiffness, see `pace`. schemes : for a motion whose
-    period the springs turn by few radians and for a long one, (x, L, width), and the radians between. Returns 0, or the
-    number of steps of a period if it exceeds ``most``.
+    schemes : for a motion whose period the springs turn by few radians and for a long one, (x, L, width), and the
+    radians between. Returns 0, or the number of steps of a period if it exceeds ``most``.
     """
-    for p in range(X.shape[0]):
-        count: float = _of_one(numbers, modes, X[p], Omega[p], mobility, coarse, schemes, share, most, out[p])
-        if count > 0.0:
-            return count
-    return 0.0
-
-
-@kernel
-def _of_one(
-    numbers: Any, modes: Any, X: Any, Omega: float, mobility: Any, coarse: Any, schemes: Any, share: float, most: float,
-    out: Any,
-) -> float:  # fmt: skip
     nu = numbers.linear.nu
-    rows, omega = X.reshape(mobility.shape[0], -1), Omega / nu
-    which, longest = step_of(pace(numbers, rows, mobility, coarse), omega, nu, schemes, share)
-    x, L, _ = schemes[0] if which == 0 else schemes[1]
-    count: float = 2 * math.pi / longest
-    if count > most:
-        return count
-    cut = pieces(corners(numbers, rows), longest)
-    D = moduli(numbers, rows, modes.ports, cut, x)
-    monodromy(modes, cut, omega, D, x, L, out)
+    coarse = circle(COARSE * nu)
+    for p in range(X.shape[0]):
+        rows, omega = X[p].reshape(mobility.shape[0], -1), Omega[p] / nu
+        fast = pace(numbers, rows, mobility, coarse)
+        which, longest = step_of(fast, omega, nu, schemes, share)
+        x, L, _ = schemes[0] if which == 0 else schemes[1]
+        count: float = 2 * math.pi / longest
+        if count > most:
+            return count
+        cut = pieces(corners(numbers, rows), longest)
+        D = moduli(numbers, rows, modes.ports, cut, x)
+        monodromy(modes, cut, omega, D, x, L, out[p])
     return 0.0

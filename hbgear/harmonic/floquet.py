@@ -242,15 +242,14 @@ def monodromies(
     long = _LONG if points is None else np.inf
     usual = _WIDER if is_reduced(compiled) else _WIDTH
     schemes = ((*gauss(short), width or short / 5.0), (*gauss(10), width or usual), long)
-    coarse = carrying.circle(carrying.COARSE * compiled.nu)
     if not compiled.asked:
         count = carrying.monodromies(
-            compiled.numbers_of(X), part.modes, X, Omega, mobility, coarse, schemes, _SHARE, float(_STEPS), out
+            compiled.numbers_of(X), part.modes, X, Omega, mobility, schemes, _SHARE, float(_STEPS), out
         )
         _check_steps(count)
         return out
     for motion, frequency, matrix in zip(X, Omega.tolist(), out, strict=True):
-        _carried(compiled, part, mobility, motion, frequency, coarse, schemes, matrix)
+        _carried(compiled, part, mobility, motion, frequency, schemes, matrix)
     return out
 
 
@@ -262,14 +261,13 @@ def _check_steps(count: float) -> None:
         )
 
 
-def _carried(
-    compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: float, coarse: Array, schemes: Any, out: Array
-) -> None:
+def _carried(compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: float, schemes: Any, out: Array) -> None:
     """`carrying.monodromies` of one motion of a model with laws of its own, which are asked for their slopes here."""
     from hbgear.harmonic import carrying
 
     numbers, nu = compiled.numbers_of(X), compiled.nu
     rows, omega = X.reshape(compiled.m, -1), Omega / nu
+    coarse = carrying.circle(carrying.COARSE * nu)
     largest = np.abs(_slopes(compiled, rows, omega, coarse[0])[0]).max(axis=1)
     fast = max(carrying.pace(numbers, rows, mobility, coarse), float(np.sqrt((mobility * largest).max())))
     which, longest = carrying.step_of(fast, omega, nu, schemes, _SHARE)

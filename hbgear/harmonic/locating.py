@@ -129,8 +129,10 @@ def _bordered(J: Any, borders: Any) -> float:
         borders[0, i], borders[1, i] = math.sin(1.0 + i * i), math.sin(2.0 + i * i)
         for j in range(n):
             total += J[i, j] * J[i, j]
+    x, y = np.empty(n + 1), np.empty(n + 1)
     for _ in range(_ITERATIONS):
-        x, y = _null(J, borders[0], borders[1], False), _null(J, borders[1], borders[0], True)
+        _null(J, borders[0], borders[1], False, x)
+        _null(J, borders[1], borders[0], True, y)
         turned = max(_turned(borders[0], y), _turned(borders[1], x))
         if not turned > _TURNED:
             break
@@ -151,8 +153,8 @@ def _turned(border: Any, x: Any) -> float:
 
 
 @kernel
-def _null(J: Any, column: Any, row: Any, transposed: bool) -> Any:
-    """The solution (n + 1,) of [J column; row^T 0] x = (0, ..., 0, 1), or with J transposed."""
+def _null(J: Any, column: Any, row: Any, transposed: bool, x: Any) -> None:
+    """The solution x (n + 1,) of [J column; row^T 0] x = (0, ..., 0, 1), or with J transposed."""
     n = J.shape[0]
     B = np.empty((n + 1, n + 2))
     for i in range(n):
@@ -161,14 +163,17 @@ def _null(J: Any, column: Any, row: Any, transposed: bool) -> Any:
         B[i, n], B[n, i], B[i, n + 1] = column[i], row[i], 0.0
     B[n, n], B[n, n + 1] = 0.0, 1.0
     eliminate(B)
-    return B[:, n + 1].copy()
+    for i in range(n + 1):
+        x[i] = B[i, n + 1]
 
 
 @inlined
 def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: Any) -> float:
     """The bordered determinant g of J; its gradient in row (n + 1,). change : dZ/dOmega."""
     n = X.shape[0]
-    x, w = _null(J, borders[0], borders[1], False), _null(J, borders[1], borders[0], True)
+    x, w = np.empty(n + 1), np.empty(n + 1)
+    _null(J, borders[0], borders[1], False, x)
+    _null(J, borders[1], borders[0], True, w)
     v, g = x[:n], float(x[n])
     along, across = np.empty((n, n)), np.empty((n, n))
     curvature(numbers, X, v, _STEP * max(1e-3, length(X)) / length(v), change, along, across)

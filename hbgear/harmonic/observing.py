@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import bare, kernel
+from hbgear.common.compiling import kernel
 from hbgear.harmonic.assembly import receptance
 from hbgear.harmonic.pieces import highest_on, waves_with
 from hbgear.harmonic.projection import coefficient, projected
@@ -45,29 +45,27 @@ def reach(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
                 regime[p, j] += 1
 
 
-@bare
+@kernel
 def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
     """One-sided force harmonics (P, m, L) of the orders left at Omega (P,): exact, of compiled laws by samples.
 
     The dampers' part is that of the displacements with corners, which alone have other harmonics than the motion.
     """
+    m, beyond, left = f.shape[1], numbers.corners.beyond, numbers.linear.left
+    H = numbers.basis.shape[0] // 2
     for p in range(X.shape[0]):
-        _neglected(numbers, X[p], Omega[p], f[p])
-
-
-@kernel
-def _neglected(numbers: Any, X: Any, Omega: float, f: Any) -> None:
-    beyond, left, rows = numbers.corners.beyond, numbers.linear.left, X.reshape(f.shape[0], -1)
-    kappa, chi, _ = projected(numbers, rows, 3 * (numbers.basis.shape[0] // 2))
-    for j in range(f.shape[0]):
-        c = waves_of(rows[j])
-        for i in range(left.shape[0]):
-            f[j, i] = 2.0 * (coefficient(kappa[j], c, left[i]) + chi[j, left[i]])
-    neglected_samples(numbers, rows, Omega / numbers.linear.nu, f)
-    for j in range(f.shape[0]):
-        for i in range(left.shape[0]):
-            rate = numbers.linear.springs[1, j] * Omega * left[i] / numbers.linear.nu
-            f[j, i] -= 1j * rate * beyond[i, j]
+        rows = X[p].reshape(m, -1)
+        kappa, chi, _ = projected(numbers, rows, 3 * H)
+        for j in range(m):
+            c = waves_of(rows[j])
+            for i in range(left.shape[0]):
+                k = left[i]
+                f[p, j, i] = 2.0 * (coefficient(kappa[j], c, k) + chi[j, k])
+        neglected_samples(numbers, rows, Omega[p] / numbers.linear.nu, f[p])
+        for j in range(m):
+            for i in range(left.shape[0]):
+                rate = numbers.linear.springs[1, j] * Omega[p] * left[i] / numbers.linear.nu
+                f[p, j, i] -= 1j * rate * beyond[i, j]
 
 
 @kernel
