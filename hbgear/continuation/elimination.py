@@ -16,6 +16,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from hbgear.common.compiling import bare
 
 _PIVOTS = 4  # columns eliminated at once; `_reduce` takes as many
@@ -44,7 +46,7 @@ def eliminate(A: Any) -> int:
             for k in range(row.shape[0]):
                 row[k] *= pivot
         if first > 0:
-            _reduce(A, first, 0, first, n)
+            _reduce(A, first, np.int64(0), first, n)  # of a literal `_reduce` would be compiled once more
     return sign
 
 
@@ -87,7 +89,7 @@ def _subtract(f: float, x: Any, y: Any) -> None:
 
 
 @bare
-def _reduce(A: Any, j: int, first: int, end: int, start: int) -> None:
+def _reduce(A: Any, j: int, first: Any, end: int, start: int) -> None:
     """Subtract from the rows from first to end their multiples of four rows from j on, in the columns from start on.
 
     The multiples stand in columns j to j + 3. Columns are slices, whose numbers are known not to be negative: only such
