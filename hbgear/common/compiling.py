@@ -42,6 +42,15 @@ def kernel(function: Function) -> Function:
     return _compiled(function, "never")
 
 
+def bare(function: Function) -> Function:
+    """A kernel that makes no array and calls none that returns one, for what is called with many arrays from Python.
+
+    References to arrays are not counted in it, nor in the kernels that it calls to those it was given: in short loops
+    that took half of the time. An array that another kernel returned to it would never be thrown away.
+    """
+    return _compiled(function, "never", counted=False)
+
+
 def inlined(function: Function) -> Function:
     """A part of the kernels that call it, written into them: it is not compiled by itself.
 
@@ -51,7 +60,7 @@ def inlined(function: Function) -> Function:
     return _compiled(function, "always")
 
 
-def _compiled(function: Function, inline: str) -> Function:
+def _compiled(function: Function, inline: str, counted: bool = True) -> Function:
     numba = _numba()
     if numba is None:
         return function
@@ -64,6 +73,7 @@ def _compiled(function: Function, inline: str) -> Function:
             error_model="numpy",
             fastmath={"contract"},
             inline=inline,
+            _nrt=counted,
             no_cfunc_wrapper=True,
             no_cpython_wrapper=function.__name__.startswith("_"),  # called by kernels only
         )(function)

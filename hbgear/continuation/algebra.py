@@ -74,8 +74,8 @@ def solve_signed(A: Matrix, b: Array) -> tuple[Array, int]:
     if dense(A) and len(A) <= SMALL:
         from hbgear.continuation.elimination import eliminate
 
-        x = b.copy()
-        sign = eliminate(np.array(A, order="C"), x)
+        both = np.ascontiguousarray(np.hstack([A, b]))
+        sign, x = eliminate(both), both[:, len(A) :].copy()
         if not sign or not math.isfinite(x.sum()):
             raise np.linalg.LinAlgError("singular matrix")
         return x, sign

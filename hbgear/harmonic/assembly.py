@@ -27,175 +27,131 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.compiling import inlined, kernel
-from hbgear.harmonic.projection import projected
+from hbgear.harmonic.projection import coefficient, projected
 from hbgear.harmonic.sampling import samples_of, spectrum
-
-_MANY = 64  # poles from which their terms are computed several at once
-
-
-@kernel
-def receptance(poles: Any, residues: Any, w: float, G: Any, dG: Any) -> None:
-    """G (m, m) and dG/dw at a frequency."""
-    m = G.shape[0]
-    if m == 1:
-        G[0, 0], dG[0, 0] = _modal_sum(poles, residues[0], w)
-        return
-    each = np.empty((2, poles.shape[1]))  # 1 / (i w - pole)
-    for k in range(poles.shape[1]):
-        a, b = -poles[0, k], w - poles[1, k]
-        size = 1.0 / (a * a + b * b)
-        each[0, k], each[1, k] = a * size, -b * size
-    for i in range(m):
-        for j in range(m):
-            G[i, j], dG[i, j] = _weighted_sum(each, residues[i * m + j])
+from hbgear.mechanics.summing import waves_of
 
 
 @kernel
-def _weighted_sum(each: Any, residues: Any) -> tuple[complex, complex]:
-    """`_modal_sum` of known 1 / (i w - pole)."""
-    x = y = u = v = 0.0
-    for k in range(each.shape[1]):
-        a, b = each[0, k], each[1, k]
-        p, q = residues[0, k] * a - residues[1, k] * b, residues[0, k] * b + residues[1, k] * a
-        x, y = x + p, y + q
-        u, v = u + p * a - q * b, v + p * b + q * a
-    return complex(x, y), complex(v, -u)
+def receptance(poles: Any, residues: Any, w: Any, sums: Any) -> None:
+    """sum_r residue_r / (i w - pole_r) of N rows at K frequencies w, and i times the derivative in w: sums (4, N, K).
+
+    They are real and imaginary part of the one and of the other.
+    """
+    each = np.empty((2, w.shape[0]))
+    sums[:, :, :] = 0.0
+    for r in range(poles.shape[1]):
+        for k in range(w.shape[0]):  # all frequencies together, several of them at once
+            a, b = -poles[0, r], w[k] - poles[1, r]
+            size = 1.0 / (a * a + b * b)
+            each[0, k], each[1, k] = a * size, -b * size
+        for i in range(residues.shape[0]):
+            c, d, x, y, u, v = residues[i, 0, r], residues[i, 1, r], sums[0, i], sums[1, i], sums[2, i], sums[3, i]
+            for k in range(w.shape[0]):
+                a, b = each[0, k], each[1, k]
+                p, q = c * a - d * b, c * b + d * a
+                x[k] += p
+                y[k] += q
+                u[k] += p * a - q * b
+                v[k] += p * b + q * a
 
 
 @kernel
-def _modal_sum(poles: Any, residues: Any, w: float) -> tuple[complex, complex]:
-    """sum_k residue_k / (i w - pole_k), and its derivative in w."""
-    x = y = u = v = 0.0
-    n = poles.shape[1]
-    if n < _MANY:
-        for k in range(n):
-            p, q, r, s = _term(poles, residues, w, k)
-            x, y, u, v = x + p, y + q, u + r, v + s
-        return complex(x, y), complex(v, -u)
-    terms = np.empty((4, n))  # all of them before the sums, so that processors compute several at once
-    for k in range(n):
-        terms[0, k], terms[1, k], terms[2, k], terms[3, k] = _term(poles, residues, w, k)
-    for k in range(n):
-        x, y, u, v = x + terms[0, k], y + terms[1, k], u + terms[2, k], v + terms[3, k]
-    return complex(x, y), complex(v, -u)
-
-
-@kernel
-def _term(poles: Any, residues: Any, w: float, k: int) -> tuple[float, float, float, float]:
-    """residue / (i w - pole) and residue / (i w - pole)^2 of one pole, real and imaginary parts."""
-    a, b = -poles[0, k], w - poles[1, k]
-    size = 1.0 / (a * a + b * b)
-    a, b = a * size, -b * size  # 1 / (i w - pole)
-    p, q = residues[0, k] * a - residues[1, k] * b, residues[0, k] * b + residues[1, k] * a
-    return p, q, p * a - q * b, p * b + q * a
-
-
-@kernel
-def inverse(A: Any, out: Any) -> None:
-    """A^-1 (m, m) complex, by Gauss and Jordan with exchanges of rows; A is lost. All nan if it is singular."""
-    m = A.shape[0]
-    for i in range(m):
-        for j in range(m):
-            out[i, j] = 1.0 if i == j else 0.0
-    for j in range(m):
-        p = j
-        for i in range(j + 1, m):
-            if abs(A[i, j]) > abs(A[p, j]):
-                p = i
-        for k in range(m):
-            A[j, k], A[p, k] = A[p, k], A[j, k]
-            out[j, k], out[p, k] = out[p, k], out[j, k]
-        if A[j, j] == 0.0:
-            for i in range(m):
-                for k in range(m):
-                    out[i, k] = complex(math.nan, math.nan)
-            return
-        pivot = 1.0 / A[j, j]
-        for k in range(m):
-            A[j, k] *= pivot
-            out[j, k] *= pivot
+def _invert(A: Any, out: Any) -> None:
+    """A^-1 of K complex matrices (K, m, m), by Gauss and Jordan with exchanges of rows; A is lost. nan if singular."""
+    m = A.shape[1]
+    for n in range(A.shape[0]):
         for i in range(m):
-            f = A[i, j]
-            if i != j and f != 0.0:
+            for j in range(m):
+                out[n, i, j] = 1.0 if i == j else 0.0
+        for j in range(m):
+            p = j
+            for i in range(j + 1, m):
+                if _size(A[n, i, j]) > _size(A[n, p, j]):
+                    p = i
+            pivot = 1.0 / A[n, p, j] if A[n, p, j] != 0.0 else complex(math.nan, math.nan)
+            for k in range(m):
+                A[n, p, k], A[n, j, k] = A[n, j, k], A[n, p, k] * pivot
+                out[n, p, k], out[n, j, k] = out[n, j, k], out[n, p, k] * pivot
+            for i in range(m):
+                f = A[n, i, j]
+                if i != j:
+                    for k in range(m):
+                        A[n, i, k] -= f * A[n, j, k]
+                        out[n, i, k] -= f * out[n, j, k]
+
+
+@kernel
+def _size(z: complex) -> float:
+    return abs(z.real) + abs(z.imag)
+
+
+@kernel
+def _multiply(A: Any, B: Any, factor: float, out: Any) -> None:
+    """out = factor A B of K matrices (K, m, m)."""
+    m = A.shape[1]
+    for n in range(A.shape[0]):
+        for i in range(m):
+            for j in range(m):
+                total = 0j
                 for k in range(m):
-                    A[i, k] -= f * A[j, k]
-                    out[i, k] -= f * out[j, k]
+                    total += A[n, i, k] * B[n, k, j]
+                out[n, i, j] = factor * total
 
 
 @kernel
 def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> None:
     """Z and dZ/dOmega (2, K + 1, m, m), g and dg/dOmega (2, K + 1, m) of all orders."""
-    m, nu, orders = matrices.shape[2], linear.nu, linear.orders
-    poles, residues, springs, moved = linear.poles, linear.residues, linear.springs, linear.moved
-    G, dG = np.empty((m, m), dtype=np.complex128), np.empty((m, m), dtype=np.complex128)
-    first = residues[0]
-    for k in range(orders.shape[0]):
-        ratio = orders[k] / nu
-        w = Omega * ratio
-        if m == 1:  # the usual case: parts of arrays would take longer to make than all that is computed with them
-            matrices[0, k, 0, 0], matrices[1, k, 0, 0] = _stiffness(poles, first, w, ratio)
-        else:
-            receptance(poles, residues, w, G, dG)
-            inverse(G, matrices[0, k])
-            _change(matrices[0, k], dG, -ratio, matrices[1, k])
+    m, orders, springs, moved = matrices.shape[2], linear.orders, linear.springs, linear.moved
+    K, rows = orders.shape[0], linear.residues.shape[0]
+    w, sums = np.empty(K), np.empty((4, rows, K))
+    for k in range(K):
+        w[k] = Omega * (orders[k] / linear.nu)
+    receptance(linear.poles, linear.residues, w, sums)
+    _stiffnesses(sums, orders, linear.nu, matrices)
+    for k in range(K):
         for i in range(m):
-            e = moved[k, i]
-            constants[0, k, i] = -(springs[0, i] + 1j * w * springs[1, i]) * e
-            constants[1, k, i] = -1j * ratio * springs[1, i] * e
+            e, loss = moved[k, i], orders[k] / linear.nu * springs[1, i]
+            g, dg = -complex(springs[0, i], Omega * loss) * e, complex(0.0, -loss) * e
             for j in range(m):
-                constants[0, k, i] += matrices[0, k, i, j] * moved[k, j]
-                constants[1, k, i] += matrices[1, k, i, j] * moved[k, j]
+                g += matrices[0, k, i, j] * moved[k, j]
+                dg += matrices[1, k, i, j] * moved[k, j]
+            constants[0, k, i], constants[1, k, i] = g, dg
     for n in range(linear.loads.shape[0]):
-        _add_load(linear, Omega, n, matrices, constants)
-    for k in range(orders.shape[0]):
+        power, k = linear.loads[n]
+        growth, slope = Omega**power, power * Omega ** (power - 1.0)
+        for j in range(m):
+            at, ratio = m * (m + n) + j, orders[k] / linear.nu
+            y, dy = complex(sums[0, at, k], sums[1, at, k]), ratio * complex(sums[3, at, k], -sums[2, at, k])
+            y, dy = growth * y, growth * dy + slope * y
+            for i in range(m):
+                constants[0, k, i] -= matrices[0, k, i, j] * y
+                constants[1, k, i] -= matrices[1, k, i, j] * y + matrices[0, k, i, j] * dy
+    for k in range(K):
         for i in range(m):
             matrices[0, k, i, i] -= springs[0, i]
 
 
 @kernel
-def _stiffness(poles: Any, residues: Any, w: float, ratio: float) -> tuple[complex, complex]:
-    """1 / G of a single element, and its derivative in Omega = w / ratio; nan where G is zero."""
-    G, dG = _modal_sum(poles, residues, w)
-    if G == 0.0:
-        return complex(math.nan, math.nan), complex(math.nan, math.nan)
-    Y = 1.0 / G
-    return Y, -ratio * Y * Y * dG
-
-
-@kernel
-def _change(Y: Any, dG: Any, factor: float, dY: Any) -> None:
-    """dY = factor Y dG Y; dG is lost."""
-    m = Y.shape[0]
-    row = np.empty(m, dtype=np.complex128)
-    for k in range(m):
-        for j in range(m):
-            row[j] = 0j
-            for n in range(m):
-                row[j] += dG[k, n] * Y[n, j]
-        for j in range(m):
-            dG[k, j] = row[j]
-    for i in range(m):
-        for j in range(m):
-            total = 0j
-            for k in range(m):
-                total += Y[i, k] * dG[k, j]
-            dY[i, j] = factor * total
-
-
-@kernel
-def _add_load(linear: Any, Omega: float, n: int, matrices: Any, constants: Any) -> None:
-    """Add the response to load number n: -Y y with its derivative."""
-    power, k, m = linear.loads[n, 0], linear.loads[n, 1], matrices.shape[2]
-    ratio = linear.orders[k] / linear.nu
-    for j in range(m):
-        y, dy = _modal_sum(linear.poles, linear.drive[n, j], Omega * ratio)
-        dy *= ratio
-        if power:
-            growth = Omega**power
-            y, dy = growth * y, growth * dy + power * Omega ** (power - 1) * y
+def _stiffnesses(sums: Any, orders: Any, nu: int, matrices: Any) -> None:
+    """Put Y = G^-1 and dY/dOmega = -Y dG/dOmega Y of all orders in matrices; nan where G is singular."""
+    K, m = orders.shape[0], matrices.shape[2]
+    if m == 1:  # the usual case
+        for k in range(K):
+            G, dG = complex(sums[0, 0, k], sums[1, 0, k]), complex(sums[3, 0, k], -sums[2, 0, k])
+            Y = 1.0 / G if G != 0.0 else complex(math.nan, math.nan)
+            matrices[0, k, 0, 0], matrices[1, k, 0, 0] = Y, -orders[k] / nu * Y * Y * dG
+        return
+    work = np.empty((3, K, m, m), dtype=np.complex128)
+    for k in range(K):
         for i in range(m):
-            constants[0, k, i] -= matrices[0, k, i, j] * y
-            constants[1, k, i] -= matrices[1, k, i, j] * y + matrices[0, k, i, j] * dy
+            for j in range(m):
+                n, ratio = i * m + j, orders[k] / nu
+                work[0, k, i, j] = complex(sums[0, n, k], sums[1, n, k])
+                work[1, k, i, j] = ratio * complex(sums[3, n, k], -sums[2, n, k])
+    _invert(work[0], matrices[0])
+    _multiply(work[1], matrices[0], 1.0, work[2])
+    _multiply(matrices[0], work[2], -1.0, matrices[1])
 
 
 @kernel
@@ -205,11 +161,7 @@ def assembled(numbers: Any, X: Any, omega: float, matrices: Any, constants: Any,
     n = X.shape[0] // m
     some, rows = X.reshape(m, n), spread(numbers, X, m)
     kappa, chi, more = projected(numbers, rows, rows.shape[1] - 1)
-    size_f = _forces(some, orders, kappa, chi, R, J)
-    for j in range(m):
-        if numbers.laws.cubic[j, 1] != 0.0:
-            add_product(more[j], orders, J[j * n : (j + 1) * n, j * n : (j + 1) * n])
-    size = size_f + _add_linear(some, matrices, constants, R, J, dR)
+    size = _forces(rows, orders, kappa, chi, more, R, J) + _add_linear(some, matrices, constants, R, J, dR)
     for q in range(numbers.laws.own.shape[0]):
         size += _add_samples(numbers, rows, q, omega, R, J, dR)
     return size if size > 0.0 else 1.0
@@ -262,47 +214,52 @@ def _add_harmonic(Z: complex, k: int, J: Any, row: int, column: int) -> None:
 
 
 @kernel
-def _forces(rows: Any, orders: Any, kappa: Any, chi: Any, R: Any, J: Any) -> float:
-    """R = T(kappa) d + chi, J = T(kappa); the norm of R."""
-    m, n = rows.shape
+def _forces(rows: Any, orders: Any, kappa: Any, chi: Any, more: Any, R: Any, J: Any) -> float:
+    """R = kappa d + chi, J = T(kappa + more), where more is added to kappa; the norm of R."""
+    n, total = 2 * orders.shape[0] - 1, 0.0
     J[:, :] = 0.0
-    total = 0.0
-    for j in range(m):
-        T = J[j * n : (j + 1) * n, j * n : (j + 1) * n]
-        add_product(kappa[j], orders, T)
-        for a in range(n):
-            f = 0.0
-            for b in range(n):
-                f += T[a, b] * rows[j, b]
-            k = orders[(a + 1) // 2]
-            f += chi[j, k].real * (2.0 if a else 1.0) if a % 2 or a == 0 else -2.0 * chi[j, k].imag
-            R[j * n + a] = f
-            total += f * f
+    for j in range(rows.shape[0]):
+        c = waves_of(rows[j])
+        for i in range(orders.shape[0]):
+            k, at = orders[i], j * n + 2 * i
+            f = coefficient(kappa[j], c, k) + chi[j, k]
+            if i:
+                R[at - 1], R[at] = 2.0 * f.real, -2.0 * f.imag
+                total += R[at - 1] ** 2 + R[at] ** 2
+            else:
+                R[at] = f.real
+                total += R[at] ** 2
+        for k in range(more.shape[1]):
+            kappa[j, k] += more[j, k]
+        add_product(kappa[j], orders, J[j * n : (j + 1) * n, j * n : (j + 1) * n])
     return math.sqrt(total)
 
 
 @kernel
 def add_product(kappa: Any, orders: Any, T: Any) -> None:
-    """Add the matrix of the product with kappa, in the real basis of some orders, of which the first is 0."""
-    K = orders.shape[0]
+    """Add the matrix of the product with kappa, in the real basis of some orders, of which the first is 0.
+
+    But for row 0 it is symmetric.
+    """
     T[0, 0] += kappa[0].real
-    for k in range(1, K):
+    for k in range(1, orders.shape[0]):
         r, s = kappa[orders[k]].real, kappa[orders[k]].imag
         T[0, 2 * k - 1] += r
         T[0, 2 * k] -= s
         T[2 * k - 1, 0] += 2 * r
         T[2 * k, 0] -= 2 * s
-    for k in range(1, K):
-        for i in range(1, K):
-            apart, both = orders[k] - orders[i], orders[k] + orders[i]
-            r, s = kappa[abs(apart)].real, kappa[abs(apart)].imag
-            if apart < 0:
-                s = -s
-            p, q = kappa[both].real, kappa[both].imag
+        for i in range(1, k + 1):
+            apart, both = kappa[orders[k] - orders[i]], kappa[orders[k] + orders[i]]
+            r, s, p, q = apart.real, apart.imag, both.real, both.imag
             T[2 * k - 1, 2 * i - 1] += r + p
             T[2 * k - 1, 2 * i] += s - q
             T[2 * k, 2 * i - 1] -= s + q
             T[2 * k, 2 * i] += r - p
+            if i < k:
+                T[2 * i - 1, 2 * k - 1] += r + p
+                T[2 * i, 2 * k - 1] += s - q
+                T[2 * i - 1, 2 * k] -= s + q
+                T[2 * i, 2 * k] += r - p
 
 
 @kernel

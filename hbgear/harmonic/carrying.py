@@ -203,16 +203,14 @@ def monodromy(modes: Any, cut: Any, omega: float, D: Any, x: Any, L: Any, out: A
     turns, work = np.empty((s + 1, q), dtype=np.complex128), np.empty((s + 2, (s + 1) * q), dtype=np.complex128)
     A, R = np.empty((orders, s * g, s * g)), np.empty((orders, s * g, 2 * q))
     B = np.empty((2 * q, s * g))
-    u, felt = np.empty((s * g, r)), np.empty((orders, s * g, r))
+    M, shown = np.empty((s * g, s * g + r)), np.empty((s * g, 2 * q))
+    u = np.empty((s * g, r))
     step = 0
     for i in range(cut.shape[0]):
         moments(modes.poles, cut[i, 1] / omega, ends, turns, work)
         _tables(modes, turns, work, L, A, R, B)
         for _ in range(int(cut[i, 2])):
-            for o in range(orders):
-                felt[o, :, :] = 0.0
-                _add_product(R[o], state, 1.0, felt[o])
-            _answer(A, D[:, step], felt, u)
+            _answer(A, R, D[:, step], state, M, shown, u)
             _turned(turns[s], state)
             _add_product(B, u, -1.0, state)
             step += 1
@@ -284,22 +282,27 @@ def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
 
 
 @kernel
-def _answer(A: Any, D: Any, felt: Any, u: Any) -> None:
-    """u from (1 + D A) u = D R z_0."""
-    n, r = u.shape
-    g = D.shape[2]
-    M = np.zeros((n, n))
+def _answer(A: Any, R: Any, D: Any, state: Any, M: Any, shown: Any, u: Any) -> None:
+    """u from (1 + D A) u = D R z_0; M and shown are room for [1 + D A  D R z_0] and D R."""
+    n, g = u.shape[0], D.shape[2]
     for i in range(n):
-        M[i, i] = 1.0
-        u[i, :] = 0.0
         for o in range(D.shape[0]):
             d = D[o, i // g, i % g]
-            if d != 0.0:
-                for j in range(n):
-                    M[i, j] += d * A[o, i, j]
-                for j in range(r):
-                    u[i, j] += d * felt[o, i, j]
-    eliminate(M, u)
+            for j in range(n):
+                M[i, j] = d * A[o, i, j] + (M[i, j] if o else 0.0)
+            for j in range(shown.shape[1]):
+                shown[i, j] = d * R[o, i, j] + (shown[i, j] if o else 0.0)
+        M[i, i] += 1.0
+        for j in range(u.shape[1]):
+            u[i, j] = 0.0
+    _add_product(shown, state, 1.0, u)
+    for i in range(n):
+        for j in range(u.shape[1]):
+            M[i, n + j] = u[i, j]
+    eliminate(M)
+    for i in range(n):
+        for j in range(u.shape[1]):
+            u[i, j] = M[i, n + j]
 
 
 @kernel

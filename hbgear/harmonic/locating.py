@@ -113,13 +113,16 @@ def _take(trial: Any, after: Any, B: Any, size: float, u: Any, R: Any, A: Any) -
 @kernel
 def _move(u: Any, R: Any, A: Any, factor: float, out: Any) -> bool:
     """out = u - factor A^-1 R; False if A is singular."""
-    work, x = A.copy(), np.empty((u.shape[0], 1))
-    for i in range(u.shape[0]):
-        x[i, 0] = R[i]
-    if eliminate(work, x) == 0:
+    n = u.shape[0]
+    work = np.empty((n, n + 1))
+    for i in range(n):
+        for j in range(n):
+            work[i, j] = A[i, j]
+        work[i, n] = R[i]
+    if eliminate(work) == 0:
         return False
-    for i in range(u.shape[0]):
-        out[i] = u[i] - factor * x[i, 0]
+    for i in range(n):
+        out[i] = u[i] - factor * work[i, n]
     return math.isfinite(length(out))
 
 
@@ -131,7 +134,7 @@ def _bordered(J: Any, borders: Any) -> float:
         borders[0, i], borders[1, i] = math.sin(1.0 + i * i), math.sin(2.0 + i * i)
         for j in range(n):
             total += J[i, j] * J[i, j]
-    x, y = np.empty((n + 1, 1)), np.empty((n + 1, 1))
+    x, y = np.empty(n + 1), np.empty(n + 1)
     for _ in range(_ITERATIONS):
         _null(J, borders[0], borders[1], False, x)
         _null(J, borders[1], borders[0], True, y)
@@ -146,35 +149,37 @@ def _turned(border: Any, x: Any) -> float:
     """One minus the cosine of the angle between a border and the vector x[:n] that takes its place, of length one."""
     n, along, total, own = border.shape[0], 0.0, 0.0, length(border)
     for i in range(n):
-        along += border[i] * x[i, 0]
-        total += x[i, 0] * x[i, 0]
+        along += border[i] * x[i]
+        total += x[i] * x[i]
     total = math.sqrt(total)
     for i in range(n):
-        border[i] = x[i, 0] / total
+        border[i] = x[i] / total
     return 1.0 - abs(along) / (total * own)
 
 
 @kernel
 def _null(J: Any, column: Any, row: Any, transposed: bool, x: Any) -> None:
-    """The solution x (n + 1, 1) of [J column; row^T 0] x = (0, ..., 0, 1), or with J transposed."""
+    """The solution x (n + 1,) of [J column; row^T 0] x = (0, ..., 0, 1), or with J transposed."""
     n = J.shape[0]
-    B = np.empty((n + 1, n + 1))
+    B = np.empty((n + 1, n + 2))
     for i in range(n):
         for j in range(n):
             B[i, j] = J[j, i] if transposed else J[i, j]
-        B[i, n], B[n, i], x[i, 0] = column[i], row[i], 0.0
-    B[n, n], x[n, 0] = 0.0, 1.0
-    eliminate(B, x)
+        B[i, n], B[n, i], B[i, n + 1] = column[i], row[i], 0.0
+    B[n, n], B[n, n + 1] = 0.0, 1.0
+    eliminate(B)
+    for i in range(n + 1):
+        x[i] = B[i, n + 1]
 
 
 @inlined
 def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: Any) -> float:
     """The bordered determinant g of J; its gradient in row (n + 1,). change : dZ/dOmega."""
     n = X.shape[0]
-    x, y = np.empty((n + 1, 1)), np.empty((n + 1, 1))
+    x, w = np.empty(n + 1), np.empty(n + 1)
     _null(J, borders[0], borders[1], False, x)
-    _null(J, borders[1], borders[0], True, y)
-    v, w, g = x[:n, 0].copy(), y[:n, 0].copy(), float(x[n, 0])
+    _null(J, borders[1], borders[0], True, w)
+    v, g = x[:n], float(x[n])
     along, across = np.empty((n, n)), np.empty((n, n))
     curvature(numbers, X, v, _STEP * max(1e-3, length(X)) / length(v), change, along, across)
     moved = 0.0

@@ -53,12 +53,12 @@ class Laws(NamedTuple):
 
 
 class Linear(NamedTuple):
-    """The linear part: poles (2, r) and residues (m m, 2, r), real and imaginary parts, of the receptance G.
+    """The linear part: poles (2, r) of the structure, real and imaginary parts, and residues (m m + L m, 2, r).
 
-    springs (2, m) : reference stiffness and damping of elements. orders (K + 1,) : basis harmonics that are unknowns,
-    0..H unless only some are; left (L,) : those up to 2H that are none. moved (K + 1, m) : harmonics of the prescribed
-    displacements. loads (L, 2) : power of Omega and place among the orders of each load; drive (L, m, 2, r) : residues
-    of its response. nu : subharmonic order.
+    These are of the receptance G, and behind it of what L loads do to the elements. springs (2, m) : reference
+    stiffness and damping of elements. orders (K + 1,) : basis harmonics that are unknowns, 0..H unless only some are;
+    left (L,) : those up to 2H that are none. moved (K + 1, m) : harmonics of the prescribed displacements. loads (L, 2)
+    : power of Omega and place among the orders of each load. nu : subharmonic order.
     """
 
     poles: Array
@@ -68,7 +68,6 @@ class Linear(NamedTuple):
     left: np.ndarray
     moved: ComplexArray
     loads: np.ndarray
-    drive: Array
     nu: int
 
 

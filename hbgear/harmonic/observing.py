@@ -14,7 +14,7 @@ import numpy as np
 from hbgear.common.compiling import kernel
 from hbgear.harmonic.assembly import receptance
 from hbgear.harmonic.pieces import highest_on, waves_with
-from hbgear.harmonic.projection import projected
+from hbgear.harmonic.projection import coefficient, projected
 from hbgear.harmonic.sampling import neglected_samples
 from hbgear.mechanics.summing import highest, sampled, waves_of
 
@@ -60,11 +60,7 @@ def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
             c = waves_of(rows[j])
             for i in range(left.shape[0]):
                 k = left[i]
-                total = kappa[j, k] * c[0] + chi[j, k]
-                for n in range(1, H + 1):
-                    before = kappa[j, k - n] if k >= n else kappa[j, n - k].conjugate()
-                    total += 0.5 * (before * c[n] + kappa[j, k + n] * c[n].conjugate())
-                f[p, j, i] = 2.0 * total
+                f[p, j, i] = 2.0 * (coefficient(kappa[j], c, k) + chi[j, k])
         neglected_samples(numbers, rows, Omega[p] / numbers.linear.nu, f[p])
         for j in range(m):
             for i in range(left.shape[0]):
@@ -76,15 +72,16 @@ def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
 def driven(linear: Any, Omega: Any, f: Any, out: Any) -> None:
     """Put the motions that force harmonics (P, m, L) of the orders left make the elements do in these of out (P, n)."""
     P, m, L = f.shape
-    poles, residues = linear.poles, linear.residues
-    G, dG = np.empty((m, m), dtype=np.complex128), np.empty((m, m), dtype=np.complex128)
+    w, sums = np.empty(L), np.empty((4, m * m, L))
     for p in range(P):
         rows = out[p].reshape(m, -1)
         for k in range(L):
-            receptance(poles, residues, Omega[p] * linear.left[k] / linear.nu, G, dG)
+            w[k] = Omega[p] * linear.left[k] / linear.nu
+        receptance(linear.poles, linear.residues[: m * m], w, sums)
+        for k in range(L):
             at = 2 * linear.left[k]
             for i in range(m):
                 d = 0j
                 for j in range(m):
-                    d += G[i, j] * f[p, j, k]
+                    d += complex(sums[0, i * m + j, k], sums[1, i * m + j, k]) * f[p, j, k]
                 rows[i, at - 1], rows[i, at] = -d.real, d.imag

@@ -11,14 +11,14 @@ Hochbruck & Ostermann (2010), Acta Numerica 19, https://doi.org/10.1017/S0962492
 
 from __future__ import annotations
 
-from math import factorial
+import math
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.compiling import kernel
 
-_INVERSE = np.array([1.0 / factorial(n) for n in range(100)])
+_INVERSE = np.array([1.0 / math.factorial(n) for n in range(100)])
 
 _NEAR = 4.0  # size of z below which the series is summed: the recursion upward would lose digits
 
@@ -26,27 +26,30 @@ _NEAR = 4.0  # size of z below which the series is summed: the recursion upward 
 @kernel
 def phi(z: ComplexArray, out: ComplexArray) -> None:
     """phi_0..phi_s of numbers z (n,), into out (s + 1, n)."""
-    order, reach = len(out) - 1, 0.0
-    for i in range(len(z)):
-        size = abs(z[i])
-        if reach < size < _NEAR:
+    order, n, reach, work = len(out) - 1, len(z), 0.0, np.empty((4, len(z)))
+    a, b, x, y = work[0], work[1], work[2], work[3]  # real and imaginary parts: the fastest form for many numbers
+    for i in range(n):
+        a[i], b[i] = z[i].real, z[i].imag
+        size = a[i] * a[i] + b[i] * b[i]
+        if reach < size < _NEAR * _NEAR:
             reach = size
-    last, term = order, 1.0
+    last, term, reach = order, 1.0, math.sqrt(reach)
     while term > 1e-17:
         last += 1
         term *= reach / last
-    out[order] = _INVERSE[last]
-    for n in range(last - 1, order - 1, -1):  # sum_k z^k / (k + s)! by Horner's rule
-        for i in range(len(z)):
-            out[order, i] = out[order, i] * z[i] + _INVERSE[n]
-    for p in range(order - 1, -1, -1):
-        for i in range(len(z)):
-            out[p, i] = out[p + 1, i] * z[i] + _INVERSE[p]
-    for i in range(len(z)):
-        if not abs(z[i]) < _NEAR:
-            out[0, i] = np.exp(z[i])
+    for i in range(n):
+        x[i], y[i] = _INVERSE[last], 0.0
+    for p in range(last - 1, -1, -1):  # sum_k z^k / (k + p)! by Horner's rule, which is phi_p
+        for i in range(n):
+            x[i], y[i] = x[i] * a[i] - y[i] * b[i] + _INVERSE[p], x[i] * b[i] + y[i] * a[i]
+        if p <= order:
+            for i in range(n):
+                out[p, i] = complex(x[i], y[i])
+    for i in range(n):
+        if not a[i] * a[i] + b[i] * b[i] < _NEAR * _NEAR:
+            out[0, i], inverse = np.exp(z[i]), 1.0 / z[i]
             for p in range(order):
-                out[p + 1, i] = (out[p, i] - _INVERSE[p]) / z[i]
+                out[p + 1, i] = (out[p, i] - _INVERSE[p]) * inverse
 
 
 @kernel

@@ -128,15 +128,25 @@ def projected(numbers: Any, rows: Any, order: int) -> Any:
 
 
 @kernel
+def coefficient(kappa: Any, c: Any, k: int) -> complex:
+    """Coefficient k of the product of two real functions, two-sided as those of kappa; c has one-sided ones."""
+    x, y = kappa[k].real * c[0].real, kappa[k].imag * c[0].real
+    for n in range(1, c.shape[0]):
+        r, s = kappa[abs(k - n)].real, kappa[abs(k - n)].imag
+        if k < n:
+            s = -s
+        a, b, p, q = 0.5 * c[n].real, 0.5 * c[n].imag, kappa[k + n].real, kappa[k + n].imag
+        x += (r + p) * a - (s - q) * b
+        y += (r - p) * b + (s + q) * a
+    return complex(x, y)
+
+
+@kernel
 def _add_kept(kept: Any, kappa: Any, chi: Any) -> None:
     """Add to chi what kappa makes of the harmonics kept of a displacement, as far up as kappa is known for that."""
     H = kept.shape[0] - 1
     for k in range(chi.shape[0] - H):
-        total = kappa[k] * kept[0]
-        for n in range(1, H + 1):
-            before = kappa[k - n] if k >= n else kappa[n - k].conjugate()
-            total += 0.5 * (before * kept[n] + kappa[k + n] * kept[n].conjugate())
-        chi[k] += total
+        chi[k] += coefficient(kappa, kept, k)
 
 
 @kernel
@@ -147,10 +157,7 @@ def _add_moved_cubic(c: Any, w: Any, k1: float, k3: float, kappa: Any, chi: Any,
     """
     H = c.shape[0] - 1
     for k in range(min(kappa.shape[0], w.shape[1] - H)):
-        both = c[0] * w[0, k]
-        for n in range(1, H + 1):
-            before = w[0, k - n] if k >= n else w[0, n - k].conjugate()
-            both += 0.5 * (before * c[n] + w[0, k + n] * c[n].conjugate())
+        both = coefficient(w[0], c, k)
         kappa[k] += 3.0 * k3 * (both + w[1, k])
         chi[k] += k1 * w[0, k] + k3 * w[2, k]
         more[k] += 3.0 * k3 * both

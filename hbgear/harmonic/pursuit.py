@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import inlined, kernel
+from hbgear.common.compiling import bare, inlined, kernel
 from hbgear.continuation.elimination import eliminate, length
 from hbgear.continuation.stepping import (
     DONE,
@@ -25,11 +25,13 @@ from hbgear.continuation.stepping import (
 )
 from hbgear.continuation.verdicts import GOOD, MISSED, SINGULAR, STOPPED
 from hbgear.harmonic.assembly import linearised
+from hbgear.harmonic.numbers import Numbers
 
 
-@kernel
+@bare
 def pursue(
     numbers: Any,
+    room: Any,
     u: Any,
     t: Any,
     count: int,
@@ -44,6 +46,7 @@ def pursue(
 
     Parameters
     ----------
+    room : as of `room`, overwritten.
     u, t : (history, n + 1) the last rows and their tangents, the newest first, ``count`` of them; overwritten.
     size : (2,) largest motion so far, which is updated, and the span that the last unknown is scaled by.
     span : (2,) ends of Omega; the row beyond one of them is the last. control : see `stepping.next_step`.
@@ -54,23 +57,16 @@ def pursue(
     -------
     Number of rows, the next step, why the last attempt was refused (`GOOD` if it was not), with its number.
     """
-    n = u.shape[1] - 1
-    m = numbers.laws.cubic.shape[0]
-    H = (n // m) // 2
-    room = (
-        np.empty(n), np.empty((n, n)), np.empty(n),
-        np.zeros((2, H + 1, m, m), dtype=np.complex128), np.zeros((2, H + 1, m), dtype=np.complex128),
-    )  # fmt: skip
-    scale, normal, predicted = np.empty(n + 1), np.empty(n + 1), np.empty(n + 1)
-    found, direction, told = np.empty(n + 1), np.empty(n + 1), np.empty(3)
-    limits = np.empty(2)
+    n, m = u.shape[1] - 1, numbers.laws.cubic.shape[0]
+    work, vectors, told, limits = room
+    scale, normal, predicted, found, direction = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
     limits[0] = control[2]
     made, why, number = 0, GOOD, 0.0
     while made < rows.shape[0]:
         _rescale(u[0], size, m, scale)
         planes_normal(t[0], scale, normal)
         predict(u, t, count, scale, step, predicted)
-        why = _corrected(numbers, predicted, normal, tolerances, room, found, direction, told)
+        why = _corrected(numbers, predicted, normal, tolerances, work, found, direction, told)
         number, missed = told[2], 0.0
         if why == GOOD:
             limits[1] = control[4] if count > 1 and step > HASTE * control[0] else math.inf
@@ -90,6 +86,15 @@ def pursue(
         if not span[0] < found[n] < span[1]:
             break
     return made, step, why, number
+
+
+def room(numbers: Numbers) -> tuple[Any, ...]:
+    """Arrays for `pursue`, which makes none itself."""
+    m, K = len(numbers.laws.cubic), len(numbers.linear.orders)
+    n = m * (2 * K - 1)
+    linear = np.zeros((2, K, m, m), dtype=complex), np.zeros((2, K, m), dtype=complex)
+    work = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1), *linear
+    return work, np.empty((5, n + 1)), np.empty(3), np.empty(2)
 
 
 @kernel
@@ -130,12 +135,11 @@ def _keep(row: Any, u: Any, t: Any, step: float, told: Any) -> None:
 
 @inlined
 def _corrected(
-    numbers: Any, predicted: Any, normal: Any, tolerances: Any, room: Any, found: Any, direction: Any, told: Any
+    numbers: Any, predicted: Any, normal: Any, tolerances: Any, work: Any, found: Any, direction: Any, told: Any
 ) -> int:
     """Newton on the plane through the prediction; told : sign of the determinant, iterations, residual."""
-    R, J, dR, matrices, constants = room
+    R, dR, A, u, matrices, constants = work
     n = R.shape[0]
-    A, b, u = np.empty((n + 1, n + 1)), np.empty((n + 1, 2)), np.empty(n + 1)
     for i in range(n + 1):
         u[i] = predicted[i]
     last = first = best = math.inf
@@ -143,24 +147,22 @@ def _corrected(
     for iteration in range(most + 2):
         if not u[n] > 0.0:
             return STOPPED
-        size = linearised(numbers, u, R, J, dR, matrices, constants)
+        size = linearised(numbers, u, R, A, dR, matrices, constants)  # J in the corner of A
         residual = length(R) / size
         off = 0.0
         for i in range(n):
-            for j in range(n):
-                A[i, j] = J[i, j]
-            A[i, n], b[i, 0], b[i, 1] = dR[i], R[i], 0.0
+            A[i, n], A[i, n + 1], A[i, n + 2] = dR[i], R[i], 0.0
         for j in range(n + 1):
             A[n, j] = normal[j]
             off += normal[j] * (u[j] - predicted[j])
-        b[n, 0], b[n, 1] = off, 1.0
-        sign = eliminate(A, b)
+        A[n, n + 1], A[n, n + 2] = off, 1.0
+        sign = eliminate(A)
         if sign == 0:
             return SINGULAR
         moved = reached = 0.0
         for i in range(n + 1):
-            moved += b[i, 0] ** 2
-            reached += (u[i] - b[i, 0]) ** 2
+            moved += A[i, n + 1] ** 2
+            reached += (u[i] - A[i, n + 1]) ** 2
         step = math.sqrt(moved / max(reached, 1e-300))
         good, what = judged(residual, step, last, first, best, iteration, tolerances[0], tolerances[1], most, SHARP)
         first, last = min(first, residual), step
@@ -168,12 +170,12 @@ def _corrected(
             best = residual
             told[0], told[1], told[2] = sign, iteration, residual
             for i in range(n + 1):
-                found[i], direction[i] = u[i], b[i, 1]
+                found[i], direction[i] = u[i], A[i, n + 2]
         if what == FAILED:
             told[2] = residual
             return STOPPED
         if what == DONE:
             return GOOD
         for i in range(n + 1):
-            u[i] -= b[i, 0]
+            u[i] -= A[i, n + 1]
     return GOOD if best < math.inf else STOPPED

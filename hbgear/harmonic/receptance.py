@@ -456,20 +456,19 @@ class Receptance:
 
     def _numbers(self) -> Linear:
         structure, m = self.structure, self.structure.m
-        poles, residues = np.empty(0, dtype=complex), np.empty((0, m * m), dtype=complex)
-        drive = np.empty((len(self._loads), m, 0), dtype=complex)
+        poles, residues = np.empty(0, dtype=complex), np.empty((m * (m + len(self._loads)), 0), dtype=complex)
         if structure.modal and structure.modes is not None:
             modes = structure.modes
             poles = modes.poles
-            residues = (modes.output.T[:, :, None] * modes.input[:, None, :]).reshape(len(poles), m * m)
-            each = [modes.output * (modes.left @ load.amplitudes) for load in self._loads]
-            drive = np.array(each, dtype=complex).reshape(len(each), m, len(poles))
+            residues = (modes.output[:, None, :] * modes.input.T).reshape(m * m, len(poles))
+            driven = [modes.output * (modes.left @ load.amplitudes) for load in self._loads]
+            residues = np.concatenate([residues, *driven])
         loads = np.array([(load.power, load.at) for load in self._loads], dtype=np.int64).reshape(-1, 2)
         unknown = np.zeros(2 * self.H + 1, dtype=bool)
         unknown[self.k] = True
         return Linear(
-            in_two(poles), in_two(residues.T), np.array([structure.kr, structure.c]), self.k.astype(np.int64),
-            np.flatnonzero(~unknown), self.e, loads, in_two(drive), int(self.nu),
+            in_two(poles), in_two(residues), np.array([structure.kr, structure.c]), self.k.astype(np.int64),
+            np.flatnonzero(~unknown), self.e, loads, int(self.nu),
         )  # fmt: skip
 
     def loads(self, Omega: float) -> ComplexArray:

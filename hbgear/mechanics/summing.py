@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import bare, kernel
 
 
 @kernel
@@ -94,7 +94,7 @@ def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
     return top, place
 
 
-@kernel
+@bare
 def extremes(c: Any, samples: Any, low: Any, at_low: Any, high: Any, at_high: Any) -> None:
     """Smallest and largest values (P,) of rows c (P, H + 1), given their samples (P, N), and their phases (P,)."""
     for p in range(c.shape[0]):

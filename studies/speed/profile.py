@@ -58,11 +58,11 @@ def assemblies(numbers: Any, X: Any, Omega: Any, matrices: Any, constants: Any, 
 
 
 @kernel
-def eliminations(A: Any, work: Any, x: Any) -> None:
-    """Newton steps and directions of all rows, from their bordered matrices (P, n, n)."""
+def eliminations(A: Any, work: Any) -> None:
+    """Newton steps and directions of all rows, from their bordered matrices with two columns more (P, n, n + 2)."""
     for p in range(A.shape[0]):
-        work[:, :], x[:, :] = A[p], 1.0
-        eliminate(work, x)
+        work[:, :] = A[p]
+        eliminate(work)
 
 
 @kernel
@@ -88,11 +88,11 @@ def kernels(problem: hb.HarmonicBalance, curve: hb.Branch) -> dict[str, Callable
     compiled, X, Omega = problem.compiled({}), curve.X, curve.values
     (P, n), U = X.shape, np.column_stack([X, Omega])
     linear = compiled.receptance.at(float(Omega[0]))
-    R, J, dR, A = np.empty(n), np.empty((n, n)), np.empty(n), np.zeros((P, n + 1, n + 1))
+    R, J, dR, A = np.empty(n), np.empty((n, n)), np.empty(n), np.ones((P, n + 1, n + 3))
     for row, x, w in zip(A, X, Omega.tolist(), strict=True):
         now = problem.linearise(x, "Omega", Omega=w)
-        row[:n, :n], row[:n, n], row[n, n] = now.dR_dX, now.dR_dp, 1.0
-    columns, work, x = [np.asfortranarray(row) for row in A], np.empty((n + 1, n + 1)), np.empty((n + 1, 2))
+        row[:n, :n], row[:n, n], row[n, :n] = now.dR_dX, now.dR_dp, 0.0
+    columns, work = [np.asfortranarray(row[:, : n + 1]) for row in A], np.empty((n + 1, n + 3))
     history = hb.StepControl().history
     last = np.arange(history - 1, P)[:, None] - np.arange(history)
     u, t, one, out = U[last], np.gradient(U, axis=0)[last], np.ones(n + 1), np.empty(n + 1)
@@ -102,7 +102,7 @@ def kernels(problem: hb.HarmonicBalance, curve: hb.Branch) -> dict[str, Callable
     return {
         "linear part": lambda: linear_parts(compiled.numbers.linear, Omega, *linear),
         "laws, assembly": lambda: assemblies(compiled.numbers, X, Omega, *linear, R, J, dR),
-        "elimination": lambda: eliminations(A, work, x),
+        "elimination": lambda: eliminations(A, work),
         "prediction": lambda: predictions(u, t, one, out),
         "reach, truncation": lambda: (compiled.reach(X), compiled.processed(X, Omega)),
         "monodromy": lambda: [monodromies(compiled, part, mobility, more, Omega, None, None) for part in parts],

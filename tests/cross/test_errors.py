@@ -173,11 +173,11 @@ def test_a_cusp_and_a_peak_state_their_errors():
 
 @pytest.mark.parametrize("H", [5, 8])
 def test_a_turn_is_judged_by_one_row_beside_it(H):
-    """Where a curve of folds turns its value hardly changes: what twice the harmonics make of it, to three hundredths."""
+    """Where a curve of folds turns its value hardly changes: what twice the harmonics make of it, to 3 %."""
     cusps = []
-    for harmonics, accuracy in ((H, 1.0), (2 * H, None)):
+    for harmonics, goal in ((H, 1.0), (2 * H, None)):
         curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), harmonics), "Omega", (1.0, 0.6), accuracy=None)
-        folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.2), accuracy=accuracy)
+        folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.2), accuracy=goal)
         cusps.append(folds["CP1"])
     judged, true = cusps
     moved = abs(true.parameters["zeta"] - judged.parameters["zeta"])

@@ -198,3 +198,23 @@ def test_whole_numbers_and_arrays_that_cannot_be_written_need_no_kernels_of_thei
     X.setflags(write=False)
     looked_at(curve(1, 1), X)
     assert [len(kernel.signatures) for kernel in (assembled, monodromies)] == known
+
+
+LEFT = """
+from numba.core.runtime import _nrt_python, rtsys
+import hbgear as hb
+_nrt_python.memsys_enable_stats()
+problem = hb.HarmonicBalance(hb.SpurPair(), 5)
+hb.trace(problem, "Omega", (0.6, 1.2))
+before = rtsys.get_allocation_stats()
+for _ in range(3):
+    hb.trace(problem, "Omega", (0.6, 1.2))
+after = rtsys.get_allocation_stats()
+print(after.alloc > before.alloc, after.alloc - after.free - before.alloc + before.free)
+"""
+
+
+def test_kernels_throw_away_what_they_make():
+    """Arrays that another kernel returned to one that does not count references would be left for ever."""
+    out = subprocess.run([sys.executable, "-c", LEFT], capture_output=True, text=True, check=True)
+    assert out.stdout.split() == ["True", "0"]
