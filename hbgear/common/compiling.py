@@ -24,7 +24,7 @@ import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from hbgear.common.signals import held
 
@@ -39,37 +39,38 @@ def kernel(function: Function) -> Function:
     Fused products and sums may be used; the order of sums is kept, so that results differ between processors in the
     last digits only.
     """
-    return _compiled(function, "never")
-
-
-def inlined(function: Function) -> Function:
-    """A part of the kernels that call it, written into them: it is not compiled by itself.
-
-    A kernel is optimised together with all that it calls, so that each level of calls above costly ones, such as
-    `assembled`, takes as long to compile as these.
-    """
-    return _compiled(function, "always")
-
-
-def _compiled(function: Function, inline: str) -> Function:
-    numba = _numba()
-    if numba is None:
+    if _numba() is None:
         return function
+    compiled: Any = _made(function)
+
+    @cache
+    def part() -> Any:
+        from hbgear.common.linking import Parts
+
+        return _made(function, "parts", no_cpython_wrapper=True, pipeline_class=Parts)
+
+    # what Numba asks of a function that another kernel calls
+    compiled.get_call_template = lambda args, kws: part().get_call_template(args, kws)
+    compiled.get_overload = lambda signature: part().get_overload(signature)
+    return cast(Function, compiled)
+
+
+def _made(function: Callable[..., Any], below: str = "", **options: Any) -> Any:
+    """What Numba makes of a function; its code is kept below the folder of the kernels."""
+    numba = _numba()
     before, folder = numba.config.CACHE_DIR, _folder(numba.config.CACHE_DIR)
-    numba.config.CACHE_DIR = str(folder or before)  # read by the decorator, for this function only
+    numba.config.CACHE_DIR = str(folder / below if folder else before)  # read by the decorator, for this function only
     try:
-        compiled: Function = numba.njit(
+        return numba.njit(
             cache=folder is not None,
             nogil=True,
             error_model="numpy",
             fastmath={"contract"},
-            inline=inline,
             no_cfunc_wrapper=True,
-            no_cpython_wrapper=function.__name__.startswith("_"),  # called by kernels only
+            **options,
         )(function)
     finally:
         numba.config.CACHE_DIR = before
-    return compiled
 
 
 @cache

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import inlined, kernel
+from hbgear.common.compiling import kernel
 from hbgear.harmonic.projection import projected
 from hbgear.harmonic.sampling import samples_of, spectrum
 
@@ -371,7 +371,7 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
     return math.sqrt(total)
 
 
-@inlined
+@kernel
 def linearised(numbers: Any, u: Any, R: Any, J: Any, dR: Any, matrices: Any, constants: Any) -> float:
     """`assembled` at u = (X, Omega) of a model with poles; matrices and constants are room for its linear part."""
     Omega = u[u.shape[0] - 1]

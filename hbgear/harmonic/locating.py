@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import inlined, kernel
+from hbgear.common.compiling import kernel
 from hbgear.continuation.elimination import eliminate, length
 from hbgear.harmonic.assembly import curvature, linearised, spread
 from hbgear.harmonic.pieces import highest_on, waves_with
@@ -162,7 +162,7 @@ def _null(J: Any, column: Any, row: Any, transposed: bool, x: Any) -> None:
     eliminate(B, x)
 
 
-@inlined
+@kernel
 def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: Any) -> float:
     """The bordered determinant g of J; its gradient in row (n + 1,). change : dZ/dOmega."""
     n = X.shape[0]
@@ -183,7 +183,7 @@ def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: A
     return g
 
 
-@inlined
+@kernel
 def _clearance(numbers: Any, which: int, X: Any, m: int, row: Any) -> float:
     """A clearance of a motion; its gradient in row (n + 1,)."""
     corners, orders = numbers.corners, numbers.linear.orders

@@ -107,6 +107,18 @@ def test_a_change_of_a_kernel_reaches_those_that_call_it(tmp_path):
     assert len(list((tmp_path / "kept").iterdir())) == 2
 
 
+def test_a_kernel_is_part_of_another_and_called_by_itself(tmp_path):
+    """As a part it gets no code of its own, whether the other is compiled or what it is made of found again."""
+    pytest.importorskip("numba")
+    by_itself = "from hbgear.continuation.elimination import length\nfound = [len(length.signatures)]\n"
+    by_itself += "print(*found, length(np.array([3.0, 4.0])), len(length.signatures))\n"
+    first, _, last = told(start(NORMAL + by_itself, tmp_path))[0].splitlines()
+    assert last == "0 5.0 1"
+    for kept in tmp_path.glob("kernels-*/*/stepping.planes_normal*"):
+        kept.unlink()
+    assert told(start(NORMAL + by_itself, tmp_path))[0].splitlines()[::2] == [first, last]
+
+
 def test_whether_anything_is_compiled(tmp_path):
     """Until the folder is made, which is told, if it can be."""
     pytest.importorskip("numba")
