@@ -130,16 +130,25 @@ def test_whether_anything_is_compiled(tmp_path):
     assert told(start(asked, tmp_path / "taken"))[0] == "False False\n"
 
 
-def test_what_a_curve_needs_last_is_compiled_beside():
+def test_what_two_processes_compile_is_what_a_curve_needs():
+    """One what leads from point to point, the other what is asked of points and where special ones are."""
     pytest.importorskip("numba")
     asked = """
-from hbgear.cli.support import _observed
-from hbgear.harmonic import assembly, carrying, observing, pursuit
-_observed()
-last = carrying.monodromies, observing.neglected, observing.reach
-print(*(len(kernel.signatures) for kernel in (*last, assembly.assembled, pursuit.pursue)))
+import hbgear as hb
+from hbgear.cli.support import _followed, _observed
+from hbgear.harmonic import assembly, carrying, locating, observing, pursuit
+first = assembly.linear_part, assembly.assembled, pursuit.pursue
+last = carrying.monodromies, observing.reach, observing.neglected, observing.driven, locating.located
+def known():
+    print(*(len(kernel.signatures) for kernel in (*first, *last)))
+_followed() if ONE else _observed()
+known()
+hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 1.6))
+known()
 """
-    assert told(start(asked))[0].split() == ["1", "1", "1", "0", "0"]
+    for one, expected in ((True, "1 1 1 0"), (False, "0 0 0 1 1 1 1 1")):
+        out = told(start(asked.replace("ONE", str(one))))[0].splitlines()
+        assert out[0].startswith(expected) and out[1] == "1 1 1 1 1 1 1 1"
 
 
 def test_without_numba_the_same_curves_are_found(without_numba):
