@@ -57,20 +57,20 @@ def kernel(function: Function) -> Function:
 
 def _made(function: Callable[..., Any], below: str = "", **options: Any) -> Any:
     """What Numba makes of a function; its code is kept below the folder of the kernels."""
+    from hbgear.common.linking import Kept
+
     numba = _numba()
     before, folder = numba.config.CACHE_DIR, _folder(numba.config.CACHE_DIR)
-    numba.config.CACHE_DIR = str(folder / below if folder else before)  # read by the decorator, for this function only
-    try:
-        return numba.njit(
-            cache=folder is not None,
-            nogil=True,
-            error_model="numpy",
-            fastmath={"contract"},
-            no_cfunc_wrapper=True,
-            **options,
-        )(function)
-    finally:
-        numba.config.CACHE_DIR = before
+    made = numba.njit(nogil=True, error_model="numpy", fastmath={"contract"}, no_cfunc_wrapper=True, **options)(
+        function
+    )
+    if folder is not None:
+        numba.config.CACHE_DIR = str(folder / below)  # for this function only
+        try:
+            made._cache = Kept(function)  # type: ignore[no-untyped-call]
+        finally:
+            numba.config.CACHE_DIR = before
+    return made
 
 
 @cache

@@ -1,8 +1,11 @@
-"""Parts of kernels: functions as other kernels call them.
+"""What Numba does otherwise with kernels: those that others call are parts, and less is done to find one again.
 
 Numba optimises every function that it compiles, and translates it for the processor, before it does so again in each
 one that calls it. A part is neither: it becomes code with those that it is linked into. That is a quarter of the time
 that all kernels take to compile, and they are as fast.
+
+A kernel that is found again is machine code, which needs nothing of what Numba knows for compiling: to prepare that
+would take longer than to load a dozen of them. Numba does so by itself when something is compiled.
 
 This imports Numba.
 """
@@ -11,8 +14,20 @@ from __future__ import annotations
 
 from typing import Any
 
+from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.runtime.nrt import rtsys
+
+
+class Kept(FunctionCache):
+    """Files of the machine code of a kernel."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The kernel for arguments of some types, None if it is not there."""
+        rtsys.initialize(target_context)  # the memory of arrays
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
 
 class _Part(JITCodeLibrary):
