@@ -435,7 +435,9 @@ def _compile() -> None:
 def _followed() -> None:
     """Ask what leads from point to point, and how far points are off: kernels are the same for all models."""
     problem = hb.HarmonicBalance(hb.SpurPair(), 8)
-    hb.trace(problem, "Omega", (0.8, 0.801), stability=False, accuracy=None, cover=False)
+    curve = hb.trace(problem, "Omega", (0.8, 0.801), stability=False, accuracy=None, cover=False)
+    if curve.status is hb.Status.INTERRUPTED:  # by a Ctrl-C that is meant for what follows
+        raise KeyboardInterrupt
     problem.curvature(np.ones(problem.size), np.ones(problem.size), "Omega", Omega=0.8)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.cli import support
 from hbgear.common import compiling
 
 ROOT = Path(hb.__file__).parent
@@ -149,6 +150,17 @@ known()
     for one, expected in ((True, "1 1 1 0"), (False, "0 0 0 1 1 1 1 1")):
         out = told(start(asked.replace("ONE", str(one))))[0].splitlines()
         assert out[0].startswith(expected) and out[1] == "1 1 1 1 1 1 1 1"
+
+
+def test_ctrl_c_while_a_curve_is_followed_to_compile_is_for_the_command(monkeypatch):
+    """A trace ends with what it has, which nobody would see."""
+
+    def pressed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(hb.HarmonicBalance, "pursuit", pressed)
+    with pytest.raises(KeyboardInterrupt):
+        support._followed()
 
 
 def test_without_numba_the_same_curves_are_found(without_numba):
