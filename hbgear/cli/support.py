@@ -414,32 +414,44 @@ def end_of(result: Any, *parts: Any) -> None:
 
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
     """A curve, traced with a progress bar."""
-    with _compiled_beside(), bar(parameter) as progress:
+    with bar(parameter) as progress:
+        _compile()
         return hb.trace(problem, parameter, span, progress=progress, **options)
 
 
-@contextmanager
-def _compiled_beside() -> Iterator[None]:
-    """If nothing is compiled yet, a process that compiles what a curve needs last: this one begins with the first."""
+def _compile() -> None:
+    """If nothing is compiled yet, compile what curves need: this process one half of it, one beside it the other."""
     from hbgear.common.compiling import nothing_compiled
 
     if not IS_COMMAND or processors() < 2 or not nothing_compiled():
-        yield
         return
     from hbgear.design.workers import beside
 
-    with beside(_observed):
-        yield
+    with beside(_observed) as other:
+        _followed()
+        other.join()
+
+
+def _followed() -> None:
+    """Ask what leads from point to point, and how far points are off: kernels are the same for all models."""
+    problem = hb.HarmonicBalance(hb.SpurPair(), 8)
+    curve = hb.trace(problem, "Omega", (0.8, 0.801), stability=False, accuracy=None, cover=False)
+    if curve.status is hb.Status.INTERRUPTED:  # by a Ctrl-C that is meant for what follows
+        raise KeyboardInterrupt
+    problem.curvature(np.ones(problem.size), np.ones(problem.size), "Omega", Omega=0.8)
 
 
 def _observed() -> None:
-    """Ask what is asked of every point of a curve: kernels are the same for all models."""
+    """Ask what is asked of every point, and for where special ones are."""
     from hbgear.harmonic.floquet import multipliers_of
 
     problem = hb.HarmonicBalance(hb.SpurPair(), 8)
-    motion, Omega = np.ones((1, problem.size)), np.array([0.8])
+    motion, Omega, n = np.ones((1, problem.size)), np.array([0.8]), problem.size + 1
     multipliers_of(problem.compiled({}), motion, Omega)
     problem.observe_many(motion, "Omega", Omega)
+    locate = problem.locating("Omega", {}, -1)
+    assert locate is not None
+    locate(np.append(motion, Omega), 1, 1.0, 0, np.empty(n), np.empty((n, n)))
 
 
 # ---- output

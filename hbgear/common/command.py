@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from types import TracebackType
 
-_OBJECTS = 100_000  # more than before, after which circles are looked for
+_OBJECTS = 300_000  # more than before, after which circles are looked for
 
 
 _CTRL_C = 130  # exit code of what Ctrl-C ended, as shells have it

@@ -24,7 +24,7 @@ import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from hbgear.common.signals import held
 
@@ -39,7 +39,7 @@ def kernel(function: Function) -> Function:
     Fused products and sums may be used; the order of sums is kept, so that results differ between processors in the
     last digits only.
     """
-    return _compiled(function, "never")
+    return _compiled(function)
 
 
 def bare(function: Function) -> Function:
@@ -48,38 +48,55 @@ def bare(function: Function) -> Function:
     References to arrays are not counted in it, nor in the kernels that it calls to those it was given: in short loops
     that took half of the time. An array that another kernel returned to it would never be thrown away.
     """
-    return _compiled(function, "never", counted=False)
+    return _compiled(function, _nrt=False)
 
 
-def inlined(function: Function) -> Function:
-    """A part of the kernels that call it, written into them: it is not compiled by itself.
-
-    A kernel is optimised together with all that it calls, so that each level of calls above costly ones, such as
-    `assembled`, takes as long to compile as these.
-    """
-    return _compiled(function, "always")
-
-
-def _compiled(function: Function, inline: str, counted: bool = True) -> Function:
-    numba = _numba()
-    if numba is None:
+def _compiled(function: Function, **options: Any) -> Function:
+    if _numba() is None:
         return function
+    compiled: Any = _made(function, **options)
+
+    @cache
+    def part() -> Any:
+        from hbgear.common.linking import Parts
+
+        return _made(function, "parts", no_cpython_wrapper=True, pipeline_class=Parts, **options)
+
+    if _known():  # what Numba asks of a function that another kernel calls
+        compiled.get_call_template = lambda args, kws: part().get_call_template(args, kws)
+        compiled.get_overload = lambda signature: part().get_overload(signature)
+    return cast(Function, compiled)
+
+
+def _made(function: Callable[..., Any], below: str = "", **options: Any) -> Any:
+    """What Numba makes of a function; its code is kept below the folder of the kernels."""
+    numba = _numba()
     before, folder = numba.config.CACHE_DIR, _folder(numba.config.CACHE_DIR)
-    numba.config.CACHE_DIR = str(folder or before)  # read by the decorator, for this function only
+    made = numba.njit(nogil=True, error_model="numpy", fastmath={"contract"}, no_cfunc_wrapper=True, **options)(
+        function
+    )
+    if folder is None:
+        return made
+    numba.config.CACHE_DIR = str(folder / below)  # for this function only
     try:
-        compiled: Function = numba.njit(
-            cache=folder is not None,
-            nogil=True,
-            error_model="numpy",
-            fastmath={"contract"},
-            inline=inline,
-            _nrt=counted,
-            no_cfunc_wrapper=True,
-            no_cpython_wrapper=function.__name__.startswith("_"),  # called by kernels only
-        )(function)
+        if _known():
+            from hbgear.common.linking import Kept
+
+            made._cache = Kept(function)  # type: ignore[no-untyped-call]
+        else:
+            made.enable_caching()
     finally:
         numba.config.CACHE_DIR = before
-    return compiled
+    return made
+
+
+_FIRST, _LAST = (0, 60), (0, 68)  # versions of Numba whose inside `linking` was tried with
+
+
+@cache
+def _known() -> bool:
+    """Whether `linking` knows the inside of this Numba. Another one compiles a third longer, and the same."""
+    return _FIRST <= tuple(map(int, _numba().__version__.split(".")[:2])) <= _LAST
 
 
 @cache

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from multiprocessing import active_children, get_context, parent_process, resource_tracker
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -48,13 +49,13 @@ def executor_of(given: Executor | None, processes: int | None, count: int) -> It
 
 
 @contextmanager
-def beside(work: Callable[[], object]) -> Iterator[None]:
+def beside(work: Callable[[], object]) -> Iterator[BaseProcess]:
     """A process that does some work while the block runs; it is ended with it, and whether it fails does not matter."""
     process = get_context("spawn").Process(target=_worked, args=(work,), daemon=True)
     with _holding_ctrl_c():
         process.start()
     try:
-        yield
+        yield process
     finally:
         process.terminate()
         process.join()

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import inlined, kernel
+from hbgear.common.compiling import kernel
 from hbgear.harmonic.projection import coefficient, projected
 from hbgear.harmonic.sampling import samples_of, spectrum
 from hbgear.mechanics.summing import waves_of
@@ -328,7 +328,7 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
     return math.sqrt(total)
 
 
-@inlined
+@kernel
 def linearised(numbers: Any, u: Any, R: Any, J: Any, dR: Any, matrices: Any, constants: Any) -> float:
     """`assembled` at u = (X, Omega) of a model with poles; matrices and constants are room for its linear part."""
     Omega = u[u.shape[0] - 1]

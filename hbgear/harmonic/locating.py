@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import inlined, kernel
+from hbgear.common.compiling import kernel
 from hbgear.continuation.elimination import eliminate, length
 from hbgear.continuation.problem import FOLD, HELD
 from hbgear.harmonic.assembly import curvature, linearised, spread
@@ -172,7 +172,7 @@ def _null(J: Any, column: Any, row: Any, transposed: bool, x: Any) -> None:
         x[i] = B[i, n + 1]
 
 
-@inlined
+@kernel
 def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: Any) -> float:
     """The bordered determinant g of J; its gradient in row (n + 1,). change : dZ/dOmega."""
     n = X.shape[0]
@@ -202,7 +202,7 @@ def _held(row: Any) -> float:
     return 0.0
 
 
-@inlined
+@kernel
 def _clearance(numbers: Any, which: int, X: Any, m: int, row: Any) -> float:
     """A clearance of a motion; its gradient in row (n + 1,)."""
     corners, orders = numbers.corners, numbers.linear.orders

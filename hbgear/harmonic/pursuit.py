@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import bare, inlined, kernel
+from hbgear.common.compiling import bare, kernel
 from hbgear.continuation.elimination import eliminate, length
 from hbgear.continuation.stepping import (
     DONE,
@@ -133,7 +133,7 @@ def _keep(row: Any, u: Any, t: Any, step: float, told: Any) -> None:
         row[2 * n + 1 + k] = told[k]
 
 
-@inlined
+@kernel
 def _corrected(
     numbers: Any, predicted: Any, normal: Any, tolerances: Any, work: Any, found: Any, direction: Any, told: Any
 ) -> int:

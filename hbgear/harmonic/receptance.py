@@ -28,7 +28,7 @@ Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https:/
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -114,9 +114,9 @@ class LinearPart(NamedTuple):
         return C
 
 
-def dense(A: object) -> Array:
+def dense(A: Any) -> Array:
     """A matrix, sparse or not, as an array."""
-    return A.toarray() if scipy.sparse.issparse(A) else np.asarray(A)  # type: ignore[attr-defined]
+    return A if isinstance(A, np.ndarray) else A.toarray() if scipy.sparse.issparse(A) else np.asarray(A)
 
 
 def _is_diagonal(A: Array) -> bool:

@@ -36,11 +36,6 @@ def told(value: Any) -> Any:
         return value
     if isinstance(value, Phased):
         return json.loads(json.dumps(described(value)))
-    if scipy.sparse.issparse(value):
-        entries = scipy.sparse.coo_array(value)
-        _check_size(entries.nnz)
-        return {"sparse": int(entries.shape[0]), "row": entries.row.tolist(), "column": entries.col.tolist(),
-                "values": entries.data.tolist()}  # fmt: skip
     if isinstance(value, np.ndarray):
         _check_size(value.size)
         if value.dtype.kind == "c":
@@ -55,6 +50,11 @@ def told(value: Any) -> Any:
         return {"pairs": [[told(key), told(each)] for key, each in value.items()]}
     if isinstance(value, list | tuple):
         return [told(each) for each in value]
+    if scipy.sparse.issparse(value):  # last, for to import it takes a while
+        entries = scipy.sparse.coo_array(value)
+        _check_size(entries.nnz)
+        return {"sparse": int(entries.shape[0]), "row": entries.row.tolist(), "column": entries.col.tolist(),
+                "values": entries.data.tolist()}  # fmt: skip
     return json.loads(json.dumps(value.item() if isinstance(value, np.generic) else value))
 
 

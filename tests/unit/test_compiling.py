@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.cli import support
 from hbgear.common import compiling
 
 ROOT = Path(hb.__file__).parent
@@ -107,6 +108,18 @@ def test_a_change_of_a_kernel_reaches_those_that_call_it(tmp_path):
     assert len(list((tmp_path / "kept").iterdir())) == 2
 
 
+def test_a_kernel_is_part_of_another_and_called_by_itself(tmp_path):
+    """As a part it gets no code of its own, whether the other is compiled or what it is made of found again."""
+    pytest.importorskip("numba")
+    by_itself = "from hbgear.continuation.elimination import length\nfound = [len(length.signatures)]\n"
+    by_itself += "print(*found, length(np.array([3.0, 4.0])), len(length.signatures))\n"
+    first, _, last = told(start(NORMAL + by_itself, tmp_path))[0].splitlines()
+    assert last == "0 5.0 1"
+    for kept in tmp_path.glob("kernels-*/*/stepping.planes_normal*"):
+        kept.unlink()
+    assert told(start(NORMAL + by_itself, tmp_path))[0].splitlines()[::2] == [first, last]
+
+
 def test_whether_anything_is_compiled(tmp_path):
     """Until the folder is made, which is told, if it can be."""
     pytest.importorskip("numba")
@@ -118,16 +131,36 @@ def test_whether_anything_is_compiled(tmp_path):
     assert told(start(asked, tmp_path / "taken"))[0] == "False False\n"
 
 
-def test_what_a_curve_needs_last_is_compiled_beside():
+def test_what_two_processes_compile_is_what_a_curve_needs():
+    """One what leads from point to point, the other what is asked of points and where special ones are."""
     pytest.importorskip("numba")
     asked = """
-from hbgear.cli.support import _observed
-from hbgear.harmonic import assembly, carrying, observing, pursuit
-_observed()
-last = carrying.monodromies, observing.neglected, observing.reach
-print(*(len(kernel.signatures) for kernel in (*last, assembly.assembled, pursuit.pursue)))
+import hbgear as hb
+from hbgear.cli.support import _followed, _observed
+from hbgear.harmonic import assembly, carrying, locating, observing, pursuit
+first = assembly.linear_part, assembly.assembled, pursuit.pursue
+last = carrying.monodromies, observing.reach, observing.neglected, observing.driven, locating.located
+def known():
+    print(*(len(kernel.signatures) for kernel in (*first, *last)))
+_followed() if ONE else _observed()
+known()
+hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 1.6))
+known()
 """
-    assert told(start(asked))[0].split() == ["1", "1", "1", "0", "0"]
+    for one, expected in ((True, "1 1 1 0"), (False, "0 0 0 1 1 1 1 1")):
+        out = told(start(asked.replace("ONE", str(one))))[0].splitlines()
+        assert out[0].startswith(expected) and out[1] == "1 1 1 1 1 1 1 1"
+
+
+def test_ctrl_c_while_a_curve_is_followed_to_compile_is_for_the_command(monkeypatch):
+    """A trace ends with what it has, which nobody would see."""
+
+    def pressed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(hb.HarmonicBalance, "pursuit", pressed)
+    with pytest.raises(KeyboardInterrupt):
+        support._followed()
 
 
 def test_without_numba_the_same_curves_are_found(without_numba):
