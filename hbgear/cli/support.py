@@ -433,23 +433,30 @@ def _compile() -> None:
 
 
 def _followed() -> None:
-    """Ask what leads from point to point, and how far points are off: kernels are the same for all models."""
+    """Ask what leads from point to point, whatever it leads to: kernels are the same for all models."""
+    from hbgear.continuation.algebra import solve_signed
+    from hbgear.continuation.segment import CurvePoint
+    from hbgear.continuation.stride import Strider
+
     problem = hb.HarmonicBalance(hb.SpurPair(), 8)
-    curve = hb.trace(problem, "Omega", (0.8, 0.801), stability=False, accuracy=None, cover=False)
-    if curve.status is hb.Status.INTERRUPTED:  # by a Ctrl-C that is meant for what follows
-        raise KeyboardInterrupt
-    problem.curvature(np.ones(problem.size), np.ones(problem.size), "Omega", Omega=0.8)
+    X, along = np.ones(problem.size), np.eye(problem.size + 1)[-1]
+    problem.linearise(X, "Omega", Omega=0.8)
+    problem.curvature(X, X, "Omega", Omega=0.8)
+    solve_signed(np.eye(2), np.eye(2))
+    strider = Strider(problem, "Omega", {}, (0.7, 0.9), hb.StepControl(), hb.Settings())
+    strider.stride([CurvePoint(np.append(X, 0.8), along, 1, 0.0, 0)], np.ones(len(along)), 1.0, 0.01, 1)
 
 
 def _observed() -> None:
     """Ask what is asked of every point, and for where special ones are."""
+    from hbgear.continuation.problem import FOLD
     from hbgear.harmonic.floquet import multipliers_of
 
     problem = hb.HarmonicBalance(hb.SpurPair(), 8)
     motion, Omega, n = np.ones((1, problem.size)), np.array([0.8]), problem.size + 1
     multipliers_of(problem.compiled({}), motion, Omega)
     problem.observe_many(motion, "Omega", Omega)
-    locate = problem.locating("Omega", {}, -1)
+    locate = problem.locating("Omega", {}, FOLD)
     assert locate is not None
     locate(np.append(motion, Omega), 1, 1.0, 0, np.empty(n), np.empty((n, n)))
 

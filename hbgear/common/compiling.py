@@ -39,7 +39,7 @@ def kernel(function: Function) -> Function:
     Fused products and sums may be used; the order of sums is kept, so that results differ between processors in the
     last digits only.
     """
-    return _compiled(function)
+    return _compiled(function, counted=True)
 
 
 def bare(function: Function) -> Function:
@@ -48,19 +48,19 @@ def bare(function: Function) -> Function:
     References to arrays are not counted in it, nor in the kernels that it calls to those it was given: in short loops
     that took half of the time. An array that another kernel returned to it would never be thrown away.
     """
-    return _compiled(function, _nrt=False)
+    return _compiled(function, counted=False)
 
 
-def _compiled(function: Function, **options: Any) -> Function:
+def _compiled(function: Function, counted: bool) -> Function:
     if _numba() is None:
         return function
-    compiled: Any = _made(function, **options)
+    compiled: Any = _made(function, _nrt=counted)  # else a kernel takes after the one that calls it
 
     @cache
     def part() -> Any:
         from hbgear.common.linking import Parts
 
-        return _made(function, "parts", no_cpython_wrapper=True, pipeline_class=Parts, **options)
+        return _made(function, "parts", no_cpython_wrapper=True, pipeline_class=Parts, _nrt=counted)
 
     if _known():  # what Numba asks of a function that another kernel calls
         compiled.get_call_template = lambda args, kws: part().get_call_template(args, kws)

