@@ -131,6 +131,25 @@ def test_whether_anything_is_compiled(tmp_path):
     assert told(start(asked, tmp_path / "taken"))[0] == "False False\n"
 
 
+def test_another_numba_compiles_as_it_does_by_itself(tmp_path):
+    """Of versions whose inside is not known nothing but their own ways is asked, for a kernel that calls others."""
+    pytest.importorskip("numba")
+    asked = """
+import sys
+import numpy as np
+from hbgear.common import compiling
+if OTHER:
+    compiling._LAST = (0, 1)
+from hbgear.continuation.algebra import solve_signed
+x, _ = solve_signed(np.array([[0.0, 2.0], [4.0, 0.0]]), np.ones((2, 1)))
+print(*x.ravel(), "hbgear.common.linking" in sys.modules)
+"""
+    for other, linked in ((False, "True"), (True, "False")):
+        for _ in range(2):  # compiled, and found again
+            out, err = told(start(asked.replace("OTHER", str(other)), tmp_path / str(other)))
+            assert out.split() == ["0.25", "0.5", linked] and "Traceback" not in err
+
+
 def test_what_two_processes_compile_is_what_a_curve_needs():
     """One what leads from point to point, the other what is asked of points and where special ones are."""
     pytest.importorskip("numba")
