@@ -52,7 +52,7 @@ def eliminate(A: Any) -> int:
 
 @bare
 def _factorise(A: Any, first: int, panel: Any) -> int:
-    """L and U in the place of some columns of the rows from the first one on; whole rows are exchanged."""
+    """L and U in the place of some columns of the rows from the first one on, which are exchanged from there on."""
     sign, (n, columns) = 1, panel.shape
     for j in range(columns):
         p, most = j, abs(panel[j, j])

@@ -765,7 +765,7 @@ class _Tracer:
             number = first + piece + 1
             others = known.get(number, [])
             hidden = [(arc, point) for arc, event in arcs for point in event.find(arc)
-                      if point.located and not any(_at_once(point, other) for other in others)]  # fmt: skip
+                      if point.located and not any(_coincide(point, other) for other in others)]  # fmt: skip
             fresh = paired(self._sure(hidden, self._arc(rows[piece], rows[piece + 1])))
             if fresh:
                 found[number] = sorted([*others, *fresh], key=lambda point: point.s)
@@ -1052,7 +1052,7 @@ def _same(one: Found, other: Found) -> bool:
     return one.located and other.located and _alike(u, v)
 
 
-def _at_once(one: Found, other: Found) -> bool:
+def _coincide(one: Found, other: Found) -> bool:
     """Whether two points of a kind are one as they were found on the curve, whatever more unknowns make of them."""
     return one.event.kind == other.event.kind and _alike(one.row.u, other.row.u)
 
