@@ -18,6 +18,14 @@ from hbgear.continuation.reading import Comparing
 _ROWS_IN_DOUBT = 3
 
 
+ENDS = ("LP", "PD", "NS", "BP")
+"""Kinds of special points at which solutions can become stable or unstable."""
+
+
+ENDS = ("LP", "PD", "NS", "BP")
+"""Kinds of special points at which motions can become stable or unstable."""
+
+
 def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, ...]:
     """A `Jump` for each fold that a slow sweep along a stable part of the branch runs into.
 
@@ -48,7 +56,7 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
 
 def _leaves_at(branch: Branch, stable: np.ndarray, fold: SpecialPoint, side: int) -> SpecialPoint | None:
     """Where a sweep towards the fold from one side loses its stable motion; None if that side is unstable."""
-    marks = {p.index: p for p in branch.special if p.kind in ("LP", "PD", "NS", "BP")}
+    marks = {p.index: p for p in branch.special if p.kind in ENDS}
     lost: SpecialPoint | None = None
     i = fold.index + side
     while 0 <= i < len(branch):

@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -36,7 +37,7 @@ from hbgear.continuation.covering import UNCOVERED, Search, find_rest, told
 from hbgear.continuation.ending import Ending
 from hbgear.continuation.events import Crossing, Event, Found, Turning, Watch, behind_the_turn, events_of
 from hbgear.continuation.hidden import Path, find_hidden, paired
-from hbgear.continuation.jumps import find_jumps
+from hbgear.continuation.jumps import ENDS, find_jumps
 from hbgear.continuation.newton import NoConvergence, Settings, solve
 from hbgear.continuation.problem import AnyProblem, FullProblem, as_problem, observe_all
 from hbgear.continuation.record import Mark, branch_of
@@ -211,6 +212,7 @@ class _Tracer:
         self.sense = 1.0 if self.b > self.a else -1.0
         self.rows: list[CurvePoint] = []
         self.found: list[tuple[int, Found]] = []  # special points, each with the number of the row it comes before
+        self.between: dict[int, list[tuple[float, CurvePoint]]] = {}  # rows between them, each with its place
         self.waiting: list[tuple[FullProblem, Array]] = []  # problem and scale of the last pieces, not yet looked at
         self.stop: Found | None = None  # the terminal event the trace stopped at
         # a problem that changes its unknowns from row to row is looked at row by row
@@ -662,6 +664,7 @@ class _Tracer:
         if self.together == 1:  # the problem may be another one at the next row
             fresh = [point.row for points in found.values() for point in points]
             self._observe([row for row in fresh if len(row.u) == len(self.scale)])
+        self._look_between(found)
         before = [one for one in self.found if one[0] not in found]
         self.waiting, self.found = [], before + [(i, point) for i, points in found.items() for point in points]
 
@@ -783,6 +786,15 @@ class _Tracer:
                 found[number] = sorted(kept + fresh, key=lambda point: point.s)
         return found
 
+    def _look_between(self, found: Mapping[int, list[Found]]) -> None:
+        """A row between neighbouring points of a piece at which stability may change: no other tells of the stretch."""
+        for number, points in found.items() if self.stability else ():
+            ends = [one for one in points if one.located and one.event.kind in ENDS]
+            ends = sorted((one for one in ends if len(one.row.u) == len(self.scale)), key=lambda one: one.s)
+            rows = [(0.5 * (a.s + b.s), self._row_at(self._arc(a.row, b.row), 0.5)) for a, b in pairwise(ends)]
+            self.between[number] = [(s, row) for s, row in rows if row is not None]
+            self._decide([row for _, row in self.between[number]])
+
     def _sure(self, hidden: Sequence[tuple[Segment, Found]], whole: Segment) -> list[Found]:
         """Points found on parts of a piece, those that more unknowns have too, at their places on the whole of it."""
         sure = (self._confirmed(arc, point) for arc, point in hidden)
@@ -809,10 +821,17 @@ class _Tracer:
         """All rows, the located special points among them, and the marks of these."""
         rows: list[CurvePoint] = []
         marks: list[Mark] = []
-        found = sorted((self._placed(*one) for one in self._single()), key=lambda one: (one[0], one[1].s))
+        found: list[tuple[int, float, Found | CurvePoint]] = [
+            (i, point.s, point) for i, point in (self._placed(*one) for one in self._single())
+        ]
+        found += [(i, s, row) for i, some in self.between.items() for s, row in some]
+        found.sort(key=lambda one: one[:2])
         for i, row in enumerate(self.rows):
             while found and found[0][0] == i:
-                point = found.pop(0)[1]
+                point = found.pop(0)[2]
+                if isinstance(point, CurvePoint):
+                    rows.append(point)
+                    continue
                 if point.located:
                     rows.append(point.row)
                 interval = (self.rows[i - 1].value, row.value)

@@ -195,3 +195,17 @@ def test_rounding_does_not_decide_which_pairs_are_found(on_path, seed):
         p.parameters["Omega"] for p in curve.special if p.kind == "NS" and 0.325 < p.parameters["Omega"] < 0.33
     )
     assert found == pytest.approx([0.3251643, 0.3252338, 0.3280795, 0.3298697, 0.3299159], abs=1e-6)
+
+
+def test_jumps_do_not_hang_on_where_rows_fall(on_path):
+    """A fold and a Neimark-Sacker point on one step, a stable stretch between them: upwards no row saw it once."""
+    from studies.random.machines import machine
+
+    problem = hb.HarmonicBalance(machine("bearings", 2).model, 16)
+    up, down = (hb.trace(problem, "Omega", span, cover=False) for span in ((0.3, 0.45), (0.45, 0.3)))
+    jumps = [sorted((jump.value, jump.direction) for jump in curve.jumps()) for curve in (up, down)]
+    assert len(jumps[0]) == 6 and np.allclose(*jumps, rtol=0, atol=1e-8)
+    for curve in (up, down):
+        ends = [p.index for p in curve.special if p.located and p.kind in ("LP", "PD", "NS", "BP")]
+        assert len(ends) > 8 and min(np.diff(ends)) > 1
+        assert np.isfinite(curve.multipliers[: max(ends)]).all()
