@@ -16,6 +16,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.events import Event, Found, Watch
+from hbgear.continuation.jumps import ENDS
 from hbgear.continuation.segment import CurvePoint, Rows, Segment
 
 Place: TypeAlias = tuple[int, float]
@@ -95,18 +96,19 @@ class Path:
         """Pieces between rows on which an event changes sign more often than is known, as the path tells.
 
         On each the pieces of the path on which it does so unknown, or besides what is known. Not where a change of
-        sign is known whose point the path does not have on its own piece: more accurate equations may have put it on
-        another.
+        sign is known whose point the path does not have on its own piece, nor one of another kind that makes it:
+        more accurate equations may have put it on another.
         """
         found: dict[int, list[tuple[int, Event]]] = {}
         if self.rows is rows:
             return found
         pieces = [piece for piece, _ in self.places]
+        ends = {piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind in ENDS}
         for event in watch.passing:
             changes = watch.changes(event, self.rows)
             held = [k for k, kind in self.holds.items() if kind == event.kind]
             known = np.flatnonzero(watch.changes(event, rows)).tolist()
-            doubtful = set(known) - {pieces[k] for k in held}
+            doubtful = set(known) - {pieces[k] for k in held} - ends
             doubtful.update(pieces[k] for k in held if not changes[k])
             doubtful.update(piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind == event.kind)
             for k in np.flatnonzero(changes).tolist():

@@ -769,7 +769,9 @@ class _Tracer:
             others = known.get(number, [])
             hidden = [(arc, point) for arc, event in arcs for point in event.find(arc)
                       if point.located and not any(_coincide(point, other) for other in others)]  # fmt: skip
-            fresh = paired(self._sure(hidden, self._arc(rows[piece], rows[piece + 1])))
+            fresh = self._sure(hidden, self._arc(rows[piece], rows[piece + 1]))
+            if not any(one.event.kind in ENDS for one in others):  # else these may make up for one of another kind
+                fresh = paired(fresh)
             if fresh:
                 found[number] = sorted([*others, *fresh], key=lambda point: point.s)
         for k, hints in path.hints(self.watch, rows, self.scale).items():
@@ -843,11 +845,19 @@ class _Tracer:
         return rows, marks
 
     def _single(self) -> list[tuple[int, Found]]:
-        """Special points, without those that turned out to be the same as an earlier one."""
+        """Special points, without those that turned out to be the same as an earlier one.
+
+        Of two that more unknowns take for one the farther off may be none, or another one that they do not lead to: it
+        is told as it was found.
+        """
         out: list[tuple[int, Found]] = []
-        for number, point in self.found:
-            if not any(_same(point, other) for _, other in out):
-                out.append((number, point))
+        for here in self.found:
+            same = next((i for i, (_, other) in enumerate(out) if _same(here[1], other)), None)
+            if same is None:
+                out.append(here)
+            elif not _coincide(here[1], out[same][1]):
+                out[same], (number, far) = sorted((out[same], here), key=lambda one: _shift(one[1]))
+                out.append((number, replace(far, sharp=None, error=_shift(far))))
         return out
 
     def _placed(self, number: int, point: Found) -> tuple[int, Found]:
@@ -1074,6 +1084,11 @@ def _same(one: Found, other: Found) -> bool:
 def _coincide(one: Found, other: Found) -> bool:
     """Whether two points of a kind are one as they were found on the curve, whatever more unknowns make of them."""
     return one.event.kind == other.event.kind and _alike(one.row.u, other.row.u)
+
+
+def _shift(point: Found) -> float:
+    """How far more unknowns put a point from where it was found."""
+    return abs(point.sharp.row.value - point.row.value) if point.sharp else 0.0
 
 
 def _alike(u: Array, v: Array) -> bool:

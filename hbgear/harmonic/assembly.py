@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import bare, kernel
 from hbgear.harmonic.projection import coefficient, projected
 from hbgear.harmonic.sampling import samples_of, spectrum
 from hbgear.mechanics.summing import waves_of
@@ -56,7 +56,7 @@ def receptance(poles: Any, residues: Any, w: Any, sums: Any) -> None:
                 v[k] += p * b + q * a
 
 
-@kernel
+@bare
 def _invert(A: Any, out: Any) -> None:
     """A^-1 of K complex matrices (K, m, m), by Gauss and Jordan with exchanges of rows; A is lost. nan if singular."""
     m = A.shape[1]
@@ -81,12 +81,12 @@ def _invert(A: Any, out: Any) -> None:
                         out[n, i, k] -= f * out[n, j, k]
 
 
-@kernel
+@bare
 def _size(z: complex) -> float:
     return abs(z.real) + abs(z.imag)
 
 
-@kernel
+@bare
 def _multiply(A: Any, B: Any, factor: float, out: Any) -> None:
     """out = factor A B of K matrices (K, m, m)."""
     m = A.shape[1]
@@ -200,7 +200,7 @@ def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, a
                 _add_harmonic(change[k, i, j], k, across, i * n, j * n)
 
 
-@kernel
+@bare
 def _add_harmonic(Z: complex, k: int, J: Any, row: int, column: int) -> None:
     """Add the product of harmonic number k of the unknowns with a complex number, in the real basis, from a corner."""
     if k == 0:
@@ -235,7 +235,7 @@ def _forces(rows: Any, orders: Any, kappa: Any, chi: Any, more: Any, R: Any, J: 
     return math.sqrt(total)
 
 
-@kernel
+@bare
 def add_product(kappa: Any, orders: Any, T: Any) -> None:
     """Add the matrix of the product with kappa, in the real basis of some orders, of which the first is 0.
 
@@ -262,7 +262,7 @@ def add_product(kappa: Any, orders: Any, T: Any) -> None:
                 T[2 * i, 2 * k] += r - p
 
 
-@kernel
+@bare
 def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
     """Add Z d + g to R, Z to J; dR = dZ d + dg; the norms of Z d and g together."""
     m, n = rows.shape

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import bare, kernel
 from hbgear.continuation.elimination import eliminate
 from hbgear.harmonic.phi import moments
 from hbgear.harmonic.pieces import piece_of, polynomial, waves_with
@@ -123,7 +123,7 @@ def stiffness(numbers: Any, row: Any, j: int, phases: Any, out: Any) -> None:
             out[n] += slope * factor[s, n]
 
 
-@kernel
+@bare
 def _add_wave(c: complex, powers: Any, out: Any) -> None:
     """Add Re c z^k at phases whose powers z^k (2, T) are known."""
     a, b = c.real, c.imag
@@ -251,7 +251,7 @@ def _tables(modes: Any, turns: Any, work: Any, L: Any, A: Any, R: Any, B: Any) -
                 B[k, j * g + p], B[q + k, j * g + p] = pushed.real, pushed.imag
 
 
-@kernel
+@bare
 def _felt(output: Any, pushed: Any, work: Any, L: Any, out: Any) -> None:
     """Add what a port feels at the Gauss points (s, s) of a force on another one that is a Lagrange polynomial."""
     s, q = L.shape[0], output.shape[0]
@@ -266,7 +266,7 @@ def _felt(output: Any, pushed: Any, work: Any, L: Any, out: Any) -> None:
                 out[i, j] += (total - rest) * L[j, n]
 
 
-@kernel
+@bare
 def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
     """Add factor A B to out: four rows of B at a time, for which out is read and written once."""
     n, whole = A.shape[1], A.shape[1] - A.shape[1] % 4
@@ -281,7 +281,7 @@ def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
                 out[i, j] += a * B[k, j]
 
 
-@kernel
+@bare
 def _answer(A: Any, R: Any, D: Any, state: Any, M: Any, shown: Any, u: Any) -> None:
     """u from (1 + D A) u = D R z_0; M and shown are room for [1 + D A  D R z_0] and D R."""
     n, g = u.shape[0], D.shape[2]
@@ -305,7 +305,7 @@ def _answer(A: Any, R: Any, D: Any, state: Any, M: Any, shown: Any, u: Any) -> N
             u[i, j] = M[i, n + j]
 
 
-@kernel
+@bare
 def _turned(turn: Any, state: Any) -> None:
     """e^{poles h} z in the place of z."""
     q = turn.shape[0]
@@ -316,7 +316,7 @@ def _turned(turn: Any, state: Any) -> None:
             state[k, j], state[q + k, j] = a * x - b * y, b * x + a * y
 
 
-@kernel
+@bare
 def step_of(fast: float, omega: float, nu: int, schemes: Any, share: float) -> tuple[int, float]:
     """Which scheme, and its longest step [rad], for springs that turn the state by ``fast``; see `monodromies`."""
     which = 0 if fast * 2 * math.pi / omega <= schemes[2] else 1

@@ -48,7 +48,7 @@ from hbgear.continuation.newton import NoConvergence, refine, solution_at, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
 from hbgear.continuation.touching import dips
-from hbgear.harmonic.meeting import exchanges, meetings, passing
+from hbgear.harmonic.meeting import arrivals, exchanges, meetings, passing
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.special import Grazing, NeimarkSacker, PeriodDoubling, exponent_of_pair, peak_of
 
@@ -146,7 +146,9 @@ class SecondFrequency(Event):
     def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
         """Where a pair comes close to the unit circle, alone or because two meet, or one leaves as another returns."""
         mu, length = _multipliers(rows), lengths(rows, scale)
-        return [] if mu is None else [*dips(values, length), *meetings(mu, length), *exchanges(mu)]
+        if mu is None:
+            return []
+        return [*dips(values, length), *meetings(mu, length), *exchanges(mu), *arrivals(mu, length)]
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         mu = _multipliers(rows)
@@ -177,7 +179,16 @@ class SecondFrequency(Event):
             size = _modulus(_pairs(_known(segment, found.row)), rank)  # else the pair became real outside of the circle
             if found.located and abs(size - 1.0) < _DOUBLE:
                 out.append(self._sharp(segment, found))
-        return out
+        return out or self._became_real(segment, ends)
+
+    def _became_real(self, segment: Segment, ends: ComplexArray) -> list[Found]:
+        """A pair that passes and meets on the positive real axis, on the same piece as a doubling."""
+        few, many = sorted(_unstable(_undoubled(ends)).tolist())
+        if many - few < 2 or segment.a.heading * segment.b.heading < 0:
+            return []
+        found = root(segment, self, lambda row: _modulus(_undoubled(_known(segment, row)), few) - 1.0, fine=_FINE)
+        passing = _modulus(_pairs(_known(segment, found.row)), few)
+        return [self._sharp(segment, found)] if found.located and abs(passing - 1.0) < _DOUBLE else []
 
     def _passing(self, segment: Segment, rank: int) -> Found:
         """Where the complex multiplier of that number, from the largest, passes the unit circle."""
@@ -499,6 +510,12 @@ def _paired(mu: ComplexArray) -> np.ndarray:
     """Which multipliers are not real."""
     paired: np.ndarray = np.abs(mu.imag) > 1e-8 * np.abs(mu)
     return paired
+
+
+def _undoubled(mu: ComplexArray) -> ComplexArray:
+    """Multipliers without those on the negative real axis, which are zero."""
+    rest: ComplexArray = np.where(_paired(mu) | (mu.real > 0), mu, 0.0)
+    return rest
 
 
 def _pairs_outside(ends: ComplexArray) -> tuple[int, int]:

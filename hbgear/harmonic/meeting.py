@@ -84,6 +84,40 @@ def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
     return [(int(i), float(s)) for i, s in zip(pieces[sure], 0.5 * (returned + 1 - left)[sure], strict=True)]
 
 
+def arrivals(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
+    """Pieces between rows, with as many pairs outside at both ends, at an end of which one is about to pass the circle.
+
+    So the line through its modulus there and at the row beyond tells, where it is the nearest one: it comes to the
+    circle on the first part of the piece, at a place s. One pair alone has no other to hide behind.
+    """
+    pairs = _upper(mu)
+    if len(mu) < 3 or np.count_nonzero(pairs, axis=1).max(initial=0) < 2:
+        return []
+    number = np.count_nonzero(pairs & (np.abs(mu) > 1 + NEUTRAL), axis=1)
+    x = np.log(np.where(pairs, mu, np.inf))
+    x = np.take_along_axis(x, np.argsort(np.abs(x.real), axis=1)[:, :_CLOSEST], axis=1)
+    found: dict[int, float] = {}
+    for side in (0, 1):
+        pieces = np.flatnonzero(number[1:] == number[:-1])
+        beyond = pieces + 3 * side - 1
+        pieces, beyond = (each[(beyond >= 0) & (beyond < len(mu))] for each in (pieces, beyond))
+        here, there = x[pieces + side], x[beyond]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            apart = np.nan_to_num(np.abs(here[:, :, None] - there[:, None, :]), nan=np.inf)
+            before = np.take_along_axis(there.real, apart.argmin(axis=2), axis=1)
+            grows = (here.real - before) * (length[pieces] / length[beyond - side])[:, None]
+            first = np.where(np.abs(here.real) > NEUTRAL, -here.real / grows, np.inf)
+        first = np.where(first > 0, first, np.inf).min(axis=1)
+        found |= {int(i): abs(side - float(s)) for i, s in zip(pieces, first, strict=True) if s < _SOON}
+    return sorted(found.items())
+
+
+_CLOSEST = 8  # pairs of each row, those next to the circle, that are looked at
+
+
+_SOON = 0.2  # share of a piece on which such a line comes to the circle
+
+
 def passing(mu: ComplexArray, length: Array, pieces: np.ndarray) -> np.ndarray:
     """Whether complex pairs plainly pass -1 on pieces (n,) between rows, and none that comes near reaches it there.
 

@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import bare, kernel
 from hbgear.harmonic.crossings import crossings
 from hbgear.harmonic.pieces import crossings_on, spans, waves_with
 from hbgear.mechanics.summing import sampled, waves_of
@@ -127,7 +127,7 @@ def projected(numbers: Any, rows: Any, order: int) -> Any:
     return kappa, chi, more
 
 
-@kernel
+@bare
 def coefficient(kappa: Any, c: Any, k: int) -> complex:
     """Coefficient k of the product of two real functions, two-sided as those of kappa; c has one-sided ones."""
     x, y = kappa[k].real * c[0].real, kappa[k].imag * c[0].real
@@ -141,7 +141,7 @@ def coefficient(kappa: Any, c: Any, k: int) -> complex:
     return complex(x, y)
 
 
-@kernel
+@bare
 def _add_kept(kept: Any, kappa: Any, chi: Any) -> None:
     """Add to chi what kappa makes of the harmonics kept of a displacement, as far up as kappa is known for that."""
     H = kept.shape[0] - 1
@@ -163,7 +163,7 @@ def _add_moved_cubic(c: Any, w: Any, k1: float, k3: float, kappa: Any, chi: Any,
         more[k] += 3.0 * k3 * both
 
 
-@kernel
+@bare
 def _indicator(theta: Any, sign: Any, count: int, above: bool, s: Any) -> None:
     """s_n of the set where the function is above a corner."""
     share = 1.0 if above else 0.0
@@ -180,7 +180,7 @@ def _indicator(theta: Any, sign: Any, count: int, above: bool, s: Any) -> None:
         s[n] = s[n] * complex(0.0, -1.0 / (2 * math.pi * n))
 
 
-@kernel
+@bare
 def _modulate(shifts: Any, series: Any, s: Any, out: Any) -> None:
     """Add the product of two real functions, given by coefficients 0, 1, 2, ...; series has those at the shifts."""
     for k in range(out.shape[0]):

@@ -26,7 +26,7 @@ def waves_of(row: Any) -> Any:
     return c
 
 
-@kernel
+@bare
 def sampled(row: Any, basis: Any, out: Any) -> None:
     """Samples (N,) of a real row."""
     for n in range(out.shape[0]):
@@ -38,7 +38,7 @@ def sampled(row: Any, basis: Any, out: Any) -> None:
                 out[n] += a * basis[k, n]
 
 
-@kernel
+@bare
 def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
     """x, x' and x'' at theta."""
     z = complex(math.cos(theta), math.sin(theta))
@@ -52,7 +52,7 @@ def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
     return (z * p).real + (c[0].real - level), -once.imag, -twice.real
 
 
-@kernel
+@bare
 def bend_of(c: Any) -> float:
     """Bound of |x''|."""
     total = 0.0
@@ -61,7 +61,7 @@ def bend_of(c: Any) -> float:
     return total
 
 
-@kernel
+@bare
 def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
     """Largest value of side x, side +1 or -1, over a period, and where: Newton from the samples that can be nearest."""
     N = samples.shape[0]

@@ -6,7 +6,7 @@ import pytest
 import hbgear as hb
 from hbgear.continuation import tracer
 from hbgear.continuation.hidden import find_hidden
-from hbgear.harmonic.meeting import exchanges, passing
+from hbgear.harmonic.meeting import arrivals, exchanges, passing
 
 
 def pairs(*exponents):
@@ -33,6 +33,19 @@ def test_one_that_moves_far_leaves_because_another_surely_returned():
     mu = np.array([pairs(0.007 + 0.805j, -0.0185 + 0.868j), pairs(-0.001 + 0.83j, 0.096 + 0.88j)])
     ((piece, s),) = exchanges(mu)
     assert piece == 0 and s == pytest.approx((7 / 8 + 185 / 1145) / 2)
+
+
+def test_a_pair_about_to_leave_is_seen_behind_a_steady_one():
+    """From -.02 to -.01 on a step and on at that pace it passes at half the way; its end tells of another pair."""
+    beside = -0.001 + 1j
+    mu = np.array([pairs(-0.02 + 3j, 0.05 + 2.9j, beside), pairs(-0.01 + 3.02j, 0.04 + 2.95j, beside),
+                   pairs(-0.07 + 2.8j, 0.03 + 2.95j, beside)])  # fmt: skip
+    assert arrivals(mu, np.array([1.0, 1.0])) == []  # not so soon
+    ((piece, s),) = arrivals(mu, np.array([1.0, 10.0]))
+    assert piece == 1 and s == pytest.approx(0.1)
+    ((piece, s),) = arrivals(mu[::-1], np.array([10.0, 1.0]))
+    assert piece == 0 and s == pytest.approx(0.9)
+    assert arrivals(np.delete(mu, [1, 2, 4, 5], axis=1), np.array([1.0, 10.0])) == []  # alone it has nothing to hide in
 
 
 def near_minus_one(sigma, detuning, width=0.0):
