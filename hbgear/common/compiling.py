@@ -187,7 +187,7 @@ def _state() -> str:
     """A name for the sources of kernels, and of what these import, as they are now."""
     root = Path(__file__).parents[1]
     texts = {path.relative_to(root).as_posix(): path.read_text(encoding="utf-8") for path in root.rglob("*.py")}
-    own = [name for name, text in texts.items() if "\n@kernel" in text]
+    own = [name for name, text in texts.items() if re.search(r"^@(kernel|bare)$", text, re.M)]
     modules = {module for name in own for module in re.findall(r"^from hbgear\.([\w.]+) import", texts[name], re.M)}
     used = {*own, "common/linking.py", *(f"{module.replace('.', '/')}.py" for module in modules)}
     told = [f"{name} {texts[name]}" for name in sorted(used & texts.keys())]

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import bare, kernel
+from hbgear.common.compiling import bare
 from hbgear.mechanics.summing import bend_of, value_of
 
 ROUNDING = 4e-16  # relative size of a value that is zero
