@@ -28,6 +28,9 @@ Hint: TypeAlias = tuple[Event, float]
 Solved: TypeAlias = Callable[[Segment, float], CurvePoint | None]
 """Solves for the row at a share of a piece, and notes with it what the problem says of it; None if there is none."""
 
+_SAME = 0.1  # shares of a piece within which two hints are one
+
+
 _TRIES = 8  # rows looked at on a piece for each event that may happen there
 
 
@@ -89,7 +92,9 @@ class Path:
             for event, s in hints:
                 k = bisect.bisect(self.places, (piece, s)) - 1
                 _, low, high = self.ends(k)
-                found.setdefault(k, []).append((event, (s - low) / (high - low)))
+                share, told = (s - low) / (high - low), found.setdefault(k, [])
+                if all(other is not event or abs(share - at) > _SAME for other, at in told):
+                    told.append((event, share))
         return found
 
     def unseen(self, watch: Watch, rows: Rows) -> dict[int, list[tuple[int, Event]]]:

@@ -79,56 +79,85 @@ def circle(count: int) -> Any:
 
 
 @kernel
-def stiffness(numbers: Any, row: Any, j: int, phases: Any, out: Any) -> None:
-    """Add dp/dd of element j, whose motion is the row, at phases (3, T) as of `circle` to out."""
-    laws, corners = numbers.laws, numbers.corners
-    S, K, T = laws.of.shape[0], laws.shifts.shape[0], phases.shape[1]
-    first, end = corners.moves[j], corners.moves[j + 1]
-    c = waves_of(row) if first == end else waves_with(row, corners.kept[:, j])
-    gap, factor, powers, at = np.empty(T), np.empty((S, T)), np.zeros((2, T)), 1
-    for n in range(T):
-        gap[n], powers[0, n] = c[0].real, 1.0
-        for s in range(S):
-            factor[s, n] = laws.series[s, 0].real
-    for k in range(1, max(c.shape[0], laws.shifts[K - 1] + 1)):  # all phases together, several of them at once
-        for n in range(T):
-            x, y = powers[0, n], powers[1, n]
-            powers[0, n] = x * phases[1, n] - y * phases[2, n]
-            powers[1, n] = x * phases[2, n] + y * phases[1, n]
-        if k < c.shape[0]:
-            _add_wave(c[k], powers, gap)
-        if at < K and laws.shifts[at] == k:
-            for s in range(S):
-                if laws.of[s] == j:
-                    _add_wave(2 * laws.series[s, at], powers, factor[s])
-            at += 1
-    for n in range(T):
-        d = gap[n]
-        if first < end:
-            theta = phases[0, n] % (2 * math.pi)
-            i = piece_of(corners.at, first, end, theta)
-            d += polynomial(corners.rows[i], theta - corners.at[i])
-        out[n] += laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * d * d
-        for s in range(S):
-            if laws.of[s] != j:
-                continue
-            slope = laws.base[s, 0]
-            for r in range(laws.at.shape[0]):
-                if laws.part[r] == s and d > laws.level[laws.at[r]]:
-                    slope += laws.change[r]
-            if slope != 0.0 and corners.parts[s] < corners.parts[s + 1]:
-                theta = phases[0, n] % (2 * math.pi)
-                i = piece_of(corners.begin, corners.parts[s], corners.parts[s + 1], theta)
-                slope *= polynomial(corners.weight[i], theta - corners.begin[i])
-            out[n] += slope * factor[s, n]
+def _waves(numbers: Any, row: Any, j: int) -> Any:
+    """One-sided coefficients of the motion of element j, with those of a displacement with corners."""
+    moves = numbers.corners.moves
+    return waves_of(row) if moves[j] == moves[j + 1] else waves_with(row, numbers.corners.kept[:, j])
 
 
 @bare
-def _add_wave(c: complex, powers: Any, out: Any) -> None:
-    """Add Re c z^k at phases whose powers z^k (2, T) are known."""
-    a, b = c.real, c.imag
+def stiffness(numbers: Any, c: Any, j: int, phases: Any, work: Any, out: Any) -> None:
+    """Add dp/dd of element j at phases (3, T) as of `circle` to out; c as of `_waves`, work (5, T) is overwritten."""
+    laws, corners, T = numbers.laws, numbers.corners, phases.shape[1]
+    first, end = corners.moves[j], corners.moves[j + 1]
+    turning, gap, slope, factor = work[:2], work[2], work[3], work[4]
+    _summed(c, phases, turning, gap)
+    if first < end:
+        for n in range(T):
+            theta = phases[0, n] % (2 * math.pi)
+            i = piece_of(corners.at, first, end, theta)
+            gap[n] += polynomial(corners.rows[i], theta - corners.at[i])
+    for n in range(T):
+        out[n] += laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * gap[n] * gap[n]
+    for s in range(laws.of.shape[0]):
+        if laws.of[s] != j:
+            continue
+        _slope(laws, s, gap, slope)
+        if corners.parts[s] < corners.parts[s + 1]:
+            for n in range(T):
+                theta = phases[0, n] % (2 * math.pi)
+                i = piece_of(corners.begin, corners.parts[s], corners.parts[s + 1], theta)
+                slope[n] *= polynomial(corners.weight[i], theta - corners.begin[i])
+        _modulation(laws.shifts, laws.series[s], phases, turning, factor)
+        for n in range(T):
+            out[n] += slope[n] * factor[n]
+
+
+@bare
+def _slope(laws: Any, s: int, gap: Any, out: Any) -> None:
+    """Slope of a spring of the table without its stiffness."""
     for n in range(out.shape[0]):
-        out[n] += a * powers[0, n] - b * powers[1, n]
+        out[n] = laws.base[s, 0]
+    for r in range(laws.at.shape[0]):
+        if laws.part[r] == s:
+            level, change = laws.level[laws.at[r]], laws.change[r]
+            for n in range(out.shape[0]):
+                out[n] += change if gap[n] > level else 0.0
+
+
+@bare
+def _summed(c: Any, phases: Any, work: Any, out: Any) -> None:
+    """Re sum_k c_k z^k at phases (3, T) by Horner's rule, all of them together; work (2, T)."""
+    x, y = work[0], work[1]
+    x[:] = 0.0
+    y[:] = 0.0
+    for k in range(c.shape[0] - 1, 0, -1):
+        _turn_on(c[k], phases, x, y)
+    for n in range(out.shape[0]):
+        out[n] = c[0].real + x[n]
+
+
+@bare
+def _modulation(shifts: Any, series: Any, phases: Any, work: Any, out: Any) -> None:
+    """Re of the series, whose coefficients are two-sided ones at the shifts, as of `_summed`."""
+    x, y = work[0], work[1]
+    x[:] = 0.0
+    y[:] = 0.0
+    for i in range(shifts.shape[0] - 1, 0, -1):
+        for k in range(shifts[i] - shifts[i - 1]):
+            _turn_on(2.0 * series[i] if k == 0 else 0j, phases, x, y)
+    for n in range(out.shape[0]):
+        out[n] = series[0].real + x[n]
+
+
+@bare
+def _turn_on(c: complex, phases: Any, x: Any, y: Any) -> None:
+    """(x + i y + c) z at all phases in the place of x + i y."""
+    a, b, u, v = c.real, c.imag, phases[1], phases[2]
+    for n in range(x.shape[0]):
+        p, q = x[n] + a, y[n] + b
+        x[n] = p * u[n] - q * v[n]
+        y[n] = p * v[n] + q * u[n]
 
 
 @kernel
@@ -137,10 +166,10 @@ def pace(numbers: Any, rows: Any, mobility: Any, coarse: Any) -> float:
 
     The square is the largest of: inverse modal mass of an element times the largest stiffness of its law.
     """
-    most, k = 0.0, np.empty(coarse.shape[1])
+    most, k, work = 0.0, np.empty(coarse.shape[1]), np.empty((5, coarse.shape[1]))
     for j in range(rows.shape[0]):
         k[:] = 0.0
-        stiffness(numbers, rows[j], j, coarse, k)
+        stiffness(numbers, _waves(numbers, rows[j], j), j, coarse, work, k)
         largest = numbers.linear.springs[0, j]
         for i in range(k.shape[0]):
             largest = max(largest, abs(k[i]))
@@ -151,11 +180,11 @@ def pace(numbers: Any, rows: Any, mobility: Any, coarse: Any) -> float:
 @kernel
 def slopes(numbers: Any, X: Any, out: Any) -> None:
     """dp/dd (P, m, T) of motions X (P, n) at T phases, equally far apart, of the basis period; out is zero before."""
-    m, phases = out.shape[1], circle(out.shape[2])
+    m, phases, work = out.shape[1], circle(out.shape[2]), np.empty((5, out.shape[2]))
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
         for j in range(m):
-            stiffness(numbers, rows[j], j, phases, out[p, j])
+            stiffness(numbers, _waves(numbers, rows[j], j), j, phases, work, out[p, j])
 
 
 @kernel
@@ -164,7 +193,7 @@ def moduli(numbers: Any, rows: Any, ports: Any, cut: Any, x: Any) -> Any:
     steps, s, at = 0, x.shape[0], 0
     for i in range(cut.shape[0]):
         steps += int(cut[i, 2])
-    phases, k = np.empty((3, steps * s)), np.empty(steps * s)
+    phases, k, work = np.empty((3, steps * s)), np.empty(steps * s), np.empty((5, steps * s))
     for i in range(cut.shape[0]):
         a, b = math.cos(cut[i, 1]), math.sin(cut[i, 1])
         for n in range(int(cut[i, 2])):
@@ -180,7 +209,7 @@ def moduli(numbers: Any, rows: Any, ports: Any, cut: Any, x: Any) -> Any:
     for p in range(ports.shape[0]):
         for i in range(steps * s):
             k[i] = -numbers.linear.springs[0, ports[p]]
-        stiffness(numbers, rows[ports[p]], ports[p], phases, k)
+        stiffness(numbers, _waves(numbers, rows[ports[p]], ports[p]), ports[p], phases, work, k)
         for i in range(steps * s):
             D[0, i // s, i % s, p] = k[i]
     return D

@@ -121,9 +121,11 @@ _SOON = 0.2  # share of a piece on which such a line comes to the circle
 def passing(mu: ComplexArray, length: Array, pieces: np.ndarray) -> np.ndarray:
     """Whether complex pairs plainly pass -1 on pieces (n,) between rows, and none that comes near reaches it there.
 
-    Each pair is followed over the piece and the ones beside it: with a steady sigma, and a theta that is straight and
-    may change its sign, where the cubic through sigma^2 + theta^2 at these four rows is to come down to sigma^2, and
-    not below. It is not plain where pairs cannot be followed or are real, nor on the first piece and the last.
+    Each pair that is not far within the circle is followed over the piece and the ones beside it: with a sigma that
+    hardly changes on it and is nearly straight, and a theta that is a parabola and may change its sign, where the cubic
+    through sigma^2 + theta^2 at these four rows is to come down to sigma^2, and not below. If all are far within the
+    circle none reaches it. It is not plain where pairs cannot be followed or are real, nor on the first piece and the
+    last.
     """
     plain = np.zeros(len(pieces), dtype=bool)
     inner = np.flatnonzero((pieces > 0) & (pieces + 1 < len(length)))
@@ -135,16 +137,25 @@ def passing(mu: ComplexArray, length: Array, pieces: np.ndarray) -> np.ndarray:
         x = np.append(0.0, np.cumsum(length))
         sigma, theta = _from_minus_one(mu[rows])
         same = _followed(sigma, theta, x[rows], _weights(x, pieces[inner], rows, _FINE))
-        near = theta < _BEFORE
+        near = (sigma > np.log(_LARGE)) & (theta < _BEFORE)
         followed = (same.any(axis=2) | ~near[:, 1]).all(axis=1) & (same.any(axis=1) | ~near[:, 2]).all(axis=1)
-        plain[inner] = followed & near[:, 1:3].any(axis=(1, 2))
+        plain[inner] = (followed & near[:, 1:3].any(axis=(1, 2))) | ~(np.abs(mu[rows]) > _LARGE).any(axis=(1, 2))
     return plain
+
+
+_SMALL = 0.3  # modulus up to which pairs are not followed
 
 
 _BEFORE = 1.0  # theta from which a pair may reach -1 on a piece
 
 
-_STEADY, _STRAIGHT = 0.2, 0.1  # shares of sigma, and of what theta moves up to a row beside, by which they may differ
+_STEADY = 0.2  # share of sigma by which it may differ
+
+
+_CURVED = 0.4  # share of what theta moves up to a row beside by which it may bend there
+
+
+_UNEVEN = 0.1  # such a share by which it may bend otherwise than at the other row beside
 
 
 _LOW, _HIGH = 0.5, 2.0  # shares of sigma^2 between which a pair that passes -1 comes down to it
@@ -158,7 +169,7 @@ _MANY = 32  # pairs next to -1 among which one is followed
 
 def _from_minus_one(mu: ComplexArray) -> tuple[Array, Array]:
     """sigma and theta, (pieces, 4, r) each, of the pairs next to -1; in place of others what is like none of them."""
-    log = np.log(np.where(_upper(mu) & (np.abs(mu) > _LARGE), mu, 1e9))
+    log = np.log(np.where(_upper(mu) & (np.abs(mu) > _SMALL), mu, 1e9))
     order = np.argsort(-log.imag, axis=2, kind="stable")[:, :, :_MANY]
     return np.take_along_axis(log.real, order, axis=2), np.pi - np.take_along_axis(log.imag, order, axis=2)
 
@@ -173,12 +184,16 @@ def _followed(sigma: Array, theta: Array, x: Array, weights: Array) -> np.ndarra
     piece, one, other = both = np.nonzero(steady & near)
     s, t, end = sigma[piece, 1, one], theta[piece, 1, one], theta[piece, 2, other]
     way, slope = x[piece] - x[piece, 1:2], (np.array([[1.0], [-1.0]]) * end - t) / (x[:, 2] - x[:, 1])[piece]
-    straight = np.abs(t[:, None] + slope[:, :, None] * way)  # (signs, found, 4)
-    off = np.where(np.abs(sigma[piece] - s[:, None, None]) <= _STEADY * np.abs(s)[:, None, None],
-                   np.abs(theta[piece] - straight[..., None]), np.inf)  # fmt: skip
-    beside = np.minimum(np.abs(way), np.abs(x[piece] - x[piece, 2:3]))
-    followed = (off.min(axis=-1) <= _STRAIGHT * np.abs(slope[:, :, None]) * beside + 1e-9).all(axis=-1)
-    square = (sigma**2 + theta**2)[piece[:, None], np.arange(4), off.argmin(axis=-1)]
+    line = t[:, None] + slope[:, :, None] * way  # (signs, found, 4)
+    along = s[:, None] + ((sigma[piece, 2, other] - s) / (x[:, 2] - x[:, 1])[piece])[:, None] * way
+    off = np.where(np.abs(sigma[piece] - along[..., None]) <= _STEADY * np.abs(s)[:, None, None],
+                   np.abs(theta[piece] - np.abs(line)[..., None]), np.inf)  # fmt: skip
+    nearest = piece[:, None], np.arange(4), off.argmin(axis=-1)
+    moves = np.abs(slope[:, :, None]) * np.minimum(np.abs(way), np.abs(x[piece] - x[piece, 2:3]))
+    bent = (np.copysign(theta[nearest], line) - line)[..., [0, 3]] / (way * (x[piece] - x[piece, 2:3]))[:, [0, 3]]
+    uneven = np.abs(bent[..., 0] - bent[..., 1]) * (x[:, 3] - x[:, 2])[piece] * (x[:, 3] - x[:, 1])[piece]
+    followed = (off.min(axis=-1) <= _CURVED * moves + 1e-9).all(axis=-1) & (uneven <= _UNEVEN * moves[..., 3] + 1e-9)
+    square = (sigma**2 + theta**2)[nearest]
     lowest = _lowest(np.einsum("sfr,fpr->sfp", square, weights[piece]))
     least = np.minimum(s**2, sigma[piece, 2, other] ** 2)
     most = np.array([[np.inf], [_HIGH]]) * least  # of pairs that pass

@@ -41,12 +41,13 @@ def sampled(row: Any, basis: Any, out: Any) -> None:
 @bare
 def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
     """x, x' and x'' at theta."""
-    z = complex(math.cos(theta), math.sin(theta))
-    p = q = r = 0j
+    x, y = math.cos(theta), math.sin(theta)
+    p = q = r = s = t = u = 0.0  # real and imaginary parts, which take half the time of complex numbers
     for k in range(c.shape[0] - 1, 0, -1):
-        r = r * z + q
-        q = q * z + p
-        p = p * z + c[k]
+        t, u = (t * x + r) - u * y, (t * y + s) + u * x
+        r, s = (r * x + p) - s * y, (r * y + q) + s * x
+        p, q = (p * x + c[k].real) - q * y, (p * y + c[k].imag) + q * x
+    z, p, q, r = complex(x, y), complex(p, q), complex(r, s), complex(t, u)
     # sum c_k z^k = z p;  its derivatives by i theta: z (p + z q),  z (p + 3 z q + 2 z^2 r)
     once, twice = z * (p + z * q), z * (p + z * (3.0 * q + 2.0 * z * r))
     return (z * p).real + (c[0].real - level), -once.imag, -twice.real

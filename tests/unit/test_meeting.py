@@ -76,6 +76,21 @@ def test_a_pair_that_passes_minus_one_is_told_from_one_that_reaches_it():
         assert not any(plainly(four_rows(random, curved, width)) for curved in (0, 1) for _ in range(300))
 
 
+def test_a_pair_that_speeds_up_passes_plainly():
+    """As where the frequency falls by a tenth from row to row; one that meets there does not, however fast."""
+    x = np.array([-1.3, -0.4, 0.7, 1.8])
+    for faster in (-0.1, 0.1):
+        detuning = 0.3 * (x + faster * x**2)
+        for width in (0.0, 1.02, 2.0):
+            mu = [near_minus_one(-0.1 + 0.01 * at, d, 0.1 * width) for at, d in zip(x, detuning, strict=True)]
+            assert plainly((np.diff(x), np.array(mu))) is (width == 0)
+
+
+def test_pairs_far_within_the_circle_are_plain():
+    mu = np.array([near_minus_one(-0.6, d) for d in (-0.3, 0.5, 0.1, 0.4)])
+    assert plainly((np.ones(3), mu)) and not plainly((np.ones(3), mu * np.exp(0.3)))
+
+
 def test_each_of_several_pairs_must_pass_plainly():
     x = np.array([-1.3, -0.4, 0.7, 1.8])
     slow, fast = ([near_minus_one(s, d) for d in v * (x - at)] for s, v, at in ((-0.01, 0.1, 0.0), (-0.2, 0.4, 0.3)))
