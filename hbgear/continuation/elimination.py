@@ -37,6 +37,9 @@ def eliminate(A: Any) -> int:
                 _subtract(A[i, j], A[j, end:], A[i, end:])
         if end < n:
             _reduce(A, first, end, n, end)
+    if A.shape[1] - n <= 2:
+        _solve_few(A, n, A.shape[1] - 1)
+        return sign
     for end in range(n, 0, -_PIVOTS):
         first = max(0, end - _PIVOTS)
         for i in range(end - 1, first - 1, -1):
@@ -48,6 +51,22 @@ def eliminate(A: Any) -> int:
         if first > 0:
             _reduce(A, first, np.int64(0), first, n)  # of a literal `_reduce` would be compiled once more
     return sign
+
+
+@bare
+def _solve_few(A: Any, first: int, last: int) -> None:
+    """U^-1 of two columns, or of one that is given twice, in their place: rows that short are not worth a loop each."""
+    n = A.shape[0]
+    for i in range(n - 1, -1, -1):
+        a = b = c = d = 0.0
+        for j in range(i + 1, n - 1, 2):
+            x, y = A[i, j], A[i, j + 1]
+            a, b = a + x * A[j, first], b + x * A[j, last]
+            c, d = c + y * A[j + 1, first], d + y * A[j + 1, last]
+        if (n - i) % 2 == 0:
+            a, b = a + A[i, n - 1] * A[n - 1, first], b + A[i, n - 1] * A[n - 1, last]
+        pivot = 1.0 / A[i, i]
+        A[i, first], A[i, last] = (A[i, first] - (a + c)) * pivot, (A[i, last] - (b + d)) * pivot
 
 
 @bare
@@ -96,11 +115,18 @@ def _reduce(A: Any, j: int, first: Any, end: int, start: int) -> None:
     loops compute several at once.
     """
     p, q, r, s = A[j, start:], A[j + 1, start:], A[j + 2, start:], A[j + 3, start:]
-    for i in range(first, end):
+    for i in range(first, end - 1, 2):  # two rows at once, for which the four are read once
         a, b, c, d, row = A[i, j], A[i, j + 1], A[i, j + 2], A[i, j + 3], A[i, start:]
-        if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
+        e, f, g, h, below = A[i + 1, j], A[i + 1, j + 1], A[i + 1, j + 2], A[i + 1, j + 3], A[i + 1, start:]
+        if abs(a) + abs(b) + abs(c) + abs(d) + abs(e) + abs(f) + abs(g) + abs(h) != 0.0:  # elements hardly meet
             for k in range(row.shape[0]):
-                row[k] -= a * p[k] + b * q[k] + c * r[k] + d * s[k]
+                x, y, z, w = p[k], q[k], r[k], s[k]
+                row[k] -= a * x + b * y + c * z + d * w
+                below[k] -= e * x + f * y + g * z + h * w
+    for i in range(end - (end - first) % 2, end):
+        a, b, c, d, row = A[i, j], A[i, j + 1], A[i, j + 2], A[i, j + 3], A[i, start:]
+        for k in range(row.shape[0]):
+            row[k] -= a * p[k] + b * q[k] + c * r[k] + d * s[k]
 
 
 @bare

@@ -113,7 +113,8 @@ class Path:
             changes = watch.changes(event, self.rows)
             held = [k for k, kind in self.holds.items() if kind == event.kind]
             known = np.flatnonzero(watch.changes(event, rows)).tolist()
-            doubtful = set(known) - {pieces[k] for k in held} - ends
+            doubtful = set(known) - {pieces[k] for k in held}
+            doubtful -= ends if event.flanked else set()  # its change of number is that of the other kinds
             doubtful.update(pieces[k] for k in held if not changes[k])
             doubtful.update(piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind == event.kind)
             for k in np.flatnonzero(changes).tolist():

@@ -769,9 +769,10 @@ class _Tracer:
             others = known.get(number, [])
             hidden = [(arc, point) for arc, event in arcs for point in event.find(arc)
                       if point.located and not any(_coincide(point, other) for other in others)]  # fmt: skip
-            fresh = self._sure(hidden, self._arc(rows[piece], rows[piece + 1]))
-            if not any(one.event.kind in ENDS for one in others):  # else these may make up for one of another kind
-                fresh = paired(fresh)
+            sure = self._sure(hidden, self._arc(rows[piece], rows[piece + 1]))
+            made_up = any(one.event.kind in ENDS for one in others)  # for one that changes the number of multipliers
+            alone = [point for point in sure if made_up and point.event.flanked]
+            fresh = [*alone, *paired([point for point in sure if not (made_up and point.event.flanked)])]
             if fresh:
                 found[number] = sorted([*others, *fresh], key=lambda point: point.s)
         for k, hints in path.hints(self.watch, rows, self.scale).items():
@@ -791,7 +792,7 @@ class _Tracer:
     def _look_between(self, found: Mapping[int, list[Found]]) -> None:
         """A row between neighbouring points of a piece at which stability may change: no other tells of the stretch."""
         for number, points in found.items() if self.stability else ():
-            ends = [one for one in points if one.located and one.event.kind in ENDS]
+            ends = [one for one in points if one.located and one.event.kind in ENDS and 0 < one.s < 1]
             ends = sorted((one for one in ends if len(one.row.u) == len(self.scale)), key=lambda one: one.s)
             rows = [(0.5 * (a.s + b.s), self._row_at(self._arc(a.row, b.row), 0.5)) for a, b in pairwise(ends)]
             self.between[number] = [(s, row) for s, row in rows if row is not None]
@@ -845,19 +846,14 @@ class _Tracer:
         return rows, marks
 
     def _single(self) -> list[tuple[int, Found]]:
-        """Special points, without those that turned out to be the same as an earlier one.
-
-        Of two that more unknowns take for one the farther off may be none, or another one that they do not lead to: it
-        is told as it was found.
-        """
+        """Special points, but of those that more unknowns take for one only that which they move least."""
         out: list[tuple[int, Found]] = []
         for here in self.found:
             same = next((i for i, (_, other) in enumerate(out) if _same(here[1], other)), None)
             if same is None:
                 out.append(here)
-            elif not _coincide(here[1], out[same][1]):
-                out[same], (number, far) = sorted((out[same], here), key=lambda one: _shift(one[1]))
-                out.append((number, replace(far, sharp=None, error=_shift(far))))
+            elif _shift(here[1]) < _shift(out[same][1]):
+                out[same] = here
         return out
 
     def _placed(self, number: int, point: Found) -> tuple[int, Found]:

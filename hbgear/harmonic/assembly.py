@@ -22,23 +22,23 @@ Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https:/
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.compiling import bare, kernel
-from hbgear.harmonic.projection import coefficient, projected
+from hbgear.harmonic.projection import Space, coefficient, project, space_of
 from hbgear.harmonic.sampling import samples_of, spectrum
-from hbgear.mechanics.summing import waves_of
+from hbgear.mechanics.summing import put_waves
 
 
-@kernel
-def receptance(poles: Any, residues: Any, w: Any, sums: Any) -> None:
+@bare
+def receptance(poles: Any, residues: Any, w: Any, each: Any, sums: Any) -> None:
     """sum_r residue_r / (i w - pole_r) of N rows at K frequencies w, and i times the derivative in w: sums (4, N, K).
 
-    They are real and imaginary part of the one and of the other.
+    They are real and imaginary part of the one and of the other. each : (2, K) room.
     """
-    each = np.empty((2, w.shape[0]))
     sums[:, :, :] = 0.0
     for r in range(poles.shape[1]):
         for k in range(w.shape[0]):  # all frequencies together, several of them at once
@@ -99,16 +99,50 @@ def _multiply(A: Any, B: Any, factor: float, out: Any) -> None:
                 out[n, i, j] = factor * total
 
 
+class Room(NamedTuple):
+    """Arrays in which motions are evaluated, overwritten each time.
+
+    space : see `Space`. rows (m, 2H + 1) : of the motion, see `spread`. matrices, constants : as of `put_linear`.
+    w (3, K + 1), sums (4, N, K + 1), work (3, K + 1, m, m) : for these.
+    """
+
+    space: Space
+    rows: Array
+    matrices: ComplexArray
+    constants: ComplexArray
+    w: Array
+    sums: Array
+    work: ComplexArray
+
+
+@kernel
+def room_of(numbers: Any) -> Any:
+    """A `Room` for motions of a model."""
+    linear, m, H = numbers.linear, numbers.laws.cubic.shape[0], numbers.basis.shape[0] // 2
+    K = linear.orders.shape[0]
+    matrices, constants = np.zeros((2, K, m, m), np.complex128), np.zeros((2, K, m), np.complex128)
+    w, sums = np.empty((3, K)), np.empty((4, linear.residues.shape[0], K))
+    space, rows, work = space_of(numbers, m, H, 2 * H), np.zeros((m, 2 * H + 1)), np.empty((3, K, m, m), np.complex128)
+    return Room(space, rows, matrices, constants, w, sums, work)
+
+
 @kernel
 def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> None:
-    """Z and dZ/dOmega (2, K + 1, m, m), g and dg/dOmega (2, K + 1, m) of all orders."""
+    """`put_linear` for calls from Python."""
+    K, m = linear.orders.shape[0], matrices.shape[2]
+    sums, work = np.empty((4, linear.residues.shape[0], K)), np.empty((3, K, m, m), np.complex128)
+    put_linear(linear, Omega, np.empty((3, K)), sums, work, matrices, constants)
+
+
+@bare
+def put_linear(linear: Any, Omega: float, w: Any, sums: Any, work: Any, matrices: Any, constants: Any) -> None:
+    """Z and dZ/dOmega (2, K + 1, m, m), g and dg/dOmega (2, K + 1, m) of all orders; the rest is as of `Room`."""
     m, orders, springs, moved = matrices.shape[2], linear.orders, linear.springs, linear.moved
-    K, rows = orders.shape[0], linear.residues.shape[0]
-    w, sums = np.empty(K), np.empty((4, rows, K))
+    K = orders.shape[0]
     for k in range(K):
-        w[k] = Omega * (orders[k] / linear.nu)
-    receptance(linear.poles, linear.residues, w, sums)
-    _stiffnesses(sums, orders, linear.nu, matrices)
+        w[0, k] = Omega * (orders[k] / linear.nu)
+    receptance(linear.poles, linear.residues, w[0], w[1:], sums)
+    _stiffnesses(sums, orders, linear.nu, work, matrices)
     for k in range(K):
         for i in range(m):
             e, loss = moved[k, i], orders[k] / linear.nu * springs[1, i]
@@ -132,8 +166,8 @@ def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> Non
             matrices[0, k, i, i] -= springs[0, i]
 
 
-@kernel
-def _stiffnesses(sums: Any, orders: Any, nu: int, matrices: Any) -> None:
+@bare
+def _stiffnesses(sums: Any, orders: Any, nu: int, work: Any, matrices: Any) -> None:
     """Put Y = G^-1 and dY/dOmega = -Y dG/dOmega Y of all orders in matrices; nan where G is singular."""
     K, m = orders.shape[0], matrices.shape[2]
     if m == 1:  # the usual case
@@ -142,7 +176,6 @@ def _stiffnesses(sums: Any, orders: Any, nu: int, matrices: Any) -> None:
             Y = 1.0 / G if G != 0.0 else complex(math.nan, math.nan)
             matrices[0, k, 0, 0], matrices[1, k, 0, 0] = Y, -orders[k] / nu * Y * Y * dG
         return
-    work = np.empty((3, K, m, m), dtype=np.complex128)
     for k in range(K):
         for i in range(m):
             for j in range(m):
@@ -156,40 +189,46 @@ def _stiffnesses(sums: Any, orders: Any, nu: int, matrices: Any) -> None:
 
 @kernel
 def assembled(numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
+    """`assemble` for calls from Python."""
+    return assemble(numbers, X, omega, matrices, constants, R, J, dR, room_of(numbers))
+
+
+@bare
+def assemble(
+    numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any, room: Any
+) -> float:
     """R (n,), dR/dX (n, n) and dR/dOmega (n,) of a motion X (n,) at Omega / nu; the size of the terms of R."""
-    m, orders = matrices.shape[2], numbers.linear.orders
-    n = X.shape[0] // m
-    some, rows = X.reshape(m, n), spread(numbers, X, m)
-    kappa, chi, more = projected(numbers, rows, rows.shape[1] - 1)
-    size = _forces(rows, orders, kappa, chi, more, R, J) + _add_linear(some, matrices, constants, R, J, dR)
+    space, rows, some = room.space, room.rows, X.reshape(matrices.shape[2], -1)
+    spread(numbers, X, rows)
+    project(numbers, rows, space)
+    size = _forces(rows, numbers.linear.orders, space, R, J) + _add_linear(some, matrices, constants, R, J, dR)
     for q in range(numbers.laws.own.shape[0]):
         size += _add_samples(numbers, rows, q, omega, R, J, dR)
     return size if size > 0.0 else 1.0
 
 
-@kernel
-def spread(numbers: Any, X: Any, m: int) -> Any:
-    """Rows (m, 2H + 1) of all harmonics from unknowns X (n,), which are some of them."""
-    orders, some = numbers.linear.orders, X.reshape(m, -1)
-    if some.shape[1] == numbers.basis.shape[0]:
-        return some
-    rows = np.zeros((m, numbers.basis.shape[0]))
-    for j in range(m):
+@bare
+def spread(numbers: Any, X: Any, rows: Any) -> None:
+    """Rows (m, 2H + 1) of all harmonics from unknowns X (n,), some of them; zero before where they are not."""
+    orders, some = numbers.linear.orders, X.reshape(rows.shape[0], -1)
+    for j in range(rows.shape[0]):
         rows[j, 0] = some[j, 0]
         for i in range(1, orders.shape[0]):
             rows[j, 2 * orders[i] - 1], rows[j, 2 * orders[i]] = some[j, 2 * i - 1], some[j, 2 * i]
-    return rows
 
 
 @kernel
 def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, across: Any) -> None:
     """Derivatives (n, n) of dR/dX along v (n,), by a central difference over 2 h, and in Omega; change: dZ/dOmega."""
     m, n, orders = change.shape[1], X.shape[0] // change.shape[1], numbers.linear.orders
+    H = numbers.basis.shape[0] // 2
+    space, rows = space_of(numbers, m, H, 2 * H), np.zeros((m, 2 * H + 1))
+    kappa, more = space.kappa, space.more
     along[:, :] = 0.0
     across[:, :] = 0.0
     for sign in (1.0, -1.0):
-        rows = spread(numbers, X + sign * h * v, m)
-        kappa, _, more = projected(numbers, rows, rows.shape[1] - 1)
+        spread(numbers, X + sign * h * v, rows)
+        project(numbers, rows, space)
         for j in range(m):
             for k in range(kappa.shape[1]):
                 kappa[j, k] = (kappa[j, k] + more[j, k]) * (sign / (2 * h))
@@ -213,13 +252,13 @@ def _add_harmonic(Z: complex, k: int, J: Any, row: int, column: int) -> None:
     J[row + b, column + a] -= Z.imag
 
 
-@kernel
-def _forces(rows: Any, orders: Any, kappa: Any, chi: Any, more: Any, R: Any, J: Any) -> float:
+@bare
+def _forces(rows: Any, orders: Any, space: Any, R: Any, J: Any) -> float:
     """R = kappa d + chi, J = T(kappa + more), where more is added to kappa; the norm of R."""
-    n, total = 2 * orders.shape[0] - 1, 0.0
+    kappa, chi, more, c, n, total = space.kappa, space.chi, space.more, space.waves, 2 * orders.shape[0] - 1, 0.0
     J[:, :] = 0.0
     for j in range(rows.shape[0]):
-        c = waves_of(rows[j])
+        put_waves(rows[j], c)
         for i in range(orders.shape[0]):
             k, at = orders[i], j * n + 2 * i
             f = coefficient(kappa[j], c, k) + chi[j, k]
@@ -328,9 +367,9 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
     return math.sqrt(total)
 
 
-@kernel
-def linearised(numbers: Any, u: Any, R: Any, J: Any, dR: Any, matrices: Any, constants: Any) -> float:
-    """`assembled` at u = (X, Omega) of a model with poles; matrices and constants are room for its linear part."""
-    Omega = u[u.shape[0] - 1]
-    linear_part(numbers.linear, Omega, matrices, constants)
-    return assembled(numbers, u[: u.shape[0] - 1], Omega / numbers.linear.nu, matrices, constants, R, J, dR)
+@bare
+def linearised(numbers: Any, u: Any, R: Any, J: Any, dR: Any, room: Any) -> float:
+    """`assemble` at u = (X, Omega) of a model with poles."""
+    n = u.shape[0] - 1
+    put_linear(numbers.linear, u[n], room.w, room.sums, room.work, room.matrices, room.constants)
+    return assemble(numbers, u[:n], u[n] / numbers.linear.nu, room.matrices, room.constants, R, J, dR, room)

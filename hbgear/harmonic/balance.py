@@ -772,9 +772,9 @@ class HarmonicBalance(FullProblem):
         numbers = self._looped(name, parameters)
         if numbers is None:
             return None
-        from hbgear.harmonic.pursuit import pursue, room
+        from hbgear.harmonic.pursuit import pursue
 
-        return partial(pursue, numbers, room(numbers))
+        return partial(pursue, numbers)
 
     def locating(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
         """Compiled Newton on motions at a given Omega, folds and zeros of a `clearance`, under the same conditions.

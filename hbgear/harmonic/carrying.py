@@ -18,16 +18,17 @@ from hbgear.common.compiling import bare, kernel
 from hbgear.continuation.elimination import eliminate
 from hbgear.harmonic.phi import moments
 from hbgear.harmonic.pieces import piece_of, polynomial, waves_with
-from hbgear.harmonic.projection import instants
+from hbgear.harmonic.projection import cross, space_of
 from hbgear.mechanics.summing import waves_of
 
 COARSE = 32  # phases of an excitation period at which the modulations are looked at for their size
 
 
 @kernel
-def corners(numbers: Any, rows: Any) -> Any:
+def corners(numbers: Any, rows: Any, space: Any) -> Any:
     """Phases in [0, 2 pi), ascending, at which an element crosses a corner of its law, or the excitation has one."""
-    theta, _, count, _ = instants(numbers, rows, np.bool_(False))
+    cross(numbers, rows, np.bool_(False), space)
+    theta, count = space.theta, space.number
     total = n = numbers.corners.phases.shape[0]
     for i in range(count.shape[0]):
         total += count[i]
@@ -363,16 +364,17 @@ def monodromies(
     radians between. Returns 0, or the number of steps of a period if it exceeds ``most``.
     """
     nu = numbers.linear.nu
-    coarse = circle(COARSE * nu)
+    m, coarse = mobility.shape[0], circle(COARSE * nu)
+    space = space_of(numbers, m, X.shape[1] // (2 * m), 0)
     for p in range(X.shape[0]):
-        rows, omega = X[p].reshape(mobility.shape[0], -1), Omega[p] / nu
+        rows, omega = X[p].reshape(m, -1), Omega[p] / nu
         fast = pace(numbers, rows, mobility, coarse)
         which, longest = step_of(fast, omega, nu, schemes, share)
         x, L, _ = schemes[0] if which == 0 else schemes[1]
         count: float = 2 * math.pi / longest
         if count > most:
             return count
-        cut = pieces(corners(numbers, rows), longest)
+        cut = pieces(corners(numbers, rows, space), longest)
         D = moduli(numbers, rows, modes.ports, cut, x)
         monodromy(modes, cut, omega, D, x, L, out[p])
     return 0.0

@@ -264,16 +264,18 @@ def _check_steps(count: float) -> None:
 def _carried(compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: float, schemes: Any, out: Array) -> None:
     """`carrying.monodromies` of one motion of a model with laws of its own, which are asked for their slopes here."""
     from hbgear.harmonic import carrying
+    from hbgear.harmonic.projection import space_of
 
     numbers, nu = compiled.numbers_of(X), compiled.nu
     rows, omega = X.reshape(compiled.m, -1), Omega / nu
+    space = space_of(numbers, compiled.m, rows.shape[1] // 2, 0)
     coarse = carrying.circle(carrying.COARSE * nu)
     largest = np.abs(_slopes(compiled, rows, omega, coarse[0])[0]).max(axis=1)
     fast = max(carrying.pace(numbers, rows, mobility, coarse), float(np.sqrt((mobility * largest).max())))
     which, longest = carrying.step_of(fast, omega, nu, schemes, _SHARE)
     x, L, _ = schemes[which]
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > _STEPS else 0.0)
-    cut = carrying.pieces(carrying.corners(numbers, rows), longest)
+    cut = carrying.pieces(carrying.corners(numbers, rows, space), longest)
     start = np.concatenate([first + h * np.arange(int(n)) for first, h, n in cut])
     theta = start[:, None] + np.repeat(cut[:, 1], cut[:, 2].astype(int))[:, None] * x
     D = carrying.moduli(numbers, rows, part.modes.ports, cut, x)

@@ -17,7 +17,7 @@ import numpy as np
 from hbgear.common.compiling import kernel
 from hbgear.continuation.elimination import eliminate, length
 from hbgear.continuation.problem import FOLD, HELD
-from hbgear.harmonic.assembly import curvature, linearised, spread
+from hbgear.harmonic.assembly import curvature, linearised, room_of
 from hbgear.harmonic.pieces import highest_on, waves_with
 from hbgear.mechanics.summing import highest, sampled, waves_of
 
@@ -46,22 +46,20 @@ def located(
     -------
     Number of steps, -1 if it does not converge; the size of the terms of R.
     """
-    n, m, orders = u.shape[0] - 1, numbers.laws.cubic.shape[0], numbers.linear.orders.shape[0]
+    n, room = u.shape[0] - 1, room_of(numbers)
     rest, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
-    matrices = np.zeros((2, orders, m, m), dtype=np.complex128)
-    constants = np.zeros((2, orders, m), dtype=np.complex128)
     borders, trial, after, B = np.empty((2, n)), u.copy(), np.empty(n + 1), np.empty((n + 1, n + 1))
     count, halved, last, factor, weight, size = -1, 0, False, 1.0, 1.0, 1.0
     while True:  # the equations are evaluated at one place, for what is called at several takes as often to compile
-        new = linearised(numbers, trial, rest, J, dR, matrices, constants)
+        new = linearised(numbers, trial, rest, J, dR, room)
         if count < 0:
             weight = new / (_bordered(J, borders) if which == FOLD else 1.0 + length(u[:n]))
         if which == HELD:
             g = _held(B[n])
         elif which == FOLD:
-            g = _determinant(numbers, trial[:n], J, matrices[1], borders, B[n])
+            g = _determinant(numbers, trial[:n], J, room.matrices[1], borders, B[n])
         else:
-            g = _clearance(numbers, which, trial[:n], m, B[n])
+            g = _clearance(numbers, which, room.rows, B[n])
         _fill(rest, J, dR, g, weight, after, B)
         if count < 0 or plain:
             good = True
@@ -203,12 +201,12 @@ def _held(row: Any) -> float:
 
 
 @kernel
-def _clearance(numbers: Any, which: int, X: Any, m: int, row: Any) -> float:
-    """A clearance of a motion; its gradient in row (n + 1,)."""
+def _clearance(numbers: Any, which: int, rows: Any, row: Any) -> float:
+    """A clearance of the motion rows (m, 2H + 1); its gradient in row (n + 1,)."""
     corners, orders = numbers.corners, numbers.linear.orders
     corner, side = which // 2, 1.0 if which % 2 else -1.0
     j = numbers.laws.owner[corner]
-    motion, N = spread(numbers, X, m)[j], numbers.basis.shape[1]
+    motion, N = rows[j], numbers.basis.shape[1]
     first, last = corners.moves[j], corners.moves[j + 1]
     if first < last:
         c = waves_with(motion, corners.kept[:, j])

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import bare, kernel
 from hbgear.harmonic.assembly import receptance
 from hbgear.harmonic.pieces import highest_on, waves_with
-from hbgear.harmonic.projection import coefficient, projected
+from hbgear.harmonic.projection import coefficient, project, space_of
 from hbgear.harmonic.sampling import neglected_samples
-from hbgear.mechanics.summing import highest, sampled, waves_of
+from hbgear.mechanics.summing import highest, put_waves, sampled, waves_of
 
 
 @kernel
@@ -53,14 +53,10 @@ def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
     """
     m, beyond, left = f.shape[1], numbers.corners.beyond, numbers.linear.left
     H = numbers.basis.shape[0] // 2
+    space = space_of(numbers, m, H, 3 * H)
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
-        kappa, chi, _ = projected(numbers, rows, 3 * H)
-        for j in range(m):
-            c = waves_of(rows[j])
-            for i in range(left.shape[0]):
-                k = left[i]
-                f[p, j, i] = 2.0 * (coefficient(kappa[j], c, k) + chi[j, k])
+        _project_left(numbers, rows, space, f[p])
         neglected_samples(numbers, rows, Omega[p] / numbers.linear.nu, f[p])
         for j in range(m):
             for i in range(left.shape[0]):
@@ -68,16 +64,27 @@ def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
                 f[p, j, i] -= 1j * rate * beyond[i, j]
 
 
+@bare
+def _project_left(numbers: Any, rows: Any, space: Any, f: Any) -> None:
+    """Force harmonics (m, L) of the orders left of laws in the table."""
+    left, c = numbers.linear.left, space.waves
+    project(numbers, rows, space)
+    for j in range(rows.shape[0]):
+        put_waves(rows[j], c)
+        for i in range(left.shape[0]):
+            f[j, i] = 2.0 * (coefficient(space.kappa[j], c, left[i]) + space.chi[j, left[i]])
+
+
 @kernel
 def driven(linear: Any, Omega: Any, f: Any, out: Any) -> None:
     """Put the motions that force harmonics (P, m, L) of the orders left make the elements do in these of out (P, n)."""
     P, m, L = f.shape
-    w, sums = np.empty(L), np.empty((4, m * m, L))
+    w, each, sums = np.empty(L), np.empty((2, L)), np.empty((4, m * m, L))
     for p in range(P):
         rows = out[p].reshape(m, -1)
         for k in range(L):
             w[k] = Omega[p] * linear.left[k] / linear.nu
-        receptance(linear.poles, linear.residues[: m * m], w, sums)
+        receptance(linear.poles, linear.residues[: m * m], w, each, sums)
         for k in range(L):
             at = 2 * linear.left[k]
             for i in range(m):

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import bare, kernel
 from hbgear.harmonic.crossings import CLOSE, PARTS, ROUNDING
 from hbgear.mechanics.periodic import PARTS as BY_PARTS
 from hbgear.mechanics.periodic import rule
-from hbgear.mechanics.summing import value_of
+from hbgear.mechanics.summing import put_waves, value_of
 
 _NODES, _WEIGHTS = rule()
 
@@ -26,17 +26,20 @@ _NODES, _WEIGHTS = rule()
 @kernel
 def waves_with(row: Any, kept: Any) -> Any:
     """One-sided coefficients of a row (2H + 1,) and the harmonics kept of the prescribed displacement."""
-    H = row.shape[0] // 2
-    c = np.empty(H + 1, dtype=np.complex128)
-    c[0] = row[0]
-    for k in range(1, H + 1):
-        c[k] = complex(row[2 * k - 1], -row[2 * k])
-    for k in range(min(H + 1, kept.shape[0])):
-        c[k] += kept[k]
+    c = np.empty(row.shape[0] // 2 + 1, dtype=np.complex128)
+    put_waves_with(row, kept, c)
     return c
 
 
-@kernel
+@bare
+def put_waves_with(row: Any, kept: Any, c: Any) -> None:
+    """`waves_with` of a row, into the first of c."""
+    put_waves(row, c)
+    for k in range(min(row.shape[0] // 2 + 1, kept.shape[0])):
+        c[k] += kept[k]
+
+
+@bare
 def piece_of(at: Any, first: int, last: int, theta: float) -> int:
     """The piece, of those from first to last, that a phase in [0, 2 pi] is on."""
     low, high = first, last
@@ -49,7 +52,7 @@ def piece_of(at: Any, first: int, last: int, theta: float) -> int:
     return low
 
 
-@kernel
+@bare
 def polynomial(row: Any, x: float) -> float:
     """Its value."""
     total: float = 0.0
@@ -58,7 +61,7 @@ def polynomial(row: Any, x: float) -> float:
     return total
 
 
-@kernel
+@bare
 def value_on(c: Any, level: float, row: Any, start: float, theta: float) -> tuple[float, float, float]:
     """x, x' and x'' on the piece of these coefficients which begins at ``start``."""
     value, slope, curve = value_of(c, level, theta)
@@ -69,7 +72,7 @@ def value_on(c: Any, level: float, row: Any, start: float, theta: float) -> tupl
     return value, slope, curve
 
 
-@kernel
+@bare
 def crossings_on(
     c: Any, level: float, at: Any, rows: Any, first: int, last: int, N: int, theta: Any, sign: Any
 ) -> tuple[int, bool]:
@@ -93,7 +96,7 @@ def crossings_on(
     return count, start > 0.0
 
 
-@kernel
+@bare
 def _in_cell(
     c: Any, level: float, row: Any, start: float, a: float, before: float, slope: float, b: float, after: float,
     slope_after: float, theta: Any, sign: Any, count: int,
@@ -121,7 +124,7 @@ def _in_cell(
     return count
 
 
-@kernel
+@bare
 def _add(
     c: Any, level: float, row: Any, start: float, low: float, value_low: float, high: float, value_high: float,
     theta: Any, sign: Any, count: int,
@@ -149,7 +152,7 @@ def _add(
     return count + 1
 
 
-@kernel
+@bare
 def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: float, side: float) -> float:
     """Where side x has the maximum between low, where it rises, and high, where it falls."""
     at = 0.5 * (low + high)
@@ -166,7 +169,7 @@ def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: fl
     return at
 
 
-@kernel
+@bare
 def highest_on(c: Any, at: Any, rows: Any, first: int, last: int, N: int, side: float) -> tuple[float, float]:
     """The largest value of side x, side +1 or -1, and its phase: at a corner, or between two."""
     most, place = -math.inf, 0.0
@@ -189,12 +192,12 @@ def highest_on(c: Any, at: Any, rows: Any, first: int, last: int, N: int, side: 
     return most, place
 
 
-@kernel
-def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: Any, A: Any, B: Any) -> None:
+@bare
+def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: Any, A: Any, B: Any, ends: Any) -> None:
     """Put the two-sided coefficients 0, 1, ... of k and k w where x is above a corner, and of zero elsewhere, in A, B.
 
     With G_n(theta) the integral of f exp(-i n x) from 0 to theta and sign_j = +1 on going above at theta_j,
-    2 pi f_n = [above at 0] G_n(2 pi) - sum_j sign_j G_n(theta_j).
+    2 pi f_n = [above at 0] G_n(2 pi) - sum_j sign_j G_n(theta_j). ends : (2, Q) room for derivatives of polynomials.
     """
     first, last = corners.parts[spring], corners.parts[spring + 1]
     sums, known = corners.sums, min(A.shape[0], corners.sums.shape[2])
@@ -208,15 +211,15 @@ def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: A
         for n in range(known):
             A[n] -= sign[j] * sums[i + spring, 0, n]
             B[n] -= sign[j] * sums[i + spring, 1, n]
-        _add_moments(corners.weight[i], corners.begin[i], theta[j] - corners.begin[i], -sign[j], A)
-        _add_moments(corners.pulled[i], corners.begin[i], theta[j] - corners.begin[i], -sign[j], B)
+        _add_moments(corners.weight[i], corners.begin[i], theta[j] - corners.begin[i], -sign[j], A, ends)
+        _add_moments(corners.pulled[i], corners.begin[i], theta[j] - corners.begin[i], -sign[j], B, ends)
     for n in range(A.shape[0]):
         A[n] /= 2 * math.pi
         B[n] /= 2 * math.pi
 
 
-@kernel
-def _add_moments(row: Any, start: float, width: float, factor: float, out: Any) -> None:
+@bare
+def _add_moments(row: Any, start: float, width: float, factor: float, out: Any, ends: Any) -> None:
     """Add factor times the integrals of p(x) exp(-i n (start + x)) from 0 to width; see `moments`."""
     degree = -1
     for q in range(row.shape[0]):
@@ -234,7 +237,7 @@ def _add_moments(row: Any, start: float, width: float, factor: float, out: Any) 
             term *= z
     if few == out.shape[0]:
         return
-    here, there = np.empty(degree + 1), np.empty(degree + 1)
+    here, there = ends[0], ends[1]
     for q in range(degree + 1):
         here[q] = there[q] = 0.0
         for k in range(degree, q - 1, -1):

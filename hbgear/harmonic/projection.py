@@ -27,104 +27,158 @@ Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868, 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.compiling import bare, kernel
 from hbgear.harmonic.crossings import crossings
-from hbgear.harmonic.pieces import crossings_on, spans, waves_with
-from hbgear.mechanics.summing import sampled, waves_of
+from hbgear.harmonic.pieces import crossings_on, put_waves_with, spans
+from hbgear.mechanics.summing import put_waves, sampled
+
+
+class Space(NamedTuple):
+    """Arrays in which motions are projected, overwritten each time; room for those of a number of harmonics H.
+
+    theta, sign (K, C), number (K,), above (K,) : crossings of all corners, see `cross`. kappa, chi, more
+    (m, order + 1) : see `project`. The others are for what is met on the way.
+    """
+
+    theta: Array
+    sign: Array
+    number: np.ndarray
+    above: np.ndarray
+    kappa: ComplexArray
+    chi: ComplexArray
+    more: ComplexArray
+    samples: Array
+    waves: ComplexArray
+    square: ComplexArray
+    indicator: ComplexArray
+    pull: ComplexArray
+    both: ComplexArray
+    ends: Array
+
+
+@kernel
+def space_of(numbers: Any, m: int, H: int, order: int) -> Any:
+    """A `Space` for motions of m elements with H harmonics."""
+    laws, corners = numbers.laws, numbers.corners
+    K, C, S = laws.level.shape[0], 2 * H + 4 + 2 * corners.at.shape[0], laws.of.shape[0]
+    length, coefficients = order + laws.shifts[laws.shifts.shape[0] - 1] + 1, np.empty((3, m, order + 1), np.complex128)
+    part, waves = np.empty((2, length), np.complex128), np.empty(H + 1, np.complex128)
+    square, both = np.empty(2 * H + 1, np.complex128), np.empty((2, S, length), np.complex128)
+    return Space(
+        np.empty((K, C)), np.empty((K, C)), np.empty(K, np.int64), np.empty(K, np.bool_),
+        coefficients[0], coefficients[1], coefficients[2], np.empty(numbers.basis.shape[1]), waves, square,
+        part[0], part[1], both, np.empty((2, max(corners.weight.shape[1], corners.pulled.shape[1]))),
+    )  # fmt: skip
 
 
 @kernel
 def instants(numbers: Any, rows: Any, ramped: Any) -> Any:
-    """Crossings of all corners by a motion given by its real rows (m, 2H + 1).
+    """`cross`; theta, sign, count and above."""
+    space = space_of(numbers, rows.shape[0], rows.shape[1] // 2, 0)
+    cross(numbers, rows, ramped, space)
+    return space.theta, space.sign, space.number, space.above
+
+
+@kernel
+def projected(numbers: Any, rows: Any, order: int) -> Any:
+    """`project`; kappa, chi, and what kappa lacks of dP/dd."""
+    space = space_of(numbers, rows.shape[0], rows.shape[1] // 2, order)
+    project(numbers, rows, space)
+    return space.kappa, space.chi, space.more
+
+
+@bare
+def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
+    """Put the crossings of all corners by a motion, real rows (m, 2H + 1), in the space.
+
+    theta, sign (K, C) ; number (K,) of them ; above (K,) : whether the element starts above the corner.
 
     ramped : only of the corners at which a spring of the table turns.
-
-    Returns
-    -------
-    theta, sign (K, 2H + 4 and more with corners of e), count (K,), above (K,): whether the element starts above the
-        corner.
     """
-    laws, basis, corners = numbers.laws, numbers.basis, numbers.corners
-    K, room = laws.level.shape[0], rows.shape[1] + 3 + 2 * corners.at.shape[0]
-    theta, sign = np.empty((K, room)), np.empty((K, room))
-    count, above = np.zeros(K, dtype=np.int64), np.zeros(K, dtype=np.bool_)
-    samples, last = np.empty(basis.shape[1]), -1
-    c = waves_of(rows[0])
-    for i in range(K):
+    laws, basis, corners, samples, c = numbers.laws, numbers.basis, numbers.corners, space.samples, space.waves
+    last = -1
+    for i in range(laws.level.shape[0]):
+        space.number[i], space.above[i] = 0, False
         if ramped and not laws.ramped[i]:
             continue
         j = laws.owner[i]
         first, end = corners.moves[j], corners.moves[j + 1]
         if first < end:
-            c = waves_with(rows[j], corners.kept[:, j])
-            count[i], above[i] = crossings_on(
-                c, laws.level[i], corners.at, corners.rows, first, end, basis.shape[1], theta[i], sign[i]
+            put_waves_with(rows[j], corners.kept[:, j], c)
+            space.number[i], space.above[i] = crossings_on(
+                c, laws.level[i], corners.at, corners.rows, first, end, basis.shape[1], space.theta[i], space.sign[i]
             )
             last = -1
             continue
         if j != last:
             last = j
-            c = waves_of(rows[last])
-            sampled(rows[last], basis, samples)
-        count[i] = crossings(c, laws.level[i], samples, theta[i], sign[i])
-        above[i] = samples[0] > laws.level[i]
-    return theta, sign, count, above
+            put_waves(rows[j], c)
+            sampled(rows[j], basis, samples)
+        space.number[i] = crossings(c, laws.level[i], samples, space.theta[i], space.sign[i])
+        space.above[i] = samples[0] > laws.level[i]
 
 
-@kernel
-def projected(numbers: Any, rows: Any, order: int) -> Any:
-    """kappa and chi, two-sided coefficients 0..order of each element (m, order + 1); and what kappa lacks of dP/dd."""
-    laws, m, corners = numbers.laws, rows.shape[0], numbers.corners
-    kappa, more = np.zeros((m, order + 1), dtype=np.complex128), np.zeros((m, order + 1), dtype=np.complex128)
-    chi = np.zeros((m, order + 1), dtype=np.complex128)
-    S = laws.of.shape[0]
-    if S:
-        theta, sign, count, above = instants(numbers, rows, np.bool_(True))  # see `crossings` on literals
-        length = order + laws.shifts[laws.shifts.shape[0] - 1] + 1
-        s, pull = np.empty(length, dtype=np.complex128), np.empty(length, dtype=np.complex128)
-        both = np.zeros((2, S, length), dtype=np.complex128)
-        for p in range(S):
-            if corners.parts[p] == corners.parts[p + 1]:
-                both[0, p, 0], both[1, p, 0] = laws.base[p, 0], laws.base[p, 1]
-                continue
-            spans(corners, p, theta[0], sign[0], np.int64(0), np.bool_(True), s, pull)
-            for n in range(length):
-                both[0, p, n] = laws.base[p, 0] * s[n]
-                both[1, p, n] = laws.base[p, 1] * s[n] + laws.base[p, 0] * pull[n]
-        last = -1
-        for r in range(laws.at.shape[0]):
-            i, p, D = laws.at[r], laws.part[r], laws.change[r]
-            if corners.parts[p] < corners.parts[p + 1]:
-                spans(corners, p, theta[i], sign[i], count[i], above[i], s, pull)
-                last = -1
-                for n in range(length):
-                    both[0, p, n] += D * s[n]
-                    both[1, p, n] += D * (pull[n] - laws.level[i] * s[n])
-                continue
-            if i != last:
-                _indicator(theta[i], sign[i], count[i], above[i], s)
-                last = i
-            for n in range(length):
-                both[0, p, n] += D * s[n]
-                both[1, p, n] -= D * laws.level[i] * s[n]
-        for p in range(S):
-            _modulate(laws.shifts, laws.series[p], both[0, p], kappa[laws.of[p]])
-            _modulate(laws.shifts, laws.series[p], both[1, p], chi[laws.of[p]])
-    for j in range(m):
+@bare
+def project(numbers: Any, rows: Any, space: Any) -> None:
+    """Put kappa and chi, two-sided coefficients 0, 1, ..., and what kappa lacks of dP/dd in the space."""
+    laws, corners, c = numbers.laws, numbers.corners, space.waves
+    kappa, chi, more = space.kappa, space.chi, space.more
+    kappa[:, :] = 0j
+    chi[:, :] = 0j
+    more[:, :] = 0j
+    if laws.of.shape[0]:
+        cross(numbers, rows, np.bool_(True), space)  # see `crossings` on literals
+        _add_springs(laws, corners, space)
+    for j in range(rows.shape[0]):
         cubic, cornered = laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0, corners.moves[j] < corners.moves[j + 1]
         if cubic and not cornered:
-            _add_cubic(waves_of(rows[j]), laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j])
+            put_waves(rows[j], c)
+            _add_cubic(c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j], space.square)
         elif cubic:
-            c = waves_with(rows[j], corners.kept[:, j])
-            _add_cubic(c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j])
+            put_waves_with(rows[j], corners.kept[:, j], c)
+            _add_cubic(c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j], space.square)
             _add_moved_cubic(c, corners.powers[j], laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], chi[j], more[j])
         if cornered:
             _add_kept(corners.kept[:, j], kappa[j], chi[j])
-    return kappa, chi, more
+
+
+@bare
+def _add_springs(laws: Any, corners: Any, space: Any) -> None:
+    """Add the springs of the table to kappa and chi, from the crossings of their corners."""
+    theta, sign, count, above = space.theta, space.sign, space.number, space.above
+    s, pull, both, last = space.indicator, space.pull, space.both, -1
+    both[:, :, :] = 0j
+    for p in range(laws.of.shape[0]):
+        if corners.parts[p] == corners.parts[p + 1]:
+            both[0, p, 0], both[1, p, 0] = laws.base[p, 0], laws.base[p, 1]
+            continue
+        spans(corners, p, theta[0], sign[0], np.int64(0), np.bool_(True), s, pull, space.ends)
+        for n in range(s.shape[0]):
+            both[0, p, n] = laws.base[p, 0] * s[n]
+            both[1, p, n] = laws.base[p, 1] * s[n] + laws.base[p, 0] * pull[n]
+    for r in range(laws.at.shape[0]):
+        i, p, D = laws.at[r], laws.part[r], laws.change[r]
+        if corners.parts[p] < corners.parts[p + 1]:
+            spans(corners, p, theta[i], sign[i], count[i], above[i], s, pull, space.ends)
+            last = -1
+            for n in range(s.shape[0]):
+                both[0, p, n] += D * s[n]
+                both[1, p, n] += D * (pull[n] - laws.level[i] * s[n])
+            continue
+        if i != last:
+            _indicator(theta[i], sign[i], count[i], above[i], s)
+            last = i
+        for n in range(s.shape[0]):
+            both[0, p, n] += D * s[n]
+            both[1, p, n] -= D * laws.level[i] * s[n]
+    for p in range(laws.of.shape[0]):
+        _modulate(laws.shifts, laws.series[p], both[0, p], space.kappa[laws.of[p]])
+        _modulate(laws.shifts, laws.series[p], both[1, p], space.chi[laws.of[p]])
 
 
 @bare
@@ -149,7 +203,7 @@ def _add_kept(kept: Any, kappa: Any, chi: Any) -> None:
         chi[k] += coefficient(kappa, kept, k)
 
 
-@kernel
+@bare
 def _add_moved_cubic(c: Any, w: Any, k1: float, k3: float, kappa: Any, chi: Any, more: Any) -> None:
     """What a cubic spring adds for t + w beside that for t: w (3, L) coefficients of w, w^2, w^3.
 
@@ -195,11 +249,10 @@ def _modulate(shifts: Any, series: Any, s: Any, out: Any) -> None:
             out[k] += a * before + a.conjugate() * s[k + shift]
 
 
-@kernel
-def _add_cubic(c: Any, k1: float, k3: float, kappa: Any, more: Any) -> None:
-    """Add k1 + k3 d^2 to kappa, and 2 k3 d^2 to what else stands in the derivative."""
+@bare
+def _add_cubic(c: Any, k1: float, k3: float, kappa: Any, more: Any, both: Any) -> None:
+    """Add k1 + k3 d^2 to kappa, and 2 k3 d^2 to what else stands in the derivative; both (2H + 1,) is room."""
     H, order = c.shape[0] - 1, kappa.shape[0] - 1
-    both = np.empty(2 * H + 1, dtype=np.complex128)
     both[H] = c[0]
     for k in range(1, H + 1):
         both[H + k], both[H - k] = 0.5 * c[k], 0.5 * c[k].conjugate()

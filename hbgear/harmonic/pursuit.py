@@ -24,14 +24,12 @@ from hbgear.continuation.stepping import (
     verdict,
 )
 from hbgear.continuation.verdicts import GOOD, MISSED, SINGULAR, STOPPED
-from hbgear.harmonic.assembly import linearised
-from hbgear.harmonic.numbers import Numbers
+from hbgear.harmonic.assembly import linearised, room_of
 
 
-@bare
+@kernel
 def pursue(
     numbers: Any,
-    room: Any,
     u: Any,
     t: Any,
     count: int,
@@ -46,7 +44,6 @@ def pursue(
 
     Parameters
     ----------
-    room : as of `room`, overwritten.
     u, t : (history, n + 1) the last rows and their tangents, the newest first, ``count`` of them; overwritten.
     size : (2,) largest motion so far, which is updated, and the span that the last unknown is scaled by.
     span : (2,) ends of Omega; the row beyond one of them is the last. control : see `stepping.next_step`.
@@ -57,8 +54,19 @@ def pursue(
     -------
     Number of rows, the next step, why the last attempt was refused (`GOOD` if it was not), with its number.
     """
+    n = u.shape[1] - 1
+    work = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1), room_of(numbers)
+    return _pursued(numbers, u, t, count, size, step, span, control, tolerances, rows, work, np.empty((5, n + 1)),
+                    np.empty(3), np.empty(2))  # fmt: skip
+
+
+@bare
+def _pursued(
+    numbers: Any, u: Any, t: Any, count: int, size: Any, step: float, span: Any, control: Any, tolerances: Any,
+    rows: Any, work: Any, vectors: Any, told: Any, limits: Any,
+) -> tuple[int, float, int, float]:  # fmt: skip
+    """`pursue`, in the arrays given."""
     n, m = u.shape[1] - 1, numbers.laws.cubic.shape[0]
-    work, vectors, told, limits = room
     scale, normal, predicted, found, direction = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
     limits[0] = control[2]
     made, why, number = 0, GOOD, 0.0
@@ -88,16 +96,7 @@ def pursue(
     return made, step, why, number
 
 
-def room(numbers: Numbers) -> tuple[Any, ...]:
-    """Arrays for `pursue`, which makes none itself."""
-    m, K = len(numbers.laws.cubic), len(numbers.linear.orders)
-    n = m * (2 * K - 1)
-    linear = np.zeros((2, K, m, m), dtype=complex), np.zeros((2, K, m), dtype=complex)
-    work = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1), *linear
-    return work, np.empty((5, n + 1)), np.empty(3), np.empty(2)
-
-
-@kernel
+@bare
 def _rescale(u: Any, size: Any, m: int, scale: Any) -> None:
     """Scales of the unknowns: the largest motion so far, and the span."""
     n = u.shape[0] - 1
@@ -114,7 +113,7 @@ def _rescale(u: Any, size: Any, m: int, scale: Any) -> None:
     scale[n] = size[1]
 
 
-@kernel
+@bare
 def _shift(past: Any, new: Any, count: int) -> None:
     """Put a new row before the others."""
     for i in range(new.shape[0]):
@@ -123,7 +122,7 @@ def _shift(past: Any, new: Any, count: int) -> None:
         past[0, i] = new[i]
 
 
-@kernel
+@bare
 def _keep(row: Any, u: Any, t: Any, step: float, told: Any) -> None:
     n = u.shape[0]
     for i in range(n):
@@ -133,12 +132,12 @@ def _keep(row: Any, u: Any, t: Any, step: float, told: Any) -> None:
         row[2 * n + 1 + k] = told[k]
 
 
-@kernel
+@bare
 def _corrected(
     numbers: Any, predicted: Any, normal: Any, tolerances: Any, work: Any, found: Any, direction: Any, told: Any
 ) -> int:
     """Newton on the plane through the prediction; told : sign of the determinant, iterations, residual."""
-    R, dR, A, u, matrices, constants = work
+    R, dR, A, u, room = work
     n = R.shape[0]
     for i in range(n + 1):
         u[i] = predicted[i]
@@ -147,7 +146,7 @@ def _corrected(
     for iteration in range(most + 2):
         if not u[n] > 0.0:
             return STOPPED
-        size = linearised(numbers, u, R, A, dR, matrices, constants)  # J in the corner of A
+        size = linearised(numbers, u, R, A, dR, room)  # J in the corner of A
         residual = length(R) / size
         off = 0.0
         for i in range(n):

@@ -18,12 +18,17 @@ from hbgear.common.compiling import bare, kernel
 @kernel
 def waves_of(row: Any) -> Any:
     """One-sided coefficients c (H + 1,) of a real row (2H + 1,)."""
-    H = row.shape[0] // 2
-    c = np.empty(H + 1, dtype=np.complex128)
-    c[0] = row[0]
-    for k in range(1, H + 1):
-        c[k] = complex(row[2 * k - 1], -row[2 * k])
+    c = np.empty(row.shape[0] // 2 + 1, dtype=np.complex128)
+    put_waves(row, c)
     return c
+
+
+@bare
+def put_waves(row: Any, c: Any) -> None:
+    """`waves_of` a row, into the first of c."""
+    c[0] = row[0]
+    for k in range(1, row.shape[0] // 2 + 1):
+        c[k] = complex(row[2 * k - 1], -row[2 * k])
 
 
 @bare
@@ -47,10 +52,10 @@ def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
         t, u = (t * x + r) - u * y, (t * y + s) + u * x
         r, s = (r * x + p) - s * y, (r * y + q) + s * x
         p, q = (p * x + c[k].real) - q * y, (p * y + c[k].imag) + q * x
-    z, p, q, r = complex(x, y), complex(p, q), complex(r, s), complex(t, u)
-    # sum c_k z^k = z p;  its derivatives by i theta: z (p + z q),  z (p + 3 z q + 2 z^2 r)
-    once, twice = z * (p + z * q), z * (p + z * (3.0 * q + 2.0 * z * r))
-    return (z * p).real + (c[0].real - level), -once.imag, -twice.real
+    z, f, g, h = complex(x, y), complex(p, q), complex(r, s), complex(t, u)
+    # sum c_k z^k = z f;  its derivatives by i theta: z (f + z g),  z (f + 3 z g + 2 z^2 h)
+    once, twice = z * (f + z * g), z * (f + z * (3.0 * g + 2.0 * z * h))
+    return (z * f).real + (c[0].real - level), -once.imag, -twice.real
 
 
 @bare

@@ -75,7 +75,7 @@ FILES = {
         "covering": "branch jumps newton segment",
         "record": "branch problem segment",
         "events": "algebra bordered bracketing branch crossing newton problem record segment touching",
-        "hidden": "events segment",
+        "hidden": "events jumps segment",
         "accuracy": "algebra branch events newton problem record segment",
         "stride": "algebra corrector newton problem segment stepsize verdicts",
         "tracer": "accuracy algebra asymptote branch corrector covering ending events hidden jumps newton problem "
@@ -153,7 +153,7 @@ FILES = {
         "sampling": "",
         "assembly": "projection sampling",
         "observing": "assembly pieces projection sampling",
-        "pursuit": "assembly numbers",
+        "pursuit": "assembly",
         "locating": "assembly pieces",
         "carrying": "phi pieces projection",
         "sampled": "realbasis",
