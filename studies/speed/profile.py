@@ -25,7 +25,7 @@ import hbgear as hb
 from hbgear.common.compiling import kernel
 from hbgear.continuation.elimination import eliminate
 from hbgear.continuation.stepping import predict
-from hbgear.harmonic.assembly import assembled, linear_part
+from hbgear.harmonic.assembly import assemble, put_linear, room_of
 from hbgear.harmonic.floquet import monodromies
 from studies import study
 
@@ -44,17 +44,19 @@ PARTS = {
 
 
 @kernel
-def linear_parts(linear: Any, Omega: Any, matrices: Any, constants: Any) -> None:
+def linear_parts(numbers: Any, Omega: Any) -> None:
     """Linear parts of all rows."""
+    room = room_of(numbers)
     for w in Omega:
-        linear_part(linear, w, matrices, constants)
+        put_linear(numbers.linear, w, room.w, room.sums, room.work, room.matrices, room.constants)
 
 
 @kernel
 def assemblies(numbers: Any, X: Any, Omega: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> None:
     """Equations of all rows."""
+    room = room_of(numbers)
     for p in range(X.shape[0]):
-        assembled(numbers, X[p], Omega[p] / numbers.linear.nu, matrices, constants, R, J, dR)
+        assemble(numbers, X[p], Omega[p] / numbers.linear.nu, matrices, constants, R, J, dR, room)
 
 
 @kernel
@@ -100,7 +102,7 @@ def kernels(problem: hb.HarmonicBalance, curve: hb.Branch) -> dict[str, Callable
     more = compiled.processed(X, Omega)
     found = [monodromies(compiled, part, mobility, more, Omega, None, None) for part in parts]
     return {
-        "linear part": lambda: linear_parts(compiled.numbers.linear, Omega, *linear),
+        "linear part": lambda: linear_parts(compiled.numbers, Omega),
         "laws, assembly": lambda: assemblies(compiled.numbers, X, Omega, *linear, R, J, dR),
         "elimination": lambda: eliminations(A, work),
         "prediction": lambda: predictions(u, t, one, out),
