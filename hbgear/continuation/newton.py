@@ -171,7 +171,7 @@ def _compiled(
         return None
     n = len(X)
     U, R, A = np.append(X, parameters[curve]), np.empty(n + 1), np.empty((n + 1, n + 1))
-    steps, size = locate(U, 0, settings.tolerance, 4 * settings.max_iterations, R, A)
+    steps, size = locate(U, 0, settings.tolerance, settings.max_iterations, R, A)  # `solve` goes on longer
     if steps < 0:
         return None
     value, dR = (float(U[n]), A[:n, n]) if name else (math.nan, np.zeros(n))

@@ -103,7 +103,7 @@ class Room(NamedTuple):
     """Arrays in which motions are evaluated, overwritten each time.
 
     space : see `Space`. rows (m, 2H + 1) : of the motion, see `spread`. matrices, constants : as of `put_linear`.
-    w (3, K + 1), sums (4, N, K + 1), work (3, K + 1, m, m) : for these.
+    w (K + 1,), each (2, K + 1), sums (4, N, K + 1), work (3, K + 1, m, m) : for these.
     """
 
     space: Space
@@ -111,6 +111,7 @@ class Room(NamedTuple):
     matrices: ComplexArray
     constants: ComplexArray
     w: Array
+    each: Array
     sums: Array
     work: ComplexArray
 
@@ -121,9 +122,9 @@ def room_of(numbers: Any) -> Any:
     linear, m, H = numbers.linear, numbers.laws.cubic.shape[0], numbers.basis.shape[0] // 2
     K = linear.orders.shape[0]
     matrices, constants = np.zeros((2, K, m, m), np.complex128), np.zeros((2, K, m), np.complex128)
-    w, sums = np.empty((3, K)), np.empty((4, linear.residues.shape[0], K))
+    w, each, sums = np.empty(K), np.empty((2, K)), np.empty((4, linear.residues.shape[0], K))
     space, rows, work = space_of(numbers, m, H, 2 * H), np.zeros((m, 2 * H + 1)), np.empty((3, K, m, m), np.complex128)
-    return Room(space, rows, matrices, constants, w, sums, work)
+    return Room(space, rows, matrices, constants, w, each, sums, work)
 
 
 @kernel
@@ -131,17 +132,19 @@ def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> Non
     """`put_linear` for calls from Python."""
     K, m = linear.orders.shape[0], matrices.shape[2]
     sums, work = np.empty((4, linear.residues.shape[0], K)), np.empty((3, K, m, m), np.complex128)
-    put_linear(linear, Omega, np.empty((3, K)), sums, work, matrices, constants)
+    put_linear(linear, Omega, np.empty(K), np.empty((2, K)), sums, work, matrices, constants)
 
 
 @bare
-def put_linear(linear: Any, Omega: float, w: Any, sums: Any, work: Any, matrices: Any, constants: Any) -> None:
+def put_linear(
+    linear: Any, Omega: float, w: Any, each: Any, sums: Any, work: Any, matrices: Any, constants: Any
+) -> None:
     """Z and dZ/dOmega (2, K + 1, m, m), g and dg/dOmega (2, K + 1, m) of all orders; the rest is as of `Room`."""
     m, orders, springs, moved = matrices.shape[2], linear.orders, linear.springs, linear.moved
     K = orders.shape[0]
     for k in range(K):
-        w[0, k] = Omega * (orders[k] / linear.nu)
-    receptance(linear.poles, linear.residues, w[0], w[1:], sums)
+        w[k] = Omega * (orders[k] / linear.nu)
+    receptance(linear.poles, linear.residues, w, each, sums)
     _stiffnesses(sums, orders, linear.nu, work, matrices)
     for k in range(K):
         for i in range(m):
@@ -371,5 +374,5 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
 def linearised(numbers: Any, u: Any, R: Any, J: Any, dR: Any, room: Any) -> float:
     """`assemble` at u = (X, Omega) of a model with poles."""
     n = u.shape[0] - 1
-    put_linear(numbers.linear, u[n], room.w, room.sums, room.work, room.matrices, room.constants)
+    put_linear(numbers.linear, u[n], room.w, room.each, room.sums, room.work, room.matrices, room.constants)
     return assemble(numbers, u[:n], u[n] / numbers.linear.nu, room.matrices, room.constants, R, J, dR, room)

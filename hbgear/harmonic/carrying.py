@@ -91,8 +91,8 @@ def stiffness(numbers: Any, c: Any, j: int, phases: Any, work: Any, out: Any) ->
     """Add dp/dd of element j at phases (3, T) as of `circle` to out; c as of `_waves`, work (5, T) is overwritten."""
     laws, corners, T = numbers.laws, numbers.corners, phases.shape[1]
     first, end = corners.moves[j], corners.moves[j + 1]
-    turning, gap, slope, factor = work[:2], work[2], work[3], work[4]
-    _summed(c, phases, turning, gap)
+    gap, slope, factor = work[2], work[3], work[4]
+    _summed(c, phases, work, gap)
     if first < end:
         for n in range(T):
             theta = phases[0, n] % (2 * math.pi)
@@ -109,7 +109,7 @@ def stiffness(numbers: Any, c: Any, j: int, phases: Any, work: Any, out: Any) ->
                 theta = phases[0, n] % (2 * math.pi)
                 i = piece_of(corners.begin, corners.parts[s], corners.parts[s + 1], theta)
                 slope[n] *= polynomial(corners.weight[i], theta - corners.begin[i])
-        _modulation(laws.shifts, laws.series[s], phases, turning, factor)
+        _modulation(laws.shifts, laws.series[s], phases, work, factor)
         for n in range(T):
             out[n] += slope[n] * factor[n]
 
@@ -128,7 +128,7 @@ def _slope(laws: Any, s: int, gap: Any, out: Any) -> None:
 
 @bare
 def _summed(c: Any, phases: Any, work: Any, out: Any) -> None:
-    """Re sum_k c_k z^k at phases (3, T) by Horner's rule, all of them together; work (2, T)."""
+    """Re sum_k c_k z^k at phases (3, T) by Horner's rule, all of them together; work (2, T) or more."""
     x, y = work[0], work[1]
     x[:] = 0.0
     y[:] = 0.0

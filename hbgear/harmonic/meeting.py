@@ -87,29 +87,38 @@ def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
 def arrivals(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
     """Pieces between rows, with as many pairs outside at both ends, at an end of which one is about to pass the circle.
 
-    So the line through its modulus there and at the row beyond tells, where it is the nearest one: it comes to the
-    circle on the first part of the piece, at a place s. One pair alone has no other to hide behind.
+    So the line through its modulus there and at the row beyond tells, where it is plainly the nearest one: it comes to
+    the circle on the first part of the piece, at a place s, and the nearest one at the other end is on the other side.
+    Another one must have done the opposite.
     """
     pairs = _upper(mu)
-    if len(mu) < 3 or np.count_nonzero(pairs, axis=1).max(initial=0) < 2:
-        return []
     number = np.count_nonzero(pairs & (np.abs(mu) > 1 + NEUTRAL), axis=1)
-    x = np.log(np.where(pairs, mu, np.inf))
+    still = np.flatnonzero((number[1:] == number[:-1]) & (number[1:] > 0))
+    if not still.size:
+        return []
+    x = np.log(np.where(pairs, mu, _NOWHERE))
     x = np.take_along_axis(x, np.argsort(np.abs(x.real), axis=1)[:, :_CLOSEST], axis=1)
     found: dict[int, float] = {}
     for side in (0, 1):
-        pieces = np.flatnonzero(number[1:] == number[:-1])
-        beyond = pieces + 3 * side - 1
-        pieces, beyond = (each[(beyond >= 0) & (beyond < len(mu))] for each in (pieces, beyond))
-        here, there = x[pieces + side], x[beyond]
+        beyond = still + 3 * side - 1
+        pieces, beyond = (each[(beyond >= 0) & (beyond < len(mu))] for each in (still, beyond))
+        here, there, other = x[pieces + side], x[beyond], x[pieces + 1 - side]
+        apart, ahead = (np.abs(here[:, :, None] - row[:, None, :]) for row in (there, other))
+        nearest, least = apart.argmin(axis=2), np.sort(apart, axis=2)[:, :, :2]
+        plain = (2 * least[:, :, 0] <= least[:, :, -1]) & (
+            least[:, :, 0] <= 2 * np.take_along_axis(apart.min(axis=1), nearest, axis=1)
+        )
+        crossed = here.real * np.take_along_axis(other.real, ahead.argmin(axis=2), axis=1) < 0
+        grows = here.real - np.take_along_axis(there.real, nearest, axis=1)
+        grows *= (length[pieces] / length[beyond - side])[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            apart = np.nan_to_num(np.abs(here[:, :, None] - there[:, None, :]), nan=np.inf)
-            before = np.take_along_axis(there.real, apart.argmin(axis=2), axis=1)
-            grows = (here.real - before) * (length[pieces] / length[beyond - side])[:, None]
-            first = np.where(np.abs(here.real) > NEUTRAL, -here.real / grows, np.inf)
+            first = np.where(plain & crossed & (np.abs(here.real) > NEUTRAL), -here.real / grows, np.inf)
         first = np.where(first > 0, first, np.inf).min(axis=1)
         found |= {int(i): abs(side - float(s)) for i, s in zip(pieces, first, strict=True) if s < _SOON}
     return sorted(found.items())
+
+
+_NOWHERE = 1e-300  # in the place of multipliers that are none of a pair
 
 
 _CLOSEST = 8  # pairs of each row, those next to the circle, that are looked at

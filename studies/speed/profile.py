@@ -48,7 +48,7 @@ def linear_parts(numbers: Any, Omega: Any) -> None:
     """Linear parts of all rows."""
     room = room_of(numbers)
     for w in Omega:
-        put_linear(numbers.linear, w, room.w, room.sums, room.work, room.matrices, room.constants)
+        put_linear(numbers.linear, w, room.w, room.each, room.sums, room.work, room.matrices, room.constants)
 
 
 @kernel
