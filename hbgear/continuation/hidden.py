@@ -115,10 +115,13 @@ class Path:
             known = np.flatnonzero(watch.changes(event, rows)).tolist()
             doubtful = set(known) - {pieces[k] for k in held}
             doubtful -= ends if event.flanked else set()  # its change of number is that of the other kinds
-            doubtful.update(pieces[k] for k in held if not changes[k])
             doubtful.update(piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind == event.kind)
-            for k in np.flatnonzero(changes).tolist():
-                if pieces[k] not in doubtful and (k not in held or changes[k] > 1):
+            fresh = [k for k in np.flatnonzero(changes).tolist() if k not in held or changes[k] > 1]
+            for k in (k for k in held if not changes[k]):  # its change of sign is on a piece of the path nearby
+                near = [other for other in fresh if pieces[other] == pieces[k]]
+                fresh = [other for other in fresh if not near or other != min(near, key=lambda one: abs(one - k))]
+            for k in fresh:
+                if pieces[k] not in doubtful:
                     found.setdefault(pieces[k], []).append((k, event))
         return found
 
