@@ -1078,8 +1078,12 @@ def _same(one: Found, other: Found) -> bool:
 
 
 def _coincide(one: Found, other: Found) -> bool:
-    """Whether two points of a kind are one as they were found on the curve, whatever more unknowns make of them."""
-    return one.event.kind == other.event.kind and _alike(one.row.u, other.row.u)
+    """Whether two points of a kind on a piece are one as they were found, whatever more unknowns make of them.
+
+    Two multipliers that pass together do so once: there the equations are singular, and tell few digits.
+    """
+    together = one.finder is not None and other.finder is not None
+    return one.event.kind == other.event.kind and (together or _alike(one.row.u, other.row.u))
 
 
 def _shift(point: Found) -> float:
