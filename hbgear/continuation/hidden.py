@@ -166,10 +166,13 @@ def find_hidden(
     return out
 
 
-def paired(points: Sequence[Found]) -> list[Found]:
-    """Points found between rows of one sign, without those of a kind that change it an odd number of times."""
+def paired(points: Sequence[Found], made_up: bool = False) -> list[Found]:
+    """Points found between rows of one sign, without those of a kind that change it an odd number of times.
+
+    made_up : whether other points are known there, which may make up for one that changes a number (`Event.flanked`).
+    """
     odd = {kind for kind, count in Counter(p.event.kind for p in points if p.finder is None).items() if count % 2}
-    return [point for point in points if point.finder is not None or point.event.kind not in odd]
+    return [p for p in points if p.finder is not None or p.event.kind not in odd or (made_up and p.event.flanked)]
 
 
 def _look(

@@ -22,10 +22,6 @@ ENDS = ("LP", "PD", "NS", "BP")
 """Kinds of special points at which solutions can become stable or unstable."""
 
 
-ENDS = ("LP", "PD", "NS", "BP")
-"""Kinds of special points at which motions can become stable or unstable."""
-
-
 def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, ...]:
     """A `Jump` for each fold that a slow sweep along a stable part of the branch runs into.
 

@@ -24,11 +24,11 @@ def dips(f: Array, length: Array) -> list[tuple[int, float]]:
         return []
     found = np.empty((f.size, 2))
     values, lengths = (np.ascontiguousarray(each, dtype=float) for each in (f, length))
-    count = nearing(values, lengths, SHALLOW, _SOON, found)
+    count = nearing(values, lengths, SHALLOW, SOON, found)
     return sorted((int(piece), s) for piece, s in found[:count].tolist())
 
 
-_SOON = 0.2  # share of a piece on which a line that reaches zero tells of a test function that does
+SOON = 0.2  # share of a piece on which a line that reaches zero tells of a test function that does
 
 
 SHALLOW = 0.25  # share of its least value at the rows below which a test function may cross zero between them

@@ -770,9 +770,7 @@ class _Tracer:
             hidden = [(arc, point) for arc, event in arcs for point in event.find(arc)
                       if point.located and not any(_coincide(point, other) for other in others)]  # fmt: skip
             sure = self._sure(hidden, self._arc(rows[piece], rows[piece + 1]))
-            made_up = any(one.event.kind in ENDS for one in others)  # for one that changes the number of multipliers
-            alone = [point for point in sure if made_up and point.event.flanked]
-            fresh = [*alone, *paired([point for point in sure if not (made_up and point.event.flanked)])]
+            fresh = paired(sure, made_up=any(one.event.kind in ENDS for one in others))
             if fresh:
                 found[number] = sorted([*others, *fresh], key=lambda point: point.s)
         for k, hints in path.hints(self.watch, rows, self.scale).items():
@@ -792,8 +790,8 @@ class _Tracer:
     def _look_between(self, found: Mapping[int, list[Found]]) -> None:
         """A row between neighbouring points of a piece at which stability may change: no other tells of the stretch."""
         for number, points in found.items() if self.stability else ():
-            ends = [one for one in points if one.located and one.event.kind in ENDS and 0 < one.s < 1]
-            ends = sorted((one for one in ends if len(one.row.u) == len(self.scale)), key=lambda one: one.s)
+            ends = [one for one in sorted(points, key=lambda one: one.s) if one.event.kind in ENDS and one.located
+                    and 0 < one.s < 1 and len(one.row.u) == len(self.scale)]  # fmt: skip
             rows = [(0.5 * (a.s + b.s), self._row_at(self._arc(a.row, b.row), 0.5)) for a, b in pairwise(ends)]
             self.between[number] = [(s, row) for s, row in rows if row is not None]
             self._decide([row for _, row in self.between[number]])

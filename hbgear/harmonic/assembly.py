@@ -224,9 +224,8 @@ def spread(numbers: Any, X: Any, rows: Any) -> None:
 def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, across: Any) -> None:
     """Derivatives (n, n) of dR/dX along v (n,), by a central difference over 2 h, and in Omega; change: dZ/dOmega."""
     m, n, orders = change.shape[1], X.shape[0] // change.shape[1], numbers.linear.orders
-    H = numbers.basis.shape[0] // 2
-    space, rows = space_of(numbers, m, H, 2 * H), np.zeros((m, 2 * H + 1))
-    kappa, more = space.kappa, space.more
+    room = room_of(numbers)
+    space, rows, kappa, more = room.space, room.rows, room.space.kappa, room.space.more
     along[:, :] = 0.0
     across[:, :] = 0.0
     for sign in (1.0, -1.0):

@@ -22,6 +22,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.branch import NEUTRAL
+from hbgear.continuation.touching import SOON
 
 _MOST = 8  # multipliers of one polynomial: the roots of longer ones are rounding
 
@@ -114,7 +115,7 @@ def arrivals(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
         with np.errstate(divide="ignore", invalid="ignore"):
             first = np.where(plain & crossed & (np.abs(here.real) > NEUTRAL), -here.real / grows, np.inf)
         first = np.where(first > 0, first, np.inf).min(axis=1)
-        found |= {int(i): abs(side - float(s)) for i, s in zip(pieces, first, strict=True) if s < _SOON}
+        found |= {int(i): abs(side - float(s)) for i, s in zip(pieces, first, strict=True) if s < SOON}
     return sorted(found.items())
 
 
@@ -122,9 +123,6 @@ _NOWHERE = 1e-300  # in the place of multipliers that are none of a pair
 
 
 _CLOSEST = 8  # pairs of each row, those next to the circle, that are looked at
-
-
-_SOON = 0.2  # share of a piece on which such a line comes to the circle
 
 
 def passing(mu: ComplexArray, length: Array, pieces: np.ndarray) -> np.ndarray:

@@ -56,17 +56,18 @@ def pursue(
     """
     n = u.shape[1] - 1
     work = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1), room_of(numbers)
-    return _pursued(numbers, u, t, count, size, step, span, control, tolerances, rows, work, np.empty((5, n + 1)),
-                    np.empty(3), np.empty(2))  # fmt: skip
+    room = work, np.empty((5, n + 1)), np.empty(3), np.empty(2)
+    return _pursued(numbers, room, u, t, count, size, step, span, control, tolerances, rows)
 
 
 @bare
 def _pursued(
-    numbers: Any, u: Any, t: Any, count: int, size: Any, step: float, span: Any, control: Any, tolerances: Any,
-    rows: Any, work: Any, vectors: Any, told: Any, limits: Any,
+    numbers: Any, room: Any, u: Any, t: Any, count: int, size: Any, step: float, span: Any, control: Any,
+    tolerances: Any, rows: Any,
 ) -> tuple[int, float, int, float]:  # fmt: skip
-    """`pursue`, in the arrays given."""
+    """`pursue`, in the arrays of the room."""
     n, m = u.shape[1] - 1, numbers.laws.cubic.shape[0]
+    work, vectors, told, limits = room
     scale, normal, predicted, found, direction = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
     limits[0] = control[2]
     made, why, number = 0, GOOD, 0.0
