@@ -58,6 +58,12 @@ def test_few_cases_are_told_by_their_errors(found):
             assert value == pytest.approx(expected[name], abs=5 * error) and error > 0.02
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_same_seed_gives_the_same_errors(found, seed):
+    assert hb.sobol_indices(found, seed=seed) == hb.sobol_indices(found, seed=seed)
+    assert hb.sobol_indices(found, seed=seed) != hb.sobol_indices(found, seed=seed + 1)
+
+
 def test_blocks_with_a_case_that_failed_are_left_out(found):
     peak = found.table["peak"].copy()
     peak[5] = np.nan
