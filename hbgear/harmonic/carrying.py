@@ -10,29 +10,72 @@ In a step of length h from the state z_0 of the modes, with u = D d at s Gauss p
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.compiling import bare, kernel
 from hbgear.continuation.elimination import eliminate
 from hbgear.harmonic.phi import moments
-from hbgear.harmonic.pieces import piece_of, polynomial, waves_with
+from hbgear.harmonic.pieces import piece_of, polynomial, put_gap
 from hbgear.harmonic.projection import cross, space_of
-from hbgear.mechanics.summing import waves_of
 
 COARSE = 32  # phases of an excitation period at which the modulations are looked at for their size
 
 
+class Carriage(NamedTuple):
+    """Arrays in which a disturbance of one motion is carried over a period, overwritten each time.
+
+    For s Gauss points, g ports, q modes and T points of all steps. phases (3, T) : their values, cosines and sines.
+    stiffness (T,), work (5, T), D (orders, T / s, s, g) : see `put_moduli`. The others are for `monodromy`.
+    """
+
+    phases: Array
+    stiffness: Array
+    work: Array
+    D: Array
+    ends: Array
+    state: Array
+    turns: ComplexArray
+    moments: ComplexArray
+    felt: ComplexArray
+    A: Array
+    R: Array
+    B: Array
+    M: Array
+    shown: Array
+    u: Array
+
+
 @kernel
-def corners(numbers: Any, rows: Any, space: Any) -> Any:
-    """Phases in [0, 2 pi), ascending, at which an element crosses a corner of its law, or the excitation has one."""
+def carriage_of(modes: Any, size: int, s: int, steps: int, orders: int) -> Any:
+    """A `Carriage` for matrices of a size and so many steps of s points."""
+    g, q, T = modes.output.shape[0], modes.poles.shape[0], steps * s
+    return Carriage(
+        np.empty((3, T)), np.empty(T), np.empty((5, T)), np.empty((orders, steps, s, g)),
+        np.empty(s + 1), np.empty((2 * q, size)),
+        np.empty((s + 1, q), np.complex128), np.empty((s + 2, (s + 1) * q), np.complex128), np.empty(q, np.complex128),
+        np.empty((orders, s * g, s * g)), np.empty((orders, s * g, 2 * q)), np.empty((2 * q, s * g)),
+        np.empty((s * g, s * g + size)), np.empty((s * g, 2 * q)), np.empty((s * g, size)),
+    )  # fmt: skip
+
+
+@kernel
+def corners_of(numbers: Any, space: Any) -> Any:
+    """Room for the phases of `put_corners`."""
+    return np.empty(numbers.corners.phases.shape[0] + space.theta.size)
+
+
+@bare
+def put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
+    """Phases in [0, 2 pi), ascending, at which an element crosses a corner of its law, or the excitation has one.
+
+    Returns their number.
+    """
     cross(numbers, rows, np.bool_(False), space)
     theta, count = space.theta, space.number
-    total = n = numbers.corners.phases.shape[0]
-    for i in range(count.shape[0]):
-        total += count[i]
-    out = np.empty(total)
+    n: int = numbers.corners.phases.shape[0]
     for i in range(n):
         out[i] = numbers.corners.phases[i]
     for i in range(count.shape[0]):
@@ -43,21 +86,21 @@ def corners(numbers: Any, rows: Any, space: Any) -> Any:
                 k -= 1
             out[k] = at
             n += 1
-    return out
+    return n
 
 
-@kernel
-def pieces(theta: Any, longest: float) -> Any:
-    """Smooth pieces of a period cut at phases theta into equal steps of at most ``longest`` radians.
+@bare
+def put_pieces(theta: Any, n: int, longest: float, out: Any) -> tuple[int, int]:
+    """Smooth pieces of a period cut at the n phases theta into equal steps of at most ``longest`` radians.
 
     A period begins at its first corner, or else at 0: the multipliers do not depend on where it begins.
 
     Returns
     -------
-    (C, 3): first phase, length of the steps in radians, number of steps of each piece.
+    The number of pieces, and of all steps. out (n + 1, 3) : first phase, length of the steps in radians, number of
+    steps of each piece.
     """
-    n = theta.shape[0]
-    out, made = np.empty((max(n, 1), 3)), 0
+    made = total = 0
     for i in range(max(n, 1)):
         start = theta[i] if n else 0.0
         end = theta[i + 1] if i + 1 < n else 2 * math.pi + (theta[0] if n else 0.0)
@@ -66,7 +109,8 @@ def pieces(theta: Any, longest: float) -> Any:
             steps = max(1.0, math.ceil(width / longest - 1e-9))
             out[made, 0], out[made, 1], out[made, 2] = start, width / steps, steps
             made += 1
-    return out[:made]
+            total += int(steps)
+    return made, total
 
 
 @kernel
@@ -79,20 +123,16 @@ def circle(count: int) -> Any:
     return out
 
 
-@kernel
-def _waves(numbers: Any, row: Any, j: int) -> Any:
-    """One-sided coefficients of the motion of element j, with those of a displacement with corners."""
-    moves = numbers.corners.moves
-    return waves_of(row) if moves[j] == moves[j + 1] else waves_with(row, numbers.corners.kept[:, j])
-
-
 @bare
-def stiffness(numbers: Any, c: Any, j: int, phases: Any, work: Any, out: Any) -> None:
-    """Add dp/dd of element j at phases (3, T) as of `circle` to out; c as of `_waves`, work (5, T) is overwritten."""
-    laws, corners, T = numbers.laws, numbers.corners, phases.shape[1]
+def add_stiffness(numbers: Any, c: Any, j: int, phases: Any, T: int, work: Any, out: Any) -> None:
+    """Add dp/dd of element j at the first T phases (3, ...) as of `circle` to out; c as of `put_gap`.
+
+    work (5, ...) is overwritten.
+    """
+    laws, corners = numbers.laws, numbers.corners
     first, end = corners.moves[j], corners.moves[j + 1]
     gap, slope, factor = work[2], work[3], work[4]
-    _summed(c, phases, work, gap)
+    _summed(c, phases, T, work, gap)
     if first < end:
         for n in range(T):
             theta = phases[0, n] % (2 * math.pi)
@@ -103,76 +143,79 @@ def stiffness(numbers: Any, c: Any, j: int, phases: Any, work: Any, out: Any) ->
     for s in range(laws.of.shape[0]):
         if laws.of[s] != j:
             continue
-        _slope(laws, s, gap, slope)
+        _slope(laws, s, gap, T, slope)
         if corners.parts[s] < corners.parts[s + 1]:
             for n in range(T):
                 theta = phases[0, n] % (2 * math.pi)
                 i = piece_of(corners.begin, corners.parts[s], corners.parts[s + 1], theta)
                 slope[n] *= polynomial(corners.weight[i], theta - corners.begin[i])
-        _modulation(laws.shifts, laws.series[s], phases, work, factor)
+        _modulation(laws.shifts, laws.series[s], phases, T, work, factor)
         for n in range(T):
             out[n] += slope[n] * factor[n]
 
 
 @bare
-def _slope(laws: Any, s: int, gap: Any, out: Any) -> None:
+def _slope(laws: Any, s: int, gap: Any, T: int, out: Any) -> None:
     """Slope of a spring of the table without its stiffness."""
-    for n in range(out.shape[0]):
+    for n in range(T):
         out[n] = laws.base[s, 0]
     for r in range(laws.at.shape[0]):
         if laws.part[r] == s:
             level, change = laws.level[laws.at[r]], laws.change[r]
-            for n in range(out.shape[0]):
+            for n in range(T):
                 out[n] += change if gap[n] > level else 0.0
 
 
 @bare
-def _summed(c: Any, phases: Any, work: Any, out: Any) -> None:
+def _summed(c: Any, phases: Any, T: int, work: Any, out: Any) -> None:
     """Re sum_k c_k z^k at phases (3, T) by Horner's rule, all of them together; work (2, T) or more."""
     x, y = work[0], work[1]
-    x[:] = 0.0
-    y[:] = 0.0
+    for n in range(T):
+        x[n] = y[n] = 0.0
     for k in range(c.shape[0] - 1, 0, -1):
-        _turn_on(c[k], phases, x, y)
-    for n in range(out.shape[0]):
+        _turn_on(c[k], phases, T, x, y)
+    for n in range(T):
         out[n] = c[0].real + x[n]
 
 
 @bare
-def _modulation(shifts: Any, series: Any, phases: Any, work: Any, out: Any) -> None:
+def _modulation(shifts: Any, series: Any, phases: Any, T: int, work: Any, out: Any) -> None:
     """Re of the series, whose coefficients are two-sided ones at the shifts, as of `_summed`."""
     x, y = work[0], work[1]
-    x[:] = 0.0
-    y[:] = 0.0
+    for n in range(T):
+        x[n] = y[n] = 0.0
     for i in range(shifts.shape[0] - 1, 0, -1):
         for k in range(shifts[i] - shifts[i - 1]):
-            _turn_on(2.0 * series[i] if k == 0 else 0j, phases, x, y)
-    for n in range(out.shape[0]):
+            _turn_on(2.0 * series[i] if k == 0 else 0j, phases, T, x, y)
+    for n in range(T):
         out[n] = series[0].real + x[n]
 
 
 @bare
-def _turn_on(c: complex, phases: Any, x: Any, y: Any) -> None:
+def _turn_on(c: complex, phases: Any, T: int, x: Any, y: Any) -> None:
     """(x + i y + c) z at all phases in the place of x + i y."""
     a, b, u, v = c.real, c.imag, phases[1], phases[2]
-    for n in range(x.shape[0]):
+    for n in range(T):
         p, q = x[n] + a, y[n] + b
         x[n] = p * u[n] - q * v[n]
         y[n] = p * v[n] + q * u[n]
 
 
-@kernel
-def pace(numbers: Any, rows: Any, mobility: Any, coarse: Any) -> float:
+@bare
+def pace(numbers: Any, rows: Any, mobility: Any, coarse: Any, c: Any, work: Any, k: Any) -> float:
     """How fast the modulations can turn the state [rad per unit of time], 0 without any; coarse: phases to look at.
 
-    The square is the largest of: inverse modal mass of an element times the largest stiffness of its law.
+    The square is the largest of: inverse modal mass of an element times the largest stiffness of its law. c (H + 1,),
+    work (5, T) and k (T,) are overwritten.
     """
-    most, k, work = 0.0, np.empty(coarse.shape[1]), np.empty((5, coarse.shape[1]))
+    most, T = 0.0, coarse.shape[1]
     for j in range(rows.shape[0]):
-        k[:] = 0.0
-        stiffness(numbers, _waves(numbers, rows[j], j), j, coarse, work, k)
+        for i in range(T):
+            k[i] = 0.0
+        put_gap(numbers.corners, rows[j], j, c)
+        add_stiffness(numbers, c, j, coarse, T, work, k)
         largest = numbers.linear.springs[0, j]
-        for i in range(k.shape[0]):
+        for i in range(T):
             largest = max(largest, abs(k[i]))
         most = max(most, mobility[j] * largest)
     return math.sqrt(most)
@@ -181,83 +224,76 @@ def pace(numbers: Any, rows: Any, mobility: Any, coarse: Any) -> float:
 @kernel
 def slopes(numbers: Any, X: Any, out: Any) -> None:
     """dp/dd (P, m, T) of motions X (P, n) at T phases, equally far apart, of the basis period; out is zero before."""
-    m, phases, work = out.shape[1], circle(out.shape[2]), np.empty((5, out.shape[2]))
+    m, T = out.shape[1], out.shape[2]
+    phases, work, c = circle(T), np.empty((5, T)), np.empty(X.shape[1] // (2 * m) + 1, np.complex128)
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
         for j in range(m):
-            stiffness(numbers, _waves(numbers, rows[j], j), j, phases, work, out[p, j])
+            put_gap(numbers.corners, rows[j], j, c)
+            add_stiffness(numbers, c, j, phases, T, work, out[p, j])
 
 
-@kernel
-def moduli(numbers: Any, rows: Any, ports: Any, cut: Any, x: Any) -> Any:
-    """D = dp/dd - kr (1, steps, s, g) at the Gauss points x of all steps of a period, for the elements of the ports."""
-    steps, s, at = 0, x.shape[0], 0
-    for i in range(cut.shape[0]):
-        steps += int(cut[i, 2])
-    phases, k, work = np.empty((3, steps * s)), np.empty(steps * s), np.empty((5, steps * s))
-    for i in range(cut.shape[0]):
+@bare
+def put_moduli(numbers: Any, rows: Any, ports: Any, cut: Any, pieces: int, x: Any, c: Any, carriage: Any) -> None:
+    """D = dp/dd - kr at the Gauss points x of all steps of a period, for the elements of the ports; c as of `pace`."""
+    s, at, phases, k = x.shape[0], 0, carriage.phases, carriage.stiffness
+    for i in range(pieces):
         a, b = math.cos(cut[i, 1]), math.sin(cut[i, 1])
         for n in range(int(cut[i, 2])):
             for j in range(s):
                 theta = phases[0, at] = cut[i, 0] + cut[i, 1] * (n + x[j])
                 if n:  # those of the step before, turned on
-                    c, d = phases[1, at - s], phases[2, at - s]
-                    phases[1, at], phases[2, at] = a * c - b * d, a * d + b * c
+                    u, v = phases[1, at - s], phases[2, at - s]
+                    phases[1, at], phases[2, at] = a * u - b * v, a * v + b * u
                 else:
                     phases[1, at], phases[2, at] = math.cos(theta), math.sin(theta)
                 at += 1
-    D = np.empty((1, steps, s, ports.shape[0]))
     for p in range(ports.shape[0]):
-        for i in range(steps * s):
+        for i in range(at):
             k[i] = -numbers.linear.springs[0, ports[p]]
-        stiffness(numbers, _waves(numbers, rows[ports[p]], ports[p]), ports[p], phases, work, k)
-        for i in range(steps * s):
-            D[0, i // s, i % s, p] = k[i]
-    return D
+        put_gap(numbers.corners, rows[ports[p]], ports[p], c)
+        add_stiffness(numbers, c, ports[p], phases, at, carriage.work, k)
+        for i in range(at):
+            carriage.D[0, i // s, i % s, p] = k[i]
 
 
-@kernel
-def monodromy(modes: Any, cut: Any, omega: float, D: Any, x: Any, L: Any, out: Any) -> None:
+@bare
+def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, carriage: Any, out: Any) -> None:
     """Put the real matrix (r, r) that carries a disturbance over a period in out.
 
-    D (orders, steps, s, g): dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps.
+    D of the carriage holds dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps.
     """
-    s, g, q, r, orders = x.shape[0], modes.output.shape[0], modes.poles.shape[0], out.shape[0], D.shape[0]
-    ends, state = np.ones(s + 1), np.zeros((2 * q, r))
+    s, q, r = x.shape[0], modes.poles.shape[0], out.shape[0]
+    ends, state, turns = carriage.ends, carriage.state, carriage.turns
+    ends[s] = 1.0
     for i in range(s):
         ends[i] = x[i]
-    for k in range(q):
-        state[k, k] = 1.0
-    for k in range(r - q):
-        state[q + k, q + k] = 1.0
-    turns, work = np.empty((s + 1, q), dtype=np.complex128), np.empty((s + 2, (s + 1) * q), dtype=np.complex128)
-    A, R = np.empty((orders, s * g, s * g)), np.empty((orders, s * g, 2 * q))
-    B = np.empty((2 * q, s * g))
-    M, shown = np.empty((s * g, s * g + r)), np.empty((s * g, 2 * q))
-    u = np.empty((s * g, r))
+    for k in range(2 * q):
+        for n in range(r):
+            state[k, n] = 1.0 if k == n else 0.0
     step = 0
-    for i in range(cut.shape[0]):
-        moments(modes.poles, cut[i, 1] / omega, ends, turns, work)
-        _tables(modes, turns, work, L, A, R, B)
+    for i in range(pieces):
+        moments(modes.poles, cut[i, 1] / omega, ends, turns, carriage.moments)
+        _tables(modes, L, carriage)
         for _ in range(int(cut[i, 2])):
-            _answer(A, R, D[:, step], state, M, shown, u)
+            _answer(carriage, step)
             _turned(turns[s], state)
-            _add_product(B, u, -1.0, state)
+            _add_product(carriage.B, carriage.u, -1.0, state)
             step += 1
     for k in range(r):
         for n in range(r):
             out[k, n] = state[k, n]
 
 
-@kernel
-def _tables(modes: Any, turns: Any, work: Any, L: Any, A: Any, R: Any, B: Any) -> None:
+@bare
+def _tables(modes: Any, L: Any, carriage: Any) -> None:
     """A, R and B of a step, from `moments`: rows and columns are Gauss points and ports; modes are in real numbers.
 
     The modes are summed before the monomials are put together to Lagrange polynomials, at a part of the cost.
     """
+    turns, work, w, A, R, B = carriage.turns, carriage.moments, carriage.felt, carriage.A, carriage.R, carriage.B
     s, g, q, orders = turns.shape[0] - 1, modes.output.shape[0], modes.poles.shape[0], A.shape[0]
     A[:, :, :] = 0.0
-    w = np.empty(q, dtype=np.complex128)
     for o in range(orders):
         for p in range(g):
             for k in range(q):
@@ -312,12 +348,13 @@ def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
 
 
 @bare
-def _answer(A: Any, R: Any, D: Any, state: Any, M: Any, shown: Any, u: Any) -> None:
-    """u from (1 + D A) u = D R z_0; M and shown are room for [1 + D A  D R z_0] and D R."""
-    n, g = u.shape[0], D.shape[2]
+def _answer(carriage: Any, step: int) -> None:
+    """u of a step from (1 + D A) u = D R z_0; M and shown are room for [1 + D A  D R z_0] and D R."""
+    D, A, R, M, shown, u = carriage.D, carriage.A, carriage.R, carriage.M, carriage.shown, carriage.u
+    n, g = u.shape[0], D.shape[3]
     for i in range(n):
         for o in range(D.shape[0]):
-            d = D[o, i // g, i % g]
+            d = D[o, step, i // g, i % g]
             for j in range(n):
                 M[i, j] = d * A[o, i, j] + (M[i, j] if o else 0.0)
             for j in range(shown.shape[1]):
@@ -325,7 +362,7 @@ def _answer(A: Any, R: Any, D: Any, state: Any, M: Any, shown: Any, u: Any) -> N
         M[i, i] += 1.0
         for j in range(u.shape[1]):
             u[i, j] = 0.0
-    _add_product(shown, state, 1.0, u)
+    _add_product(shown, carriage.state, 1.0, u)
     for i in range(n):
         for j in range(u.shape[1]):
             M[i, n + j] = u[i, j]
@@ -363,18 +400,37 @@ def monodromies(
     schemes : for a motion whose period the springs turn by few radians and for a long one, (x, L, width), and the
     radians between. Returns 0, or the number of steps of a period if it exceeds ``most``.
     """
-    nu = numbers.linear.nu
-    m, coarse = mobility.shape[0], circle(COARSE * nu)
-    space = space_of(numbers, m, X.shape[1] // (2 * m), 0)
+    nu, m, size = numbers.linear.nu, mobility.shape[0], out.shape[1]
+    space, coarse = space_of(numbers, m, X.shape[1] // (2 * m), 0), circle(COARSE * nu)
+    theta, work, k = corners_of(numbers, space), np.empty((5, COARSE * nu)), np.empty(COARSE * nu)
+    cut = np.empty((theta.shape[0] + 1, 3))
+    few = carriage_of(modes, size, schemes[0][0].shape[0], COARSE, 1)
+    many = carriage_of(modes, size, schemes[1][0].shape[0], COARSE, 1)
     for p in range(X.shape[0]):
         rows, omega = X[p].reshape(m, -1), Omega[p] / nu
-        fast = pace(numbers, rows, mobility, coarse)
+        fast = pace(numbers, rows, mobility, coarse, space.waves, work, k)
         which, longest = step_of(fast, omega, nu, schemes, share)
-        x, L, _ = schemes[0] if which == 0 else schemes[1]
         count: float = 2 * math.pi / longest
         if count > most:
             return count
-        cut = pieces(corners(numbers, rows, space), longest)
-        D = moduli(numbers, rows, modes.ports, cut, x)
-        monodromy(modes, cut, omega, D, x, L, out[p])
+        pieces, steps = put_pieces(theta, put_corners(numbers, rows, space, theta), longest, cut)
+        if which == 0:
+            if steps > few.D.shape[1]:
+                few = carriage_of(modes, size, schemes[0][0].shape[0], 2 * steps, 1)
+            _carry(numbers, modes, rows, omega, cut, pieces, schemes[0], space.waves, few, out[p])
+        else:
+            if steps > many.D.shape[1]:
+                many = carriage_of(modes, size, schemes[1][0].shape[0], 2 * steps, 1)
+            _carry(numbers, modes, rows, omega, cut, pieces, schemes[1], space.waves, many, out[p])
     return 0.0
+
+
+@bare
+def _carry(
+    numbers: Any, modes: Any, rows: Any, omega: float, cut: Any, pieces: int, scheme: Any, c: Any, carriage: Any,
+    out: Any,
+) -> None:  # fmt: skip
+    """`monodromy` of one motion with a scheme."""
+    x, L, _ = scheme
+    put_moduli(numbers, rows, modes.ports, cut, pieces, x, c, carriage)
+    monodromy(modes, cut, pieces, omega, x, L, carriage, out)

@@ -217,20 +217,12 @@ class Compiled:
 
     def highest(self, j: int, row: Array, side: float) -> tuple[float, float]:
         """The largest value of side times the gap of element j, and its phase."""
-        from hbgear.harmonic.pieces import highest_on, waves_with
-        from hbgear.mechanics.summing import highest, sampled, waves_of
+        from hbgear.harmonic.pieces import highest_gap, sampled_gap
 
-        corners = self.numbers.corners
-        first, last = corners.moves[j : j + 2].tolist()
-        row = _writable(row)
-        if first == last:
-            samples = np.empty(self.N)
-            sampled(row, self.numbers.basis, samples)
-            value, theta = highest(waves_of(row), samples, side)
-            return float(value), float(theta)
-        c = waves_with(row, corners.kept[:, j])
-        top: tuple[float, float] = highest_on(c, corners.at, corners.rows, first, last, self.N, side)
-        return top
+        c, samples = np.empty(len(row) // 2 + 1, dtype=complex), np.empty(self.N)
+        sampled_gap(self.numbers, _writable(row), j, c, samples)
+        value, theta = highest_gap(self.numbers, j, side, c, samples)
+        return float(value), float(theta)
 
     def reach(self, X: Array) -> tuple[Array, np.ndarray]:
         """Clearances (P, 2 K) and regimes (P, m) of motions X (P, n)."""

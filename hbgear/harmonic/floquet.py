@@ -212,12 +212,19 @@ def _all_of(
         if some.any():
             at = len(idle)
             for part in each:
-                found = np.linalg.eigvals(
-                    monodromies(compiled, part, parts.mobility, X[some], Omega[some], points, width)
-                )
-                mu[some, at : at + part.size] = found
+                matrices = monodromies(compiled, part, parts.mobility, X[some], Omega[some], points, width)
+                mu[some, at : at + part.size] = _eigenvalues(matrices)
                 at += part.size
     return mu[np.arange(len(mu))[:, None], np.argsort(-np.abs(mu), axis=-1, kind="stable")[:, :listed]]
+
+
+def _eigenvalues(A: Array) -> ComplexArray:
+    """Eigenvalues (P, r) of real matrices (P, r, r): of two rows by the quadratic formula, in a tenth of the time."""
+    if A.shape[1] != 2 or not np.isfinite(A).all():
+        return np.linalg.eigvals(A)
+    mean, half = 0.5 * (A[:, 0, 0] + A[:, 1, 1]), 0.5 * (A[:, 0, 0] - A[:, 1, 1])
+    root = np.sqrt(half * half + A[:, 0, 1] * A[:, 1, 0] + 0j)
+    return np.stack([mean + root, mean - root], axis=1)
 
 
 def _alike(compiled: Compiled, parts: Parts, X: Array) -> np.ndarray:
@@ -266,24 +273,27 @@ def _carried(compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: f
     from hbgear.harmonic import carrying
     from hbgear.harmonic.projection import space_of
 
-    numbers, nu = compiled.numbers_of(X), compiled.nu
+    numbers, nu, ports = compiled.numbers_of(X), compiled.nu, part.modes.ports
     rows, omega = X.reshape(compiled.m, -1), Omega / nu
-    space = space_of(numbers, compiled.m, rows.shape[1] // 2, 0)
-    coarse = carrying.circle(carrying.COARSE * nu)
+    space, coarse = space_of(numbers, compiled.m, rows.shape[1] // 2, 0), carrying.circle(carrying.COARSE * nu)
     largest = np.abs(_slopes(compiled, rows, omega, coarse[0])[0]).max(axis=1)
-    fast = max(carrying.pace(numbers, rows, mobility, coarse), float(np.sqrt((mobility * largest).max())))
-    which, longest = carrying.step_of(fast, omega, nu, schemes, _SHARE)
+    room = np.empty((5, coarse.shape[1])), np.empty(coarse.shape[1])
+    known = carrying.pace(numbers, rows, mobility, coarse, space.waves, *room)
+    which, longest = carrying.step_of(
+        max(known, float(np.sqrt((mobility * largest).max()))), omega, nu, schemes, _SHARE
+    )
     x, L, _ = schemes[which]
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > _STEPS else 0.0)
-    cut = carrying.pieces(carrying.corners(numbers, rows, space), longest)
-    start = np.concatenate([first + h * np.arange(int(n)) for first, h, n in cut])
-    theta = start[:, None] + np.repeat(cut[:, 1], cut[:, 2].astype(int))[:, None] * x
-    D = carrying.moduli(numbers, rows, part.modes.ports, cut, x)
-    dd, dv = _slopes(compiled, rows, omega, theta.ravel())[:, part.modes.ports].reshape(2, -1, *theta.shape)
-    D[0] += dd.transpose(1, 2, 0)
-    if dv.any():
-        D = np.concatenate([D, dv.transpose(1, 2, 0)[None]])
-    carrying.monodromy(part.modes, cut, omega, D, x, L, out)
+    theta = carrying.corners_of(numbers, space)
+    cut = np.empty((len(theta) + 1, 3))
+    pieces, steps = carrying.put_pieces(theta, carrying.put_corners(numbers, rows, space, theta), longest, cut)
+    carriage = carrying.carriage_of(part.modes, part.size, len(x), steps, 2)
+    carrying.put_moduli(numbers, rows, ports, cut, pieces, x, space.waves, carriage)
+    points = carriage.phases[0, : steps * len(x)]
+    dd, dv = _slopes(compiled, rows, omega, points)[:, ports].reshape(2, len(ports), steps, len(x))
+    carriage.D[0] += dd.transpose(1, 2, 0)
+    carriage.D[1] = dv.transpose(1, 2, 0)
+    carrying.monodromy(part.modes, cut, pieces, omega, x, L, carriage, out)
 
 
 def _slopes(compiled: Compiled, rows: Array, omega: float, theta: Array) -> Array:

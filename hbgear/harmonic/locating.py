@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import bare, kernel
 from hbgear.continuation.elimination import eliminate, length
 from hbgear.continuation.problem import FOLD, HELD
 from hbgear.harmonic.assembly import curvature, linearised, room_of
-from hbgear.harmonic.pieces import highest_on, waves_with
-from hbgear.mechanics.summing import highest, sampled, waves_of
+from hbgear.harmonic.pieces import highest_gap, sampled_gap
 
 _TURNED = 1e-10  # one minus the cosine of the angle by which borders may still turn
 
@@ -59,7 +58,7 @@ def located(
         elif which == FOLD:
             g = _determinant(numbers, trial[:n], J, room.matrices[1], borders, B[n])
         else:
-            g = _clearance(numbers, which, room.rows, B[n])
+            g = _clearance(numbers, which, room, B[n])
         _fill(rest, J, dR, g, weight, after, B)
         if count < 0 or plain:
             good = True
@@ -191,7 +190,7 @@ def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: A
     return g
 
 
-@kernel
+@bare
 def _held(row: Any) -> float:
     """No change of Omega: zero, and its gradient in row (n + 1,)."""
     for i in range(row.shape[0]):
@@ -200,21 +199,14 @@ def _held(row: Any) -> float:
     return 0.0
 
 
-@kernel
-def _clearance(numbers: Any, which: int, rows: Any, row: Any) -> float:
-    """A clearance of the motion rows (m, 2H + 1); its gradient in row (n + 1,)."""
-    corners, orders = numbers.corners, numbers.linear.orders
+@bare
+def _clearance(numbers: Any, which: int, room: Any, row: Any) -> float:
+    """A clearance of the motion whose rows are in the room, see `spread`; its gradient in row (n + 1,)."""
+    orders, c, samples = numbers.linear.orders, room.space.waves, room.space.samples
     corner, side = which // 2, 1.0 if which % 2 else -1.0
     j = numbers.laws.owner[corner]
-    motion, N = rows[j], numbers.basis.shape[1]
-    first, last = corners.moves[j], corners.moves[j + 1]
-    if first < last:
-        c = waves_with(motion, corners.kept[:, j])
-        value, theta = highest_on(c, corners.at, corners.rows, first, last, N, side)
-    else:
-        samples = np.empty(N)
-        sampled(motion, numbers.basis, samples)
-        value, theta = highest(waves_of(motion), samples, side)
+    sampled_gap(numbers, room.rows[j], j, c, samples)
+    value, theta = highest_gap(numbers, j, side, c, samples)
     for i in range(row.shape[0]):
         row[i] = 0.0
     at = j * (2 * orders.shape[0] - 1)

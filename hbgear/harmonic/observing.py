@@ -13,17 +13,17 @@ import numpy as np
 
 from hbgear.common.compiling import bare, kernel
 from hbgear.harmonic.assembly import receptance
-from hbgear.harmonic.pieces import highest_on, waves_with
+from hbgear.harmonic.pieces import highest_gap, sampled_gap
 from hbgear.harmonic.projection import coefficient, project, space_of
 from hbgear.harmonic.sampling import neglected_samples
-from hbgear.mechanics.summing import highest, put_waves, sampled, waves_of
+from hbgear.mechanics.summing import put_waves
 
 
 @kernel
 def reach(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
     """Clearances (P, 2 K) of the extrema from the corners, and numbers (P, m) of corners crossed, at most 2."""
-    laws, corners = numbers.laws, numbers.corners
-    samples, m = np.empty(numbers.basis.shape[1]), regime.shape[1]
+    laws, m = numbers.laws, regime.shape[1]
+    c, samples = np.empty(X.shape[1] // (2 * m) + 1, dtype=np.complex128), np.empty(numbers.basis.shape[1])
     regime[:, :] = 0
     low = high = 0.0
     for p in range(X.shape[0]):
@@ -31,15 +31,9 @@ def reach(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
         for i in range(laws.level.shape[0]):
             j = laws.owner[i]
             if j != last:
-                last, first, end = j, corners.moves[j], corners.moves[j + 1]
-                if first < end:
-                    c, N = waves_with(rows[j], corners.kept[:, j]), samples.shape[0]
-                    low = -highest_on(c, corners.at, corners.rows, first, end, N, -1.0)[0]
-                    high = highest_on(c, corners.at, corners.rows, first, end, N, 1.0)[0]
-                else:
-                    c = waves_of(rows[j])
-                    sampled(rows[j], numbers.basis, samples)
-                    low, high = -highest(c, samples, -1.0)[0], highest(c, samples, 1.0)[0]
+                last = j
+                sampled_gap(numbers, rows[j], j, c, samples)
+                low, high = -highest_gap(numbers, j, -1.0, c, samples)[0], highest_gap(numbers, j, 1.0, c, samples)[0]
             clearance[p, 2 * i], clearance[p, 2 * i + 1] = low - laws.level[i], high - laws.level[i]
             if low < laws.level[i] < high and regime[p, j] < 2:
                 regime[p, j] += 1
@@ -57,7 +51,8 @@ def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
         _project_left(numbers, rows, space, f[p])
-        neglected_samples(numbers, rows, Omega[p] / numbers.linear.nu, f[p])
+        if numbers.laws.own.shape[0]:
+            neglected_samples(numbers, rows, Omega[p] / numbers.linear.nu, f[p])
         for j in range(m):
             for i in range(left.shape[0]):
                 rate = numbers.linear.springs[1, j] * Omega[p] * left[i] / numbers.linear.nu

@@ -14,29 +14,45 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import bare, kernel
+from hbgear.common.compiling import bare
 from hbgear.harmonic.crossings import CLOSE, PARTS, ROUNDING
 from hbgear.mechanics.periodic import PARTS as BY_PARTS
 from hbgear.mechanics.periodic import rule
-from hbgear.mechanics.summing import put_waves, value_of
+from hbgear.mechanics.summing import highest, put_waves, sampled, value_of
 
 _NODES, _WEIGHTS = rule()
 
 
-@kernel
-def waves_with(row: Any, kept: Any) -> Any:
-    """One-sided coefficients of a row (2H + 1,) and the harmonics kept of the prescribed displacement."""
-    c = np.empty(row.shape[0] // 2 + 1, dtype=np.complex128)
-    put_waves_with(row, kept, c)
-    return c
+@bare
+def put_gap(corners: Any, row: Any, j: int, c: Any) -> None:
+    """Put the one-sided coefficients of the gap of element j, whose motion is a row (2H + 1,), in the first of c.
+
+    They are those of the motion and, where its prescribed displacement has corners, the harmonics kept of that; what
+    else the gap has stands in pieces.
+    """
+    put_waves(row, c)
+    if corners.moves[j] < corners.moves[j + 1]:
+        for k in range(min(row.shape[0] // 2 + 1, corners.kept.shape[0])):
+            c[k] += corners.kept[k, j]
 
 
 @bare
-def put_waves_with(row: Any, kept: Any, c: Any) -> None:
-    """`waves_with` of a row, into the first of c."""
-    put_waves(row, c)
-    for k in range(min(row.shape[0] // 2 + 1, kept.shape[0])):
-        c[k] += kept[k]
+def sampled_gap(numbers: Any, row: Any, j: int, c: Any, samples: Any) -> None:
+    """`put_gap`, and the samples (N,) of a gap that has no pieces."""
+    corners = numbers.corners
+    put_gap(corners, row, j, c)
+    if corners.moves[j] == corners.moves[j + 1]:
+        sampled(row, numbers.basis, samples)
+
+
+@bare
+def highest_gap(numbers: Any, j: int, side: float, c: Any, samples: Any) -> tuple[float, float]:
+    """The largest value of side times the gap of element j, side +1 or -1, and its phase; c, samples: `sampled_gap`."""
+    corners = numbers.corners
+    first, last = corners.moves[j], corners.moves[j + 1]
+    if first < last:
+        return highest_on(c, corners.at, corners.rows, first, last, samples.shape[0], side)
+    return highest(c, samples, side)
 
 
 @bare

@@ -34,8 +34,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.compiling import bare, kernel
 from hbgear.harmonic.crossings import crossings
-from hbgear.harmonic.pieces import crossings_on, put_waves_with, spans
-from hbgear.mechanics.summing import put_waves, sampled
+from hbgear.harmonic.pieces import crossings_on, put_gap, sampled_gap, spans
 
 
 class Space(NamedTuple):
@@ -100,7 +99,7 @@ def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
 
     ramped : only of the corners at which a spring of the table turns.
     """
-    laws, basis, corners, samples, c = numbers.laws, numbers.basis, numbers.corners, space.samples, space.waves
+    laws, corners, samples, c = numbers.laws, numbers.corners, space.samples, space.waves
     last = -1
     for i in range(laws.level.shape[0]):
         space.number[i], space.above[i] = 0, False
@@ -108,17 +107,14 @@ def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
             continue
         j = laws.owner[i]
         first, end = corners.moves[j], corners.moves[j + 1]
-        if first < end:
-            put_waves_with(rows[j], corners.kept[:, j], c)
-            space.number[i], space.above[i] = crossings_on(
-                c, laws.level[i], corners.at, corners.rows, first, end, basis.shape[1], space.theta[i], space.sign[i]
-            )
-            last = -1
-            continue
         if j != last:
             last = j
-            put_waves(rows[j], c)
-            sampled(rows[j], basis, samples)
+            sampled_gap(numbers, rows[j], j, c, samples)
+        if first < end:
+            space.number[i], space.above[i] = crossings_on(
+                c, laws.level[i], corners.at, corners.rows, first, end, samples.shape[0], space.theta[i], space.sign[i]
+            )
+            continue
         space.number[i] = crossings(c, laws.level[i], samples, space.theta[i], space.sign[i])
         space.above[i] = samples[0] > laws.level[i]
 
@@ -136,12 +132,10 @@ def project(numbers: Any, rows: Any, space: Any) -> None:
         _add_springs(laws, corners, space)
     for j in range(rows.shape[0]):
         cubic, cornered = laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0, corners.moves[j] < corners.moves[j + 1]
-        if cubic and not cornered:
-            put_waves(rows[j], c)
+        if cubic:
+            put_gap(corners, rows[j], j, c)
             _add_cubic(c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j], space.square)
-        elif cubic:
-            put_waves_with(rows[j], corners.kept[:, j], c)
-            _add_cubic(c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j], space.square)
+        if cubic and cornered:
             _add_moved_cubic(c, corners.powers[j], laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], chi[j], more[j])
         if cornered:
             _add_kept(corners.kept[:, j], kappa[j], chi[j])

@@ -10,22 +10,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
-from hbgear.common.compiling import bare, kernel
-
-
-@kernel
-def waves_of(row: Any) -> Any:
-    """One-sided coefficients c (H + 1,) of a real row (2H + 1,)."""
-    c = np.empty(row.shape[0] // 2 + 1, dtype=np.complex128)
-    put_waves(row, c)
-    return c
+from hbgear.common.compiling import bare
 
 
 @bare
 def put_waves(row: Any, c: Any) -> None:
-    """`waves_of` a row, into the first of c."""
+    """Put the one-sided coefficients of a real row (2H + 1,) in the first of c."""
     c[0] = row[0]
     for k in range(1, row.shape[0] // 2 + 1):
         c[k] = complex(row[2 * k - 1], -row[2 * k])
@@ -71,22 +61,22 @@ def bend_of(c: Any) -> float:
 def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
     """Largest value of side x, side +1 or -1, over a period, and where: Newton from the samples that can be nearest."""
     N = samples.shape[0]
-    most: float = -math.inf
-    step, size = 2 * math.pi / N, 0.0
+    step, size, most = 2 * math.pi / N, 0.0, _largest(samples, side)
     for k in range(c.shape[0]):
         size += abs(c[k].real) + abs(c[k].imag)
-    for n in range(N):
-        if side * samples[n] > most:
-            most = side * samples[n]
     miss = 0.125 * step * step * bend_of(c)
     if not miss > 1e-14 * size:  # a constant has its extremum anywhere
         return side * samples[0], 0.0
     top, place = most, 0.0
     for n in range(N):
         here = side * samples[n]
-        if here < most - miss or here < side * samples[n - 1] or here < side * samples[n + 1 - N]:
-            continue  # too low, or on the way up to a neighbour that is not
-        at = step * n
+        if here < most - miss:
+            continue  # too low
+        before, after = side * samples[n - 1], side * samples[n + 1 - N]
+        if here < before or here < after:
+            continue  # on the way up to a neighbour that is not
+        bend = before - 2.0 * here + after
+        at = step * (n + 0.5 * (before - after) / bend) if bend < 0.0 else step * n
         for _ in range(16):
             _, slope, curve = value_of(c, 0.0, at)
             move = side * slope / abs(curve) if abs(curve) > 1e-300 else 0.0  # |curve|: always uphill
@@ -98,6 +88,20 @@ def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
         if value > top or here == top:
             top, place = max(value, top), at
     return top, place
+
+
+@bare
+def _largest(samples: Any, side: float) -> float:
+    """The largest of side times the samples: of four at a time, which do not wait for each other."""
+    N = samples.shape[0]
+    a: float = side * samples[0]
+    b = c = d = a
+    for n in range(0, N - 3, 4):
+        a, b = max(a, side * samples[n]), max(b, side * samples[n + 1])
+        c, d = max(c, side * samples[n + 2]), max(d, side * samples[n + 3])
+    for n in range(N - N % 4, N):
+        a = max(a, side * samples[n])
+    return max(max(a, b), max(c, d))
 
 
 @bare
