@@ -294,10 +294,7 @@ def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> R
     """
     started = time.perf_counter()
     try:
-        with _libraries(len(sys.modules)).limit(limits=1), warnings.catch_warnings():
-            warnings.simplefilter("ignore", Unlikely)  # what is to be said of the model was said before the first case
-            model = made(named(cls) if isinstance(cls, str) else cls, _as_fields(fields))
-            result = _computed(model, work)
+        result = _computed(made(named(cls) if isinstance(cls, str) else cls, _as_fields(fields)), work)
         return replace(result, seconds=time.perf_counter() - started)
     except Exception as error:  # whatever is wrong with one case must not end the others
         text = error.args[0] if error.args else type(error).__name__
@@ -307,12 +304,14 @@ def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> R
 
 
 def _run_cases(cls: type[Model] | str, group: Sequence[Mapping[str, Any]], work: Work) -> list[Result]:
-    """The first cases of a group, all of them but where they take long."""
+    """The first cases of a group, all of them but where they take long, each on one thread."""
     started, results = time.perf_counter(), list[Result]()
-    for fields in group:
-        results.append(run_case(cls, fields, work))
-        if time.perf_counter() - started > _LONG:
-            break
+    with _libraries(len(sys.modules)).limit(limits=1), warnings.catch_warnings():
+        warnings.simplefilter("ignore", Unlikely)  # what is to be said of the model was said before the first case
+        for fields in group:
+            results.append(run_case(cls, fields, work))
+            if time.perf_counter() - started > _LONG:
+                break
     return results
 
 

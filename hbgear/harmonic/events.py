@@ -44,7 +44,7 @@ from hbgear.continuation.events import (
     root,
     singular,
 )
-from hbgear.continuation.newton import NoConvergence, refine, solution_at, solve
+from hbgear.continuation.newton import NoConvergence, on_curve, refine, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
 from hbgear.continuation.touching import dips
@@ -384,12 +384,12 @@ class AmplitudePeak(Event):
         def low(s: float) -> float:
             return -float(self._amplitude(segment, segment.at(s).X))
 
-        def search(xatol: float) -> CurvePoint:
+        def search(xatol: float) -> float:
             best = scipy.optimize.minimize_scalar(low, bounds=(0.0, 1.0), method="bounded", options={"xatol": xatol})
-            return segment.at(float(best.x))
+            return float(best.x)
 
-        sharp = self._sharp(segment, segment.at(self._place(segment))) or self._sharp(segment, search(_ROUGH))
-        return [Found(self, 0.5, sharp or search(_SEARCHED), True, f"peak of {self.measure}")]
+        sharp = self._sharp(segment, self._place(segment)) or self._sharp(segment, search(_ROUGH))
+        return [Found(self, 0.5, sharp or segment.at(search(_SEARCHED)), True, f"peak of {self.measure}")]
 
     def _amplitude(self, segment: Segment, X: Array) -> Array:
         layout = segment.problem.layout
@@ -405,17 +405,16 @@ class AmplitudePeak(Event):
         bend = before - 2 * here + after
         return float(s[i] + (0.5 * (before - after) / bend * s[1] if bend < 0 else 0.0))
 
-    def _sharp(self, segment: Segment, row: CurvePoint) -> CurvePoint | None:
-        """All digits of a peak by Newton, if it stays on the piece."""
-        peak = peak_of(segment.problem, segment.name, self.measure, self.element)
+    def _sharp(self, segment: Segment, s: float) -> CurvePoint | None:
+        """All digits of a peak by Newton from a place on the piece, if it stays there."""
+        peak, u = peak_of(segment.problem, segment.name, self.measure, self.element), segment.guess(s)
         try:
-            U = solve(peak, row.u, {**segment.parameters, segment.name: row.value}).X
+            solution = on_curve(solve(peak, u, {**segment.parameters, segment.name: float(u[-1])}))
         except NoConvergence:
             return None
-        if np.linalg.norm((U - row.u) / segment.scale) > 0.1 * segment.length:
+        if norm((np.append(solution.X, solution.value) - u) / segment.scale) > 0.1 * segment.length:
             return None
-        solution = solution_at(segment.problem, U, segment.name, segment.parameters, row.iterations)
-        return row_of(solution, normal_of(row.tangent, segment.scale), segment.scale)
+        return row_of(solution, normal_of(segment.b.u - segment.a.u, segment.scale), segment.scale)
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         """See `Peak`."""

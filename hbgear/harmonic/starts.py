@@ -34,7 +34,6 @@ def guesses(compiled: Compiled, Omega: float) -> Iterator[Array]:
                 break
         if not np.all(np.isfinite(d0)):
             continue
-        k = _static(compiled.laws, d0)[1]
         with np.errstate(all="ignore"):
             try:
                 A, b = joint @ (linear.Z + np.diag(k)) + ties, linear.g @ joint.T + e @ ties.T
