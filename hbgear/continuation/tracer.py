@@ -35,7 +35,7 @@ from hbgear.continuation.branch import Branch, Point, Status, relative_errors, w
 from hbgear.continuation.corrector import correct
 from hbgear.continuation.covering import UNCOVERED, Search, find_rest, told
 from hbgear.continuation.ending import Ending
-from hbgear.continuation.events import Crossing, Event, Found, Turning, Watch, behind_the_turn, events_of
+from hbgear.continuation.events import Crossing, Event, Found, Turning, Watch, behind_the_turn, events_of, unknowns
 from hbgear.continuation.hidden import Path, find_hidden, paired
 from hbgear.continuation.jumps import ENDS, find_jumps
 from hbgear.continuation.newton import NoConvergence, Settings, solve
@@ -476,12 +476,12 @@ class _Tracer:
         while True:
             if len(self.rows) >= self.steps.max_points:
                 return Status.MAX_POINTS, f"{len(self.rows)} points, at {self.name} = {self.rows[-1].value:.6g}"
-            rows, reason = self._advance()
-            rows, far = self._to_infinity(rows)
-            if not rows:
+            path, reason = self._advance()
+            path, far = self._to_infinity(path)
+            if len(path) == 1:
                 status = Status.RETRACED if reason == _BACK else Status.STEP_TOO_SMALL
                 return status, f"{reason} at {self.name} = {self.rows[-1].value:.6g}; the shortest step was tried"
-            ended = self._through(rows)
+            ended = self._through(path)
             if ended is not None:
                 if self.stop is None:
                     self._adapt(last=True)
@@ -489,15 +489,18 @@ class _Tracer:
             if far is not None:
                 self.asymptote = far
                 return Status.UNBOUNDED, f"the curve runs off to infinity towards {self.name} = {far:.6g}"
-            sizes = self.problem.motion_sizes(np.array([row.u for row in rows])[:, :-1])
+            sizes = self.problem.motion_sizes(unknowns(path)[1:, :-1])
             self.top = max(self.top, float(sizes.max()))
             self.scale = self._scale(self.rows[-1].X)
             self._adapt()
 
-    def _through(self, rows: list[CurvePoint]) -> tuple[Status, str] | None:
-        """Go on to new rows, those at which nothing can end together; status and message if the curve ends there."""
-        done = 0
-        for i in self._watched(rows):
+    def _through(self, path: Rows) -> tuple[Status, str] | None:
+        """Go on to new rows, those at which nothing can end together; status and message if the curve ends there.
+
+        path : the last row, and the new ones.
+        """
+        rows, done = path[1:], 0
+        for i in self._watched(path):
             if done < i:
                 self._append(rows[done:i])
             ended = self._take(rows[i])
@@ -508,12 +511,11 @@ class _Tracer:
             self._append(rows[done:])
         return None
 
-    def _watched(self, rows: list[CurvePoint]) -> Sequence[int]:
+    def _watched(self, path: Rows) -> Sequence[int]:
         """Numbers of the new rows at which the curve may end: outside, where it turns, or then near its first row."""
-        if self.progress or self.watch.terminal or self.landed is not None or len(rows) == 1:
-            return range(len(rows))
-        path = [self.rows[-1], *rows]
-        u, heading = np.array([row.u for row in path]), np.array([row.heading for row in path])
+        if self.progress or self.watch.terminal or self.landed is not None or len(path) == 2:
+            return range(len(path) - 1)
+        u, heading = unknowns(path), np.array([row.heading for row in path])
         turns, value = heading[1:] != heading[:-1], u[1:, -1]
         outside = (self.sense * (value - self.b) >= 0) | (self.sense * (value - self.a) < 0)
         length = norms((u[1:] - u[:-1]) / self.scale)
@@ -571,8 +573,8 @@ class _Tracer:
         self.stop = stop
         return stop.event.ending(self.name, stop.row.value)
 
-    def _advance(self) -> tuple[list[CurvePoint], str]:
-        """The next rows, or none and the reason why even the shortest step failed."""
+    def _advance(self) -> tuple[Rows, str]:
+        """The last row and the next ones, or none and the reason why even the shortest step failed."""
         low, high = sorted((self.a, self.b))
         single = self.together == 1
         strider = Strider(self.problem, self.name, self.fixed, (low, high), self.steps, self.settings, single)
@@ -581,14 +583,15 @@ class _Tracer:
         while True:
             tried = self.step
             rows, self.step, reason = strider.stride(last, self.scale, self.top, tried, most)
-            kept = self._before_running_back(rows)
+            path = Rows([last[0], *rows])
+            kept = self._before_running_back(path)
             if kept < len(rows):
                 shorter = max(0.5 * rows[kept].step, self.steps.shortest)
-                rows, reason, self.step = rows[:kept], _BACK, shorter
-            if not rows and (row := self._at_the_range_end(tried)):
-                return [row], ""
-            if rows or tried <= self.steps.shortest or reason != _BACK:
-                return rows, reason
+                path, reason, self.step = Rows(path[: kept + 1]), _BACK, shorter
+            if len(path) == 1 and (row := self._at_the_range_end(tried)):
+                return Rows([last[0], row]), ""
+            if len(path) > 1 or tried <= self.steps.shortest or reason != _BACK:
+                return path, reason
 
     def _at_the_range_end(self, step: float) -> CurvePoint | None:
         """The row at the end of the parameter's range that a step would cross: nothing can be evaluated beyond it."""
@@ -725,7 +728,7 @@ class _Tracer:
     def _look_closer(self, rows: Rows, first: int, found: dict[int, list[Found]]) -> None:
         """Add what happens twice between two rows, of which the first is number ``first``, and so shows at neither.
 
-        What is found so divides its piece, on whose parts the next may show.
+        What is found so divides its piece, on whose parts the next may show, as it may on the pieces beside it.
 
         found : what is known of its pieces; replaced where there is more.
         """
@@ -745,7 +748,7 @@ class _Tracer:
             fresh = self._hidden(rows, first, known, pieces, between)
             found.update(fresh)
             known.update(fresh)
-            pieces = [number - first - 1 for number in fresh]
+            pieces = sorted({number - first - 1 + beside for number in fresh for beside in (-1, 0, 1)})
             if not pieces:
                 break
 
@@ -922,17 +925,18 @@ class _Tracer:
 
     # ---- ends
 
-    def _to_infinity(self, rows: list[CurvePoint]) -> tuple[list[CurvePoint], float | None]:
-        """The rows up to where the curve is seen to run off to infinity, and the value of the parameter it nears."""
-        if not rows or self._motion_size(rows[-1].X) <= self.top or self._outside(rows[-1].value) is not None:
-            return rows, None
-        if asymptote(self.problem, self.name, self.fixed, rows[-1]) is None:
-            return rows, None
-        for i, row in enumerate(rows):
+    def _to_infinity(self, path: Rows) -> tuple[Rows, float | None]:
+        """The path up to where the curve is seen to run off to infinity, and the value of the parameter it nears."""
+        last = path[-1]
+        if len(path) == 1 or self._motion_size(last.X) <= self.top or self._outside(last.value) is not None:
+            return path, None
+        if asymptote(self.problem, self.name, self.fixed, last) is None:
+            return path, None
+        for i, row in enumerate(path[1:], 1):
             far = asymptote(self.problem, self.name, self.fixed, row)
             if far is not None and self._outside(far) is None:
-                return rows[: i + 1], far
-        return rows, None
+                return Rows(path[: i + 1]), far
+        return path, None
 
     def _outside(self, value: float) -> float | None:
         """The end of the span that a value lies on or beyond, if any."""
@@ -978,20 +982,18 @@ class _Tracer:
         first = self._as_now(self.first)
         return cosine(row, first, self.scale) > 0 and self._arc(last, row).passes(first)
 
-    def _before_running_back(self, rows: list[CurvePoint]) -> int:
-        """How many of the new rows come before the curve runs back over an earlier row."""
-        path = [self.rows[-1], *rows]
-        turned = self.turned or any(row.heading != path[0].heading for row in rows)
+    def _before_running_back(self, path: Rows) -> int:
+        """How many of the new rows, behind the first of a path, come before the curve runs back over an earlier row."""
+        turned = self.turned or any(row.heading != path[0].heading for row in path)
         if len(self.rows) < 4 or not turned:
-            return len(rows)
-        earlier = self._earlier() / self.scale
-        u = np.array([row.u for row in path]) / self.scale
+            return len(path) - 1
+        earlier, u = self._earlier() / self.scale, unknowns(path) / self.scale
         apart = np.square(earlier).sum(axis=1)[:, None] - 2 * earlier @ u.T + np.square(u).sum(axis=1)
         reach = np.square(u[1:] - u[:-1]).sum(axis=1)
         for k in np.flatnonzero((apart[:, 1:] < _NEAR * reach).any(axis=0)):
             if self._runs_back(path[k], path[k + 1], earlier):
                 return int(k)
-        return len(rows)
+        return len(path) - 1
 
     def _runs_back(self, last: CurvePoint, row: CurvePoint, earlier: Array) -> bool:
         """Whether the piece passes through an earlier row (``earlier``: all, scaled) in the other direction."""

@@ -69,6 +69,8 @@ def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
     enough that one surely comes back, or leaves: another must have done the opposite. Each with the place s between the
     two, which lines between the rows tell.
     """
+    if mu.shape[1] < 4:
+        return []
     pairs = _upper(mu)
     outside = pairs & (np.abs(mu) > 1 + NEUTRAL)
     number = np.count_nonzero(outside, axis=1)
@@ -88,10 +90,11 @@ def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
 def arrivals(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
     """Pieces between rows, with as many pairs outside at both ends, at an end of which one is about to pass the circle.
 
-    So the line through its modulus there and at the row beyond tells, where it is plainly the nearest one: it comes to
-    the circle on the first part of the piece, at a place s, and the nearest one at the other end is on the other side.
-    Another one must have done the opposite.
+    So the line through its modulus there and that of the nearest at the row beyond tells: it comes to the circle on the
+    first part of the piece, at a place s. Then another one must do the opposite on it, or the same one come back.
     """
+    if mu.shape[1] < 4:
+        return []
     pairs = _upper(mu)
     number = np.count_nonzero(pairs & (np.abs(mu) > 1 + NEUTRAL), axis=1)
     still = np.flatnonzero((number[1:] == number[:-1]) & (number[1:] > 0))
@@ -103,17 +106,12 @@ def arrivals(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
     for side in (0, 1):
         beyond = still + 3 * side - 1
         pieces, beyond = (each[(beyond >= 0) & (beyond < len(mu))] for each in (still, beyond))
-        here, there, other = x[pieces + side], x[beyond], x[pieces + 1 - side]
-        apart, ahead = (np.abs(here[:, :, None] - row[:, None, :]) for row in (there, other))
-        nearest, least = apart.argmin(axis=2), np.sort(apart, axis=2)[:, :, :2]
-        plain = (2 * least[:, :, 0] <= least[:, :, -1]) & (
-            least[:, :, 0] <= 2 * np.take_along_axis(apart.min(axis=1), nearest, axis=1)
-        )
-        crossed = here.real * np.take_along_axis(other.real, ahead.argmin(axis=2), axis=1) < 0
+        here, there = x[pieces + side], x[beyond]
+        nearest = np.abs(here[:, :, None] - there[:, None, :]).argmin(axis=2)
         grows = here.real - np.take_along_axis(there.real, nearest, axis=1)
         grows *= (length[pieces] / length[beyond - side])[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            first = np.where(plain & crossed & (np.abs(here.real) > NEUTRAL), -here.real / grows, np.inf)
+            first = np.where(np.abs(here.real) > NEUTRAL, -here.real / grows, np.inf)
         first = np.where(first > 0, first, np.inf).min(axis=1)
         found |= {int(i): abs(side - float(s)) for i, s in zip(pieces, first, strict=True) if s < SOON}
     return sorted(found.items())

@@ -162,9 +162,7 @@ def test_two_doublings_beside_a_grazing_contact_are_found(on_path):
     [
         ("helical", 0, 16, 1, (0.3164, 0.3171), (0.316600628842, 0.317018689341)),
         ("bearings", 11, 16, 1, (0.3474, 0.3476), (0.347489101730,)),
-        ("bearings", 8, 10, -1, (0.46624, 0.4664), (0.466254838821, 0.466288418686, 0.466368069970)),
         ("bearings", 8, 16, -1, (0.46624, 0.4664), (0.466254838821, 0.466288418686, 0.466368069970)),
-        ("helical", 0, 16, 1, (0.2690, 0.2708), (0.269719874676, 0.270614725265)),
         ("bearings", 2, 16, -1, (0.7475, 0.74755), (0.747522733085,)),
     ],
 )
@@ -172,8 +170,8 @@ def test_pairs_that_change_sides_often_on_a_step_are_where_shooting_has_them(
     on_path, kind, number, harmonics, way, between, shot
 ):
     """Two beside others that showed on the same step; one that more harmonics move by more than is wanted; two of a
-    pair that leaves as far as its step tells, but comes back on it and leaves again; two of a step on which the pair
-    that leaves is hidden by a steady one; one that leaves and becomes real beside a doubling and a fold.
+    pair that leaves as far as its step tells, but comes back on it and leaves again; one that leaves and becomes real
+    beside a doubling and a fold.
     """
     from studies.random.machines import machine
 
