@@ -26,6 +26,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -521,7 +522,7 @@ def newton(
         If Newton fails or leaves the segment.
     """
     u = segment.guess(s)
-    settings = Settings(segment.settings.tolerance, segment.settings.step_tolerance, 5)
+    settings = _few(segment.settings)
     here = {**segment.parameters, segment.name: float(u[-1])}
     solution = extended.located(u, here, settings)
     U = solution.X
@@ -531,6 +532,12 @@ def newton(
     if not inside or np.linalg.norm((U - u) / segment.scale) > (0.5 + beyond) * np.linalg.norm(chord):
         raise NoConvergence("Newton left the arc", U, segment.parameters, [])
     return Found(event, place, row_of(on_curve(solution), chord / segment.scale, segment.scale), True, note)
+
+
+@lru_cache(maxsize=8)
+def _few(settings: Settings) -> Settings:
+    """The settings for a start that is nearly there."""
+    return replace(settings, max_iterations=5)
 
 
 def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:

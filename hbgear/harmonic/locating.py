@@ -131,27 +131,44 @@ def _bordered(J: Any, borders: Any) -> float:
         borders[0, i], borders[1, i] = math.sin(1.0 + i * i), math.sin(2.0 + i * i)
         for j in range(n):
             total += J[i, j] * J[i, j]
-    x, y = np.empty(n + 1), np.empty(n + 1)
+    inverse, x = np.empty((n, 2 * n)), np.empty((2, n))
+    if not _inverted(J, 0.0, inverse):
+        _inverted(J, 1e-15 * math.sqrt(total), inverse)
     for _ in range(_ITERATIONS):
-        _null(J, borders[0], borders[1], False, x)
-        _null(J, borders[1], borders[0], True, y)
-        turned = max(_turned(borders[0], y), _turned(borders[1], x))
+        x[:, :] = 0.0
+        for i in range(n):
+            for j in range(n):
+                x[0, j] += inverse[i, n + j] * borders[1, i]
+                x[1, i] += inverse[i, n + j] * borders[0, j]
+        turned = max(_turned(borders[0], x[0]), _turned(borders[1], x[1]))
         if not turned > _TURNED:
             break
     return math.sqrt(total)
 
 
 @kernel
+def _inverted(J: Any, shift: float, out: Any) -> bool:
+    """Put the inverse of J, whose diagonal is shifted, beside it in out (n, 2n); False if it is singular."""
+    n = J.shape[0]
+    for i in range(n):
+        for j in range(n):
+            out[i, j], out[i, n + j] = J[i, j], 0.0
+        out[i, i] += shift
+        out[i, n + i] = 1.0
+    return eliminate(out) != 0
+
+
+@kernel
 def _turned(border: Any, x: Any) -> float:
-    """One minus the cosine of the angle between a border and the vector x[:n] that takes its place, of length one."""
+    """One minus the cosine of the angle between a border and the vector x that takes its place, of length one."""
     n, along, total, own = border.shape[0], 0.0, 0.0, length(border)
     for i in range(n):
         along += border[i] * x[i]
         total += x[i] * x[i]
-    total = math.sqrt(total)
+    total = math.copysign(math.sqrt(total), along)
     for i in range(n):
         border[i] = x[i] / total
-    return 1.0 - abs(along) / (total * own)
+    return 1.0 - abs(along) / (abs(total) * own)
 
 
 @kernel

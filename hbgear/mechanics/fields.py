@@ -137,9 +137,11 @@ def defaults_of(cls: type) -> dict[str, Any]:
     return found
 
 
+@lru_cache(maxsize=256)
 def required_of(cls: type) -> tuple[str, ...]:
     """Names of the fields that have no default."""
-    return tuple(name for name in kinds_of(cls) if name not in defaults_of(cls))
+    known = defaults_of(cls)
+    return tuple(name for name in kinds_of(cls) if name not in known)
 
 
 def check_names(cls: type, names: typing.Iterable[str]) -> None:
@@ -165,7 +167,8 @@ def made(cls: type[_T], values: Mapping[str, Any]) -> _T:
         If a field has neither a value nor a default, or the class refuses a value.
     """
     check_names(cls, values)
-    missing = [name for name in required_of(cls) if name not in values]
+    own: type = cls
+    missing = [name for name in required_of(own) if name not in values]
     if missing:
         raise ValueError(f"{cls.__name__} needs {', '.join(missing)}: no default, so give a value")
     return cls(**values)
