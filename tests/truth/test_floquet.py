@@ -24,7 +24,7 @@ from hbgear import (
     System,
     trace,
 )
-from hbgear.harmonic.floquet import monodromies, multipliers_of
+from hbgear.harmonic.floquet import _eigenvalues, monodromies, multipliers_of
 from hbgear.mechanics.fourier import evaluate
 
 
@@ -223,6 +223,23 @@ CURVES = {
     "many coordinates": lambda: along(DoubleHelicalPair(), 8, (1.3, 0.7)),
     "long steps": lambda: along(chain(), 5, (0.3, 0.6)),
 }
+
+
+def test_multipliers_of_one_mode_are_the_eigenvalues_of_lapack(rng):
+    """Of any size, with multipliers that are nearly the same, and with one that is nearly zero."""
+    A = rng.standard_normal((600, 2, 2)) * 10.0 ** rng.uniform(-9, 9, (600, 1, 1))
+    A[200:400, 1, 1] = A[200:400, 0, 0] * (1 + 1e-9 * rng.standard_normal(200))
+    A[200:300, 1, 0] *= 1e-12
+    A[400:, 1] = A[400:, 0] * (1 + 1e-12 * rng.standard_normal((200, 1)))
+    size = np.abs(A).max(axis=(1, 2))
+    mine, known = _eigenvalues(A), np.linalg.eigvals(A)
+    for symmetric in (lambda mu: mu.sum(axis=1) / size, lambda mu: mu.prod(axis=1) / size**2):
+        np.testing.assert_allclose(symmetric(mine), symmetric(known), rtol=0, atol=1e-14)
+    apart = np.abs(mine[:, :, None] - known[:, None]).min(axis=2).max(axis=1) / size
+    assert apart[:200].max() < 1e-13 and apart.max() < 1e-6  # double ones are known to half of the digits
+    A[7, 0, 1] = np.nan
+    with pytest.raises(np.linalg.LinAlgError):
+        _eigenvalues(A)
 
 
 @pytest.mark.parametrize("name", CURVES)
