@@ -91,8 +91,7 @@ def sobol_indices(found: Cases, quantity: str = "peak", *, seed: int = 0) -> Sob
         raise ValueError(f"{quantity} does not vary, so nothing is to blame for it")
     analyze = needed("SALib.analyze.sobol", "sobol", "Sobol indices").analyze
     asked = {"num_vars": len(found.names), "names": list(found.names), "bounds": [[0.0, 1.0]] * len(found.names)}
-    own = seed + 1  # SALib takes 0 for no seed at all
-    told = analyze(asked, Y[known].ravel(), calc_second_order=False, seed=own)
+    told = analyze(asked, Y[known].ravel(), calc_second_order=False, seed=seed + 1)  # SALib takes 0 for no seed at all
     first, total = (
         {name: (float(told[key][j]), float(told[f"{key}_conf"][j]) / _NORMAL) for j, name in enumerate(found.names)}
         for key in ("S1", "ST")

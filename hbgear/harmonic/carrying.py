@@ -62,13 +62,20 @@ def carriage_of(modes: Any, size: int, s: int, steps: int, orders: int) -> Any:
 
 
 @kernel
-def corners_of(numbers: Any, space: Any) -> Any:
-    """Room for the phases of `put_corners`."""
-    return np.empty(numbers.corners.phases.shape[0] + space.theta.size)
+def cuts_of(numbers: Any, space: Any) -> Any:
+    """Room for phases of corners (C,) and the pieces between them (C + 1, 3), see `cut_up`."""
+    C = numbers.corners.phases.shape[0] + space.theta.size
+    return np.empty(C), np.empty((C + 1, 3))
 
 
 @bare
-def put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
+def cut_up(numbers: Any, rows: Any, longest: float, space: Any, theta: Any, cut: Any) -> tuple[int, int]:
+    """Put the pieces of a period, cut at the `_put_corners` of a motion, in cut; see `_put_pieces`."""
+    return _put_pieces(theta, _put_corners(numbers, rows, space, theta), longest, cut)
+
+
+@bare
+def _put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
     """Phases in [0, 2 pi), ascending, at which an element crosses a corner of its law, or the excitation has one.
 
     Returns their number.
@@ -90,7 +97,7 @@ def put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
 
 
 @bare
-def put_pieces(theta: Any, n: int, longest: float, out: Any) -> tuple[int, int]:
+def _put_pieces(theta: Any, n: int, longest: float, out: Any) -> tuple[int, int]:
     """Smooth pieces of a period cut at the n phases theta into equal steps of at most ``longest`` radians.
 
     A period begins at its first corner, or else at 0: the multipliers do not depend on where it begins.
@@ -402,8 +409,8 @@ def monodromies(
     """
     nu, m, size = numbers.linear.nu, mobility.shape[0], out.shape[1]
     space, coarse = space_of(numbers, m, X.shape[1] // (2 * m), 0), circle(COARSE * nu)
-    theta, work, k = corners_of(numbers, space), np.empty((5, COARSE * nu)), np.empty(COARSE * nu)
-    cut = np.empty((theta.shape[0] + 1, 3))
+    work, k = np.empty((5, COARSE * nu)), np.empty(COARSE * nu)
+    theta, cut = cuts_of(numbers, space)
     few = carriage_of(modes, size, schemes[0][0].shape[0], COARSE, 1)
     many = carriage_of(modes, size, schemes[1][0].shape[0], COARSE, 1)
     for p in range(X.shape[0]):
@@ -413,7 +420,7 @@ def monodromies(
         count: float = 2 * math.pi / longest
         if count > most:
             return count
-        pieces, steps = put_pieces(theta, put_corners(numbers, rows, space, theta), longest, cut)
+        pieces, steps = cut_up(numbers, rows, longest, space, theta, cut)
         if which == 0:
             if steps > few.D.shape[1]:
                 few = carriage_of(modes, size, schemes[0][0].shape[0], 2 * steps, 1)

@@ -284,9 +284,8 @@ def _carried(compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: f
     )
     x, L, _ = schemes[which]
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > _STEPS else 0.0)
-    theta = carrying.corners_of(numbers, space)
-    cut = np.empty((len(theta) + 1, 3))
-    pieces, steps = carrying.put_pieces(theta, carrying.put_corners(numbers, rows, space, theta), longest, cut)
+    theta, cut = carrying.cuts_of(numbers, space)
+    pieces, steps = carrying.cut_up(numbers, rows, longest, space, theta, cut)
     carriage = carrying.carriage_of(part.modes, part.size, len(x), steps, 2)
     carrying.put_moduli(numbers, rows, ports, cut, pieces, x, space.waves, carriage)
     points = carriage.phases[0, : steps * len(x)]

@@ -24,6 +24,9 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.branch import NEUTRAL
 from hbgear.continuation.touching import SOON
 
+_TWO_PAIRS = 4  # multipliers: with fewer none can meet another or make up for it
+
+
 _MOST = 8  # multipliers of one polynomial: the roots of longer ones are rounding
 
 
@@ -45,7 +48,7 @@ def meetings(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
     Each with the place s on it where the most multipliers have changed sides.
     """
     count = min(4, len(mu))
-    if mu.shape[1] < 4 or count < 3:
+    if mu.shape[1] < _TWO_PAIRS or count < 3:
         return []
     order = np.argsort(-np.abs(mu), axis=1, kind="stable")[:, : _MOST + 1]
     largest = np.take_along_axis(mu, order, axis=1)
@@ -69,7 +72,7 @@ def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
     enough that one surely comes back, or leaves: another must have done the opposite. Each with the place s between the
     two, which lines between the rows tell.
     """
-    if mu.shape[1] < 4:
+    if mu.shape[1] < _TWO_PAIRS:
         return []
     pairs = _upper(mu)
     outside = pairs & (np.abs(mu) > 1 + NEUTRAL)
@@ -93,7 +96,7 @@ def arrivals(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
     So the line through its modulus there and that of the nearest at the row beyond tells: it comes to the circle on the
     first part of the piece, at a place s. Then another one must do the opposite on it, or the same one come back.
     """
-    if mu.shape[1] < 4:
+    if mu.shape[1] < _TWO_PAIRS:
         return []
     pairs = _upper(mu)
     number = np.count_nonzero(pairs & (np.abs(mu) > 1 + NEUTRAL), axis=1)

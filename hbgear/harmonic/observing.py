@@ -51,7 +51,7 @@ def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
         _project_left(numbers, rows, space, f[p])
-        if numbers.laws.own.shape[0]:
+        if numbers.laws.own.shape[0]:  # a call alone takes a microsecond or two, for counting references
             neglected_samples(numbers, rows, Omega[p] / numbers.linear.nu, f[p])
         for j in range(m):
             for i in range(left.shape[0]):

@@ -137,7 +137,6 @@ def defaults_of(cls: type) -> dict[str, Any]:
     return found
 
 
-@lru_cache(maxsize=256)
 def required_of(cls: type) -> tuple[str, ...]:
     """Names of the fields that have no default."""
     known = defaults_of(cls)
@@ -167,8 +166,7 @@ def made(cls: type[_T], values: Mapping[str, Any]) -> _T:
         If a field has neither a value nor a default, or the class refuses a value.
     """
     check_names(cls, values)
-    own: type = cls
-    missing = [name for name in required_of(own) if name not in values]
+    missing = [name for name in required_of(cls) if name not in values]
     if missing:
         raise ValueError(f"{cls.__name__} needs {', '.join(missing)}: no default, so give a value")
     return cls(**values)
