@@ -31,9 +31,6 @@ class Stride(NamedTuple):
     reason: str
 
 
-_MOST = 64  # rows of one call of a compiled loop
-
-
 _STEADY = 0.35  # least share of the parameter in the tangent with which rows are sought at a value given beforehand
 
 
@@ -73,7 +70,7 @@ class Strider:
         if pursue is None:
             found, step, refusal = self._one(u, t, count, scale, step, control)
         else:
-            most = 1 if self.single else max(1, min(most, _MOST, int(_WORK / width**3)))
+            most = 1 if self.single else max(1, min(most, int(_WORK / width**3)))
             out = np.empty((most, 2 * width + 4))
             made, step, why, number = pursue(
                 u, t, count, np.array([top, scale[-1]]), step, np.array(self.bounds), control, tolerances, out
