@@ -53,10 +53,14 @@ def checked_arguments(**needs: str) -> Callable[[F], F]:
     def decorated(call: F) -> F:
         signature = inspect.signature(call)
         parameters = signature.parameters
-        several = {inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD}
-        single = not several & {each.kind for each in parameters.values()}
+        variadic = {inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD}
+        single = not variadic & {each.kind for each in parameters.values()}
         names = [name for name, each in parameters.items() if each.kind is not inspect.Parameter.KEYWORD_ONLY]
         needed = {name for name, each in parameters.items() if each.default is each.empty}
+        looked_at = {  # kind and default of each; a Signature takes longer to tell them
+            name: (each.annotation, each.default, each.kind is each.VAR_KEYWORD)
+            for name, each in parameters.items() if each.annotation is not each.empty
+        }  # fmt: skip
         name = call.__name__
 
         def bound_to(args: tuple[Any, ...], given: dict[str, Any]) -> Mapping[str, Any]:
@@ -73,12 +77,11 @@ def checked_arguments(**needs: str) -> Callable[[F], F]:
             owner = type(bound["self"]).__name__ if "self" in bound else name
             if "self" in bound and name != "__init__":
                 owner = f"{owner}.{name}"
-            for key, value in bound.items():
-                parameter = parameters[key]
-                if parameter.annotation is parameter.empty or value is parameter.default:
+            for key, (annotation, default, several) in looked_at.items():
+                if (value := bound.get(key, default)) is default:
                     continue
-                kind = _kind(call.__module__, parameter.annotation)
-                if parameter.kind == parameter.VAR_KEYWORD:
+                kind = _kind(call.__module__, annotation)
+                if several:
                     for each, inner in value.items():
                         _check_argument(owner, each, inner, kind)
                 else:

@@ -104,10 +104,11 @@ def special_of(
 def _column(rows: list[CurvePoint], name: str, nothing: Any) -> Array | None:
     """What was observed of all rows (P, length), ``nothing`` of those that were not; None if none was."""
     seen = [row.observed.get(name) for row in rows]
-    length = max((len(x) for x in seen if x is not None), default=None)
-    if length is None:
+    lengths = {len(x) for x in seen if x is not None}
+    if not lengths:
         return None
-    column: Array = np.array([x if x is not None and len(x) == length else np.full(length, nothing) for x in seen])
+    none = np.full(max(lengths), nothing)
+    column: Array = np.array([x if x is not None and len(x) == len(none) else none for x in seen])
     return column
 
 

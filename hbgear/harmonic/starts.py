@@ -30,9 +30,9 @@ def guesses(compiled: Compiled, Omega: float) -> Iterator[Array]:
             J = joint @ (linear.Z[0].real + np.diag(k)) + ties
             step = np.linalg.lstsq(J, r, rcond=1e-12)[0]
             d0 = d0 - step
-            if np.all(np.abs(step) <= 1e-14 * reach):
+            if (np.abs(step) <= _STATIC * np.abs(reach)).all():
                 break
-        if not np.all(np.isfinite(d0)):
+        if not np.isfinite(d0).all():
             continue
         with np.errstate(all="ignore"):
             try:
@@ -43,6 +43,9 @@ def guesses(compiled: Compiled, Omega: float) -> Iterator[Array]:
         d[:, 0] = d0
         yield to_real(d).ravel()
         yield to_real(np.concatenate([d[:, :1], 0 * d[:, 1:]], axis=1)).ravel()
+
+
+_STATIC = 1e-7  # step of Newton, over the reach of an element, behind which a static state is one to all digits
 
 
 _ELSEWHERE = (1.1, 0.9, 1.3, 0.75, 1.8, 0.5, 3.0, 6.0)  # times the frequency, where a motion may be easier to find
@@ -86,6 +89,7 @@ def _pushed(compiled: Compiled, linear: Any) -> Array:
 
 def _static(laws: Any, d0: Array) -> tuple[Array, Array]:
     """Mean over the phase of each law's force and stiffness at constant d0 (m,)."""
-    tau = 2 * np.pi * np.arange(64) / 64
-    out = [law.force(np.full(64, x), np.zeros(64), tau) for law, x in zip(laws, d0, strict=True)]
-    return np.array([p.mean() for p, *_ in out]), np.array([k.mean() for _, k, _ in out])
+    tau, still = 2 * np.pi * np.arange(64) / 64, np.zeros(64)
+    out = [law.force(np.full(64, x), still, tau)[:2] for law, x in zip(laws, d0, strict=True)]
+    p, k = np.array(out).sum(axis=2).T / 64
+    return p, k
