@@ -70,8 +70,9 @@ def decide(
 
     regime = np.array([seen[i]["regime"] for i in some.tolist()])
     errors = _errors_of(mu, rough[near], regime, computed)
-    for i, one, error in zip(some.tolist(), mu, errors.tolist(), strict=True):
-        if abs(_modulus(one) - 1.0) <= error and not is_sketch(problem, X[i], seen[i]["error"]):
+    doubtful = np.abs(_modulus(mu) - 1.0) <= errors
+    for i, one, error, doubt in zip(some.tolist(), mu, errors.tolist(), doubtful.tolist(), strict=True):
+        if doubt and not is_sketch(problem, X[i], seen[i]["error"]):
             one, error = _with_more(problem, X[i], name, {**parameters, name: float(values[i])}, one, error)
         seen[i]["multipliers"], seen[i]["modulus_error"] = one, error
 
@@ -94,9 +95,9 @@ def _errors_of(mu: ComplexArray, rough: Array, regime: np.ndarray, computed: Cal
         [_around(rows, some, sensitive[:, some]) for rows, some in zip(stretches, samples, strict=True)], axis=1
     )
     errors: Array = rough * np.maximum(around[0], around[1] / apart)
-    sure = np.abs(_modulus(mu) - 1.0) > _BETWEEN * errors
-    errors[first] = told
-    more = np.setdiff1d(np.flatnonzero(~sure), first)
+    doubtful = ~(np.abs(_modulus(mu) - 1.0) > _BETWEEN * errors)
+    errors[first], doubtful[first] = told, False
+    more = np.flatnonzero(doubtful)
     if more.size:
         errors[more] = computed(more)
     return errors
