@@ -150,7 +150,8 @@ def _of_turn(arc: Segment, row: CurvePoint, finer: FullProblem) -> float:
     finer = finer.based(finer.fitted(row.X), {**arc.parameters, arc.name: row.value})
     scale = widened(arc.scale, finer, len(finer.fitted(row.X)))
     beside = solved_again(row, finer, arc.name, arc.parameters, scale, arc.settings)
-    bend = (arc.b.tangent[-1] - arc.a.tangent[-1]) / arc.length
+    begin, end = arc.slopes
+    bend = (end[-1] - begin[-1]) / arc.length**2
     return float(abs(beside.value - row.value) + beside.tangent[-1] ** 2 / abs(2 * bend))
 
 

@@ -487,7 +487,7 @@ _NEARBY = 1e-3  # share of the arc by which a branch point may lie beside the ro
 def turn_of(segment: Segment) -> float:
     """Where on the arc the parameter turns, by the Hermite polynomial through its ends."""
     rise = float(segment.b.u[-1] - segment.a.u[-1])
-    begin, end = (float(row.tangent[-1]) * segment.length for row in (segment.a, segment.b))
+    begin, end = (float(slope[-1]) for slope in segment.slopes)
     # begin and end differ in sign: so does the polynomial, and has one root between
     half, bend = 3 * rise - 2 * begin - end, 3 * (begin + end) - 6 * rise
     return begin / (math.copysign(math.sqrt(max(half * half - bend * begin, 0.0)), begin) - half)

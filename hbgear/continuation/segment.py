@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -102,13 +103,17 @@ class Segment:
         """Length of the chord, scaled."""
         return norm((self.b.u - self.a.u) / self.scale)
 
+    @cached_property
+    def slopes(self) -> tuple[Array, Array]:
+        """du/ds at both ends: tangents as long as the chord, in the scales of the piece, not those they were found in."""
+        a, b = (self.length / norm(row.tangent / self.scale) * row.tangent for row in (self.a, self.b))
+        return a, b
+
     def guess(self, s: float | Array) -> Array:
         """Hermite interpolation of u, or of several at places (k, 1)."""
-        a, b, length = self.a, self.b, self.length
-        square, rest = s * s, 1.0 - s
+        (begin, end), square, rest = self.slopes, s * s, 1.0 - s
         value = square * (3.0 - 2.0 * s)
-        slope = length * s * rest
-        return (1.0 - value) * a.u + value * b.u + slope * (rest * a.tangent - s * b.tangent)
+        return (1.0 - value) * self.a.u + value * self.b.u + s * rest * (rest * begin - s * end)
 
     def at(self, s: float) -> CurvePoint:
         """Corrected row at the fraction s of the chord.

@@ -1,4 +1,4 @@
-"""Time of a converged point, with and without stability, and what BLAS threads do to it.
+"""Time of a converged point: with and without stability, with two BLAS threads, without errors of special points.
 
     python -m studies.speed.points [--quick] [-o DIR]
 
@@ -25,10 +25,11 @@ CASES: dict[str, tuple[Callable[[], hb.Model], int]] = {
     "SpurPair, H = 10": (hb.SpurPair, 10),
     "DoubleHelicalPair, H = 16": (hb.DoubleHelicalPair, 16),
 }
-VARIANTS = {
-    "points alone": {"stability": False, "threads": 1},
-    "with stability": {"stability": True, "threads": 1},
-    "with stability, two BLAS threads": {"stability": True, "threads": 2},
+VARIANTS: dict[str, dict[str, Any]] = {
+    "points alone": {"stability": False, "accuracy": 1e-5, "threads": 1},
+    "with stability": {"stability": True, "accuracy": 1e-5, "threads": 1},
+    "with stability, two BLAS threads": {"stability": True, "accuracy": 1e-5, "threads": 2},
+    "with stability, accuracy=None": {"stability": True, "accuracy": None, "threads": 1},
 }
 
 
@@ -45,13 +46,13 @@ def run(quick: bool = False) -> list[dict[str, Any]]:
         span = machine.default_span
         branch = hb.trace(problem, "Omega", span)  # also the warm-up
         seconds: dict[str, list[float]] = {variant: [] for variant in VARIANTS}
-        for _ in range(1 if quick else 7):
+        for _ in range(1 if quick else 21):
             for variant, how in VARIANTS.items():
-                with threadpool_limits(int(how["threads"])):
+                with threadpool_limits(how["threads"]):
                     start = time.perf_counter()
-                    hb.trace(problem, "Omega", span, stability=bool(how["stability"]))
+                    hb.trace(problem, "Omega", span, stability=how["stability"], accuracy=how["accuracy"])
                     seconds[variant].append(time.perf_counter() - start)
-        alone, stable, threads = seconds.values()
+        alone, stable, threads, _ = seconds.values()
         rows.append(
             {
                 "case": name,
@@ -71,7 +72,7 @@ def report(rows: list[dict[str, Any]]) -> str:
             "stability / points", "two threads / one"]  # fmt: skip
     lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     for row in rows:
-        times = [f"{1e3 * t / row['points']:.2f}" for t in row["seconds"].values()]
+        times = [f"{1e3 * t / row['points']:.3f}" for t in row["seconds"].values()]
         whole, extra, threads = row["seconds"]["with stability"], row["stability"], row["threads"]
         cells = [row["case"], str(row["points"]), f"{row['newton']:.2f}", *times]
         cells += [f"{whole:.2f}", f"{extra:.2f}", f"{threads:.2f}"]

@@ -122,7 +122,7 @@ def run(quick: bool = False) -> dict[str, list[dict[str, Any]]]:
     """Rows of the chains and of the housings."""
     if quick:
         return {"chain": [on_chain(10, 1), on_chain(30, 1)], "housing": [on_housing(8, full=True), on_housing(12)]}
-    tasks = [(on_chain, n, repeats) for n, repeats in ((10, 5), (50, 3), (100, 2), (200, 1))]
+    tasks: list[tuple[Any, ...]] = [(on_chain, n, 5) for n in (10, 50, 100, 200)]
     tasks += [(on_housing, 31, True), (on_housing, 100, False), (on_housing, 316, False)]
     rows: list[dict[str, Any]] = []
     for function, *given in tasks:

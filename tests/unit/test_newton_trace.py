@@ -24,8 +24,10 @@ from hbgear import (
     trace,
 )
 from hbgear.continuation.corrector import correct
+from hbgear.continuation.events import turn_of
 from hbgear.continuation.newton import solve
 from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise
+from hbgear.continuation.segment import CurvePoint, Segment
 from hbgear.continuation.stepping import predict
 
 
@@ -49,6 +51,27 @@ CIRCLE = Curve(lambda x, p: x * x + p * p - 1, lambda x, p: 2 * x)
 CHAIN = Curve(lambda x, p: x + 3 * np.sin(x) - p, lambda x, p: 1 + 3 * np.cos(x))
 """x + 3 sin x = p: two folds per 2 pi, at cos x = -1/3."""
 PITCHFORK = Curve(lambda x, p: (p - 0.3) * x - x**3, lambda x, p: p - 0.3 - 3 * x * x)
+
+
+# ---- pieces of a curve
+
+
+@pytest.mark.parametrize("scale", [(1.0, 1.0), (0.01, 1.0), (0.5, 1.0)])
+def test_a_piece_is_interpolated_whatever_the_lengths_of_its_tangents(scale):
+    """About the fold of a circle: to the fourth order, and it turns halfway, in whatever scales its rows were found."""
+
+    def piece(h, before=1.0, behind=1.0):
+        ends = [CurvePoint(np.array([np.sin(x), np.cos(x)]), length * np.array([np.cos(x), -np.sin(x)]), 1, 0.0, 0)
+                for x, length in ((-h, before), (h, behind))]  # fmt: skip
+        return Segment(as_problem(CIRCLE), "p", {}, *ends, np.array(scale), Settings())
+
+    def off(arc):
+        return np.abs(np.linalg.norm(arc.guess(np.linspace(0.0, 1.0, 21)[:, None]), axis=1) - 1).max()
+
+    wide, narrow, plain = piece(0.2, 3.0, 0.25), piece(0.1, 0.5, 40.0), piece(0.2)
+    assert off(wide) == pytest.approx(off(plain), rel=1e-9)
+    assert np.log2(off(wide) / off(narrow)) == pytest.approx(4.0, abs=0.2)
+    assert [turn_of(arc) for arc in (wide, narrow, plain)] == pytest.approx([0.5] * 3, abs=1e-12)
 
 
 # ---- Newton
