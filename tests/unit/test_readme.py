@@ -291,6 +291,10 @@ def test_times_are_those_of_the_studies():
     for least, problem in zip(others, ("Duffing", "spur pair"), strict=True):
         tools = ("pyHarm", "harmonicbalance", "mousai")
         assert least == min(seconds(problem, tool) for tool in tools)
+    more = stated(r"takes ([\d.]+), ([\d.]+) and ([\d.]+) ms, stability included")
+    cases = ("Duffing, H = 7", "SpurPair, H = 10", "DoubleHelicalPair, H = 16")
+    each = [float(cell("points", "| case |", [case], "each point more [ms]")) for case in cases]
+    assert more == [round(each[0], 2), round(each[1], 2), round(each[2], 1)]
     threads = float(cell("points", "| case |", ["DoubleHelicalPair, H = 16"], "two threads / one"))
     assert "no faster with two threads than with one" in ALL and threads > 0.9
 
