@@ -105,7 +105,7 @@ class Segment:
 
     @cached_property
     def slopes(self) -> tuple[Array, Array]:
-        """du/ds at both ends: tangents as long as the chord in the scales of the piece, whatever those of their rows."""
+        """du/ds at both ends: the tangents, as long as the chord in the scales of the piece."""
         a, b = (self.length / norm(row.tangent / self.scale) * row.tangent for row in (self.a, self.b))
         return a, b
 

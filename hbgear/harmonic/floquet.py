@@ -223,8 +223,9 @@ def _eigenvalues(A: Array) -> ComplexArray:
     if A.shape[1] != 2 or not np.isfinite(A).all():
         return np.linalg.eigvals(A)
     mean, half = 0.5 * (A[:, 0, 0] + A[:, 1, 1]), 0.5 * (A[:, 0, 0] - A[:, 1, 1])
-    both = np.sqrt(half * half + A[:, 0, 1] * A[:, 1, 0] + 0j)[:, None] * [1.0, -1.0]
-    return mean[:, None] + both
+    root = np.sqrt(half * half + A[:, 0, 1] * A[:, 1, 0] + 0j)
+    both: ComplexArray = mean[:, None] + root[:, None] * [1.0, -1.0]
+    return both
 
 
 def _alike(compiled: Compiled, parts: Parts, X: Array) -> np.ndarray:

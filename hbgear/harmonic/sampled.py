@@ -7,14 +7,14 @@ Cameron & Griffin (1989), J. Appl. Mech. 56(1), https://doi.org/10.1115/1.317603
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.realbasis import after_derivative, derivative, one_sided
 from hbgear.mechanics.fourier import Transform, derive, samples_of, to_complex, to_real
-from hbgear.mechanics.laws import Law
+from hbgear.mechanics.laws import Forces, Law
 
 
 class SampledLaws:
@@ -31,7 +31,7 @@ class SampledLaws:
         self.laws = [laws[j] for j in elements]
         self._grid = grid[:, elements] if grid.shape[2] else np.zeros((2, len(elements), 1))
         self.rated = any(law.rated for law in self.laws)
-        self._bound = [law.bind(2 * np.pi * nu * np.arange(transform.N) / transform.N) for law in self.laws]
+        self._bound = [_bound(law, 2 * np.pi * nu * np.arange(transform.N) / transform.N) for law in self.laws]
 
     def forces(self, rows: Array, Omega: float) -> tuple[Array, Array, Array | None, Array | float]:
         """Force harmonics (s, 2H + 1) of the s laws, and their derivatives (s, 2H + 1, 2H + 1) in d and d'.
@@ -85,6 +85,26 @@ class SampledLaws:
         for i, (j, d) in enumerate(zip(self.elements, (samples_of(c, N) + self._grid[0]).swapaxes(0, 1), strict=True)):
             p = self.laws[i].force(d.ravel(), velocity[:, i].ravel(), tau)[0].reshape(P, -1)
             f[:, j, : len(reached)] = 2 * np.fft.rfft(p)[:, reached] / N
+
+
+def _bound(law: Law, tau: Array) -> Callable[[Array, Array], Forces]:
+    """The law at phases tau.
+
+    Raises
+    ------
+    ValueError
+        If it does not give three arrays of the shape of the displacements.
+    """
+    bound, rest = law.bind(tau), np.zeros(len(tau))
+    with np.errstate(all="ignore"):
+        shapes = [np.shape(part) for part in bound(rest, rest)]
+    if shapes != 3 * [tau.shape]:
+        got = ", ".join(map(str, shapes))
+        raise ValueError(
+            f"{type(law).__name__}.force must return (p, dp/dd, dp/dv), each of the shape of d, {tau.shape}; got "
+            f"{got}: for a constant c give np.full_like(d, c)"
+        )
+    return bound
 
 
 def products(kappa: ComplexArray) -> Array:

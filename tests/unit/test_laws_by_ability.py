@@ -86,3 +86,17 @@ def test_negative_stiffness_of_a_part_is_told():
     law = Parallel((Cubic(0.1), Backlash(stiffness=Series(mean=1.0, cosine=(1.5,)))))
     with pytest.warns(hb.Unlikely, match="stiffness of element 1 is negative"):
         hb.HarmonicBalance(machine(law), 8)
+
+
+class Stiff(Law):
+    """A linear spring whose stiffness is a number in the place of as many as there are displacements."""
+
+    reference = 1.0
+
+    def force(self, d, v, tau):
+        return 1.0 * d, np.float64(1.0), 0.0 * d
+
+
+def test_a_law_of_its_own_that_gives_a_number_for_an_array_is_refused():
+    with pytest.raises(ValueError, match=r"Stiff\.force must return .* the shape of d, \(\d+,\); got .* np\.full_like"):
+        hb.HarmonicBalance(machine(Stiff()), 5).start(0.5)
