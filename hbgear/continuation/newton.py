@@ -178,17 +178,18 @@ def _compiled(
     return Solution(U[:n], value, Evaluation(R[:n], A[:n, :n], dR, size), steps, norm(R[:n]) / size)
 
 
-def refine(problem: FullProblem, solution: Solution, parameters: Mapping[str, float]) -> Solution:
+def refine(problem: FullProblem, solution: Solution, parameters: Mapping[str, float], name: str = "") -> Solution:
     """The solution after one more Newton step; as it was if that does not lower its residual.
 
-    For equations so flat that a residual at the tolerance leaves digits of the unknowns open, as at special points.
+    For equations so flat that a residual at the tolerance leaves digits of the unknowns open, as at special points, and
+    rows of a curve that shall have as many as the others. name : as of `solve`.
     """
     problem = problem.based(solution.X, parameters)
     try:
         X = solution.X - solve_linear(solution.evaluation.dR_dX, solution.evaluation.R)
     except np.linalg.LinAlgError:
         return solution
-    now = linearise(problem, X, "", parameters)
+    now = linearise(problem, X, name, parameters)
     residual = norm(now.R) / now.size
     if not residual < solution.residual:
         return solution

@@ -38,7 +38,7 @@ from hbgear.continuation.ending import Ending
 from hbgear.continuation.events import Crossing, Event, Found, Turning, Watch, behind_the_turn, events_of, unknowns
 from hbgear.continuation.hidden import Path, find_hidden, paired
 from hbgear.continuation.jumps import ENDS, find_jumps
-from hbgear.continuation.newton import NoConvergence, Settings, solve
+from hbgear.continuation.newton import NoConvergence, Settings, refine, solve
 from hbgear.continuation.problem import AnyProblem, FullProblem, as_problem, observe_all
 from hbgear.continuation.record import Mark, branch_of
 from hbgear.continuation.segment import (
@@ -967,6 +967,7 @@ class _Tracer:
         try:
             guess = behind_the_turn(arc, end) if last.heading * row.heading < 0 else arc.guess(s)
             solution = solve(self.problem, guess[:-1], here, self.name, self.settings)
+            solution = refine(self.problem, solution, here, self.name)
             final = row_of(solution, normal_of(row.u - last.u, self.scale), self.scale, s * row.step, last)
         except (NoConvergence, np.linalg.LinAlgError):
             return row
