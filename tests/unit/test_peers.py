@@ -70,7 +70,9 @@ def test_against_what_was_fastest_before(peers):
     rows = [{"problem": "duffing", "tool": tool, "seconds": ms / 10, "points": 100, "residual": 0.0, "folds": []}
             for tool, ms in (("hbgear, stability", 0.5), ("pyHarm", 2.2))]  # fmt: skip
     line = next(text for text in peers.against_before(rows) if text.startswith("| Duffing"))
-    assert line == "| Duffing | 2.00 | 1.68 | 3.4 |"
+    assert line == "| Duffing | 4 | 2.00 | 1.68 | 3.4 |"
+    rows[1] = {"problem": "duffing", "tool": "pyHarm", "failure": "not done in 60 s"}
+    assert f"| > {peers.LIMIT / 0.05:.0f} |" in peers.against_before(rows)[2]  # its curve takes longer than that
 
 
 def test_profile(tmp_path):
