@@ -426,6 +426,7 @@ class Stopped(hb.HarmonicBalance):
 
 def test_ctrl_c_leaves_rows_between_which_it_takes_long_to_look(monkeypatch):
     """As if every special point took .4 s: of the two on rows that wait, the second is left to whoever goes on."""
+    monkeypatch.setattr("hbgear.continuation.stride._WORK", 64 * 22**3)  # fewer rows at once, as of large machines
     span, steps, looked = hb.SpurPair.default_span, hb.Steps(longest=0.02), []
     whole = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 10), "Omega", span, steps=steps)
     located, monotonic = _Tracer._located, time.monotonic
@@ -435,7 +436,6 @@ def test_ctrl_c_leaves_rows_between_which_it_takes_long_to_look(monkeypatch):
         return located(self, arc)
 
     with monkeypatch.context() as held_up:
-        held_up.setattr("hbgear.continuation.stride._WORK", 64 * 22**3)  # fewer rows at once, as of large machines
         held_up.setattr(_Tracer, "_located", slow)
         held_up.setattr(time, "monotonic", lambda: monotonic() + 0.4 * len(looked))
         part = hb.trace(Stopped(hb.SpurPair(), 10), "Omega", span, steps=steps)
