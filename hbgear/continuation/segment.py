@@ -106,7 +106,8 @@ class Segment:
     @cached_property
     def slopes(self) -> tuple[Array, Array]:
         """du/ds at both ends: the tangents, as long as the chord in the scales of the piece."""
-        a, b = (self.length / norm(row.tangent / self.scale) * row.tangent for row in (self.a, self.b))
+        length = self.length
+        a, b = (length / norm(row.tangent / self.scale) * row.tangent for row in (self.a, self.b))
         return a, b
 
     def guess(self, s: float | Array) -> Array:

@@ -181,8 +181,7 @@ def cells(row: Row, rows: list[Row]) -> list[str]:
         return [*head, row["failure"], *["-"] * 8]
     folds, peak = (f"{value:.0e}" if np.isfinite(value) else "-" for value in away(row, rows))
     points = f"{row['points']}" + (f" ({row['failed']} not converged)" if row["failed"] else "")
-    each = 1e3 * row["seconds"] / row["points"]
-    return [*head, points, f"{each:.2f}", f"{row['ratio']:.2f}", f"{row['seconds']:.2f}",
+    return [*head, points, f"{_each(row):.2f}", f"{row['ratio']:.2f}", f"{row['seconds']:.2f}",
             f"{BEFORE[row['problem']]:g}", str(len(row["folds"])), folds, peak, f"{row['residual']:.0e}"]  # fmt: skip
 
 
@@ -247,7 +246,7 @@ def plot(rows: list[Row]) -> Figure:
         at = [names.index(row["problem"]) + 0.12 * (found.index(label) - (len(found) - 1) / 2)
               for row, found in zip(mine, here, strict=True)]  # fmt: skip
         if mine:
-            ax.bar(at, [1e3 * row["seconds"] / row["points"] for row in mine], 0.11, color=colours[label], label=label)
+            ax.bar(at, [_each(row) for row in mine], 0.11, color=colours[label], label=label)
     for k, name in enumerate(names):
         ax.hlines(BEFORE[name], k - 0.42, k + 0.42, color="black", ls="--", lw=0.9,
                   label="fastest before (elsewhere)" if k == 0 else None)  # fmt: skip

@@ -26,20 +26,20 @@ CASES: dict[str, tuple[Callable[[], hb.Model], int]] = {
     "SpurPair, H = 10": (hb.SpurPair, 10),
     "DoubleHelicalPair, H = 16": (hb.DoubleHelicalPair, 16),
 }
-FEW, MANY = "with stability, accuracy=None", "the same, shorter steps"
 VARIANTS: dict[str, tuple[int, dict[str, Any]]] = {
     "points alone": (1, {"stability": False}),
     "with stability": (1, {}),
     "with stability, two BLAS threads": (2, {}),
-    FEW: (1, {"accuracy": None}),
-    MANY: (1, {"accuracy": None, "steps": hb.Steps(longest=0.01)}),
+    "with stability, accuracy=None": (1, {"accuracy": None}),
+    "the same, shorter steps": (1, {"accuracy": None, "steps": hb.Steps(longest=0.01)}),
 }
 """Number of BLAS threads, and what a trace is given."""
+Runs = dict[str, tuple[hb.Branch, list[float]]]
 
 
-def timed(problem: hb.HarmonicBalance, span: tuple[float, float], repeats: int) -> dict[str, tuple[int, list[float]]]:
-    """Points of the curve and seconds of each run, of each variant."""
-    found = {variant: (len(hb.trace(problem, "Omega", span, **how)), list[float]())
+def timed(problem: hb.HarmonicBalance, span: tuple[float, float], repeats: int) -> Runs:
+    """The curve of each variant and seconds of its runs; the first is not counted."""
+    found = {variant: (hb.trace(problem, "Omega", span, **how), list[float]())
              for variant, (_, how) in VARIANTS.items()}  # fmt: skip
     for _ in range(repeats):
         for variant, (threads, how) in VARIANTS.items():
@@ -59,19 +59,19 @@ def run(quick: bool = False) -> list[dict[str, Any]]:
     """
     rows = []
     for name, (model, harmonics) in CASES.items():
-        problem, span = hb.HarmonicBalance(model(), harmonics), model().default_span
-        found = timed(problem, span, 1 if quick else 21)
-        (_, alone), (points, stable), (_, threads), (few, whole), (many, longer) = found.values()
+        machine = model()
+        found = timed(hb.HarmonicBalance(machine, harmonics), machine.default_span, 1 if quick else 21)
+        (_, alone), (curve, stable), (_, threads), (few, whole), (many, longer) = found.values()
         rows.append(
             {
                 "case": name,
-                "points": points,
-                "newton": float(hb.trace(problem, "Omega", span).iterations.mean()),
+                "points": len(curve),
+                "newton": float(curve.iterations.mean()),
                 "seconds": {variant: median(times) for variant, (_, times) in found.items()},
-                "each": {variant: median(times) / count for variant, (count, times) in found.items()},
+                "each": {variant: median(times) / len(branch) for variant, (branch, times) in found.items()},
                 "stability": median((s - a) / a for a, s in zip(alone, stable, strict=True)),
                 "threads": median(t / s for s, t in zip(stable, threads, strict=True)),
-                "more": median((y - x) / (many - few) for x, y in zip(whole, longer, strict=True)),
+                "more": median((y - x) / (len(many) - len(few)) for x, y in zip(whole, longer, strict=True)),
             }
         )
     return rows
