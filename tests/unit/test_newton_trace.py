@@ -425,6 +425,19 @@ def test_a_resonance_without_damping_ends_with_a_status():
         assert abs(x).max() > 20 * 0.18
 
 
+def test_a_load_to_the_negative_side_takes_no_more_steps_to_its_static_state(monkeypatch):
+    """Elements pushed to either side, and a law that is not linear there: Newton ends where it has converged."""
+    from hbgear.harmonic import starts
+
+    steps, static = [], starts._static
+    monkeypatch.setattr(starts, "_static", lambda *given: steps.append(given) or static(*given))
+    counts = []
+    for model in (SpurPair(), SpurPair(F_m=-0.1), Duffing()):
+        HarmonicBalance(model, 5).start(0.5)
+        counts.append(len(steps) - sum(counts))
+    assert counts[0] == counts[1] <= 3 and counts[2] <= 8
+
+
 def test_no_load_no_motion():
     curve = trace(HarmonicBalance(Duffing(F=0.0), 3), "Omega", (0.5, 1.6))
     assert curve.status is Status.REACHED_END and not curve.X.any() and not curve.special
