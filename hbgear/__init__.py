@@ -28,7 +28,8 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.continuation.tracer import trace
     from hbgear.design.band import ResponseBand, response_band
     from hbgear.design.fit import Fit, fit
-    from hbgear.design.measured import Measurements, read_measurements
+    from hbgear.design.measured import Measurements
+    from hbgear.design.measured_table import read_measurements
     from hbgear.design.redesign import Goal, Redesign, no_jumps, peak_below, redesign
     from hbgear.design.sampling import grid, latin_hypercube, monte_carlo, saltelli
     from hbgear.design.scatter import JumpScatter, jump_scatter
@@ -55,7 +56,6 @@ if TYPE_CHECKING:  # imported when they are first used
         Train,
         Wheel,
         iso_dynamic_factor,
-        read_table,
     )
     from hbgear.harmonic.answers import Answers, answers
     from hbgear.harmonic.balance import HarmonicBalance
@@ -71,6 +71,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.survey import Survey, trace_all
     from hbgear.io.bridges import from_opentorsion, from_ross
     from hbgear.io.matrices import Matrices, from_matrices
+    from hbgear.io.mesh_table import read_table
     from hbgear.io.npz import load
     from hbgear.io.receptance_files import from_receptances
     from hbgear.mechanics.compiled_law import CompiledLaw

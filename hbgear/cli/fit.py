@@ -139,7 +139,9 @@ def fit(
     data: Annotated[
         Path,
         typer.Argument(
-            metavar="DATA.csv", help="Columns frequency, amplitude, direction (up or down) and deviation; see --column."
+            metavar="DATA.csv",
+            help="Columns frequency, amplitude, direction (up or down) and deviation, with units such as [r/min]; "
+            "see --column.",
         ),
     ],
     model: Model,
@@ -152,8 +154,16 @@ def fit(
         list[str] | None,
         typer.Option(metavar="NAME=HEAD", help="What a column is called in the file: frequency=rpm; repeatable."),
     ] = None,
-    unit: Annotated[str, typer.Option(help=f"Of the frequencies: {', '.join(FREQUENCIES)}.")] = "Omega",
-    length: Annotated[str, typer.Option(help="Unit of the amplitudes, such as um.", show_default="the model's")] = "",
+    unit: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Of frequencies whose column states no unit: {', '.join(FREQUENCIES)}.", show_default="Omega"
+        ),
+    ] = None,
+    length: Annotated[
+        str,
+        typer.Option(help="Unit of amplitudes whose column states none, such as um.", show_default="the model's"),
+    ] = "",
     harmonics: Harmonics = "16",
     starts: Annotated[int, typer.Option(min=1, help="Starts that are followed if the first fits badly.")] = 3,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the fitted curve as .npz.")] = None,

@@ -35,8 +35,8 @@ Measured = Annotated[
     typer.Option(
         "--measured",
         metavar="FILE",
-        help="A table of measured points: Omega, or a speed with its unit [Hz] or [r/min] in the first line, and half "
-        "peak-to-peak; can be repeated.",
+        help="A table of measured points whose line of names states units, such as 'n [r/min], dte [um], direction'; "
+        "can be repeated.",
     ),
 ]
 

@@ -1,9 +1,44 @@
-"""Files of text, read whole."""
+"""Files of text, read whole: regular files of a limited size."""
 
 from __future__ import annotations
 
 import os
-from pathlib import Path
+import stat
+
+MOST_BYTES = 32 << 20
+"""Bytes above which a file of text is refused: larger ones are no input of a person."""
+
+
+def bytes_of_file(path: str | os.PathLike[str], what: str, most: int = MOST_BYTES) -> bytes:
+    """The bytes of a regular file; a pipe or a device, which may never end, is not opened.
+
+    Parameters
+    ----------
+    path : of the file.
+    what : it is to be, for errors: "a study".
+    most : number of bytes above which the file is refused.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be opened, is a pipe, a device, a socket or a folder, or is too large.
+    """
+    refused = f"'{path}' cannot be read as {what}"
+    try:
+        mode = os.stat(path).st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+            raise ValueError(f"{refused}: it is a pipe, a device or a socket; need a regular file")
+        with open(path, "rb") as handle:
+            content = handle.read(most + 1)  # files of /proc have no size
+    except OSError as error:
+        raise ValueError(f"{refused}: {error.strerror}") from None
+    except ValueError as error:
+        if "null byte" in str(error):
+            raise ValueError(f"{str(path)!r} is no name of a file: it has a null character") from None
+        raise
+    if len(content) > most:
+        raise ValueError(f"{refused}: it has more than {most / 2**20:g} MiB; need a smaller file")
+    return content
 
 
 def text_of_file(path: str | os.PathLike[str], what: str) -> str:
@@ -17,10 +52,10 @@ def text_of_file(path: str | os.PathLike[str], what: str) -> str:
     Raises
     ------
     ValueError
-        If it cannot be opened, or is no text.
+        If it cannot be opened, is no regular file, is too large, or is no text.
     """
     try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = str(error.strerror) if isinstance(error, OSError) else "it is no text (UTF-8)"
-        raise ValueError(f"'{path}' cannot be read as {what}: {reason}") from None
+        text = bytes_of_file(path, what).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(f"'{path}' cannot be read as {what}: it is no text (UTF-8)") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -76,6 +76,27 @@ def si(owner: str, name: str, value: Any, unit: str) -> float:
     return float(value)
 
 
+def known_unit(unit: str) -> bool:
+    """Whether a text is a unit that quantities can be converted to; "" is that of a number.
+
+    Examples
+    --------
+    >>> known_unit("N/um"), known_unit("é")
+    (True, False)
+    """
+    if unit in USUAL or not unit:
+        return True
+    import pint
+
+    if len(unit) > 60 or "**" in unit or not re.fullmatch(_QUANTITY, f"1 {unit}"):
+        return False
+    try:
+        _registry().Unit(unit)
+    except (pint.PintError, ValueError, TypeError, AttributeError, ArithmeticError, SyntaxError, AssertionError):
+        return False
+    return True
+
+
 def _converted(owner: str, name: str, value: Any, unit: str) -> float:
     if isinstance(value, str) and (usual := _usual(value.strip(), unit)) is not None:
         return _short(usual)
@@ -91,7 +112,7 @@ def _converted(owner: str, name: str, value: Any, unit: str) -> float:
             raise refusal  # a unit alone, or an expression, which takes as long as it likes
         try:
             value = _registry()(text.replace("r/min", "rpm")) if "**" not in text else None
-        except (pint.PintError, ValueError, TypeError, AttributeError, ArithmeticError, SyntaxError):
+        except (pint.PintError, ValueError, TypeError, AttributeError, ArithmeticError, SyntaxError, AssertionError):
             raise refusal from None
     try:
         number = value.m_as(unit or "dimensionless") if hasattr(value, "m_as") else value

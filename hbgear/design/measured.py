@@ -6,29 +6,25 @@ jump j:   frequency_j +- deviation_j, with the same directions
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hbgear.common.arguments import check_fields, checked_arguments
+from hbgear.common.arguments import check_fields
 from hbgear.common.arrays import Array
 from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.units import si
 from hbgear.harmonic.observables import check_measure
+from hbgear.harmonic.sensitivity import LENGTH
 from hbgear.harmonic.speeds import MESH, PINION
-from hbgear.io.measured import rows_of
 
 FREQUENCIES = ("Omega", MESH, PINION)
 """What frequencies are given in: dimensionless, of the mesh in Hz, or of the pinion in r/min."""
 
 USUAL = 0.01
 """Deviation of an amplitude, relative, that is taken where none is given; of a frequency a tenth of it."""
-
-_WORDS = {"up": 1, "rising": 1, "+1": 1, "1": 1, "+": 1, "down": -1, "falling": -1, "-1": -1, "-": -1}
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +112,44 @@ class Measurements:
         """The unit of length of the amplitudes as they were given."""
         return si("Measurements", "length", f"1 {self.length}", "m") if self.length else 1.0
 
+    def frequency_unit(self, known: Mapping[str, float]) -> float:
+        """The unit of the frequencies at Omega = 1.
+
+        Parameters
+        ----------
+        known : units of the model, as of `hbgear.harmonic.sensitivity.units_of`.
+
+        Raises
+        ------
+        ValueError
+            If the model does not know it.
+        """
+        if self.unit != "Omega" and self.unit not in known:
+            raise ValueError(f"the data are in {self.unit}, and the model does not know its units; give Omega")
+        return known.get(self.unit, 1.0)
+
+    def in_units(self, known: Mapping[str, float], amplitude: str = "") -> tuple[Array, Array, Array]:
+        """Omega, amplitude and deviation (N,) as a model has them.
+
+        Parameters
+        ----------
+        known : units of the model, as of `hbgear.harmonic.sensitivity.units_of`.
+        amplitude : unit of the amplitudes of its curves, such as "um"; "1" or "" if they are over its unit of length.
+
+        Raises
+        ------
+        ValueError
+            If the model does not know the units of the data.
+        """
+        length = 1.0
+        if self.length and amplitude not in ("", "1"):
+            length = si("Measurements", "the unit of amplitudes", f"1 {amplitude}", "m")
+        elif self.length:
+            if LENGTH not in known:
+                raise ValueError(f"the data are in {self.length}, and the model does not know its unit of length")
+            length = known[LENGTH]
+        return self.frequency / self.frequency_unit(known), self.amplitude / length, self.deviation / length
+
     def _numbers(self, name: str, count: int | None = None) -> Array:
         try:
             values = np.atleast_1d(np.asarray(getattr(self, name), dtype=float))
@@ -140,95 +174,3 @@ def _jump(given: Any) -> tuple[float, int, float]:
             f"Measurements: the jump {quoted(given)} must be (frequency, +1 or -1) or (frequency, +1 or -1, deviation)"
         )
     return frequency, int(direction), deviation
-
-
-@checked_arguments(columns="names of columns, such as {'frequency': 'rpm', 'amplitude': 'x'}")
-def read_measurements(
-    path: str | os.PathLike[str], columns: Mapping[str, str] | None = None, **settings: Any
-) -> Measurements:
-    """Measurements from a .csv file with a line of column names.
-
-    A row without an amplitude is the frequency of a jump. Directions are written as up or down, rising or falling, +1
-    or -1; without such a column every sweep is one upwards. Lines that begin with # are left out.
-
-    Parameters
-    ----------
-    path : of the file.
-    columns : what its columns are called: ``{"frequency": ..., "amplitude": ..., "direction": ..., "deviation": ...}``;
-        by default these names themselves.
-    settings : unit, length, measure, element and, without a column, direction of `Measurements`.
-
-    Raises
-    ------
-    ValueError
-        If the file is no such table; the message names the line.
-    KeyError
-        If a column is not there.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> data = hb.read_measurements("sweep.csv", {"frequency": "n"}, unit="pinion r/min")  # doctest: +SKIP
-    """
-    known = {name: name for name in _COLUMNS}
-    for name in columns or {}:
-        if name not in _COLUMNS:
-            raise KeyError(f"there is no column for '{name}'{did_you_mean(name, _COLUMNS)}")
-    known |= columns or {}
-    rows = _rows(path)
-    heads = [head.strip() for head in rows[0][1]]
-    needed = ("frequency", *(name for name in columns or {}))
-    for name in needed:
-        if known[name] not in heads:
-            raise KeyError(f"{path}: there is no column '{known[name]}' for {name}{did_you_mean(known[name], heads)}")
-    at = {name: heads.index(head) for name, head in known.items() if head in heads}
-    points: list[list[float]] = []
-    jumps: list[list[float]] = []
-    for line, cells in rows[1:]:
-        cell = {name: cells[i].strip() if i < len(cells) else "" for name, i in at.items()}
-        direction = _direction(path, line, cell.get("direction", str(settings.get("direction", 1))))
-        frequency = _number(path, line, cell["frequency"])
-        deviation = [_number(path, line, cell["deviation"])] if cell.get("deviation") else []
-        if cell.get("amplitude"):
-            points.append([frequency, _number(path, line, cell["amplitude"]), direction, *deviation])
-        else:
-            jumps.append([frequency, direction, *deviation])
-    if len({len(point) for point in points}) > 1:
-        raise ValueError(f"{path}: some amplitudes have a deviation and some have none; give one for each or for none")
-    table = np.array(points).reshape(len(points), -1)
-    given = {name: value for name, value in settings.items() if name != "direction"}
-    if not points:
-        return Measurements([], [], jumps=jumps, **given)
-    return Measurements(table[:, 0], table[:, 1], table[:, 2].astype(int),
-                        table[:, 3] if table.shape[1] > 3 else None, jumps, **given)  # fmt: skip
-
-
-_COLUMNS = ("frequency", "amplitude", "direction", "deviation")
-
-
-def _rows(path: str | os.PathLike[str]) -> list[tuple[int, list[str]]]:
-    """Number and cells of each line that says something."""
-    try:
-        rows = rows_of(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "it is no text (UTF-8)"
-        raise ValueError(f"{quoted(str(path))} cannot be read as measurements: {reason.lower()}") from None
-    if len(rows) < 2:
-        raise ValueError(f"{path}: need a line of column names, such as 'frequency,amplitude', and rows of numbers")
-    return rows
-
-
-def _number(path: Any, line: int, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = np.nan
-    if not 0 < value < np.inf:
-        raise ValueError(f"{path}, line {line}: {quoted(text)} must be a positive number")
-    return value
-
-
-def _direction(path: Any, line: int, text: str) -> int:
-    if text.lower() not in _WORDS:
-        raise ValueError(f"{path}, line {line}: the direction {quoted(text)} must be up or down, +1 or -1")
-    return _WORDS[text.lower()]

@@ -11,7 +11,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.gears.helical import HelicalPair
     from hbgear.gears.housing import Housing
     from hbgear.gears.iso_dynamics import iso_dynamic_factor
-    from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
+    from hbgear.gears.mesh_cycle import MeshCycle, Table
     from hbgear.gears.pair import GearPair
     from hbgear.gears.planetary import PlanetarySet, PlanetMode
     from hbgear.gears.rotor_bearing import GearRotorBearing
@@ -40,7 +40,6 @@ __all__ = [
     "Train",
     "Wheel",
     "iso_dynamic_factor",
-    "read_table",
 ]
 
 if not TYPE_CHECKING:

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import csv
 import os
-import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import pi
@@ -19,13 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbgear.common.arguments import check_fields, checked_arguments
+from hbgear.common.arguments import check_fields
 from hbgear.common.arrays import Array
-from hbgear.common.messages import quoted
 from hbgear.common.ranges import NOT_NEGATIVE, checked
 from hbgear.common.replacing import checked_suffix, replacing
-from hbgear.common.texts import text_of_file
-from hbgear.common.units import si
 from hbgear.mechanics.fourier import Series, real_numbers
 from hbgear.mechanics.periodic import Periodic, Phased
 
@@ -34,8 +29,6 @@ TOLERANCE = 1e-4
 
 MOST = 24
 """Harmonics of an error that jumps: the damper of the mesh has no force for a jump."""
-
-_CLOSED = 1e-3  # of the range of values: how well the last value of a table is the first
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,97 +226,3 @@ def _at(table: Table, x: Array) -> Array:
             before = i + 1 < len(x) and x[i + 1] == x[i]
             out[i] = table.value[twice[0] if before else twice[1]]
     return out
-
-
-@checked_arguments()
-def read_table(path: str | os.PathLike[str], column: int = 1, unit: str = "N/m") -> Table:
-    """A function over a mesh cycle from a .csv file of phases and values, measured or computed by other programs.
-
-    The first line names the columns with their units: ``phase [deg], stiffness [N/um]``. Phases are shares of a mesh
-    cycle [cycle], [rad] or [deg] of it, over one whole cycle; the last row may be the first of the next cycle or the
-    last before it. Lines that begin with # are left out.
-
-    Parameters
-    ----------
-    path : of the file.
-    column : of the values, 1 for the second one.
-    unit : that the values are converted to.
-
-    Raises
-    ------
-    ValueError
-        If the file is no such table, a unit is missing or does not fit, or the values do not come back after a cycle.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> pinion, wheel = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
-    >>> hb.GearPair(pinion, wheel).mesh("200 N m").export("mesh.csv")  # doctest: +SKIP
-    >>> stiffness = hb.read_table("mesh.csv")  # doctest: +SKIP
-    """
-    text = text_of_file(path, "a table of a mesh cycle")
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    if not lines:
-        raise ValueError(
-            f"{path}: it is empty; need a line such as 'phase [cycle], stiffness [N/m]' and rows of numbers"
-        )
-    rows = list(csv.reader(lines, delimiter=";" if ";" in lines[0] else ","))
-    heads = [_unit_of(path, head) for head in rows[0]]
-    if not 0 < column < len(heads):
-        raise ValueError(f"{path}: it has {len(heads)} columns and none with the number {column}, from 0")
-    numbers = _numbers(path, rows[1:], (0, column))
-    phase = numbers[:, 0] * _cycles(path, heads[0])
-    factor = si(str(path), f"column {column}, its unit", f"1 {heads[column]}", unit)
-    return Table(*_closed(path, phase, numbers[:, 1] * factor))
-
-
-def _unit_of(path: Any, head: str) -> str:
-    found = re.search(r"\[([^\]]+)\]", head)
-    if found is None:
-        raise ValueError(f"{path}: the column {quoted(head.strip())} says no unit; write it as in 'phase [cycle]' or "
-                         "'stiffness [N/m]'")  # fmt: skip
-    return found[1].strip()
-
-
-def _cycles(path: Any, unit: str) -> float:
-    known = {"cycle": 1.0, "-": 1.0, "rad": 1 / (2 * pi), "deg": 1 / 360}
-    if unit not in known:
-        raise ValueError(f"{path}: phases are in [cycle], [rad] or [deg] of the mesh cycle, got [{unit}]")
-    return known[unit]
-
-
-def _numbers(path: Any, rows: Sequence[Sequence[str]], columns: tuple[int, int]) -> Array:
-    out = []
-    for number, row in enumerate(rows, 2):
-        try:
-            out.append([float(row[i]) for i in columns])
-        except (ValueError, IndexError):
-            raise ValueError(f"{path}: row {number} is {quoted(','.join(row))}; need numbers in the columns "
-                             f"{columns[0] + 1} and {columns[1] + 1}") from None  # fmt: skip
-    if len(out) < 3:
-        raise ValueError(f"{path}: {len(out)} rows of numbers are too few for a mesh cycle")
-    numbers = np.array(out)
-    if not np.isfinite(numbers).all():
-        raise ValueError(f"{path}: it has numbers that are not finite")
-    return numbers
-
-
-def _closed(path: Any, phase: Array, value: Array) -> tuple[Array, Array]:
-    """Phases from 0 to 1 with the value of the end at both; refuses what does not come back."""
-    if np.any(np.diff(phase) < 0):
-        row = int(np.flatnonzero(np.diff(phase) < 0)[0]) + 3
-        raise ValueError(f"{path}: phases must ascend; row {row} goes back")
-    phase = phase - phase[0]
-    length, step = float(phase[-1]), float(np.diff(phase).max())
-    if abs(length - 1) < 1e-6:
-        phase = phase / length
-        apart = abs(value[-1] - value[0])
-        if apart > max(_CLOSED * (value.max() - value.min()), 1e-12 * np.abs(value).max()):
-            raise ValueError(
-                f"{path}: it is not periodic: it begins with {value[0]:.6g} and ends with {value[-1]:.6g} one cycle "
-                "later; give one whole mesh cycle (with a jump there, its phase twice)"
-            )
-        return phase, np.append(value[:-1], value[0])
-    if not (length < 1 and 1 - length <= 1.5 * step):
-        raise ValueError(f"{path}: its phases go over {length:.4g} mesh cycles; need one whole cycle, periodic")
-    return np.append(phase, 1.0), np.append(value, value[0])

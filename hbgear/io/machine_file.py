@@ -31,9 +31,10 @@ from hbgear.common.signals import held
 from hbgear.common.units import Measured
 from hbgear.gears.forms import DAMPING
 from hbgear.gears.gear import Gear
-from hbgear.gears.mesh_cycle import MeshCycle, Table, read_table
+from hbgear.gears.mesh_cycle import MeshCycle, Table
 from hbgear.gears.pair import GearPair
 from hbgear.gears.support import Support
+from hbgear.io.mesh_table import read_table
 from hbgear.io.toml_file import Place, TomlFileError, bare, checked, exactly, form, located, made
 from hbgear.mechanics.model import Model
 

@@ -1,4 +1,4 @@
-"""Measured receptances: universal files (UFF, data set 58; pyuff reads them) and tables of numbers (.csv).
+"""Measured receptances: universal files (UFF, data set 58; pyuff reads them) and tables (.csv).
 
 H_ij(f) = x_i / F_j, v_i / F_j or a_i / F_j   becomes   x_i / F_j = H_ij, H_ij / (i w), -H_ij / w^2,   w = 2 pi f
 """
@@ -16,7 +16,7 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.optional import needed
-from hbgear.common.texts import text_of_file
+from hbgear.io.receptance_table import read_response
 from hbgear.mechanics.receptances import Receptances
 
 _POWERS = {"receptance": 0, "mobility": 1, "accelerance": 2}
@@ -41,11 +41,13 @@ def from_receptances(
     Parameters
     ----------
     source : a universal file (.uff, .unv) with functions of data set 58; or tables by response and force, such as
-        ``{("pinion", "pinion"): "pp.csv", ("case", "pinion"): "cp.csv", ...}``, each with columns frequency [Hz], real
-        and imaginary part, or, if its first line says so, magnitude and phase [deg]. What is missing of H_ij is taken
-        from H_ji.
+        ``{("pinion", "pinion"): "pp.csv", ("case", "pinion"): "cp.csv", ...}``, each a table with the columns
+        frequency, real and imaginary part, or frequency, magnitude and phase, in the units that its line of names
+        states: ``frequency [kHz]; |H| [dB re 1 mm/N]; phase [rad]``. Without units they are in Hz, SI and degrees,
+        without a line of names frequency [Hz], real and imaginary part. What is missing of H_ij is taken from H_ji.
     static : matrix at rest; "lowest" for the real part at the lowest frequency; None if the lines begin at 0 Hz.
-    quantity : what was measured per force; by default as the universal file says, of tables "receptance".
+    quantity : what was measured per force; by default as the universal file or the units of the table say, of tables
+        without units "receptance".
     names : for coordinates of a universal file, which are called by node and direction: ``{"12x": "pinion"}``. Others
         are left out then.
 
@@ -72,7 +74,10 @@ def from_receptances(
     if isinstance(source, Mapping):
         if names is not None:
             raise ValueError("from_receptances: tables have the names they are given with; leave names out")
-        functions = {key: read_function(path, quantity or "receptance") for key, path in _pairs(source)}
+        functions = {}
+        for key, path in _pairs(source):
+            f, H, own = read_response(path, quantity)
+            functions[key] = _as_receptance(f, H, own, f"'{path}'")
     else:
         functions = _universal(source, quantity)
         if names is not None:
@@ -128,44 +133,6 @@ def _as_receptance(f: Array, H: ComplexArray, quantity: str, where: str) -> Func
     if power and f[0] == 0:
         f, H = f[1:], H[1:]
     return f, H / (2j * np.pi * f) ** power if power else H
-
-
-def read_function(path: str | os.PathLike[str], quantity: str) -> Function:
-    """A table of a frequency [Hz] and a complex number in each line.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
-    text = text_of_file(path, "a frequency response")
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    mark = next((mark for mark in ";\t," if lines and mark in lines[-1]), None)
-    rows = [[x.strip() for x in line.split(mark)] for line in lines]
-    head = [] if not rows or _is_number(rows[0][0]) else [x.lower() for x in rows.pop(0)]
-    try:
-        table = np.array([[float(x) for x in row[:3]] for row in rows])
-    except ValueError:
-        table = np.empty(0)
-    if table.ndim != 2 or table.shape[1] != 3 or not np.all(np.isfinite(table)):
-        raise ValueError(
-            f"'{path}' cannot be read as a frequency response: need rows of three numbers, the frequency [Hz] with "
-            "real and imaginary part, or with magnitude and phase [deg] if the first line says so"
-        )
-    f, a, b = table.T
-    if head and "rad/s" in head[0]:
-        f = f / (2 * np.pi)
-    polar = len(head) > 1 and any(word in head[1] for word in ("magnitude", "amplitude", "abs"))
-    angle = b if len(head) > 2 and "rad" in head[2] else np.radians(b)
-    return _as_receptance(f, a * np.exp(1j * angle) if polar else a + 1j * b, quantity, f"'{path}'")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _universal(path: str | os.PathLike[str], quantity: str | None) -> dict[tuple[str, str], Function]:

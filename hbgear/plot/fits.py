@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbgear.common.arguments import checked_arguments
-from hbgear.common.arrays import Array
+from hbgear.common.symbols import unit_of
 from hbgear.design.fit import Fit
 from hbgear.design.measured import Measurements
-from hbgear.harmonic.sensitivity import LENGTH, units_of
+from hbgear.harmonic.sensitivity import units_of
 from hbgear.mechanics.model import Model
 from hbgear.plot.curves import response
 from hbgear.plot.style import COLOURS, GREY, add_legend, axes_or_new, dress, styled
@@ -51,7 +51,8 @@ def measured(data: Measurements, model: Model, ax: Axes | None = None, *, legend
     >>> data = hb.Measurements([0.8, 0.9, 1.0], [0.4, 0.7, 1.1], direction=1)
     >>> axes = hb.plot.measured(data, hb.Duffing(), hb.plot.response(curve))
     """
-    Omega, amplitude, deviation = _in_model(data, model)
+    own = units_of(model)
+    Omega, amplitude, deviation = data.in_units(own, unit_of(model.labels.get("amplitude", "")))
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
         for direction, (marker, colour, name) in SWEEPS.items():
@@ -59,30 +60,13 @@ def measured(data: Measurements, model: Model, ax: Axes | None = None, *, legend
             if mine.any():
                 ax.errorbar(Omega[mine], amplitude[mine], deviation[mine], fmt="none", ecolor=colour, elinewidth=0.6)
                 ax.plot(Omega[mine], amplitude[mine], marker, color=colour, label=name, zorder=5, **HOLLOW)
-        unit = _scale(data, model)
+        unit = data.frequency_unit(own)
         for frequency, direction, _ in data.jumps:
             ax.axvline(frequency / unit, color=SWEEPS[direction][1], linewidth=0.7, linestyle=":", zorder=0)
         dress(ax)
         if legend:
             add_legend(ax)
     return ax
-
-
-def _scale(data: Measurements, model: Model) -> float:
-    """The unit of the frequencies, in that of the model."""
-    own = units_of(model)
-    if data.unit != "Omega" and data.unit not in own:
-        raise ValueError(f"the data are in {data.unit}, and {type(model).__name__} does not know its units")
-    return own.get(data.unit, 1.0)
-
-
-def _in_model(data: Measurements, model: Model) -> tuple[Array, Array, Array]:
-    """Omega, amplitude and deviation in the units of the model."""
-    own = units_of(model)
-    if data.length and LENGTH not in own:
-        raise ValueError(f"the data are in {data.length}, and {type(model).__name__} does not know its unit of length")
-    length = own[LENGTH] if data.length else 1.0
-    return data.frequency / _scale(data, model), data.amplitude / length, data.deviation / length
 
 
 @checked_arguments()
@@ -101,7 +85,8 @@ def fitted(found: Fit) -> Figure:
     import matplotlib.pyplot as plt
 
     data = found.data
-    Omega, amplitude, _ = _in_model(data, found.model)
+    labels = found.model.labels
+    Omega, amplitude, _ = data.in_units(units_of(found.model), unit_of(labels.get("amplitude", "")))
     with styled():
         figure, panels = plt.subplots(
             2, 1, figsize=(5.4, 4.8), sharex=True, height_ratios=(2.4, 1), layout="constrained"

@@ -18,17 +18,18 @@ import numpy as np
 
 from hbgear.common.messages import shortened
 from hbgear.common.progress import Progress
-from hbgear.common.symbols import in_html
+from hbgear.common.symbols import in_html, unit_of
 from hbgear.continuation.branch import Branch
 from hbgear.continuation.following import follow
 from hbgear.continuation.tracer import trace
+from hbgear.design.measured_table import measurements_of
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.jump_map import jump_map
-from hbgear.harmonic.speeds import scales
+from hbgear.harmonic.sensitivity import units_of
 from hbgear.harmonic.telling import described
-from hbgear.io.measured import measured
 from hbgear.io.npz import packed
 from hbgear.mechanics.model import Model
+from hbgear.web.overlay import dots
 from hbgear.web.reporting import report
 from hbgear.web.subject import ModelSubject, Subject
 from hbgear.web.view import plain, tables, views
@@ -230,11 +231,11 @@ class Explorer:
         labels = [in_html(str(model.labels.get(name, name))) for name in ends]
         return {"lines": shown, "labels": labels, "message": message}
 
-    def measured(self, asked: Asked, text: str, name: str) -> dict[str, Any]:
-        """Measured points of a file that the page has read."""
+    def measured(self, asked: Asked, content: bytes, name: str) -> dict[str, Any]:
+        """Measured points of a file whose bytes the page has read."""
         model = self.subject.model(asked.values)
-        x, y = measured(text, name, scales(model, model.parameters))
-        return {"name": name, "mode": "markers", "x": plain(x), "y": plain(y)}
+        data = measurements_of(content, name)
+        return {"groups": dots(data, name, units_of(model), unit_of(str(model.labels.get("amplitude", ""))))}
 
     def saved_as(self, session: str, kind: str, asked: Asked) -> tuple[str, bytes]:
         """Name and bytes of a file: the curve that was last shown as "npz" or "html", the design as "toml" or "py".

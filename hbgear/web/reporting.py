@@ -12,17 +12,15 @@ from typing import Any
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.messages import shortened
 from hbgear.common.replacing import checked_suffix, replacing
-from hbgear.common.texts import text_of_file
 from hbgear.continuation.branch import Branch
 from hbgear.design.results import read_results
 from hbgear.design.study import Cases
-from hbgear.harmonic.speeds import common_scales
 from hbgear.harmonic.telling import described
-from hbgear.io.measured import measured as read_measured
 from hbgear.timedomain.validate import Report as Validation
+from hbgear.web.overlay import dots_of
 from hbgear.web.page import page, plotly_script
 from hbgear.web.studies import lines_of, told
-from hbgear.web.view import plain, views
+from hbgear.web.view import views
 
 
 @dataclass(frozen=True)
@@ -94,8 +92,8 @@ def report(
     studies : `Cases`, or where they are: the folder of ``hbgear study``, or a table that `Cases.export` wrote as .npz.
         Their curves, if they were kept, are drawn thin behind the others; tables have the distribution of what was
         found, and all cases.
-    measured : tables of measured points, drawn as dots: a column of Omega, or of speeds with the unit [Hz] or [r/min]
-        in the first line, and one of half peak-to-peaks in the units of the model.
+    measured : tables of measured points, drawn as dots, rising and falling sweeps apart, where the measure of their
+        amplitudes is shown; headings state their units, see `read_measurements`.
 
     Raises
     ------
@@ -122,7 +120,7 @@ def report(
     found = [study if isinstance(study, Cases) else read_results(study) for study in studies]
     called = [f"study {i if isinstance(study, Cases) else _name_of(study)}" for i, study in enumerate(studies, 1)]
     behind = [line for study, name in zip(found, called, strict=True) for line in lines_of(study, name)]
-    behind += [dots_of(path, branches) for path in measured]
+    behind += [group for path in measured for group in dots_of(path, branches)]
     data = {"curves": shown, "behind": behind}
     text = page(
         "report.html", data, title=title, shown=shown, checks=[_checked(check) for check in checks],
@@ -142,18 +140,3 @@ def _name_of(path: str | os.PathLike[str]) -> str:
     """What a study in a file is called: by its folder, unless the table has a name of its own."""
     file = Path(path).resolve()
     return file.name if file.is_dir() else file.parent.name if file.name == "table.npz" else file.stem
-
-
-def dots_of(path: str | os.PathLike[str], branches: Sequence[Branch]) -> dict[str, Any]:
-    """Measured amplitudes of a file; see `hbgear.io.measured`.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If there is no such file, or it has not two columns of numbers.
-    """
-    if not os.path.exists(path):
-        raise FileNotFoundError(f"there is no file '{path}'; give a table of measured points")
-    text = text_of_file(path, "measured points")
-    x, y = read_measured(text, str(path), common_scales(branches))
-    return {"name": os.path.basename(os.fspath(path)), "mode": "markers", "x": plain(x), "y": plain(y)}

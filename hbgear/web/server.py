@@ -6,6 +6,7 @@ carry the token of this run, which only who started it can see.
 
 from __future__ import annotations
 
+import base64
 import errno
 import os
 import secrets
@@ -97,7 +98,7 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
         "/details": lambda given, session, asked: explorer.details(session, asked),
         "/map": lambda given, session, asked: explorer.jump_map(session, asked, given.get("axes")),
         "/measured": lambda given, session, asked: explorer.measured(
-            asked, str(given.get("text", "")), str(given.get("name", "points"))[:80]
+            asked, _bytes(given.get("content")), str(given.get("name", "points"))[:80]
         ),
         "/save/<kind>": file,
     }
@@ -120,6 +121,14 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
         return {}
 
     return app
+
+
+def _bytes(content: Any) -> bytes:
+    """The bytes of a file that a page has sent in base64."""
+    try:
+        return base64.b64decode(content, validate=True)
+    except (TypeError, ValueError):
+        raise ValueError("the content of a file must be base64") from None
 
 
 class Server:

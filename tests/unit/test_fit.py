@@ -181,14 +181,14 @@ def test_file(tmp_path, largest):
         hb.read_measurements(path, {"frequency": "speed"})
     with pytest.raises(KeyError, match="there is no column for 'frequenzy'; did you mean 'frequency'"):
         hb.read_measurements(path, {"frequenzy": "rpm"})
-    with pytest.raises(ValueError, match="cannot be read as measurements: no such file"):
+    with pytest.raises(ValueError, match="cannot be read as measurements: No such file"):
         hb.read_measurements(tmp_path / "none.csv")
     bad = tmp_path / "bad.csv"
     bad.write_text("frequency,amplitude\n0.9,0.5\n1.0,x\n")
-    with pytest.raises(ValueError, match=r"bad.csv, line 3: 'x' must be a positive number"):
+    with pytest.raises(ValueError, match=r"bad.csv', line 3: 'x' in the column 'amplitude' must be a number"):
         hb.read_measurements(bad)
     bad.write_text("frequency,amplitude,direction\n0.9,0.5,sideways\n")
-    with pytest.raises(ValueError, match="line 2: the direction 'sideways' must be up or down"):
+    with pytest.raises(ValueError, match="line 2: 'sideways' in the column 'direction' must be up or down"):
         hb.read_measurements(bad)
 
 

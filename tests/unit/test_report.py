@@ -13,10 +13,11 @@ import hbgear as hb
 from hbgear.cli.app import main
 from hbgear.common import optional
 from hbgear.continuation.passing import passings
+from hbgear.design.measured_table import measurements_of
 from hbgear.design.results import Results, read_results
 from hbgear.harmonic.speeds import MESH, PINION
-from hbgear.io.measured import measured
 from hbgear.web import view
+from hbgear.web.overlay import dots, dots_of
 from hbgear.web.page import PALETTES, in_script
 from hbgear.web.studies import lines_of, told
 
@@ -204,18 +205,54 @@ def test_data_cannot_end_its_script():
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("", "it has no rows"), ("a,b\n1,2\n3,x", "a row is '3,x'"), ("f [Hz], x\n1,2", "does not know its units")],
+    [
+        ("", "has no rows of numbers"),
+        ("a,b\n1,2\n3,4", "column 'b' is not known; accepted are frequency"),
+        ("Omega,x\n1,2\n3,x", "line 3: 'x' in the column 'x' must be a number"),
+        ("f [Hz], x\n1,2", "does not know its units"),
+        ("Omega, x [um]\n1,2", "does not know its unit of length"),
+        ("n, x\n1,2", "'n' has no unit"),
+        ("n [Hz], x\n1,2", "may be the mesh frequency or turns per second"),
+        ("Omega, x [kg]\n1,2", "has a unit that is not known for the amplitude; accepted are um"),
+        ("n [furlong], x\n1,2", "has a unit that is not known for the frequency"),
+    ],
 )
 def test_measured_points_that_are_none(text, message):
     with pytest.raises(ValueError, match=message):
-        measured(text, "m.csv", {})
+        dots(measurements_of(text.encode(), "m.csv"), "m.csv", {}, "1")
 
 
 def test_measured_points_in_every_unit():
     scales = {MESH: 100.0, PINION: 600.0}
     for text in ("Omega x\n0.5 1\n1 2", "f [Hz];x\n50;1\n100;2", "n [rpm]\tx\n300\t1\n600\t2", "0.5,1\n# no\n1,2"):
-        x, y = measured(text, "m", scales)
-        assert x.tolist() == [0.5, 1.0] and y.tolist() == [1.0, 2.0]
+        (found,) = dots(measurements_of(text.encode(), "m"), "m", scales, "1")
+        assert found["x"] == [0.5, 1.0] and found["y"] == [1.0, 2.0] and found["name"] == "m"
+
+
+def test_measured_sweeps_in_units_of_length_and_both_directions(tmp_path):
+    """One half backlash is 37.6 um, and Omega = 1 a speed of 14515 r/min: what is read are 0.5 and 2 of them."""
+    model = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25))
+    curve = hb.trace(hb.HarmonicBalance(model, 3), "Omega", (1.2, 0.8), stability=False)
+    n = float(model.scales.pinion_speed(1.0))
+    rows = [f"{0.9 * n!r};{0.5 * 37.6!r};up", f"{1.1 * n!r};{2 * 37.6!r};down", f"{0.95 * n!r};;down"]
+    text = "n [r/min];dte [µm];direction\n" + "\n".join(rows)
+    (tmp_path / "run.csv").write_text(text.replace(".", ","), encoding="latin-1")
+    up, down = dots_of(tmp_path / "run.csv", [curve])
+    assert (up["name"], down["name"]) == ("run.csv, rising", "run.csv, falling") and up["symbol"] != down["symbol"]
+    np.testing.assert_allclose([*up["x"], *up["y"], *down["x"], *down["y"]], [0.9, 0.5, 1.1, 2.0], rtol=1e-6)
+    np.testing.assert_allclose(down["jumps"], [0.95], rtol=1e-6)
+    data = hb.read_measurements(tmp_path / "run.csv")
+    axes = hb.plot.measured(data, model, hb.plot.response(curve))
+    drawn = {line.get_label(): line.get_xydata() for line in axes.lines if str(line.get_label()).startswith("measured")}
+    np.testing.assert_allclose(drawn["measured, rising"], [[0.9, 0.5]], rtol=1e-9)
+    np.testing.assert_allclose(drawn["measured, falling"], [[1.1, 2.0]], rtol=1e-9)
+
+
+def test_measured_points_need_curves_in_omega(tmp_path):
+    (tmp_path / "run.csv").write_text("Omega,x\n1,2")
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "zeta", (0.05, 0.2), at={"Omega": 0.5}, stability=False)
+    with pytest.raises(ValueError, match="a curve is in zeta; measured points need curves in Omega"):
+        dots_of(tmp_path / "run.csv", [curve])
 
 
 def test_command(pair, tmp_path, capsys, monkeypatch):

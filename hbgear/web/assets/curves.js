@@ -218,9 +218,12 @@ const hbgear = (() => {
       legend: narrow ? { orientation: "h", y: -0.22, x: 0 } : { x: 1.01, y: 1, xanchor: "left", tracegroupgap: 2 },
     });
     if (topOf()) layout.yaxis.range = [0, topOf()];
-    const behind = state.behind.map((b) => ({ x: b.x, y: b.y, mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
+    const shown = state.behind.filter((b) => !b.measure || b.measure === state.measure); // points of another measure lie elsewhere
+    layout.shapes.push(...shown.flatMap((b) => (b.jumps || []).map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
+      line: { color: ink.text, width: 0.8, dash: "dot" } }))));
+    const behind = shown.map((b) => ({ x: b.x, y: b.y, mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
       line: { color: ink.line, width: 0.8 }, opacity: b.mode === "lines" ? 0.5 : 1, showlegend: b.mode !== "lines" || b.legend === true,
-      marker: { symbol: "circle-open", size: 6, color: ink.text } }));
+      marker: { symbol: b.symbol || "circle-open", size: 6, color: ink.text } }));
     const data = [...behind, ...curveTraces(), ...specialTraces()];
     if (first.jumps.length || state.curves.some((curve) => curve.jumps.length))
       data.push({ x: [null], y: [null], mode: "markers", name: "jump of a slow sweep", hoverinfo: "skip",

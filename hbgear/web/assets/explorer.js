@@ -262,10 +262,14 @@ const explorer = (() => {
 
   async function overlay(file) {
     try {
-      const found = await asked("/measured", { ...question(), text: await file.text(), name: file.name });
-      hbgear.state.behind = [...hbgear.state.behind.filter((b) => b.name !== found.name), found];
+      const bytes = new Uint8Array(await file.arrayBuffer()); // the server knows the encodings
+      let binary = "";
+      for (let i = 0; i < bytes.length; i += 8192) binary += String.fromCharCode(...bytes.subarray(i, i + 8192));
+      const { groups } = await asked("/measured", { ...question(), content: btoa(binary), name: file.name });
+      hbgear.state.behind = [...hbgear.state.behind.filter((b) => b.file !== groups[0].file), ...groups];
       await hbgear.redraw();
-      say(`${found.x.length} measured points of ${found.name}`);
+      const count = groups.reduce((sum, group) => sum + group.x.length, 0);
+      say(`${count} measured points of ${groups[0].file}, as ${groups[0].measure}`);
     } catch (error) { say(error.message, true); }
   }
 

@@ -1,0 +1,75 @@
+"""Measured points of a table as dots on the figure of a page, in the units of its axes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hbgear.common.symbols import unit_of
+from hbgear.common.texts import bytes_of_file
+from hbgear.continuation.branch import Branch
+from hbgear.design.measured import Measurements
+from hbgear.design.measured_table import measurements_of
+from hbgear.harmonic.sensitivity import units_of
+from hbgear.harmonic.speeds import model_of, same_scales
+from hbgear.io.columns import label_of
+from hbgear.web.view import plain
+
+_SWEEPS = ((1, "rising", "triangle-up-open"), (-1, "falling", "triangle-down-open"))
+
+
+def dots_of(path: str | os.PathLike[str], branches: Sequence[Branch]) -> list[dict[str, Any]]:
+    """Measured points of a file on curves in Omega; see `read_measurements`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If there is no such file, it is no table of measurements, or its units have no meaning for the curves.
+    """
+    if not os.path.exists(path):
+        raise FileNotFoundError(f"there is no file '{path}'; give a table of measured points")
+    other = next((branch.parameter for branch in branches if branch.parameter != "Omega"), None)
+    if other is not None:
+        raise ValueError(f"'{path}' has frequencies, and a curve is in {other}; measured points need curves in Omega")
+    data = measurements_of(bytes_of_file(path, "measured points"), os.fspath(path))
+    units = {unit_of(label_of(branch, "amplitude")) for branch in branches}
+    if len(units) > 1 and data.length:
+        raise ValueError(f"'{path}' is in {data.length}, and the curves have amplitudes of several units")
+    return dots(data, os.path.basename(os.fspath(path)), _units(branches), units.pop())
+
+
+def dots(data: Measurements, name: str, known: Mapping[str, float], amplitude: str) -> list[dict[str, Any]]:
+    """Measured points as groups of dots, and measured jumps as vertical lines: one group for each direction.
+
+    Parameters
+    ----------
+    data : the measurements.
+    name : of their file.
+    known : units of the model, as of `units_of`.
+    amplitude : unit of the axis of amplitudes, "1" or "" without one.
+    """
+    Omega, size, _ = data.in_units(known, amplitude)
+    jumps = [(x / data.frequency_unit(known), direction) for x, direction, _ in data.jumps]
+    directions = {int(d) for d in data.directions} | {direction for _, direction in jumps}
+    groups = []
+    for direction, word, symbol in _SWEEPS:
+        if direction in directions:
+            alone = directions == {1}
+            mine = data.directions == direction
+            groups.append({
+                "name": name if alone else f"{name}, {word}", "mode": "markers", "file": name, "measure": data.measure,
+                "symbol": "circle-open" if alone else symbol, "x": plain(Omega[mine]), "y": plain(size[mine]),
+                "jumps": plain([x for x, own in jumps if own == direction]),
+            })  # fmt: skip
+    return groups
+
+
+def _units(branches: Sequence[Branch]) -> dict[str, float]:
+    """Units that hold for every row of every curve; nothing if they differ."""
+    found = []
+    for branch in branches:
+        model = model_of(branch)
+        for i in range(len(branch)) if branch.tracked else (0,):
+            found.append({} if model is None else units_of(model.at(branch.parameters_at(i))))
+    return same_scales(found)
