@@ -219,7 +219,9 @@ def _splits(line: str, mark: str | None) -> Iterator[list[str]]:
 def _second_of_units(named: Sequence[tuple[str, ...] | None]) -> bool:
     """Whether the second of two lines before the numbers has the units of the columns that the first names."""
     first, second = named
-    return first is not None and second is not None and not any(map(_has_unit, first))
+    if first is None or second is None or any(map(_has_unit, first)):
+        return False
+    return all(re.fullmatch(r"\[[^\[\]]*\]|\([^\[\]]*\)|[^\[\]]*", cell) for cell in second)
 
 
 def _joined(named: Sequence[tuple[str, ...] | None]) -> tuple[str, ...]:
