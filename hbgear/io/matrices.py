@@ -18,6 +18,7 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.ranges import ANY, checked
+from hbgear.io.matlab_hdf5 import is_hdf5, read_hdf5
 from hbgear.mechanics.fourier import is_listed
 from hbgear.mechanics.matrices import square
 from hbgear.mechanics.model import Element, Load, System
@@ -46,7 +47,7 @@ class Matrices:
     Raises
     ------
     ValueError
-        If a matrix is not square, not of the size of M or not finite, or names do not fit.
+        If a matrix is not square, not of the size of M or not finite, or names do not fit or are not different.
 
     Examples
     --------
@@ -80,6 +81,9 @@ class Matrices:
         names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(self.n))
         if len(names) != self.n:
             raise ValueError(f"Matrices: {len(names)} dof_names for {self.n} coordinates; need one for each")
+        twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
+        if twice is not None:
+            raise ValueError(f"Matrices: two coordinates are called {quoted(twice)}; each needs a name of its own")
         object.__setattr__(self, "dof_names", names)
         for name in ("damping", "stiffness"):
             given = getattr(self, name)
@@ -128,8 +132,8 @@ def from_matrices(
 
     Parameters
     ----------
-    source : a file with all matrices, .mat or .npz; or for each of M, K and, if there are any, C and G a file of its
-        own (.mtx, .mat, .npy) or the matrix itself.
+    source : a file with all matrices, .mat (version 7.3 needs ``hbgear[matlab]``) or .npz; or for each of M, K and, if
+        there are any, C and G a file of its own (.mtx, .mat, .npy) or the matrix itself.
     names : how a .mat or .npz file calls the matrices, such as ``{"K": "stiffness"}``; by default as we do.
     dof_names : names of the coordinates.
 
@@ -214,7 +218,7 @@ def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
     if suffix == ".npz":
         return _read(path, lambda: dict(np.load(path, allow_pickle=False)))  # type: ignore[no-any-return]
     if suffix == ".mat":
-        found = _read(path, lambda: scipy.io.loadmat(path))
+        found = _read(path, lambda: read_hdf5(path) if is_hdf5(path) else scipy.io.loadmat(path))
         return {name: value for name, value in found.items() if not name.startswith("__")}
     raise ValueError(f"'{path}' must be a .mat or .npz file; matrices in files of their own (.mtx, .npy) are given by "
                      "name, such as {'M': 'mass.mtx', 'K': 'stiffness.mtx'}")  # fmt: skip
@@ -225,8 +229,6 @@ def _read(path: Any, read: Any) -> Any:
         raise ValueError(f"there is no file '{path}'")
     try:
         return read()
-    except NotImplementedError:
-        raise ValueError(f"'{path}' is a MATLAB file of version 7.3; save it with '-v7'") from None
     except Exception as error:  # whatever a damaged file makes the readers say
         told = error.strerror if isinstance(error, OSError) and error.strerror else " ".join(str(error).split())
         raise ValueError(f"'{path}' cannot be read as matrices: {told or type(error).__name__}") from None

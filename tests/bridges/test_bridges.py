@@ -73,6 +73,32 @@ def geared(ross):
     return multi_rotor.two_shaft_rotor_example()
 
 
+def steel_rotor(ross, teeth, diameter):
+    """A short shaft on two bearings with a gear between them."""
+    shaft = [ross.ShaftElement(L=0.3, idl=0.0, odl=0.1, material=ross.materials.steel) for _ in range(2)]
+    gear = ross.GearElement(n=1, m=10.0, Id=0.1, Ip=0.2, n_teeth=teeth, pitch_diameter=diameter,
+                            pr_angle=ross.Q_(20.0, "deg"))  # fmt: skip
+    return ross.Rotor(shaft, [gear], [ross.BearingElement(n=n, kxx=1e8, kyy=1e8, cxx=1e3) for n in (0, 2)])
+
+
+def test_every_mesh_of_a_multi_rotor_of_multi_rotors_is_found(ross):
+    """Two springs, none of which stays in K; with both put back the natural frequencies are those of ROSS."""
+    inner = ross.MultiRotor(steel_rotor(ross, 20, 0.1), steel_rotor(ross, 40, 0.2), coupled_nodes=(1, 1),
+                            gear_mesh_stiffness=1e8)  # fmt: skip
+    rotor = ross.MultiRotor(inner, steel_rotor(ross, 20, 0.1), coupled_nodes=(1, 1), gear_mesh_stiffness=2e8)
+    found = hb.from_ross(rotor)
+    assert {name: k for name, (_, k) in found.meshes.items()} == {"gears_1_7": 2e8, "gears_1_4": 1e8}
+    for first, second in ((0, 3), (0, 6), (3, 6)):
+        assert not found.K[6 * first : 6 * first + 18, 6 * second : 6 * second + 18].any()
+    whole = found.K + sum(k * np.outer(w, w) for w, k in found.meshes.values())
+    np.testing.assert_allclose(whole, rotor.K(0), rtol=1e-9, atol=1e-6 * np.abs(whole).max())
+    meshes = [hb.Element(w, hb.Cubic(k1=k, k3=0.0), name=name) for name, (w, k) in found.meshes.items()]
+    own = np.sort(rotor.run_modal(speed=50.0).wd)
+    ours = hb.campbell(found.system(meshes), (49.0, 50.0), points=2).frequencies[-1]
+    for frequency in own[own > 1.0]:
+        assert np.abs(ours - frequency).min() < 1e-6 * frequency
+
+
 def test_natural_frequencies_of_a_geared_rotor(ross):
     rotor = geared(ross)
     found = hb.from_ross(rotor)
@@ -205,3 +231,21 @@ def test_a_drive_train_with_elastic_gears(ot):
     wave = hb.Load(cosine={1: found.along({"theta_0": 20.0})})
     curve = hb.trace(hb.HarmonicBalance(found.system([gap], wave), 8), "Omega", (500.0, 400.0))
     assert curve.status.complete
+
+
+def test_a_drive_train_with_rigid_and_elastic_gears(ot):
+    """Nodes keep their names; with the spring put back the natural frequencies are those of openTorsion."""
+    parent = ot.ElasticGear(1, 1.0, 1.0)
+    child = ot.ElasticGear(2, 0.1, 0.5, k=1e5, c=1.0, parent=parent)
+    big = ot.Gear(3, 0.1, 1.0)
+    small = ot.Gear(4, 0.1, 2.0, parent=big)
+    shafts = [ot.Shaft(0, 1, k=1e4, I=0), ot.Shaft(2, 3, k=2e4, I=0), ot.Shaft(4, 5, k=1e4, I=0)]
+    assembly = ot.Assembly(shafts, disk_elements=[ot.Disk(0, I=2.0), ot.Disk(5, I=3.0)], gear_elements=[big, small],
+                           elastic_gear_elements=[parent, child])  # fmt: skip
+    found = hb.from_opentorsion(assembly)
+    assert found.dof_names == ("theta_0", "theta_1", "theta_2", "theta_3", "theta_5")
+    ((name, (w, k)),) = found.meshes.items()
+    assert name == "1-2" and k == 1e5
+    np.testing.assert_allclose(w, found.along({"theta_1": 1.0, "theta_2": 0.5}), atol=1e-12)
+    assert found.K[1, 2] == pytest.approx(0.0, abs=1e-6)
+    np.testing.assert_allclose(found.K + k * np.outer(w, w), assembly.K, rtol=1e-12, atol=1e-6)

@@ -97,7 +97,7 @@ def test_a_rotor_with_bearings_over_speed():
 def test_the_spring_of_gears_is_taken_out():
     gears = [SimpleNamespace(dof_global_index={"a": i, "b": i + 1}) for i in (0, 4)]
     w = np.array([0.5, 1.0, -0.5, -1.0])
-    mesh = SimpleNamespace(driving_gear=gears[0], driven_gear=gears[1], stiffness=7.0)
+    mesh = SimpleNamespace(driving_gear=gears[0], driven_gear=gears[1], stiffness=7.0, gear_ratio=1.0)
 
     class Coupled(Shaft):
         def K(self, frequency):
@@ -105,14 +105,25 @@ def test_the_spring_of_gears_is_taken_out():
             out[np.ix_([0, 1, 4, 5], [0, 1, 4, 5])] += 7.0 * np.outer(w, w)
             return out
 
-    found = hb.from_ross(Coupled(mesh=mesh, coupling_matrix=lambda: np.outer(w, w)))
+    one = SimpleNamespace(K=lambda speed: (1.0 + 0.1 * speed) * np.eye(4))
+    pair = {"mesh": mesh, "rotors": {"driving": one, "driven": one}}
+    found = hb.from_ross(Coupled(**pair))
     direction, k = found.meshes["gears"]
     np.testing.assert_allclose(
         k * np.outer(direction, direction)[np.ix_([0, 1, 4, 5], [0, 1, 4, 5])], 7 * np.outer(w, w)
     )
     np.testing.assert_allclose(found.K, Shaft().K(0.0), atol=1e-12)
     with pytest.raises(ValueError, match="along one line of action"):
-        hb.from_ross(Coupled(mesh=mesh, coupling_matrix=lambda: np.eye(4)))
+        hb.from_ross(Shaft(**pair, coupling_matrix=lambda: np.eye(4)))
+    for name in ("coupling_matrix", "compute_coupling_matrix"):  # the force of the backlash is computed by ROSS
+        open_ = hb.from_ross(Shaft(**pair, **{name: lambda: np.outer(w, w)}))
+        np.testing.assert_allclose(open_.meshes["gears"][0], direction, atol=1e-12)
+        np.testing.assert_array_equal(open_.K, Shaft().K(0.0))
+    np.testing.assert_allclose(hb.from_ross(Shaft(**pair, K_coupling=np.outer(w, w))).meshes["gears"][0], direction)
+    with pytest.raises(ValueError, match="by no spring, and it has no coupling matrix"):
+        hb.from_ross(Shaft(**pair))
+    with pytest.raises(ValueError, match="the gears of the rotor cannot be found"):
+        hb.from_ross(Coupled(mesh=mesh))
 
 
 def test_a_drive_train_with_an_elastic_gear():
@@ -124,8 +135,51 @@ def test_a_drive_train_with_an_elastic_gear():
     found = hb.from_opentorsion(train)
     np.testing.assert_allclose(found.K, K, atol=1e-10)
     assert found.dof_names == ("theta_0", "theta_1", "theta_2") and list(found.meshes) == ["0-2"]
-    train.gear_elements = [gear]
-    assert hb.from_opentorsion(train).dof_names == ("q1", "q2", "q3")
+    rigid = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -0.5, 0.0], [0.0, 0.0, 1.0]])  # node 2 turns with node 1
+    train.gear_elements, train.E, train.T = [gear], lambda: None, lambda E: rigid
+    named = hb.from_opentorsion(train)
+    assert named.dof_names == ("theta_0", "theta_1", "theta_3")
+    along = rigid.T @ [0.2, 0.0, 0.3, 0.0]
+    np.testing.assert_allclose(named.K + 1e3 * np.outer(along, along), coupled, atol=1e-10)
+    train.T = lambda E: rigid[:, :2]
+    with pytest.raises(ValueError, match=r"leave \(2,\) coordinates, and the matrices of the assembly have 3"):
+        hb.from_opentorsion(train)
+
+
+def test_bearings_of_the_newer_ross_have_speeds():
+    rotor = Shaft()
+    rotor.bearing_elements = [SimpleNamespace(speed=rotor.frequency)]
+    np.testing.assert_allclose(hb.from_ross(rotor).stiffness(4.0), 0.4 * np.eye(8))
+
+
+def test_matlab_files_of_version_73(tmp_path):
+    """As MATLAB writes them: dense matrices transposed, sparse ones by columns, after 512 bytes of its own."""
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "new.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, A in (("M", M), ("C", C), ("G", G)):
+            file[name] = A.T
+            file[name].attrs["MATLAB_class"] = np.bytes_(b"double")
+        group, columns = file.create_group("K"), scipy.sparse.csc_array(K)
+        group.attrs.update({"MATLAB_class": np.bytes_(b"double"), "MATLAB_sparse": np.uint64(3)})
+        for name, part in (("data", columns.data), ("ir", columns.indices), ("jc", columns.indptr)):
+            group[name] = part
+        file["note"] = np.frombuffer("text".encode("utf-16-le"), dtype=np.uint16)
+        file["note"].attrs["MATLAB_class"] = np.bytes_(b"char")
+    found = hb.from_matrices(path)
+    for name, A in (("M", M), ("K", K), ("C", C), ("G", G)):
+        np.testing.assert_array_equal(plain(getattr(found, name)), A)
+    with pytest.raises(ValueError, match="no matrix 'mass', but C, G, K, M: give names"):
+        hb.from_matrices(path, names={"M": "mass"})
+    damaged = path.read_bytes()
+    path.write_bytes(damaged[: len(damaged) // 2])
+    with pytest.raises(ValueError, match="cannot be read as matrices"):
+        hb.from_matrices(path)
+    with h5py.File(path, "w") as file:  # half a terabyte that takes no room
+        huge = file.create_dataset("M", (1 << 18, 1 << 18), dtype=float, chunks=(1024, 1024))
+        huge.attrs["MATLAB_class"] = np.bytes_(b"double")
+    with pytest.raises(ValueError, match=r"'M' has 512.0 GiB; need at most 1"):
+        hb.from_matrices(path)
 
 
 @pytest.mark.parametrize(
@@ -141,6 +195,7 @@ def test_a_drive_train_with_an_elastic_gear():
         (lambda f: hb.from_matrices({"M": M, "K": np.full((3, 3), np.nan)}), "finite"),
         (lambda f: hb.from_matrices({"M": M, "K": K, "G": np.eye(3)}), "skew-symmetric"),
         (lambda f: hb.from_matrices({"M": M, "K": K}, dof_names=["a"]), "1 dof_names for 3"),
+        (lambda f: hb.from_matrices({"M": M, "K": K}, dof_names=["a", "b", "a"]), "two coordinates are called 'a'"),
         (lambda f: hb.from_matrices({"M": M, "K": f / "other.mat"}), "no matrix 'K', but"),
         (lambda f: hb.from_matrices(3.0), "from_matrices"),
         (lambda f: hb.Matrices(M, K).along({"q9": 1.0}), "no coordinate 'q9'; it has: q1, q2, q3"),
