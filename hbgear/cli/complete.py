@@ -10,7 +10,7 @@ import os
 import hbgear as hb
 from hbgear.harmonic import catalogue
 from hbgear.harmonic import observables as measures
-from hbgear.mechanics.fields import kinds_of, parameters_of
+from hbgear.mechanics.fields import defaults_of, entries_among, kinds_of, parameters_of
 from hbgear.mechanics.named import installed
 
 
@@ -29,7 +29,8 @@ def fields(incomplete: str) -> list[str]:
 def parameters(incomplete: str) -> list[str]:
     """Parameters of the model that was named."""
     model = _model()
-    return [name for name in (parameters_of(model) if model else ()) if name.startswith(incomplete)]
+    names = [*parameters_of(model), *entries_among(model, defaults_of(model))] if model else []
+    return [name for name in names if name.startswith(incomplete)]
 
 
 def assigned(incomplete: str) -> list[str]:

@@ -132,7 +132,7 @@ def critical(
     problem.check_parameter(parameter)
     with bar("critical") as progress:
         found = hb.critical(problem, parameter, frequencies=span_of(problem.model, first, last), progress=progress)
-    own = problem.parameters.get(parameter, float("nan"))
+    own = problem.value_of(parameter)
     side = "below" if found.jump_below else "above"
     digits = digits_of(found.point)
     print(

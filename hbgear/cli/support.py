@@ -26,7 +26,7 @@ from hbgear.continuation.branch import LANDINGS
 from hbgear.continuation.passing import passings
 from hbgear.harmonic import catalogue
 from hbgear.harmonic.telling import jump_table, special_table, text_of, trust
-from hbgear.mechanics.fields import check_names, defaults_of, kinds_of, made, required_of
+from hbgear.mechanics.fields import check_names, defaults_of, is_entry, kinds_of, made, required_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -156,9 +156,12 @@ def assignments(option: str, texts: list[str]) -> list[tuple[str, str]]:
 
 
 def fields_of(cls: type[hb.Model], changes: list[str]) -> dict[str, Any]:
-    """Values of --set, by the types of the fields of the model."""
-    values = {}
+    """Values of --set, by the types of the fields of the model; of entries of tuples too, as ``e[0]``."""
+    values: dict[str, Any] = {}
     for name, text in assignments("--set", changes):
+        if is_entry(name):
+            values[name] = number_of(f"--set {name}", text)
+            continue
         check_names(cls, [name])
         values[name] = value_of(f"--set {name}", text, kinds_of(cls)[name])
     return values
@@ -308,8 +311,8 @@ def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] |
     if catalogue.is_description(about) and about["class"] != cls.__name__:
         raise ValueError(f"the curve of --start is of {about['class']}; '{name}' is {cls.__name__}")
     model = catalogue.rebuild(about, cls)
-    here = {name: value for name, value in point.parameters.items() if name in model.parameters}
-    return model.replace(**{**here, **fields_of(cls, changes or [])})
+    changed = fields_of(cls, changes or [])
+    return model.at(point.parameters).replace(**changed)
 
 
 def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -15,7 +15,7 @@ from hbgear.design.sampling import METHODS, Grid, Sample, distribution, grid
 from hbgear.design.study import KINDS, Work
 from hbgear.harmonic.catalogue import class_of
 from hbgear.io.toml_file import Place, TomlFileError, exactly, located, parsed, told
-from hbgear.mechanics.fields import made, plain_kinds_of, required_of
+from hbgear.mechanics.fields import defaults_of, entries_among, made, plain_kinds_of, required_of
 from hbgear.mechanics.model import Model
 
 
@@ -79,7 +79,7 @@ def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
             cls = class_of(name)
         except (KeyError, ValueError) as error:
             problems.append((("model",), shortened(str(error.args[0]), 300)))
-    schema = _schema(cls)
+    schema = _schema(cls, data)
     base = data.get("base", {})
     missing = [field for field in (required_of(cls) if cls else ()) if isinstance(base, dict) and field not in base]
     if missing:
@@ -99,7 +99,7 @@ def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
 
 
 @held()  # pydantic panics if Ctrl-C comes while it makes one
-def _schema(cls: type[Model] | None) -> Any:
+def _schema(cls: type[Model] | None, data: Mapping[str, Any]) -> Any:
     """The form of the file, as a model of pydantic: its tables have the fields of the model of the machine."""
     from pydantic import AfterValidator, ConfigDict, Field, create_model
 
@@ -111,6 +111,7 @@ def _schema(cls: type[Model] | None) -> Any:
     kinds: dict[str, Any] = {}
     if cls is not None:
         kinds = {n: list[float] if typing.get_origin(k) is tuple else k for n, k in plain_kinds_of(cls).items()}
+        kinds |= dict.fromkeys(_entries(cls, data), float)
     loose = ConfigDict(extra="allow")
     drawn = Annotated[list[str | float], AfterValidator(_distribution)]
     if cls is None:
@@ -131,6 +132,12 @@ def _schema(cls: type[Model] | None) -> Any:
     })  # fmt: skip
     return table("study", {"model": (str, ...), "base": (base, base()), "grid": (several, None),
                            "sample": (sample, None), "compute": (compute, compute())})  # fmt: skip
+
+
+def _entries(cls: type[Model], data: Mapping[str, Any]) -> list[str]:
+    """Names such as ``eps[0]``: of tuples in [base] or the defaults that do not vary as a whole."""
+    base, varied = (table if isinstance(table := data.get(key), dict) else {} for key in ("base", "grid"))
+    return entries_among(cls, {n: v for n, v in {**defaults_of(cls), **base}.items() if n not in varied})
 
 
 def _distribution(given: list[Any]) -> list[Any]:

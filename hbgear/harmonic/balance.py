@@ -304,6 +304,19 @@ class HarmonicBalance(FullProblem):
         if name not in known:
             raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
 
+    def value_of(self, name: str) -> float:
+        """The value that the model has of a parameter or of an entry of a tuple, such as ``eps[0]``.
+
+        Raises
+        ------
+        KeyError
+            If there is none of that name.
+        """
+        self.check_parameter(name)
+        if name == "Omega":
+            raise KeyError("Omega is no value of the model; it is given with every evaluation")
+        return float(self._own[name])
+
     def range_of(self, name: str) -> Range:
         """Values a parameter may have; Omega is positive, and within the tables of a structure that has some."""
         if name != "Omega":

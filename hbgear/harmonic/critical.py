@@ -132,7 +132,7 @@ def critical(
     """
     problem = problem_of(model, harmonics)
     check_parameter(problem, parameter)
-    own, allowed = problem.parameters[parameter], problem.range_of(parameter)
+    own, allowed = problem.value_of(parameter), problem.range_of(parameter)
     followed: list[Branch] = []
     tried: list[float] = []
     slope = ""
@@ -191,7 +191,7 @@ def _cusps_from(
 
     ``followed`` are the fold curves already followed; those of this curve are added.
     """
-    own, allowed = problem.parameters[parameter], problem.range_of(parameter)
+    own, allowed = problem.value_of(parameter), problem.range_of(parameter)
     reach = _REACH * (abs(own) or 1.0)
     for point in (p for p in curve.special if p.kind == "LP" and p.located):
         if any(on_fold_curve(problem, fold, point, parameter) for fold in followed):

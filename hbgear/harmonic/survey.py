@@ -229,7 +229,7 @@ class _Search:
 
     def through(self, Omega: float, name: str, span: tuple[float, float]) -> None:
         """New motions by following each known one through a range of a second parameter and back."""
-        own = self.problem.parameters[name]
+        own = self.problem.value_of(name)
         pending = self.known(Omega)
         for X in pending:  # grows as motions are found: each is followed in its turn
             for end in span:

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse
 
 from hbgear.common.optional import needed
+from hbgear.io.matrix_market import DamagedFileError
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _NUMBERS = {b"double", b"single", b"logical", b"int8", b"int16", b"int32", b"int64", b"uint8", b"uint16", b"uint32",
@@ -29,7 +30,9 @@ def read_hdf5(path: str | os.PathLike[str]) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If h5py is not installed, or a matrix is too large.
+        If h5py is not installed.
+    DamagedFileError
+        If a matrix is too large.
     """
     h5py = needed("h5py", "matlab", "a MATLAB file of version 7.3")
     found = {}
@@ -39,7 +42,9 @@ def read_hdf5(path: str | os.PathLike[str]) -> dict[str, Any]:
                 continue
             size = node.nbytes if isinstance(node, h5py.Dataset) else sum(part.nbytes for part in node.values())
             if size > _MOST:
-                raise ValueError(f"'{name}' has {size / 2**30:.1f} GiB; need at most {_MOST >> 30}, or a sparse matrix")
+                raise DamagedFileError(
+                    f"'{name}' has {size / 2**30:.1f} GiB; need at most {_MOST >> 30}, or a sparse matrix"
+                )
             found[name] = _sparse(node) if isinstance(node, h5py.Group) else _dense(node[()])
     return found
 

@@ -17,8 +17,10 @@ import scipy
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
+from hbgear.common.optional import needed
 from hbgear.common.ranges import ANY, checked
 from hbgear.io.matlab_hdf5 import is_hdf5, read_hdf5
+from hbgear.io.matrix_market import DamagedFileError, read_matrix_market
 from hbgear.mechanics.fourier import is_listed
 from hbgear.mechanics.matrices import square
 from hbgear.mechanics.model import Element, Load, System
@@ -209,7 +211,7 @@ def _one(value: Any, name: str) -> Any:
         raise ValueError(
             f"'{value}' has no matrix '{name}', but {', '.join(sorted(every)) or 'nothing'}: give names=..."
         )
-    return _read(value, lambda: scipy.io.mmread(value) if suffix == ".mtx" else np.load(value, allow_pickle=False))
+    return _read(value, lambda: read_matrix_market(value) if suffix == ".mtx" else np.load(value, allow_pickle=False))
 
 
 def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -218,6 +220,8 @@ def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
     if suffix == ".npz":
         return _read(path, lambda: dict(np.load(path, allow_pickle=False)))  # type: ignore[no-any-return]
     if suffix == ".mat":
+        if Path(path).is_file() and is_hdf5(path):
+            needed("h5py", "matlab", "a MATLAB file of version 7.3")
         found = _read(path, lambda: read_hdf5(path) if is_hdf5(path) else scipy.io.loadmat(path))
         return {name: value for name, value in found.items() if not name.startswith("__")}
     raise ValueError(f"'{path}' must be a .mat or .npz file; matrices in files of their own (.mtx, .npy) are given by "
@@ -229,6 +233,10 @@ def _read(path: Any, read: Any) -> Any:
         raise ValueError(f"there is no file '{path}'")
     try:
         return read()
-    except Exception as error:  # whatever a damaged file makes the readers say
-        told = error.strerror if isinstance(error, OSError) and error.strerror else " ".join(str(error).split())
-        raise ValueError(f"'{path}' cannot be read as matrices: {told or type(error).__name__}") from None
+    except OSError as error:
+        raise ValueError(f"'{path}' cannot be read as matrices: {error.strerror or 'it is damaged'}") from None
+    except DamagedFileError as error:
+        raise ValueError(f"'{path}' cannot be read as matrices: {error}") from None
+    except Exception:  # of a damaged file the readers raise errors of every class
+        what = f"it is damaged, or no {Path(path).suffix.lower()} file"
+        raise ValueError(f"'{path}' cannot be read as matrices: {what}") from None

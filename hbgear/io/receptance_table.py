@@ -76,6 +76,8 @@ def read_response(path: str | os.PathLike[str], quantity: str | None) -> tuple[A
     if "frequency" not in found or len(pairs) != 1 or not all(role in found for role in pairs[0]):
         raise ValueError(f"'{path}' has the columns {', '.join(map(repr, table.headings))}; need a frequency with real "
                          "and imaginary part, or with magnitude and phase")  # fmt: skip
+    if "coherence" in found:
+        found["coherence"].numbers()  # not used, but a cell that is no number says that the table is damaged
     f = found["frequency"].numbers() * FREQUENCY[found["frequency"].unit]
     first, second = (found[role] for role in pairs[0])
     if pairs[0][0] == "magnitude":

@@ -21,7 +21,7 @@ LONGEST = 200
 
 MOST_COLUMNS = 1000
 
-_COMMENT = re.compile(r"\s*(#|%|!|//)")
+_COMMENT = re.compile(r"\s*(#(?!N/A|NV\b|DIV/0|REF!|VALUE!|NAME\?|NUM!|NULL!)|%|!|//)")  # no errors of spreadsheets
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eEdD][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 _GROUPED = re.compile(r"[-+]?\d{1,3}([ ,.'’\u00a0\u202f]\d{3})+([.,]\d*)?", re.ASCII)
 _NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
@@ -99,7 +99,7 @@ def table_text(text: str, name: str) -> TableText:
     """
     lines, remark = _lines(text)
     above = 0
-    while above < len(lines) and not _has_number(lines[above][1]):
+    while above < len(lines) and not _has_numbers(lines[above][1]):
         above += 1
     if above == len(lines):
         raise ValueError(f"'{name}' has no rows of numbers; need a line of column names and rows of numbers")
@@ -155,10 +155,14 @@ def _lines(text: str) -> tuple[list[tuple[int, str]], str | None]:
     return lines, remark
 
 
-def _has_number(line: str) -> bool:
-    """Whether a cell of a line is a number, whatever separates them."""
-    mark = next((mark for mark in ";\t," if mark in line), None)
-    return any(number_of_cell(cell.strip(' "')) is not None for cell in line.split(mark))
+def _has_numbers(line: str) -> bool:
+    """Whether half of the cells of a line or more are numbers, in one of the ways to separate them."""
+    strong = next((mark for mark in ";\t" if mark in line), None)
+    for mark in [strong] if strong is not None else [",", None]:
+        cells = [cell for part in line.split(mark) if (cell := part.strip(' "'))]
+        if 2 * sum(number_of_cell(cell) is not None for cell in cells) >= len(cells) > 0:
+            return True
+    return False
 
 
 def _separator(lines: Sequence[str]) -> str | None:
@@ -219,7 +223,7 @@ def _splits(line: str, mark: str | None) -> Iterator[list[str]]:
 def _second_of_units(named: Sequence[tuple[str, ...] | None]) -> bool:
     """Whether the second of two lines before the numbers has the units of the columns that the first names."""
     first, second = named
-    if first is None or second is None or any(map(_has_unit, first)):
+    if first is None or second is None or any("[" in name for name in first):
         return False
     return all(re.fullmatch(r"\[[^\[\]]*\]|\([^\[\]]*\)|[^\[\]]*", cell) for cell in second)
 
@@ -230,10 +234,6 @@ def _joined(named: Sequence[tuple[str, ...] | None]) -> tuple[str, ...]:
     return tuple(
         f"{name} [{unit[1]}]" if unit is not None and unit[1] else name for name, unit in zip(names, bare, strict=True)
     )
-
-
-def _has_unit(heading: str) -> bool:
-    return re.search(r"\[[^\]]*\]|\([^)]*\)", heading) is not None
 
 
 def _mismatch(head: str, mark: str | None, width: int, row: tuple[int, str]) -> str:

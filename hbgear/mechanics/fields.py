@@ -21,6 +21,8 @@ from hbgear.common.messages import did_you_mean
 
 _T = TypeVar("_T")
 
+_ENTRY = re.compile(r"([^\[\]]+)\[(\d{1,6})\]", re.ASCII)
+
 
 @lru_cache(maxsize=256)
 def kinds_of(cls: type) -> Mapping[str, Any]:
@@ -92,6 +94,12 @@ def entries_of(instance: object) -> dict[str, float]:
     return {f"{name}[{i}]": float(x) for name, values in lists for i, x in enumerate(values)}
 
 
+def entries_among(cls: type, values: Mapping[str, Any]) -> list[str]:
+    """Names of the entries, such as ``eps[0]``, of the tuples of real numbers among values of fields of a class."""
+    given = {name: values.get(name) for name in _lists_of(cls)}
+    return [f"{name}[{i}]" for name, x in given.items() if isinstance(x, list | tuple) for i in range(len(x))]
+
+
 @lru_cache(maxsize=256)
 def _lists_of(cls: type) -> tuple[str, ...]:
     """Names of the fields that are tuples of real numbers."""
@@ -113,14 +121,17 @@ def with_entries(instance: object, changes: Mapping[str, Any]) -> dict[str, Any]
     whole = {name: value for name, value in changes.items() if "[" not in name}
     if len(whole) == len(changes):
         return whole
+    cls: type = type(instance)
     for name, value in changes.items():
         if name in whole:
             continue
-        if name not in (known := entries_of(instance)):
-            raise KeyError(f"{type(instance).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
-        found = re.fullmatch(r"(.+)\[(\d+)\]", name)
-        assert found is not None
-        values = list(whole.get(found[1], getattr(instance, found[1])))
+        found = _ENTRY.fullmatch(name)
+        values = []
+        if found is not None and found[1] in _lists_of(cls):
+            values = list(whole.get(found[1], getattr(instance, found[1])))
+        if found is None or int(found[2]) >= len(values):
+            known = entries_of(instance)
+            raise KeyError(f"{cls.__name__} has no parameter '{name}'{did_you_mean(name, known)}")
         values[int(found[2])] = float(value)
         whole[found[1]] = tuple(values)
     return whole
@@ -156,17 +167,33 @@ def check_names(cls: type, names: typing.Iterable[str]) -> None:
 
 
 def made(cls: type[_T], values: Mapping[str, Any]) -> _T:
-    """An instance with these values and the defaults of the other fields.
+    """An instance with these values of fields and entries, such as ``eps[0]``, and the defaults of the other fields.
 
     Raises
     ------
     KeyError
-        If a name is no field.
+        If a name is no field, and no entry of one.
     ValueError
         If a field has neither a value nor a default, or the class refuses a value.
     """
-    check_names(cls, values)
-    missing = [name for name in required_of(cls) if name not in values]
+    whole = {name: value for name, value in values.items() if not is_entry(name)}
+    check_names(cls, whole)
+    missing = [name for name in required_of(cls) if name not in whole]
     if missing:
         raise ValueError(f"{cls.__name__} needs {', '.join(missing)}: no default, so give a value")
-    return cls(**values)
+    instance = cls(**whole)
+    if len(whole) == len(values):
+        return instance
+    entries = {name: value for name, value in values.items() if name not in whole}
+    return dataclasses.replace(instance, **with_entries(instance, entries))  # type: ignore[type-var]
+
+
+def is_entry(name: str) -> bool:
+    """Whether a name is that of an entry of a tuple, such as ``eps[0]``.
+
+    Examples
+    --------
+    >>> is_entry("eps[0]"), is_entry("eps")
+    (True, False)
+    """
+    return _ENTRY.fullmatch(name) is not None

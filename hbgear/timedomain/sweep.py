@@ -300,7 +300,7 @@ class _Sweeper:
         self.values = values if self.direction == "up" else values[::-1]
         checked("sweep", "disturbance", self.disturbance, Range(0, 1))
         self.random = np.random.default_rng(1)
-        known = ("Omega", *self.model.parameters)
+        known = ("Omega", *self.model.parameters, *self.model.entries)
         for name in (self.parameter, *self.at):
             if name not in known:
                 raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")

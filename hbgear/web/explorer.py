@@ -220,7 +220,7 @@ class Explorer:
         x, y = ends
         model = self.subject.model(asked.values)
         for name in ends:
-            if name != "Omega" and name not in model.parameters:
+            if name != "Omega" and name not in model.parameters | model.entries:
                 raise KeyError(f"{type(model).__name__} has no parameter '{name}'")
         with self._job(session, "map") as job:
             if "Omega" in ends:
@@ -298,7 +298,7 @@ def _over_two(
     """Folds of curves in one parameter at an Omega, followed in another."""
     (first, span), (second, other) = ends.items()
     lines: list[dict[str, Any]] = []
-    value = model.parameters[second]
+    value = (model.parameters | model.entries)[second]
     inside = min(other) <= value <= max(other)
     for start in [value] if inside else np.linspace(*other, 3).tolist():
         problem = HarmonicBalance(model.replace(**{second: start}), harmonics)

@@ -1,7 +1,7 @@
 """What an explorer explores: a model or the machine of a file, its parameters with units, and how to write it down.
 
 name "zeta"      a number         field of the model, or of the machine ("pair.backlash", "pinion.tip_relief")
-name "eps[1]"    one of a tuple   the first entry of the field eps
+name "eps[0]"    one of a tuple   the first entry of the field eps, as in Python
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ from hbgear.io.columns import bracketed
 from hbgear.io.machine_file import Machine, machine_text
 from hbgear.mechanics.fields import defaults_of, kinds_of
 from hbgear.mechanics.model import Model
-
-_ENTRY = re.compile(r"(.+)\[(\d+)\]")
 
 
 @dataclass(frozen=True)
@@ -81,29 +79,14 @@ class ModelSubject(Subject):
             allowed = self.start.ranges.get(name, ANY)
             if kind is float:
                 found.append(_parameter(name, label, float(value), allowed))
-            elif isinstance(value, tuple) and all(isinstance(x, float | int) for x in value):
-                found += [
-                    _parameter(f"{name}[{i}]", f"entry {i} of {label}", float(x), ANY, False)
-                    for i, x in enumerate(value, 1)
-                ]
+            elif isinstance(value, tuple):
+                entries = [(i, f"{name}[{i}]") for i in range(len(value)) if f"{name}[{i}]" in self.start.entries]
+                found += [_parameter(key, f"entry {i} of {label}", float(value[i]), ANY) for i, key in entries]
         return found
 
     def model(self, values: Mapping[str, float]) -> Model:
-        changes: dict[str, Any] = {}
         known = {parameter.name: parameter.value for parameter in self.parameters()}
-        for name, value in values.items():
-            if value == known.get(name):
-                continue
-            entry = _ENTRY.fullmatch(name)
-            if entry is None:
-                changes[name] = value
-                continue
-            field, i = entry[1], int(entry[2]) - 1
-            whole = list(changes.get(field, getattr(self.start, field, ())))
-            if not 0 <= i < len(whole):
-                raise KeyError(f"{type(self.start).__name__} has no parameter '{name}'")
-            whole[i] = value
-            changes[field] = tuple(whole)
+        changes = {name: value for name, value in values.items() if value != known.get(name)}
         return self.start.replace(**changes)
 
     def changed(self, values: Mapping[str, float]) -> dict[str, Any]:

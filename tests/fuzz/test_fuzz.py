@@ -3,9 +3,9 @@
 import os
 
 import pytest
-from fuzz import commands, files, inputs, pool
+from fuzz import commands, files, inputs, pool, tables
 
-SHORT = {"files": (files, 70), "inputs": (inputs, 180), "commands": (commands, 24)}
+SHORT = {"files": (files, 70), "inputs": (inputs, 180), "commands": (commands, 24), "tables": (tables, 250)}
 
 
 @pytest.mark.parametrize(("fuzzer", "count"), SHORT.values(), ids=SHORT)

@@ -211,6 +211,31 @@ def test_bad_input(folder, make, said):
         make(folder)
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("array real symmetric\n2 2\n1\n0\n1\n5\n5\n5\n5\n5\n", "it has 8 numbers, and its size needs 3"),
+        ("array real general\n2 2\n1\n0\n0\n1\0\n", "it has characters that belong to no number"),
+        ("coordinate real general\n2 2 3\n1 1 1.0\n2 2 1.0\n", "it has 6 numbers, and its size needs 9"),
+        ("coordinate real general\n2 2 2\n1 1 1.0\n3 2 1.0\n", "it is damaged, or no .mtx file"),
+        ("array real general\n2 2\n1\n0\n0\n1.2.3\n", "it is damaged, or no .mtx file"),
+    ],
+)
+def test_matrix_market_files_with_other_numbers_than_their_size_needs(tmp_path, text, said):
+    """SciPy writes beyond the matrix where a symmetric array has too many, and may end the process."""
+    path = tmp_path / "a.mtx"
+    path.write_bytes(b"%%MatrixMarket matrix " + text.encode())
+    with pytest.raises(ValueError, match=said):
+        hb.from_matrices({"M": np.eye(2), "K": path})
+
+
+@pytest.mark.parametrize("form", ["coo", "dense"])
+def test_matrix_market_files_of_every_symmetry(tmp_path, form):
+    for A in (K, G, np.arange(9.0).reshape(3, 3)):
+        scipy.io.mmwrite(tmp_path / "a.mtx", scipy.sparse.coo_array(A) if form == "coo" else A, comment="of\ntwo lines")
+        np.testing.assert_array_equal(plain(hb.from_matrices({"M": M, "K": tmp_path / "a.mtx"}).K), A)
+
+
 def test_a_damaged_file(folder):
     path = folder / "model.mat"
     path.write_bytes(path.read_bytes()[:60])

@@ -100,7 +100,8 @@ def test_a_mesh_cycle_however_it_is_written(tmp_path, mark, encoding, decimal, r
 def test_names_and_units_in_two_lines_in_quotes_and_in_a_remark(tmp_path):
     path = tmp_path / "k.csv"
     rows = "\n".join(f"{x};{k}" for x, k in zip(*CYCLE, strict=True))
-    texts = (f"phase;k\n°;kN/mm\n{rows}", f"phase;k\r[deg];[kN/mm]\r{rows}".replace("\n", "\r"),
+    texts = (f"phase;k(t)\n[deg];[kN/mm]\n{rows}",
+             f"phase;k\n°;kN/mm\n{rows}", f"phase;k\r[deg];[kN/mm]\r{rows}".replace("\n", "\r"),
              f"# phase [deg];k [kN/mm]\n{rows}", f'"phase [deg]";"k [kN/mm]"\n{rows}',
              "phase [deg],k [kN/mm]\n" + '"' + rows.replace(".", ",").replace(";", '","').replace("\n", '"\n"') + '"',
              f"phase [deg];k [kN/mm];\n{rows.replace(chr(10), ';' + chr(10))};")  # fmt: skip
@@ -123,6 +124,7 @@ def test_names_and_units_in_two_lines_in_quotes_and_in_a_remark(tmp_path):
         ("phase [deg];k [N/m];e [m]\n0;1\n", "line 3|2 cells"),
         ("roll angle [deg];k [N/m]\n0;1\n90;1\n270;1\n", "the first column is 'roll angle'; need the phase"),
         ("\0\1\2\3\0\0\1", "it is no text"),
+        ("phase [deg];k [N/m]\n0;1\n#N/A;1\n180;1\n", "line 3: '#N/A' in the column 'phase .deg.' must be a number"),
         ("0;1\n90;1\n180;1\n", "line of column names"),
     ],
 )  # fmt: skip
