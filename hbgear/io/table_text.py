@@ -181,20 +181,20 @@ def _separator(lines: Sequence[str]) -> str | None:
 
 def _cells(line: str, mark: str | None, i: int, name: str) -> tuple[str, ...]:
     """Cells of a row."""
-    if mark is None:
-        cells = line.split()
-    else:
-        try:
-            cells = [cell.strip() for cell in next(csv.reader([line], delimiter=mark, strict=True))]
-        except csv.Error:
-            raise ValueError(f"'{name}', line {i}: quotation marks are not closed, or a cell is too long") from None
+    cells = line.split(mark)
     if len(cells) > MOST_COLUMNS:
         raise ValueError(f"'{name}', line {i} has {len(cells)} cells; a table has at most {MOST_COLUMNS} columns")
     long = next((cell for cell in cells if len(cell) > LONGEST), None)
     if long is not None:
-        raise ValueError(f"'{name}', line {i}: a cell has {len(long)} characters, {quoted(long[:20])} ...; "
-                         f"need at most {LONGEST}")  # fmt: skip
-    return tuple(cells)
+        raise ValueError(
+            f"'{name}', line {i}: a cell has {len(long)} characters, {quoted(long[:20])} ...; need at most {LONGEST}"
+        )
+    if mark is None:
+        return tuple(cells)
+    try:
+        return tuple(cell.strip() for cell in next(csv.reader([line], delimiter=mark, strict=True)))
+    except csv.Error:
+        raise ValueError(f"'{name}', line {i}: quotation marks are not closed") from None
 
 
 def _headings(line: str, mark: str | None, width: int) -> tuple[str, ...] | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import math
 import typing
 from collections.abc import Callable, Mapping
 from numbers import Integral
@@ -14,7 +15,7 @@ from typing import Any, ClassVar, Literal, ParamSpec, overload
 
 import numpy as np
 
-from hbgear.common.messages import did_you_mean
+from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.ranges import Range, checked
 from hbgear.mechanics.fields import defaults_of, is_plain, kinds_of, plain
 from hbgear.mechanics.model import Model, System
@@ -97,7 +98,7 @@ def model(
     ------
     ValueError
         If a parameter has no type or one of another kind, has the name of a method of models, or there are ``*args``;
-        if labels or ranges are of names that the function does not have.
+        if labels, ranges or a span are of other types, or of names that the function does not have.
 
     Examples
     --------
@@ -117,7 +118,25 @@ def model(
     """
     options = {"labels": labels, "ranges": ranges, "usual": usual, "default_span": default_span}
     given = {name: value for name, value in options.items() if value is not None}
+    _check_options(given)
     return (lambda other: _made_of(other, given)) if function is None else _made_of(function, given)
+
+
+def _check_options(options: Mapping[str, Any]) -> None:
+    """Refuse labels, ranges and a span of other types than `Model` has."""
+    for name, kind, what in (("labels", str, "texts"), ("ranges", Range, "Range"), ("usual", Range, "Range")):
+        given = options.get(name, {})
+        if not isinstance(given, Mapping) or not all(isinstance(value, kind) for value in given.values()):
+            example = "{'zeta': 'damping'}" if kind is str else "{'zeta': hb.Range(low=0)}"
+            raise ValueError(f"model: {name} = {quoted(given)} must be a dict of {what} by name, such as {example}")
+    span = options.get("default_span", (0.5, 1.5))
+    try:
+        first, last = (float(end) for end in span)
+        good = 0 < first < math.inf and 0 < last < math.inf and first != last
+    except (TypeError, ValueError):
+        good = False
+    if not good:
+        raise ValueError(f"model: default_span = {quoted(span)} must be two different frequencies, such as (0.5, 1.5)")
 
 
 def _made_of(function: Callable[..., Any], options: Mapping[str, Any]) -> type[FunctionModel]:

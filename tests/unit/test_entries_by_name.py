@@ -30,7 +30,7 @@ def test_set_changes_one_entry(run):
                        "--harmonics", "2", "-o", "a.npz")  # fmt: skip
     assert code == 0, err
     assert hb.load("a.npz").meta["model"]["fields"]["e"] == [0.1, 0.03]
-    wrong = {"e[2]=1": "did you mean 'e[0]'?", "zeta[0]=1": "has no parameter 'zeta[0]'",
+    wrong = {"e[2]=1": "no parameter 'e[2]'; did you mean 'e[", "zeta[0]=1": "has no parameter 'zeta[0]'",
              "e[0]=x": "--set e[0]=x: need a finite number", "e[-1]=1": "no parameter 'e[-1]'"}  # fmt: skip
     for word, said in wrong.items():
         code, _, err = run("trace", "spur-pair", "--set", "e=(0.1, 0.02)", "--set", word, "--harmonics", "2")

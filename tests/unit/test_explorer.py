@@ -1,5 +1,6 @@
 """The explorer: what it computes, whom it refuses, and that a person can use it in a real browser."""
 
+import base64
 import json
 import os
 import re
@@ -129,7 +130,8 @@ def test_python_and_toml_make_the_same_model(subject, tmp_path):
 def test_jump_maps_of_a_machine_are_over_its_model():
     found = Explorer(MachineSubject(machine()), SPAN, 4)
     names = [parameter["name"] for parameter in found.start()["map"]]
-    assert names == list(machine().model().parameters)
+    model = machine().model()
+    assert set(names) == set(model.parameters | model.entries)
     axes = {"x": ["Omega", 0.5, 1.2], "y": ["F_m", 0.3, 0.32], "Omega": None}
     assert found.jump_map("s", Asked({}, SPAN, 4), axes)["lines"]
 
@@ -221,6 +223,25 @@ def test_answers_its_own_page_only(server):
     assert answer(server, "/curve", question(), Host="example.com")[0] == 403
     assert answer(server, "/curve", question(), **{"Sec-Fetch-Site": "cross-site"})[0] == 403
     assert answer(server, f"/?token={server.token}", token="")[0] == 200
+
+
+def test_measured_points_of_any_encoding_are_drawn_in_the_units_of_the_figure(server):
+    n, length = (float(x) for x in (MODEL.scales.pinion_speed(0.5), 1e6 * MODEL.scales.length))
+    text = f"n [r/min];dte [µm];direction\n{n!r};{0.25 * length!r};up\n{2 * n!r};{3 * length!r};down"
+    for encoding in ("utf-8", "utf-16", "latin-1"):
+        sent = {"content": base64.b64encode(text.encode(encoding)).decode(), "name": "run.csv"}
+        status, answered = answer(server, "/measured", {**question(), **sent})
+        up, down = json.loads(answered)["groups"]
+        assert status == 200 and [up["name"], down["name"]] == ["run.csv, rising", "run.csv, falling"]
+        np.testing.assert_allclose([*up["x"], *up["y"], *down["x"], *down["y"]], [0.5, 0.25, 1.0, 3.0], rtol=1e-6)
+    for content, said in (("n [r/min],q\n1,2", "'q' is not known"), ("n,x\n1," + "1" * 10**6, "a cell has 1000000"),
+                          ("n [r/min],x\n1,1e400", "finite")):  # fmt: skip
+        sent = {"content": base64.b64encode(content.encode()).decode()}
+        status, answered = answer(server, "/measured", {**question(), **sent})
+        assert status == 422 and said in json.loads(answered)["error"]
+    for content in ("?", 3, None, ["a"]):
+        status, answered = answer(server, "/measured", {**question(), "content": content})
+        assert status == 422 and json.loads(answered)["error"] == "the content of a file must be base64"
 
 
 def test_listens_on_this_machine_only(server):

@@ -167,6 +167,23 @@ def test_options_of_other_names_are_refused():
         hb.model(ranges={"zetta": hb.Range()})(two.function)
 
 
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"ranges": np.inf}, "ranges = inf must be a dict of Range by name"),
+        ({"ranges": {"k": (0, 1)}}, "must be a dict of Range by name"),
+        ({"usual": [1]}, "usual = .1. must be a dict of Range"),
+        ({"labels": 3}, "labels = 3 must be a dict of texts by name"),
+        ({"default_span": np.inf}, "default_span = inf must be two different frequencies"),
+        ({"default_span": (1.0, 1.0)}, "must be two different frequencies"),
+        ({"default_span": ("a", "b")}, "must be two different frequencies"),
+    ],
+)
+def test_options_of_other_types_are_refused(options, said):
+    with pytest.raises(ValueError, match=said):
+        hb.model(**options)
+
+
 def test_wrong_values_are_refused():
     for fields, message in [
         ({"zeta": -0.1}, "two: zeta = -0.1 must not be negative"),

@@ -1,5 +1,7 @@
 """The study file: every error at once, with its line."""
 
+import os
+
 import pytest
 
 import hbgear as hb
@@ -32,6 +34,13 @@ F = ["uniform",
 what = ["peaks"]
 harmonicz = 3
 """
+
+
+def test_a_pipe_or_a_device_is_no_study(tmp_path):
+    os.mkfifo(tmp_path / "pipe.toml")
+    for path in (tmp_path / "pipe.toml", "/dev/zero"):
+        with pytest.raises(StudyFileError, match="it is a pipe, a device or a socket; need a regular file"):
+            read_study(path)
 
 
 def test_a_good_file(tmp_path):
