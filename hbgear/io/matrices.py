@@ -19,6 +19,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.optional import needed
 from hbgear.common.ranges import ANY, checked
+from hbgear.io.matlab_check import check_matlab
 from hbgear.io.matlab_hdf5 import is_hdf5, read_hdf5
 from hbgear.io.matrix_market import DamagedFileError, read_matrix_market
 from hbgear.mechanics.fourier import is_listed
@@ -222,10 +223,20 @@ def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
     if suffix == ".mat":
         if Path(path).is_file() and is_hdf5(path):
             needed("h5py", "matlab", "a MATLAB file of version 7.3")
-        found = _read(path, lambda: read_hdf5(path) if is_hdf5(path) else scipy.io.loadmat(path))
+        found = _read(path, lambda: read_hdf5(path) if is_hdf5(path) else _read_matlab(path))
         return {name: value for name, value in found.items() if not name.startswith("__")}
     raise ValueError(f"'{path}' must be a .mat or .npz file; matrices in files of their own (.mtx, .npy) are given by "
                      "name, such as {'M': 'mass.mtx', 'K': 'stiffness.mtx'}")  # fmt: skip
+
+
+def _read_matlab(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Variables of a file of version 7 or before."""
+    check_matlab(path)
+    found: dict[str, Any] = scipy.io.loadmat(path)
+    for value in found.values():
+        if scipy.sparse.issparse(value) and value.format == "csc":
+            value.check_format(full_check=True)
+    return found
 
 
 def _read(path: Any, read: Any) -> Any:

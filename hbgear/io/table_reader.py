@@ -200,6 +200,7 @@ def data_table(content: bytes, name: str, kinds: Sequence[Kind], default: Sequen
     text = table_text(decoded(content, name), name)
     headings = text.headings if text.headings is not None else _in_remark(text, kinds)
     if headings is None:
+        _check_note(text.note, name, kinds)
         count = len(text.rows[0].cells)
         if not 1 < count <= len(default):
             need = f"a line of column names, such as {quoted(', '.join(kind.role for kind in kinds[:3]))}"
@@ -244,6 +245,17 @@ def _in_remark(text: TableText, kinds: Sequence[Kind]) -> tuple[str, ...] | None
     if text.remark is None or not any(named(cell, kind) is not None for cell in text.remark for kind in kinds):
         return None
     return text.remark
+
+
+def _check_note(note: str, name: str, kinds: Sequence[Kind]) -> None:
+    """Refuse a table without a line of names whose last remark has units: the columns are in other ones, perhaps."""
+    for found in re.finditer(r"\[([^\[\]]*)\]|\(([^()]*)\)", note):
+        unit = plain_unit(found[1] if found[1] is not None else found[2])
+        if unit and any(kind.unit(unit) for kind in kinds):
+            raise ValueError(
+                f"'{name}' has no line of column names, and its last remark {quoted(note)} has the unit {quoted(unit)}; "
+                "give a line with the name of every column, without a remark sign"
+            )
 
 
 def _accepted(kinds: Sequence[Kind]) -> str:

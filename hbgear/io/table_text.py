@@ -43,12 +43,14 @@ class TableText:
 
     headings : names of the columns as they are written, with their units; None without a line of names.
     rows : as many cells in each as there are headings, or as in the first row.
-    remark : without a line of names, the last remark before the rows, if it has as many cells as they.
+    remark : without a line of names, cells of the last remark before the rows, if there are as many as columns.
+    note : the whole of that remark.
     """
 
     headings: tuple[str, ...] | None
     rows: tuple[Row, ...]
     remark: tuple[str, ...] | None = None
+    note: str = ""
 
 
 def decoded(content: bytes, name: str) -> str:
@@ -116,8 +118,8 @@ def table_text(text: str, name: str) -> TableText:
     headings = _joined(named) if above == 2 else named[0] if above else None
     if above == 1 and headings is None:
         raise ValueError(f"'{name}': {_mismatch(heads[0], mark, width, body[0])}")
-    last = None if headings is not None or remark is None else _headings(remark, mark, width)
-    return TableText(headings, tuple(_alike(rows, headings, mark, name)), last)
+    note = "" if headings is not None or remark is None else remark
+    return TableText(headings, tuple(_alike(rows, headings, mark, name)), _headings(note, mark, width), note)
 
 
 def number_of_cell(text: str) -> float | None:

@@ -229,6 +229,34 @@ def test_matrix_market_files_with_other_numbers_than_their_size_needs(tmp_path, 
         hb.from_matrices({"M": np.eye(2), "K": path})
 
 
+@pytest.mark.parametrize("compressed", [False, True])
+def test_matlab_files_with_types_that_there_are_not(tmp_path, compressed):
+    """SciPy looks such a type up beyond its table, and may end the process."""
+    path = tmp_path / "a.mat"
+    values = {"M": M, "K": scipy.sparse.csc_matrix(K), "text": "a", "cell": np.array([M, "b"], dtype=object)}
+    scipy.io.savemat(path, values, do_compression=compressed)
+    np.testing.assert_array_equal(hb.from_matrices(path).M, M)
+    good, start = path.read_bytes(), 128
+    if compressed:
+        import struct
+        import zlib
+
+        size = struct.unpack("<I", good[132:136])[0]
+        inner = bytearray(zlib.decompress(good[136 : 136 + size]))
+    else:
+        inner = bytearray(good[start:])
+    at = inner.index(M.tobytes()) - 8  # the tag of the numbers of M
+    for tag in (b"\x00\x00\x00\x01", b"\xff\xff\xff\x7f", b"\x14\x00\x00\x00"):
+        wrong = bytes(inner[:at]) + tag + bytes(inner[at + 4 :])
+        if compressed:
+            packed = zlib.compress(wrong)
+            path.write_bytes(good[:128] + struct.pack("<II", 15, len(packed)) + packed + good[136 + size :])
+        else:
+            path.write_bytes(good[:128] + wrong)
+        with pytest.raises(ValueError, match="cannot be read as matrices: it is damaged"):
+            hb.from_matrices(path)
+
+
 @pytest.mark.parametrize("form", ["coo", "dense"])
 def test_matrix_market_files_of_every_symmetry(tmp_path, form):
     for A in (K, G, np.arange(9.0).reshape(3, 3)):

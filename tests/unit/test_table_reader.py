@@ -191,6 +191,17 @@ def test_headings_and_arguments_that_contradict(tmp_path):
     assert data.unit == "pinion r/min" and data.amplitude[0] == pytest.approx(1e-6)
 
 
+def test_a_remark_with_units_that_names_no_columns_is_not_passed_over(tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_text("# speed [r/min] and dte [um]\n600,1\n")
+    with pytest.raises(ValueError, match=r"last remark 'speed .* has the unit 'r/min'; give a line with the name"):
+        hb.read_measurements(path)
+    path.write_text("# of May (rig 2)\n0.6,1\n")
+    assert hb.read_measurements(path).unit == "Omega"
+    path.write_text("# n [r/min], dte [um]\n600,1\n")
+    assert hb.read_measurements(path).unit == "pinion r/min"
+
+
 def test_cells_of_numbers():
     good = {"1": 1.0, "-1.5e-3": -0.0015, "1,5": 1.5, "2.5D+2": 250.0, "\u22121": -1.0, ".5": 0.5, "5.": 5.0}
     assert {text: number_of_cell(text) for text in good} == good
