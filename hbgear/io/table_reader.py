@@ -253,8 +253,8 @@ def _check_note(note: str, name: str, kinds: Sequence[Kind]) -> None:
         unit = plain_unit(found[1] if found[1] is not None else found[2])
         if unit and any(kind.unit(unit) for kind in kinds):
             raise ValueError(
-                f"'{name}' has no line of column names, and its last remark {quoted(note)} has the unit {quoted(unit)}; "
-                "give a line with the name of every column, without a remark sign"
+                f"'{name}' has no line of column names, and its last remark {quoted(note)} has the unit {quoted(unit)}"
+                "; name every column in a line without a remark sign"
             )
 
 

@@ -117,7 +117,7 @@ def test_on_the_command_line(name, folder):
         (SEPARATE, 'M = "mass.mtx"', "", "M is missing"),
         (TOGETHER, 'K = "Stiffness"', "", "has no matrix 'K', but"),
         (TOGETHER, '"all.mat"', '"damping.mtx"', "must be a .mat or .npz file"),
-        (MEASURED, '"sc.csv"', '"all.mat"', "cannot be read as a frequency response|need rows of three numbers"),
+        (MEASURED, '"sc.csv"', '"all.mat"', "cannot be read as a table: it is no text"),
         (MEASURED, "[receptances]\n", '[receptances]\nfile = "a.uff"\n', "give file or tables, one of them"),
         (MEASURED, "[receptances]\n", "[receptances]\nquantity = 'speed'\n", "quantity"),
     ],

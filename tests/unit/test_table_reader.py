@@ -194,7 +194,7 @@ def test_headings_and_arguments_that_contradict(tmp_path):
 def test_a_remark_with_units_that_names_no_columns_is_not_passed_over(tmp_path):
     path = tmp_path / "m.csv"
     path.write_text("# speed [r/min] and dte [um]\n600,1\n")
-    with pytest.raises(ValueError, match=r"last remark 'speed .* has the unit 'r/min'; give a line with the name"):
+    with pytest.raises(ValueError, match=r"last remark 'speed .* has the unit 'r/min'; name every column in a line"):
         hb.read_measurements(path)
     path.write_text("# of May (rig 2)\n0.6,1\n")
     assert hb.read_measurements(path).unit == "Omega"
