@@ -93,3 +93,9 @@ def test_pint_waits_for_a_text_in_a_unit_that_is_not_usual():
     root = Path(hbgear.__file__).parents[1]
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root)
     assert out.stdout.split() == ["False", "False", "True"]
+
+
+@pytest.mark.parametrize("text", ["1 m/", "1 m*", "1 m//m", "3 N/ m /"])
+def test_units_that_end_in_an_operator_are_refused(text):
+    with pytest.raises(ValueError, match="must be a quantity in m with its unit"):
+        si("Gear", "module", text, "m")
