@@ -15,6 +15,7 @@ from hbgear.harmonic.modes import Parts, flexibilities, parts_of
 from hbgear.harmonic.numbers import Numbers, laws_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
 from hbgear.harmonic.sampled import SampledLaws
+from hbgear.instants.equations import Equations
 from hbgear.mechanics.fourier import Transform, places, spread, to_real
 from hbgear.mechanics.laws import Law
 from hbgear.mechanics.model import System
@@ -92,6 +93,17 @@ class Compiled:
                 structure.system, structure, self.H, self.nu, self.is_sampled, self._transform, self.reduce, self.orders
             ),
         )
+
+    @cached_property
+    def contact_equations(self) -> Equations:
+        """The equations between contact instants; see `hbgear.instants`.
+
+        Raises
+        ------
+        NotPiecewiseLinear
+            If there are none.
+        """
+        return Equations(self.system, self.nu)
 
     def parts(self, reach: float = math.inf, lumped: bool = False) -> Parts:
         """The modes as stability needs them, those above a frequency as flexibility, or lumped; see `modes`."""

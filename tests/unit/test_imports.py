@@ -13,7 +13,20 @@ import hbgear
 ROOT = Path(hbgear.__file__).parent
 
 # Each room may import those above it. Continuation and mechanics know nothing of each other.
-ROOMS = ("common", "continuation", "mechanics", "gears", "harmonic", "timedomain", "io", "design", "plot", "web", "cli")
+ROOMS = (
+    "common",
+    "continuation",
+    "mechanics",
+    "gears",
+    "instants",
+    "harmonic",
+    "timedomain",
+    "io",
+    "design",
+    "plot",
+    "web",
+    "cli",
+)
 APART = {("continuation", "mechanics"), ("mechanics", "continuation")}
 
 # Imports of higher rooms, all inside of functions: what a branch can be asked to do with files is done by io.
@@ -132,8 +145,18 @@ FILES = {
         "planetary": "excited phasing train_parts",
         "__init__": "",
     },
+    "instants": {
+        "__init__": "",
+        "equations": "",
+        "propagation": "equations",
+        "pattern": "equations",
+        "shooting": "equations pattern propagation",
+        "checking": "equations pattern propagation shooting",
+        "refine": "checking equations pattern propagation shooting",
+    },
     "harmonic": {
         "__init__": "",
+        "exact": "",
         "collocation": "",
         "crossings": "",
         "corners": "",
