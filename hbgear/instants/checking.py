@@ -62,7 +62,7 @@ def _segment(equations: EquationsAt, iterate: Iterate, i: int, duration: float) 
     for s in range(steps):
         y[s + 1] = y[s] + (growth(flow, float(tau[s]), h) if same is None else same) @ y[s]
     rows = equations.gaps(contacts.section)
-    gaps, slopes = y @ rows.T, np.array([rows @ rates(flow, float(t), one) for t, one in zip(tau, y, strict=True)])
+    gaps, slopes = y @ rows.T, rates(flow, tau, y) @ rows.T
     missed = []
     for j, level in enumerate(contacts.levels):
         breakpoints = equations.equations.breakpoints[j]

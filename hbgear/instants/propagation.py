@@ -1,7 +1,7 @@
 """Transition matrices of the flow between two instants, to rounding.
 
     Psi = 1 + Z,   Z(tau + h) = Z(tau) + sum_{k>0} h^k T_k,   T_0 = 1 + Z(tau)
-   (k + 1) T_{k+1} = A T_k + sum_s b_s sum_j kappa_s,j (r_s^T T_{k-j})
+    (k + 1) T_{k+1} = A T_k + sum_s b_s sum_j kappa_s,j (r_s^T T_{k-j})
 
 Taylor's series in steps in which it converges fast; kappa_s,j are the Taylor coefficients of a stiffness that varies.
 Where no stiffness varies it is the matrix exponential, by scaling and squaring.
@@ -76,14 +76,10 @@ def _taylor(stiffness: Phased, tau: float, h: float) -> Array:
     return series
 
 
-def rates(flow: Flow, tau: float, y: Array) -> Array:
-    """dy/dtau (N,) at a phase."""
-    out = flow.A @ y
+def rates(flow: Flow, tau: float | Array, y: Array) -> Array:
+    """dy/dtau (..., N) at phases (...) of states (..., N)."""
+    out: Array = y @ flow.A.T
     if flow.stiffness:
-        kappa = np.array([_value(x, tau) for x in flow.stiffness])
-        out = out + flow.b.T @ (kappa * (flow.r @ y))
+        kappa = np.stack([x(tau) for x in flow.stiffness], axis=-1)
+        out = out + (kappa * (y @ flow.r.T)) @ flow.b
     return out
-
-
-def _value(stiffness: Phased, tau: float) -> float:
-    return float(stiffness(np.float64(tau)))

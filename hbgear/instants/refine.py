@@ -29,6 +29,7 @@ from hbgear.instants.equations import Equations, EquationsAt
 from hbgear.instants.pattern import Inconsistent, Pattern, Switch, fixed_switches
 from hbgear.instants.propagation import growth
 from hbgear.instants.shooting import Iterate, linearise, residual_scale
+from hbgear.mechanics.fourier import evaluate
 
 _ITERATIONS = 25
 
@@ -41,6 +42,8 @@ _SHRUNK = 4  # shortened steps one after the other, all by the same segment, fro
 _CHANGES = 8  # of the order of switches
 
 _MOST = 400  # switches of a period of the excitation
+
+_COMPARED = 64  # phases at which two motions are compared
 
 _STEP = 1e-6  # relative difference of Omega
 
@@ -103,18 +106,23 @@ def refine(equations: Equations, approximation: Approximation, Omega: float, fre
     """
     at = equations.at(Omega)
     try:
-        iterate = initial(at, approximation)
-        for _ in range(_CHANGES):
-            at, iterate, vanished = _newton(at, iterate, free)
-            if vanished is not None:
-                iterate = _closed(at, iterate, vanished)
-                continue
-            samples, missed = sampled(at, iterate)
-            if not missed:
-                return _finished(at, iterate, samples, approximation)
-            iterate = _opened(at, iterate, missed)
+        at, iterate, samples = solve(at, initial(at, approximation), free)
     except Inconsistent as error:
-        raise _failure(f"the order of contacts is inconsistent: {error}", at.Omega) from error
+        raise _failure(f"the order of contacts is inconsistent: {error}", Omega) from error
+    return finished(at, iterate, samples, _distance(equations, approximation.rows, samples))
+
+
+def solve(at: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt, Iterate, Samples]:
+    """Newton's method and the changes of the order of switches that it asks for."""
+    for _ in range(_CHANGES):
+        at, iterate, vanished = _newton(at, iterate, free)
+        if vanished is not None:
+            iterate = _closed(at, iterate, vanished)
+            continue
+        samples, missed = sampled(at, iterate)
+        if not missed:
+            return at, iterate, samples
+        iterate = _opened(at, iterate, missed)
     raise _failure("the order of contacts keeps changing", at.Omega)
 
 
@@ -251,17 +259,13 @@ def _state_at(at: EquationsAt, iterate: Iterate, tau: float) -> Array:
     return x
 
 
-def _finished(at: EquationsAt, iterate: Iterate, samples: Samples, approximation: Approximation) -> ExactMotion:
+def finished(at: EquationsAt, iterate: Iterate, samples: Samples, distance: float) -> ExactMotion:
+    """The result of a converged iterate."""
     now = linearise(at, iterate)
     monodromy = now.flows[0]
     for flow in now.flows[1:]:
         monodromy = flow @ monodromy
     mu = np.linalg.eigvals(monodromy).astype(complex)
-    given = np.array([
-        at.gaps(s) @ at.extended(at.state(approximation.rows, t), t, s)
-        for t in samples.tau.tolist() for s in (at.equations.section(t),)
-    ])  # fmt: skip
-    size = float(np.ptp(samples.gaps, axis=0).max(initial=0.0)) or 1.0
     durations = iterate.durations(at.period)
     ends = [i for i in range(iterate.pattern.count) if not iterate.pattern.switches[(i + 1) % len(durations)].is_fixed]
     order = np.argsort(iterate.tau % at.period)
@@ -272,11 +276,21 @@ def _finished(at: EquationsAt, iterate: Iterate, samples: Samples, approximation
         states=iterate.x[order],
         multipliers=mu[np.argsort(-np.abs(mu), kind="stable")],
         residual=float(np.abs(now.R).max(initial=0.0)) / residual_scale(iterate),
-        distance=float(np.abs(given - samples.gaps).max(initial=0.0)) / size,
+        distance=distance,
         shortest=float(durations[ends].min()) if ends else float("inf"),
         monodromy=monodromy,
         samples=samples,
     )
+
+
+def _distance(equations: Equations, rows: Array, samples: Samples) -> float:
+    """Largest distance of the gaps from those of Fourier rows, relative to their largest way from end to end."""
+    some = slice(None, None, max(1, len(samples.tau) // _COMPARED))
+    tau, elements = samples.tau[some], equations.system.elements
+    given = evaluate(equations.system.W.T @ rows, tau / equations.nu).T
+    given -= np.stack([e.displacement(tau) for e in elements], axis=-1)
+    size = float(np.ptp(samples.gaps, axis=0).max(initial=0.0)) or 1.0
+    return float(np.abs(given - samples.gaps[some]).max(initial=0.0)) / size
 
 
 def _failure(reason: str, Omega: float) -> NoConvergence:
