@@ -218,15 +218,12 @@ def _closed(at: EquationsAt, iterate: Iterate, i: int) -> Iterate:
         return Iterate(pattern.without(i), iterate.tau[kept], iterate.x[kept])
     if pattern.switches[i].element == pattern.switches[j].element or j == 0:
         raise _failure("two contact instants of an element meet", at.Omega)
-    tau = iterate.tau.copy()
-    tau[[i, j]] = tau[[j, i]]
-    x = iterate.x.copy()
-    x[[i, j]] = x[[j, i]]
-    if pattern.switches[i].is_fixed or pattern.switches[j].is_fixed:
-        fixed = tau[j if pattern.switches[i].is_fixed else i]
-        other = 2 * fixed - iterate.tau[j if pattern.switches[j].is_fixed is False else i]
-        tau[i], tau[j] = (other, fixed) if pattern.switches[i].is_fixed else (fixed, other)
-    return Iterate(pattern.swapped(i), tau, x)
+    tau, width = iterate.tau.copy(), float(iterate.tau[j] - iterate.tau[i])
+    if pattern.switches[i].is_fixed:
+        tau[[i, j]] -= width
+    elif pattern.switches[j].is_fixed:
+        tau[[i, j]] += width
+    return Iterate(pattern.swapped(i), tau, iterate.x)
 
 
 def _opened(at: EquationsAt, iterate: Iterate, missed: list[Missed]) -> Iterate:
