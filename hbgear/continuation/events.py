@@ -166,6 +166,13 @@ class Event:
 
         return [root(segment, self, test)] if test(segment.a) * test(segment.b) < 0 else []
 
+    def ahead(self, segment: Segment) -> Found | None:
+        """The special point a little beyond the end of the last segment of a curve that ends there; None by default.
+
+        Equations that are not smooth at the point can keep every step from reaching it.
+        """
+        return None
+
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         """The event as a problem of its own, to be followed in a second parameter; None if it is no equation.
 
@@ -362,6 +369,11 @@ class Watch:
     def find(self, segment: Segment) -> list[Found]:
         """All special points between the two rows of a segment, in the order in which the curve meets them."""
         return sorted((found for event in self.passing for found in event.find(segment)), key=lambda found: found.s)
+
+    def ahead(self, segment: Segment) -> Found | None:
+        """The first special point a little beyond a segment, of the events that can tell."""
+        found = [one for event in self.passing if (one := event.ahead(segment)) is not None]
+        return min(found, key=lambda one: one.s, default=None)
 
     def ends(self, segment: Segment) -> Found | None:
         """The first terminal event on a segment."""

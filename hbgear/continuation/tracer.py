@@ -480,7 +480,8 @@ class _Tracer:
             path, far = self._to_infinity(path)
             if len(path) == 1:
                 status = Status.RETRACED if reason == _BACK else Status.STEP_TOO_SMALL
-                return status, f"{reason} at {self.name} = {self.rows[-1].value:.6g}; the shortest step was tried"
+                where = f"{reason} at {self.name} = {self.rows[-1].value:.6g}; the shortest step was tried"
+                return status, where + self._corner_ahead()
             ended = self._through(path)
             if ended is not None:
                 if self.stop is None:
@@ -493,6 +494,19 @@ class _Tracer:
             self.top = max(self.top, float(sizes.max()))
             self.scale = self._scale(self.rows[-1].X)
             self._adapt()
+
+    def _corner_ahead(self) -> str:
+        """Go on to the special point that no step reaches, if there is one just beyond the last row; what it is."""
+        if len(self.rows) < 2 or not self.watch.passing:
+            return ""
+        self._settle()
+        arc = self._arc(self._as_now(self.rows[-2]), self.rows[-1])
+        point = self.watch.ahead(arc)
+        if point is None:
+            return ""
+        (self.stop,) = self._assessed(arc, [point])
+        self.rows += [self.stop.row]
+        return f". It turns sharply at {self.name} = {point.value:.9g}, {point.event.meaning} ({point.note})"
 
     def _through(self, path: Rows) -> tuple[Status, str] | None:
         """Go on to new rows, those at which nothing can end together; status and message if the curve ends there.

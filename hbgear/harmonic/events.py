@@ -269,6 +269,9 @@ _SHIFT = 5e-3  # scaled length by which the multipliers of a truncated motion ma
 _DOUBLE = 1e-6  # distance at which two multipliers on the unit circle are one
 
 
+_AHEAD = 4.0  # lengths of the last segment within which a contact may lie beyond it
+
+
 class GrazingContact(Event):
     """An extremum of an element passes a corner of its law; elements that graze together are one point."""
 
@@ -313,6 +316,29 @@ class GrazingContact(Event):
             return newton(segment, self, extended, before / (before - after), note)
         except (NoConvergence, np.linalg.LinAlgError):
             return root(segment, self, test, note)
+
+    def ahead(self, segment: Segment) -> Found | None:
+        """The contact that the clearances at both ends approach, by Newton from the end of the segment."""
+        both = _of_rows((segment.a, segment.b), "clearance")
+        if both is None:
+            return None
+        before, after = both
+        with np.errstate(divide="ignore", invalid="ignore"):
+            lengths = np.where(before * after > 0, after / (before - after), np.inf)
+        lengths[~(lengths > 0)] = np.inf
+        which = int(np.argmin(lengths)) if lengths.size else 0
+        if not lengths.size or lengths[which] > _AHEAD:
+            return None
+        problem: Any = segment.problem
+        extended = Grazing(problem, segment.name, which)
+        try:
+            u = extended.located(segment.b.u, {**segment.parameters, segment.name: segment.b.value}).X
+        except (NoConvergence, np.linalg.LinAlgError):
+            return None
+        s = segment.place(u)
+        far = np.linalg.norm((u - segment.b.u) / segment.scale) > 2 * _AHEAD * segment.length
+        row = replace(singular(segment, u, segment.b), heading=segment.b.heading)
+        return None if far or s <= 1 else Found(self, s, row, True, problem.clearance_names[which])
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         names = list(problem.clearance_names)
