@@ -82,13 +82,18 @@ _CURVES = 8  # most that are looked for
 _NOTHING = (NoConvergence, np.linalg.LinAlgError, ValueError)  # found there, or the model refuses the value
 
 
-def find_rest(first: Branch, others: list[Branch], span: tuple[float, float], search: Search) -> None:
-    """Add the curves that cover what a branch leaves of its span to ``others``, each as soon as it is whole."""
+def find_rest(
+    first: Branch, others: list[Branch], span: tuple[float, float], search: Search, inside: bool = True
+) -> None:
+    """Add the curves that cover what a branch leaves of its span to ``others``, each as soon as it is whole.
+
+    inside : whether solutions are also searched for away from the ends of the span.
+    """
     if any(low <= span[1] <= high for low, high in gaps([first], span)):
         with suppress(*_NOTHING):
             others += [search.follow(span[::-1], None, False)]
     tried: set[tuple[float, bytes]] = set()
-    while len(others) < _CURVES and (missing := gaps([first, *others], span)):
+    while inside and len(others) < _CURVES and (missing := gaps([first, *others], span)):
         guess = next((g for g in _guesses([first, *others], missing) if _key(g) not in tried), None)
         if guess is None:
             return
@@ -145,8 +150,11 @@ def both_ways(start: Departure, span: tuple[float, float], follow: Follow, setti
     return made if settings is None else replace(made, jump_records=find_jumps(made, settings))
 
 
-def told(first: Branch, others: Sequence[Branch], span: tuple[float, float]) -> str:
-    """What there is to say of a span that a branch leaves something of; nothing if it leaves nothing."""
+def told(first: Branch, others: Sequence[Branch], span: tuple[float, float], inside: bool = True) -> str:
+    """What there is to say of a span that a branch leaves something of; nothing if it leaves nothing.
+
+    inside : as of `find_rest`.
+    """
     missing = gaps([first, *others], span)
     words = []
     if others:
@@ -154,5 +162,5 @@ def told(first: Branch, others: Sequence[Branch], span: tuple[float, float]) -> 
         words.append(f"{count} {'more' if missing else 'the rest'} of the span")
     if missing:
         ranges = " and ".join(f"{low:.6g} to {high:.6g}" for low, high in missing)
-        words.append(f"no curve was found from {first.parameter} = {ranges}")
+        words.append(f"no curve was {'found' if inside else 'searched for'} from {first.parameter} = {ranges}")
     return "; ".join(words)

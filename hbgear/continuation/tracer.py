@@ -217,6 +217,8 @@ class _Tracer:
         self.stop: Found | None = None  # the terminal event the trace stopped at
         # a problem that changes its unknowns from row to row is looked at row by row
         self.together = 1 if problem.changes else problem.at_once  # rows observed at once
+        # whether it ended before a point where it is not smooth: beyond it, solutions take minutes and are not resolved
+        self.cornered = False
         self.turned = False  # whether the curve has changed its heading
         self.path, self.kept = np.empty((0, 0)), 0  # u of the first rows, and how many of them; see _earlier
         self.ending = Ending()
@@ -436,8 +438,8 @@ class _Tracer:
         if not self.cover or self.made is None or self.ending.error or self.ending.status not in UNCOVERED:
             return
         search = Search(self._followed, self._departure, self.settings if self.special else None)
-        find_rest(self.made, self.others, (self.a, self.b), search)
-        self.remark = told(self.made, self.others, (self.a, self.b))
+        find_rest(self.made, self.others, (self.a, self.b), search, inside=not self.cornered)
+        self.remark = told(self.made, self.others, (self.a, self.b), inside=not self.cornered)
 
     def _followed(self, span: tuple[float, float], start: Departure | None, rough: bool) -> Branch:
         """Another curve of the span; what interrupts it interrupts this one."""
@@ -504,6 +506,7 @@ class _Tracer:
         point = self.watch.ahead(arc)
         if point is None:
             return ""
+        self.cornered = True
         (self.stop,) = self._assessed(arc, [point])
         self.rows += [self.stop.row]
         return f". It turns sharply at {self.name} = {point.value:.9g}, {point.event.meaning} ({point.note})"
