@@ -14,7 +14,8 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 PACKAGE = HERE.parent / "hbgear"
-ROOMS = ("common", "continuation", "mechanics", "gears", "harmonic", "timedomain", "io", "design", "plot", "web", "cli")
+ROOMS = ("common", "continuation", "mechanics", "gears", "instants", "harmonic", "timedomain", "io", "design", "plot",
+         "web", "cli")  # fmt: skip
 """From the ground up."""
 
 CELL, LEFT, TOP = 34, 110, 96
