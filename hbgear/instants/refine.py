@@ -43,6 +43,10 @@ _CHANGES = 8  # of the order of switches
 
 _MOST = 400  # switches of a period of the excitation
 
+_NARROWEST = 1e-8  # duration of a new contact, over the period, at least
+
+_EMPTY = 1e-14  # duration, over the period, that is rounding
+
 _COMPARED = 64  # phases at which two motions are compared
 
 _STEP = 1e-6  # relative difference of Omega
@@ -61,7 +65,7 @@ class ExactMotion:
     multipliers : (r,) complex, largest modulus first.
     residual : of the equations, relative to the states.
     distance : largest distance of the gaps from the motion that it was computed from, relative to their largest
-        alternating part.
+        way from end to end. Far from zero it is another motion of the same system: the caller must compare.
     shortest : duration (phase) of the shortest segment that ends with a contact instant; inf without contact.
     monodromy : (r, r).
     """
@@ -150,6 +154,9 @@ def _newton(at: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt,
     """A solution with the switches as they are, or the number of a segment that vanishes."""
     vanishing, times = -1, 0
     for _ in range(_ITERATIONS):
+        empty = _empty(at, iterate)
+        if empty is not None:
+            return at, iterate, empty
         now = linearise(at, iterate)
         step, dOmega = _step(at, iterate, now.R, now.J, free)
         share, segment = _shortened(at, iterate, step)
@@ -173,6 +180,15 @@ def _newton(at: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt,
         + ("" if free else ": there may be no motion at this Omega (beside a fold)"),
         at.Omega,
     )
+
+
+def _empty(at: EquationsAt, iterate: Iterate) -> int | None:
+    """A contact without duration, whose equation would be divided by zero."""
+    switches, durations = iterate.pattern.switches, iterate.durations(at.period)
+    for i in np.flatnonzero(durations <= _EMPTY * at.period).tolist():
+        if switches[i].opposite(switches[(i + 1) % len(switches)]):
+            return int(i)
+    return None
 
 
 def _step(at: EquationsAt, iterate: Iterate, R: Array, J: Array, free: bool) -> tuple[Array, float]:
@@ -232,6 +248,7 @@ def _opened(at: EquationsAt, iterate: Iterate, missed: list[Missed]) -> Iterate:
     events = [(float(t), s, x) for t, s, x in zip(iterate.tau, pattern.switches, iterate.x, strict=True)]
     artificial = pattern.count == 1 and pattern.switches[0].is_fixed and not fixed_switches(at.equations)
     for begin, end, first in missed:
+        end = max(end, begin + _NARROWEST * period)
         back = Switch(first.element, first.corner, -first.sign)
         for t, switch in ((begin, first), (end, back)):
             events.append((t, switch, _state_at(at, iterate, t)))

@@ -292,13 +292,13 @@ def test_special_points_of_hard_stops(kind, k, c, F, Omega, instants, velocities
     np.testing.assert_allclose(found.tau, instants, atol=1e-8)
 
 
-@pytest.mark.parametrize("clearance", [-1e-3, 1e-3])
-def test_crossings_that_are_missing_or_too_many_are_corrected(clearance):
+@pytest.mark.parametrize("clearance, half", [(-1e-3, 0.05), (1e-3, 0.05), (1e-3, 0.0)])
+def test_crossings_that_are_missing_or_too_many_are_corrected(clearance, half):
     """A motion that ends a little beyond a stop or before it, started without or with a contact."""
     Omega, free = 0.7, 0.3 / (1 - 0.7**2 + 1j * 0.1 * 0.7)
     model = stop(20.0, 0.1, 0.3, gap=abs(free) * (1 + clearance))
     rows, top = np.array([[0.0, free.real, -free.imag]]), -np.angle(free)
-    contact = [(top - 0.05, 0, 0, 1), (top + 0.05, 0, 0, -1)]
+    contact = [(top - half, 0, 0, 1), (top + half, 0, 0, -1)]
     found = refine(Equations(model), Approximation(rows, contact if clearance > 0 else []), Omega)
     assert found.residual < 1e-12
     if clearance > 0:
