@@ -35,8 +35,8 @@ def refine_motion(problem: Any, X: Array, parameters: Mapping[str, float]) -> Ex
     >>> stop = hb.Element([1.0], hb.Unilateral(k=20.0, gap=0.5))
     >>> model = hb.System([[1.0]], [[0.1]], [[1.0]], [stop], hb.Load(cosine={1: [0.3]}))
     >>> problem = hb.HarmonicBalance(model, 16)
-    >>> exact = refine_motion(problem, problem.start(Omega=1.5), {"Omega": 1.5})
-    >>> len(exact.instants), exact.residual < 1e-10, exact.distance < 1e-2
+    >>> exact = refine_motion(problem, problem.start(Omega=1.0), {"Omega": 1.0})
+    >>> len(exact.instants), bool(exact.residual < 1e-10), bool(exact.distance < 1e-2)
     (2, True, True)
     """
     return _refined(problem, X, parameters, free=False)
