@@ -50,6 +50,7 @@ class Status(StrEnum):
     CLOSED = "closed"
     MERGED = "merged"
     EVENT = "event"
+    ARBITRARY = "arbitrary"
     RETRACED = "retraced"
     MAX_POINTS = "max_points"
     STEP_TOO_SMALL = "step_too_small"
@@ -60,7 +61,8 @@ class Status(StrEnum):
     def complete(self) -> bool:
         """Whether the curve was followed as far as it goes within the span."""
         return self in (
-            Status.REACHED_END, Status.LEFT_SPAN, Status.UNBOUNDED, Status.CLOSED, Status.MERGED, Status.EVENT
+            Status.REACHED_END, Status.LEFT_SPAN, Status.UNBOUNDED, Status.CLOSED, Status.MERGED, Status.EVENT,
+            Status.ARBITRARY,
         )  # fmt: skip
 
     @property
@@ -76,6 +78,8 @@ _ADVICE = {
     Status.UNBOUNDED: "nothing to do: the curve goes on without end, and nears the value that is told",
     Status.MERGED: "nothing to do: the branch ended on the one it came from",
     Status.EVENT: "nothing to do: a terminal event was reached; go on from its point to trace further",
+    Status.ARBITRARY: "something of the solutions is arbitrary, as the message says, and was chosen: load the system, "
+    "or hold what is free",
     Status.CLOSED: "nothing to do: the curve closed on itself",
     Status.RETRACED: "allow shorter steps or a smaller turning angle: "
     "steps=hb.StepControl(longest=..., max_turn_deg=...)",
@@ -502,6 +506,11 @@ class Branch:
             low, high = self.values[undecided].min(), self.values[undecided].max()
             where = f"= {low:.6g}" if low == high else f"from {low:.6g} to {high:.6g}"
             out.append(f"stability undecided at {undecided.size} points with {self.parameter} {where}")
+        if self.stable is not None and len(self) and "stable" not in self.verdicts and "unstable" in self.verdicts:
+            out.append(
+                "no point of the curve is stable: a machine does not stay on it; trace from another start, or look for "
+                "other curves with hb.trace_all"
+            )
         if self.relative_error > _ROUGH:
             at = self.values[int(np.nanargmax(self.error))]
             out.append(f"motions are known to {self.relative_error:.0e} only, at {self.parameter} = {at:.6g}")

@@ -279,6 +279,14 @@ class Receding(Protocol):
 
 
 @runtime_checkable
+class Undetermined(Protocol):
+    """Knows solutions of which something is arbitrary."""
+
+    def arbitrary(self, X: Array, parameters: Mapping[str, float]) -> tuple[Any, str] | None:
+        """Equations that choose one of the solutions around X, and what to say of them; None if X is the only one."""
+
+
+@runtime_checkable
 class Extended(Protocol):
     """Has parameters among its unknowns, and equations that are stated relative to a point nearby."""
 
@@ -320,7 +328,8 @@ class Described(Protocol):
 
 ABILITIES = (
     Problem, Linearised, Pursued, Costly, Curved, Started, Parametrised, Checked, Confined, Sized, Rough, Readable,
-    Observed, Eventful, Remeshed, Refinable, Deciding, Receding, Extended, Finished, Described,
+    Observed, Eventful, Remeshed, Refinable, Deciding, Receding, Undetermined, Extended,
+    Finished, Described,
 )  # fmt: skip
 
 
@@ -493,6 +502,10 @@ class FullProblem:
 
     def recession(self, X: Array, parameters: Mapping[str, float]) -> FullProblem | None:
         """`Receding.recession`: not known."""
+        return None
+
+    def arbitrary(self, X: Array, parameters: Mapping[str, float]) -> tuple[Any, str] | None:
+        """`Undetermined.arbitrary`: nothing is."""
         return None
 
     def split(self, X: Array) -> tuple[Array, dict[str, float]]:

@@ -87,7 +87,8 @@ def normal_of(direction: Array, scale: Array) -> Array:
 class Segment:
     """The curve between two neighbouring rows a and b: cubic Hermite guess, corrected across the chord.
 
-    ``at(s)`` returns the row at the fraction s of the chord, 0 at a and 1 at b.
+    ``at(s)`` returns the row at the fraction s of the chord, 0 at a and 1 at b. Two special points can lie at one place,
+    and the segment between them has no length: then ``at`` returns a.
     """
 
     problem: FullProblem
@@ -124,6 +125,8 @@ class Segment:
         NoConvergence
             If the corrector fails there.
         """
+        if self.length == 0.0:
+            return self.a
         normal = normal_of(self.b.u - self.a.u, self.scale)
         u = self.guess(s)
         # put the guess on the plane at exactly the fraction s of the chord
@@ -138,7 +141,9 @@ class Segment:
         return replace(self, a=a, b=b)
 
     def place(self, u: Array) -> float:
-        """The fraction of the chord at which u lies beside it."""
+        """The fraction of the chord at which u lies beside it; 0 if the segment has no length."""
+        if self.length == 0.0:
+            return 0.0
         chord = (self.b.u - self.a.u) / self.scale
         return float(chord @ ((u - self.a.u) / self.scale) / (chord @ chord))
 

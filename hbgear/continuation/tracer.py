@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
@@ -141,11 +142,14 @@ def trace(
     asked = full = as_problem(problem)
     anew = nowhere = ""
     while True:
+        follow = partial(
+            _Tracer, parameter=parameter, at=at, steps=steps, settings=settings, stability=stability, special=special,
+            events=events, progress=progress, accuracy=accuracy,
+        )  # fmt: skip
         try:
-            tracer = _Tracer(
-                full, parameter, span, start, at, steps, settings, stability, special, events, progress,
-                cover and start is None, accuracy, asked=asked,
-            )  # fmt: skip
+            tracer = follow(full, span=span, start=start, cover=cover and start is None, asked=asked)
+        except _Arbitrary as found:
+            return _chosen(found, follow, full, span, cover)
         except NoConvergence:
             if nowhere or start is not None or not cover:
                 raise
@@ -160,6 +164,22 @@ def trace(
         if not anew and not nowhere:
             return branch
         return replace(branch, message="; ".join(text for text in (branch.message, anew, nowhere) if text))
+
+
+def _chosen(
+    found: _Arbitrary, follow: Callable[..., _Tracer], problem: FullProblem, span: tuple[float, float], cover: bool
+) -> Branch:
+    """The curve of one of the solutions of which something is arbitrary, and another where nothing is any more."""
+    curve = follow(found.problem, span=span, start=found.X).run()
+    text = f"{found.words}; {curve.message}"
+    if not curve.status.complete:
+        return replace(curve, message=text)
+    others: tuple[Branch, ...] = ()
+    if curve.status is Status.EVENT and cover:
+        with suppress(NoConvergence):
+            others = (follow(problem, span=(span[1], float(curve.values[-1])), start=None).run(),)
+    left = told(curve, others, span) if cover else ""
+    return replace(curve, status=Status.ARBITRARY, message="; ".join(filter(None, (text, left))), others=others)
 
 
 _ROUGH = 0.05  # error of a solution, relative to its size, above which a curve of it is only a sketch
@@ -179,7 +199,7 @@ class _Tracer:
     ) -> None:  # fmt: skip
         # asked : the problem with as many unknowns as were asked for, in which solutions are looked for at less cost
         self.another = partial(  # curve of the span
-            _Tracer, problem, parameter, at=at, steps=steps, settings=settings, stability=stability, special=special,
+            _Tracer, parameter=parameter, at=at, steps=steps, settings=settings, stability=stability, special=special,
             events=events, progress=progress, accuracy=accuracy, asked=asked,
         )  # fmt: skip
         if accuracy is not None:
@@ -269,6 +289,9 @@ class _Tracer:
         _check_start(problem, X)
         self.problem = problem = problem.based(X, {**self.fixed, self.name: value})
         solution = solve(problem, X, {**self.fixed, self.name: value}, self.name, self.settings)
+        loose = problem.arbitrary(solution.X, {**self.fixed, self.name: value}) if start is None else None
+        if loose is not None:
+            raise _Arbitrary(solution.X, {**self.fixed, self.name: value}, *loose)
         self.top = self._motion_size(solution.X)
         self.scale = self._scale(solution.X)
         normal = np.zeros(len(solution.X) + 1)
@@ -440,12 +463,22 @@ class _Tracer:
         search = Search(self._followed, self._departure, self.settings if self.special else None)
         find_rest(self.made, self.others, (self.a, self.b), search, inside=not self.cornered)
         self.remark = told(self.made, self.others, (self.a, self.b), inside=not self.cornered)
+        near = _AT_ITS_END * abs(self.b - self.a)
+        for other in self.others if self.ending.status is Status.STEP_TOO_SMALL else ():
+            if other.status is Status.ARBITRARY and abs(other.values[-1] - self.rows[-1].value) <= near:
+                self.ending.reached(Status.ARBITRARY, f"{other.message}; this curve ends there")
 
     def _followed(self, span: tuple[float, float], start: Departure | None, rough: bool) -> Branch:
         """Another curve of the span; what interrupts it interrupts this one."""
         least: dict[str, Any] = {"stability": False, "special": False, "events": ()} if rough else {}
-        other = self.another(span=span, start=start, strict=self.strict, **least)
+        words = ""
+        try:
+            other = self.another(self.original, span=span, start=start, strict=self.strict, **least)
+        except _Arbitrary as found:
+            other, words = self.another(found.problem, span=span, start=found.X, **least), found.words
         branch = other.traced()
+        if words and branch.status.complete:
+            branch = replace(branch, status=Status.ARBITRARY, message=f"{words}; {branch.message}")
         if isinstance(other.ending.error, KeyboardInterrupt | _InProgress):
             self.others += [branch]
             raise other.ending.error
@@ -1036,6 +1069,14 @@ class _Tracer:
         return self.path[: count - 3]
 
 
+class _Arbitrary(NoConvergence):
+    """The first solution is one of a continuum; the problem chooses one of them, and words say what is arbitrary."""
+
+    def __init__(self, X: Array, parameters: Mapping[str, float], problem: FullProblem, words: str) -> None:
+        super().__init__(words, X, parameters, [])
+        self.problem, self.words = problem, words
+
+
 class _Sketch(BaseException):
     """Solutions are too rough for the curve to be worth its end: no error, and no stage of a trace goes on after it."""
 
@@ -1056,6 +1097,9 @@ class _InProgress(Exception):
         self.given.branch = branch  # type: ignore[attr-defined]
         self.given.add_note(f"what was traced until then ({len(branch)} points) is this exception's attribute branch")
         return self.given
+
+
+_AT_ITS_END = 1e-3  # share of the span between the ends of a curve and of one on which something is arbitrary
 
 
 _LOOKS = 4  # times that the parts of a piece are looked at once more for what they hide

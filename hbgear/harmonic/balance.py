@@ -17,6 +17,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -45,10 +46,11 @@ from hbgear.harmonic.nearby import Neighbourhood
 from hbgear.harmonic.numbers import Numbers
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.orders import Selection, excited, selection_of
+from hbgear.harmonic.pinned import ARBITRARY, FirstContact, Pins, pins_of
 from hbgear.harmonic.realbasis import derivative
 from hbgear.harmonic.receptance import MODAL_LIMIT, Structure
 from hbgear.harmonic.spinning import Spinning
-from hbgear.harmonic.starts import from_elsewhere, guesses
+from hbgear.harmonic.starts import from_damped, from_elsewhere, guesses
 from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, of_truncation, tell
 from hbgear.mechanics.fourier import (
     Transform,
@@ -63,6 +65,7 @@ from hbgear.mechanics.fourier import (
 from hbgear.mechanics.model import Model, System, describe
 from hbgear.mechanics.recession import Receded, longest, receded
 from hbgear.mechanics.reduction import Reduction, reduced_within
+from hbgear.mechanics.references import references
 
 _UNKNOWNS = 4_000  # of the dense Jacobians, several of which are held at once
 
@@ -184,6 +187,7 @@ class HarmonicBalance(FullProblem):
         self._structures: Recent[Structure] = Recent(6)
         self._models: Recent[Model] = Recent(6)
         self._own = model.parameters | model.entries
+        self.pins: Pins | None = None  # of motions whose position in the gap is arbitrary
         self._served: float | None = None  # Omega up to which a reduced structure stands for a large one
         self._prepare(samples)
         self._warn_truncated(system)
@@ -241,6 +245,11 @@ class HarmonicBalance(FullProblem):
     def size(self) -> int:  # type: ignore[override]
         """Number of unknowns m (2H + 1), or that of the orders for H."""
         return self.m * (2 * len(self.orders) - 1)
+
+    @property
+    def means(self) -> np.ndarray:
+        """Numbers (m,) of the unknowns that are the means of the elements."""
+        return np.arange(self.m) * (self.size // self.m)
 
     def rows(self, X: Array) -> Array:
         """Rows (..., m, 2H + 1) of all harmonics of unknowns (..., n)."""
@@ -404,7 +413,7 @@ class HarmonicBalance(FullProblem):
         if not observed:
             return branch
         clearances = [seen["clearance"] for seen in observed if "clearance" in seen]
-        if branch.parameter == "Omega" and branch.status.complete:
+        if branch.parameter == "Omega" and branch.status.complete and self.pins is None:
             of_gaps(self.clearance_names, np.array(clearances))
         return self._with_reduction(branch)
 
@@ -421,7 +430,20 @@ class HarmonicBalance(FullProblem):
 
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonic branches."""
-        return motion_events(self.nu)
+        return motion_events(self.nu) if self.pins is None else (FirstContact(),)
+
+    def arbitrary(self, X: Array, parameters: Mapping[str, float]) -> tuple[HarmonicBalance, str] | None:
+        """The balance with springs that pin a motion without contact, and what to say of it; None if it is determined.
+
+        See `hbgear.harmonic.pinned`.
+        """
+        pins = pins_of(self, X, parameters) if self.pins is None else None
+        if pins is None:
+            return None
+        out = copy.copy(self)
+        out.pins = pins
+        out._prepare(self.N)
+        return out, ARBITRARY
 
     @checked_arguments()
     def with_order(self, nu: int, harmonics: int | None = None) -> HarmonicBalance:
@@ -722,7 +744,7 @@ class HarmonicBalance(FullProblem):
             return Spinning(system)
         if system.receptances is not None:
             return Measuring(system)
-        fresh = tuple(np.array([e.law.reference, e.damping]).tobytes() for e in system.elements)
+        fresh = references(system).tobytes(), np.array([e.damping for e in system.elements]).tobytes()
         dense = [A for A in (system.M, system.C, system.K) if isinstance(A, np.ndarray)]
         make = Structure if self._around is None else self._around.of
         if len(dense) < 3:
@@ -744,6 +766,9 @@ class HarmonicBalance(FullProblem):
         (`hbgear.continuation.differences`).
         """
         R, J, dR, size = self.compiled(parameters).linearise(X, float(parameters["Omega"]))
+        if self.pins is not None:
+            R[self.means] += self.pins.matrix @ (X[self.means] - self.pins.centre)
+            J[np.ix_(self.means, self.means)] += self.pins.matrix
         if name != "Omega":
             dR = self.moved(X, name, parameters) if name else np.zeros(len(R))
         return Evaluation(R, J, dR, size)
@@ -804,7 +829,8 @@ class HarmonicBalance(FullProblem):
     def _looped(self, name: str, parameters: Mapping[str, float]) -> Numbers | None:
         """What compiled loops along curves in a parameter need of the model; None where they cannot be used."""
         compiled = self.compiled(dict(parameters))
-        return compiled.numbers if name == "Omega" and compiled.whole and self.size <= _LOOPED else None
+        known = name == "Omega" and compiled.whole and self.pins is None
+        return compiled.numbers if known and self.size <= _LOOPED else None
 
     @checked_arguments()
     def residual(self, X: Array, **parameters: float) -> Array:
@@ -816,9 +842,10 @@ class HarmonicBalance(FullProblem):
 
     @checked_arguments()
     def start(self, Omega: float, **parameters: float) -> Array:  # type: ignore[override]
-        """A periodic motion at Omega, found from the static state and the linear response about it.
+        """A periodic motion at Omega, found from the state of rest and the linear response about it.
 
-        Where that fails, one found at another frequency is followed to this one.
+        Where that fails, from other static states, along a path on which dampers that hold the elements are taken away,
+        and from a motion at another frequency that is followed to this one.
 
         Raises
         ------
@@ -828,13 +855,17 @@ class HarmonicBalance(FullProblem):
         checked("start", "Omega", Omega, _FREQUENCIES)
         here = {name: float(value) for name, value in (parameters | {"Omega": Omega}).items()}
         failure: NoConvergence | None = None
-        for method in (solve, solve_from_afar):
-            for guess in guesses(self.compiled(here), here["Omega"]):
-                try:
-                    return method(self, guess, here).X
-                except NoConvergence as error:
-                    failure = failure or error
+        for guess in guesses(self.compiled(here), here["Omega"]):
+            try:
+                return solve(self, guess, here).X
+            except NoConvergence as error:
+                failure = failure or error
         assert failure is not None
+        with suppress(NoConvergence):
+            return from_damped(self, here).X
+        for guess in guesses(self.compiled(here), here["Omega"]):
+            with suppress(NoConvergence):
+                return solve_from_afar(self, guess, here).X
         X = from_elsewhere(self, here)
         if X is None:
             raise failure

@@ -38,6 +38,7 @@ from hbgear.continuation.algebra import norm
 from hbgear.harmonic.numbers import Linear, in_two
 from hbgear.mechanics.fourier import stretch, to_complex
 from hbgear.mechanics.model import System
+from hbgear.mechanics.references import references
 
 MODAL_LIMIT = 1500
 """Above this many coordinates the receptance is solved for directly instead of by eigen-decomposition."""
@@ -62,6 +63,15 @@ _MIXED = 1e-13  # share of the damping that couples modes that is rounding
 
 
 _DEPENDENT = 1e-9  # part of a direction that others leave over and that is rounding
+
+
+_CLOSURES = (
+    (1.0, 0.0, 1e-10), (1.37, 0.0, 1e-10), (0.61, 0.0, 1e-10), (1.0, 0.0, _FREE), (1.37, 0.0, _FREE), (1.0, 1e-10, _FREE)
+)  # fmt: skip
+"""Factors of the reference springs, disturbances, and singular values that count as zero, in the order of trial."""
+
+
+_FELT = 1e-5  # share of a free motion that an element measures and that is no rounding of it
 
 
 _ILL = 1e8  # condition of the eigenvectors above which receptances are solved for directly
@@ -139,11 +149,14 @@ def _ties_of(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
     return np.array(own), joint, ties
 
 
-def _null_space(A: Array) -> Array:
-    """Orthonormal basis of the null space of a matrix whose rows and columns are already scaled."""
+def _null_space(A: Array, least: float | None = None) -> Array:
+    """Orthonormal basis of the null space of a matrix whose rows and columns are already scaled.
+
+    least : the largest singular value that counts as zero; by default that of a free motion.
+    """
     _, s, vt = np.linalg.svd(A)
     largest = s.max(initial=0.0)
-    rank = int(np.sum(s > _FREE * largest)) if largest > 0 else 0
+    rank = int(np.sum(s > (_FREE * largest if least is None else least))) if largest > 0 else 0
     null: Array = vt[rank:].T
     return null
 
@@ -180,7 +193,7 @@ class Structure:
         self.system = system
         self.n, self.m = system.n, len(system.elements)
         self.W = system.W
-        self.kr = np.array([e.law.reference for e in system.elements])
+        self.kr = references(system)
         self.c = np.array([e.damping for e in system.elements])
         self.own, self.joint, self.ties = _ties_of(self.W, self.kr)
         self.free = self.free_left = np.zeros((self.n, 0))
@@ -203,25 +216,53 @@ class Structure:
     def _close(self, system: System) -> None:
         """Close the structure by the reference springs and decompose it.
 
-        With some springs two poles meet and their modes become one; other springs give other poles and the same
-        receptance in the end, so they are tried. What no spring changes is parted by a disturbance of 1e-10.
+        With some springs two poles meet and their modes become one, or K is negative and a spring makes it zero; other
+        springs give other poles and the same receptance in the end, so they are tried. What no spring changes is parted
+        by a disturbance of 1e-10.
         """
         references = self.kr
         modes = self._unmixed(system) if self.n > _SOME else None
         if modes is not None:
             self.modes, self.parted = modes, False
             return
-        for factor, part in ((1.0, 0.0), (1.37, 0.0), (0.61, 0.0), (1.0, 1e-10)):
+        for factor, part, near in _CLOSURES:
             self.kr = factor * references
             self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
+            if self._frees(system, near):
+                continue
             self.free = self._null(self.K)
             self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
             self.check_balance(system)
             modes = self._decompose(part)
             if modes.condition < _ILL:
                 break
-        assert modes is not None
+        if modes is None:  # no reference spring holds it: the laws have no stiffness
+            raise ValueError(self._describe_loose())
         self.modes, self.parted = modes, part > 0
+
+    def _frees(self, system: System, near: float) -> bool:
+        """Whether the reference springs free a motion that elements measure, K r = -W kr W^T r, as no rigid body can.
+
+        near : singular value of K, over the size of the terms that it is the sum of, that counts as zero.
+        """
+        s, W = self._scale, np.abs(self.W)
+        terms = (np.abs(dense(system.K)) + (W * self.kr) @ W.T) * np.outer(s, s)
+        least = near * float(terms.sum(axis=1).max())
+        for K in (self.K,) if np.array_equal(self.K, self.K.T) else (self.K, self.K.T):
+            self.free = s[:, None] * _null_space(K * np.outer(s, s), least)
+            felt = np.abs(self.W.T @ self.free)
+            if (felt > _FELT * (W.T @ np.abs(self.free))).any():
+                return True
+        return False
+
+    def _describe_loose(self) -> str:
+        felt = np.abs(self.W.T @ self.free)
+        element, motion = np.unravel_index(int(np.argmax(felt)), felt.shape)
+        return (
+            f"element '{self.system.elements[element].name}' measures a motion that no stiffness holds "
+            f"({self._motion_of(self.free[:, motion])}): its mean is arbitrary; give the law a stiffness, or support that "
+            "motion in K"
+        )
 
     def _unmixed(self, system: System) -> Modes | None:
         """Modes of a symmetric structure whose damping does not mix its real modes, at a small part of the cost.
@@ -309,13 +350,16 @@ class Structure:
         return _DIGITS * float(np.linalg.norm(A) * np.linalg.norm(static) * np.linalg.norm(r / s))
 
     def _describe_unbalance(self, r: Array, work: float) -> str:
-        r = r / r[np.argmax(np.abs(r))]
-        order = np.argsort(-np.abs(r))[:6]
-        motion = ", ".join(f"{self.system.dof_names[i]} = {r[i]:.3g}" for i in order if abs(r[i]) > 1e-6)
         return (
-            f"the constant load does work {work:.3g} on a motion that nothing holds ({motion}); "
+            f"the constant load does work {work:.3g} on a motion that nothing holds ({self._motion_of(r)}); "
             "a periodic motion needs it balanced: correct the load or support that motion"
         )
+
+    def _motion_of(self, r: Array) -> str:
+        """The largest coordinates of a motion (n,), in words."""
+        r = r / r[np.argmax(np.abs(r))]
+        order = np.argsort(-np.abs(r))[:6]
+        return ", ".join(f"{self.system.dof_names[i]} = {r[i]:.3g}" for i in order if abs(r[i]) > 1e-6)
 
     def _decompose(self, part: float) -> Modes:
         """Eigen-decomposition of the state matrix without the free motions that neither springs nor dampers hold."""

@@ -12,7 +12,7 @@ import numpy as np
 from hbgear.common.arguments import check_fields
 from hbgear.common.arrays import Array
 from hbgear.common.messages import article, quoted
-from hbgear.common.ranges import POSITIVE, checked
+from hbgear.common.ranges import NOT_NEGATIVE, checked
 from hbgear.mechanics.laws import Forces, Law
 
 _C_FUNCTION: Any = ctypes.CFUNCTYPE(None).__mro__[1]
@@ -34,7 +34,7 @@ class CompiledLaw(Law):
         which puts the three numbers in out. Several threads may call it at once. A C function cannot go to another
         process.
     parameters : numbers handed to it.
-    reference : typical stiffness [force / length], > 0.
+    reference : typical stiffness [force / length], >= 0; 0 to compute it from the structure and its loads.
     breakpoints : values of d, ascending, at which dp/dd or dp/dv jumps; p itself must not.
     rated : whether p may depend on v.
 
@@ -61,7 +61,7 @@ class CompiledLaw(Law):
 
     function: Any
     parameters: tuple[float, ...] = ()
-    reference: float = 1.0
+    reference: float = 0.0
     breakpoints: tuple[float, ...] = ()
     rated: bool = True
 
@@ -69,7 +69,7 @@ class CompiledLaw(Law):
         check_fields(self)
         for name in ("parameters", "breakpoints"):
             object.__setattr__(self, name, tuple(float(x) for x in getattr(self, name)))
-        checked("CompiledLaw", "reference", self.reference, POSITIVE)
+        checked("CompiledLaw", "reference", self.reference, NOT_NEGATIVE)
         if list(self.breakpoints) != sorted(set(self.breakpoints)) or not np.isfinite(self.breakpoints).all():
             raise ValueError(f"CompiledLaw: breakpoints = {quoted(self.breakpoints)} must be finite and ascend")
         if not np.isfinite(self.parameters).all():

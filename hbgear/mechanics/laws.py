@@ -7,7 +7,8 @@ Contract for a new law
 ----------------------
 1. A frozen dataclass that derives from `Law`.
 2. ``force(d, v, tau)`` accepts arrays of one shape and returns ``(p, dp/dd, dp/dv)`` of that shape.
-3. ``reference`` is a typical positive stiffness; it only conditions the linear algebra and never changes a result.
+3. ``reference`` is a typical positive stiffness [force / length]; it only conditions the linear algebra and never
+   changes a result. 0, the default, if the law states none: then it is computed from the structure and its loads.
 4. ``breakpoints`` lists the values of ``d`` at which a derivative jumps: the period is cut there for stability.
 5. ``rated`` may be False if ``p`` does not depend on ``v``: then no velocity is computed for it, and v is all zeros.
 6. ``piecewise`` may give the law as a sum of piecewise-linear springs, p = sum_i k_i(tau) g_i(d), whose forces add up
@@ -26,10 +27,6 @@ A law of your own that is projected exactly:
 ...     "A spring of stiffness k that a stiffer one joins beyond a gap."
 ...     k: float
 ...     gap: float
-...
-...     @property
-...     def reference(self):
-...         return self.k
 ...
 ...     @property
 ...     def piecewise(self):
@@ -97,8 +94,6 @@ class Law(ABC):
     ... class Quintic(hb.Law):
     ...     k5: float = 1.0
     ...
-    ...     reference = 1.0
-    ...
     ...     def force(self, d, v, tau):
     ...         return self.k5 * d**5, 5 * self.k5 * d**4, 0 * d
     ...
@@ -113,9 +108,9 @@ class Law(ABC):
         """Force and its derivatives ``(p, dp/dd, dp/dv)``, each of the shape of ``d``."""
 
     @property
-    @abstractmethod
     def reference(self) -> float:
-        """Typical stiffness, > 0."""
+        """Typical stiffness [force / length]; 0 if the law states none: see `hbgear.mechanics.references`."""
+        return max((spring.reference for spring in self.piecewise or ()), default=0.0)
 
     @property
     def piecewise(self) -> tuple[PiecewiseLinear, ...] | None:
@@ -181,7 +176,7 @@ class Cubic(Law):
 
     @property
     def reference(self) -> float:
-        return abs(self.k1) or abs(self.k3) or 1.0
+        return abs(self.k1)
 
     @property
     def rated(self) -> bool:
@@ -252,7 +247,7 @@ class PiecewiseLinear(Law):
 
     @property
     def reference(self) -> float:
-        return max((abs(s) for s in self.slopes), default=0.0) * (abs(self.stiffness.mean) or 1.0) or 1.0
+        return max((abs(s) for s in self.slopes), default=0.0) * (abs(self.stiffness.mean) or 1.0)
 
     @property
     def piecewise(self) -> tuple[PiecewiseLinear, ...]:

@@ -30,6 +30,7 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
 from hbgear.mechanics.model import Load, Model, System
+from hbgear.mechanics.references import references
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +88,7 @@ class Reduction:
             If there is not one swing for each element, or one is negative.
         """
         m = len(self.full.elements)
-        reference = np.array([e.law.reference for e in self.full.elements])
+        reference = references(self.full)
         s = reference if swing is None else np.atleast_1d(np.asarray(swing, dtype=float))
         if s.shape != (m,) or not np.all(s >= 0):
             raise ValueError(f"swing = {swing!r}: need {m} stiffnesses, one for each element, none negative")
@@ -266,7 +267,7 @@ def _closed(system: System, Omega: float | None = None) -> tuple[Any, Any, Any]:
     system.check_matrices()
     system = system if Omega is None else system.at_speed(Omega)
     W = scipy.sparse.csr_array(system.W)
-    springs = scipy.sparse.diags_array([e.law.reference for e in system.elements])
+    springs = scipy.sparse.diags_array(references(system))
     dampers = scipy.sparse.diags_array([e.damping for e in system.elements])
     M, C, K = (scipy.sparse.csr_array(A) for A in (system.M, system.C, system.K))
     return M, scipy.sparse.csr_array(C + W @ dampers @ W.T), scipy.sparse.csr_array(K + W @ springs @ W.T)

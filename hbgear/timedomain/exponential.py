@@ -33,6 +33,7 @@ from hbgear.harmonic.modes import halves, mobility_of
 from hbgear.harmonic.receptance import Modes, Structure
 from hbgear.mechanics.fourier import Series, to_complex
 from hbgear.mechanics.model import Model
+from hbgear.mechanics.references import references
 from hbgear.timedomain.excitation import Excitation
 from hbgear.timedomain.lawtable import LawTable
 from hbgear.timedomain.segments import FINE, Integers, piece_at
@@ -211,7 +212,7 @@ class Stepper:
         for i, (structure, system) in enumerate(zip(self.structures, self.systems, strict=True)):
             modes = _modes(structure)
             mobility = mobility_of(modes.poles, modes.output, modes.input)
-            pace = np.sqrt((mobility * np.maximum(structure.kr, [e.law.reference for e in system.elements])).max())
+            pace = np.sqrt((mobility * np.maximum(structure.kr, references(system))).max())
             count = max(count, 2 * np.pi * pace / (0.6 * self.Omega[self.of == i].min()))
             orders = [e.displacement.order for e in system.elements] + [load.order for load in system.loads]
             parts = [part for e in system.elements for part in e.law.parts]

@@ -29,7 +29,6 @@ class Drag(hb.Law):
     """p = c d^2 v + (1 + cos(tau) / 2) d + v^3 / 10, in Python."""
 
     c: float = 0.3
-    reference = 1.0
 
     def force(self, d, v, tau):
         k = 1 + 0.5 * np.cos(tau)
@@ -110,7 +109,7 @@ def endless(d, v, tau, p):
     ("make", "error", "message"),
     [
         (lambda: hb.CompiledLaw(lambda d, v, tau, p: (d, 1.0, 0.0)), TypeError, "put @numba.njit before it"),
-        (lambda: hb.CompiledLaw(drag, (0.3,), 0.0), ValueError, "reference = 0.0"),
+        (lambda: hb.CompiledLaw(drag, (0.3,), -1.0), ValueError, "reference = -1"),
         (lambda: hb.CompiledLaw(drag, (0.3,), 1.0, (1.0, 0.5)), ValueError, "ascend"),
         (lambda: hb.CompiledLaw(drag, ("c",)), ValueError, "parameters"),
         (lambda: hb.CompiledLaw(stop, (np.nan, 0.6)), ValueError, "parameters"),

@@ -118,7 +118,8 @@ FILES = {
         "functions": "fields model",
         "named": "model",
         "oscillators": "laws model",
-        "reduction": "model",
+        "references": "laws model",
+        "reduction": "model references",
     },
     "gears": {
         "geometry": "",
@@ -183,14 +184,15 @@ FILES = {
         "compiled": "corners modes numbers receptance sampled",
         "peaks": "events observables",
         "floquet": "collocation compiled modes",
-        "starts": "compiled",
+        "starts": "compiled realbasis",
         "deciding": "floquet",
         "hill": "compiled receptance",
         "special": "hill",
         "meeting": "",
         "events": "meeting observables special",
         "orders": "",
-        "balance": "compiled deciding events floquet measuring nearby numbers observables orders realbasis receptance "
+        "pinned": "events",
+        "balance": "compiled deciding events floquet measuring nearby numbers observables orders pinned realbasis receptance "
         "spinning starts",
         "catalogue": "balance orders",
         "fold_curves": "balance",
