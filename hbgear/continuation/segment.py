@@ -87,8 +87,8 @@ def normal_of(direction: Array, scale: Array) -> Array:
 class Segment:
     """The curve between two neighbouring rows a and b: cubic Hermite guess, corrected across the chord.
 
-    ``at(s)`` returns the row at the fraction s of the chord, 0 at a and 1 at b. Two special points can lie at one place,
-    and the segment between them has no length: then ``at`` returns a.
+    ``at(s)`` returns the row at the fraction s of the chord, 0 at a and 1 at b. Two special points can lie at one
+    place, and the segment between them has no length: then ``at`` returns a.
     """
 
     problem: FullProblem

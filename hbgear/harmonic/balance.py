@@ -62,6 +62,7 @@ from hbgear.mechanics.fourier import (
     to_complex,
     to_real,
 )
+from hbgear.mechanics.lawchecks import check_laws
 from hbgear.mechanics.model import Model, System, describe
 from hbgear.mechanics.recession import Receded, longest, receded
 from hbgear.mechanics.reduction import Reduction, reduced_within
@@ -193,6 +194,7 @@ class HarmonicBalance(FullProblem):
         self._warn_truncated(system)
         if not self.reduce or system.n <= MODAL_LIMIT:
             of_size(system)
+        check_laws(system)
         self.compiled({})
         of_problem(model, system, _MOST if self.auto else self.H // self.nu)
 

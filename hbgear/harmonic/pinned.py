@@ -22,7 +22,7 @@ from hbgear.harmonic.events import GrazingContact
 
 
 class Pins(NamedTuple):
-    """Springs on the means of the elements: matrix (m, m) of stiffness, and centre (m,) at which they exert no force."""
+    """Springs on the means of the elements: matrix (m, m) of stiffness, and centre (m,) where they exert no force."""
 
     matrix: Array
     centre: Array

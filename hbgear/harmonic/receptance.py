@@ -66,7 +66,8 @@ _DEPENDENT = 1e-9  # part of a direction that others leave over and that is roun
 
 
 _CLOSURES = (
-    (1.0, 0.0, 1e-10), (1.37, 0.0, 1e-10), (0.61, 0.0, 1e-10), (1.0, 0.0, _FREE), (1.37, 0.0, _FREE), (1.0, 1e-10, _FREE)
+    (1.0, 0.0, 1e-10), (1.37, 0.0, 1e-10), (0.61, 0.0, 1e-10),
+    (1.0, 0.0, _FREE), (1.37, 0.0, _FREE), (0.61, 0.0, _FREE), (1.0, 1e-10, _FREE),
 )  # fmt: skip
 """Factors of the reference springs, disturbances, and singular values that count as zero, in the order of trial."""
 
@@ -260,8 +261,8 @@ class Structure:
         element, motion = np.unravel_index(int(np.argmax(felt)), felt.shape)
         return (
             f"element '{self.system.elements[element].name}' measures a motion that no stiffness holds "
-            f"({self._motion_of(self.free[:, motion])}): its mean is arbitrary; give the law a stiffness, or support that "
-            "motion in K"
+            f"({self._motion_of(self.free[:, motion])}): its mean is arbitrary; give the law a stiffness, or support "
+            "that motion in K"
         )
 
     def _unmixed(self, system: System) -> Modes | None:

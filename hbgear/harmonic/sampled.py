@@ -14,6 +14,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.realbasis import after_derivative, derivative, one_sided
 from hbgear.mechanics.fourier import Transform, derive, samples_of, to_complex, to_real
+from hbgear.mechanics.lawchecks import check_returned
 from hbgear.mechanics.laws import Forces, Law
 
 
@@ -97,13 +98,7 @@ def _bound(law: Law, tau: Array) -> Callable[[Array, Array], Forces]:
     """
     bound, rest = law.bind(tau), np.zeros(len(tau))
     with np.errstate(all="ignore"):
-        shapes = [np.shape(part) for part in bound(rest, rest)]
-    if shapes != 3 * [tau.shape]:
-        got = ", ".join(map(str, shapes))
-        raise ValueError(
-            f"{type(law).__name__}.force must return (p, dp/dd, dp/dv), each of the shape of d, {tau.shape}; got "
-            f"{got}: for a constant c give np.full_like(d, c)"
-        )
+        check_returned(law, bound(rest, rest), tau.shape)
     return bound
 
 

@@ -22,7 +22,7 @@ from hbgear.continuation.tracer import trace
 from hbgear.harmonic.compiled import Compiled
 from hbgear.harmonic.realbasis import derivative
 from hbgear.mechanics.fourier import places, to_real
-from hbgear.mechanics.laws import Law
+from hbgear.mechanics.references import bend
 
 
 class Static(NamedTuple):
@@ -127,23 +127,6 @@ def _reach(compiled: Compiled, Omega: float) -> Array:
         moved = np.abs(_response(compiled, Omega, whole)).sum(axis=1) + np.abs(_against(compiled, Omega))
         reach = np.where(reach == 0, moved, reach)
     return reach
-
-
-def bend(law: Law, stiffness: float) -> float:
-    """Smallest |d| at which dp/dd has changed by a stiffness; 0 if it does so nowhere.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> round(bend(hb.Cubic(k3=1e12), 3.0) * 1e6, 2)  # 3 k3 d^2 = 3
-    1.0
-    """
-    d = np.logspace(-60.0, 60.0, 2401)
-    at, still = np.concatenate([[0.0], d, -d]), np.zeros(2 * len(d) + 1)
-    with np.errstate(all="ignore"):
-        slope = np.asarray(law.force(at, still, still)[1], dtype=float)
-        changed = np.abs(slope[1:] - slope[0]).reshape(2, -1).max(axis=0) >= stiffness
-    return float(d[int(np.argmax(changed))]) if stiffness > 0 and changed.any() else 0.0
 
 
 def _against(compiled: Compiled, Omega: float) -> Array:

@@ -97,3 +97,20 @@ def secant(law: Law, force: float, length: float) -> float:
     reached = np.flatnonzero((p >= force) & np.isfinite(p)) if force > 0 else np.empty(0, dtype=int)
     at = int(reached[0]) if reached.size else int(np.searchsorted(d, length)) if length > 0 else -1
     return float(p[at] / d[at]) if 0 <= at < len(d) and np.isfinite(p[at]) else 0.0
+
+
+def bend(law: Law, stiffness: float) -> float:
+    """Smallest |d| at which dp/dd has changed by a stiffness; 0 if it does so nowhere.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> round(bend(hb.Cubic(k3=1e12), 3.0) * 1e6, 2)  # 3 k3 d^2 = 3
+    1.0
+    """
+    d = np.logspace(-60.0, 60.0, 2401)
+    at, still = np.concatenate([[0.0], d, -d]), np.zeros(2 * len(d) + 1)
+    with np.errstate(all="ignore"):
+        slope = np.asarray(law.force(at, still, still)[1], dtype=float)
+        changed = np.abs(slope[1:] - slope[0]).reshape(2, -1).max(axis=0) >= stiffness
+    return float(d[int(np.argmax(changed))]) if stiffness > 0 and changed.any() else 0.0

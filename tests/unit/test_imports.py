@@ -119,6 +119,7 @@ FILES = {
         "named": "model",
         "oscillators": "laws model",
         "references": "laws model",
+        "lawchecks": "laws model references",
         "reduction": "model references",
     },
     "gears": {
