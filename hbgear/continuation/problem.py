@@ -279,6 +279,14 @@ class Receding(Protocol):
 
 
 @runtime_checkable
+class Resolving(Protocol):
+    """Approximates its equations in ways that do not change the unknowns, such as by samples."""
+
+    def resolved(self, X: Array, parameters: Mapping[str, float]) -> Any:
+        """The problem as accurate as a first solution X asks for; itself if it is."""
+
+
+@runtime_checkable
 class Undetermined(Protocol):
     """Knows solutions of which something is arbitrary."""
 
@@ -328,8 +336,8 @@ class Described(Protocol):
 
 ABILITIES = (
     Problem, Linearised, Pursued, Costly, Curved, Started, Parametrised, Checked, Confined, Sized, Rough, Readable,
-    Observed, Eventful, Remeshed, Refinable, Deciding, Receding, Undetermined, Extended,
-    Finished, Described,
+    Observed, Eventful, Remeshed, Refinable, Deciding, Receding, Resolving, Undetermined,
+    Extended, Finished, Described,
 )  # fmt: skip
 
 
@@ -503,6 +511,10 @@ class FullProblem:
     def recession(self, X: Array, parameters: Mapping[str, float]) -> FullProblem | None:
         """`Receding.recession`: not known."""
         return None
+
+    def resolved(self, X: Array, parameters: Mapping[str, float]) -> Any:
+        """`Resolving.resolved`: itself."""
+        return self
 
     def arbitrary(self, X: Array, parameters: Mapping[str, float]) -> tuple[Any, str] | None:
         """`Undetermined.arbitrary`: nothing is."""

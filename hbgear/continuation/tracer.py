@@ -289,6 +289,10 @@ class _Tracer:
         _check_start(problem, X)
         self.problem = problem = problem.based(X, {**self.fixed, self.name: value})
         solution = solve(problem, X, {**self.fixed, self.name: value}, self.name, self.settings)
+        finer = problem.resolved(solution.X, {**self.fixed, self.name: value})
+        if finer is not problem:
+            solution = solve(finer, solution.X, {**self.fixed, self.name: value}, self.name, self.settings)
+            self.problem = self.original = self.largest = problem = finer
         loose = problem.arbitrary(solution.X, {**self.fixed, self.name: value}) if start is None else None
         if loose is not None:
             raise _Arbitrary(solution.X, {**self.fixed, self.name: value}, *loose)

@@ -49,6 +49,7 @@ from hbgear.harmonic.orders import Selection, excited, selection_of
 from hbgear.harmonic.pinned import ARBITRARY, FirstContact, Pins, pins_of
 from hbgear.harmonic.realbasis import derivative
 from hbgear.harmonic.receptance import MODAL_LIMIT, Structure
+from hbgear.harmonic.sampling_error import add_sampling_error, newton_step
 from hbgear.harmonic.spinning import Spinning
 from hbgear.harmonic.starts import from_damped, from_elsewhere, guesses
 from hbgear.mechanics.doubts import of_frequency, of_gaps, of_problem, of_size, of_truncation, tell
@@ -72,6 +73,12 @@ _UNKNOWNS = 4_000  # of the dense Jacobians, several of which are held at once
 
 
 _SAMPLES = 1_000_000  # of all elements together
+
+
+_MOST_SAMPLES = 32_768  # that are chosen for a period
+
+
+_ALIASED = 1e-5  # change of a motion by twice the samples, relative to its size, for which they are chosen
 
 
 _WORK = 2e8  # squares of products of one call of `observe_many`, so that Ctrl-C is heard within a second
@@ -190,6 +197,9 @@ class HarmonicBalance(FullProblem):
         self._own = model.parameters | model.entries
         self.pins: Pins | None = None  # of motions whose position in the gap is arbitrary
         self._served: float | None = None  # Omega up to which a reduced structure stands for a large one
+        # samples over the usual number for H, which other numbers of harmonics have too
+        self._density = 1.0 if samples is None else max(1.0, samples / self._usual_samples(self.H))
+        self._sampling_given = samples is not None
         self._prepare(samples)
         self._warn_truncated(system)
         if not self.reduce or system.n <= MODAL_LIMIT:
@@ -208,10 +218,13 @@ class HarmonicBalance(FullProblem):
             return harmonics
         return self.nu * (max(self.selection.given) if self.selection.given else harmonics * self.selection.unit)
 
+    def _usual_samples(self, H: int) -> int:
+        return max(1024, 64 * H) if self.is_sampled else max(64, 8 * H)
+
     def _prepare(self, samples: int | None) -> None:
         """What depends on H and N alone."""
         H = self.H
-        self.N = int(samples or fast_length(max(1024, 64 * H) if self.is_sampled else max(64, 8 * H)))
+        self.N = int(samples or fast_length(math.ceil(self._density * self._usual_samples(H))))
         self._check_size()
         self.orders = np.arange(H + 1) if self.selection is None else self.selection.kept(H, self.nu)
         self._check_unknowns(len(self.orders) - 1)
@@ -220,6 +233,7 @@ class HarmonicBalance(FullProblem):
         self._reduced: Recent[tuple[Reduction, float] | None] = Recent(self._kept)
         self._confined: Recent[HarmonicBalance] = Recent(4)
         self._receded: Recent[HarmonicBalance] = Recent(1)
+        self._denser: Recent[HarmonicBalance] = Recent(2)
         self._finer: Recent[HarmonicBalance] = Recent(1)
         self._doubled: Recent[HarmonicBalance] = Recent(1)
         self._fitting: Recent[HarmonicBalance] = Recent(4)
@@ -433,6 +447,33 @@ class HarmonicBalance(FullProblem):
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonic branches."""
         return motion_events(self.nu) if self.pins is None else (FirstContact(),)
+
+    def resolved(self, X: Array, parameters: Mapping[str, float]) -> HarmonicBalance:
+        """The same with as many samples as the sampled forces of a motion need; itself if these were given.
+
+        They are doubled until aliasing moves the motion by no more than 1e-5 of its size; see `sampling_error`.
+        """
+        if self._sampling_given or not self.compiled(dict(parameters)).asked:
+            return self
+        best, known = self, X
+        while best.N < _SAMPLES // max(self.m, 1) and best.N < _MOST_SAMPLES:
+            denser = best.denser(2)
+            if norm(newton_step(denser, known, parameters)) <= _ALIASED * norm(known):
+                break
+            best = denser
+            with suppress(NoConvergence):
+                known = solve(best, known, parameters).X
+        return best
+
+    def denser(self, times: int, harmonics: int = 1) -> HarmonicBalance:
+        """The same with that many times the samples over harmonics, and that many times the harmonics."""
+        return self._denser.get((times, harmonics), lambda: self._with_density(times, harmonics))
+
+    def _with_density(self, times: int, harmonics: int) -> HarmonicBalance:
+        out = copy.copy(self)
+        out._density, out.H = times * self._density, harmonics * self.H
+        out._prepare(None)
+        return out
 
     def arbitrary(self, X: Array, parameters: Mapping[str, float]) -> tuple[HarmonicBalance, str] | None:
         """The balance with springs that pin a motion without contact, and what to say of it; None if it is determined.
@@ -978,6 +1019,8 @@ class HarmonicBalance(FullProblem):
         more = compiled.processed(X, values)
         columns = zip(clearance, regime, compiled.left_out(more).tolist(), strict=True)
         seen: list[dict[str, Any]] = [{"clearance": c, "regime": r, "error": e} for c, r, e in columns]
+        if compiled.asked:
+            add_sampling_error(self, X, values, seen, parameters)
         if stability and not isinstance(compiled.structure, Measuring):
             for one, mu in zip(seen, multipliers_of(compiled, more, values), strict=True):
                 one["multipliers"] = mu

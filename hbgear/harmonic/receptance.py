@@ -260,7 +260,7 @@ class Structure:
         felt = np.abs(self.W.T @ self.free)
         element, motion = np.unravel_index(int(np.argmax(felt)), felt.shape)
         return (
-            f"element '{self.system.elements[element].name}' measures a motion that no stiffness holds "
+            f"element '{self.system.elements[int(element)].name}' measures a motion that no stiffness holds "
             f"({self._motion_of(self.free[:, motion])}): its mean is arbitrary; give the law a stiffness, or support "
             "that motion in K"
         )

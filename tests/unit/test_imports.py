@@ -192,9 +192,10 @@ FILES = {
         "meeting": "",
         "events": "meeting observables special",
         "orders": "",
+        "sampling_error": "",
         "pinned": "events",
         "balance": "compiled deciding events floquet measuring nearby numbers observables orders pinned realbasis receptance "
-        "spinning starts",
+        "sampling_error spinning starts",
         "catalogue": "balance orders",
         "fold_curves": "balance",
         "sensitivity": "balance critical observables special speeds",
