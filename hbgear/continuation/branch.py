@@ -267,8 +267,9 @@ class Jump:
     Parameters
     ----------
     before, after : the solutions on both sides; ``after`` is None if no stable one is known at that value.
-    landing : how ``after`` was chosen: "nearest", of the stable solutions known there, or "integrate", by integration
-        in time from ``before``.
+    landing : how ``after`` was chosen: "nearest", of the stable solutions known there; "integrate", by integration
+        in time from ``before``; or "bifurcating": nothing jumps, the sweep continues on a stable branch that leaves the
+        branch point ``before``, of which ``after`` is the first solution.
     candidates : the stable solutions of the curve there; where several curves are looked at, of all of them.
     note : what integration ended in, if that is no motion of the curves given.
 
@@ -299,6 +300,8 @@ class Jump:
         """How the landing was chosen, in words."""
         if self.landing == "integrate":
             return "integrated"
+        if self.landing == BIFURCATING:
+            return "continues on the bifurcating branch"
         return f"nearest of {len(self.candidates)}" if len(self.candidates) > 1 else "nearest"
 
 
@@ -314,6 +317,10 @@ _ROUGH = 1e-2  # relative error of a motion above which a curve is only a sketch
 
 LANDINGS = ("nearest", "integrate")
 """Ways to decide where a jump lands: `Jump.landing`."""
+
+
+BIFURCATING = "bifurcating"
+"""`Jump.landing` where nothing jumps: the sweep continues on a branch that bifurcates."""
 
 
 def saved_fields(value: Any) -> dict[str, Any]:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, is_stable
+from hbgear.continuation.bifurcating import continuing
+from hbgear.continuation.branch import BIFURCATING, Branch, Jump, Point, SpecialPoint, is_stable
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, solve
 from hbgear.continuation.passing import passings
 from hbgear.continuation.problem import as_problem, observe_all
@@ -27,7 +28,8 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
 
     Where the part loses its stability just before the fold (PD, NS), the sweep leaves there, and the jump carries that
     point's label. A sweep that finds no stable motion of this kind any more lands on the stable part of the same
-    curve at the same parameter; if there are several, on the one whose motion is nearest: see `nearest`.
+    curve at the same parameter; if there are several, on the one whose motion is nearest: see `nearest`. Where it loses
+    its stability at a branch point from which a stable branch leads on, the sweep continues there, and nothing jumps.
     """
     if branch.multipliers is None or branch.problem is None:
         return ()
@@ -45,6 +47,13 @@ def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, .
     jumps = []
     for (point, direction, _), found in zip(left, seen_points(branch, [found for *_, found in left]), strict=True):
         value, stable = point.parameters[branch.parameter], tuple(p for p in found if p.stable)
+        onward = continuing(branch, point, direction, settings) if point.kind == "BP" else None
+        if onward is not None:
+            note = f"no jump: a stable branch leaves there, hb.switch(curve, '{point.label}')"
+            jumps.append(
+                Jump(point.label, branch.parameter, value, direction, point, onward, BIFURCATING, (onward,), note)
+            )
+            continue
         after = nearest(point, stable) if len(stable) > 1 else next(iter(stable), None)
         jumps.append(Jump(point.label, branch.parameter, value, direction, point, after, candidates=stable))
     return tuple(jumps)

@@ -13,11 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hbgear.continuation.branch import Branch, Jump, Point
+from hbgear.continuation.branch import BIFURCATING, Branch, Jump, Point
 from hbgear.continuation.jumps import motions_at, nearest, seen_points
 from hbgear.continuation.newton import Settings
 from hbgear.continuation.passing import passings
 from hbgear.harmonic.observables import Layout, layout_of
+
+_DECIDED = ("integrate", BIFURCATING)  # landings that are not those of the nearest motion
+
 
 SAME = 0.02
 """Difference of two motions at one parameter, relative to their size, that harmonics left out may make."""
@@ -49,7 +52,7 @@ def landings(branches: Sequence[Branch]) -> tuple[tuple[Landing, ...], ...]:
 def _landing(branches: Sequence[Branch], own: int, jump: Jump) -> Landing:
     known = candidates(branches, own, jump)
     points = tuple(point for point, _ in known)
-    after = jump.after if jump.landing == "integrate" else nearest(jump.before, points)
+    after = jump.after if jump.landing in _DECIDED else nearest(jump.before, points)
     if after is None:
         return Landing(replace(jump, candidates=points), None)
     mine = [point for point, i in known if i == own]
@@ -57,7 +60,7 @@ def _landing(branches: Sequence[Branch], own: int, jump: Jump) -> Landing:
     place = at if at is not None else same_motion(after, points)
     if place is None:
         return Landing(replace(jump, candidates=points), None)
-    after = after if jump.landing == "integrate" else points[place]
+    after = after if jump.landing in _DECIDED else points[place]
     return Landing(replace(jump, after=after, candidates=points), known[place][1])
 
 

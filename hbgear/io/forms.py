@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.branch import LANDINGS, Branch, Jump, Point, Recorded, SpecialPoint
+from hbgear.continuation.branch import BIFURCATING, LANDINGS, Branch, Jump, Point, Recorded, SpecialPoint
 from hbgear.continuation.events import MARKERS, is_marker
 from hbgear.harmonic.events import named
 from hbgear.harmonic.observables import Layout, layout_of
@@ -236,7 +236,7 @@ _FORMS: dict[type, dict[str, Form]] = {
                    "note": _text, "meaning": _text, "marker": _marker, "truncation": _number},
     Jump: {"label": _text, "parameter": _text, "value": _finite, "direction": _whole(-1, 1),
            "before": _object(Point, SpecialPoint), "after": _optional(_object(Point, SpecialPoint)),
-           "landing": _one_of(LANDINGS), "candidates": _tuple(_object(Point, SpecialPoint)), "note": _text},
+           "landing": _one_of((*LANDINGS, BIFURCATING)), "candidates": _tuple(_object(Point, SpecialPoint)), "note": _text},
     Branch: {"parameter": _text, "values": _array("f", 1, finite=True), "X": _array("f", 2, finite=True),
              "fixed": _table(_finite), "tracked": _table(_array("f", 1, finite=True)),
              "multipliers": _optional(_array("c", 2)), "iterations": _array("iu", 1), "residual": _array("f", 1),
