@@ -352,9 +352,11 @@ class HarmonicBalance(FullProblem):
     def unit_of(self, name: str, value: float) -> float:
         """As of every problem; of a parameter that is zero in the model, by what it does to the balance, if it is vast.
 
-        A support without stiffness in N/m is not small beside a hundredth of 1 N/m: the unit is what changes the
-        balance by a thousandth of its size.
+        Omega is never zero, so its unit is its value. A support without stiffness in N/m is not small beside a hundredth
+        of 1 N/m: the unit is what changes the balance by a thousandth of its size.
         """
+        if name == "Omega" and value:
+            return abs(value)
         unit = super().unit_of(name, value)
         if value or self._own.get(name, 1.0):
             return unit

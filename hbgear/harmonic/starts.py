@@ -119,9 +119,11 @@ def _response(compiled: Compiled, Omega: float, static: Static) -> Array:
 def _reach(compiled: Compiled, Omega: float) -> Array:
     """Lengths (m,) at which laws change: corners, where a smooth law bends, or as far as the loads move the element."""
     springs = compiled.structure.kr
+    own = np.abs(np.diag(compiled.linear(Omega).Z[0].real) + _mean(compiled.laws, np.zeros(compiled.m))[1])
+    stiffness = np.where(own > _FLAT * springs, own, springs)  # what a smooth law must change by to matter
     reach = np.array([max(np.abs(law.breakpoints), default=0.0) for law in compiled.laws])
     for j in np.flatnonzero(reach == 0):
-        reach[j] = 0.0 if compiled.laws[j].breakpoints else bend(compiled.laws[j], float(springs[j]))
+        reach[j] = 0.0 if compiled.laws[j].breakpoints else bend(compiled.laws[j], float(stiffness[j]))
     if not reach.all():
         whole = Static(np.zeros(compiled.m), springs, True, True)
         moved = np.abs(_response(compiled, Omega, whole)).sum(axis=1) + np.abs(_against(compiled, Omega))

@@ -1,0 +1,111 @@
+"""The same machine in other units, and with other reference stiffnesses: the same special points.
+
+    x' = L x,   t' = T t,   m' = M m:   K' = K M / T^2,   C' = C M / T,   F' = F M L / T^2,   Omega' = Omega / T
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+import hbgear.harmonic.balance
+import hbgear.harmonic.receptance
+from hbgear.mechanics.references import references
+
+UNITS = {"length": (1e-6, 1.0, 1.0), "time": (1.0, 1e3, 1.0), "mass": (1.0, 1.0, 1e3), "all": (1e-6, 1e3, 1e3)}
+
+
+def scaled_series(series, times):
+    return hb.Series(times * series.mean, tuple(times * np.array(series.cosine)), tuple(times * np.array(series.sine)))
+
+
+def scaled_law(law, L, F):
+    if isinstance(law, hb.Cubic):
+        return hb.Cubic(k3=law.k3 * F / L**3, k1=law.k1 * F / L)
+    corners, slopes = (tuple(times * np.array(x)) for times, x in ((L, law.corners), (F / L, law.slopes)))
+    return dataclasses.replace(law, corners=corners, slopes=slopes, force_at_zero=F * law.force_at_zero)
+
+
+def in_units(system, L, T, M):
+    """The system written in other units."""
+    F = M * L / T**2
+    elements = [
+        dataclasses.replace(
+            e, law=scaled_law(e.law, L, F), displacement=scaled_series(e.displacement, L), damping=e.damping * M / T
+        )
+        for e in system.elements
+    ]
+    loads = [
+        dataclasses.replace(
+            load,
+            constant=None if load.constant is None else F * T**load.power * np.asarray(load.constant),
+            cosine={k: F * T**load.power * np.asarray(v) for k, v in load.cosine.items()},
+            sine={k: F * T**load.power * np.asarray(v) for k, v in load.sine.items()},
+        )
+        for load in system.loads
+    ]
+    return hb.System(system.M * M, system.C * M / T, system.K * M / T**2, elements, loads)
+
+
+def oscillator(K, C, law, F, constant=0.0):
+    load = hb.Load(constant=[constant], cosine={1: [F]})
+    return hb.System([[1.0]], [[C]], [[K]], [hb.Element([1.0], law)], load)
+
+
+MACHINES = {
+    "duffing": (hb.Duffing().system(), (0.8, 1.6), 5),
+    "spur pair": (hb.SpurPair(e=(0.2,)).system(), (1.2, 0.6), 6),
+    "softening": (oscillator(1.0, 0.1, hb.Cubic(k3=-1.0), 0.05), (0.6, 1.4), 5),
+    "double well": (oscillator(-1.0, 0.1, hb.Cubic(k3=1.0), 0.05), (1.6, 1.0), 5),
+    "pure cubic": (oscillator(0.0, 0.1, hb.Cubic(k3=1.0), 0.2), (1.6, 0.4), 5),
+    "tether": (oscillator(1.0, 0.1, hb.Unilateral(k=20.0, gap=0.0), 1.0), (2.2, 1.2), 12),
+    "stop": (oscillator(1.0, 0.1, hb.Unilateral(k=10.0, gap=0.5), 0.3), (0.8, 1.8), 10),
+}
+
+
+def special_points(system, span, H):
+    curve = hb.trace(hb.HarmonicBalance(system, H), "Omega", span)
+    assert curve.status.complete and not np.isnan(curve.X).any()
+    kinds = sorted((p.kind, p.parameters["Omega"]) for p in curve.special if p.kind != "GR")
+    return [kind for kind, _ in kinds], np.array([value for _, value in kinds]), curve
+
+
+@pytest.fixture(scope="module")
+def known():
+    return {name: special_points(*machine) for name, machine in MACHINES.items()}
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_there_is_something_to_compare(name, known):
+    """Each curve has a stable part, and but for the tether special points."""
+    kinds, _, curve = known[name]
+    assert curve.stable.any() and not any("no point of the curve is stable" in doubt for doubt in curve.doubts)
+    assert kinds or name == "tether"
+
+
+@pytest.mark.parametrize("units", UNITS)
+@pytest.mark.parametrize("name", MACHINES)
+def test_units_change_nothing(name, units, known):
+    system, span, H = MACHINES[name]
+    L, T, M = UNITS[units]
+    kinds, values, curve = special_points(in_units(system, L, T, M), tuple(x / T for x in span), H)
+    assert kinds == known[name][0]
+    np.testing.assert_allclose(values * T, known[name][1], rtol=1e-7)
+    expected = known[name][2]
+    np.testing.assert_allclose(curve[-1].X / L, expected[-1].X, rtol=0, atol=1e-6 * np.abs(expected[-1].X).max())
+    assert curve.stable[-1] == expected.stable[-1] and curve.stable[0] == expected.stable[0]
+
+
+@pytest.mark.parametrize("factor", [1e-2, 3.0, 1e2])
+@pytest.mark.parametrize("name", MACHINES)
+def test_reference_stiffness_changes_nothing(name, factor, known, monkeypatch):
+    def other(system):
+        return factor * references(system)
+
+    monkeypatch.setattr(hbgear.harmonic.balance, "references", other)
+    monkeypatch.setattr(hbgear.harmonic.receptance, "references", other)
+    kinds, values, curve = special_points(*MACHINES[name])
+    assert curve.problem.compiled({}).structure.kr[0] == pytest.approx(factor * references(MACHINES[name][0])[0], rel=0.5)
+    assert kinds == known[name][0]
+    np.testing.assert_allclose(values, known[name][1], rtol=1e-7)

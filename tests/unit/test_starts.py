@@ -1,0 +1,196 @@
+"""First motions: static states, paths on which dampers are taken away, and motions whose position is arbitrary."""
+
+import math
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.continuation.segment import CurvePoint, Segment
+from hbgear.harmonic.starts import from_damped, statics
+
+
+def oscillator(K, C, law, F=0.1, constant=None, displacement=None):
+    element = hb.Element([1.0], law, displacement or hb.Series())
+    load = hb.Load(constant=None if constant is None else [constant], cosine={1: [F]})
+    return hb.System([[1.0]], [[C]], [[K]], [element], load)
+
+
+# ---- structures of negative stiffness
+
+
+@pytest.mark.parametrize(("C", "mean", "H1"), [(0.1, 0.957541, 0.233289), (0.3, 0.979417, 0.164070)])
+@pytest.mark.parametrize("k1", [0.0, 0.5, 0.9, 1.0 - 1e-11])
+def test_double_well(C, mean, H1, k1):
+    """x'' + C x' - x + x^3 = .1 cos(1.2 t); mean and amplitude by shooting (DOP853, rtol 1e-11), det P = exp(-C T).
+
+    However the linear part is split between K and the law, also so that K and the reference stiffness cancel.
+    """
+    problem = hb.HarmonicBalance(oscillator(-1.0 - k1, C, hb.Cubic(k3=1.0, k1=k1)), 10)
+    X = np.zeros(21)
+    X[0] = 1.0
+    point = hb.trace(problem, "Omega", (1.2, 1.25), start=X)[0]
+    assert point.amplitude("mean") == pytest.approx(mean, abs=2e-6)
+    assert point.amplitude("H1") == pytest.approx(H1, abs=2e-6)
+    np.testing.assert_allclose(np.abs(point.multipliers), math.exp(-C * math.pi / 1.2), rtol=1e-6)
+    assert point.stable
+
+
+def test_a_constant_load_on_a_double_well_is_no_unbalanced_load():
+    problem = hb.HarmonicBalance(oscillator(-1.0, 0.1, hb.Cubic(k3=1.0), constant=0.05), 8)
+    X = problem.start(Omega=2.0)
+    static = np.roots([1.0, 0.0, -1.0, -0.05]).real
+    assert np.abs(X[0] - static).min() < 0.02
+
+
+def test_a_rigid_motion_stays_one():
+    """Two wheels and a mesh: the rotation of both is no motion of the mesh, and carries no receptance."""
+    mesh = hb.Element([1.0, -1.0], hb.Cubic(k3=1.0), damping=0.1)
+    pair = hb.System(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), [mesh], hb.Load([0.2, -0.2], {1: [0.1, 0.0]}))
+    assert hb.HarmonicBalance(pair, 5).compiled({}).structure.free.shape == (2, 1)
+    unbalanced = hb.System(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), [mesh], hb.Load([0.2, -0.1]))
+    with pytest.raises(ValueError, match="on a motion that nothing holds"):
+        hb.HarmonicBalance(unbalanced, 5)
+
+
+# ---- the state of rest comes first
+
+
+def test_softening_oscillator_starts_at_rest():
+    """x'' + .1 x' + x - x^3 = .05 cos: from rest SciPy settles on the motion about zero, not on the saddles at +-1."""
+    problem = hb.HarmonicBalance(oscillator(1.0, 0.1, hb.Cubic(k3=-1.0), F=0.05), 12)
+    for span in ((0.1, 1.6), (1.6, 0.1)):
+        curve = hb.trace(problem, "Omega", span)
+        assert sorted(round(jump.value, 5) for jump in curve.jumps()) == [0.86271, 0.89278]
+        assert np.abs(curve.amplitude("mean")).max() < 1e-9 and not curve.doubts
+
+
+def test_a_curve_without_a_stable_point_says_so():
+    problem = hb.HarmonicBalance(oscillator(1.0, 0.1, hb.Cubic(k3=-1.0), F=0.05), 8)
+    X = np.zeros(17)
+    X[0] = 1.0  # the saddle
+    curve = hb.trace(problem, "Omega", (1.5, 1.6), start=X)
+    assert not curve.stable.any() and "no point of the curve is stable" in " ".join(curve.doubts)
+
+
+def test_stable_static_states_come_first():
+    """Of a double well the two wells, and the top between them last."""
+    compiled = hb.HarmonicBalance(oscillator(-1.0, 0.1, hb.Cubic(k3=4.0)), 3).compiled({})
+    found = list(statics(compiled, 1.0))
+    assert found[0].stable and abs(found[0].d[0]) == pytest.approx(0.5, rel=1e-6)
+    assert not found[-1].stable and found[-1].balanced and found[-1].d[0] == pytest.approx(0.0, abs=1e-9)
+
+
+# ---- stiff contacts without a gap
+
+
+@pytest.mark.parametrize("H", [20, 60])
+@pytest.mark.parametrize("ratio", [500.0, 1e3, 1e4])
+def test_bilinear_oscillator(ratio, H):
+    """At w = 2 sqrt(k) / (1 + sqrt(k)), the frequency of both halves together, and next to it, for any H.
+
+    The power that the load puts in is what the damper takes, F/2 Im d_1 Omega = c/2 sum_k (k Omega |d_k|)^2.
+    """
+    system = oscillator(1.0, 0.04, hb.Unilateral(k=ratio - 1.0, gap=0.0), F=1.0)
+    problem = hb.HarmonicBalance(system, H)
+    w = 2 * math.sqrt(ratio) / (1 + math.sqrt(ratio))
+    for Omega in (w, 0.9 * w, 1.1 * w):
+        X = problem.start(Omega=Omega)
+        assert np.linalg.norm(problem.residual(X, Omega=Omega)) < 1e-6 * ratio
+        rates = Omega * np.arange(1, H + 1)
+        dissipated = 0.02 * np.sum(rates**2 * (X[1::2] ** 2 + X[2::2] ** 2))
+        assert dissipated == pytest.approx(0.5 * Omega * X[2], rel=1e-6)
+    assert problem.observe(problem.start(Omega=w), Omega=w)["multipliers"].__abs__().max() < 1
+
+
+def test_a_path_of_dampers_ends_on_the_linear_response():
+    """Of a linear oscillator there is but one motion: 1 / (k - Omega^2 + i c Omega)."""
+    problem = hb.HarmonicBalance(oscillator(1.0, 0.1, hb.Cubic(k3=0.0, k1=1.0), F=0.3), 3)
+    X = from_damped(problem, {"Omega": 1.3}).X
+    response = 0.3 / (2.0 - 1.3**2 + 0.13j)
+    np.testing.assert_allclose(X[1:3], [response.real, -response.imag], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.delete(X, [1, 2]), 0, atol=1e-9)
+
+
+# ---- without contact
+
+
+@pytest.mark.parametrize("e", [(0.5,), (0.4, 0.3)])
+def test_motion_in_the_gap_is_arbitrary_in_its_mean_only(e):
+    """No torque: x'' + 2 zeta x' = 0 with x = d + e, so d = -e cos; its damper gives d_1 = -e W / (W - 2 i zeta)."""
+    model = hb.SpurPair(F_m=0.0, e=e)
+    curve = hb.trace(hb.HarmonicBalance(model, 12), "Omega", (1.5, 0.3))
+    assert curve.status is hb.Status.ARBITRARY and curve.status.complete
+    assert "the position in the gap is arbitrary" in curve.message and len(curve) < 200
+    expected = e[0] * curve.values / np.hypot(curve.values, 2 * model.zeta)
+    np.testing.assert_allclose(curve.amplitude("H1"), expected, rtol=1e-9)
+    np.testing.assert_allclose(curve.amplitude("mean"), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("span", [(3.0, 0.05), (0.05, 3.0)])
+def test_without_torque_the_span_is_covered(span):
+    """Above first contact the motion is determined, below it is not: the amplitude reaches the half gap in between."""
+    model = hb.SpurPair(F_m=0.0, e=(1.05,))
+    curve = hb.trace(hb.HarmonicBalance(model, 12), "Omega", span)
+    touching = 2 * model.zeta / math.sqrt(1.05**2 - 1)
+    assert curve.status is hb.Status.ARBITRARY
+    ends = [x for each in (curve, *curve.others) for x in (each.values.min(), each.values.max())]
+    assert min(ends) == 0.05 and max(ends) == 3.0
+    assert min(abs(x - touching) for x in ends) < 1e-4
+    contact, free = sorted((curve, *curve.others), key=lambda each: -each.values.max())
+    assert (contact.regime > 0).any() and not (free.regime[:-1] > 0).any()
+
+
+def test_a_load_however_small_determines_the_position():
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(F_m=1e-6, e=(0.5,)), 8), "Omega", (1.5, 0.5))
+    assert curve.status is hb.Status.REACHED_END
+
+
+# ---- segments without length
+
+
+def test_a_segment_of_no_length():
+    """Two special points can lie at one place: no division of zero by zero."""
+    problem = hb.HarmonicBalance(hb.Duffing(), 3)
+    curve = hb.trace(problem, "Omega", (0.8, 0.9))
+    u, tangent = np.append(curve.X[3], curve.values[3]), np.append(curve.X[4] - curve.X[3], 0.01)
+    row = CurvePoint(u, tangent, 1, 0.0, 1)
+    segment = Segment(problem, "Omega", {}, row, row, np.ones(len(u)), hb.Settings())
+    with np.errstate(all="raise"):
+        assert segment.at(0.5) is row and segment.place(u) == 0.0
+        np.testing.assert_allclose(segment.guess(0.5), u)
+        assert not segment.passes(CurvePoint(u + 1.0, tangent, 1, 0.0, 1))
+
+
+# ---- sweeps that go on where a stable branch bifurcates
+
+
+def two_masses(k3, coupling, F):
+    K = np.array([[1 + coupling, -coupling], [-coupling, 1 + coupling]])
+    elements = [hb.Element(w, hb.Cubic(k3=k3)) for w in ([1.0, 0.0], [0.0, 1.0])]
+    return hb.System(np.eye(2), 0.05 * np.eye(2), K, elements, hb.Load(cosine={1: [F, F]}))
+
+
+def test_a_supercritical_pitchfork_is_no_jump():
+    """Two equal masses lose their common motion to one in which they differ, as integration finds too."""
+    curve = hb.trace(hb.HarmonicBalance(two_masses(1.0, -0.05, 0.1), 5), "Omega", (0.6, 2.2))
+    (jump,) = (jump for jump in curve.jumps() if jump.label.startswith("BP"))
+    assert jump.landing == "bifurcating" and "no jump" in jump.note and "continues" in jump.decided
+    before, after = (point.amplitude("H1") for point in (jump.before, jump.after))
+    assert after == pytest.approx(before, rel=0.05) and jump.after.stable
+    assert abs(jump.after.amplitude("H1", 0) - jump.after.amplitude("H1", 1)) > 1e-3 * before
+    branch = hb.switch(curve, jump.label, steps=hb.StepControl(max_points=8))
+    assert branch.stable.all() and branch.values[-1] > branch.values[0]
+
+
+def test_a_subcritical_pitchfork_is_a_jump():
+    curve = hb.trace(hb.HarmonicBalance(two_masses(0.5, -0.02, 0.2), 5), "Omega", (0.6, 2.2))
+    (jump,) = (jump for jump in curve.jumps() if jump.label.startswith("BP"))
+    assert jump.landing == "nearest" and jump.after.amplitude("H1") < 0.1 * jump.before.amplitude("H1")
+
+
+def test_a_bifurcating_branch_is_kept_in_files(tmp_path):
+    curve = hb.trace(hb.HarmonicBalance(two_masses(1.0, -0.05, 0.1), 5), "Omega", (1.0, 1.6))
+    curve.save(tmp_path / "curve.npz")
+    again = hb.load(tmp_path / "curve.npz")
+    assert [jump.decided for jump in again.jumps()] == [jump.decided for jump in curve.jumps()]
