@@ -1,7 +1,7 @@
 """Whether a slow sweep goes on along a branch that bifurcates where its own loses stability.
 
-At a supercritical branch point the solution that loses its stability hands it over to others, which begin there and lead
-on in the direction of the sweep: nothing jumps.
+At a supercritical branch point the solution that loses its stability hands it over to others, which begin there and
+lead on in the direction of the sweep: nothing jumps.
 """
 
 from __future__ import annotations
@@ -28,12 +28,11 @@ def continuing(branch: Branch, point: SpecialPoint, direction: int, settings: Se
     direction : +1 or -1, of the parameter along a sweep.
     settings : of the corrector.
     """
+    name = branch.parameter
     for away in _AWAY:
-        beside = [_beside(branch, point, side, away, settings) for side in (1, -1)]
-        ahead = [one for one in beside if one is not None and one.stable
-                 and (one.parameters[branch.parameter] - point.parameters[branch.parameter]) * direction > 0]  # fmt: skip
-        if ahead:
-            return ahead[0]
+        for one in (_beside(branch, point, side, away, settings) for side in (1, -1)):
+            if one is not None and one.stable and (one.parameters[name] - point.parameters[name]) * direction > 0:
+                return one
     return None
 
 

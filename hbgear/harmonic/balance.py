@@ -352,8 +352,8 @@ class HarmonicBalance(FullProblem):
     def unit_of(self, name: str, value: float) -> float:
         """As of every problem; of a parameter that is zero in the model, by what it does to the balance, if it is vast.
 
-        Omega is never zero, so its unit is its value. A support without stiffness in N/m is not small beside a hundredth
-        of 1 N/m: the unit is what changes the balance by a thousandth of its size.
+        Omega is never zero, so its unit is its value. A support without stiffness in N/m is not small beside a
+        hundredth of 1 N/m: the unit is what changes the balance by a thousandth of its size.
         """
         if name == "Omega" and value:
             return abs(value)
@@ -458,7 +458,8 @@ class HarmonicBalance(FullProblem):
         if self._sampling_given or not self.compiled(dict(parameters)).asked:
             return self
         best, known = self, X
-        while best.N < _SAMPLES // max(self.m, 1) and best.N < _MOST_SAMPLES:
+        most = min(_SAMPLES // max(self.m, 1), _MOST_SAMPLES)
+        while most >= 2 * best.N:
             denser = best.denser(2)
             if norm(newton_step(denser, known, parameters)) <= _ALIASED * norm(known):
                 break

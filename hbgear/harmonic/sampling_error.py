@@ -1,10 +1,10 @@
 """Error of sampled forces: what more samples and harmonics would change of a motion.
 
-    delta X = -J_fine^-1 R_fine(X),   the Newton step of the balance with twice the harmonics and four times the samples
+    delta X = -J_fine^-1 R_fine(X),   a Newton step of the balance with twice the harmonics and more samples
 
-N samples a period put harmonics k + N, k + 2N, ... of a force into harmonic k. Where a law is steep, such as the friction
-tanh(v / v0), that is not small, and harmonics left out act back on those that are kept: neither is part of the estimate
-from neglected harmonics alone.
+N samples a period put harmonics k + N, k + 2N, ... of a force into harmonic k. Where a law is steep, such as the
+friction tanh(v / v0), that is not small, and harmonics left out act back on those that are kept: neither is part of the
+estimate from neglected harmonics alone.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def _error(problem: Any, X: Array, here: Mapping[str, float]) -> float:
     R, _, _, size = dense.linearise(X, "", **here)
     if norm(R) <= _NOTICED * size:
         return 0.0
-    more = problem.denser(2, 2) if 2 * problem.size <= _MOST else dense
+    more = problem.denser(4, 2) if 2 * problem.size <= _MOST else dense
     step = newton_step(more, more.fitted(X), here)
     rms = np.sqrt(np.sum(np.where(np.arange(len(step)) % (len(step) // problem.m) == 0, 1.0, 0.5) * step**2))
     return float(rms)

@@ -133,9 +133,16 @@ def _of_matrices(system: System) -> None:
             twice = A + A.T
             dense = (twice if isinstance(twice, np.ndarray) else twice.toarray()) / 2 * np.outer(scale, scale)
             least = float(np.linalg.eigvalsh(dense)[0])
-        if least < -_ROUNDING:
-            what = "a mass is negative" if name == "M" else "a damper feeds energy to the motion"
-            tell(f"{name} has a negative eigenvalue: {what}; is a sign wrong?")
+        if least < -_ROUNDING and name == "M":
+            tell("M has a negative eigenvalue: a mass is negative; is a sign wrong?")
+        elif least < -_ROUNDING and diagonal.max() <= 0 and not any(e.damping or e.law.rated for e in system.elements):
+            tell(
+                f"C has an eigenvalue below zero ({float(diagonal.min()):.3g} on its diagonal) and nothing else damps: "
+                "every motion grows; a steady one needs dampers that take energy, C with positive eigenvalues: change "
+                "its sign"
+            )
+        elif least < -_ROUNDING:
+            tell("C has a negative eigenvalue: a damper feeds energy to the motion; is a sign wrong?")
 
 
 def _excited(system: System) -> bool:

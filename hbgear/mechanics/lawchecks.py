@@ -75,9 +75,10 @@ def _check_held(system: System, springs: Array) -> None:
         j, r = np.unravel_index(int(np.argmax(measured)), measured.shape)
         motion = free[:, r] / free[np.argmax(np.abs(free[:, r])), r]
         words = ", ".join(f"{system.dof_names[i]} = {motion[i]:.3g}" for i in np.argsort(-np.abs(motion))[:6])
+        name = system.elements[int(j)].name
         raise ValueError(
-            f"element '{system.elements[int(j)].name}' measures a motion that no stiffness holds ({words}), and its law has "
-            "none (dp/dd = 0): the mean of that motion is arbitrary; support it in K, or give the law a stiffness"
+            f"element '{name}' measures a motion that no stiffness holds ({words}), and its law "
+            "has none (dp/dd = 0): the mean of that motion is arbitrary; support it in K, or give the law a stiffness"
         )
 
 

@@ -195,8 +195,8 @@ FILES = {
         "orders": "",
         "sampling_error": "",
         "pinned": "events",
-        "balance": "compiled deciding events floquet measuring nearby numbers observables orders pinned realbasis receptance "
-        "sampling_error spinning starts",
+        "balance": "compiled deciding events floquet measuring nearby numbers observables orders pinned realbasis "
+        "receptance sampling_error spinning starts",
         "catalogue": "balance orders",
         "fold_curves": "balance",
         "sensitivity": "balance critical observables special speeds",

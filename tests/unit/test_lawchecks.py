@@ -1,0 +1,133 @@
+"""Laws of the user: wrong derivatives, what is not finite, what holds nothing, each refused in one sentence."""
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.mechanics.lawchecks import check_law
+
+
+def law_of(function, **attributes):
+    """A law whose force is a function."""
+
+    class Mine(hb.Law):
+        def force(self, d, v, tau):
+            return function(d, v, tau)
+
+    for name, value in attributes.items():
+        setattr(Mine, name, value)
+    return Mine()
+
+
+def problem(law, K=1.0):
+    system = hb.System([[1.0]], [[0.1]], [[K]], [hb.Element([1.0], law, name="spring")], hb.Load(cosine={1: [0.2]}))
+    return hb.HarmonicBalance(system, 5)
+
+
+def friction(slope):
+    return lambda d, v, tau: (0.5 * np.tanh(v / 1e-3), 0 * d, slope * (1 - np.tanh(v / 1e-3) ** 2))
+
+
+WRONG = {
+    "square": (lambda d, v, tau: (d**3, 2 * d**2, 0 * d), "dp/dd", "second"),
+    "in N/m^3": (lambda d, v, tau: (1e12 * d**3, 2e12 * d**2, 0 * d), "dp/dd", "second"),
+    "of the phase": (lambda d, v, tau: (np.sin(tau) * d + v * d * d, np.sin(tau) + v * d, d * d), "dp/dd", "second"),
+    "of friction": (friction(0.5), "dp/dv", "third"),
+    "forgotten": (lambda d, v, tau: (d + 0.1 * v**3, np.ones_like(d), 0 * d), "dp/dv", "third"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_derivative_is_named(name):
+    function, entry, place = WRONG[name]
+    with pytest.raises(ValueError, match=f"Mine.force gives {entry} = .* correct the {place} array"):
+        problem(law_of(function))
+
+
+RIGHT = {
+    "cube": (lambda d, v, tau: (d**3, 3 * d**2, 0 * d), {}),
+    "cube in N/m^3": (lambda d, v, tau: (1e12 * d**3, 3e12 * d**2, 0 * d), {}),
+    "far reference": (lambda d, v, tau: (d**3, 3 * d**2, 0 * d), {"reference": 1e6}),
+    "steep friction": (friction(500.0), {}),
+    "steep spring": (lambda d, v, tau: (np.tanh(d / 1e-4), (1 - np.tanh(d / 1e-4) ** 2) / 1e-4, 0 * d), {}),
+    "corner that is not stated": (lambda d, v, tau: (np.maximum(d - 0.1, 0), 1.0 * (d > 0.1), 0 * d), {}),
+    "square of both signs": (lambda d, v, tau: (np.abs(d) * d, 2 * np.abs(d), 0 * d), {}),
+    "pole": (lambda d, v, tau: (1 / (1 - d) ** 2, 2 / (1 - d) ** 3, 0 * d), {}),
+    "all of it": (lambda d, v, tau: (np.sin(tau) * d + v * d * d, np.sin(tau) + 2 * v * d, d * d), {}),
+}
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_right_derivatives_are_not_refused(name):
+    function, attributes = RIGHT[name]
+    assert problem(law_of(function, **attributes)).size == 11
+
+
+@pytest.mark.parametrize("length", [1e-9, 1.0, 1e9])
+def test_laws_of_hbgear_have_the_derivatives_of_their_force(length):
+    for law in (hb.Cubic(k3=2.0 / length**2, k1=-1.0), hb.Backlash(b=length), hb.Unilateral(gap=0.3 * length)):
+        check_law(law, length, 1.0)
+
+
+def test_a_law_that_is_not_finite():
+    with pytest.raises(ValueError, match=r"Mine.force gives p = nan at d = -.*it must be finite for every motion"):
+        problem(law_of(lambda d, v, tau: (d**1.5, 1.5 * d**0.5, 0 * d)))
+
+
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [
+        (lambda d: d**3, "it returned one array of shape .*: add the derivatives"),
+        (lambda d: (d**3, 3 * d**2), "it returned 2: add the derivatives"),
+        (lambda d: None, "it returned NoneType: add the derivatives"),
+        (lambda d: (d, 1.0, 0.0), r"got .*, \(\), \(\): for a constant c give np.full_like"),
+    ],
+)
+def test_what_is_not_three_arrays(found, words):
+    with pytest.raises(ValueError, match=words) as error:
+        problem(law_of(lambda d, v, tau: found(d)))
+    assert len(str(error.value)) < 300
+
+
+def test_friction_holds_no_position():
+    """A mass on a plane with friction: where it slides to and fro is arbitrary."""
+    words = r"'spring' measures a motion that no stiffness holds \(q1 = 1\).*support it in K"
+    with pytest.raises(ValueError, match=words):
+        problem(law_of(friction(500.0), reference=1.0), K=0.0)
+    with pytest.raises(ValueError, match="measures a motion that no stiffness holds"):
+        problem(hb.Cubic(k3=0.0), K=0.0)
+
+
+def test_a_pair_held_by_another_element_is_not_refused():
+    """Friction beside a spring on the same coordinate."""
+    elements = [hb.Element([1.0], law_of(friction(500.0))), hb.Element([1.0], hb.Cubic(k3=1.0))]
+    system = hb.System([[1.0]], [[0.1]], [[0.0]], elements, hb.Load(cosine={1: [0.2]}))
+    assert hb.HarmonicBalance(system, 5).m == 2
+
+
+def test_damping_that_is_negative_everywhere():
+    spring = hb.Element([1.0], hb.Cubic(k3=1.0))
+    system = hb.System([[1.0]], [[-0.1]], [[1.0]], [spring], hb.Load(cosine={1: [0.2]}))
+    with pytest.warns(hb.Unlikely, match="C has an eigenvalue .*needs dampers that take energy.*sign"):
+        hb.HarmonicBalance(system, 5)
+
+
+# ---- samples of steep laws
+
+
+@pytest.mark.parametrize("H", [15, 31])
+def test_the_error_of_steep_friction_is_stated(H):
+    """x'' + x + tanh(x' / 1e-3) / 2 = cos(.8 t): 2.331953 by integration (LSODA); Den Hartog for sign(x'): 2.332235."""
+    element = hb.Element([1.0], law_of(friction(500.0)))
+    system = hb.System([[1.0]], [[0.0]], [[1.0]], [element], hb.Load(cosine={1: [1.0]}))
+    for samples in (None, 4096, 512):
+        point = hb.trace(hb.HarmonicBalance(system, H, samples=samples), "Omega", (0.8, 0.803))[0]
+        error = abs(point.amplitude("max") - 2.331953) / np.sqrt(2)
+        assert error / 3 < point.error < 10 * error
+        assert samples in (None, point.problem.N)
+    assert hb.trace(hb.HarmonicBalance(system, H), "Omega", (0.8, 0.803)).problem.N > 4000
+
+
+def test_smooth_laws_keep_their_samples():
+    curve = hb.trace(problem(law_of(lambda d, v, tau: (d**3, 3 * d**2, 0 * d))), "Omega", (0.8, 0.9))
+    assert curve.problem.N == 64
