@@ -71,16 +71,16 @@ def _balanced(compiled: Compiled, Omega: float, d: Array) -> Static:
     linear, joint, ties = compiled.linear(Omega), compiled.structure.joint, compiled.structure.ties
     e, Z, g = compiled.receptance.e[0].real, linear.Z[0].real, linear.g[0].real
     for _ in range(_STEPS):
-        p, k = _mean(compiled.laws, d)
+        p, k = _static(compiled.laws, d)
         r = joint @ (Z @ d + g + p) + ties @ (d + e)
+        terms = np.abs(joint) @ (np.abs(Z) @ np.abs(d) + np.abs(g) + np.abs(p)) + np.abs(ties) @ np.abs(d + e)
+        if np.linalg.norm(r) <= _ROUNDING * np.linalg.norm(terms):
+            break
         step = np.linalg.lstsq(joint @ (Z + np.diag(k)) + ties, r, rcond=1e-12)[0]
         d = d - step
         if not np.isfinite(d).all() or (np.abs(step) <= _STATIC * np.abs(d)).all():
             break
-    p, k = _mean(compiled.laws, d)
-    r = joint @ (Z @ d + g + p) + ties @ (d + e)
-    terms = np.abs(joint) @ (np.abs(Z) @ np.abs(d) + np.abs(g) + np.abs(p)) + np.abs(ties) @ np.abs(d + e)
-    balanced = bool(np.linalg.norm(r) <= _BALANCED * np.linalg.norm(terms))  # not of what is not finite
+    balanced = bool(np.isfinite(d).all() and np.linalg.norm(r) <= _BALANCED * np.linalg.norm(terms))
     own = joint[compiled.structure.own]  # forces on the others act through their ties
     A = Z[np.ix_(compiled.structure.own, compiled.structure.own)] + (own * k) @ own.T
     size = np.abs(Z).max(initial=0.0) + np.abs(k).max(initial=0.0)
@@ -91,6 +91,9 @@ def _balanced(compiled: Compiled, Omega: float, d: Array) -> Static:
 
 
 _STEPS = 50  # of Newton to a static state
+
+
+_ROUNDING = 1e-13  # force left over, relative to the terms, that no step makes smaller
 
 
 _STATIC = 1e-7  # step of Newton, relative, behind which a static state is one to all digits
@@ -119,9 +122,11 @@ def _response(compiled: Compiled, Omega: float, static: Static) -> Array:
 def _reach(compiled: Compiled, Omega: float) -> Array:
     """Lengths (m,) at which laws change: corners, where a smooth law bends, or as far as the loads move the element."""
     springs = compiled.structure.kr
-    own = np.abs(np.diag(compiled.linear(Omega).Z[0].real) + _mean(compiled.laws, np.zeros(compiled.m))[1])
-    stiffness = np.where(own > _FLAT * springs, own, springs)  # what a smooth law must change by to matter
     reach = np.array([max(np.abs(law.breakpoints), default=0.0) for law in compiled.laws])
+    if reach.all():
+        return reach
+    own = np.abs(np.diag(compiled.linear(Omega).Z[0].real) + _static(compiled.laws, np.zeros(compiled.m))[1])
+    stiffness = np.where(own > _FLAT * springs, own, springs)  # what a smooth law must change by to matter
     for j in np.flatnonzero(reach == 0):
         reach[j] = 0.0 if compiled.laws[j].breakpoints else bend(compiled.laws[j], float(stiffness[j]))
     if not reach.all():
@@ -145,7 +150,7 @@ def _pushed(compiled: Compiled, Omega: float) -> Array:
     return np.where(_against(compiled, Omega) < 0, -1.0, 1.0)
 
 
-def _mean(laws: Any, d: Array) -> tuple[Array, Array]:
+def _static(laws: Any, d: Array) -> tuple[Array, Array]:
     """Mean over the phase of each law's force and stiffness at constant d (m,)."""
     tau, still = 2 * np.pi * np.arange(64) / 64, np.zeros(64)
     with np.errstate(all="ignore"):  # a law may have no value so far out

@@ -137,9 +137,8 @@ def _of_matrices(system: System) -> None:
             tell("M has a negative eigenvalue: a mass is negative; is a sign wrong?")
         elif least < -_ROUNDING and diagonal.max() <= 0 and not any(e.damping or e.law.rated for e in system.elements):
             tell(
-                f"C has an eigenvalue below zero ({float(diagonal.min()):.3g} on its diagonal) and nothing else damps: "
-                "every motion grows; a steady one needs dampers that take energy, C with positive eigenvalues: change "
-                "its sign"
+                f"C has a negative eigenvalue ({float(diagonal.min()):.3g} on its diagonal) and nothing else damps: "
+                "every disturbance grows; a stable motion needs dampers that take energy: change the sign of C"
             )
         elif least < -_ROUNDING:
             tell("C has a negative eigenvalue: a damper feeds energy to the motion; is a sign wrong?")

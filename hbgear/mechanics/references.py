@@ -10,7 +10,6 @@ the load, or that of its prescribed displacement.
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -47,8 +46,11 @@ def references(system: System) -> Array:
 
 def _structural(system: System, stated: Array, unknown: np.ndarray) -> Array:
     """Static stiffness of the structure with the known springs closed, along elements; 0 where nothing holds them."""
-    W = scipy.sparse.csc_array(system.W)
-    K = scipy.sparse.csc_array(system.K) + W @ scipy.sparse.diags_array(stated) @ W.T
+    if isinstance(system.K, np.ndarray):
+        K: Any = system.K + (system.W * stated) @ system.W.T
+    else:
+        W = scipy.sparse.csc_array(system.W)
+        K = scipy.sparse.csc_array(system.K) + W @ scipy.sparse.diags_array(stated) @ W.T
     found: Array = np.zeros(len(unknown))
     for i, w in enumerate(system.W[:, unknown].T):
         x = _solved(K, w)
@@ -60,11 +62,10 @@ def _structural(system: System, stated: Array, unknown: np.ndarray) -> Array:
 
 def _solved(K: Any, w: Array) -> Array | None:
     """K^-1 w, or None if K is singular."""
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)
+    with np.errstate(all="ignore"):
         try:
-            x: Array = scipy.sparse.linalg.splu(K).solve(w) if K.shape[0] > 1 else w / K.toarray()[0]
-        except RuntimeError:  # exactly singular
+            x: Array = np.linalg.solve(K, w) if isinstance(K, np.ndarray) else scipy.sparse.linalg.splu(K).solve(w)
+        except (RuntimeError, np.linalg.LinAlgError):  # exactly singular
             return None
         size = abs(K) @ np.abs(x)
     good = np.isfinite(x).all() and np.linalg.norm(K @ x - w) <= _SOLVED * np.linalg.norm(w)
@@ -92,8 +93,7 @@ def secant(law: Law, force: float, length: float) -> float:
     1
     """
     d = np.logspace(-60.0, 60.0, 2401)
-    with np.errstate(all="ignore"):
-        p = np.abs(law.force(d, np.zeros_like(d), np.zeros_like(d))[0])
+    p = np.abs(at_rest(law, d)[0])
     reached = np.flatnonzero((p >= force) & np.isfinite(p)) if force > 0 else np.empty(0, dtype=int)
     at = int(reached[0]) if reached.size else int(np.searchsorted(d, length)) if length > 0 else -1
     return float(p[at] / d[at]) if 0 <= at < len(d) and np.isfinite(p[at]) else 0.0
@@ -109,8 +109,25 @@ def bend(law: Law, stiffness: float) -> float:
     1.0
     """
     d = np.logspace(-60.0, 60.0, 2401)
-    at, still = np.concatenate([[0.0], d, -d]), np.zeros(2 * len(d) + 1)
+    slope = at_rest(law, np.concatenate([[0.0], d, -d]))[1]
     with np.errstate(all="ignore"):
-        slope = np.asarray(law.force(at, still, still)[1], dtype=float)
         changed = np.abs(slope[1:] - slope[0]).reshape(2, -1).max(axis=0) >= stiffness
     return float(d[int(np.argmax(changed))]) if stiffness > 0 and changed.any() else 0.0
+
+
+def at_rest(law: Law, d: Array) -> tuple[Array, Array]:
+    """p and dp/dd of a law at rest at displacements (k,) of any size; nan where it refuses to be asked."""
+    try:
+        with np.errstate(all="ignore"):
+            p, slope = law.force(d, np.zeros_like(d), np.zeros_like(d))[:2]
+            return np.asarray(p, dtype=float), np.asarray(slope, dtype=float)
+    except Exception:  # whatever a law raises far out
+        if len(d) == 1:
+            return np.full(1, np.nan), np.full(1, np.nan)
+    order = np.argsort(np.abs(d), kind="stable")
+    near, far = order[: len(d) // 2], order[len(d) // 2 :]
+    out: Array = np.full((2, len(d)), np.nan)
+    out[:, near] = at_rest(law, d[near])
+    if np.isfinite(out[:, near]).any():
+        out[:, far] = at_rest(law, d[far])
+    return out[0], out[1]
