@@ -79,7 +79,7 @@ _ADVICE = {
     Status.MERGED: "nothing to do: the branch ended on the one it came from",
     Status.EVENT: "nothing to do: a terminal event was reached; go on from its point to trace further",
     Status.ARBITRARY: "something of the solutions is arbitrary, as the message says, and was chosen: load the system, "
-    "or hold what is free",
+    "or support the free motion",
     Status.CLOSED: "nothing to do: the curve closed on itself",
     Status.RETRACED: "allow shorter steps or a smaller turning angle: "
     "steps=hb.StepControl(longest=..., max_turn_deg=...)",

@@ -352,7 +352,7 @@ class HarmonicBalance(FullProblem):
     def unit_of(self, name: str, value: float) -> float:
         """As of every problem; of a parameter that is zero in the model, by what it does to the balance, if it is vast.
 
-        Omega is never zero, so its unit is its value. A support without stiffness in N/m is not small beside a
+        Omega is never zero, so its unit is its value. A support without stiffness in N/m is not small next to a
         hundredth of 1 N/m: the unit is what changes the balance by a thousandth of its size.
         """
         if name == "Omega" and value:

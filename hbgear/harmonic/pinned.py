@@ -73,4 +73,4 @@ class FirstContact(GrazingContact):
 
 
 ARBITRARY = "no contact: the position in the gap is arbitrary, here its middle; the rest of the motion is determined"
-"""What is said of such a curve."""
+"""The message of such a curve."""

@@ -160,13 +160,13 @@ def _static(laws: Any, d: Array) -> tuple[Array, Array]:
 
 
 class _Damped(FullProblem):
-    """The balance with dampers beside the elements that hold them still at s = 0 and are gone at s = 1.
+    """The balance with dampers parallel to the elements that hold them still at s = 0 and are gone at s = 1.
 
         R_0 = 0,   s^3 R_k + (1 - s)^3 i (k / nu) kr d_k = 0,  k > 0
 
     With damping the power of the loads bounds the velocity, so the path cannot run off to infinity while s < 1; it
     starts at a static state, and ends at a motion if there is but one such state. The third power spreads dampers
-    over many orders of magnitude along the path, for contacts may be stiff beside the structure.
+    over many orders of magnitude along the path, for contacts may be stiff compared with the structure.
     """
 
     def __init__(self, problem: Any, here: Mapping[str, float]) -> None:

@@ -186,7 +186,7 @@ def asked(law: Law, d: Array, v: Array, tau: Array) -> tuple[Array, Array, Array
 
 
 def check_returned(law: Law, found: Any, shape: tuple[int, ...]) -> None:
-    """Refuse what is not three arrays of a shape."""
+    """Raise an error unless a law returned three arrays of a shape."""
     required = (
         f"{type(law).__name__}.force must return three arrays, (p, dp/dd, dp/dv), each of the shape of d, {shape}"
     )

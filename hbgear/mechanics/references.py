@@ -3,7 +3,7 @@
     k_j = reference of the law;   or, if the law states none,   |1 / (w_j^T K^-1 w_j)|,   p_j(L) / L
 
 They only condition the linear algebra. A law such as k3 d^3 has no stiffness of its own: a coefficient in N/m^3 is no
-stiffness, whatever its number. That of the structure in the direction of the element is of the right size in any
+stiffness. That of the structure in the direction of the element is of the right size in any
 units; where nothing holds the element, it is the secant stiffness of the law at the length L at which the law carries
 the load, or that of its prescribed displacement.
 """
@@ -121,7 +121,7 @@ def at_rest(law: Law, d: Array) -> tuple[Array, Array]:
         with np.errstate(all="ignore"):
             p, slope = law.force(d, np.zeros_like(d), np.zeros_like(d))[:2]
             return np.asarray(p, dtype=float), np.asarray(slope, dtype=float)
-    except Exception:  # whatever a law raises far out
+    except Exception:  # any error that a law raises far out
         if len(d) == 1:
             return np.full(1, np.nan), np.full(1, np.nan)
     order = np.argsort(np.abs(d), kind="stable")

@@ -1,4 +1,4 @@
-"""Laws of the user: wrong derivatives, what is not finite, what holds nothing, each refused in one sentence."""
+"""Laws of the user: wrong derivatives, forces that are not finite, motions without stiffness: each refused in one sentence."""
 
 import numpy as np
 import pytest
@@ -99,7 +99,7 @@ def test_friction_holds_no_position():
 
 
 def test_a_pair_held_by_another_element_is_not_refused():
-    """Friction beside a spring on the same coordinate."""
+    """Friction and a spring on the same coordinate."""
     elements = [hb.Element([1.0], law_of(friction(500.0))), hb.Element([1.0], hb.Cubic(k3=1.0))]
     system = hb.System([[1.0]], [[0.1]], [[0.0]], elements, hb.Load(cosine={1: [0.2]}))
     assert hb.HarmonicBalance(system, 5).m == 2
