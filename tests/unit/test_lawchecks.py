@@ -1,4 +1,4 @@
-"""Laws of the user: wrong derivatives, forces that are not finite, motions without stiffness: each refused in one sentence."""
+"""Laws of the user: wrong derivatives, forces that are not finite, motions without stiffness: one sentence each."""
 
 import numpy as np
 import pytest
