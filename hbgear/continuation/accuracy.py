@@ -1,24 +1,30 @@
-"""How accurate special points are: what more unknowns would change of them.
+"""Errors of special points: what other numbers of unknowns change of them.
 
-    {R, g}(X, p) = 0  at n unknowns,    delta = -J'^-1 {R', g'}(X, p)  at more of them,    error = |delta_p|
+    {R, g}(X, p) = 0,     error(n) = max_i w_i | p(n_i) - p(n) |
 
-R', g' and J' are the equations of the special point with more unknowns (`problem.Refinable`), at the point found with
-fewer: one Newton step. It tells the error as long as the errors fall fast enough with the number of unknowns that those
-of the finer solution do not count. Points that no equations are known for, and those that leave their piece of the
-curve, are located again between the ends of the piece solved again. Where the error is larger than wanted, the point is
-solved for with more unknowns, and judged anew.
+R and g are the equations of the special point, p(n) the value of the parameter that solves them with n unknowns. The
+numbers n_i and weights w_i are those of the problem (`FullProblem.comparisons`): 3/2 n and 2 n with the weight 1, where
+so many can be solved for; else fewer unknowns, with weights that assume the slow rate n^-2. One difference alone is no
+estimate: with short contacts the error oscillates with the number of unknowns, and passes zero.
+
+Each p(n_i) is converged: a single Newton step is wrong by a factor of 20 where contacts are short. The estimate is a
+function of the point and its number of unknowns alone, whatever led to it. Where the error is larger than wanted, or
+the multipliers are not those of the event (`Event.deviation`), the point is located with twice the unknowns, and its
+error estimated again. Points without equations, and those that leave their segment of the curve, are located on the
+segment solved again.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.algebra import norm
+from hbgear.continuation.bordered import Augmented
 from hbgear.continuation.branch import SpecialPoint
 from hbgear.continuation.events import Found, Sharp, Turning
 from hbgear.continuation.newton import NoConvergence, Solution, solution_at
@@ -26,47 +32,121 @@ from hbgear.continuation.problem import FullProblem, as_problem, observe_all
 from hbgear.continuation.record import fields_of
 from hbgear.continuation.segment import CurvePoint, Segment, solved_again, widened
 
-_ROUNDING = 1e-12  # of a parameter, relative to its unit: no error is told to be smaller
+_ROUNDING = 1e-12  # of a parameter, relative to its unit: no error is stated to be smaller
 
 
-_FAR = 0.05  # scaled length by which a point may move when it is solved for with more unknowns
+_FAR = 0.05  # scaled length by which a point may move when it is located with another number of unknowns
 
 
-_REACHES = 1.0, 3.0, 9.0  # lengths of the piece, at either end, with which it is looked at again
+_REACHES = 1.0, 3.0, 9.0  # lengths of the segment, at either end, with which it is searched again
 
 
-_MISSED = 2  # times in a row that a point is not found with more unknowns, after which it is given up
+_MISSED = 2  # times in a row that a point is not found with more unknowns, after which the search ends
 
 
 _SKETCH = 0.5  # error of a solution relative to its size above which it is no start for one with more unknowns
 
 
+_SETTLED = 0.1  # last Newton step, over the change of the parameter, at which that change is known
+
+
+_STEPS = 6  # Newton steps in which it settles, before the damped iteration takes over
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A special point with another number of unknowns.
+
+    value : of the parameter, nan if the point was not found. distance : scaled, from where it was.
+    sharp : locates it to all digits.
+    """
+
+    value: float
+    distance: float
+    sharp: Callable[[], Sharp | None]
+
+
+_LOST = Moved(math.nan, math.inf, lambda: None)
+
+
 def assessed(arc: Segment, found: Found, accuracy: float) -> Found:
-    """A special point with its error, solved for with more unknowns where that is above the accuracy.
+    """A special point with its error, located with more unknowns where that is above the accuracy.
 
     Parameters
     ----------
-    arc : the piece of the curve on which it was found.
-    accuracy : largest error wanted, relative to the size of the parameter (`FullProblem.unit_of`).
+    arc : Segment
+        The segment of the curve on which it was found.
+    found : Found
+        The point.
+    accuracy : float
+        Largest error wanted, relative to the size of the parameter (`FullProblem.unit_of`).
 
     Returns
     -------
     Found
-        Its error is infinite if it is not found again with more unknowns, nan if nothing could be said.
+        Its error is infinite if other numbers of unknowns do not have it, nan if none can be compared. It is not
+        located if its multipliers are farther than 1e-3 from those of the event with the most unknowns.
     """
     rough = (is_sketch(arc.problem, end.X, end.observed.get("error", 0.0)) for end in (arc.a, arc.b))
-    if arc.problem.finer is None or any(rough):
+    if not arc.problem.comparisons or any(rough):
         return found
     unit = arc.problem.unit_of(arc.name, found.row.value)
-    goal = accuracy * unit
-    simple = found.located and found.finder is None  # where two multipliers pass at once, the equations are singular
-    best = _by_equations(arc, found, goal) if simple and arc.problem.smooth else found
-    left = _left(arc, best)
-    if left or not best.error <= goal:
-        other = _by_pieces(arc, found, goal)
-        better = other.error < best.error or math.isnan(best.error)
-        best = other if (_moved(arc, found, other) < _moved(arc, found, best) if left else better) else best
-    return replace(best, error=max(best.error, _ROUNDING * unit))
+    goal, problem, missed = accuracy * unit, arc.problem, 0
+    while True:
+        moved: list[tuple[FullProblem, Moved]] = []
+        error = _error(arc, found, problem, goal, moved)
+        finer = None if problem.finer is None else as_problem(problem.finer)
+        deviation = _deviation(arc, found)
+        if (error <= goal and deviation <= _CRITICAL) or finer is None:
+            break
+        known = next((there for other, there in moved if other is finer), None)
+        sharp = (known or _moved(arc, found, finer)).sharp()
+        missed, problem = (0 if sharp else missed + 1), finer
+        if sharp:
+            found = replace(found, sharp=sharp, located=True)
+        elif missed == _MISSED:
+            break
+    located = found.located and _deviation(arc, found) <= _CRITICAL
+    return replace(found, error=math.inf if missed else max(error, _ROUNDING * unit), located=located)
+
+
+_CRITICAL = 1e-3
+"""Distance of a multiplier from +1 (BP), -1 (PD) or the unit circle (NS) above which a point is not located.
+
+Points that are right were seen with 1e-4 and less, ends of segments that were taken for points with .01 and more.
+"""
+
+
+def _deviation(arc: Segment, found: Found) -> float:
+    """Distance of the multipliers of a point from those that its event requires; 0 if there are none, or not known."""
+    if not found.located or "multipliers" not in arc.a.observed or found.event.deviation(np.empty(0, complex)) == 0:
+        return 0.0
+    there = found.sharp or Sharp(arc.problem, found.row)
+    if not there.row.observed:
+        there.row.observed.update(observe_all(there.problem, there.row.u[None], arc.name, arc.parameters, True)[0])
+    multipliers = there.row.observed.get("multipliers", np.full(1, math.nan))
+    return 0.0 if np.isnan(multipliers).any() else found.event.deviation(multipliers)
+
+
+def _error(
+    arc: Segment, found: Found, problem: FullProblem, goal: float, moved: list[tuple[FullProblem, Moved]]
+) -> float:
+    """The error of a point located with the unknowns of a problem; some larger number than the goal, if it is larger.
+
+    moved : filled with what was located, each with its problem.
+    """
+    own = (found.sharp.problem if found.sharp else arc.problem) is problem
+    if not found.located or not own:  # not known with so many unknowns
+        return math.inf
+    value, errors = found.value, []
+    for other, weight in problem.comparisons:
+        there = _moved(arc, found, other)
+        moved.append((other, there))
+        errors.append(weight * abs(there.value - value))
+        if problem.finer is not None and not errors[-1] <= goal:
+            return math.inf if math.isnan(errors[-1]) else errors[-1]
+    known = [error for error in errors if not math.isnan(error)]
+    return max(known, default=math.inf)
 
 
 def is_sketch(problem: FullProblem, X: Array, error: float) -> bool:
@@ -74,70 +154,96 @@ def is_sketch(problem: FullProblem, X: Array, error: float) -> bool:
     return error > _SKETCH * problem.motion_size(X)
 
 
-def _by_equations(arc: Segment, found: Found, goal: float) -> Found:
-    """`assessed` by Newton on the equations of the point; the last that could be solved for."""
-    problem, row = arc.problem, found.row
-    while problem.finer is not None:
-        finer, here = as_problem(problem.finer), {**arc.parameters, arc.name: row.value}
+def _moved(arc: Segment, found: Found, problem: FullProblem) -> Moved:
+    """The point with the unknowns of another problem: by its equations, else on the segment solved again.
+
+    Where the equations leave the segment, another point may lie, and of both answers the nearer one is the point.
+    """
+    simple = found.located and found.finder is None  # where two multipliers pass at once, the equations are singular
+    if simple and arc.problem.smooth:
+        first = _by_equations(arc, found, problem)
+        if first is not None:
+            sharp = first.sharp() if _left(arc, found, first) else None
+            if sharp is None:
+                return first
+            second = _by_pieces(arc, found, problem)
+            return second if second.distance < first.distance else first
+    if found.located and isinstance(found.event, Turning):
         try:
-            point = SpecialPoint(**fields_of(problem, arc.name, here, row), kind=found.event.kind, note=found.note)
-            extended = found.event.equations(finer, arc.name, point)
-            if extended is None:
-                break
-            U = np.append(finer.fitted(row.X), row.value)
-            extended, U = extended.stepped(U, here, found.event.judged_by)
-            found = replace(found, error=abs(float(U[-1] - row.value)))
-            if found.error <= goal:
-                break
+            change = _of_turn(arc, found.sharp.row if found.sharp else found.row, problem)
+            return Moved(found.value + change, 0.0, lambda: _by_pieces(arc, found, problem).sharp())
+        except (NoConvergence, np.linalg.LinAlgError):
+            pass
+    return _by_pieces(arc, found, problem)
+
+
+def _by_equations(arc: Segment, found: Found, problem: FullProblem) -> Moved | None:
+    """The point by Newton on its equations with the unknowns of another problem; None if it has none or they fail."""
+    now = found.sharp or Sharp(arc.problem, found.row)
+    row, here = now.row, {**arc.parameters, arc.name: now.row.value}
+    start = np.append(problem.fitted(row.X), row.value)
+    try:
+        point = SpecialPoint(**fields_of(now.problem, arc.name, here, row), kind=found.event.kind, note=found.note)
+        extended = found.event.equations(problem, arc.name, point)
+        if extended is None:
+            return None
+        unit = problem.unit_of(arc.name, row.value)
+        U = _settled(extended, start, here, _ROUNDING * unit)
+    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+        return None
+
+    def sharp() -> Sharp | None:
+        try:
             solution = extended.located(U, here)
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
-            break
-        problem, row = finer, _row_of(arc, finer, solution_at(finer, solution.X, arc.name, arc.parameters))
-        if _apart(arc, row, found.row) > _FAR or row.residual > arc.settings.tolerance:
-            break
-        found = replace(found, sharp=Sharp(problem, row))
-    return found
+            return None
+        there = _row_of(arc, problem, solution_at(problem, solution.X, arc.name, arc.parameters))
+        good = _apart(arc, there, row) <= _FAR and there.residual <= arc.settings.tolerance
+        return Sharp(problem, there) if good else None
+
+    distance = _apart(arc, replace(row, u=U), row)
+    return Moved(float(U[-1]), distance, sharp) if distance <= _FAR else None
 
 
-def _left(arc: Segment, found: Found) -> bool:
-    """Whether Newton with more unknowns went beyond the ends of the piece, where another point may be."""
-    return found.sharp is not None and not 0 <= arc.place(_fitted(arc, found.sharp.row)) <= 1
-
-
-def _moved(arc: Segment, found: Found, judged: Found) -> float:
-    """How far a point moved with more unknowns: of two answers the one that moved less is likelier to be that point."""
-    if math.isinf(judged.error):
-        return math.inf
-    return 0.0 if judged.sharp is None else _apart(arc, judged.sharp.row, found.row)
-
-
-def _by_pieces(arc: Segment, found: Found, goal: float) -> Found:
-    """`assessed` by looking for the point again on the piece of the curve solved with more unknowns."""
-    place, missed = found.row.value if found.located else math.nan, 0
-    find = (found.finder or found.event).find
-    reaches = _REACHES if found.event.judged_by > 1 else _REACHES[:1]  # where equations bend, points run farther
-    found = replace(found, error=math.inf)
-    while arc.problem.finer is not None and missed < _MISSED:
+def _settled(extended: Augmented, start: Array, here: dict[str, float], rounding: float) -> Array:
+    """Unknowns (X, p) of a special point whose change of p is known to a tenth."""
+    U, own = start, extended
+    for _ in range(_STEPS):
+        last = U
         try:
-            if found.located and isinstance(found.event, Turning):
-                error = _of_turn(arc, found.sharp.row if found.sharp else found.row, as_problem(arc.problem.finer))
-                if error <= goal:
-                    return replace(found, error=error)
-            arc = _again(arc, as_problem(arc.problem.finer))
-            again = [
-                p for p in find(arc) or _beyond(arc, find, reaches) if p.located and p.event.kind == found.event.kind
-            ]
-        except (NoConvergence, np.linalg.LinAlgError):
+            own, U = own.stepped(U, here, 1)
+        except np.linalg.LinAlgError:
             break
-        missed = 0 if again else missed + 1
-        if not again:
-            continue
-        row = min(again, key=lambda p: abs(arc.place(p.row.u) - found.s)).row
-        if abs(row.value - place) <= goal:
-            return replace(found, error=abs(row.value - place))
-        error = math.inf if math.isnan(place) else abs(row.value - place)
-        place, found = row.value, replace(found, error=error, sharp=Sharp(arc.problem, row), located=True)
-    return found
+        if not np.isfinite(U).all():
+            break
+        if abs(U[-1] - last[-1]) <= max(_SETTLED * abs(U[-1] - start[-1]), rounding):
+            return U
+    return extended.located(start, here).X
+
+
+def _left(arc: Segment, found: Found, moved: Moved) -> bool:
+    """Whether a point moved beyond the ends of the segment on which it was found, where another point may be."""
+    if moved.distance <= _AT_THE_END * arc.length:
+        return False
+    sharp = moved.sharp()
+    return sharp is not None and not 0 <= arc.place(_fitted(arc, sharp.row)) <= 1
+
+
+_AT_THE_END = 1e-3  # share of a segment by which a point may move without being another one
+
+
+def _by_pieces(arc: Segment, found: Found, problem: FullProblem) -> Moved:
+    """The point located again on the segment solved with the unknowns of another problem."""
+    find = (found.finder or found.event).find
+    try:
+        again = _again(arc, problem)
+        points = [p for p in find(again) or _beyond(again, find) if p.located and p.event.kind == found.event.kind]
+    except (NoConvergence, np.linalg.LinAlgError):
+        return _LOST
+    if not points:
+        return _LOST
+    row = min(points, key=lambda p: abs(again.place(p.row.u) - found.s)).row
+    return Moved(row.value, _apart(arc, row, (found.sharp or found).row), lambda: Sharp(problem, row))
 
 
 def _of_turn(arc: Segment, row: CurvePoint, finer: FullProblem) -> float:
@@ -163,9 +269,9 @@ def _again(arc: Segment, finer: FullProblem) -> Segment:
     return _between(replace(arc, problem=finer, scale=scale), a, b)
 
 
-def _beyond(arc: Segment, find: Callable[[Segment], list[Found]], reaches: Sequence[float]) -> list[Found]:
-    """What is found with more of the curve at both ends, where more unknowns may have put a point near them."""
-    for reach in reaches:
+def _beyond(arc: Segment, find: Callable[[Segment], list[Found]]) -> list[Found]:
+    """What is found with more of the curve at both ends, where other unknowns may have put a point near them."""
+    for reach in _REACHES:
         if reach > 1 and reach * arc.length > _FAR:
             break
         try:

@@ -208,6 +208,12 @@ class Augmented(FullProblem):
         finer = self.problem.finer
         return None if finer is None else type(self)(finer, self.parameter, *self.arguments)
 
+    @property
+    def comparisons(self) -> Sequence[tuple[FullProblem, float]]:
+        """The same special points of the problems that its solutions are compared with."""
+        others = self.problem.comparisons
+        return tuple((type(self)(other, self.parameter, *self.arguments), weight) for other, weight in others)
+
     def fitted(self, X: Array) -> Array:
         """Unknowns (X, p) with the X of this problem."""
         return np.append(self.problem.fitted(X[:-1]), X[-1])

@@ -504,8 +504,12 @@ class Branch:
         """Why the branch cannot be trusted everywhere, in words; empty if it can, or nothing is known of its errors."""
         out = []
         accuracy = self.meta.get("trace", {}).get("accuracy") or math.inf
+        truncated = math.isfinite(accuracy) and bool(np.isfinite(self.error).any())  # then an unknown error is a doubt
         size = {p.label: abs(p.parameters[self.parameter]) or 1.0 for p in self.special}
-        vague = [p.label for p in self.special if not p.located or p.error > 2 * accuracy * size[p.label]]
+        vague = [
+            p.label for p in self.special
+            if not p.located or (truncated if math.isnan(p.error) else p.error > 2 * accuracy * size[p.label])
+        ]  # fmt: skip
         if vague:
             out.append(f"{', '.join(vague)} not known to the accuracy of {accuracy:g}")
         undecided = np.flatnonzero(self.undecided)

@@ -33,7 +33,7 @@ import numpy as np
 import scipy  # its parts are imported when they are first used
 
 from hbgear.common.arguments import checked_arguments
-from hbgear.common.arrays import Array
+from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.algebra import as_dense, bordered, norms, slogdet
 from hbgear.continuation.bordered import Augmented, Fold, Level
 from hbgear.continuation.bracketing import bracketed_root
@@ -112,8 +112,6 @@ class Event:
     meaning: str
     marker: str = "v"
     terminal: bool = False
-    judged_by: int = 1
-    """Newton steps on its equations with more unknowns that tell its error; more where these bend."""
     flanked: bool = False
     """Whether rows on both sides of a point at which it happens tell what happens near, for itself it is on neither."""
     alone: bool = False
@@ -172,6 +170,10 @@ class Event:
         Equations that are not smooth at the point can keep every step from reaching it.
         """
         return None
+
+    def deviation(self, multipliers: ComplexArray) -> float:
+        """Distance of the multipliers of a point from the values that the event requires; 0 if it requires none."""
+        return 0.0
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         """The event as a problem of its own, to be followed in a second parameter; None if it is no equation.
@@ -289,6 +291,10 @@ class Crossing(Event):
         if segment.a.orientation == segment.b.orientation:
             return []
         return [_crossed(segment, root(segment, self, _determinant(segment)))]
+
+    def deviation(self, multipliers: ComplexArray) -> float:
+        """Distance of the nearest multiplier from +1."""
+        return float(np.abs(multipliers - 1).min(initial=math.inf))
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         return BranchPoint(problem, parameter)
@@ -457,13 +463,19 @@ def root(
             return 0.0
 
     try:
-        bracketed_root(beside, 0.0, 1.0, fine, first)
-        s = min(values, key=lambda x: abs(values[x]))  # near a singular point the last of them may be noise
+        place = bracketed_root(beside, 0.0, 1.0, fine, first)
+        near = [
+            x for x in values if abs(x - place) <= _NOISY
+        ]  # a function that grows along the segment is less at an end
+        s = min(near, key=lambda x: abs(values[x]))  # near a singular point the last of them may be noise
         return Found(event, s, rows[s], True, note)
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         f0, f1 = abs(test(segment.a)), abs(test(segment.b))
         s = 0.0 if f0 < f1 else 1.0
         return Found(event, s, rows[s], False, note)
+
+
+_NOISY = 1e-6  # distance from a root, along the arc, within which values may be noise
 
 
 _BESIDE = 1e-5  # distance along the arc at which the two sides of a singular point are looked at

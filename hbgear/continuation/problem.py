@@ -499,6 +499,15 @@ class FullProblem:
         """`Refinable.finer`: there are no more unknowns."""
         return None
 
+    @property
+    def comparisons(self) -> Sequence[tuple[FullProblem, float]]:
+        """Problems with other numbers of unknowns, each with its weight w.
+
+        w times the change of a result from this problem to that one estimates the error of the result; the largest of
+        these is the estimate. By default what the finer problem changes.
+        """
+        return () if self.finer is None else ((as_problem(self.finer), 1.0),)
+
     def fitting(self, point: Point) -> FullProblem:
         """`Refinable.fitting`: the problem as it is."""
         return self

@@ -33,8 +33,8 @@ from hbgear.continuation.accuracy import assessed
 from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.asymptote import asymptote
 from hbgear.continuation.branch import Branch, Point, Status, relative_errors, with_asymptotes
-from hbgear.continuation.corrector import correct
 from hbgear.continuation.covering import UNCOVERED, Search, find_rest, told
+from hbgear.continuation.departing import departed, first_two
 from hbgear.continuation.ending import Ending
 from hbgear.continuation.events import Crossing, Event, Found, Turning, Watch, behind_the_turn, events_of, unknowns
 from hbgear.continuation.hidden import Path, find_hidden, paired
@@ -49,7 +49,6 @@ from hbgear.continuation.segment import (
     Segment,
     cosine,
     normal_of,
-    row_along,
     row_of,
     solved_again,
     widened,
@@ -245,6 +244,7 @@ class _Tracer:
         self.first_unseen: Exception | None = None  # why what the problem says of the first motion could not be had
         self.made: Branch | None = None
         self.asymptote: float | None = None  # where the curve runs off to infinity
+        self.ahead: list[CurvePoint] = []  # the row behind the special point at which the curve begins, if it does
         self.first = self._first_row(start)
         self.rows = [self.first]
         own = events_of(problem, parameter)
@@ -325,24 +325,16 @@ class _Tracer:
             return self.original.start(**here)
 
     def _depart(self, start: Departure) -> CurvePoint:
-        """First row of another branch, a short way along the direction that leaves the point; or the point itself."""
-        u = np.append(start.X, start.parameters[self.name])
+        """The point at which another branch begins."""
         self.problem = self.problem.based(start.X, {**self.fixed, self.name: start.parameters[self.name]})
         self.top = self._motion_size(start.X)
         self.scale = self._scale(start.X)
-        direction = start.direction / np.linalg.norm(start.direction / self.scale)
-        normal = normal_of(direction, self.scale)
-        normal = normal / np.linalg.norm(normal)
-        h = self.steps.first if start.away else 0.0
-        while True:
-            try:
-                return row_along(
-                    correct(self.problem, u + h * direction, normal, self.name, self.fixed, self.settings), self.scale
-                )
-            except (NoConvergence, np.linalg.LinAlgError):
-                h *= 0.5
-                if h < 1e-3 * self.steps.first:
-                    raise
+        if not start.away:
+            return departed(self.problem, self.name, self.fixed, start, 0.0, self.scale, self.settings)
+        first, *self.ahead = first_two(
+            self.problem, self.name, self.fixed, start, self.steps, self.scale, self.settings
+        )
+        return first
 
     def _motion_size(self, X: Array) -> float:
         return float(self.problem.motion_size(X))
@@ -437,7 +429,9 @@ class _Tracer:
 
     def _follow(self) -> None:
         """Trace until something ends it."""
-        if self.together == 1:
+        if self.ahead:
+            self._append(self.ahead)
+        elif self.together == 1:
             self._settle()
         self._adapt()
         self.first = self.rows[0]
@@ -590,8 +584,10 @@ class _Tracer:
         closed = end is None and self._closes(last, row)
         if closed:
             row = self._as_now(self.first)
-        stop = self.watch.ends(self._arc(last, row)) if self.watch.terminal else None
+        arc = self._arc(last, row)
+        stop = self.watch.ends(arc) if self.watch.terminal else None
         if stop is not None:
+            (stop,) = self._assessed(arc, [stop])
             return self._end_at(stop)
         self._append([row])
         if self.progress:

@@ -235,6 +235,7 @@ class HarmonicBalance(FullProblem):
         self._receded: Recent[HarmonicBalance] = Recent(1)
         self._denser: Recent[HarmonicBalance] = Recent(2)
         self._finer: Recent[HarmonicBalance] = Recent(1)
+        self._comparisons: Recent[Sequence[tuple[FullProblem, float]]] = Recent(1)
         self._doubled: Recent[HarmonicBalance] = Recent(1)
         self._fitting: Recent[HarmonicBalance] = Recent(4)
         self._remembering: Recent[HarmonicBalance] = Recent(1)
@@ -599,6 +600,24 @@ class HarmonicBalance(FullProblem):
             return None
         finer = self._finer.get((), lambda: self.with_order(self.nu, 2 * self.H))
         return None if finer._served is not None and finer._reduction(()) is None else finer
+
+    @property
+    def comparisons(self) -> Sequence[tuple[FullProblem, float]]:
+        """3/2 H and 2H harmonics with the weight 1; without a finer problem H/2 and 3/4 H, for errors of order H^-2.
+
+        With backlash the errors of special points fall like H^-3 or faster, but oscillate: two numbers of harmonics at
+        a time do not hide that. From a problem with r H harmonics, e(r H) - e(H) = (r^-2 - 1) e(H).
+        """
+        return self._comparisons.get((), self._compared)
+
+    def _compared(self) -> Sequence[tuple[FullProblem, float]]:
+        finer = self.finer
+        if finer is not None:
+            between = 3 * self.H // 2
+            more = self.selection is None and between > self.H
+            return (*([(self.with_order(self.nu, between), 1.0)] if more else []), (finer, 1.0))
+        fewer = [(3 * self.H // 4, 3 / 4), (self.H // 2, 1 / 2)]
+        return tuple((self.with_order(self.nu, H), 1 / (r**-2 - 1)) for H, r in fewer if self.nu <= H < self.H)
 
     def fitting(self, point: Point) -> HarmonicBalance:
         """The same with the harmonics of a point, if it has more."""

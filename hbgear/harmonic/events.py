@@ -97,6 +97,10 @@ class Doubling(Event):
         rough = root(segment, self, lambda row: float(_doubled(_known(segment, row)[None])[0]))
         return rough if extended is None else _sharpened(segment, rough, extended)
 
+    def deviation(self, multipliers: ComplexArray) -> float:
+        """Distance of the nearest multiplier from -1."""
+        return float(np.abs(multipliers + 1).min(initial=math.inf))
+
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         return PeriodDoubling(problem, parameter)
 
@@ -126,7 +130,6 @@ class SecondFrequency(Event):
 
     kind, meaning, marker = "NS", "Neimark-Sacker: a second frequency sets in", "s"
     flanked = True
-    judged_by = 2  # exponents bend with the contacts of the motion: the first step alone may end where it began
 
     def __init__(self, near: complex | None = None) -> None:
         self.near = near
@@ -234,6 +237,10 @@ class SecondFrequency(Event):
         if abs(first - second) >= _DOUBLE:
             return []
         return [replace(real, event=Crossing() if first.real > 0 else Doubling(), finder=self)]
+
+    def deviation(self, multipliers: ComplexArray) -> float:
+        """Distance of the nearest multiplier from the unit circle."""
+        return float(np.abs(np.abs(multipliers) - 1).min(initial=math.inf))
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         """None for laws that must be asked for their slopes, and structures too large for their modes."""
@@ -396,7 +403,6 @@ class AmplitudePeak(Event):
     """An amplitude is largest: looked for by `hbgear.peaks` on a finished curve, not while it is traced."""
 
     kind, meaning, marker = "PK", "peak of an amplitude", "^"
-    judged_by = 3
 
     def __init__(self, measure: str = "rms", element: int = 0) -> None:
         self.measure, self.element = measure, element
