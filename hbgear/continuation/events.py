@@ -302,7 +302,8 @@ class Crossing(Event):
     def departure(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[FullProblem, Departure] | None:
         """Across the traced curve, within the null space of [dR/dX, dR/dp]."""
         there = as_traced(branch, point)
-        return as_problem(branch.problem), Departure(there.X, dict(there.parameters), side * _across(branch, there))
+        direction = side * _across(branch, there)
+        return as_problem(branch.problem), Departure(there.X, dict(there.parameters), direction, event=self)
 
 
 def as_traced(branch: Branch, point: SpecialPoint) -> SpecialPoint:

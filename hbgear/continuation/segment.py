@@ -68,13 +68,15 @@ class Rows(list[CurvePoint]):
 class Departure:
     """Where a branch begins, and which way: X, parameters, and the direction (n + 1,) in (X, lambda).
 
-    Another branch begins a short way ``away``: the point itself is the old one's too.
+    away : whether another branch leaves at a special point, X, where its equations are singular.
+    event : the event of that point, which happens again where the branch closes.
     """
 
     X: Array
     parameters: dict[str, float]
     direction: Array
     away: bool = True
+    event: Any = None
 
 
 def normal_of(direction: Array, scale: Array) -> Array:

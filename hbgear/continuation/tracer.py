@@ -244,6 +244,7 @@ class _Tracer:
         self.first_unseen: Exception | None = None  # why what the problem says of the first motion could not be had
         self.made: Branch | None = None
         self.asymptote: float | None = None  # where the curve runs off to infinity
+        self.departure = start if isinstance(start, Departure) and start.away else None
         self.ahead: list[CurvePoint] = []  # the row behind the special point at which the curve begins, if it does
         self.first = self._first_row(start)
         self.rows = [self.first]
@@ -583,13 +584,16 @@ class _Tracer:
             row = self._final(last, row, end)
         closed = end is None and self._closes(last, row)
         if closed:
-            row = self._as_now(self.first)
+            row = self._closing(last)
         arc = self._arc(last, row)
         stop = self.watch.ends(arc) if self.watch.terminal else None
         if stop is not None:
             (stop,) = self._assessed(arc, [stop])
             return self._end_at(stop)
         self._append([row])
+        if closed and self.departure is not None and self.departure.event is not None:
+            self._settle()
+            (self.stop,) = self._assessed(arc, [Found(self.departure.event, 1.0, row, True)])
         if self.progress:
             self._tell(row, self.progress)
         if end is not None:
@@ -597,6 +601,13 @@ class _Tracer:
                 return Status.REACHED_END, f"{self.name} = {end:.6g} reached"
             return Status.LEFT_SPAN, f"the curve turned back to {self.name} = {end:.6g}"
         return (Status.CLOSED, f"the curve closed after {len(self.rows)} points") if closed else None
+
+    def _closing(self, last: CurvePoint) -> CurvePoint:
+        """The first row as the last one; if it is a special point, with the sides on which the curve comes to it."""
+        row = self._as_now(self.first)
+        if self.departure is None:
+            return row
+        return replace(row, heading=last.heading, orientation=last.orientation)
 
     def _tell(self, row: CurvePoint, progress: ProgressCallback) -> None:
         """Call the user's progress; an exception of theirs is told from all others."""
