@@ -717,20 +717,21 @@ class _Tracer:
         self._decide(path)
         found: dict[int, list[Found]] = {}  # by the number of the row behind
         if self.watch.passing and self.waiting:
-            rows = Rows(self.rows[max(start - 1, 0) :])  # one more, which tells how test functions bend
+            before = max(start - 2, 0)  # with two rows on either side of the last segment, for test functions bend
+            rows = Rows(self.rows[before:])
             for i in self.watch.suspects(rows):
-                number = i + 1 + max(start - 1, 0)
+                number = i + 1 + before
                 if number > start:
                     problem, scale = self.waiting[number - start - 1]
                     arc = Segment(problem, self.name, self.fixed, rows[i], rows[i + 1], scale, self.settings)
                     found[number] = self._located(arc)
-            self._look_closer(rows, max(start - 1, 0), found)
+            self._look_closer(rows, before, found)
         if self.together == 1:  # the problem may be another one at the next row
             fresh = [point.row for points in found.values() for point in points]
             self._observe([row for row in fresh if len(row.u) == len(self.scale)])
         self._look_between(found)
-        before = [one for one in self.found if one[0] not in found]
-        self.waiting, self.found = [], before + [(i, point) for i, points in found.items() for point in points]
+        others = [one for one in self.found if one[0] not in found]
+        self.waiting, self.found = [], others + [(i, point) for i, points in found.items() for point in points]
 
     def _decide(self, path: list[CurvePoint]) -> None:
         """Make sure of the stability of rows that were observed just now."""

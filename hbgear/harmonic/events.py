@@ -48,7 +48,7 @@ from hbgear.continuation.newton import NoConvergence, on_curve, refine, solve
 from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
 from hbgear.continuation.touching import dips
-from hbgear.harmonic.meeting import arrivals, exchanges, meetings, passing
+from hbgear.harmonic.meeting import arrivals, exchanges, leaps, meetings, passing
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.special import Grazing, NeimarkSacker, PeriodDoubling, exponent_of_pair, peak_of
 
@@ -147,11 +147,14 @@ class SecondFrequency(Event):
         return np.where(np.isfinite(both), both, np.nan)
 
     def close(self, rows: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
-        """Where a pair comes close to the unit circle, alone or because two meet, or one leaves as another returns."""
+        """Where a pair comes close to the unit circle, alone or because two meet, or one leaves as another returns.
+
+        And segments across which multipliers cannot be followed, on which anything may happen.
+        """
         mu, length = _multipliers(rows), lengths(rows, scale)
         if mu is None:
             return []
-        return [*dips(values, length), *meetings(mu, length), *exchanges(mu), *arrivals(mu, length)]
+        return [*dips(values, length), *meetings(mu, length), *exchanges(mu), *arrivals(mu, length), *leaps(mu)]
 
     def suspects(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
         mu = _multipliers(rows)

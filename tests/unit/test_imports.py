@@ -90,10 +90,11 @@ FILES = {
         "record": "branch problem segment",
         "events": "algebra bordered bracketing branch crossing newton problem record segment touching",
         "hidden": "events jumps segment",
-        "accuracy": "algebra branch events newton problem record segment",
+        "accuracy": "algebra bordered branch events newton problem record segment",
+        "departing": "corrector newton problem segment stepsize",
         "stride": "algebra corrector newton problem segment stepsize verdicts",
-        "tracer": "accuracy algebra asymptote branch corrector covering ending events hidden jumps newton problem "
-        "record segment stepsize stride",
+        "tracer": "accuracy algebra asymptote branch corrector covering departing ending events hidden jumps newton "
+        "problem record segment stepsize stride",
         "refining": "algebra branch newton problem",
         "extending": "branch jumps newton problem segment tracer",
         "following": "branch events problem tracer",

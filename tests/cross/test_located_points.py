@@ -1,0 +1,166 @@
+"""Special points: one estimate of the error, verified multipliers, the beginning of a branch; against shooting."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cross.shooting import shoot, state
+
+import hbgear as hb
+from hbgear.continuation.accuracy import assessed
+from hbgear.continuation.events import Crossing, Found
+from hbgear.continuation.newton import solve
+from hbgear.continuation.problem import as_problem, observe_all
+from hbgear.continuation.segment import Segment, row_of
+from hbgear.harmonic.events import Doubling
+
+STATED = 3.0  # times the stated error within which the true one lies
+CRITICAL = 1e-3  # distance of a multiplier from that of its event at a located point
+
+
+def by_shooting(problem, point):
+    """Multipliers of the motion at a special point by shooting, at its parameters."""
+    Omega = point.parameters["Omega"]
+    own = problem.with_order(problem.nu, point.layout.harmonics)
+    _, period = shoot(problem.model.system(), Omega, state(own, point.X, Omega=Omega), problem.nu)
+    return np.linalg.eigvals(period.monodromy)
+
+
+# ---- one estimate of the error
+
+
+def stiff_stop():
+    """Two masses and a stop a hundred times as stiff as their springs."""
+    K = np.array([[1.0, -1.0], [-1.0, 2.0]])
+    stop = hb.Element([1.0, 0.0], hb.Unilateral(k=100.0, gap=1.0))
+    return hb.System(np.eye(2), 0.03 * K, K, [stop], hb.Load(cosine={1: [0.0, 0.1]}))
+
+
+DOUBLING = 0.738783025373  # by shooting
+
+
+@pytest.fixture(scope="module")
+def near_the_doubling():
+    """A motion of the resonance, behind its upper fold, a little above the doubling."""
+    rough = hb.trace(hb.HarmonicBalance(stiff_stop(), 32), "Omega", (0.8, 0.6), accuracy=None, stability=False)
+    behind = rough["LP2"].index + np.flatnonzero(rough.values[rough["LP2"].index :] < 0.743)[0]
+    return rough[int(behind)]
+
+
+def test_the_error_of_a_doubling_does_not_depend_on_how_it_was_reached(near_the_doubling):
+    """With 64 harmonics 3.3e-7 or 6.6e-6 was stated of one point, whose error is 1.0e-5.
+
+    It is located from 32 harmonics and from 64, to two accuracies; with as many harmonics the same is stated.
+    """
+    stated = {}
+    for harmonics, accuracy in ((32, 1.2e-5), (64, 1.2e-5), (64, 5e-6)):
+        balance = hb.HarmonicBalance(stiff_stop(), harmonics)
+        curve = hb.trace(balance, "Omega", (0.743, 0.737), start=near_the_doubling, accuracy=accuracy)
+        (point,) = (p for p in curve.special if p.kind == "PD")
+        true = abs(point.parameters["Omega"] - DOUBLING)
+        assert point.located and true <= STATED * point.error, (harmonics, accuracy)
+        assert np.abs(point.multipliers + 1).min() < CRITICAL
+        stated.setdefault(point.layout.harmonics, []).append(point.error)
+    same = max(stated.values(), key=len)
+    assert len(same) >= 2 and max(same) < 1.2 * min(same)
+
+
+def test_a_doubling_of_the_stiff_stop_by_shooting(near_the_doubling):
+    """The reference of the test above: the monodromy matrix of the motion there has the multiplier -1."""
+    balance = hb.HarmonicBalance(stiff_stop(), 32)
+    X = solve(balance, balance.converted(near_the_doubling), {"Omega": DOUBLING}).X
+    _, period = shoot(stiff_stop(), DOUBLING, state(balance, X, Omega=DOUBLING))
+    assert np.abs(np.linalg.eigvals(period.monodromy) + 1).min() < 1e-6
+
+
+# ---- located points have the multipliers of their event
+
+
+def two_gaps():
+    """Two equal masses, each with backlash, driven alike: symmetric motions, from which others branch off."""
+    C, K = 0.05 * np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([[2.0, -0.3], [-0.3, 2.0]])
+    gaps = [hb.Element(w, hb.Backlash(b=0.3, k=8.0), name=n) for w, n in (([1.0, 0.0], "a"), ([0.0, 1.0], "b"))]
+    return hb.System(np.eye(2), C, K, gaps, hb.Load(cosine={1: [0.3, 0.3]}))
+
+
+BRANCHING = 1.0149020  # by shooting in the symmetric subspace
+
+
+@pytest.mark.parametrize("harmonics", [16, 128])
+def test_a_branch_point_states_its_error_at_every_size(harmonics):
+    """With 128 harmonics it was put at .98, an end of its segment, with an error of nan, and nothing was doubted."""
+    problem = hb.HarmonicBalance(two_gaps(), harmonics)
+    assert (problem.finer is None) == (harmonics == 128) and len(problem.comparisons) == 2
+    curve = hb.trace(problem, "Omega", (0.99, 1.03))
+    (point,) = (p for p in curve.special if p.kind == "BP")
+    assert point.located and abs(point.parameters["Omega"] - BRANCHING) <= STATED * point.error + 5e-8
+    assert point.error < 1e-5 and np.abs(point.multipliers - 1).min() < CRITICAL
+    if harmonics == 16:  # the true motion there has the multiplier 1
+        assert np.abs(by_shooting(curve.problem, point) - 1).min() < CRITICAL
+
+
+def segment_without_events(event):
+    """A segment of the curve of a spur pair on which nothing happens, and its end as a point of an event."""
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 6), "Omega", (1.5, 1.3), special=False)
+    problem, scale = as_problem(curve.problem), np.ones(14)
+    rows = [row_of(solve(problem, curve.X[k], {"Omega": curve.values[k]}, "Omega"), np.eye(14)[-1], scale)
+            for k in (0, 2)]  # fmt: skip
+    for row, seen in zip(rows, observe_all(problem, np.array([r.u for r in rows]), "Omega", {}, True), strict=True):
+        row.observed.update(seen)
+    return Segment(problem, "Omega", {}, *rows, scale, hb.Settings()), Found(event, 0.0, rows[0], True)
+
+
+@pytest.mark.parametrize("event", [Crossing(), Doubling()])
+def test_a_point_without_the_multiplier_of_its_event_is_not_located(event):
+    arc, found = segment_without_events(event)
+    assert not assessed(arc, found, 1e-5).located
+
+
+def test_an_unknown_error_is_a_doubt_that_names_the_point():
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    assert curve.doubts == ()
+    unknown = tuple(replace(p, error=np.nan) if p.label == "LP2" else p for p in curve.special)
+    assert "LP2 not known" in replace(curve, special=unknown).doubts[0]
+    plain = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6), accuracy=None)
+    assert np.isnan(plain["LP1"].error) and plain.doubts == ()  # nothing was asked of it
+
+
+# ---- the beginning of a branch
+
+
+def test_a_branch_begins_at_its_special_point_and_not_beyond_its_first_fold():
+    """The doubled branch of a subcritical doubling turns 3e-4 above it, within a fraction of the first step.
+
+    Its first motions are unstable, and the fold, by shooting a motion with the multiplier +1, is where a sweep leaves.
+    """
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 16), "Omega", (2.1, 1.75))
+    doubled = hb.switch(curve, "PD1")
+    again = hb.switch(doubled, "PD1", steps=hb.StepControl(max_points=20))
+    assert again.problem.nu == 4
+    for old, new, label in ((curve, doubled, "PD1"), (doubled, again, "PD1")):
+        point = old[label]
+        assert new.values[0] == pytest.approx(point.parameters["Omega"], abs=1e-9)
+        assert np.linalg.norm(new.problem.subharmonic_part(new.X[0])[::2]) < np.linalg.norm(new.X[0])
+    fold = again["LP1"]
+    assert fold.parameters["Omega"] == pytest.approx(1.84650, abs=5e-6)  # by another continuation with nu = 4
+    assert not again.stable[1 : fold.index].any() and again.stable[fold.index + 1]
+    assert np.abs(by_shooting(again.problem, fold) - 1).min() < 0.02  # it falls like a root beside a fold
+    assert [jump.label for jump in again.jumps()] == ["LP1"]
+
+
+# ---- long steps
+
+
+def test_long_steps_do_not_lose_a_pair_of_doublings():
+    """A tongue of instability .043 wide in a step of .23: nothing was found there, and nothing said."""
+    eps = (0.08719385437618231, 0.012913368645819146, 0.005505055803624091)
+    model = hb.SpurPair(zeta=0.018939949313678924, F_m=0.39088024656702675, eps=eps, e=(), phase="sin")
+    steps = hb.StepControl(longest=0.12, max_turn_deg=35)
+    long = hb.trace(hb.HarmonicBalance(model, 10), "Omega", (0.3, 2.5), steps=steps)
+    pair = [p for p in long.special if p.kind == "PD"]
+    places = [p.parameters["Omega"] for p in pair]
+    assert places == pytest.approx([1.97798, 2.02085], abs=2e-5)
+    for point in pair:
+        assert np.abs(by_shooting(long.problem, point) + 1).min() < CRITICAL
+    between = (long.values > places[0]) & (long.values < places[1])
+    assert between.any() and not long.stable[between].any()
