@@ -13,7 +13,10 @@ from scipy.io import loadmat
 
 import hbgear as hb
 from hbgear.cli.app import main
-from hbgear.continuation.events import RESERVED, Cusp, is_marker
+from hbgear.continuation.events import RESERVED, Cusp, is_marker, root
+from hbgear.continuation.newton import solve
+from hbgear.continuation.problem import as_problem
+from hbgear.continuation.segment import Segment, row_of
 from hbgear.harmonic.events import KINDS, Merging
 
 LIMIT = hb.Event("limit", lambda point: point.amplitude("max") - 1.3, "the largest deflection is 1.3", marker="*")
@@ -274,3 +277,17 @@ def test_a_test_that_is_not_finite(curve):
     broken = hb.Event("broken", lambda point: float("nan"))
     with pytest.raises(ValueError, match="the test of the event 'broken' is nan"):
         broken.test(curve[0])
+
+
+def test_a_root_is_not_the_end_where_a_growing_function_is_less():
+    """(p - .9) exp(60 p) is -.9 at 0, and 1e10 where the bracket is 1e-13 wide: the end was taken for the root."""
+
+    class Line:
+        def evaluate(self, X, p):
+            return X - p, np.eye(1)
+
+    problem = as_problem(Line())
+    rows = [row_of(solve(problem, np.zeros(1), {"p": p}, "p"), np.array([0.0, 1.0]), np.ones(2)) for p in (0.0, 1.0)]
+    segment = Segment(problem, "p", {}, *rows, np.ones(2), hb.Settings())
+    found = root(segment, LIMIT, lambda row: (row.value - 0.9) * np.exp(60 * row.value))
+    assert found.located and found.row.value == pytest.approx(0.9, abs=1e-12)

@@ -6,7 +6,7 @@ import pytest
 import hbgear as hb
 from hbgear.continuation import tracer
 from hbgear.continuation.hidden import find_hidden
-from hbgear.harmonic.meeting import arrivals, exchanges, passing
+from hbgear.harmonic.meeting import arrivals, exchanges, leaps, passing
 
 
 def pairs(*exponents):
@@ -123,3 +123,14 @@ def test_modes_that_pass_minus_one_are_not_looked_at_closer(monkeypatch):
     first = 2 * np.sin(np.pi / 62)
     curve = hb.trace(hb.HarmonicBalance(chain, 5), "Omega", (0.8 * first, 1.3 * first), accuracy=None)
     assert [point.kind for point in curve.special] == ["LP", "LP"] and len(looks) <= 2
+
+
+def test_multipliers_that_leap_cannot_be_followed():
+    """A pair that turns by 20 degrees from row to row is followed, by 60 it may be another one; small ones do not count."""
+    angle = np.radians([20.0, 40.0, 60.0, 120.0, 140.0])
+    small = 0.05 * np.exp(3j * angle)
+    mu = np.column_stack([np.exp(1j * angle), np.exp(-1j * angle), small, small.conj()])
+    assert leaps(mu) == [(2, 0.5)]
+    mu[3, 0] = np.nan
+    assert leaps(mu) == []  # nothing is known there
+    assert leaps(mu[:, :0]) == []
