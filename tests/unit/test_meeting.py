@@ -126,7 +126,7 @@ def test_modes_that_pass_minus_one_are_not_looked_at_closer(monkeypatch):
 
 
 def test_multipliers_that_leap_cannot_be_followed():
-    """A pair that turns by 20 degrees between rows is followed, by 60 it may be another one; small ones do not count."""
+    """A pair that turns by 20 degrees between rows is followed, by 60 it may be another one; small ones are not."""
     angle = np.radians([20.0, 40.0, 60.0, 120.0, 140.0])
     small = 0.05 * np.exp(3j * angle)
     mu = np.column_stack([np.exp(1j * angle), np.exp(-1j * angle), small, small.conj()])
