@@ -93,7 +93,7 @@ FILES = {
         "accuracy": "algebra bordered branch events newton problem record segment",
         "departing": "corrector newton problem segment stepsize",
         "stride": "algebra corrector newton problem segment stepsize verdicts",
-        "tracer": "accuracy algebra asymptote branch corrector covering departing ending events hidden jumps newton "
+        "tracer": "accuracy algebra asymptote branch covering departing ending events hidden jumps newton "
         "problem record segment stepsize stride",
         "refining": "algebra branch newton problem",
         "extending": "branch jumps newton problem segment tracer",
