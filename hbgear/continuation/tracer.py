@@ -100,8 +100,9 @@ def trace(
     cover : without a start: if the curve does not lead through the whole span (it turns back to where it began, or
         runs off to infinity), look for others that do, which are the ``others`` of the branch; see `Branch`. The
         message says so, and which part of the span no curve was found in.
-    accuracy : largest error of a special point, relative to its parameter. Each point tells its own
-        (`SpecialPoint.error`), and one whose error is larger is solved for with more unknowns, as are rows whose
+    accuracy : largest error of a special point, relative to its parameter. Each point states its own
+        (`SpecialPoint.error`), and one whose error is larger, or whose multipliers are not those of its event to 1e-3,
+        is located with more unknowns (`SpecialPoint.located` is False where these do not suffice), as are rows whose
         stability they leave undecided; the other rows stay what they are. But where solutions turn out to be off by a
         twentieth of their size, or a special point is not found with more unknowns within a thousandth of where it was,
         a curve that covers its span is followed anew with twice the unknowns throughout, and the message says so.

@@ -95,7 +95,7 @@ def forces(counts: Array) -> tuple[Array, Array]:
 def folds(harmonics: int, **settings: object) -> list[hb.SpecialPoint]:
     """The two folds of the response, jump-up first."""
     problem = hb.HarmonicBalance(hb.SpurPair(), harmonics, **settings)  # type: ignore[arg-type]
-    curve = hb.trace(problem, "Omega", (1.2, 0.65), stability=False)
+    curve = hb.trace(problem, "Omega", (1.2, 0.65), stability=False, accuracy=None)  # of these N and H, not of more
     points = [p for p in curve.special if p.kind == "LP"]
     return sorted(points, key=lambda p: p.parameters["Omega"])
 
