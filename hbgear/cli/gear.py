@@ -167,7 +167,7 @@ def answers(
                     for end in (jump.before, jump.after))  # fmt: skip
             direction = "increasing" if jump.direction > 0 else "decreasing"
             rows.append([jump.label, text_at(jump.before, branch.parameter), direction,
-                         *("-" if end is None else rounded(float(end), 4) for end in ends)])  # fmt: skip
+                         *("-" if end is None or not np.isfinite(end) else rounded(float(end), 4) for end in ends)])  # fmt: skip
         if rows:
             print_table(["", branch.parameter, "while", f"{title} before", "after"], rows, "jumps of a slow sweep")
     raise typer.Exit(0)
@@ -183,6 +183,9 @@ def _largest(branch: hb.Branch, found: hb.Answers) -> Iterator[list[str]]:
     for name, values in columns.items():
         if name in ("stable", "Omega [-]", "mesh [Hz]", "pinion [r/min]", f"{branch.parameter} [-]"):
             continue
+        if not np.isfinite(values[stable]).any():
+            yield [name, "-, as the static force is zero" if name.startswith("dynamic factor") else "-", "-", "-"]
+            continue
         i = int(np.nanargmax(np.where(stable, values, -np.inf)))
         yield [name, rounded(float(values[i]), 4), rounded(float(columns["Omega [-]"][i]), 5),
                "-" if rpm is None else f"{rpm[i]:.0f}"]  # fmt: skip
@@ -196,8 +199,7 @@ def show_speeds(model: hb.Model, curve: hb.Branch, machine: Machine | None = Non
     for branch in (curve, *curve.others):
         for jump in branch.jumps():
             digits = digits_of(jump.before, 6)
-            factors = [rounded(hb.dynamic_factor(model, at), min(digits, 3)) if at else "-"
-                       for at in (jump.before, jump.after)]  # fmt: skip
+            factors = [_factor(model, at, min(digits, 3)) for at in (jump.before, jump.after)]
             rpm = _plainly(float(model.scales.pinion_speed(jump.value)), digits)
             hertz = _plainly(float(model.scales.mesh_frequency(jump.value)), digits)
             direction = "increasing" if jump.direction > 0 else "decreasing"
@@ -357,6 +359,16 @@ def _others(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[
     yield "solid gears, nothing else turns: inertia 20 % less", paired(**lighter)
     tangent = pair.mesh(machine.torque, linearized="tangent")
     yield "mesh as the secant of its load: the tangent", made(cycle=tangent)
+
+
+def _factor(model: hb.Model, point: hb.Point | None, digits: int) -> str:
+    """Dynamic factor at a point; "-" where there is no motion or no static force."""
+    if point is None:
+        return "-"
+    try:
+        return rounded(hb.dynamic_factor(model, point), digits)
+    except ValueError:
+        return "-"
 
 
 def _speeds(model: hb.Model, curve: hb.Branch) -> str:

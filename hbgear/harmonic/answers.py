@@ -2,7 +2,8 @@
 
     dte = w^T q = d + e(tau)          half of its peak-to-peak value
     p(tau)                            force of the law of an element, of the whole gap and without its damper
-    K = max p / mean p                dynamic factor; the mean of p is the static force, for dampers have none
+    K = max p / mean p                dynamic factor; the mean of p is the static force, for dampers have none;
+                                      nan where the static force is zero, see `dynamic_factor`
     a = rms of q'',   L = 20 lg(a / 1e-6 m/s^2)        of a coordinate; the level as of ISO 1683
     F = |K q + C q'|                  reaction of a support that the model names (`Model.reactions`)
 
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +29,7 @@ from hbgear.common.replacing import replacing
 from hbgear.continuation.branch import Branch, Point, coordinate
 from hbgear.harmonic.balance import HarmonicBalance
 from hbgear.harmonic.catalogue import problem_of
-from hbgear.harmonic.dynamic_factor import force_samples
+from hbgear.harmonic.dynamic_factor import force_level, force_samples, is_static
 from hbgear.harmonic.observables import derivative, half_peak_to_peak, rms
 from hbgear.harmonic.speeds import speeds_at
 from hbgear.mechanics.fourier import evaluate, to_real
@@ -189,8 +191,7 @@ def _columns(
         f"dte, half peak-to-peak [{micro}]": found[:, 0] * length * (1e6 if known else 1.0),
         f"force, largest [{newton}]": found[:, 1] * force,
         f"force, static [{newton}]": found[:, 2] * force,
-        "dynamic factor [-]": np.divide(found[:, 1], found[:, 2], out=np.full(len(found), np.nan),
-                                        where=np.abs(found[:, 2]) > 1e-12 * np.abs(found[:, 1])),
+        "dynamic factor [-]": found[:, 3],
     }  # fmt: skip
     supports = {id(model): model.reactions for model in models}
     if dof is None and not supports[id(models[0])]:
@@ -219,12 +220,16 @@ def _reaction(support: Reaction, q: Array, rate: float) -> tuple[float, float]:
     return float(size.max()), float(np.linalg.norm(rows[:, 0]))
 
 
-def _of_motion(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> tuple[float, float, float]:
-    """dte, and the force that is largest in the direction of the mean one, and this, in units of the model."""
+def _of_motion(
+    problem: HarmonicBalance, X: Array, here: dict[str, float], index: int
+) -> tuple[float, float, float, float]:
+    """dte, the force that is largest in the direction of the mean one, this, and their ratio; in units of the model."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
     row = problem.rows(X)[index]
     force = _force(problem, X, here, index)
     static = float(force.mean())
     largest = float(force[np.argmax(force if static >= 0 else -force)])
     dte = row + compiled.spread(to_real(compiled.receptance.e.T).ravel()).reshape(problem.m, -1)[index]
-    return float(half_peak_to_peak(dte)), largest, static
+    level = force_level(compiled.system.elements, problem.rows(X))
+    known = is_static(static, float(np.abs(force).max()), level)
+    return float(half_peak_to_peak(dte)), largest, static if known else 0.0, largest / static if known else math.nan

@@ -2,21 +2,32 @@
 
     K = max_tau p(d, d', tau) / mean_tau p(d, d', tau)
 
-p is the force of the law, without the damper beside it. Its mean is the force at rest, for the mean of the damper's
-force over a period is nothing.
+p is the force of the law, without the damper in parallel. Its mean is the static force, since the mean of the force of
+the damper over a period is zero. Where the static force is zero there is no dynamic factor: |mean p| at most 1e-6 max
+|p|, the accuracy of a motion, or at most 1e-9 of the forces that the elements of the machine have at its displacements,
+which is rounding.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.messages import quoted
 from hbgear.continuation.branch import Point
 from hbgear.harmonic.corners import gap_samples
 from hbgear.harmonic.observables import Layout, layout_of
 from hbgear.mechanics.fourier import stretch, to_complex
 from hbgear.mechanics.model import Element, Model
+
+_ACCURACY = 1e-6  # relative accuracy of the forces of a motion
+
+_ROUNDING = 1e-9  # forces over those of the machine, below which they are rounding
+
+_PHASES = 16  # of a period, at which the slope of a law is looked at
 
 _SAMPLES = 4096  # a corner of the force between two of them is missed by 1e-6 of the force
 
@@ -34,7 +45,7 @@ def dynamic_factor(model: Model, point: Point, element: int | str = 0) -> float:
     Raises
     ------
     ValueError
-        If the point does not say how it is to be read, there is no such element, or its mean force is nothing.
+        If the point does not say how it is to be read, there is no such element, or its static force is zero.
 
     Examples
     --------
@@ -48,11 +59,42 @@ def dynamic_factor(model: Model, point: Point, element: int | str = 0) -> float:
     layout = layout_of(point)
     if layout is None:
         raise ValueError("dynamic_factor: the point does not say how its unknowns are to be read")
-    force = _forces(model.at(point.parameters), point, layout, layout.index(element))
+    here, index = model.at(point.parameters), layout.index(element)
+    force = _forces(here, point, layout, index)
     mean = float(force.mean())
-    if abs(mean) < 1e-12 * float(np.abs(force).max() or 1.0):
-        raise ValueError("dynamic_factor: the mean force is nothing, so there is nothing to compare with")
+    rows = np.array([point.coefficients(j) for j in range(len(layout.elements))])
+    if not is_static(mean, float(np.abs(force).max()), force_level(here.system().elements, rows)):
+        raise ValueError(
+            f"dynamic_factor: the static force of {quoted(layout.elements[index])} is zero, and a factor over it is "
+            "not defined: use the largest force, 'force, largest' of hbgear.answers"
+        )
     return float(np.max(force / mean))
+
+
+def is_static(static: float, largest: float, level: float) -> bool:
+    """Whether a static force is not zero; thresholds at the head of this file.
+
+    Parameters
+    ----------
+    static, largest : mean and largest size of the force of an element.
+    level : size of the forces of the machine, of `force_level`.
+    """
+    return abs(static) > max(_ACCURACY * largest, _ROUNDING * level)
+
+
+def force_level(elements: Sequence[Element], rows: Array) -> float:
+    """Largest of stiffness times displacement of the elements, for displacements with coefficients rows (m, 2H + 1)."""
+    sizes = np.abs(rows).sum(axis=1)
+    return max(_stiffness(one, size) * size for one, size in zip(elements, sizes.tolist(), strict=True))
+
+
+def _stiffness(one: Element, size: float) -> float:
+    """Largest slope of a law over displacements up to a size, and beyond its corners."""
+    far = [2 * abs(corner) or 1.0 for corner in one.law.breakpoints]
+    d = np.array([0.0, *(side * each for each in (size, *far) for side in (-1, 1))])
+    tau = 2 * np.pi * np.arange(_PHASES) / _PHASES
+    slopes = one.law.force(np.repeat(d, _PHASES), np.zeros(_PHASES * len(d)), np.tile(tau, len(d)))[1]
+    return float(np.abs(slopes).max())
 
 
 def _forces(model: Model, point: Point, layout: Layout, index: int) -> Array:

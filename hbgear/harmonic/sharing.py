@@ -18,7 +18,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.branch import Branch
 from hbgear.harmonic.answers import forces_along
 
-_NOTHING = 1e-12  # part of the largest forces that is no load to share
+_ACCURACY = 1e-6  # relative accuracy of forces: a smaller load is zero, and there is nothing to share
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +79,6 @@ def load_sharing(curve: Branch, meshes: Sequence[str] | None = None) -> Sharing:
     largest = np.array([[(s * p).max() for p, s in zip(row, way, strict=True)]
                         for row, way in zip(forces, sense, strict=True)])  # fmt: skip
     total = np.abs(means).sum(axis=1, keepdims=True)
-    if np.any(total <= _NOTHING * np.abs(largest).max(initial=0.0)):
+    if np.any(total <= _ACCURACY * np.abs(largest).max(initial=0.0)):
         raise ValueError(f"load_sharing: {', '.join(names)} carry no load to share")
     return Sharing(tuple(names), np.abs(means) / total, len(names) * largest / total, curve)

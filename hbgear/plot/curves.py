@@ -358,7 +358,11 @@ class _Height:
         """Of every row."""
         if id(branch) not in self._along:
             if _is_answer(self.measure):
-                self._along[id(branch)] = answers(branch, self.element, self.dof)[self.measure]
+                column = answers(branch, self.element, self.dof)[self.measure]
+                if not np.isfinite(column).any():
+                    raise ValueError(f"there is no {self.measure} to draw, as the static force is zero; draw another "
+                                     "answer, such as 'force, largest'")  # fmt: skip
+                self._along[id(branch)] = column
             else:
                 self._along[id(branch)] = branch.amplitude(self.measure, self.element)
         return self._along[id(branch)]

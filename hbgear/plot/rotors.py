@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hbgear.common.arguments import checked_arguments
-from hbgear.harmonic.campbell import Campbell
+from hbgear.common.arrays import Array
+from hbgear.harmonic.campbell import Campbell, whirl_word
 from hbgear.harmonic.speeds import MESH
 from hbgear.plot.style import BRANCHES, COLOURS, GREY, axes_or_new, dress, heighten, scaled_axes, styled
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 @checked_arguments()
 def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True) -> Axes:
     """Campbell diagram: natural frequencies over speed, the orders of the excitation, and dots where they meet.
+
+    Modes of backward whirl are dash-dotted.
 
     Parameters
     ----------
@@ -32,11 +35,14 @@ def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True) ->
     """
     own, hertz = ax is None, found.scales.get(MESH)
     unit = hertz or 1.0
+    senses = [whirl_word(_middle(column)) for column in found.whirl.T]
     with styled():
         ax = axes_or_new(ax, (5.6, 3.6))
         for i, column in enumerate(found.frequencies.T):
+            word, first = senses[i], senses.index(senses[i]) == i
             ax.plot(found.Omega, column * unit, color=COLOURS["no_impact"], linewidth=1.1,
-                    label="_" if i else "natural frequency", gid=f"mode {i + 1}")  # fmt: skip
+                    linestyle="-." if word == "backward" else "-",
+                    label=_label(word) if first else "_", gid=f"mode {i + 1}")  # fmt: skip
         reach = (
             1.5 * max(found.orders.values(), default=np.inf) * found.Omega[-1]
         )  # what no order comes near is left out
@@ -58,3 +64,13 @@ def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True) ->
         if legend:
             ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.2)
     return ax
+
+
+def _label(word: str) -> str:
+    return "natural frequency" if word == "-" else f"natural frequency, {word} whirl"
+
+
+def _middle(column: Array) -> float:
+    """Median of what is known of a column; nan if nothing is."""
+    known = column[np.isfinite(column)]
+    return float(np.median(known)) if len(known) else np.nan

@@ -80,6 +80,70 @@ def test_critical_speeds_of_a_gyroscopic_disc():
     assert [one.Omega for one in found.critical] == [pytest.approx(np.sqrt(24.0), rel=1e-10)]
 
 
+@pytest.mark.parametrize("s", [1.0, -1 / 17])
+def test_forward_whirl_is_the_mode_whose_frequency_rises_with_speed(s):
+    """Equal stiffness in both planes: circles, w = +-1; the root with +I_p s Omega rises, its partner falls."""
+    found = campbell(disc(s), (0.5, 4.0), {"shaft": abs(s)}, points=8)
+    tilts = np.isfinite(found.whirl[0])
+    assert tilts.sum() == 2  # the lateral modes have no gyroscopic forces
+    for i in np.flatnonzero(tilts):
+        sense = np.sign(found.frequencies[-1, i] - found.frequencies[0, i])
+        np.testing.assert_allclose(found.whirl[:, i], sense, atol=1e-6)
+    assert sorted(found.whirl[0, tilts]) == pytest.approx([-1, 1], abs=1e-6)
+    if s == 1.0:
+        (backward,) = (one for one in found.critical if np.isfinite(one.whirl))
+        assert backward.Omega == pytest.approx(np.sqrt(K_T / (I_D + I_P)), rel=1e-3)
+        assert backward.whirl == pytest.approx(-1, abs=1e-6)
+
+
+def test_sense_of_whirl_of_an_elliptic_orbit():
+    """Planes of stiffness k1, k2: (k1 - I w^2) a + i w g b = 0, and the sense is 2 Im(conj(a) b) over |a|^2 + |b|^2."""
+    G, k1, k2, Omega = 0.3, 1.0, 1.5, 0.7
+    linear = [Element([1.0, 0.0], Cubic(k1=0, k3=0))]
+    one = System(np.eye(2), None, np.diag([k1, k2]), linear, Load(cosine={1: [0.1, 0.0]}),
+                 speed=SpeedTerms(np.array([[0.0, G], [-G, 0.0]])))  # fmt: skip
+    found = campbell(one, (Omega, 2 * Omega), points=2)
+    for i in range(2):
+        w = found.frequencies[0, i]
+        ratio = -(k1 - w**2) / (1j * w * Omega * G)  # b / a
+        assert found.whirl[0, i] == pytest.approx(-2 * ratio.imag / (1 + abs(ratio) ** 2), rel=1e-8)
+    assert 0.1 < abs(found.whirl[0, 0]) < 0.9
+
+
+def test_contacts_are_those_of_the_static_equilibrium():
+    """A stop at rest with a gap adds no stiffness; a mean load beyond the gap, or its name, adds k."""
+    k, gap = 3.0, 0.5
+    stop = Element([1.0], Unilateral(k=k, gap=gap), name="stop")
+
+    def lowest(force, **kwargs):
+        system = System([[1.0]], None, [[1.0]], [stop], Load(constant=[force], cosine={1: [0.1]}))
+        return campbell(system, (0.2, 3.0), points=3, **kwargs)
+
+    for force, shut in ((0.0, False), (0.99 * gap, False), (1.01 * gap, True), (-2.0, False)):
+        found = lowest(force)
+        assert found.frequencies[0, 0] == pytest.approx(np.sqrt(1 + k * shut), rel=1e-10)
+        assert (found.closed, found.opened) == ((("stop",), ()) if shut else ((), ("stop",)))
+    assert lowest(0.0, closed={"stop": True}).frequencies[0, 0] == pytest.approx(np.sqrt(1 + k), rel=1e-10)
+    assert lowest(2.0, closed={"stop": False}).frequencies[0, 0] == pytest.approx(1.0, rel=1e-10)
+    with pytest.raises(KeyError, match="no element 'stopp'; did you mean 'stop'"):
+        lowest(0.0, closed={"stopp": True})
+
+
+def test_teeth_without_load_are_not_in_contact():
+    """Free gears with backlash and no torque: touching flanks carry no force, the mesh has no stiffness."""
+    gears = System(np.eye(2), None, np.diag([0.04, 0.0]), [Element([1.0, -1.0], Backlash(k=1.0, b=1.0), name="mesh")],
+                   Load(cosine={1: [0.1, 0.0]}))  # fmt: skip
+    found = campbell(gears, (0.1, 3.0), points=3)
+    assert found.opened == ("mesh",) and found.frequencies[0].tolist() == pytest.approx([0.2])
+
+
+def test_contact_that_changes_with_speed_is_said():
+    lifted = [Load(constant=[0.2], power=2), Load(cosine={1: [0.1]})]
+    stop = Element([1.0], Unilateral(k=3.0, gap=0.5), name="stop")
+    with pytest.warns(UserWarning, match="stop: the contact changes"):
+        campbell(System([[1.0]], None, [[1.0]], [stop], lifted), (0.5, 3.0), points=3)
+
+
 def mesh(**kwargs):
     """A tilting disc whose tilt meets backlash: gap, gyroscopic term, damping and stiffness over speed all at once."""
     speeds = np.linspace(0.2, 3.0, 8)

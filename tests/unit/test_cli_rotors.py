@@ -1,6 +1,8 @@
 """``hbgear campbell``."""
 
+import numpy as np
 import pytest
+import scipy.io
 from typer.testing import CliRunner
 
 import hbgear as hb
@@ -26,6 +28,39 @@ def test_no_critical_speed(capsys):
     assert result.exit_code == 0 and "no order meets a natural frequency from Omega = 5 to 6" in result.output
 
 
+ROTOR = """
+[matrices]
+M = "M.mtx"
+K = "K.mtx"
+G = "G.mtx"
+names = ["x", "y"]
+
+[[element]]
+name = "seal"
+direction = { x = 1.0 }
+law = "backlash"
+k = 8.0
+b = 0.5
+
+[[load]]
+cosine = { 1 = { x = 0.1 } }
+"""
+
+
+def test_open_clearance_of_a_rotor_and_its_whirl(tmp_path):
+    for name, matrix in (("M", np.eye(2)), ("K", np.eye(2)), ("G", np.array([[0.0, 0.6], [-0.6, 0.0]]))):
+        scipy.io.mmwrite(tmp_path / f"{name}.mtx", matrix, symmetry="general")
+    (tmp_path / "rotor.toml").write_text(ROTOR)
+    args = [str(tmp_path / "rotor.toml"), "--from", "0.1", "--to", "3", "--order", "shaft=1"]
+    result = run(*args)
+    assert result.exit_code == 0, result.output
+    assert "elements in contact: none; open: seal" in result.output
+    rows = [line.split() for line in result.output.splitlines() if line.strip().startswith("shaft")]
+    assert [(row[2], row[-1]) for row in rows] == [("0.790569", "backward"), ("1.58114", "forward")]
+    result = run(*args, "--closed", "seal")
+    assert "elements in contact: seal; open: none" in result.output and "0.790569" not in result.output
+
+
 @pytest.mark.parametrize(
     ("args", "said"),
     [
@@ -34,6 +69,8 @@ def test_no_critical_speed(capsys):
         (["spur-pair", "--modes", "5"], "modes = 5 is more than 1"),
         (["spur-pair", "--from", "1", "--to", "1"], "the end of the span"),
         (["spur-pair", "--plot", "x.jpg"], "x.jpg"),
+        (["spur-pair", "--closed", "gapp"], "there is no element 'gapp'; did you mean 'gap'?"),
+        (["spur-pair", "--closed", "gap", "--open", "gap"], "--closed gap and --open gap: give one of them"),
     ],
 )
 def test_bad_input(args, said, capsys):

@@ -187,7 +187,8 @@ FILES = {
         "compiled": "corners modes numbers receptance sampled",
         "peaks": "events observables",
         "floquet": "collocation compiled modes",
-        "starts": "compiled realbasis",
+        "static_state": "compiled",
+        "starts": "compiled realbasis static_state",
         "deciding": "floquet",
         "hill": "compiled receptance",
         "special": "hill",
@@ -209,7 +210,7 @@ FILES = {
         "speeds": "catalogue",
         "telling": "catalogue events landings observables speeds",
         "dynamic_factor": "corners observables",
-        "campbell": "receptance speeds",
+        "campbell": "balance receptance speeds static_state",
     },
     "timedomain": {
         "__init__": "",

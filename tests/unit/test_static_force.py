@@ -1,0 +1,56 @@
+"""Nothing is computed relative to a static force that is zero."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import hbgear as hb
+from hbgear.cli import app as cli
+
+
+def rotor(mean=0.0):
+    """A disc that an unbalance moves in x; its bearing in y has forces of rounding only."""
+    bearings = [hb.Element(w, hb.Cubic(k1=2.0, k3=0.5), name=name) for w, name in (([1, 0], "x"), ([1e-16, 1], "y"))]
+    seal = hb.Element([1.0, 0.0], hb.Backlash(k=8.0, b=0.2), name="seal")
+    loads = [hb.Load(constant=[mean, 0.0]), hb.Load(cosine={1: [0.3, 0.0]}, power=2)]
+    return hb.System(np.eye(2), 0.1 * np.eye(2), 0.01 * np.eye(2), [*bearings, seal], loads, dof_names=["x", "y"])
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return hb.trace(hb.HarmonicBalance(rotor(), 8), "Omega", (0.8, 1.4), stability=False)
+
+
+@pytest.mark.parametrize("element", ["x", "y", "seal"])
+def test_no_dynamic_factor_without_static_force(curve, element):
+    found = hb.answers(curve, element)
+    assert np.isnan(found["dynamic factor"]).all() and not found["force, static"].any()
+    assert element == "y" or found["force, largest"].max() > 0.1
+    with pytest.raises(ValueError, match=f"the static force of '{element}' is zero"):
+        hb.dynamic_factor(rotor(), curve[0], element)
+    with pytest.raises(ValueError, match="there is no dynamic factor to draw"):
+        hb.plot.response(curve, "dynamic factor", element)
+
+
+def test_no_load_to_share(curve):
+    with pytest.raises(ValueError, match="carry no load to share"):
+        hb.load_sharing(curve, ["x", "y"])
+
+
+def test_a_small_static_force_counts():
+    """Mean load F on a linear bearing, amplitude a: the factor is 1 + k a / F."""
+    F, k = 1e-4, 2.0
+    one = hb.System([[1.0]], [[0.1]], [[0.0]], [hb.Element([1.0], hb.Cubic(k1=k, k3=0), name="x")],
+                    hb.Load(constant=[F], cosine={1: [0.3]}))  # fmt: skip
+    point = hb.trace(hb.HarmonicBalance(one, 2), "Omega", (0.5, 0.6), stability=False)[0]
+    amplitude = 0.3 / abs(k - 0.25 + 0.05j)
+    assert hb.dynamic_factor(one, point) == pytest.approx(1 + k * amplitude / F, rel=1e-5)
+    assert hb.answers(point)["dynamic factor"][0] == pytest.approx(1 + k * amplitude / F, rel=1e-5)
+
+
+def test_command_prints_no_factor(curve, tmp_path):
+    path = tmp_path / "rotor.npz"
+    curve.save(path)
+    result = CliRunner().invoke(cli.app, ["answers", str(path), "--element", "y"])
+    assert result.exit_code == 0, result.output
+    assert "-, as the static force is zero" in result.output
