@@ -60,6 +60,42 @@ def clicked(driver: Any, x: float, y: float) -> None:
     mouse.pause(0.2).click().perform()
 
 
+BUTTONS = {"Download plot", "Zoom", "Pan", "Zoom in", "Zoom out", "Autoscale", "Reset axes"}
+"""All that the toolbars of a page may have: no button sends the data away."""
+
+
+def check_toolbars(driver: Any) -> None:
+    """The toolbar of every figure has buttons of the list only, and no server to send data to."""
+    toolbars = driver.execute_script(
+        "return [...document.querySelectorAll('.js-plotly-plot')].map(div => ({id: div.id, context: div._context,"
+        "buttons: [...div.querySelectorAll('.modebar-btn')].map(b => b.getAttribute('data-title')"
+        " || b.getAttribute('aria-label'))}))"
+    )
+    assert {"response", "time"} <= {each["id"] for each in toolbars}
+    assert {button for each in toolbars for button in each["buttons"]} == BUTTONS
+    for each in toolbars:
+        context = each["context"]
+        assert context["plotlyServerURL"] == ""
+        links = ("sendData", "showSendToCloud", "showEditInChartStudio", "showLink")  # some of them by version
+        assert not any(context.get(name, False) for name in links)
+        assert context["displaylogo"] is False
+
+
+def check_only_own_scripts_run(driver: Any) -> None:
+    """A script, a handler in an attribute, an image from elsewhere and a request put into the page do nothing."""
+    found = driver.execute_async_script(
+        "const done = arguments[0], seen = []; window.foreign = 0;"
+        "document.addEventListener('securitypolicyviolation', (e) => seen.push(e.effectiveDirective));"
+        "const script = document.createElement('script'); script.textContent = 'window.foreign += 1';"
+        "document.body.append(script); const div = document.createElement('div');"
+        'div.innerHTML = \'<img src="http://127.0.0.1:9/x.png" onerror="window.foreign += 1">\';'
+        "document.body.append(div); fetch('http://127.0.0.1:9/').catch(() => {});"
+        "setTimeout(() => done([window.foreign, seen]), 500)"
+    )
+    assert found[0] == 0
+    assert {"script-src-elem", "script-src-attr", "img-src", "connect-src"} <= set(found[1])
+
+
 def complaints(driver: Any) -> list[str]:
     """What the browser's console has of errors."""
     return [entry["message"] for entry in driver.get_log("browser") if entry["level"] == "SEVERE"]

@@ -163,11 +163,11 @@ def answers(
         print_table(["largest of stable motions", "", "at Omega", "at r/min"], list(_largest(branch, found)))
         rows = []
         for jump in branch.jumps():
-            ends = (hb.answers(end, which, at)[answer][0] if end else None
+            ends = (float(hb.answers(end, which, at)[answer][0]) if end else np.nan
                     for end in (jump.before, jump.after))  # fmt: skip
             direction = "increasing" if jump.direction > 0 else "decreasing"
             rows.append([jump.label, text_at(jump.before, branch.parameter), direction,
-                         *("-" if end is None or not np.isfinite(end) else rounded(float(end), 4) for end in ends)])  # fmt: skip
+                         *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends)])  # fmt: skip
         if rows:
             print_table(["", branch.parameter, "while", f"{title} before", "after"], rows, "jumps of a slow sweep")
     raise typer.Exit(0)

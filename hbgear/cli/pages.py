@@ -13,6 +13,7 @@ import hbgear as hb
 from hbgear.cli.files import check_writable, outputs
 from hbgear.cli.support import (
     STOPPED_EARLY,
+    AllowCode,
     Changes,
     First,
     Last,
@@ -99,6 +100,7 @@ def explore(
         int | None, typer.Option(min=1, max=256, help="H to begin with.", show_default="16, or that of the curve")
     ] = None,
     model: OwnModel = None,
+    allow_code: AllowCode = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="To listen at; 0 for any that is free.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
 ) -> None:
@@ -115,7 +117,7 @@ def explore(
 
     check_installed()
     needed("flask", "explore", "the explorer")
-    subject, span, H, saved = explored(what, changes, model)
+    subject, span, H, saved = explored(what, changes, model, allow_code)
     span = (span[0] if first is None else first, span[1] if last is None else last)
     server = Server(Explorer(subject, span, harmonics or H, saved), Path(what).stem, port)
     print(f"open {server.address}\nend with Ctrl-C", flush=True)
@@ -127,7 +129,7 @@ def explore(
 
 
 def explored(
-    what: str, changes: list[str] | None, own: str | None
+    what: str, changes: list[str] | None, own: str | None, allow_code: bool = False
 ) -> tuple[Subject, tuple[float, float], int, hb.Branch | None]:
     """What is explored, the span and harmonics to begin with, and the curve of a file."""
     from hbgear.design.sampling import Grid
@@ -151,7 +153,7 @@ def explored(
     if what.endswith(".toml"):
         text = Path(what).read_text(encoding="utf-8") if Path(what).is_file() else ""
         if any(line.replace(" ", "").startswith("model=") for line in text.splitlines()):
-            study = read_study(what)
+            study = read_study(what, allow_code)
             name = next((name for name, each in catalogue.MODELS.items() if each is type(study.model)), "")
             first = study.model.replace(**next(study.vary.rows())) if isinstance(study.vary, Grid) else study.model
             return ModelSubject(first, name), study.work.span, study.work.harmonics, None

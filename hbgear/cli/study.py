@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hbgear.cli.files import wrote
-from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, bar, print_table, say
+from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, AllowCode, bar, print_table, say
 from hbgear.common.optional import needed
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ def study(
         Path | None, typer.Option(help="With --dask tls://...: its key.", show_default="in the certificate")
     ] = None,
     retry: Annotated[bool, typer.Option("--retry", help="Compute cases that failed before once more.")] = False,
+    allow_code: AllowCode = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask, however many cases there are.")] = False,
 ) -> None:
     """Compute many cases: a grid or a random sample of parameters.
@@ -56,14 +57,14 @@ def study(
     Every finished case is stored at once in the folder. Ctrl-C ends when the cases at work are done (Ctrl-C again: at
     once) and keeps them all; the same command goes on where it stopped. The folder gets table.csv, table.npz and
     figures (.png): envelope of the curves, distribution of the jumps, peaks and jumps against each parameter. A case
-    that fails is a row with its reason.
+    that fails is a row with its reason. A model of your own in the file, FILE.py:NAME, needs --allow-code.
     Exit codes: 0 every case is done, 2 bad input, 3 stopped early.
     """
     from hbgear.design.study import MANY, Outcome, cases
     from hbgear.design.study_file import StudyFileError, read_study
 
     try:
-        asked = read_study(file)
+        asked = read_study(file, allow_code)
     except StudyFileError as error:
         for problem in error.problems:
             say("error", problem)

@@ -65,6 +65,12 @@ File = Annotated[Path, typer.Argument(metavar="FILE", help="A curve saved as .np
 Output = Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")]
 
 
+AllowCode = Annotated[
+    bool,
+    typer.Option("--allow-code", help="Run the code of a model FILE.py:NAME or MODULE:NAME that the file names."),
+]
+
+
 Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
 
 

@@ -10,6 +10,7 @@ import stat
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
@@ -38,7 +39,7 @@ def replacing(path: str | os.PathLike[str], mode: str = "xb", **options: Any) ->
 
     Parameters
     ----------
-    path : of the file; a link is followed.
+    path : of the file, which keeps its permissions if it is there; a link is followed, unless it leads nowhere.
     mode, options : as of `open`, with "x" for a new file.
 
     Raises
@@ -53,7 +54,7 @@ def replacing(path: str | os.PathLike[str], mode: str = "xb", **options: Any) ->
     temporary = target.with_name(f".hbgear-{uuid.uuid4().hex[:16]}")
     with held():
         try:
-            with open(temporary, mode, **options) as handle:
+            with open(temporary, mode, opener=partial(_opened, like=target), **options) as handle:
                 yield handle
                 handle.flush()
                 os.fsync(handle.fileno())
@@ -68,6 +69,17 @@ def replacing(path: str | os.PathLike[str], mode: str = "xb", **options: Any) ->
         finally:
             with suppress(OSError):  # where the folder itself is gone or sealed nothing is left to be done
                 temporary.unlink(missing_ok=True)
+
+
+def _opened(name: str, flags: int, like: Path) -> int:
+    """A new file with the permissions of the one that it replaces, from its first byte on; else those of the user."""
+    try:
+        permissions = stat.S_IMODE(like.stat().st_mode)
+    except FileNotFoundError:
+        return os.open(name, flags, 0o666)
+    number = os.open(name, flags, 0o600)
+    os.chmod(name, permissions)  # without what the user's mask would take away
+    return number
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
@@ -98,10 +110,16 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 def _target(path: str | os.PathLike[str]) -> Path:
     """The file that is meant, links followed: a file already, or nothing yet in a folder that is there."""
     path = Path(path)
-    target = Path(os.path.realpath(path))
+    try:
+        target = Path(os.path.realpath(path))
+    except FileNotFoundError as error:  # the current folder was removed
+        raise _cannot(path, "the current folder does not exist any more", "change to another one") from error
     try:
         kind = target.stat().st_mode
     except FileNotFoundError:
+        if path.is_symlink():
+            reason = f"it is a link to '{target}', which does not exist"
+            raise _cannot(path, reason, "remove the link or give another name") from None
         if not target.parent.is_dir():
             folder = path.parent if not path.parent.is_dir() else target.parent
             raise FileNotFoundError(f"cannot write '{path}': there is no folder '{folder}'; create it first") from None

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from hbgear.common.messages import shortened
+from hbgear.common.messages import quoted, shortened
 from hbgear.common.signals import held
 from hbgear.design.sampling import METHODS, Grid, Sample, distribution, grid
 from hbgear.design.study import KINDS, Work
@@ -32,16 +32,21 @@ class Study:
     work: Work
 
 
-def read_study(path: str | os.PathLike[str]) -> Study:
+def read_study(path: str | os.PathLike[str], allow_code: bool = False) -> Study:
     """Read and check a study file.
+
+    Parameters
+    ----------
+    path : of the file.
+    allow_code : whether the file may name a model of its own, FILE.py:NAME or MODULE:NAME, whose code is then run.
 
     Raises
     ------
     StudyFileError
-        If it cannot be read, or a key, type or value is wrong.
+        If it cannot be read, a key, type or value is wrong, or it names code that is not allowed.
     """
     text, data = parsed(path, "a study", StudyFileError)
-    problems, checked = _checked(data)
+    problems, checked = _checked(data, allow_code)
     if not problems:
         try:
             return _study(checked)
@@ -66,7 +71,7 @@ def _within(table: str) -> Iterator[None]:
         raise _Wrong(table, error) from None
 
 
-def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
+def _checked(data: dict[str, Any], allow_code: bool) -> tuple[list[tuple[Place, str]], Any]:
     """Errors by place, and the data as checked."""
     with held():
         import pydantic
@@ -74,6 +79,10 @@ def _checked(data: dict[str, Any]) -> tuple[list[tuple[Place, str]], Any]:
     name = data.get("model")
     problems: list[tuple[Place, str]] = []
     cls = None
+    if isinstance(name, str) and ":" in name and not allow_code:
+        text = (f"model = {quoted(name)} would run that code, and a file does so only if that is allowed: look at the "
+                "code, then add --allow-code, in Python read_study(path, allow_code=True)")  # fmt: skip
+        return [(("model",), text)], None
     if isinstance(name, str):
         try:
             cls = class_of(name)

@@ -39,6 +39,7 @@ class Archive:
     Parameters
     ----------
     handle : a seekable file, open for reading bytes.
+    spare, times : bytes that the arrays may have: these, and so many for each byte of the file.
 
     Raises
     ------
@@ -46,7 +47,7 @@ class Archive:
         If it is no .npz, or declares more than such a file can hold; from the methods, if what they read is damaged.
     """
 
-    def __init__(self, handle: IO[bytes]) -> None:
+    def __init__(self, handle: IO[bytes], spare: int = _SPARE, times: int = _TIMES) -> None:
         with _refusing():
             size = handle.seek(0, os.SEEK_END)
             handle.seek(0)
@@ -57,7 +58,7 @@ class Archive:
             declared = sum(info.file_size for info in self._members.values())
             if len(self._members) < len(self._zip.infolist()):
                 raise Damaged("it has two arrays of one name")
-            if declared > _SPARE + _TIMES * size:
+            if declared > spare + times * size:
                 raise Damaged(f"it declares {declared:,} bytes in a file of {size:,}")
 
     @property
@@ -115,8 +116,8 @@ _JSON = {type(None): "null", bool: "true or false", int: "a number", float: "a n
 
 
 @contextmanager
-def archive_of(path: str | os.PathLike[str]) -> Iterator[Archive]:
-    """The archive in a file.
+def archive_of(path: str | os.PathLike[str], spare: int = _SPARE, times: int = _TIMES) -> Iterator[Archive]:
+    """The archive in a file; spare and times as of `Archive`.
 
     Raises
     ------
@@ -129,7 +130,7 @@ def archive_of(path: str | os.PathLike[str]) -> Iterator[Archive]:
         os.stat(path)  # tells of a missing one
         raise Damaged("it is a folder" if Path(path).is_dir() else "it is no regular file")
     with open(path, "rb") as handle:
-        yield Archive(handle)
+        yield Archive(handle, spare, times)
 
 
 def _array_of(name: str, data: bytes) -> Array:

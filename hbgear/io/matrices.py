@@ -19,6 +19,8 @@ from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.optional import needed
 from hbgear.common.ranges import ANY, checked
+from hbgear.io.archive import archive_of
+from hbgear.io.declared import SPARE, TIMES, check_mat, check_mtx
 from hbgear.io.matlab_check import check_matlab
 from hbgear.io.matlab_hdf5 import is_hdf5, read_hdf5
 from hbgear.io.matrix_market import DamagedFileError, read_matrix_market
@@ -212,14 +214,22 @@ def _one(value: Any, name: str) -> Any:
         raise ValueError(
             f"'{value}' has no matrix '{name}', but {', '.join(sorted(every)) or 'nothing'}: give names=..."
         )
-    return _read(value, lambda: read_matrix_market(value) if suffix == ".mtx" else np.load(value, allow_pickle=False))
+    if suffix == ".npy":
+        return _read(value, lambda: np.load(value, allow_pickle=False))
+    return _read(value, lambda: (check_mtx(value), read_matrix_market(value))[1])
+
+
+def _arrays(path: str | os.PathLike[str]) -> dict[str, Array]:
+    """All arrays of an .npz file by name."""
+    with archive_of(path, SPARE, TIMES) as archive:
+        return {name: archive.array(name) for name in archive.names}
 
 
 def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
     """All matrices of a .mat or .npz file by name."""
     suffix = Path(path).suffix.lower()
     if suffix == ".npz":
-        return _read(path, lambda: dict(np.load(path, allow_pickle=False)))  # type: ignore[no-any-return]
+        return _read(path, lambda: _arrays(path))  # type: ignore[no-any-return]
     if suffix == ".mat":
         if Path(path).is_file() and is_hdf5(path):
             needed("h5py", "matlab", "a MATLAB file of version 7.3")
@@ -231,6 +241,7 @@ def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 def _read_matlab(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Variables of a file of version 7 or before."""
+    check_mat(path)
     check_matlab(path)
     found: dict[str, Any] = scipy.io.loadmat(path)
     for value in found.values():

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
+from base64 import b64encode
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +30,18 @@ PALETTES = {
 """Colours on white and on black paper: those of the figures, and lighter ones in the same order."""
 
 
-def page(template: str, data: Any, **values: Any) -> str:
-    """A page of the folder of templates.
+_POLICY = "content-security-policy-of-this-page"
+"""Stands in a page for its policy, which has the hashes of the scripts around it."""
+
+
+def page(template: str, data: Any, connect: str = "'none'", **values: Any) -> str:
+    """A page of the folder of templates, with a Content-Security-Policy: only its own scripts run.
 
     Parameters
     ----------
     template : its name.
     data : what its scripts read, fit for JSON.
+    connect : where its scripts may send requests to, a source list of connect-src.
     values : what the template itself takes.
 
     Raises
@@ -46,12 +54,22 @@ def page(template: str, data: Any, **values: Any) -> str:
     environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.undefined = jinja2.StrictUndefined
     settings = {"palettes": PALETTES, "widths": WIDTHS}
-    return str(
-        environment.get_template(template).render(
-            version=__version__, data=in_script(data), settings=in_script(settings), style=asset("page.css"),
-            curves=asset("curves.js"), explorer=asset("explorer.js"), **values,
-        )
+    text = environment.get_template(template).render(
+        version=__version__, data=in_script(data), settings=in_script(settings), style=asset("page.css"),
+        curves=asset("curves.js"), explorer=asset("explorer.js"), policy=_POLICY, **values,
     )  # fmt: skip
+    return text.replace(_POLICY, policy_of(text, connect), 1)
+
+
+def policy_of(text: str, connect: str) -> str:
+    """Content-Security-Policy of a page: nothing but its own scripts, by their hashes, its style and inline images.
+
+    Plotly adds styles while it draws and makes images of figures as data and blobs.
+    """
+    hashes = {sha256(script.encode()).digest() for script in re.findall(r"<script>(.*?)</script>", text, re.DOTALL)}
+    scripts = " ".join(sorted(f"'sha256-{b64encode(each).decode()}'" for each in hashes))
+    return (f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; "
+            f"connect-src {connect}; base-uri 'none'; form-action 'none'")  # fmt: skip
 
 
 def check_installed() -> None:

@@ -17,11 +17,13 @@ from typing import Any
 
 from hbgear.common.optional import needed
 from hbgear.continuation.newton import NoConvergence
+from hbgear.io.archive import too_deep
 from hbgear.web.explorer import Asked, Explorer, Overtaken
 from hbgear.web.page import page, plotly_script
 
 HOST = "127.0.0.1"
 _MOST_BYTES = 8_000_000  # of a request
+_PATIENCE = 20.0  # seconds that a connection may be silent before it is closed
 _CONTENT = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -76,9 +78,20 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
         response.headers["Cache-Control"] = "no-store"
         return response
 
+    @app.errorhandler(RecursionError)
+    def nested(error: RecursionError) -> Any:
+        return flask.jsonify(error="the request is nested too deeply"), 400
+
+    def sent() -> Any:
+        """What the page sent as JSON; None if it is none."""
+        given = request.get_json(silent=True)
+        if too_deep(given):
+            raise RecursionError
+        return given
+
     def answered(answer: Answer, **place: str) -> Any:
         """What was computed, nothing if it is not wanted any more, or one sentence that says why not."""
-        given = request.get_json(silent=True)
+        given = sent()
         try:
             if not isinstance(given, dict):
                 raise ValueError("need an object of JSON")
@@ -107,7 +120,7 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
 
     @app.get("/")
     def whole() -> Any:
-        return page("explorer.html", explorer.start(), title=title, token=token, plotly=plotly_script())
+        return page("explorer.html", explorer.start(), "'self'", title=title, token=token, plotly=plotly_script())
 
     @app.get("/progress")
     def progress() -> Any:
@@ -115,7 +128,7 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
 
     @app.post("/cancel")
     def cancel() -> Any:
-        given = request.get_json(silent=True)
+        given = sent()
         if isinstance(given, dict):
             explorer.cancel(str(given.get("session", "")), str(given.get("kind", "")))
         return {}
@@ -138,6 +151,7 @@ class Server:
     ----------
     explorer, title : as of `application`.
     port : to listen at; 0 for any that is free.
+    patience : seconds that a connection may be silent, while a request is read or between two, before it is closed.
 
     Raises
     ------
@@ -145,7 +159,7 @@ class Server:
         If Flask is not installed, or the port is taken or not allowed.
     """
 
-    def __init__(self, explorer: Explorer, title: str, port: int = 0) -> None:
+    def __init__(self, explorer: Explorer, title: str, port: int = 0, patience: float = _PATIENCE) -> None:
         serving = needed("werkzeug.serving", "explore", "the explorer")
         self.explorer, self.token = explorer, secrets.token_urlsafe(24)
         app = application(explorer, title, self.token, self._hosts)
@@ -154,6 +168,7 @@ class Server:
             """Says nothing of each request, for its address has the token."""
 
             protocol_version = "HTTP/1.1"
+            timeout = patience  # of every read and write of the connection, which else keeps its thread for ever
 
             def log(self, type: str, message: str, *args: Any) -> None:
                 pass

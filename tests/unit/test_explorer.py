@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import browser, clicked, complaints, opened, resized
+from browser import browser, check_only_own_scripts_run, check_toolbars, clicked, complaints, opened, resized
 
 import hbgear as hb
 from hbgear.cli.app import main
@@ -242,6 +242,91 @@ def test_measured_points_of_any_encoding_are_drawn_in_the_units_of_the_figure(se
     for content in ("?", 3, None, ["a"]):
         status, answered = answer(server, "/measured", {**question(), "content": content})
         assert status == 422 and json.loads(answered)["error"] == "the content of a file must be base64"
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site", "", "Same-Origin "])
+def test_requests_of_other_sites_are_refused(server, site):
+    assert answer(server, "/curve", question(), **{"Sec-Fetch-Site": site})[0] == 403
+
+
+@pytest.mark.parametrize("site", ["same-origin", "none"])
+def test_requests_of_its_own_site_are_answered(server, site):
+    assert answer(server, "/curve", question(), **{"Sec-Fetch-Site": site})[0] == 200
+
+
+@pytest.mark.parametrize(
+    "host", ["localhost", "127.0.0.1", "localhost:1", "example.com", "127.0.0.1.example.com", "::1"]
+)
+def test_other_hosts_are_refused(server, host):
+    assert answer(server, "/curve", question(), Host=host)[0] == 403
+    assert answer(server, "/curve", question(), Host=f"localhost:{server.port}")[0] == 200
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("Referrer-Policy", "no-referrer"), ("X-Content-Type-Options", "nosniff"), ("Cache-Control", "no-store"),
+     *(("Content-Security-Policy", part) for part in
+       ("default-src 'none'", "connect-src 'self'", "base-uri 'none'", "form-action 'none'", "frame-ancestors 'none'"))],
+)  # fmt: skip
+@pytest.mark.parametrize("path", ["/?token={}", "/progress?token={}", "/nothing?token={}", "/"])
+def test_every_answer_has_the_headers(server, path, name, value):
+    """Of the page, of data, of what is not there (404) and of who does not know the token (403)."""
+    try:
+        with urllib.request.urlopen(f"http://127.0.0.1:{server.port}{path.format(server.token)}") as found:
+            headers = found.headers
+    except urllib.error.HTTPError as error:
+        headers = error.headers
+    assert value in [part.strip() for part in headers[name].split(";")]
+    assert "Access-Control-Allow-Origin" not in headers
+
+
+def test_the_page_runs_only_its_own_scripts(server):
+    policy = re.search(r'http-equiv="Content-Security-Policy" content="(.*?)"', answer(server, "/")[1])[1]
+    assert "script-src 'sha256-" in policy and "connect-src 'self'" in policy
+    assert "unsafe" not in policy.split("script-src")[1].split(";")[0]
+
+
+@pytest.mark.parametrize("path", ["/curve", "/map", "/measured", "/save/npz", "/cancel"])
+@pytest.mark.parametrize("depth", [1000, 100_000])
+def test_what_is_nested_too_deeply_is_refused(server, path, depth, capfd):
+    text = f'{{"values": {{}}, "x": {"[" * depth}{"]" * depth}}}'
+    request = urllib.request.Request(
+        f"http://127.0.0.1:{server.port}{path}", text.encode(),
+        {"X-Hbgear-Token": server.token, "Content-Type": "application/json"},
+    )  # fmt: skip
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(request, timeout=30)
+    assert refused.value.code == 400 and "nested too deeply" in refused.value.read().decode()
+    assert capfd.readouterr().err == ""
+
+
+def test_a_measured_cell_without_end_is_refused(server, capfd):
+    for text in ("1,2\n" + "9" * 500_000 + ",1", '1,"' + "9" * 500_000):
+        status, said = answer(server, "/measured", question() | {"text": text, "name": "a.csv"})
+        assert status == 422 and len(json.loads(said)["error"]) < 500
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("begun", [b"", b"POST /curve HTTP/1.1\r\nHost: ", None])
+def test_connections_that_say_nothing_are_closed(begun):
+    """Nothing, half of a head, half of a body: the connection and its thread end."""
+    quiet = Server(explorer(), "quiet", patience=0.5)
+    thread = threading.Thread(target=quiet.run, daemon=True)
+    thread.start()
+    before = threading.active_count()
+    if begun is None:
+        head = f"POST /curve HTTP/1.1\r\nHost: 127.0.0.1:{quiet.port}\r\nX-Hbgear-Token: {quiet.token}\r\n"
+        begun = f"{head}Content-Type: application/json\r\nContent-Length: 100\r\n\r\n{{".encode()
+    with socket.create_connection(("127.0.0.1", quiet.port), timeout=20) as open_one:
+        open_one.sendall(begun)
+        while open_one.recv(4096):
+            pass  # an answer, until the other side closes
+        end = time.monotonic() + 10
+        while threading.active_count() > before:
+            assert time.monotonic() < end
+            time.sleep(0.02)
+    quiet._server.shutdown()
+    thread.join(10)
 
 
 def test_listens_on_this_machine_only(server):
@@ -518,6 +603,17 @@ def test_measured_points_lie_over_the_curve(shown, tmp_path):
     waited_for(shown, "hbgear.state.behind.length === 1")
     x = shown.execute_script("return hbgear.state.behind[0].x[0]")
     assert x == pytest.approx(MODEL.scales.from_pinion_speed(14515.0), rel=1e-6)
+
+
+def test_toolbars_keep_the_data_here(shown):
+    check_toolbars(shown)
+
+
+def test_only_own_scripts_run(driver, server):
+    opened(driver, server.address)
+    settled(driver)
+    check_only_own_scripts_run(driver)
+    complaints(driver)  # of what was refused
 
 
 class Slow(Explorer):

@@ -13,7 +13,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.common.replacing import CannotWrite, replacing
+from hbgear.common.replacing import CannotWrite, check_writable, replacing
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs the devices and limits of POSIX")
 LIMIT = 70_000  # bytes a file may have: more than is written to see whether one can be, less than a curve takes
@@ -82,6 +82,7 @@ def test_what_is_stored_is_on_the_disk_first(folder, monkeypatch):
 
 @posix
 def test_a_link_is_followed_and_a_device_never_replaced(folder):
+    Path("target.txt").write_text("before")
     os.symlink("target.txt", "link.txt")
     with replacing("link.txt", "x") as handle:
         handle.write("text")
@@ -209,3 +210,34 @@ def test_output_that_cannot_be_printed(folder):
         )  # fmt: skip
     assert out.returncode == 2 and "No space left on device" in out.stderr and "Exception" not in out.stderr
     assert len(hb.load("a.npz"))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o444, 0o666])
+def test_a_file_written_again_keeps_its_permissions(tmp_path, mode):
+    path, seen = tmp_path / "a.txt", []
+    path.write_text("before")
+    path.chmod(mode)
+    with replacing(path, "x") as handle:
+        seen += [each.stat().st_mode & 0o777 for each in tmp_path.iterdir() if each != path]
+        handle.write("after")
+    assert path.read_text() == "after" and path.stat().st_mode & 0o777 == mode
+    assert seen == [mode]  # no moment at which others may read what they may not
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")
+def test_a_new_file_has_the_permissions_of_the_user(tmp_path):
+    (tmp_path / "usual").touch()
+    with replacing(tmp_path / "a.txt", "x") as handle:
+        handle.write("new")
+    assert (tmp_path / "a.txt").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+@pytest.mark.parametrize("write", [check_writable, lambda path: replacing(path, "x").__enter__()])
+def test_a_link_that_leads_nowhere_is_refused(tmp_path, write):
+    (tmp_path / "link.npz").symlink_to(tmp_path / "elsewhere.npz")
+    with pytest.raises(CannotWrite, match="it is a link to '.*elsewhere.npz', which does not exist; remove the link"):
+        write(tmp_path / "link.npz")
+    assert [path.name for path in tmp_path.iterdir()] == ["link.npz"]
+    (tmp_path / "elsewhere.npz").touch()
+    check_writable(tmp_path / "link.npz")

@@ -1,5 +1,13 @@
 """Matrices from files, and machines of other programs; stand-ins where those are not installed."""
 
+import io
+import os
+import struct
+import subprocess
+import sys
+import zipfile
+import zlib
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -269,3 +277,68 @@ def test_a_damaged_file(folder):
     path.write_bytes(path.read_bytes()[:60])
     with pytest.raises(ValueError, match="cannot be read as matrices"):
         hb.from_matrices(path)
+
+
+def bomb_npz(path, size):
+    """A small .npz whose matrix unpacks to zeros of that many bytes; written piece by piece."""
+    n = int((size / 8) ** 0.5)
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (n, n)})
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in "MK":
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                member.write(head.getvalue())
+                for _ in range(n):
+                    member.write(bytes(8 * n))
+
+
+def bomb_mat(path, size):
+    """A small .mat whose matrix unpacks to zeros of that many bytes."""
+    n = int((size / 8) ** 0.5)
+    name = struct.pack("<II", 1, 1) + b"M" + bytes(7)
+    head = struct.pack("<IIIIIIii", 6, 8, 6, 0, 5, 8, n, n) + name + struct.pack("<II", 9, 8 * n * n)
+    packing = zlib.compressobj()
+    parts = [packing.compress(struct.pack("<II", 14, len(head) + 8 * n * n) + head)]
+    parts += [packing.compress(bytes(8 * n)) for _ in range(n)] + [packing.flush()]
+    data = b"".join(parts)
+    text = b"MATLAB 5.0 MAT-file".ljust(116) + bytes(8) + struct.pack("<H", 0x0100) + b"IM"
+    path.write_bytes(text + struct.pack("<II", 15, len(data)) + data)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
+@pytest.mark.parametrize("make", [bomb_npz, bomb_mat], ids=["npz", "mat"])
+def test_an_archive_that_unpacks_to_far_more_is_refused_before_it_is_read(tmp_path, make):
+    path = tmp_path / f"big.{make.__name__.removeprefix('bomb_')}"
+    make(path, 5e8)
+    assert path.stat().st_size < 2e6
+    code = (
+        "import sys, hbgear as hb\n"
+        "def peak(): return int(next(l for l in open('/proc/self/status') if l.startswith('VmHWM')).split()[1]) / 1e3\n"
+        "hb.Matrices; import scipy.io; before = peak()\n"
+        "try: hb.from_matrices(sys.argv[1])\n"
+        "except ValueError as error: print(error)\n"
+        "print(peak() - before)"
+    )
+    root = str(Path(hb.__file__).parents[1])
+    ended = subprocess.run([sys.executable, "-c", code, str(path)], env={**os.environ, "PYTHONPATH": root}, text=True,
+                           stdout=subprocess.PIPE, check=True)  # fmt: skip
+    said, grown = ended.stdout.splitlines()
+    assert "cannot be read as matrices: it " in said and " bytes in a file of " in said
+    assert float(grown) < 100  # MB
+
+
+def test_a_large_matrix_of_zeros_is_read(tmp_path):
+    """As compressed files of structures are: their matrices are zero but for a band."""
+    A = scipy.sparse.diags_array([1.0, 2.0, 1.0], offsets=[-1, 0, 1], shape=(1500, 1500)).toarray()
+    np.savez_compressed(tmp_path / "a.npz", M=A, K=A)
+    scipy.io.savemat(tmp_path / "a.mat", {"M": A, "K": A}, do_compression=True)
+    for name in ("a.npz", "a.mat"):
+        assert hb.from_matrices(tmp_path / name).n == 1500
+
+
+@pytest.mark.parametrize("head", ["coordinate real general\n3 3 900000000", "array real general\n30000 30000",
+                                  "coordinate real general\n2000000 2000000 1", "array real symmetric\n30000 30000"])  # fmt: skip
+def test_a_table_that_declares_more_than_it_has_is_refused(tmp_path, head):
+    (tmp_path / "a.mtx").write_text(f"%%MatrixMarket matrix {head}\n1 1 1.0\n")
+    with pytest.raises(ValueError, match="cannot be read as matrices: it declares"):
+        hb.from_matrices({"M": tmp_path / "a.mtx", "K": np.eye(3)})

@@ -1,13 +1,14 @@
 """Reports: one page that says everything, and is used in a real browser as a person would."""
 
 import base64
+import hashlib
 import json
 import re
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from browser import browser, clicked, complaints, opened, resized
+from browser import browser, check_only_own_scripts_run, check_toolbars, clicked, complaints, opened, resized
 
 import hbgear as hb
 from hbgear.cli.app import main
@@ -292,12 +293,49 @@ def test_colours_stand_out_from_the_paper(theme):
     assert all(contrast(colour, ink["paper"]) >= 2.2 for colour in ink["branches"])
 
 
+def test_policy_of_the_page(page):
+    text = page.read_text(encoding="utf-8")
+    (policy,) = re.findall(r'<meta http-equiv="Content-Security-Policy" content="(.*?)">', text)
+    assert policy.startswith("default-src 'none'; ") and "connect-src 'none'" in policy
+    allowed = {each.split()[0]: each.split()[1:] for each in policy.split("; ")}
+    scripts = re.findall(r"<script>(.*?)</script>", text, flags=re.S)
+    hashes = {f"'sha256-{base64.b64encode(hashlib.sha256(one.encode()).digest()).decode()}'" for one in scripts}
+    assert len(scripts) == 2 and set(allowed["script-src"]) == hashes
+    assert not re.search(r"<[a-z]+[^>]* on[a-z]+=", re.sub(r"<script>.*?</script>", "", text, flags=re.S))
+
+
 # ---- in a browser
 
 
 def test_page_needs_no_network_and_has_no_errors(shown):
     assert shown.execute_script("return performance.getEntriesByType('resource').length") == 0
     assert complaints(shown) == []
+
+
+def test_toolbars_keep_the_data_here(shown):
+    check_toolbars(shown)
+
+
+def test_figure_is_saved_from_the_toolbar(shown):
+    """The policy of the page lets Plotly make an image of the figure."""
+    found = shown.execute_async_script(
+        "Plotly.toImage(document.getElementById('response'), {format: 'svg'}).then(arguments[0], arguments[0])"
+    )
+    assert str(found).startswith("data:image/svg+xml") and complaints(shown) == []
+
+
+def test_only_own_scripts_run(page, driver):
+    opened(driver, page.as_uri())
+    check_only_own_scripts_run(driver)
+    complaints(driver)  # of what was refused
+
+
+def test_report_is_printed(shown):
+    from selenium.webdriver.common.by import By
+
+    shown.execute_script("window.print = () => { window.printed = true; }")
+    shown.find_element(By.ID, "print").click()
+    assert shown.execute_script("return window.printed") is True
 
 
 def test_curve_is_drawn_as_engineers_draw(shown, pair):

@@ -5,6 +5,8 @@ import os
 import pytest
 
 import hbgear as hb
+from hbgear.cli.app import main
+from hbgear.cli.pages import explored
 from hbgear.design.study_file import StudyFileError, read_study
 from hbgear.io.toml_file import line_of, lines_of
 
@@ -129,3 +131,39 @@ def test_lines_of_arrays_of_tables():
     lines = lines_of("[[a]]\nx = 1\n[[a]]\nx = 2\n[b]\ny = [\n'1',\n]\n")
     places = [("a", 0), ("a", 0, "x"), ("a", 1), ("a", 1, "x"), ("b", "y", 0)]
     assert [line_of(lines, place) for place in places] == [1, 2, 3, 4, 6]
+
+
+OWN = 'model = "mine.py:stop"\n[grid]\ngap = [0.5, 0.6]\n[compute]\nharmonics = 4\n'
+
+
+@pytest.fixture
+def own_model(tmp_path, monkeypatch, modules_are_forgotten):
+    """A study of a model whose code leaves a trace when it runs."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(
+        "import pathlib, hbgear as hb\npathlib.Path('ran').touch()\n\n@hb.model(default_span=(0.5, 1.5))\n"
+        "def stop(zeta: float = 0.05, gap: float = 1.0) -> hb.System:\n"
+        "    law = hb.Unilateral(k=5.0, gap=gap)\n"
+        "    return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [0.2]}))\n"
+    )
+    (tmp_path / "a.toml").write_text(OWN)
+    return tmp_path
+
+
+def test_naming_a_file_runs_no_code(own_model, capsys):
+    with pytest.raises(StudyFileError, match="line 1: model = 'mine.py:stop' would run that code.*--allow-code"):
+        read_study("a.toml")
+    for words in (["study", "a.toml"], ["explore", "a.toml", "--no-browser"]):
+        with pytest.raises(SystemExit, match="2"):
+            main(words)
+        assert "a.toml, line 1: model = 'mine.py:stop' would run that code" in capsys.readouterr().err
+    assert not (own_model / "ran").exists()
+
+
+def test_code_of_a_file_runs_if_that_is_allowed(own_model, capsys):
+    assert read_study("a.toml", allow_code=True).model.zeta == 0.05
+    assert (own_model / "ran").exists()
+    with pytest.raises(SystemExit, match="0"):
+        main(["study", "a.toml", "--allow-code", "--processes", "1"])
+    assert "2 of 2 cases" in capsys.readouterr().out
+    assert explored("a.toml", None, None, allow_code=True)[0].model({}).gap == 0.5

@@ -259,7 +259,10 @@ const hbgear = (() => {
              marker: { symbol: "circle-open", size: 14, color: ink.text, line: { width: 2 } } };
   }
 
-  const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["select2d", "lasso2d"],
+  // Only these buttons: others of Plotly upload the data to its servers.
+  const BUTTONS = [["toImage"], ["zoom2d", "pan2d"], ["zoomIn2d", "zoomOut2d", "autoScale2d", "resetScale2d"]];
+  const CONFIG = { displaylogo: false, responsive: true, modeBarButtons: BUTTONS, plotlyServerURL: "", sendData: false,
+                   showSendToCloud: false, showEditInChartStudio: false, showLink: false,
                    toImageButtonOptions: { format: "svg", filename: "hbgear" } };
 
   function drawResponse() {
