@@ -3,12 +3,14 @@
 Harmonic balance with exact contact, pseudo-arclength continuation, Floquet stability, jump frequencies.
 """
 
+from hbgear.common import command as _command  # noqa: F401 before all else: handles Ctrl-C during the imports below
+
+# isort: split
 import importlib
 import warnings
 from typing import TYPE_CHECKING, Any
 
 from hbgear._version import __version__
-from hbgear.common import command as _command  # noqa: F401 sees to Ctrl-C while all that follows is imported
 from hbgear.common import late as _late
 
 if TYPE_CHECKING:  # imported when they are first used

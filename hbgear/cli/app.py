@@ -8,7 +8,7 @@ when it is needed.
 from __future__ import annotations
 
 import dataclasses
-import os
+import shutil
 import sys
 import time
 import warnings
@@ -59,16 +59,20 @@ from hbgear.cli.support import (
     path_of,
     point_of,
     print_table,
+    print_text,
     problem_in,
     problem_of,
     ranges_of,
     say,
     show_jumps,
     show_whole,
+    silence_broken,
     start_of,
     summary_of,
     traced,
 )
+from hbgear.common.command import STDOUT_CLOSED
+from hbgear.common.replacing import CannotWrite
 from hbgear.common.signals import sigterm_like_ctrl_c
 from hbgear.harmonic import catalogue
 from hbgear.harmonic.observables import layout_of
@@ -86,11 +90,18 @@ RENAMED = {
 _CTRL_C = 130  # what typer makes of a Ctrl-C that a command does not see to itself
 
 
+_NARROW = 60  # columns of a terminal, below which help has no frames: they would cut its words
+
+_columns = shutil.get_terminal_size().columns
+
 app = typer.Typer(
     name="hbgear",
+    rich_markup_mode=None if _columns < _NARROW else "rich",
     help="Nonlinear frequency response of gear drives with backlash.",
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={
+        "help_option_names": ["-h", "--help"], "terminal_width": _columns - 1 if _columns < _NARROW else None,
+    },  # fmt: skip
 )
 
 
@@ -104,13 +115,31 @@ def main(args: Sequence[str] | None = None) -> None:
 
 def _printed(code: int) -> int:
     """The exit code, 2 if what was printed did not get to where it goes."""
+    if STDOUT_CLOSED and code != BAD_INPUT:
+        return _unprinted("standard output is closed")
     try:
         sys.stdout.flush()
     except OSError as error:
-        say("error", f"the result could not be printed ({error.strerror}); files that were asked for are written")
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python tries again when it ends
-        return BAD_INPUT
+        code = _unprinted(error.strerror)
+    silence_broken(sys.stderr)
     return code
+
+
+def _unprinted(reason: str | None) -> int:
+    """Say that the result could not be printed; the exit code."""
+    say("error", f"the result could not be printed ({reason}); files that were asked for are written")
+    silence_broken(sys.stdout)
+    return BAD_INPUT
+
+
+def _takes_nothing() -> bool:
+    """Whether standard output takes nothing."""
+    try:
+        sys.stdout.write("\n")
+        sys.stdout.flush()
+    except OSError:
+        return True
+    return False
 
 
 def _run(args: list[str]) -> int:
@@ -120,6 +149,9 @@ def _run(args: list[str]) -> int:
             raise KeyboardInterrupt
         return code
     except (ValueError, KeyError, OSError, hb.NoConvergence) as error:
+        if isinstance(error, OSError) and error.filename is None and not isinstance(error, CannotWrite):
+            if _takes_nothing():
+                return _unprinted(error.strerror)
         for problem in getattr(error, "problems", [error.args[0] if isinstance(error, KeyError) else error]):
             say("error", problem)
         return BAD_INPUT
@@ -275,7 +307,7 @@ def trace(
     with outputs() as out:
         out.branch(output, branch)
         out.figure(plot, lambda drawing: drawing.response(branch, measure, which))
-        print(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
+        print_text(f"{model}: {len(branch)} points in {seconds:.1f} s; {branch.message}")
         show_whole(branch, measure, which)
     raise typer.Exit(exit_code(branch) if done else STOPPED_EARLY)
 
@@ -331,7 +363,7 @@ def extend(
     with outputs() as out:
         out.branch(output, whole)
         out.figure(plot, lambda drawing: drawing.response(whole, measure, which))
-        print(f"{file}: {len(branch)} points, {len(whole) - len(branch)} more; {whole.message}")
+        print_text(f"{file}: {len(branch)} points, {len(whole) - len(branch)} more; {whole.message}")
         show_whole(whole, measure, which)
     raise typer.Exit(exit_code(whole))
 
@@ -398,4 +430,4 @@ def plot_command(
             out.figure(path, lambda drawing: drawing.response(branch, measure, which))
         else:
             out.figure(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch)))
-            print(f"point at {branch.parameter} = {text_at(chosen, branch.parameter)}")
+            print_text(f"point at {branch.parameter} = {text_at(chosen, branch.parameter)}")

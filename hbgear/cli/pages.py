@@ -133,7 +133,7 @@ def explored(
 ) -> tuple[Subject, tuple[float, float], int, hb.Branch | None]:
     """What is explored, the span and harmonics to begin with, and the curve of a file."""
     from hbgear.design.sampling import Grid
-    from hbgear.design.study_file import read_study
+    from hbgear.design.study_file import is_study, read_study
     from hbgear.io.machine_file import read_machine
     from hbgear.web.subject import MachineSubject, ModelSubject
 
@@ -151,8 +151,7 @@ def explored(
         ends = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
         return ModelSubject(machine, name), (float(ends[0]), float(ends[1])), layout.harmonics if layout else 16, branch
     if what.endswith(".toml"):
-        text = Path(what).read_text(encoding="utf-8") if Path(what).is_file() else ""
-        if any(line.replace(" ", "").startswith("model=") for line in text.splitlines()):
+        if is_study(what):
             study = read_study(what, allow_code)
             name = next((name for name, each in catalogue.MODELS.items() if each is type(study.model)), "")
             first = study.model.replace(**next(study.vary.rows())) if isinstance(study.vary, Grid) else study.model

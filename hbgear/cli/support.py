@@ -6,10 +6,12 @@ import inspect
 import math
 import os
 import re
+import shutil
 import sys
+import textwrap
 import typing
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -142,7 +144,16 @@ At = Annotated[
 
 def say(kind: str, text: object) -> None:
     """One line on standard error; a word of thousands of letters, as damaged files have them, is not told in full."""
-    print(f"hbgear: {kind}: {' '.join(shortened(word, 1000) for word in str(text).split())}", file=sys.stderr)
+    with suppress(OSError):  # of a standard error that takes nothing: the exit code remains
+        print(f"hbgear: {kind}: {' '.join(shortened(word, 1000) for word in str(text).split())}", file=sys.stderr)
+
+
+def silence_broken(stream: Any) -> None:
+    """Send a stream that takes nothing to the null device, else Python tries again when it ends."""
+    try:
+        stream.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 # ---- input
@@ -481,8 +492,45 @@ def print_text_table(table: Table) -> None:
 
 
 def print_table(headers: list[str], rows: list[list[str]], title: str = "") -> None:
-    """A table of texts."""
-    print_text_table(table_of(headers, rows, title))
+    """A table of texts; on a terminal too narrow for its words, a line for each cell instead."""
+    width = shutil.get_terminal_size().columns
+    if sys.stdout.isatty() and _least_width(headers, rows) > width:
+        print(listed(headers, rows, title, width))
+    else:
+        print_text_table(table_of(headers, rows, title))
+
+
+_BETWEEN = 3  # characters around a column of a table
+
+
+def _least_width(headers: list[str], rows: list[list[str]]) -> int:
+    """Characters that a table needs: whole cells, and whole words in its last column."""
+    columns = list(zip(headers, *rows, strict=True))
+    widths = [max(len(line) for cell in column for line in cell.splitlines() or [""]) for column in columns[:-1]]
+    return sum(widths) + max(len(word) for cell in columns[-1] for word in cell.split() or [""]) + _BETWEEN * len(columns)
+
+
+def print_text(text: str) -> None:
+    """A sentence; on a terminal in lines that end between words."""
+    if sys.stdout.isatty():
+        width = shutil.get_terminal_size().columns
+        wrapped = (textwrap.wrap(line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+                   for line in text.splitlines())  # fmt: skip
+        text = "\n".join("\n".join(lines) for lines in wrapped)
+    print(text)
+
+
+def listed(headers: list[str], rows: list[list[str]], title: str, width: int) -> str:
+    """The cells of a table one below the other, each after its header, for a width that the table does not fit."""
+    lines = [title] if title else []
+    for row in rows:
+        lines += [""] if lines else []
+        for header, cell in zip(headers, row, strict=True):
+            first, *rest = cell.splitlines() or [""]
+            for text in (f"{header}: {first}" if header else first, *(f"  {part}" for part in rest)):
+                lines += textwrap.wrap(text, width, subsequent_indent="  ", break_long_words=False,
+                                       break_on_hyphens=False) or [""]  # fmt: skip
+    return "\n".join(lines)
 
 
 def table_of(headers: list[str], rows: list[list[str]], title: str = "") -> Table:
@@ -504,7 +552,7 @@ def show_whole(branch: hb.Branch, measure: str, element: int | str, show: Callab
     curves = (branch, *branch.others)
     for number, curve in enumerate(curves, 1):
         if number > 1:
-            print(f"\nbranch {number}: {len(curve)} points; {curve.message}")
+            print_text(f"\nbranch {number}: {len(curve)} points; {curve.message}")
         others = [i for i in range(len(curves)) if i != number - 1]
         beside, names = [curves[i] for i in others], [f"branch {i + 1}" for i in others]
         (show or show_branch)(curve, measure, element, beside, names)
@@ -519,7 +567,7 @@ def show_branch(
 ) -> None:
     """Tables of special points and jumps (see `show_jumps`), and whether they can be trusted."""
     if not branch.special:
-        print("no special points")
+        print_text("no special points")
         show_doubts(branch)
         return
     headers, rows = special_table(branch, measure, element)
@@ -532,9 +580,9 @@ def show_doubts(branch: hb.Branch) -> None:
     """A line that says whether a curve can be trusted, and what to do if not."""
     lines = trust(branch)
     for line in lines:
-        print(line)
+        print_text(line)
     if branch.doubts and lines:
-        print("  more harmonics decide it: --harmonics 32 or auto")
+        print_text("  more harmonics decide it: --harmonics 32 or auto")
 
 
 def show_jumps(
@@ -546,12 +594,12 @@ def show_jumps(
 ) -> None:
     """Print the jumps of a branch as a table, or that there are none; see `jump_table`."""
     if not branch.jumps():
-        print("no jumps" if branch.multipliers is not None else "no jumps known: traced without stability")
+        print_text("no jumps" if branch.multipliers is not None else "no jumps known: traced without stability")
         return
     headers, rows, notes = jump_table(branch, measure, element, beside, names)
     print_table(headers, rows, "jumps of a slow sweep")
     for note in notes:
-        print(note)
+        print_text(note)
 
 
 def summary_of(cls: type) -> str:

@@ -56,6 +56,11 @@ def text_of_file(path: str | os.PathLike[str], what: str) -> str:
     """
     try:
         text = bytes_of_file(path, what).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ValueError(f"'{path}' cannot be read as {what}: it is no text (UTF-8)") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"'{path}' cannot be read as {what}: {_not_text(error)}") from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _not_text(error: UnicodeDecodeError) -> str:
+    line = error.object[: error.start].count(b"\n") + 1
+    return f"it is no text (UTF-8), line {line} has the byte 0x{error.object[error.start]:02x}"

@@ -32,6 +32,14 @@ class Study:
     work: Work
 
 
+def is_study(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is to be a study: it names a model. False of what cannot be read."""
+    try:
+        return isinstance(parsed(path, "a study", StudyFileError)[1].get("model"), str)
+    except StudyFileError:
+        return False
+
+
 def read_study(path: str | os.PathLike[str], allow_code: bool = False) -> Study:
     """Read and check a study file.
 

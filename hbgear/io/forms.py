@@ -259,6 +259,7 @@ def _check(branch: Branch) -> None:
     for other in branch.others:
         _check(other)
     _check_motion(layout_of(branch), branch.X, branch.regime, "branch")
+    _check_trace(branch)
     _check_balance(branch)
     _check_asymptotes(branch)
     for point in branch.special:
@@ -277,6 +278,22 @@ def _check(branch: Branch) -> None:
         for end in (jump.before, jump.after, *jump.candidates):
             if end is not None:
                 _check_motion(layout_of(end), end.X, end.regime, f"the jump at {jump.label}")
+
+
+def _check_trace(branch: Branch) -> None:
+    """How the curve was traced: a table with its span, two numbers, and its accuracy, a number; any may be missing."""
+    known = branch.meta.get("trace", {})
+    if not isinstance(known, dict):
+        raise _wrong("trace of its header", known, "a table")
+    span, accuracy = known.get("span"), known.get("accuracy")
+    if span is not None and not (isinstance(span, list | tuple) and len(span) == 2 and all(map(_is_finite, span))):
+        raise _wrong("trace.span of its header", span, "two finite numbers")
+    if accuracy is not None and not _is_finite(accuracy):
+        raise _wrong("trace.accuracy of its header", accuracy, "a finite number")
+
+
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _check_balance(branch: Branch) -> None:

@@ -88,9 +88,15 @@ def _said(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
+class _NoFile(Exception):
+    """There is no such file to load."""
+
+
 def _module(place: str) -> ModuleType:
     try:
         return _of_file(Path(place)) if place.endswith(".py") else _imported(place)
+    except _NoFile as error:
+        raise ValueError(f"'{place}' cannot be loaded: {error}") from None
     except (Exception, SystemExit) as error:  # whatever the user's code raises while it runs
         raise ValueError(f"'{place}' cannot be loaded: {_said(error)}") from error
 
@@ -102,12 +108,15 @@ def _imported(name: str) -> ModuleType:
 
 def _of_file(path: Path) -> ModuleType:
     """The module of a file, once; it is called by its whole path, so that no other module can be meant."""
-    path = path.resolve()
+    try:
+        path = path.resolve()
+    except FileNotFoundError:
+        raise _NoFile("the current folder does not exist any more; change to another one") from None
     name = str(path)
     if name in sys.modules:
         return sys.modules[name]
     if not os.path.isfile(path):
-        raise FileNotFoundError(f"there is no file '{path}'")
+        raise _NoFile(f"there is no file '{path}'; give the file of a model as FILE.py:NAME")
     _search(path.parent)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
