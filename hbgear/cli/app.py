@@ -100,8 +100,9 @@ app = typer.Typer(
     help="Nonlinear frequency response of gear drives with backlash.",
     pretty_exceptions_enable=False,
     context_settings={
-        "help_option_names": ["-h", "--help"], "terminal_width": _columns - 1 if _columns < _NARROW else None,
-    },  # fmt: skip
+        "help_option_names": ["-h", "--help"],
+        "terminal_width": _columns - 1 if _columns < _NARROW else None,
+    },
 )
 
 
@@ -149,9 +150,9 @@ def _run(args: list[str]) -> int:
             raise KeyboardInterrupt
         return code
     except (ValueError, KeyError, OSError, hb.NoConvergence) as error:
-        if isinstance(error, OSError) and error.filename is None and not isinstance(error, CannotWrite):
-            if _takes_nothing():
-                return _unprinted(error.strerror)
+        unnamed = isinstance(error, OSError) and error.filename is None and not isinstance(error, CannotWrite)
+        if unnamed and _takes_nothing():
+            return _unprinted(getattr(error, "strerror", None))
         for problem in getattr(error, "problems", [error.args[0] if isinstance(error, KeyError) else error]):
             say("error", problem)
         return BAD_INPUT

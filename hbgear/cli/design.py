@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -38,6 +39,7 @@ from hbgear.cli.support import (
 )
 from hbgear.common.digits import rounded
 from hbgear.harmonic.telling import digits_of, text_at
+from hbgear.io.map_file import read_map, save_map
 
 
 def register(app: typer.Typer) -> None:
@@ -69,15 +71,22 @@ def map_command(
 ) -> None:
     """Jump map: jump frequencies against a design parameter, and where they vanish.
 
-    Exit codes: 0 all was traced, 2 bad input, 3 stopped early (what is whole is shown and saved).
+    Exit codes: 0 all was traced, 2 bad input, 3 stopped early (what is whole is shown and saved). With -o FILE.csv all
+    curves that are whole are kept as FILE.part.npz then, and the same command goes on from there.
     """
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
     parameter, span = range_of(within, first, last)
     problem = problem_of(chosen_model(model, changes), harmonics)
     frequencies = span_of(problem.model, first, last)
+    part = output.with_suffix(".part.npz") if output else None
+    known = None
+    if part and part.exists():
+        known = read_map(part, problem, parameter, span, frequencies)
+        print(f"going on from '{part}': {len(known.curves)} response curves, {len(known.folds)} fold curves")
     with bar("map") as progress:
-        found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress)
+        found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress,
+                            known=known)  # fmt: skip
     digits = min((digits_of(fold, 6) for fold in found.folds), default=6)
     rows = [
         [f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
@@ -87,6 +96,12 @@ def map_command(
     ]  # fmt: skip
     with outputs() as out:
         out.write(output, found.export)
+        if part and found.status is hb.Status.INTERRUPTED:
+            out.write(part, partial(save_map, found))
+            print(f"{len(found.curves)} response curves and {len(found.folds)} fold curves are kept in '{part}': the "
+                  "same command goes on from there")  # fmt: skip
+        elif part:
+            part.unlink(missing_ok=True)
         out.figure(plot, lambda drawing: drawing.jump_map(found))
         if not rows:
             print(f"no jump for {parameter} between {min(span):g} and {max(span):g}")

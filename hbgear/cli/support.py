@@ -507,7 +507,8 @@ def _least_width(headers: list[str], rows: list[list[str]]) -> int:
     """Characters that a table needs: whole cells, and whole words in its last column."""
     columns = list(zip(headers, *rows, strict=True))
     widths = [max(len(line) for cell in column for line in cell.splitlines() or [""]) for column in columns[:-1]]
-    return sum(widths) + max(len(word) for cell in columns[-1] for word in cell.split() or [""]) + _BETWEEN * len(columns)
+    last = max(len(word) for cell in columns[-1] for word in cell.split() or [""])
+    return sum(widths) + last + _BETWEEN * len(columns)
 
 
 def print_text(text: str) -> None:

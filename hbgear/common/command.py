@@ -52,7 +52,8 @@ def open_streams() -> bool:
                 os.dup2(given, number)
                 os.close(given)
             os.set_inheritable(number, True)
-            setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))
+            stream = open(number, mode, encoding="utf-8", closefd=False)  # noqa: SIM115 until the process ends
+            setattr(sys, name, stream)
     return closed
 
 

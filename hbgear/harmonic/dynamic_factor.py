@@ -85,7 +85,7 @@ def is_static(static: float, largest: float, level: float) -> bool:
 def force_level(elements: Sequence[Element], rows: Array) -> float:
     """Largest of stiffness times displacement of the elements, for displacements with coefficients rows (m, 2H + 1)."""
     sizes = np.abs(rows).sum(axis=1)
-    return max(_stiffness(one, size) * size for one, size in zip(elements, sizes.tolist(), strict=True))
+    return float(max(_stiffness(one, size) * size for one, size in zip(elements, sizes.tolist(), strict=True)))
 
 
 def _stiffness(one: Element, size: float) -> float:

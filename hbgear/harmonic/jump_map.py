@@ -67,6 +67,8 @@ class JumpMap:
     arms : their monotonic pieces.
     labels : axis labels of the model.
     status, message : whether everything was traced as far as it goes, and what was not.
+    curves : the response curves on which folds were looked for.
+    frequencies : range of Omega of these.
 
     Examples
     --------
@@ -83,6 +85,8 @@ class JumpMap:
     labels: dict[str, str]
     status: Status = Status.REACHED_END
     message: str = ""
+    curves: tuple[Branch, ...] = ()
+    frequencies: tuple[float, float] = (0.0, 0.0)
 
     @property
     def cusps(self) -> tuple[SpecialPoint, ...]:
@@ -145,6 +149,7 @@ def jump_map(
     seeds: int = 3,
     steps: StepControl = StepControl(),
     progress: ProgressCallback | None = None,
+    known: JumpMap | None = None,
 ) -> JumpMap:
     """Jump-up and jump-down frequencies against a design parameter.
 
@@ -160,11 +165,13 @@ def jump_map(
     harmonics : used if a model is given.
     seeds : number of response curves, at least 2.
     progress : called with a `Progress` as work goes on, such as ``print``; how far it is cannot be told.
+    known : a map of the same model, parameter and ranges that was interrupted: its response curves and fold curves are
+        not traced again.
 
     Returns
     -------
     JumpMap
-        Ctrl-C or an error ends it with the fold curves that are whole; ``status`` and ``message`` say so.
+        Ctrl-C or an error ends it with the curves that are whole; ``status`` and ``message`` say so.
 
     Raises
     ------
@@ -172,8 +179,10 @@ def jump_map(
         If the parameter is Omega, the span empty or outside the range of the parameter, or seeds not from 2 to 1000.
     KeyError
         If the model has no such parameter.
-    KeyboardInterrupt, NoConvergence
-        If it ends before the first fold curve is whole.
+    KeyboardInterrupt
+        If it ends before the first response curve is whole.
+    NoConvergence
+        If there is an error before the first fold curve is whole.
 
     Examples
     --------
@@ -190,12 +199,19 @@ def jump_map(
     if low not in (allowed := problem.range_of(parameter)) or high not in allowed:
         raise ValueError(f"span = {span}: {parameter} must {allowed}")
     counted("seeds", seeds, 1000, least=2)
-    folds: list[tuple[Branch, list[Arm]]] = []
+    begin, end = map(float, problem.model.default_span if frequencies is None else frequencies)
+    frequencies = (begin, end)
+    if known is not None and (known.parameter, known.span, known.frequencies) != (parameter, (low, high), frequencies):
+        raise ValueError("jump_map: known is a map of another parameter, span or range of Omega; leave it out")
+    folds = [(fold, _arms(problem, fold)) for fold in (known.folds if known is not None else ())]
+    curves = {curve.fixed[parameter]: curve for curve in (known.curves if known is not None else ())}
     ending, value = Ending(), low
     try:
         for value in _spread(low, high, seeds):
             say(progress, f"response curve at {parameter} = {value:.5g}")
-            curve = response_curve(problem, parameter, value, frequencies)
+            if value not in curves:
+                curves[value] = response_curve(problem, parameter, value, frequencies)
+            curve = curves[value]
             ending.also(curve, f"the response curve at {parameter} = {value:.5g}")
             for point in (p for p in curve.special if p.kind == "LP" and p.located):
                 if not any(on_fold_curve(problem, fold, point, parameter) for fold, _ in folds):
@@ -204,12 +220,12 @@ def jump_map(
                     folds += [(fold, _arms(problem, fold))]
                     ending.also(fold, f"the curve of the fold at Omega = {point.parameters['Omega']:.5g}")
     except (Exception, KeyboardInterrupt) as error:
-        if not folds:
+        if not folds and not (curves and isinstance(error, KeyboardInterrupt)):
             raise
         ending.note(error, f"at the response curve at {parameter} = {value:.5g} or its folds")
     return JumpMap(
         parameter, (low, high), tuple(fold for fold, _ in folds), tuple(arm for _, arms in folds for arm in arms),
-        dict(problem.model.labels), ending.status, ending.told,
+        dict(problem.model.labels), ending.status, ending.told, tuple(curves.values()), frequencies,
     )  # fmt: skip
 
 

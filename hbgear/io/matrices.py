@@ -216,7 +216,12 @@ def _one(value: Any, name: str) -> Any:
         )
     if suffix == ".npy":
         return _read(value, lambda: np.load(value, allow_pickle=False))
-    return _read(value, lambda: (check_mtx(value), read_matrix_market(value))[1])
+    return _read(value, lambda: _market(value))
+
+
+def _market(path: Any) -> Any:
+    check_mtx(path)
+    return read_matrix_market(path)
 
 
 def _arrays(path: str | os.PathLike[str]) -> dict[str, Array]:

@@ -58,7 +58,7 @@ def page(template: str, data: Any, connect: str = "'none'", **values: Any) -> st
         version=__version__, data=in_script(data), settings=in_script(settings), style=asset("page.css"),
         curves=asset("curves.js"), explorer=asset("explorer.js"), policy=_POLICY, **values,
     )  # fmt: skip
-    return text.replace(_POLICY, policy_of(text, connect), 1)
+    return str(text).replace(_POLICY, policy_of(str(text), connect), 1)
 
 
 def policy_of(text: str, connect: str) -> str:

@@ -236,7 +236,7 @@ def test_a_new_file_has_the_permissions_of_the_user(tmp_path):
 @pytest.mark.parametrize("write", [check_writable, lambda path: replacing(path, "x").__enter__()])
 def test_a_link_that_leads_nowhere_is_refused(tmp_path, write):
     (tmp_path / "link.npz").symlink_to(tmp_path / "elsewhere.npz")
-    with pytest.raises(CannotWrite, match="it is a link to '.*elsewhere.npz', which does not exist; remove the link"):
+    with pytest.raises(CannotWrite, match=r"is a link to '.*elsewhere.npz', which does not exist; remove the link"):
         write(tmp_path / "link.npz")
     assert [path.name for path in tmp_path.iterdir()] == ["link.npz"]
     (tmp_path / "elsewhere.npz").touch()

@@ -236,6 +236,7 @@ FILES = {
         "archive": "",
         "forms": "archive",
         "npz": "archive forms",
+        "map_file": "npz",
         "toml_file": "archive",
         "machine_file": "mesh_table toml_file",
         "train_file": "matrices toml_file",

@@ -1,5 +1,6 @@
 """Ctrl-C, SIGTERM and errors at any moment: what is whole is kept, and it is said."""
 
+import dataclasses
 import inspect
 import os
 import signal
@@ -16,10 +17,13 @@ import pytest
 
 import hbgear as hb
 from hbgear import Status
+from hbgear.cli.app import main
 from hbgear.common.replacing import replacing
 from hbgear.common.signals import held, sigterm_like_ctrl_c
 from hbgear.continuation.tracer import _Tracer
+from hbgear.harmonic import jump_map
 from hbgear.harmonic.catalogue import rebuild
+from hbgear.io.map_file import read_map, save_map
 from hbgear.timedomain.exponential import Stepper
 from hbgear.timedomain.settle import Settling
 
@@ -210,6 +214,74 @@ def test_a_jump_map_keeps_fold_curves_that_are_whole():
             assert arm.direction == other.direction
         seen.add(len(part.arms))
     assert seen == {0, 1, 2}
+
+
+def test_an_interrupted_jump_map_goes_on_from_its_file(tmp_path):
+    """From wherever it was interrupted the arms are those of the whole map, and no curve is traced twice."""
+    problem = hb.HarmonicBalance(DUFFING, 3)
+    span, frequencies = (0.03, 0.05), (0.6, 1.6)
+
+    def work(known=None):
+        return hb.jump_map(problem, "zeta", span, frequencies=frequencies, seeds=3, known=known)
+
+    work()
+    whole, count = at_call(0, work)
+    stopped = [part for part in parts(work, count) if part is not None and part.status is Status.INTERRUPTED]
+    assert {(bool(part.curves), bool(part.folds)) for part in stopped} == {(True, False), (True, True)}
+    for part in stopped[:: max(1, len(stopped) // 6)]:
+        save_map(part, tmp_path / "a.part.npz")
+        known = read_map(tmp_path / "a.part.npz", problem, "zeta", span, frequencies)
+        assert (len(known.curves), len(known.folds)) == (len(part.curves), len(part.folds))
+        done = work(known)
+        assert done.status.complete and len(done.arms) == len(whole.arms)
+        assert all(one is other for one, other in zip(done.folds, known.folds, strict=False))
+        for arm, other in zip(done.arms, whole.arms, strict=True):
+            np.testing.assert_allclose(arm.Omega[[0, -1]], other.Omega[[0, -1]], rtol=1e-9)
+            assert arm.direction == other.direction
+
+
+def test_the_part_of_another_jump_map_is_refused(tmp_path):
+    problem, path = hb.HarmonicBalance(DUFFING, 3), tmp_path / "a.part.npz"
+    found = hb.jump_map(problem, "zeta", (0.03, 0.05), frequencies=(0.6, 1.6), seeds=2)
+    save_map(found, path)
+    for args, said in (
+        ((problem, "zeta", (0.03, 0.06), (0.6, 1.6)), "another map"),
+        ((problem, "zeta", (0.03, 0.05), (0.6, 1.7)), "another map"),
+        ((hb.HarmonicBalance(DUFFING, 4), "zeta", (0.03, 0.05), (0.6, 1.6)), "other harmonics"),
+        ((hb.HarmonicBalance(DUFFING.replace(F=0.3), 3), "zeta", (0.03, 0.05), (0.6, 1.6)), "another model"),
+    ):
+        with pytest.raises(ValueError, match=f"of a jump map of {said}.*remove this one"):
+            read_map(path, *args)
+    with pytest.raises(ValueError, match="nothing to save"):
+        save_map(dataclasses.replace(found, curves=()), path)
+
+
+def test_the_map_command_goes_on_where_it_was_interrupted(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ["map", "duffing", "--in", "zeta=0.03:0.05", "--harmonics", "3", "--seeds", "2", "-o", "out.csv"]
+    usual, traced = jump_map._fold_curve, []
+
+    def counted(*given):
+        traced.append(1)
+        if len(traced) == 2:
+            raise KeyboardInterrupt
+        return usual(*given)
+
+    monkeypatch.setattr(jump_map, "_fold_curve", counted)
+    assert exit_of(words) == 3
+    assert "1 response curves and 1 fold curves are kept in 'out.part.npz'" in capsys.readouterr().out
+    assert sorted(os.listdir()) == ["out.csv", "out.part.npz"]
+    assert exit_of(words) == 0
+    assert "going on from 'out.part.npz'" in capsys.readouterr().out and os.listdir() == ["out.csv"]
+    again = Path("out.csv").read_text()
+    assert exit_of(words) == 0 and len(Path("out.csv").read_text().splitlines()) == len(again.splitlines())
+    assert len(traced) == 2 + 1 + 2  # the first fold curve is not traced again
+
+
+def exit_of(words):
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    return end.value.code
 
 
 def test_a_jump_map_tells_of_traces_that_ended_early():
@@ -494,6 +566,22 @@ def test_ctrl_c_while_the_command_is_imported_is_told_in_one_sentence(tmp_path, 
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "hbgear: error: stopped before it was done\n")
 
 
+@pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
+@pytest.mark.parametrize("moment", ["hbgear._version", "hbgear.common.late", "typing", "pathlib", "hbgear.cli"])
+def test_ctrl_c_is_told_in_one_sentence_from_the_first_import_on(tmp_path, moment):
+    """Nothing is imported before Ctrl-C is seen to: it comes when a module is looked for first."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import sys\nclass Stop:\n    @staticmethod\n    def find_spec(name, *rest):\n"
+        f"        if name == {moment!r}:\n            raise KeyboardInterrupt\nsys.meta_path.insert(0, Stop)\n"
+    )
+    script = tmp_path / "hbgear"
+    script.write_text("from hbgear.cli.app import main; main()")
+    where = os.pathsep.join([str(tmp_path), str(Path(ROOT).parent)])
+    ended = subprocess.run([sys.executable, str(script), "models"], capture_output=True, text=True, timeout=120,
+                           cwd=tmp_path, env={**os.environ, "PYTHONPATH": where})  # fmt: skip
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "hbgear: error: stopped before it was done\n")
+
+
 def test_a_library_hears_ctrl_c_as_python_does(tmp_path):
     (tmp_path / "numpy.py").write_text("raise KeyboardInterrupt")
     where = os.pathsep.join([str(tmp_path), str(Path(ROOT).parent)])
@@ -528,7 +616,7 @@ def test_commands_stop_at_any_moment(tmp_path, name, stop):
             assert "wrote" in out or "the model has" in out
             continue
         assert command.returncode in (0, 3) and "Traceback" not in err, (delay, err)
-        assert set(os.listdir(folder)) <= {"out.npz", "out.csv"}
+        assert set(os.listdir(folder)) <= {"out.npz", "out.csv", "out.part.npz"}
         if command.returncode == 3:
             assert "stopped" in err or "interrupted" in out + err
             assert "a jump exists" not in out or "the model has" in out  # all of it, or nothing

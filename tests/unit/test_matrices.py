@@ -336,8 +336,15 @@ def test_a_large_matrix_of_zeros_is_read(tmp_path):
         assert hb.from_matrices(tmp_path / name).n == 1500
 
 
-@pytest.mark.parametrize("head", ["coordinate real general\n3 3 900000000", "array real general\n30000 30000",
-                                  "coordinate real general\n2000000 2000000 1", "array real symmetric\n30000 30000"])  # fmt: skip
+@pytest.mark.parametrize(
+    "head",
+    [
+        "coordinate real general\n3 3 900000000",
+        "array real general\n30000 30000",
+        "coordinate real general\n2000000 2000000 1",
+        "array real symmetric\n30000 30000",
+    ],
+)
 def test_a_table_that_declares_more_than_it_has_is_refused(tmp_path, head):
     (tmp_path / "a.mtx").write_text(f"%%MatrixMarket matrix {head}\n1 1 1.0\n")
     with pytest.raises(ValueError, match="cannot be read as matrices: it declares"):

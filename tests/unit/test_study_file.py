@@ -151,7 +151,7 @@ def own_model(tmp_path, monkeypatch, modules_are_forgotten):
 
 
 def test_naming_a_file_runs_no_code(own_model, capsys):
-    with pytest.raises(StudyFileError, match="line 1: model = 'mine.py:stop' would run that code.*--allow-code"):
+    with pytest.raises(StudyFileError, match=r"line 1: model = 'mine.py:stop' would run that code.*--allow-code"):
         read_study("a.toml")
     for words in (["study", "a.toml"], ["explore", "a.toml", "--no-browser"]):
         with pytest.raises(SystemExit, match="2"):

@@ -1,0 +1,76 @@
+"""Jump maps that are not complete, as .npz files from which `jump_map` goes on.
+
+The file is that of a branch, see `npz`: the first response curve, with the other ones and the fold curves as others of
+its span. Its header says in "map" of which map they are: parameter, span, frequencies.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from typing import Any
+
+from hbgear.common.messages import quoted
+from hbgear.continuation.bordered import Fold
+from hbgear.continuation.branch import Status
+from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.harmonic.jump_map import JumpMap
+from hbgear.io.npz import load
+
+
+def save_map(found: JumpMap, path: str | os.PathLike[str]) -> None:
+    """Write the response curves and fold curves of a jump map to an .npz, whole or not at all.
+
+    Raises
+    ------
+    ValueError
+        If it has no response curve yet, or the path has another ending.
+    """
+    if not found.curves:
+        raise ValueError("the jump map has no response curve yet, so there is nothing to save")
+    first, *rest = (dataclasses.replace(curve, others=()) for curve in (*found.curves, *found.folds))
+    meta = {**first.meta, "map": _settings(found.parameter, found.span, found.frequencies)}
+    dataclasses.replace(first, meta=meta, others=tuple(rest)).save(path)
+
+
+def read_map(
+    path: str | os.PathLike[str], problem: HarmonicBalance, parameter: str, span: tuple[float, float],
+    frequencies: tuple[float, float],
+) -> JumpMap:  # fmt: skip
+    """The part of a jump map that `save_map` wrote, for ``known`` of `jump_map`; without arms.
+
+    Parameters
+    ----------
+    path : of the file.
+    problem, parameter, span, frequencies : of the map that is to go on, as of `jump_map`.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read, or is of another map.
+    """
+    first = load(path)
+    wanted = {**problem.describe(), "map": _settings(parameter, span, frequencies)}
+    others = {"model": "another model", "balance": "other harmonics or samples", "map": "another map"}
+    for name, meaning in others.items():
+        if _plain(first.meta.get(name)) != _plain(wanted[name]):
+            about = quoted(first.meta.get("map"))
+            raise ValueError(f"'{path}' is the part of a jump map of {meaning} ({about}): give another output file, or "
+                             "remove this one")  # fmt: skip
+    every = (dataclasses.replace(first, others=()), *first.others)
+    curves = tuple(dataclasses.replace(one, problem=problem) for one in every if one.parameter == "Omega")
+    folds = tuple(dataclasses.replace(one, problem=Fold(problem)) for one in every if one.parameter == parameter)
+    low, high = sorted(map(float, span))
+    begin, end = map(float, frequencies)
+    return JumpMap(parameter, (low, high), folds, (), {}, Status.INTERRUPTED, "read from a file", curves, (begin, end))
+
+
+def _settings(parameter: str, span: tuple[float, float], frequencies: tuple[float, float]) -> dict[str, Any]:
+    return {"parameter": parameter, "span": sorted(map(float, span)), "frequencies": list(map(float, frequencies))}
+
+
+def _plain(value: Any) -> Any:
+    """Tuples as lists, whichever a file has."""
+    if isinstance(value, dict):
+        return {name: _plain(each) for name, each in value.items()}
+    return [_plain(each) for each in value] if isinstance(value, list | tuple) else value
