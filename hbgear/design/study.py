@@ -573,6 +573,16 @@ def _check(model: Model, vary: Grid | Sample, work: Work, most: int) -> None:
     for name in vary.names:
         if name not in known:
             raise KeyError(f"{type(model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
+    check_work(model, work)
+
+
+def check_work(model: Model, work: Work) -> None:
+    """Refuse what cannot be computed for any design: a span, a measure, an element or a critical parameter.
+
+    Raises
+    ------
+    ValueError, KeyError
+    """
     problem = HarmonicBalance(model, work.harmonics)
     problem.check_trace("Omega", min(work.span), max(work.span), {})
     problem.layout.check_measure(work.measure, work.element)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import typing
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from typing import Annotated, Any, Literal
 from hbgear.common.messages import quoted, shortened
 from hbgear.common.signals import held
 from hbgear.design.sampling import METHODS, Grid, Sample, distribution, grid
-from hbgear.design.study import KINDS, Work
+from hbgear.design.study import KINDS, Work, check_work
 from hbgear.harmonic.catalogue import class_of
 from hbgear.io.toml_file import Place, TomlFileError, exactly, located, parsed, told
 from hbgear.mechanics.fields import defaults_of, entries_among, made, plain_kinds_of, required_of
@@ -185,4 +186,7 @@ def _study(checked: Any) -> Study:
         if span[0] == span[1]:
             raise ValueError(f"span = {list(span)} is empty; give two different frequencies")
         work = Work(tuple(asked.what), tuple(asked.critical), asked.harmonics, span, asked.measure, asked.element)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # said when the study is computed
+            check_work(model, work)
     return Study(model, vary, work)

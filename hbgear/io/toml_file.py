@@ -49,12 +49,21 @@ def parsed(path: str | os.PathLike[str], what: str, error_class: type[TomlFileEr
         data = tomllib.loads(text)
         if not too_deep(data):
             return text, data
-        reason = "a value in it is nested too deeply"
+        reason = _nested(text)
     except tomllib.TOMLDecodeError as error:
         reason = shortened(str(error), 200).replace("at end of document", f"at the end, line {len(text.splitlines())}")
     except RecursionError:
-        reason = "a value in it is nested too deeply"
+        reason = _nested(text)
+    except ValueError:  # of Python, which reads no whole number of thousands of digits
+        long = re.search(r"[0-9_]{4000,}", text)
+        reason = f"a number has too many digits (at line {text.count(chr(10), 0, long.start() if long else 0) + 1})"
     raise error_class([f"'{path}' cannot be read as {what}: {reason}"])
+
+
+def _nested(text: str) -> str:
+    """What is wrong with a text that has a value nested too deeply, with the line that opens the most of it."""
+    opened = [line.count("[") + line.count("{") + line.count(".") for line in text.splitlines()]
+    return f"a value in it is nested too deeply (at line {opened.index(max(opened)) + 1})"
 
 
 def checked(

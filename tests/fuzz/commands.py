@@ -15,13 +15,17 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from . import pool
+
+MEASURED = ["measured.csv", "speeds.csv", "directions.csv", "broken.csv", "cell.csv"]
+"""Tables of measured points among the files of `files.small_files`."""
 
 Random = np.random.Generator
 
@@ -44,13 +48,14 @@ FIXED = {
     "critical": ["--harmonics", "3"], "survey": ["--harmonics", "3", "--places", "1", "--guesses", "1"],
     "sweep": ["--count", "2", "--longest", "20", "--tolerance", "1e-2"], "validate": ["--points", "1"],
     "redesign": ["--harmonics", "2", "--from", "1.4", "--to", "0.8"], "fit": ["--harmonics", "2", "--starts", "1"],
-    "study": ["--processes", "1"], "basins": ["--shape", "6,6", "--tolerance", "1e-2"],
+    "study": ["--processes", "1"], "explore": ["--no-browser"], "basins": ["--shape", "6,6", "--tolerance", "1e-2"],
 }  # fmt: skip
 """What keeps a good command short; an option drawn at random may come after it and win."""
 
 WEIGHTS = {
     "trace": 8, "info": 3, "jumps": 2, "plot": 1, "validate": 1, "switch": 2, "sweep": 2, "critical": 1, "map": 1,
-    "survey": 1, "study": 1, "basins": 1, "models": 0.2, "campbell": 1, "explore": 0,
+    "survey": 1, "study": 1, "basins": 1, "models": 0.2, "campbell": 1, "explore": 3,
+    "report": 4, "sensitivity": 4, "fit": 3,
 }  # fmt: skip
 
 
@@ -62,7 +67,7 @@ def run_command(args: list[str], folder: Path) -> tuple[int | None, str, str, Ba
     here = os.getcwd()
     os.chdir(folder)
     try:
-        with redirect_stdout(out), redirect_stderr(err):
+        with redirect_stdout(out), redirect_stderr(err), _nothing_served():
             app.main(args)
     except SystemExit as end:
         return int(end.code or 0) if isinstance(end.code, int | None) else 99, out.getvalue(), err.getvalue(), None
@@ -72,6 +77,29 @@ def run_command(args: list[str], folder: Path) -> tuple[int | None, str, str, Ba
         os.chdir(here)
         _close_figures()
     return None, out.getvalue(), err.getvalue(), RuntimeError("the command did not exit")
+
+
+@contextmanager
+def _nothing_served() -> Iterator[None]:
+    """The explorer answers its page and a curve once, and ends; no browser is opened."""
+    import webbrowser
+    from unittest import mock
+
+    from hbgear.web.server import Server
+
+    def once(server: Any) -> None:
+        served = server.explorer
+        server._server.server_close()
+        served.start()
+        values = {each.name: each.value for each in served.subject.parameters()}
+        with suppress(ValueError, KeyError, NoConvergence):  # what a page is told
+            served.curve("s", Asked(values, served.span, 2))
+
+    from hbgear import NoConvergence
+    from hbgear.web.explorer import Asked
+
+    with mock.patch.object(Server, "run", once), mock.patch.object(webbrowser, "open", lambda address: True):
+        yield
 
 
 def absurd(args: list[str]) -> str:
@@ -154,7 +182,18 @@ def value_for(rng: Random, command: str, option: str, files: list[str]) -> str:
         "--plot": ["out.svg"] if good else ["out.jpg", "", "no/out.png", ".png", "p" * 250 + ".png", "/proc/x.png"],
         "--point": ["LP1", "GR1", "0.9", "1.0"] if good else [*TEXTS, *NUMBERS],
         "point": ["LP1", "GR1", "jump1", "peak", "0.9", *TEXTS],
-        "data": ["no.csv", *files],
+        "data": ["measured.csv", "directions.csv", "speeds.csv"] if good else ["no.csv", *MEASURED, *files],
+        "--measured": ["measured.csv", "speeds.csv"] if good else ["no.csv", *MEASURED, *files],
+        "files": files,
+        "what": ["duffing", "spur-pair", "good.toml", *files] if good else [*MODELS, "sample.toml", "no.toml", *files],
+        "--study": ["no", ".", "measured.csv", *files],
+        "--title": TEXTS,
+        "--port": ["0", "0", "1", "-1", "65536", "x"] if not good else ["0"],
+        "--validate": ["0", "1"] if good else COUNTS[:6],
+        "--column": ["frequency=Omega", "amplitude=amplitude"] if good else ["x=y", "=", "frequency", "amplitude=é"],
+        "--unit": ["Omega", "mesh Hz", "Hz", "r/min"] if good else TEXTS,
+        "--length": ["um", "m", "mm"] if good else ["s", "N", *TEXTS],
+        "--of": ["Omega", "amplitude", "value", *TEXTS],
         "--free": ["zeta", "zeta=0.01:0.2", "e[0]"] if good else NAMES,
         "--over": ["zeta", "zeta,F", "zeta=0.01:0.2"] if command == "redesign" else files,
         "label": ["LP1", "PD1", "BP1", "GR1", *TEXTS],
@@ -239,7 +278,8 @@ def make() -> pool.Attempt:
         work.mkdir(exist_ok=True)
         for name, content in saved.items():
             (work / name).write_bytes(content)
-        args = drawn(rng, [*saved, *saved, *saved, *saved, "no.npz", ".", ""])
+        known = [name for name in saved if not name.endswith(".csv")]
+        args = drawn(rng, [*known, *known, *known, *known, "no.npz", ".", ""])
         note("hbgear " + shlex.join(args)[:600])
         wrong = judged(args, work)
         for path in work.iterdir():

@@ -68,6 +68,15 @@ measure = "rms"
 element = 0
 """
 
+MEASURED = {
+    "measured.csv": b"Omega,amplitude\n0.7,0.3\n0.8,0.5\n0.9,0.9\n1.0,1.4\n",
+    "speeds.csv": b"n [r/min];x\n9000;0.1\n10000;0.2\n",
+    "directions.csv": b"Omega,amplitude,direction\n0.8,0.5,up\n0.9,0.9,down\n1.0,1.4,up\n",
+    "broken.csv": b'Omega,amplitude\n0.7\nx,y\n"\n',
+    "cell.csv": b"Omega,amplitude\n" + b"9" * 200_000 + b",1\n",
+}
+"""Tables of measured points, the last two of which are none."""
+
 NASTY: list[Any] = [
     None, True, False, 0, 1, -1, 2, 1.5, -0.0, 1e308, -1e308, float("nan"), float("inf"), 10**30, -(10**30), 2**63,
     10**9, "", "x", "Omega", "0.05", "é", "\u0000", "x" * 3000, "nan", "Branch", "header", "values", [], {}, [[]],
@@ -94,7 +103,7 @@ def small_files() -> dict[str, bytes]:
         for name, branch in branches.items():
             branch.save(Path(folder) / name)
         saved = {name: (Path(folder) / name).read_bytes() for name in branches}
-    return {**saved, "good.toml": STUDY.encode(), "sample.toml": SAMPLE.encode()}
+    return {**saved, "good.toml": STUDY.encode(), "sample.toml": SAMPLE.encode(), **MEASURED}
 
 
 # ---- damage to bytes, to the archive, to arrays, to the header
@@ -644,6 +653,8 @@ def attempt_study(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | No
                 return pool.Wrong("raw", f"{pool.place(error)}: {words}", problem[:300])
             if "\n" in problem or len(problem) > 2000:
                 return pool.Wrong("raw", f"{pool.place(error)}: long or of several lines", problem[:300])
+            if not pool.LINE.search(problem):
+                return pool.Wrong("raw", f"{pool.place(error)}: no line of the file", problem[:300])
         return None
     if not np.isfinite(asked.work.span).all() or asked.work.span[0] == asked.work.span[1]:
         return pool.Wrong("nonsense", "study: span", f"{asked.work.span}")

@@ -105,6 +105,10 @@ RAW = re.compile(
 """Words of Python and NumPy that are no sentence for a user."""
 
 
+LINE = re.compile(r", line \d+: |\(at line \d+|line \d+\)|, line \d+ has the byte")
+"""What a message about a file of text says of the line it is about."""
+
+
 def raw_words(text: str) -> str:
     """The words of a message that no user should have to read, or nothing."""
     found = RAW.search(text)

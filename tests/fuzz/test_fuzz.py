@@ -3,9 +3,12 @@
 import os
 
 import pytest
-from fuzz import commands, files, inputs, pool, tables
+from fuzz import commands, files, inputs, machines, pool, tables
 
-SHORT = {"files": (files, 70), "inputs": (inputs, 180), "commands": (commands, 24), "tables": (tables, 250)}
+SHORT = {
+    "files": (files, 70), "inputs": (inputs, 180), "commands": (commands, 24), "tables": (tables, 250),
+    "machines": (machines, 60),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("fuzzer", "count"), SHORT.values(), ids=SHORT)

@@ -75,6 +75,11 @@ def test_every_error_with_its_line(tmp_path):
         ('model = "duffing"\n[grid]\nzeta = [1, 1]', "line 2: grid: zeta has a value twice"),
         ('model = "duffing"\n[sample]\ncount = 3\n[sample.parameters]', "line 2: [sample.parameters] names no"),
         ('model = "duffing"\n[grid]\nzeta = [1]\n[compute]\nwhat = []', "line 4: nothing to compute"),
+        ('model = "duffing"\n[grid]\nzeta = [1]\n[compute]\nelement = "mesh"', "line 4: no element 'mesh'"),
+        ('model = "duffing"\n[grid]\nzeta = [1]\n[compute]\nmeasure = "pp3"', "line 4: "),
+        ('model = "duffing"\n[grid]\nzeta = [1]\n[compute]\ncritical = ["zetta"]', "line 4: "),
+        (f'model = "duffing"\n[base]\nzeta = {"9" * 5000}', "a number has too many digits (at line 3)"),
+        (f'model = "duffing"\n[base]\nzeta = {"[" * 500}{"]" * 500}', "nested too deeply (at line 3)"),
         ('model = "duffing"\n[base]\nzeta = -1.0\n[grid]\nF = [0.1]', "line 2: Duffing: zeta = -1.0"),
     ],
 )
@@ -90,7 +95,7 @@ def test_files_that_are_no_text(tmp_path):
     (tmp_path / "folder.toml").mkdir()
     for name, words in (
         ("a.toml", "it is no text"),
-        ("folder.toml", "Is a directory"),
+        ("folder.toml", "it is a folder; give a file"),
         ("none.toml", "No such file or directory"),
     ):
         with pytest.raises(StudyFileError, match=words):
