@@ -89,7 +89,12 @@ def located(path: str | os.PathLike[str], text: str, problems: Sequence[tuple[Pl
     """Errors by place as texts with their lines, in the order of the lines."""
     where = lines_of(text)
     lines = sorted((line_of(where, place), message) for place, message in problems)
-    return [f"{path}, line {line}: {message}" for line, message in lines]
+    return [f"{path}, line {line}: {_in_one_line(message)}" for line, message in lines]
+
+
+def _in_one_line(message: str) -> str:
+    """Names in a file may go over several lines."""
+    return " ".join(message.split()) if "\n" in message else message
 
 
 def lines_of(text: str) -> dict[Place, int]:

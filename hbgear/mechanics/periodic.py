@@ -392,6 +392,9 @@ def undescribed(data: Any) -> Any:
     return cls(**given)
 
 
+_ROUNDING = 1e-13  # of a phase
+
+
 @dataclass(frozen=True)
 class Pieced:
     """Polynomials over one period [0, 2 pi) of a phase: at (T,), the first 0, where they begin; rows (T, D + 1)."""
@@ -406,11 +409,19 @@ class Pieced:
 
     def times(self, other: Pieced) -> Pieced:
         """The product, on the pieces of both."""
-        a, b = self.on(other.at), other.on(self.at)
-        rows = np.zeros((len(a.at), a.rows.shape[1] + b.rows.shape[1] - 1))
-        for q in range(a.rows.shape[1]):
-            rows[:, q : q + b.rows.shape[1]] += a.rows[:, q : q + 1] * b.rows
-        return Pieced(a.at, rows)
+        both = np.unique(np.concatenate([self.at, other.at]))
+        at = both[np.diff(both, prepend=-np.inf) > _ROUNDING]
+        a, b = self._rows_at(at), other._rows_at(at)
+        rows = np.zeros((len(at), a.shape[1] + b.shape[1] - 1))
+        for q in range(a.shape[1]):
+            rows[:, q : q + b.shape[1]] += a[:, q : q + 1] * b
+        return Pieced(at, rows)
+
+    def _rows_at(self, at: Array) -> Array:
+        """Polynomials of the pieces that begin at phases; a phase within rounding of a beginning is that."""
+        piece = np.searchsorted(self.at, at + _ROUNDING, side="right") - 1
+        rows: Array = _shifted(self.rows[piece], at - self.at[piece])
+        return rows
 
     def scaled(self, factor: float) -> Pieced:
         """Times a factor."""
@@ -418,7 +429,7 @@ class Pieced:
 
     def on(self, at: Array) -> Pieced:
         """The same with further beginnings of pieces; those within rounding of others are these."""
-        new = at[np.abs(at[:, None] - self.at).min(axis=1) > 1e-13]
+        new = at[np.abs(at[:, None] - self.at).min(axis=1) > _ROUNDING]
         both = np.sort(np.concatenate([self.at, new]))
         piece = np.searchsorted(self.at, both, side="right") - 1
         return Pieced(both, _shifted(self.rows[piece], both - self.at[piece]))

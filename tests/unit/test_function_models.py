@@ -252,10 +252,10 @@ def test_a_saved_curve_runs_no_code_until_its_model_is_named_again(run):
 def test_a_study_of_a_function_in_a_file(run, tmp_path, name):
     study = f'model = "{name}"\n[base]\nF = 0.18\n[grid]\nzeta = [0.05, 0.06]\n'
     (tmp_path / "s.toml").write_text(study + '[compute]\nwhat = ["peak"]\nharmonics = 3\nspan = [0.7, 1.3]\n')
-    code, out, err = run("study", "s.toml", "--processes", 1)
+    code, out, err = run("study", "s.toml", "--processes", 1, "--allow-code")
     assert (code, err) == (0, "") and "2 of 2 cases, 0 of them failed" in out
     (tmp_path / "t.toml").write_text(study.replace("F = 0.18\n", ""))
-    code, _, err = run("study", "t.toml")
+    code, _, err = run("study", "t.toml", "--allow-code")
     assert code == 2 and f"t.toml, line 2: the model '{name}' needs F: no default, so give a value in [base]" in err
 
 
@@ -266,7 +266,7 @@ def test_a_study_of_a_function_in_a_file(run, tmp_path, name):
         ("mine.py:too", "'mine.py' has no model 'too'; did you mean 'two'"),
         ("mine.py:bare", "is a function and no class of models; put @hb.model before it"),
         ("mine.py:hb", "is a module and no class of models"),
-        ("other.py:two", "'other.py' cannot be loaded: FileNotFoundError"),
+        ("other.py:two", "'other.py' cannot be loaded: there is no file"),
         ("nowhere.at.all:two", "cannot be loaded: ModuleNotFoundError"),
         ("broken.py:two", "'broken.py' cannot be loaded: ZeroDivisionError: division by zero"),
         ("dufing", "there is no model 'dufing'; did you mean 'duffing'"),
@@ -294,3 +294,23 @@ def test_models_of_installed_packages(run, monkeypatch):
 
 def test_every_field_of_a_function_model_is_a_field():
     assert [f.name for f in dataclasses.fields(two)] == ["zeta", "F", "n", "kind"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"ranges": np.inf}, "ranges = inf must be values by parameter"),
+        ({"ranges": {"zeta": 1.0}}, "ranges = {'zeta': 1.0} must be values by parameter"),
+        ({"usual": [1]}, r"usual = \[1\] must be values by parameter"),
+        ({"labels": {"zeta": 3}}, "labels = {'zeta': 3} must be values by parameter"),
+        ({"default_span": 1.0}, "default_span = 1.0 must be two values of Omega"),
+        ({"default_span": (0.5, np.nan)}, "must be two values of Omega"),
+        ({"default_span": "ab"}, "must be two values of Omega"),
+    ],
+)
+def test_options_of_another_kind_are_refused(options, said):
+    with pytest.raises(ValueError, match=f"stop: .*{said}"):
+
+        @hb.model(**options)
+        def stop(zeta: float = 0.05) -> hb.System:
+            raise AssertionError

@@ -191,3 +191,13 @@ def test_gear_models_take_functions(cls):
     lagging = hb.DoubleHelicalPair(eps=(), stiffness=k, error=e, stagger=0.7, e_phase=0.2).system().elements[1]
     np.testing.assert_allclose(lagging.law.stiffness(tau), k(tau - 0.7), atol=1e-12)
     np.testing.assert_allclose(lagging.displacement(tau), -e(tau - 0.9), atol=1e-12)
+
+
+@pytest.mark.parametrize("apart", [0.0, 3e-14, 6e-14, 2e-13])
+def test_product_of_functions_whose_corners_are_within_rounding(apart):
+    """f = 1 below 1, 2 above; g = 3 below, 5 above, with a piece as narrow as rounding in between."""
+    f = Pieced(np.array([0.0, 1.0]), np.array([[1.0], [2.0]]))
+    g = Pieced(np.array([0.0, 1.0 - apart, 1.0 + apart]), np.array([[3.0], [4.0], [5.0]]))
+    for one, other in ((f, g), (g, f)):
+        mean = one.times(other).integrals(1)[-1, 0]
+        assert mean == pytest.approx(3 * 1.0 + 10 * (2 * np.pi - 1), rel=1e-12)

@@ -261,3 +261,11 @@ def test_figure_of_a_train(file):
     assert [text.get_text() for text in ax.texts] == ["in\n25 teeth", "middle\n30 teeth", "flange", "out\n40 teeth"]
     assert {str(line.get_gid()) for line in ax.lines} >= {"mesh in-middle", "mesh middle-out", "shaft"}
     assert "order 1, lag 0 cycles" in ax.get_legend().get_texts()[1].get_text()
+
+
+def test_an_error_is_one_line_whatever_names_are(tmp_path):
+    text = TEXT.replace('first = "in"', 'first = "i\\nn"')
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(TrainFileError) as error:
+        read_train(tmp_path / "a.toml")
+    assert "\n" not in str(error.value) and "a mesh of a pair needs a wheel 'i n' with a gear" in str(error.value)
