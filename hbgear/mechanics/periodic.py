@@ -418,8 +418,9 @@ class Pieced:
         return Pieced(at, rows)
 
     def _rows_at(self, at: Array) -> Array:
-        """Polynomials of the pieces that begin at phases; a phase within rounding of a beginning is that."""
-        piece = np.searchsorted(self.at, at + _ROUNDING, side="right") - 1
+        """Polynomials from phases on, each that in the middle up to the next: beginnings are known to rounding."""
+        middle = at + 0.5 * np.diff(np.append(at, TURN))
+        piece = np.searchsorted(self.at, middle, side="right") - 1
         rows: Array = _shifted(self.rows[piece], at - self.at[piece])
         return rows
 
