@@ -230,8 +230,6 @@ def _direction(coupling: Array) -> Array:
         raise ValueError("the gears are not coupled along one line of action; their spring cannot become a gap")
     w: Array = np.sqrt(values[-1]) * vectors[:, -1]
     w[np.abs(w) < _ONE * np.abs(w).max()] = 0.0
-    largest = np.flatnonzero(np.abs(w) > 0.999 * np.abs(w).max())[
-        0
-    ]  # of those that are alike but for rounding
+    largest = np.flatnonzero(np.abs(w) > 0.999 * np.abs(w).max())[0]  # of those that are alike but for rounding
     w *= np.sign(w[largest])
     return w

@@ -19,8 +19,8 @@ from hbgear.common.arrays import Array
 from hbgear.common.messages import quoted
 from hbgear.common.optional import needed
 from hbgear.common.ranges import ANY, checked
-from hbgear.io.archive import archive_of
-from hbgear.io.declared import SPARE, TIMES, check_mat, check_mtx
+from hbgear.io.archive import Damaged, archive_of
+from hbgear.io.declared import SPARE, TIMES, TooMuch, check_mat, check_mtx
 from hbgear.io.matlab_check import check_matlab
 from hbgear.io.matlab_hdf5 import is_hdf5, read_hdf5
 from hbgear.io.matrix_market import DamagedFileError, read_matrix_market
@@ -262,7 +262,7 @@ def _read(path: Any, read: Any) -> Any:
         return read()
     except OSError as error:
         raise ValueError(f"'{path}' cannot be read as matrices: {error.strerror or 'it is damaged'}") from None
-    except DamagedFileError as error:
+    except (Damaged, DamagedFileError, TooMuch) as error:
         raise ValueError(f"'{path}' cannot be read as matrices: {error}") from None
     except Exception:  # of a damaged file the readers raise errors of every class
         what = f"it is damaged, or no {Path(path).suffix.lower()} file"

@@ -145,7 +145,6 @@ def _made_of(function: Callable[..., Any], options: Mapping[str, Any]) -> type[F
     name = function.__name__
     fields = [_field(name, parameter, function) for parameter in inspect.signature(function).parameters.values()]
     names = [each[0] for each in fields]
-    _check_options(name, options)
     for option, more in (("labels", ("Omega", "amplitude")), ("ranges", ()), ("usual", ())):
         for key in options.get(option, {}):
             if key not in (*names, *more):
@@ -154,20 +153,6 @@ def _made_of(function: Callable[..., Any], options: Mapping[str, Any]) -> type[F
     cls = dataclasses.make_dataclass(name, fields, bases=(FunctionModel,), namespace=namespace, frozen=True, repr=False)
     cls.__module__, cls.__qualname__ = function.__module__, function.__qualname__  # where pickle finds it
     return cls
-
-
-def _check_options(owner: str, options: Mapping[str, Any]) -> None:
-    """Refuse options that are no tables, or of values of another kind."""
-    for option, kind, such in (("labels", str, "{'gap': 'gap [m]'}"), ("ranges", Range, "{'zeta': hb.Range(low=0)}"),
-                               ("usual", Range, "{'zeta': hb.Range(low=0, high=1)}")):  # fmt: skip
-        table = options.get(option, {})
-        if not isinstance(table, Mapping) or not all(isinstance(value, kind) for value in table.values()):
-            raise ValueError(f"{owner}: {option} = {quoted(table)} must be values by parameter, such as {such}")
-    if "default_span" in options:
-        span = options["default_span"]
-        ends = list(span) if isinstance(span, list | tuple | np.ndarray) else []
-        if len(ends) != 2 or not all(isinstance(x, int | float | np.number) and math.isfinite(x) for x in ends):
-            raise ValueError(f"{owner}: default_span = {quoted(span)} must be two values of Omega, such as (0.5, 1.5)")
 
 
 def _field(owner: str, parameter: inspect.Parameter, function: Callable[..., Any]) -> tuple[str, Any, Any]:

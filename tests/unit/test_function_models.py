@@ -299,17 +299,17 @@ def test_every_field_of_a_function_model_is_a_field():
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"ranges": np.inf}, "ranges = inf must be values by parameter"),
-        ({"ranges": {"zeta": 1.0}}, "ranges = {'zeta': 1.0} must be values by parameter"),
-        ({"usual": [1]}, r"usual = \[1\] must be values by parameter"),
-        ({"labels": {"zeta": 3}}, "labels = {'zeta': 3} must be values by parameter"),
-        ({"default_span": 1.0}, "default_span = 1.0 must be two values of Omega"),
-        ({"default_span": (0.5, np.nan)}, "must be two values of Omega"),
-        ({"default_span": "ab"}, "must be two values of Omega"),
+        ({"ranges": np.inf}, "ranges = inf must be a dict of Range"),
+        ({"ranges": {"zeta": 1.0}}, "ranges = {'zeta': 1.0} must be a dict of Range"),
+        ({"usual": [1]}, r"usual = \[1\] must be a dict of Range"),
+        ({"labels": {"zeta": 3}}, "labels = {'zeta': 3} must be a dict of texts"),
+        ({"default_span": 1.0}, "default_span = 1.0 must be two different frequencies"),
+        ({"default_span": (0.5, np.nan)}, "must be two different frequencies"),
+        ({"default_span": "ab"}, "must be two different frequencies"),
     ],
 )
 def test_options_of_another_kind_are_refused(options, said):
-    with pytest.raises(ValueError, match=f"stop: .*{said}"):
+    with pytest.raises(ValueError, match=f"model: .*{said}"):
 
         @hb.model(**options)
         def stop(zeta: float = 0.05) -> hb.System:

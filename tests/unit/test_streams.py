@@ -71,14 +71,14 @@ def test_a_file_is_written_though_nothing_can_be_printed(folder):
 @pytest.mark.parametrize("file", ["zero.toml", "fifo.toml"])
 def test_a_device_or_pipe_is_no_file(folder, command, file):
     code, said, _ = shell(folder, f"ulimit -v 8000000; hbgear {command} {file} 2>&3", limit=30)
-    assert code == 2 and said.count("\n") == 1 and "it is a pipe or device; give a file" in said
+    assert code == 2 and said.count("\n") == 1 and "it is a pipe, a device or a socket; need a regular file" in said
 
 
 def test_a_file_without_end_is_refused(folder):
     with (folder / "long.toml").open("wb") as handle:
         handle.truncate(10**10)
     code, said, _ = shell(folder, "hbgear trace long.toml 2>&3", limit=30)
-    assert code == 2 and "it has 10000 MB, more than 64 MB; give a smaller file" in said
+    assert code == 2 and "it has more than 32 MiB; need a smaller file" in said
 
 
 @pytest.mark.parametrize(

@@ -95,7 +95,7 @@ def test_files_that_are_no_text(tmp_path):
     (tmp_path / "folder.toml").mkdir()
     for name, words in (
         ("a.toml", "it is no text"),
-        ("folder.toml", "it is a folder; give a file"),
+        ("folder.toml", "Is a directory"),
         ("none.toml", "No such file or directory"),
     ):
         with pytest.raises(StudyFileError, match=words):
