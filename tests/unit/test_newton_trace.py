@@ -427,10 +427,10 @@ def test_a_resonance_without_damping_ends_with_a_status():
 
 def test_a_load_to_the_negative_side_takes_no_more_steps_to_its_static_state(monkeypatch):
     """Elements pushed to either side, and a law that is not linear there: Newton ends where it has converged."""
-    from hbgear.harmonic import starts
+    from hbgear.harmonic import static_state
 
-    steps, static = [], starts._static
-    monkeypatch.setattr(starts, "_static", lambda *given: steps.append(given) or static(*given))
+    steps, static = [], static_state._static
+    monkeypatch.setattr(static_state, "_static", lambda *given: steps.append(given) or static(*given))
     counts = []
     for model in (SpurPair(), SpurPair(F_m=-0.1), Duffing()):
         HarmonicBalance(model, 5).start(0.5)

@@ -7,7 +7,8 @@ import pytest
 
 import hbgear as hb
 from hbgear.continuation.segment import CurvePoint, Segment
-from hbgear.harmonic.starts import from_damped, statics
+from hbgear.harmonic.starts import from_damped
+from hbgear.harmonic.static_state import statics
 
 
 def oscillator(K, C, law, F=0.1, constant=None, displacement=None):
