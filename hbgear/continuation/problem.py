@@ -265,8 +265,9 @@ class Deciding(Protocol):
     ) -> None:
         """Make sure of the stability of solutions X (k, n) at values (k,) of the parameter name.
 
-        ``seen`` is what `Observed.observe` said of them; ``"multipliers"`` that are in doubt are replaced by better
-        ones, and the error of the largest modulus goes into ``"modulus_error"``.
+        ``seen`` is what `Observed.observe` said of them, and as ``"determinant"`` the sign of det(dR/dX), 0 if it is
+        not known; ``"multipliers"`` that are in doubt are replaced by better ones, and the error of the largest modulus
+        goes into ``"modulus_error"``.
         """
 
 

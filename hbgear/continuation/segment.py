@@ -49,6 +49,20 @@ class CurvePoint:
         """Value of the traced parameter."""
         return float(self.u[-1])
 
+    @property
+    def determinant(self) -> int:
+        """Sign of det(dR/dX), 0 where it vanishes up to rounding.
+
+        By Cramer's rule it is that of det [J R_lambda; tangent] times the component of the tangent in lambda.
+        """
+        moves = float(self.tangent[-1])
+        if abs(moves) <= _SINGULAR * norm(self.tangent):
+            return 0
+        return self.orientation if moves > 0 else -self.orientation
+
+
+_SINGULAR = 1e-12  # component of the tangent in lambda, over its norm, that is rounding
+
 
 class Rows(list[CurvePoint]):
     """Rows of a curve that do not change any more, of which columns are made once."""

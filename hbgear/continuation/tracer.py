@@ -740,6 +740,8 @@ class _Tracer:
         if self.accuracy is None or not fresh:
             return
         u = np.array([row.u for row in fresh])
+        for row in fresh:
+            row.observed["determinant"] = row.determinant
         try:
             self.problem.decided(u[:, :-1], self.name, u[:, -1], [row.observed for row in fresh], self.fixed)
         except Exception as error:

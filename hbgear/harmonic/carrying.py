@@ -268,7 +268,8 @@ def put_moduli(numbers: Any, rows: Any, ports: Any, cut: Any, pieces: int, x: An
 def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, carriage: Any, out: Any) -> None:
     """Put the real matrix (r, r) that carries a disturbance over a period in out.
 
-    D of the carriage holds dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps.
+    D of the carriage holds dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps. Where disturbances
+    grow by more than 1e300 the matrix is scaled, so that its largest entry is about that.
     """
     s, q, r = x.shape[0], modes.poles.shape[0], out.shape[0]
     ends, state, turns = carriage.ends, carriage.state, carriage.turns
@@ -278,7 +279,7 @@ def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, c
     for k in range(2 * q):
         for n in range(r):
             state[k, n] = 1.0 if k == n else 0.0
-    step = 0
+    step, log = 0, 0.0
     for i in range(pieces):
         moments(modes.poles, cut[i, 1] / omega, ends, turns, carriage.moments)
         _tables(modes, L, carriage)
@@ -286,10 +287,13 @@ def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, c
             _answer(carriage, step)
             _turned(turns[s], state)
             _add_product(carriage.B, carriage.u, -1.0, state)
+            log += _rescaled(state, _MOST)
             step += 1
+    log += _rescaled(state, 1.0) if log > 0.0 else 0.0
+    factor = math.exp(min(log, math.log(_END))) if log > 0.0 else 1.0
     for k in range(r):
         for n in range(r):
-            out[k, n] = state[k, n]
+            out[k, n] = factor * state[k, n]
 
 
 @bare
@@ -398,6 +402,39 @@ def step_of(fast: float, omega: float, nu: int, schemes: Any, share: float) -> t
     return which, min(width * omega / max(fast, 1e-300), share * 2 * math.pi / nu)
 
 
+_GROWTH = 100.0  # exponent of a disturbance's growth in one step
+
+
+_MOST = 1e100  # entries of the state above which it is scaled
+
+
+_END = 1e300  # largest entry of a monodromy matrix; larger ones are scaled to it
+
+
+@bare
+def shortened(longest: float, omega: float, poles: Any) -> float:
+    """The longest step [rad] in which disturbances of unstable modes do not overflow."""
+    growth = 0.0
+    for k in range(poles.shape[0]):
+        growth = max(growth, poles[k].real)
+    return min(longest, _GROWTH * omega / growth) if growth > 0.0 else longest
+
+
+@bare
+def _rescaled(state: Any, limit: float) -> float:
+    """Divide a state with entries above a limit by the largest of them; returns its logarithm, or 0."""
+    most = 0.0
+    for k in range(state.shape[0]):
+        for j in range(state.shape[1]):
+            most = max(most, abs(state[k, j]))
+    if most <= limit:
+        return 0.0
+    for k in range(state.shape[0]):
+        for j in range(state.shape[1]):
+            state[k, j] /= most
+    return math.log(most)
+
+
 @kernel
 def monodromies(
     numbers: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, share: float, most: float, out: Any
@@ -417,6 +454,7 @@ def monodromies(
         rows, omega = X[p].reshape(m, -1), Omega[p] / nu
         fast = pace(numbers, rows, mobility, coarse, space.waves, work, k)
         which, longest = step_of(fast, omega, nu, schemes, share)
+        longest = shortened(longest, omega, modes.poles)
         count: float = 2 * math.pi / longest
         if count > most:
             return count

@@ -83,6 +83,12 @@ _LEVELS = 4  # levels of that frequency in an octave: motions of one level share
 _LISTED = 32  # multipliers of larger structures that are told
 
 
+_ROUNDING = 4e-16  # of a monodromy matrix, relative to its largest entry and times the number of its rows
+
+
+_HUGE = 1e100  # entries of a monodromy matrix from which products of them may overflow
+
+
 _ALIKE = 1e-12  # difference of the motions of two elements, relative, that is rounding
 
 
@@ -219,9 +225,28 @@ def _all_of(
 
 
 def _eigenvalues(A: Array) -> ComplexArray:
-    """Eigenvalues (P, r) of real matrices (P, r, r): of two rows by the quadratic formula, in a tenth of the time."""
-    if A.shape[1] != 2 or not np.isfinite(A).all():
-        return np.linalg.eigvals(A)
+    """Eigenvalues (P, r) of real matrices (P, r, r), without rounding that looks like a multiplier.
+
+    Matrices of two rows use the quadratic formula, in a tenth of the time of LAPACK. A monodromy matrix is known to
+    rounding relative to its largest entry only: smaller eigenvalues are set to zero, for their sign and phase are
+    rounding, and a test function of them would change its sign without a reason. Matrices with entries near overflow
+    are scaled before their eigenvalues are computed.
+    """
+    size = np.abs(A).max(axis=(1, 2), initial=0.0)
+    if not np.isfinite(size).all():
+        raise ValueError(
+            "the monodromy matrix is not finite: a law or a coefficient of the model is not; check their values"
+        )
+    scale = np.where(size > _HUGE, size, 1.0)
+    scaled = A / scale[:, None, None] if (scale > 1.0).any() else A
+    mu = _of_two_rows(scaled) if A.shape[1] == 2 else np.linalg.eigvals(scaled)
+    least = _ROUNDING * A.shape[1] * size / scale
+    found: ComplexArray = np.where(np.abs(mu) > least[:, None], mu, 0.0) * scale[:, None]
+    return found
+
+
+def _of_two_rows(A: Array) -> ComplexArray:
+    """Eigenvalues (P, 2) of real matrices (P, 2, 2) by the quadratic formula."""
     mean, half = 0.5 * (A[:, 0, 0] + A[:, 1, 1]), 0.5 * (A[:, 0, 0] - A[:, 1, 1])
     root = np.sqrt(half * half + A[:, 0, 1] * A[:, 1, 0] + 0j)
     both: ComplexArray = mean[:, None] + root[:, None] * [1.0, -1.0]
@@ -283,6 +308,7 @@ def _carried(compiled: Compiled, part: Part, mobility: Array, X: Array, Omega: f
     which, longest = carrying.step_of(
         max(known, float(np.sqrt((mobility * largest).max()))), omega, nu, schemes, _SHARE
     )
+    longest = carrying.shortened(longest, omega, part.modes.poles)
     x, L, _ = schemes[which]
     _check_steps(2 * np.pi / longest if 2 * np.pi / longest > _STEPS else 0.0)
     theta, cut = carrying.cuts_of(numbers, space)
