@@ -245,6 +245,17 @@ class Compiled:
         reach(self.numbers_of(X), X, clearance, regime)
         return clearance, regime
 
+    def shortest_intervals(self, X: Array) -> Array:
+        """Shortest intervals (P,) of the phase of the basis between two crossings of a corner by motions X (P, n).
+
+        They are the durations of the shortest contact or flight; 2 pi of a motion that crosses no corner.
+        """
+        from hbgear.harmonic.observing import shortest_intervals
+
+        out, X = np.empty(len(X)), self.spread(X)
+        shortest_intervals(self.numbers_of(X), self.m, X, out)
+        return out
+
     def processed(self, X: Array, Omega: Array) -> Array:
         """Motions X (P, n) with the harmonics up to 2H, no unknowns, that their own forces drive, (P, m (4H + 1))."""
         from hbgear.harmonic.observing import driven, neglected

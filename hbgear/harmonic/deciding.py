@@ -14,8 +14,10 @@ For every point of a curve:
 2. The number of real multipliers beyond +1 is compared with the sign of det(dR/dX), and the number beyond -1 with that
    of the half-integer block (`parity`). A mismatch flags the point.
 3. Points that remain in doubt, because their error reaches the circle, their contacts are too short for H harmonics, or
-   they are flagged, are refined: by more harmonics at the same value of the parameter, or at the nearest one where no
-   motion exists at this value because the fold lies elsewhere.
+   they are flagged, are refined. With piecewise-linear laws the exact motion is computed (`hbgear.instants`), whose
+   multipliers have no truncation error; with others, or where that fails, one with more harmonics. Both are solved for
+   at the same value of the parameter. Where no motion exists there, because truncation has displaced a fold, the
+   parameter is free, and the refined motion must lie on the same side of the fold as the point.
 4. Points whose doubt remains have a ``modulus_error`` that reaches the circle: they are undecided.
 """
 
@@ -26,6 +28,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.accuracy import is_sketch
@@ -33,9 +36,17 @@ from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.branch import NEUTRAL
 from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.refining import nearest
+from hbgear.harmonic.exact import refine_motion, refine_near_fold
 from hbgear.harmonic.floquet import multipliers_of
-from hbgear.harmonic.multiplier_error import Difference, difference_of, estimate_multiplier_error, least_residual
+from hbgear.harmonic.multiplier_error import (
+    Difference,
+    count_beyond,
+    difference_of,
+    estimate_multiplier_error,
+    least_residual,
+)
 from hbgear.harmonic.parity import Parity
+from hbgear.instants.equations import NotPiecewiseLinear
 
 _SENSITIVE = 1e4  # largest difference of multipliers over the relative error of the motion
 
@@ -80,17 +91,20 @@ def decide(
         return difference_of(mu[rows], plain)
 
     regime = np.array([seen[i]["regime"] for i in some.tolist()])
-    errors = _errors_of(mu, rough[near], regime, differences)
-    doubtful = flagged | (np.abs(_modulus(mu) - 1.0) <= errors)
+    errors, wide = _errors_of(mu, rough[near], regime, differences)
+    distance = np.abs(_modulus(mu) - 1.0)
+    doubtful = flagged | (distance <= errors)
+    short = (distance <= wide) & _are_short(problem, X[some], {**parameters, name: float(values[some[0]])})
     for i, one, error in zip(some.tolist(), mu, errors.tolist(), strict=True):
         seen[i]["multipliers"], seen[i]["modulus_error"] = one, error
-    for k in np.flatnonzero(doubtful).tolist():
+    for k in np.flatnonzero(doubtful | short).tolist():
         i = int(some[k])
         here = {**parameters, name: float(values[i])}
-        told = _Verdict(mu[k], float(errors[k]), not flagged[k])
-        if not is_sketch(problem, X[i], seen[i]["error"]):
-            told = _with_more(problem, X[i], name, here, told, parity.expected(int(seen[i].get("determinant", 0))))
-        seen[i]["multipliers"], seen[i]["modulus_error"] = told.multipliers, told.stated_error
+        verdict = _Verdict(mu[k], float(errors[k]), not flagged[k])
+        expected = parity.expected(int(seen[i].get("determinant", 0)))
+        enough = not is_sketch(problem, X[i], seen[i]["error"])
+        verdict = _refined(problem, X[i], name, here, verdict, expected, bool(doubtful[k]) and enough)
+        seen[i]["multipliers"], seen[i]["modulus_error"] = verdict.multipliers, verdict.stated_error
 
 
 class _Verdict(NamedTuple):
@@ -115,10 +129,14 @@ class _Verdict(NamedTuple):
 
 def _errors_of(
     mu: ComplexArray, rough: Array, regime: np.ndarray, differences: Callable[[np.ndarray], Difference]
-) -> Array:
+) -> tuple[Array, Array]:
     """Errors (k,) of the largest moduli of multipliers mu (k, r) of motions with relative errors rough (k,).
 
     regime (k, m) : of each element. differences : computes the `Difference` of some rows from a second set.
+
+    Returns
+    -------
+    The errors, and those of differences `_BETWEEN` times as large.
     """
     largest = np.take_along_axis(mu, np.abs(mu).argmax(axis=1)[:, None], axis=1)
     moved = np.abs(np.diff(largest[:, 0].real + 1j * np.abs(largest[:, 0].imag)))
@@ -138,7 +156,8 @@ def _errors_of(
     more = np.flatnonzero(doubtful)
     if more.size:
         estimated[:, more] = np.array(differences(more))
-    return estimate_multiplier_error(mu, Difference(*estimated))
+    wide = Difference(*(_BETWEEN * estimated))
+    return estimate_multiplier_error(mu, Difference(*estimated)), estimate_multiplier_error(mu, wide)
 
 
 def _samples(rows: np.ndarray) -> np.ndarray:
@@ -153,6 +172,66 @@ def _around(rows: np.ndarray, samples: np.ndarray, sensitive: Array) -> Array:
     largest = np.max([padded[..., i : i + len(samples)] for i in range(4)], axis=0)
     around: Array = largest[..., np.searchsorted(samples, rows, side="right") - 1]
     return around
+
+
+def _refined(
+    problem: Any, X: Array, name: str, here: Mapping[str, float], verdict: _Verdict, expected: int, more: bool
+) -> _Verdict:
+    """The verdict of a refined motion; more : whether more harmonics may be tried.
+
+    Exact motions come first, but where a stiffness varies over the period, for which they take a hundred times as long.
+    """
+    constant = not any(spring.stiffness.varies for law in problem.compiled(dict(here)).laws for spring in law.piecewise)
+    if constant:
+        exact = _exact(problem, X, name, here, verdict, expected)
+        if exact is not None:
+            return exact
+    if more:
+        verdict = _with_more(problem, X, name, here, verdict, expected)
+    if constant or verdict.sure:
+        return verdict
+    return _exact(problem, X, name, here, verdict, expected) or verdict
+
+
+def _are_short(problem: Any, X: Array, here: dict[str, float]) -> NDArray[np.bool_]:
+    """Whether motions X (k, n) have contacts or flights that H harmonics do not resolve, and can be refined exactly."""
+    compiled = problem.compiled(here)
+    if compiled.asked or not len(compiled.corner):
+        return np.zeros(len(X), dtype=bool)
+    short: NDArray[np.bool_] = compiled.shortest_intervals(X) < _SHORT * 2 * np.pi / problem.H
+    return short
+
+
+def _exact(
+    problem: Any, X: Array, name: str, here: Mapping[str, float], verdict: _Verdict, expected: int
+) -> _Verdict | None:
+    """The verdict of the exact motion next to a motion X (n,); None if it is not known.
+
+    Where there is no exact motion at this Omega that nearest by counts, if it lies on the same side of a fold.
+    """
+    try:
+        try:
+            exact = refine_motion(problem, X, here)
+        except NoConvergence:
+            if name != "Omega":
+                return None
+            exact = refine_near_fold(problem, X, here)
+    except (NotPiecewiseLinear, NoConvergence, np.linalg.LinAlgError):
+        return None
+    if exact.distance > _SAME:
+        return None
+    mu = np.zeros(len(verdict.multipliers), dtype=complex)
+    some = min(len(mu), len(exact.multipliers))
+    mu[:some] = exact.multipliers[:some]
+    beyond = count_beyond(mu)
+    beside = exact.Omega != here["Omega"] and expected and expected != 1 - 2 * (beyond[0] % 2)
+    return _Verdict(mu, _EXACT, not beside)
+
+
+_SAME = 0.3  # distance of the exact motion from that of the balance, relative to its size, up to which it is the same
+
+
+_EXACT = 1e-7  # error of multipliers of exact motions
 
 
 def _with_more(

@@ -49,6 +49,7 @@ from hbgear.continuation.problem import FullProblem
 from hbgear.continuation.segment import CurvePoint, Departure, Segment, normal_of, row_of
 from hbgear.continuation.touching import dips
 from hbgear.harmonic.meeting import arrivals, exchanges, leaps, meetings, passing
+from hbgear.harmonic.multiplier_error import count_beyond
 from hbgear.harmonic.observables import Layout
 from hbgear.harmonic.special import Grazing, NeimarkSacker, PeriodDoubling, exponent_of_pair, peak_of
 
@@ -238,12 +239,27 @@ class SecondFrequency(Event):
         if not real.located or (abs(first.imag) > _DOUBLE and abs(first - second.conj()) < _DOUBLE):
             return [replace(real, note="")]
         if abs(first - second) >= _DOUBLE:
-            return []
+            return self._one_by_one(segment, ends)
         return [replace(real, event=Crossing() if first.real > 0 else Doubling(), finder=self)]
 
     def deviation(self, multipliers: ComplexArray) -> float:
         """Distance of the nearest multiplier from the unit circle."""
         return float(np.abs(np.abs(multipliers) - 1).min(initial=math.inf))
+
+    def _one_by_one(self, segment: Segment, ends: ComplexArray) -> list[Found]:
+        """The period doublings of several different real multipliers that pass -1 on one piece.
+
+        Their number leaves the sign of det(Phi + 1) as it is. Each is the root of the modulus of that rank among the
+        multipliers on the negative real axis.
+        """
+        few, many = sorted(count_beyond(ends, NEUTRAL)[:, 1].tolist())
+        out = []
+        for rank in range(few, many):
+            note = f"multiplier {rank - few + 1} of {many - few} that pass -1 here"
+            found = root(segment, self, lambda row, k=rank: _modulus(_negative(_known(segment, row)), k) - 1.0, note)
+            if found.located and abs(_modulus(_negative(_known(segment, found.row)), rank) - 1.0) < _DOUBLE:
+                out.append(replace(found, event=Doubling(), finder=self))
+        return out
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         """None for laws that must be asked for their slopes, and structures too large for their modes."""
@@ -530,8 +546,11 @@ def _unstable(mu: ComplexArray) -> np.ndarray:
 
 def _doubled(mu: ComplexArray) -> Array:
     """det(Phi + 1), whose sign changes at period doublings, of sets (P, r)."""
-    determinant: Array = (mu + 1).prod(axis=1).real
+    determinant: Array = ((mu + 1) / np.maximum(np.abs(mu) / _VAST, 1.0)).prod(axis=1).real
     return determinant
+
+
+_VAST = 1e6  # modulus of a multiplier above which its size does not count, so that products do not overflow
 
 
 def _pairs(mu: ComplexArray) -> ComplexArray:
@@ -544,6 +563,12 @@ def _paired(mu: ComplexArray) -> np.ndarray:
     """Which multipliers are not real."""
     paired: np.ndarray = np.abs(mu.imag) > 1e-8 * np.abs(mu)
     return paired
+
+
+def _negative(mu: ComplexArray) -> ComplexArray:
+    """Multipliers on the negative real axis; zero in the place of others."""
+    rest: ComplexArray = np.where(~_paired(mu) & (mu.real < 0), mu, 0.0)
+    return rest
 
 
 def _undoubled(mu: ComplexArray) -> ComplexArray:

@@ -36,6 +36,9 @@ _LARGE = 0.6  # modulus from which multipliers may come to the unit circle withi
 _NEAR = 3.0  # distance of two multipliers, over what they move on a piece or beside it, up to which they may meet on it
 
 
+_VAST = 1e12  # largest modulus beside which the smaller multipliers have no digits
+
+
 _APART = 1.05  # least ratio of moduli between the multipliers in a polynomial and those that are not
 
 
@@ -56,6 +59,7 @@ def meetings(mu: ComplexArray, length: Array) -> list[tuple[int, float]]:
     pieces = np.flatnonzero(_near(largest[:, :_MOST]) & (outside[1:] == outside[:-1]))
     rows = np.clip(pieces - 1, 0, len(mu) - count)[:, None] + np.arange(count)
     sizes = _groups(np.abs(largest)[rows])
+    sizes[(np.abs(largest[rows, 0]) > _VAST).any(axis=1)] = 0
     found = []
     for k in np.unique(sizes[sizes > 0]):
         some = sizes == k

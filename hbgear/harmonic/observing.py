@@ -7,6 +7,7 @@ at orders k that are no unknowns: H < k <= 2H, and those below H that a balance 
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from hbgear.common.compiling import bare, kernel
 from hbgear.harmonic.assembly import receptance
 from hbgear.harmonic.pieces import highest_gap, sampled_gap
-from hbgear.harmonic.projection import coefficient, project, space_of
+from hbgear.harmonic.projection import coefficient, cross, project, space_of
 from hbgear.harmonic.sampling import neglected_samples
 from hbgear.mechanics.summing import put_waves
 
@@ -37,6 +38,20 @@ def reach(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
             clearance[p, 2 * i], clearance[p, 2 * i + 1] = low - laws.level[i], high - laws.level[i]
             if low < laws.level[i] < high and regime[p, j] < 2:
                 regime[p, j] += 1
+
+
+@kernel
+def shortest_intervals(numbers: Any, m: int, X: Any, out: Any) -> None:
+    """Shortest intervals (P,) between two crossings of a corner by motions X (P, n); 2 pi without any."""
+    space = space_of(numbers, m, X.shape[1] // (2 * m), 0)
+    for p in range(X.shape[0]):
+        cross(numbers, X[p].reshape(m, -1), np.bool_(False), space)
+        least, theta, count = 2 * math.pi, space.theta, space.number
+        for i in range(count.shape[0]):
+            for j in range(count[i]):
+                after = theta[i, j + 1] if j + 1 < count[i] else theta[i, 0] + 2 * math.pi
+                least = min(least, after - theta[i, j])
+        out[p] = least
 
 
 @kernel
