@@ -22,6 +22,7 @@ from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.ranges import counted
+from hbgear.continuation.consistency import stable_on_both_sides, unexplained_changes
 from hbgear.continuation.reading import Moving, Reader, Telling
 
 if TYPE_CHECKING:
@@ -109,6 +110,10 @@ def name_of_regime(codes: NDArray[np.int8], layout: Reader | None) -> str:
 def is_stable(multipliers: ComplexArray) -> NDArray[np.bool_]:
     """Whether no multiplier (..., r) lies outside the unit circle; shape (...)."""
     return np.asarray(np.abs(multipliers).max(axis=-1, initial=0.0) <= 1 + NEUTRAL)
+
+
+ENDS = ("LP", "PD", "NS", "BP")
+"""Kinds of special points at which solutions can become stable or unstable."""
 
 
 VERDICTS = ("unstable", "stable", "undecided", "unknown")
@@ -522,10 +527,28 @@ class Branch:
                 "no point of the curve is stable: a machine does not stay on it; trace from another start, or look for "
                 "other curves with hb.trace_all"
             )
+        out += self._contradictions()
         if self.relative_error > _ROUGH:
             at = self.values[int(np.nanargmax(self.error))]
             out.append(f"motions are known to {self.relative_error:.0e} only, at {self.parameter} = {at:.6g}")
         return tuple(out)
+
+    def _contradictions(self) -> list[str]:
+        """What special points and verdicts say against each other, in words; see `consistency`."""
+        if self.multipliers is None or not self.meta.get("trace", {}).get("special", True):
+            return []
+        marks: dict[int, list[str]] = {}
+        for point in self.special:
+            if point.kind in ENDS:
+                marks.setdefault(point.index, []).append(point.kind)
+        codes, name = self._verdict_codes, self.parameter
+        out = [
+            f"stability changes between {name} = {self.values[a]:.9g} and {self.values[b]:.9g} without a special point"
+            for a, b in unexplained_changes(codes, marks)
+        ]
+        folds = {point.index: point.label for point in self.special if point.kind == "LP"}
+        both = [folds[i] for i in stable_on_both_sides(codes, marks)]
+        return out + ([f"both sides of {', '.join(both)} are stable"] if both else [])
 
     @property
     def asymptotes(self) -> dict[str, float]:

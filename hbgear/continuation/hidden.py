@@ -15,8 +15,8 @@ from typing import TypeAlias
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.continuation.branch import ENDS
 from hbgear.continuation.events import Event, Found, Watch
-from hbgear.continuation.jumps import ENDS
 from hbgear.continuation.segment import CurvePoint, Rows, Segment
 
 Place: TypeAlias = tuple[int, float]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hbgear.continuation.bifurcating import continuing
-from hbgear.continuation.branch import BIFURCATING, Branch, Jump, Point, SpecialPoint, is_stable
+from hbgear.continuation.branch import BIFURCATING, ENDS, Branch, Jump, Point, SpecialPoint, is_stable
 from hbgear.continuation.newton import NoConvergence, Settings, Solution, solve
 from hbgear.continuation.passing import passings
 from hbgear.continuation.problem import as_problem, observe_all
@@ -17,10 +17,6 @@ from hbgear.continuation.reading import Comparing
 # A fold of the truncated equations and the multiplier +1 of the true motion differ by the truncation error: that many
 # rows beside a fold may carry the other verdict.
 _ROWS_IN_DOUBT = 3
-
-
-ENDS = ("LP", "PD", "NS", "BP")
-"""Kinds of special points at which solutions can become stable or unstable."""
 
 
 def find_jumps(branch: Branch, settings: Settings = Settings()) -> tuple[Jump, ...]:

@@ -265,9 +265,10 @@ class Deciding(Protocol):
     ) -> None:
         """Make sure of the stability of solutions X (k, n) at values (k,) of the parameter name.
 
-        ``seen`` is what `Observed.observe` said of them, and as ``"determinant"`` the sign of det(dR/dX), 0 if it is
-        not known; ``"multipliers"`` that are in doubt are replaced by better ones, and the error of the largest modulus
-        goes into ``"modulus_error"``.
+        ``seen`` is what `Observed.observe` said of them, with two entries more: ``"determinant"`` is the sign of
+        det(dR/dX), 0 if it is not known, and ``"contradicts"`` says whether a special point next to the solution
+        contradicts its verdict. ``"multipliers"`` that are in doubt are replaced by better ones, and the error of the
+        largest modulus goes into ``"modulus_error"``.
         """
 
 

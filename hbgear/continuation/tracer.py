@@ -32,13 +32,23 @@ from hbgear.common.ranges import POSITIVE, Range, checked
 from hbgear.continuation.accuracy import assessed
 from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.asymptote import asymptote
-from hbgear.continuation.branch import Branch, Point, Status, relative_errors, with_asymptotes
+from hbgear.continuation.branch import (
+    ENDS,
+    VERDICTS,
+    Branch,
+    Point,
+    Status,
+    relative_errors,
+    verdict_codes,
+    with_asymptotes,
+)
+from hbgear.continuation.consistency import STABLE, UNSTABLE
 from hbgear.continuation.covering import UNCOVERED, Search, find_rest, told
 from hbgear.continuation.departing import departed, first_two
 from hbgear.continuation.ending import Ending
 from hbgear.continuation.events import Crossing, Event, Found, Turning, Watch, behind_the_turn, events_of, unknowns
 from hbgear.continuation.hidden import Path, find_hidden, paired
-from hbgear.continuation.jumps import ENDS, find_jumps
+from hbgear.continuation.jumps import find_jumps
 from hbgear.continuation.newton import NoConvergence, Settings, refine, solve
 from hbgear.continuation.problem import AnyProblem, FullProblem, as_problem, observe_all
 from hbgear.continuation.record import Mark, branch_of
@@ -494,7 +504,7 @@ class _Tracer:
     def _branch(self) -> Branch:
         meta = {
             "span": [self.a, self.b], "steps": vars(self.steps), "newton": vars(self.settings),
-            "stability": self.stability, "accuracy": self.accuracy,
+            "stability": self.stability, "accuracy": self.accuracy, "special": self.special,
         }  # fmt: skip
         status, message = self.ending.status, self.ending.told
         made = branch_of(self.largest, self.name, self.fixed, *self._record(), status, message, meta)
@@ -716,7 +726,19 @@ class _Tracer:
         path = self.rows[start:]
         self._observe(path)
         self._decide(path)
-        found: dict[int, list[Found]] = {}  # by the number of the row behind
+        found = self._search(start)
+        if self._verify(start, found):
+            found = self._search(start)
+        if self.together == 1:  # the problem may be another one at the next row
+            fresh = [point.row for points in found.values() for point in points]
+            self._observe([row for row in fresh if len(row.u) == len(self.scale)])
+        self._look_between(found)
+        before = [one for one in self.found if one[0] not in found]
+        self.waiting, self.found = [], before + [(i, point) for i, points in found.items() for point in points]
+
+    def _search(self, start: int) -> dict[int, list[Found]]:
+        """Special points on the pieces that wait, behind row number start, by the number of the row behind."""
+        found: dict[int, list[Found]] = {}
         if self.watch.passing and self.waiting:
             before = max(start - 2, 0)  # with two rows on either side of the last segment, for test functions bend
             rows = Rows(self.rows[before:])
@@ -727,12 +749,36 @@ class _Tracer:
                     arc = Segment(problem, self.name, self.fixed, rows[i], rows[i + 1], scale, self.settings)
                     found[number] = self._located(arc)
             self._look_closer(rows, before, found)
-        if self.together == 1:  # the problem may be another one at the next row
-            fresh = [point.row for points in found.values() for point in points]
-            self._observe([row for row in fresh if len(row.u) == len(self.scale)])
-        self._look_between(found)
-        others = [one for one in self.found if one[0] not in found]
-        self.waiting, self.found = [], others + [(i, point) for i, points in found.items() for point in points]
+        return found
+
+    def _verify(self, start: int, found: Mapping[int, list[Found]]) -> bool:
+        """Decide points again that contradict the special points between them; returns whether a verdict changed.
+
+        They do if the verdicts of neighbours differ without a special point between them, or if both sides of a fold
+        are stable.
+        """
+        if not (self.stability and self.special) or self.accuracy is None:
+            return False
+        path, codes = self.rows[start:], [self._code(row) for row in self.rows[start:]]
+        doubtful = set[int]()
+        for i in range(1, len(path)):
+            kinds = [point.event.kind for point in found.get(start + i, []) if point.event.kind in ENDS]
+            changed = {codes[i - 1], codes[i]} == {UNSTABLE, STABLE} and not kinds
+            both = codes[i - 1] == codes[i] == STABLE and kinds == [Turning.kind]
+            if changed or both:
+                doubtful |= {i - 1, i}
+        again = [path[i] for i in sorted(doubtful) if not path[i].observed.get("contradicts")]
+        for row in again:
+            row.observed["contradicts"] = True
+            row.observed.pop("modulus_error", None)
+        self._decide(again)
+        return any(self._code(path[i]) != codes[i] for i in doubtful)
+
+    def _code(self, row: CurvePoint) -> int:
+        """Code of the verdict of an observed row; see `verdict_codes`."""
+        mu = row.observed.get("multipliers")
+        error = row.observed.get("modulus_error", math.nan)
+        return UNKNOWN if mu is None else int(verdict_codes(np.asarray(mu), np.asarray(error)))
 
     def _decide(self, path: list[CurvePoint]) -> None:
         """Make sure of the stability of rows that were observed just now."""
@@ -1115,6 +1161,9 @@ class _InProgress(Exception):
 
 
 _AT_ITS_END = 1e-3  # share of the span between the ends of a curve and of one on which something is arbitrary
+
+
+UNKNOWN = VERDICTS.index("unknown")
 
 
 _LOOKS = 4  # times that the parts of a piece are looked at once more for what they hide

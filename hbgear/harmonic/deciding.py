@@ -7,12 +7,12 @@ For every point of a curve:
 
 1. The multipliers are those of the motion with the harmonics H < k <= 2H that its own forces drive. A second set is
    computed without these harmonics, and the error is estimated from the difference of the two sets of complex numbers
-   (`multiplier_error`), also where a complex pair may be two real multipliers. It is computed where it can matter: where
+   (`multiplier_error`), also where a complex pair may be two real multipliers. It is computed where it can matter: if
    the relative error of the motion, times ten thousand, is enough for a multiplier to reach the unit circle. Of these
    points one in eight has a second set of multipliers; between them the difference is taken to be proportional to the
    error of the motion, and points whose multipliers come within ten times that of the circle have a set of their own.
 2. The number of real multipliers beyond +1 is compared with the sign of det(dR/dX), and the number beyond -1 with that
-   of the half-integer block (`parity`). A mismatch flags the point.
+   of the half-integer block (`parity`). A mismatch flags the point, as does a special point that contradicts it.
 3. Points that remain in doubt, because their error reaches the circle, their contacts are too short for H harmonics, or
    they are flagged, are refined. With piecewise-linear laws the exact motion is computed (`hbgear.instants`), whose
    multipliers have no truncation error; with others, or where that fails, one with more harmonics. Both are solved for
@@ -80,7 +80,7 @@ def decide(
     rough /= np.maximum(norms(X[known].reshape(len(known), problem.m, -1)[:, :, 1:]), 1e-300)
     parity = Parity.of(problem, name, values[known], parameters)
     signs = np.array([seen[i].get("determinant", 0) for i in known.tolist()])
-    flagged = parity.mismatch(mu, signs)
+    flagged = parity.mismatch(mu, signs) | np.array([seen[i].get("contradicts", False) for i in known.tolist()])
     near = (_SENSITIVE * rough >= least_residual(mu)) | flagged
     if not near.any():
         return
@@ -186,8 +186,8 @@ def _refined(
         exact = _exact(problem, X, name, here, verdict, expected)
         if exact is not None:
             return exact
-    if more:
-        verdict = _with_more(problem, X, name, here, verdict, expected)
+    if more:  # little is gained by many harmonics where Newton in the contact instants fails
+        verdict = _with_more(problem, X, name, here, verdict, expected, 1 if constant else _TIMES)
     if constant or verdict.sure:
         return verdict
     return _exact(problem, X, name, here, verdict, expected) or verdict
@@ -223,26 +223,30 @@ def _exact(
     mu = np.zeros(len(verdict.multipliers), dtype=complex)
     some = min(len(mu), len(exact.multipliers))
     mu[:some] = exact.multipliers[:some]
-    beyond = count_beyond(mu)
-    beside = exact.Omega != here["Omega"] and expected and expected != 1 - 2 * (beyond[0] % 2)
-    return _Verdict(mu, _EXACT, not beside)
+    other_side = bool(expected) and expected != 1 - 2 * (count_beyond(mu)[0] % 2)
+    near_fold = exact.Omega != here["Omega"] or np.abs(mu - 1.0).min(initial=1.0) < _NEAR_FOLD
+    return _Verdict(mu, _EXACT, not (other_side and near_fold))
 
 
-_SAME = 0.3  # distance of the exact motion from that of the balance, relative to its size, up to which it is the same
+_NEAR_FOLD = 0.3  # distance of a multiplier from +1 up to which a fold is near
+
+
+_SAME = 0.1  # distance of the exact motion from that of the balance, relative to its size, up to which it is the same
 
 
 _EXACT = 1e-7  # error of multipliers of exact motions
 
 
 def _with_more(
-    problem: Any, X: Array, name: str, here: Mapping[str, float], verdict: _Verdict, expected: int
+    problem: Any, X: Array, name: str, here: Mapping[str, float], verdict: _Verdict, expected: int, times: int
 ) -> _Verdict:
     """The verdict of the motion, or of the nearest one, with enough harmonics for it to be sure.
 
-    expected : parity of the real multipliers beyond +1 at the row, +1 even and -1 odd; 0 if it is not known.
+    times : how often their number is doubled at most. expected : parity of the real multipliers beyond +1 at the row,
+    +1 even and -1 odd; 0 if it is not known.
     """
     at = dict(here)
-    for _ in range(_TIMES):
+    for _ in range(times):
         finer = problem.finer
         if finer is None:
             break

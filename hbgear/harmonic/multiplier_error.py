@@ -146,7 +146,7 @@ def least_residual(mu: ComplexArray) -> Array:
 def largest_shift(residual: Any, distance: Any) -> Array:
     """The largest x with x max(x, d - x) <= epsilon; see the module."""
     square = np.square(distance) - 4.0 * residual
-    with np.errstate(invalid="ignore", over="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         apart = 2.0 * residual / (distance + np.sqrt(np.maximum(square, 0.0)))
     x: Array = np.where(square > 0.0, apart, np.sqrt(residual))
     return x

@@ -1,0 +1,191 @@
+"""Verdicts on stability against motions that are computed without harmonic balance: exact flow between contacts."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy
+
+import hbgear as hb
+from hbgear.continuation.branch import verdict_codes
+from hbgear.continuation.consistency import stable_on_both_sides, unexplained_changes
+from hbgear.harmonic.multiplier_error import count_beyond, difference_of, estimate_multiplier_error, largest_shift
+from hbgear.harmonic.parity import Parity, half_integer_sign
+
+
+class Stop:
+    """q'' + c q' + q + k max(q - gap, 0) = F cos(Omega t): matrix exponentials between contact instants."""
+
+    def __init__(self, c, k, gap, F):
+        self.c, self.k, self.gap, self.F = c, k, gap, F
+
+    @property
+    def system(self):
+        stop = hb.Element([1.0], hb.Unilateral(k=self.k, gap=self.gap), name="stop")
+        return hb.System([[1.0]], [[self.c]], [[1.0]], [stop], hb.Load(cosine={1: [self.F]}))
+
+    def matrix(self, contact, Omega):
+        """Of the state (q, v, 1, cos, sin)."""
+        k = self.k if contact else 0.0
+        A = np.zeros((5, 5))
+        A[0, 1], A[1, :4] = 1.0, (-1.0 - k, -self.c, k * self.gap, self.F)
+        A[3, 4], A[4, 3] = -Omega, Omega
+        return A
+
+    def march(self, q, v, Omega):
+        """State and transition matrix after a period, and the number of contact instants."""
+        T, t, y, Phi, count = 2 * np.pi / Omega, 0.0, np.array([q, v, 1.0, 1.0, 0.0]), np.eye(2), 0
+        contact = q > self.gap
+        while t < T:
+            A, h = self.matrix(contact, Omega), 0.05 / np.sqrt(1 + (self.k if contact else 0.0) + Omega**2)
+            step, side = scipy.linalg.expm(A * h), -1.0 if contact else 1.0
+            start, t0, last = y, t, None
+            while t < T:
+                last, y, t = y, step @ y, t + h
+                if side * (y[0] - self.gap) > 0 and side * y[1] > 0:
+                    break
+            end = min(t, T)
+            if side * (y[0] - self.gap) > 0 and side * y[1] > 0:
+                gap = lambda s: float((scipy.linalg.expm(A * s) @ last)[0]) - self.gap  # noqa: B023, E731
+                low = 0.0 if side * gap(0.0) <= 0 else 1e-9 * h
+                end = min(t - h + scipy.optimize.brentq(gap, low, h, xtol=1e-15), T)
+            E = scipy.linalg.expm(A * (end - t0))
+            y, t, Phi = E @ start, end, E[:2, :2] @ Phi
+            if end < T:
+                contact, count = not contact, count + 1
+        return y[:2], Phi, count
+
+    def multipliers(self, q, v, Omega):
+        """Of the motion that Newton finds from a state; None if it does not converge, or to one without contact."""
+        y = np.array([q, v])
+        for _ in range(12):
+            end, Phi, _ = self.march(*y, Omega)
+            step = np.linalg.solve(np.eye(2) - Phi, end - y)
+            y = y + step
+            if np.linalg.norm(step) < 1e-9:
+                _, Phi, count = self.march(*y, Omega)
+                return np.linalg.eigvals(Phi) if count else None
+        return None
+
+
+def state(curve, i):
+    """Displacement and velocity of row i at phase 0."""
+    k, row = np.arange(1, curve.layout.harmonics + 1), curve.X[i]
+    return row[0] + row[1::2].sum(), curve.values[i] * (k * row[2::2]).sum()
+
+
+def test_points_between_two_folds_of_a_stop_are_unstable():
+    """Ten rows whose multipliers are a complex pair with 16 harmonics, and 1.118 to 1.025 of the exact motion."""
+    stop = Stop(0.04, 200.0, 0.5, 0.1)
+    curve = hb.trace(hb.HarmonicBalance(stop.system, 16), "Omega", (1.7, 1.0), special=False)
+    checked, wrong, undecided = 0, [], 0
+    for i in np.flatnonzero(curve.regime[:, 0] > 0)[::5]:
+        mu = stop.multipliers(*state(curve, i), curve.values[i])
+        if mu is None:
+            continue
+        checked += 1
+        undecided += curve.verdicts[i] == "undecided"
+        right = "stable" if np.abs(mu).max() < 1 + 1e-6 else "unstable"
+        if curve.verdicts[i] not in (right, "undecided"):
+            wrong.append((curve.values[i], curve.verdicts[i], mu))
+        if curve.verdicts[i] != "undecided":
+            off = abs(np.abs(mu).max() - np.abs(curve.multipliers[i]).max())
+            assert not off > 3 * curve.modulus_error[i] + 1e-7, (curve.values[i], off, curve.modulus_error[i])
+    assert checked >= 15 and not wrong and undecided <= 1
+
+
+@pytest.mark.parametrize("apart", [0.1, 1e-2, 1e-4])
+def test_the_error_of_a_nearly_double_multiplier_covers_the_real_pair(apart):
+    """Trace and determinant of a pair, the trace changed so that a complex pair becomes real."""
+    mean, product = 0.95, 0.95**2 + apart**2
+    mu = np.roots([1.0, -2 * mean, product])
+    trace = 2 * np.sqrt(product) + 0.5 * apart**2
+    true = np.roots([1.0, -trace, product])
+    half = np.roots([1.0, -(2 * mean + 0.5 * (2 * mean - trace)), product])  # a motion with half that error, elsewhere
+    error = estimate_multiplier_error(mu[None], difference_of(mu[None], half[None]))[0]
+    assert np.isreal(true).all() and abs(np.abs(mu).max() - true.max()) <= error
+    assert abs(np.abs(mu).max() - np.abs(half).max()) < 1e-12  # the difference of moduli says nothing
+
+
+def test_a_root_moves_by_the_largest_shift():
+    """x max(x, d - x) = epsilon, by both branches of the formula and at their common end."""
+    for d, x in ((1.0, 0.2), (1.0, 0.5), (0.1, 0.3), (0.0, 0.2)):
+        assert largest_shift(x * max(x, d - x), d) == pytest.approx(x, rel=1e-12)
+
+
+def test_multipliers_beyond_the_circle_are_counted():
+    mu = np.array([[1.5, -1.2, -1.1, 0.2], [0.9j, -0.9j, 1.1, 0.0], [1.2j, -1.2j, -0.5, 0.5]])
+    assert count_beyond(mu).tolist() == [[1, 2, 0], [1, 0, 0], [0, 0, 2]]
+
+
+@pytest.mark.parametrize(
+    ("model", "span", "H"),
+    [
+        (hb.Duffing(), (0.8, 1.6), 7),
+        (hb.SpurPair(e=(0.1,)), (2.2, 0.6), 10),
+        (hb.DoubleHelicalPair(zeta=0.05), (1.6, 0.4), 8),
+    ],
+)
+def test_both_determinants_have_the_parity_of_the_multipliers(model, span, H):
+    """At every row that is not next to a special point, and with one multiplier more beyond +1 they do not."""
+    curve = hb.trace(hb.HarmonicBalance(model, H), "Omega", span, special=False, accuracy=None)
+    parity = Parity.of(curve.problem, "Omega", curve.values, {})
+    odd, checked = 0, 0
+    for i in range(len(curve)):
+        mu, here = curve.multipliers[i], curve.parameters_at(i)
+        if min(np.abs(mu - 1).min(), np.abs(mu + 1).min()) < 0.03:
+            continue
+        assert parity.agrees(curve.problem, curve.X[i], here, mu), curve.values[i]
+        more = np.where(np.arange(len(mu)) == np.abs(mu).argmin(), 1.5, mu)
+        assert not parity.agrees(curve.problem, curve.X[i], here, more)
+        checked, odd = checked + 1, odd + int(count_beyond(mu)[0] % 2 or count_beyond(mu)[1] % 2)
+        beyond = 1 - 2 * (count_beyond(mu)[1] % 2)
+        assert half_integer_sign(curve.problem, curve.X[i], here) == beyond
+    assert checked > 20 and odd > 3
+
+
+def test_small_multipliers_that_are_rounding_are_no_period_doublings():
+    """x'' + 0.1 x' - 2 x - 0.1 x^3 = 0.05 cos: about the saddle both multipliers are real, with product exp(-0.1 T)."""
+    saddle = hb.System(
+        [[1.0]], [[0.1]], [[-2.5]], [hb.Element([1.0], hb.Cubic(k3=-0.1, k1=0.5))], hb.Load(cosine={1: [0.05]})
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        curve = hb.trace(hb.HarmonicBalance(saddle, 12), "Omega", (0.3, 0.1), start=np.zeros(25))
+        slow = hb.trace(hb.HarmonicBalance(saddle, 12), "Omega", (0.01, 0.005), start=np.zeros(25))
+    assert not curve.special and set(curve.verdicts) == {"unstable"}
+    exact = np.exp((-0.05 + np.sqrt(2.0025)) * 2 * np.pi / curve.values)
+    np.testing.assert_allclose(np.abs(curve.multipliers).max(axis=1), exact, rtol=1e-2)
+    assert np.isfinite(slow.multipliers).all() and set(slow.verdicts) == {"unstable"} and not slow.special
+
+
+def test_two_multipliers_that_pass_together_have_a_doubling_each():
+    """A planetary set: multipliers 1e-5 apart pass -1 within 4e-7 of Omega, and a slow sweep leaves there."""
+    planets = hb.PlanetarySet(
+        26, 38, 102, planets=4, torque=377.0804699071937, zeta=0.0638684660852385, zeta_b=0.03993897318124806,
+        b_sp=3.9700532168119484e-05, b_rp=1.7135056004278744e-05, eps_sp=(0.25911137806391893, 0.05),
+        eps_rp=(0.09633942894663837, 0.04), e_sp=(1.4453354116209893e-06,), e_rp=(2.0164792541625583e-06,),
+    )  # fmt: skip
+    curve = hb.trace(hb.HarmonicBalance(planets, 8), "Omega", (1.23, 1.262))
+    near = [p for p in curve.special if p.kind == "PD" and abs(p.parameters["Omega"] - 1.236475) < 2e-5]
+    assert len(near) == 2
+    (fall,) = [jump for jump in curve.jumps() if jump.direction < 0]
+    assert fall.label in [p.label for p in near]
+    counts = count_beyond(curve.multipliers, 1e-4)[:, 1]
+    first, last = sorted(p.index for p in near)
+    assert sorted((counts[first - 1], counts[last + 1])) == [0, 2]
+
+
+def test_contradictions_of_a_branch_are_doubts():
+    """A curve that loses a fold from its special points, or a verdict, says so."""
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    assert curve.doubts == ()
+    less = replace(curve, special=curve.special[1:], jump_records=())
+    assert "without a special point" in less.doubts[0]
+    mu = curve.multipliers.copy()
+    mu[curve["LP1"].index + 1 : curve["LP2"].index] *= 0.1
+    assert "both sides of LP1, LP2 are stable" in replace(curve, multipliers=mu).doubts
+    codes = verdict_codes(curve.multipliers, curve.modulus_error)
+    marks = {p.index: [p.kind] for p in curve.special}
+    assert not unexplained_changes(codes, marks) and not stable_on_both_sides(codes, marks)
