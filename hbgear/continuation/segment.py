@@ -56,7 +56,7 @@ class CurvePoint:
         By Cramer's rule it is that of det [J R_lambda; tangent] times the component of the tangent in lambda.
         """
         moves = float(self.tangent[-1])
-        if abs(moves) <= _SINGULAR * norm(self.tangent):
+        if abs(moves) <= _SINGULAR and abs(moves) <= _SINGULAR * norm(self.tangent):
             return 0
         return self.orientation if moves > 0 else -self.orientation
 

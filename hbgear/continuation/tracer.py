@@ -34,7 +34,6 @@ from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.asymptote import asymptote
 from hbgear.continuation.branch import (
     ENDS,
-    VERDICTS,
     Branch,
     Point,
     Status,
@@ -759,7 +758,8 @@ class _Tracer:
         """
         if not (self.stability and self.special) or self.accuracy is None:
             return False
-        path, codes = self.rows[start:], [self._code(row) for row in self.rows[start:]]
+        path = self.rows[start:]
+        codes = _codes(path)
         doubtful = set[int]()
         for i in range(1, len(path)):
             kinds = [point.event.kind for point in found.get(start + i, []) if point.event.kind in ENDS]
@@ -772,13 +772,7 @@ class _Tracer:
             row.observed["contradicts"] = True
             row.observed.pop("modulus_error", None)
         self._decide(again)
-        return any(self._code(path[i]) != codes[i] for i in doubtful)
-
-    def _code(self, row: CurvePoint) -> int:
-        """Code of the verdict of an observed row; see `verdict_codes`."""
-        mu = row.observed.get("multipliers")
-        error = row.observed.get("modulus_error", math.nan)
-        return UNKNOWN if mu is None else int(verdict_codes(np.asarray(mu), np.asarray(error)))
+        return bool(again) and _codes(path) != codes
 
     def _decide(self, path: list[CurvePoint]) -> None:
         """Make sure of the stability of rows that were observed just now."""
@@ -1163,7 +1157,16 @@ class _InProgress(Exception):
 _AT_ITS_END = 1e-3  # share of the span between the ends of a curve and of one on which something is arbitrary
 
 
-UNKNOWN = VERDICTS.index("unknown")
+def _codes(rows: Sequence[CurvePoint]) -> list[int]:
+    """Codes of the verdicts of observed rows; see `verdict_codes`."""
+    sets = [row.observed.get("multipliers") for row in rows]
+    if len({None if mu is None else len(mu) for mu in sets}) > 1:  # compare the largest alone
+        sets = [None if mu is None else mu[[np.abs(mu).argmax()]] for mu in sets]
+    none = np.full(next((len(mu) for mu in sets if mu is not None), 1), np.nan + 0j)
+    multipliers = np.array([none if mu is None else mu for mu in sets])
+    errors = [row.observed.get("modulus_error", math.nan) for row in rows]
+    codes: list[int] = verdict_codes(multipliers, np.array(errors)).tolist()
+    return codes
 
 
 _LOOKS = 4  # times that the parts of a piece are looked at once more for what they hide

@@ -287,9 +287,10 @@ def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, c
             _answer(carriage, step)
             _turned(turns[s], state)
             _add_product(carriage.B, carriage.u, -1.0, state)
-            log += _rescaled(state, _MOST)
             step += 1
-    log += _rescaled(state, 1.0) if log > 0.0 else 0.0
+            if step % _OFTEN == 0:
+                log += _rescaled(state, _MOST)
+    log += _rescaled(state, 1.0 if log > 0.0 else _MOST)
     factor = math.exp(min(log, math.log(_END))) if log > 0.0 else 1.0
     for k in range(r):
         for n in range(r):
@@ -402,7 +403,10 @@ def step_of(fast: float, omega: float, nu: int, schemes: Any, share: float) -> t
     return which, min(width * omega / max(fast, 1e-300), share * 2 * math.pi / nu)
 
 
-_GROWTH = 100.0  # exponent of a disturbance's growth in one step
+_GROWTH = 10.0  # exponent of a disturbance's growth in one step
+
+
+_OFTEN = 16  # steps after which the state is looked at for overflow
 
 
 _MOST = 1e100  # entries of the state above which it is scaled

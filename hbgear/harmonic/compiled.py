@@ -105,6 +105,20 @@ class Compiled:
         """
         return Equations(self.system, self.nu)
 
+    @cached_property
+    def reference_sign(self) -> int:
+        """Constant of the parity check of +1, see `parity`: that of the structure with its reference springs.
+
+        0 where it is not known: the structure has no modes or depends on speed, its elements are tied to each other.
+        """
+        structure = self.structure
+        if structure.spins or structure.modes is None or structure.tied:
+            return 0
+        poles, stiffness = structure.modes.poles, self.receptance.at(1.0).Z[0].real
+        above = np.count_nonzero((poles.real > 0) & (np.abs(poles.imag) <= 1e-12 * np.abs(poles)))
+        sign, log = np.linalg.slogdet(stiffness + np.diag(self.numbers.linear.springs[0]))
+        return int(sign) * (1 - 2 * (int(above) % 2)) if np.isfinite(log) else 0
+
     def parts(self, reach: float = math.inf, lumped: bool = False) -> Parts:
         """The modes as stability needs them, those above a frequency as flexibility, or lumped; see `modes`."""
         return self._parts.get((reach, lumped), lambda: self._parts_to(reach, lumped))

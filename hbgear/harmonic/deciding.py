@@ -43,7 +43,7 @@ from hbgear.harmonic.multiplier_error import (
     count_beyond,
     difference_of,
     estimate_multiplier_error,
-    least_residual,
+    may_reach,
 )
 from hbgear.harmonic.parity import Parity
 from hbgear.instants.equations import NotPiecewiseLinear
@@ -81,7 +81,7 @@ def decide(
     parity = Parity.of(problem, name, values[known], parameters)
     signs = np.array([seen[i].get("determinant", 0) for i in known.tolist()])
     flagged = parity.mismatch(mu, signs) | np.array([seen[i].get("contradicts", False) for i in known.tolist()])
-    near = (_SENSITIVE * rough >= least_residual(mu)) | flagged
+    near = may_reach(mu, _SENSITIVE * rough) | flagged
     if not near.any():
         return
     some, mu, flagged = known[near], mu[near], flagged[near]

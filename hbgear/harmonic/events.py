@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -254,10 +255,14 @@ class SecondFrequency(Event):
         """
         few, many = sorted(count_beyond(ends, NEUTRAL)[:, 1].tolist())
         out = []
+
+        def size(row: CurvePoint, rank: int) -> float:
+            return _modulus(_negative(_known(segment, row)), rank) - 1.0
+
         for rank in range(few, many):
             note = f"multiplier {rank - few + 1} of {many - few} that pass -1 here"
-            found = root(segment, self, lambda row, k=rank: _modulus(_negative(_known(segment, row)), k) - 1.0, note)
-            if found.located and abs(_modulus(_negative(_known(segment, found.row)), rank) - 1.0) < _DOUBLE:
+            found = root(segment, self, partial(size, rank=rank), note)
+            if found.located and abs(size(found.row, rank)) < _DOUBLE:
                 out.append(replace(found, event=Doubling(), finder=self))
         return out
 

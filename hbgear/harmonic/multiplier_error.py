@@ -143,6 +143,16 @@ def least_residual(mu: ComplexArray) -> Array:
     return least
 
 
+def may_reach(mu: ComplexArray, residual: Array) -> NDArray[np.bool_]:
+    """Whether residuals (k,) may change the verdict of multipliers mu (k, r); see `least_residual`."""
+    gap = np.where(_decisive(mu), np.abs(np.abs(mu) - 1.0), np.inf).min(axis=1, initial=np.inf)
+    found: NDArray[np.bool_] = residual >= np.minimum(gap * gap, gap)  # needs no distances of neighbours
+    some = np.flatnonzero(found)
+    if some.size:
+        found[some] = residual[some] >= least_residual(mu[some])
+    return found
+
+
 def largest_shift(residual: Any, distance: Any) -> Array:
     """The largest x with x max(x, d - x) <= epsilon; see the module."""
     square = np.square(distance) - 4.0 * residual

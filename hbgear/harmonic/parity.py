@@ -53,8 +53,8 @@ class Parity:
     @staticmethod
     def of(problem: Any, name: str, values: Array, parameters: Mapping[str, float]) -> Parity:
         """Of a `HarmonicBalance` at values of a parameter; the constant must be the same at both ends."""
-        ends = (float(values.min()), float(values.max()))
-        signs = {_constant(problem, {**parameters, name: value}) for value in (ends if ends[0] < ends[1] else ends[:1])}
+        ends = {float(values.min()), float(values.max())} if name != "Omega" else {parameters.get(name, 1.0)}
+        signs = {problem.compiled({**parameters, name: value}).reference_sign for value in ends}
         return Parity(signs.pop() if len(signs) == 1 else 0)
 
     def mismatch(self, multipliers: ComplexArray, signs: NDArray[np.int_]) -> NDArray[np.bool_]:
@@ -93,16 +93,3 @@ def half_integer_sign(problem: Any, X: Array, parameters: Mapping[str, float]) -
     """Sign of the half-integer block at a motion X (n,), whose multipliers at -1 make it singular."""
     block, _ = PeriodDoubling(problem).matrix(X, dict(parameters))
     return int(np.linalg.slogdet(block)[0])
-
-
-def _constant(problem: Any, parameters: Mapping[str, float]) -> int:
-    """c of the module; 0 where the structure has no modes, or its elements are tied to each other."""
-    compiled = problem.compiled(dict(parameters))
-    structure = compiled.structure
-    if structure.spins or structure.modes is None or structure.tied or problem.orders[0] != 0:
-        return 0
-    stiffness = compiled.linear(parameters["Omega"]).Z[0].real + np.diag(compiled.numbers.linear.springs[0])
-    poles = structure.modes.poles
-    above = np.count_nonzero((poles.real > 0) & (np.abs(poles.imag) <= 1e-12 * np.abs(poles)))
-    sign, log = np.linalg.slogdet(stiffness)
-    return int(sign) * (1 - 2 * (int(above) % 2)) if np.isfinite(log) else 0

