@@ -655,11 +655,12 @@ class HarmonicBalance(FullProblem):
     def decided(
         self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
     ) -> None:
-        """Compare the multipliers near the unit circle with those of the motion without the harmonics left out.
+        """Verify the stability of motions: estimate the error of their multipliers, check signs, refine where in doubt.
 
-        The difference of the largest moduli, three times, is the error; of rows whose verdict is in no doubt it is told
-        by that of rows next to them (see `deciding`). Where that reaches the unit circle, the motion
-        is solved for with twice the harmonics, and again up to eight times as many.
+        The error is that of the set of complex multipliers, from a second set of the motion without the harmonics left
+        out. Where it reaches the unit circle, or a sign of a determinant contradicts the number of real multipliers
+        beyond +1, the motion is refined: exactly in its contact instants where laws are piecewise linear, else with up
+        to eight times the harmonics. See `deciding`.
         """
         if not isinstance(self.compiled({}).structure, Measuring):
             decide(self, X, name, values, seen, parameters)

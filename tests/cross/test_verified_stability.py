@@ -5,94 +5,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy
 
 import hbgear as hb
 from hbgear.continuation.branch import verdict_codes
 from hbgear.continuation.consistency import stable_on_both_sides, unexplained_changes
 from hbgear.harmonic.multiplier_error import count_beyond, difference_of, estimate_multiplier_error, largest_shift
 from hbgear.harmonic.parity import Parity, half_integer_sign
-
-
-class Stop:
-    """q'' + c q' + q + k max(q - gap, 0) = F cos(Omega t): matrix exponentials between contact instants."""
-
-    def __init__(self, c, k, gap, F):
-        self.c, self.k, self.gap, self.F = c, k, gap, F
-
-    @property
-    def system(self):
-        stop = hb.Element([1.0], hb.Unilateral(k=self.k, gap=self.gap), name="stop")
-        return hb.System([[1.0]], [[self.c]], [[1.0]], [stop], hb.Load(cosine={1: [self.F]}))
-
-    def matrix(self, contact, Omega):
-        """Of the state (q, v, 1, cos, sin)."""
-        k = self.k if contact else 0.0
-        A = np.zeros((5, 5))
-        A[0, 1], A[1, :4] = 1.0, (-1.0 - k, -self.c, k * self.gap, self.F)
-        A[3, 4], A[4, 3] = -Omega, Omega
-        return A
-
-    def march(self, q, v, Omega):
-        """State and transition matrix after a period, and the number of contact instants."""
-        T, t, y, Phi, count = 2 * np.pi / Omega, 0.0, np.array([q, v, 1.0, 1.0, 0.0]), np.eye(2), 0
-        contact = q > self.gap
-        while t < T:
-            A, h = self.matrix(contact, Omega), 0.05 / np.sqrt(1 + (self.k if contact else 0.0) + Omega**2)
-            step, side = scipy.linalg.expm(A * h), -1.0 if contact else 1.0
-            start, t0, last = y, t, None
-            while t < T:
-                last, y, t = y, step @ y, t + h
-                if side * (y[0] - self.gap) > 0 and side * y[1] > 0:
-                    break
-            end = min(t, T)
-            if side * (y[0] - self.gap) > 0 and side * y[1] > 0:
-                gap = lambda s: float((scipy.linalg.expm(A * s) @ last)[0]) - self.gap  # noqa: B023, E731
-                low = 0.0 if side * gap(0.0) <= 0 else 1e-9 * h
-                end = min(t - h + scipy.optimize.brentq(gap, low, h, xtol=1e-15), T)
-            E = scipy.linalg.expm(A * (end - t0))
-            y, t, Phi = E @ start, end, E[:2, :2] @ Phi
-            if end < T:
-                contact, count = not contact, count + 1
-        return y[:2], Phi, count
-
-    def multipliers(self, q, v, Omega):
-        """Of the motion that Newton finds from a state; None if it does not converge, or to one without contact."""
-        y = np.array([q, v])
-        for _ in range(12):
-            end, Phi, _ = self.march(*y, Omega)
-            step = np.linalg.solve(np.eye(2) - Phi, end - y)
-            y = y + step
-            if np.linalg.norm(step) < 1e-9:
-                _, Phi, count = self.march(*y, Omega)
-                return np.linalg.eigvals(Phi) if count else None
-        return None
-
-
-def state(curve, i):
-    """Displacement and velocity of row i at phase 0."""
-    k, row = np.arange(1, curve.layout.harmonics + 1), curve.X[i]
-    return row[0] + row[1::2].sum(), curve.values[i] * (k * row[2::2]).sum()
+from studies.random.stops import Stop, compared
 
 
 def test_points_between_two_folds_of_a_stop_are_unstable():
     """Ten rows whose multipliers are a complex pair with 16 harmonics, and 1.118 to 1.025 of the exact motion."""
     stop = Stop(0.04, 200.0, 0.5, 0.1)
     curve = hb.trace(hb.HarmonicBalance(stop.system, 16), "Omega", (1.7, 1.0), special=False)
-    checked, wrong, undecided = 0, [], 0
-    for i in np.flatnonzero(curve.regime[:, 0] > 0)[::5]:
-        mu = stop.multipliers(*state(curve, i), curve.values[i])
-        if mu is None:
-            continue
-        checked += 1
-        undecided += curve.verdicts[i] == "undecided"
-        right = "stable" if np.abs(mu).max() < 1 + 1e-6 else "unstable"
-        if curve.verdicts[i] not in (right, "undecided"):
-            wrong.append((curve.values[i], curve.verdicts[i], mu))
-        if curve.verdicts[i] != "undecided":
-            off = abs(np.abs(mu).max() - np.abs(curve.multipliers[i]).max())
-            assert not off > 3 * curve.modulus_error[i] + 1e-7, (curve.values[i], off, curve.modulus_error[i])
-    assert checked >= 15 and not wrong and undecided <= 1
+    found = compared(stop, curve, 5)
+    decided = [one for one in found if one.verdict != "undecided"]
+    assert len(found) >= 15 and len(found) - len(decided) <= 1
+    assert not [one for one in decided if one.verdict != one.right]
+    assert max(one.off - 3 * one.error for one in decided if np.isfinite(one.error)) <= 1e-7
 
 
 @pytest.mark.parametrize("apart", [0.1, 1e-2, 1e-4])
