@@ -11,8 +11,10 @@ For every point of a curve:
    the relative error of the motion, times ten thousand, is enough for a multiplier to reach the unit circle. Of these
    points one in eight has a second set of multipliers; between them the difference is taken to be proportional to the
    error of the motion, and points whose multipliers come within ten times that of the circle have a set of their own.
-2. The number of real multipliers beyond +1 is compared with the sign of det(dR/dX), and the number beyond -1 with that
-   of the half-integer block (`parity`). A mismatch flags the point, as does a special point that contradicts it.
+2. The number of real multipliers beyond +1 is compared with the sign of det(dR/dX) at every point, and for refined
+   motions the number beyond -1 with that of the half-integer block (`parity`). A mismatch flags the point, as do a
+   special point that contradicts it, and contacts or flights shorter than half a period of the highest harmonic, for
+   multipliers of hard stops change by more than ten thousand times the relative error of such a motion.
 3. Points that remain in doubt, because their error reaches the circle, their contacts are too short for H harmonics, or
    they are flagged, are refined. With piecewise-linear laws the exact motion is computed (`hbgear.instants`), whose
    multipliers have no truncation error; with others, or where that fails, one with more harmonics. Both are solved for
@@ -63,7 +65,10 @@ _BETWEEN = 10.0  # factor by which a row may be more sensitive than the sampled 
 _TIMES = 3  # times that the number of harmonics is doubled where a verdict is in doubt
 
 
-_SHORT = 2.0  # shortest contact or flight that H harmonics resolve, in periods of the highest harmonic
+_SHORT = 2.0  # contact or flight, in periods of the highest harmonic, up to which multipliers may be inaccurate
+
+
+_UNRESOLVED = 0.5  # such a duration up to which the multipliers of the balance are not relied on
 
 
 def decide(
@@ -81,6 +86,7 @@ def decide(
     parity = Parity.of(problem, name, values[known], parameters)
     signs = np.array([seen[i].get("determinant", 0) for i in known.tolist()])
     flagged = parity.mismatch(mu, signs) | np.array([seen[i].get("contradicts", False) for i in known.tolist()])
+    flagged |= _unresolved(problem, X[known], {**parameters, name: float(values[known[0]])}, _UNRESOLVED)
     near = may_reach(mu, _SENSITIVE * rough) | flagged
     if not near.any():
         return
@@ -94,7 +100,7 @@ def decide(
     errors, wide = _errors_of(mu, rough[near], regime, differences)
     distance = np.abs(_modulus(mu) - 1.0)
     doubtful = flagged | (distance <= errors)
-    short = (distance <= wide) & _are_short(problem, X[some], {**parameters, name: float(values[some[0]])})
+    short = (distance <= wide) & _unresolved(problem, X[some], {**parameters, name: float(values[some[0]])}, _SHORT)
     for i, one, error in zip(some.tolist(), mu, errors.tolist(), strict=True):
         seen[i]["multipliers"], seen[i]["modulus_error"] = one, error
     for k in np.flatnonzero(doubtful | short).tolist():
@@ -179,26 +185,38 @@ def _refined(
 ) -> _Verdict:
     """The verdict of a refined motion; more : whether more harmonics may be tried.
 
-    Exact motions come first, but where a stiffness varies over the period, for which they take a hundred times as long.
+    Exact motions come first. Where a stiffness varies over the period they take a hundred times as long: they come
+    last there, and only of small structures.
     """
-    constant = not any(spring.stiffness.varies for law in problem.compiled(dict(here)).laws for spring in law.piecewise)
+    constant = _is_constant(problem, here)
     if constant:
         exact = _exact(problem, X, name, here, verdict, expected)
         if exact is not None:
             return exact
     if more:  # little is gained by many harmonics where Newton in the contact instants fails
         verdict = _with_more(problem, X, name, here, verdict, expected, 1 if constant else _TIMES)
-    if constant or verdict.sure:
+    if constant or verdict.sure or problem.compiled(dict(here)).structure.n > _SMALL:
         return verdict
     return _exact(problem, X, name, here, verdict, expected) or verdict
 
 
-def _are_short(problem: Any, X: Array, here: dict[str, float]) -> NDArray[np.bool_]:
-    """Whether motions X (k, n) have contacts or flights that H harmonics do not resolve, and can be refined exactly."""
+_SMALL = 2  # coordinates of a structure up to which exact motions with varying stiffness are computed
+
+
+def _is_constant(problem: Any, here: Mapping[str, float]) -> bool:
+    """Whether the stiffness of no element varies over the period."""
+    return not any(spring.stiffness.varies for law in problem.compiled(dict(here)).laws for spring in law.piecewise)
+
+
+def _unresolved(problem: Any, X: Array, here: dict[str, float], periods: float) -> NDArray[np.bool_]:
+    """Whether motions X (k, n) have contacts or flights shorter than so many periods of the highest harmonic.
+
+    Only of models with piecewise-linear laws of constant stiffness, whose motions are refined exactly at little cost.
+    """
     compiled = problem.compiled(here)
-    if compiled.asked or not len(compiled.corner):
+    if compiled.asked or not len(compiled.corner) or not _is_constant(problem, here):
         return np.zeros(len(X), dtype=bool)
-    short: NDArray[np.bool_] = compiled.shortest_intervals(X) < _SHORT * 2 * np.pi / problem.H
+    short: NDArray[np.bool_] = compiled.shortest_intervals(X) < periods * 2 * np.pi / problem.H
     return short
 
 
