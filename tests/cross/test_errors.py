@@ -137,7 +137,7 @@ def test_errors_of_few_multipliers_tell_those_of_the_rows_between(zeta, harmonic
     np.testing.assert_allclose(told[computed], every[computed], rtol=1e-9, atol=1e-14)
     assert np.all(told[between] >= 0.1 * every[between])
     some = between & (every > 0)
-    assert some.sum() > 10 and np.median(told[some] / every[some]) < 3
+    assert some.sum() > 5 and np.median(told[some] / every[some]) < 3
 
 
 @pytest.mark.parametrize("first", [0, 10])
