@@ -95,13 +95,13 @@ class Stop:
         """State and multipliers of the motion that Newton finds; None if it has no contact, or there is none."""
         y = np.array([q, v])
         for _ in range(12):
-            end, Phi, _ = self.march(*y, Omega)
+            end, Phi, _ = self.march(float(y[0]), float(y[1]), Omega)
             step = np.linalg.solve(np.eye(2) - Phi, end - y)
             y = y + step
             if not np.linalg.norm(step) < 1e3:
                 return None
             if np.linalg.norm(step) < 1e-9:
-                _, Phi, count = self.march(*y, Omega)
+                _, Phi, count = self.march(float(y[0]), float(y[1]), Omega)
                 return (y, np.linalg.eigvals(Phi)) if count else None
         return None
 
@@ -113,7 +113,7 @@ def compared(stop: Stop, curve: Branch, every: int) -> list[Shot]:
     for i in [i for i in np.flatnonzero(curve.regime[:, 0] > 0).tolist() if i not in special][::every]:
         row, Omega = curve.X[i], float(curve.values[i])
         start = np.array([row[0] + row[1::2].sum(), Omega * (k * row[2::2]).sum()])
-        found = stop.shoot(*start, Omega)
+        found = stop.shoot(float(start[0]), float(start[1]), Omega)
         if found is None or np.abs(found[0] - start).max() > SAME * np.linalg.norm(row[1:]) * max(1.0, Omega):
             continue
         right, mine = float(np.abs(found[1]).max()), float(np.abs(curve.multipliers[i]).max())  # type: ignore[index]
