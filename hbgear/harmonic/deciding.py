@@ -249,7 +249,7 @@ def _exact(
 _NEAR_FOLD = 0.3  # distance of a multiplier from +1 up to which a fold is near
 
 
-_SAME = 0.1  # distance of the exact motion from that of the balance, relative to its size, up to which it is the same
+_SAME = 0.02  # distance of the exact motion from that of the balance, relative to its size, up to which it is the same
 
 
 _EXACT = 1e-7  # error of multipliers of exact motions
