@@ -39,7 +39,7 @@ from hbgear.design.workers import executor_of
 from hbgear.mechanics.recession import Receded
 from studies import study
 from studies.random import truth
-from studies.random.machines import KINDS, Machine, machine
+from studies.random.machines import PAIRS, Machine, machine
 from studies.random.truth import Compared, Comparison, Landed, Verdict
 
 TRACED = {"spur": 8000, "helical": 1250, "bearings": 600, "two": 450}
@@ -243,7 +243,7 @@ def _path(store: Path, task: tuple[str, int, int, bool]) -> Path:
 def run(quick: bool = False) -> Results:
     """All machines; ``quick``: the first of each kind, and one of them held against the truth."""
     if quick:
-        return collect(dict.fromkeys(KINDS, 1), {"spur": 1}, 1, None)
+        return collect(dict.fromkeys(PAIRS, 1), {"spur": 1}, 1, None)
     from studies.__main__ import fingerprint
 
     return collect(TRACED, HELD, os.cpu_count() or 1, STORE / fingerprint(__name__)[:12])
@@ -263,7 +263,7 @@ def plot(results: Results) -> Figure:
     return figure
 
 
-COLOURS = dict(zip(KINDS, (study.BLUE, study.ORANGE, study.PURPLE, study.GREEN), strict=True))
+COLOURS = dict(zip(PAIRS, (study.BLUE, study.ORANGE, study.PURPLE, study.GREEN), strict=True))
 MARKERS = {"LP": "o", "PD": "D", "NS": "s", "GR": "x", "BP": "P"}
 
 
@@ -273,7 +273,7 @@ def _of_kind(names: list[Any], kind: str) -> list[Any]:
 
 def _ends(ax: Axes, results: Results) -> None:
     """Share of machines by status, for each kind."""
-    counts = {kind: Counter(one.status for one in _of_kind(results.ended, kind)) for kind in KINDS}
+    counts = {kind: Counter(one.status for one in _of_kind(results.ended, kind)) for kind in PAIRS}
     statuses = sorted({s for c in counts.values() for s in c}, key=lambda s: -sum(c[s] for c in counts.values()))
     shades = ["#1f4e8c", "#7ea6d8", "#d9730d", "#9c1f5c", "#2f7d4f", "#8a8a8a", "#c2a500", "#111111"]
     for i, (_kind, count) in enumerate(counts.items()):
@@ -282,7 +282,7 @@ def _ends(ax: Axes, results: Results) -> None:
             share = 100 * count[status] / total
             ax.barh(i, share, left=left, color=shade, height=0.6, label=status.replace("_", " ") if i == 0 else None)
             left += share
-    ax.set_yticks(range(len(KINDS)), [f"{TITLES[kind]}\n({sum(counts[kind].values())})" for kind in KINDS])
+    ax.set_yticks(range(len(PAIRS)), [f"{TITLES[kind]}\n({sum(counts[kind].values())})" for kind in PAIRS])
     ax.invert_yaxis()
     ax.set(xlabel="share of machines [%]", xlim=(0, 100), title="how the traces end")
     _below(ax)
@@ -290,7 +290,7 @@ def _ends(ax: Axes, results: Results) -> None:
 
 def _times(ax: Axes, results: Results) -> None:
     """Cumulative share of machines over the time of their trace."""
-    for kind in KINDS:
+    for kind in PAIRS:
         seconds = np.sort([one.seconds for one in _of_kind(results.ended, kind)])
         ax.step(seconds, 100 * np.arange(1, len(seconds) + 1) / max(len(seconds), 1), where="post",
                 color=COLOURS[kind], label=TITLES[kind])  # fmt: skip
@@ -380,7 +380,7 @@ def report(results: Results) -> str:
     """Counts, errors, and every machine of which something is not as it should be."""
     head = ["machines", "number", *_statuses(results), "exceptions", "untrue or cut short", "median [s]", "longest [s]"]
     rows = [head, ["---"] * len(head)]
-    for kind in KINDS:
+    for kind in PAIRS:
         some = _of_kind(results.ended, kind)
         count, seconds = Counter(one.status for one in some), [one.seconds for one in some] or [np.nan]
         failed = sum(one.points == 0 for one in some)

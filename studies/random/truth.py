@@ -71,9 +71,9 @@ class Orbits:
     P takes the drift of free motions out of a state; scale (2n + 1,) makes states and Omega comparable.
     """
 
-    def __init__(self, model: hb.Model, nu: int, y: Array, span: float) -> None:
+    def __init__(self, model: hb.Model, nu: int, y: Array, Omega: float, span: float) -> None:
         self.model, self.nu, self.system = model, nu, model.system()
-        self.structure = Structure(self.system)
+        self.structure = Structure(self.system.at_speed(Omega))
         size = len(y)
         self.P = np.array([physical_state(self.structure, modal_state(self.structure, e)) for e in np.eye(size)]).T
         self.scale = np.append(np.full(size, float(np.linalg.norm(y)) or 1.0), span)
@@ -364,7 +364,7 @@ def shot(it: Machine, branch: Branch, point: SpecialPoint) -> float:
         raise NotFound(f"{point.kind} is not looked for by shooting")
     problem, here = branch.problem, point.parameters
     y = state_of(problem, problem.converted(point), **here)
-    orbits = Orbits(it.model, problem.nu, y, abs(it.span[1] - it.span[0]))
+    orbits = Orbits(it.model, problem.nu, y, here["Omega"], abs(it.span[1] - it.span[0]))
     before, after = (branch[max(i, 0)] for i in (point.index - 1, min(point.index + 1, len(branch) - 1)))
     ends = [np.append(state_of(problem, problem.converted(b), **b.parameters), b.parameters["Omega"])
             for b in (before, after)]  # fmt: skip
