@@ -31,6 +31,7 @@ from hbgear.continuation.newton import NoConvergence, Solution, solution_at
 from hbgear.continuation.problem import FullProblem, as_problem, observe_all
 from hbgear.continuation.record import fields_of
 from hbgear.continuation.segment import CurvePoint, Segment, solved_again, widened
+from hbgear.continuation.work import Work
 
 _ROUNDING = 1e-12  # of a parameter, relative to its unit: no error is stated to be smaller
 
@@ -69,7 +70,7 @@ class Moved:
 _LOST = Moved(math.nan, math.inf, lambda: None)
 
 
-def assessed(arc: Segment, found: Found, accuracy: float) -> Found:
+def assessed(arc: Segment, found: Found, accuracy: float, work: Work | None = None) -> Found:
     """A special point with its error, located with more unknowns where that is above the accuracy.
 
     Parameters
@@ -80,6 +81,8 @@ def assessed(arc: Segment, found: Found, accuracy: float) -> Found:
         The point.
     accuracy : float
         Largest error wanted, relative to the size of the parameter (`FullProblem.unit_of`).
+    work : Work, optional
+        Bound of the work; none by default. Where it is reached the error stays as large as it was estimated.
 
     Returns
     -------
@@ -90,14 +93,17 @@ def assessed(arc: Segment, found: Found, accuracy: float) -> Found:
     rough = (is_sketch(arc.problem, end.X, end.observed.get("error", 0.0)) for end in (arc.a, arc.b))
     if not arc.problem.comparisons or any(rough):
         return found
+    work = work or Work(math.inf)
     unit = arc.problem.unit_of(arc.name, found.row.value)
     goal, problem, missed = accuracy * unit, arc.problem, 0
     while True:
         moved: list[tuple[FullProblem, Moved]] = []
-        error = _error(arc, found, problem, goal, moved)
+        error = _error(arc, found, problem, goal, moved, work)
         finer = None if problem.finer is None else as_problem(problem.finer)
         deviation = _deviation(arc, found)
         if (error <= goal and deviation <= _CRITICAL) or finer is None:
+            break
+        if not work.allows(finer.size or 0, _SEARCH):
             break
         known = next((there for other, there in moved if other is finer), None)
         sharp = (known or _moved(arc, found, finer)).sharp()
@@ -129,7 +135,7 @@ def _deviation(arc: Segment, found: Found) -> float:
 
 
 def _error(
-    arc: Segment, found: Found, problem: FullProblem, goal: float, moved: list[tuple[FullProblem, Moved]]
+    arc: Segment, found: Found, problem: FullProblem, goal: float, moved: list[tuple[FullProblem, Moved]], work: Work
 ) -> float:
     """The error of a point located with the unknowns of a problem; some larger number than the goal, if it is larger.
 
@@ -140,6 +146,8 @@ def _error(
         return math.inf
     value, errors = found.value, []
     for other, weight in problem.comparisons:
+        if not work.allows(other.size or 0, _NEWTON):
+            continue
         there = _moved(arc, found, other)
         moved.append((other, there))
         errors.append(weight * abs(there.value - value))
@@ -147,6 +155,12 @@ def _error(
             return math.inf if math.isnan(errors[-1]) else errors[-1]
     known = [error for error in errors if not math.isnan(error)]
     return max(known, default=math.inf)
+
+
+_NEWTON = 2  # solutions that take as long as a point by its equations
+
+
+_SEARCH = 4  # solutions that take as long as a point that is located to all digits
 
 
 def is_sketch(problem: FullProblem, X: Array, error: float) -> bool:

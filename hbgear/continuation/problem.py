@@ -45,6 +45,7 @@ from hbgear.continuation.algebra import Matrix, norm
 from hbgear.continuation.branch import Branch, Point
 from hbgear.continuation.differences import difference_along, in_parameter
 from hbgear.continuation.reading import Reader
+from hbgear.continuation.work import Work
 
 if TYPE_CHECKING:
     from hbgear.continuation.events import Event
@@ -261,14 +262,15 @@ class Deciding(Protocol):
     """Knows how sure it is of the stability of its solutions."""
 
     def decided(
-        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
-    ) -> None:
+        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
+        work: Work,
+    ) -> None:  # fmt: skip
         """Make sure of the stability of solutions X (k, n) at values (k,) of the parameter name.
 
         ``seen`` is what `Observed.observe` said of them, with two entries more: ``"determinant"`` is the sign of
         det(dR/dX), 0 if it is not known, and ``"contradicts"`` says whether a special point next to the solution
         contradicts its verdict. ``"multipliers"`` that are in doubt are replaced by better ones, and the error of the
-        largest modulus goes into ``"modulus_error"``.
+        largest modulus goes into ``"modulus_error"``. Solutions for which ``work`` allows no refinement keep their error.
         """
 
 
@@ -515,8 +517,9 @@ class FullProblem:
         return self
 
     def decided(
-        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
-    ) -> None:
+        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
+        work: Work,
+    ) -> None:  # fmt: skip
         """`Deciding.decided`: as sure as they are."""
 
     def recession(self, X: Array, parameters: Mapping[str, float]) -> FullProblem | None:

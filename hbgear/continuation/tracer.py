@@ -28,7 +28,7 @@ import numpy as np
 from hbgear.common.arguments import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.progress import Progress, ProgressCallback
-from hbgear.common.ranges import POSITIVE, Range, checked
+from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, checked
 from hbgear.continuation.accuracy import assessed
 from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.asymptote import asymptote
@@ -64,6 +64,7 @@ from hbgear.continuation.segment import (
 )
 from hbgear.continuation.stepsize import StepControl
 from hbgear.continuation.stride import Strider
+from hbgear.continuation.work import USUAL, Work
 
 
 @checked_arguments(
@@ -86,6 +87,7 @@ def trace(
     progress: ProgressCallback | None = None,
     cover: bool = True,
     accuracy: float | None = 1e-5,
+    work: float | None = USUAL,
 ) -> Branch:
     """Follow the solutions of a problem from one end of a span of a parameter to the other.
 
@@ -116,6 +118,9 @@ def trace(
         twentieth of their size, or a special point is not found with more unknowns within a thousandth of where it was,
         a curve that covers its span is followed anew with twice the unknowns throughout, and the message says so.
         None for the curve and the points of the problem's own equations, without errors.
+    work : bound of the work for errors, accurate special points and verdicts in doubt, in solutions with 700 unknowns;
+        one with n counts (n / 700)^3. Where it is reached, special points keep the errors that they have, rows in doubt
+        are undecided, and the message says so. None for no bound.
 
     Returns
     -------
@@ -149,11 +154,14 @@ def trace(
     [1.103, 1.1]
     """
     asked = full = as_problem(problem)
+    if work is not None:
+        checked("trace", "work", work, NOT_NEGATIVE)
+    bound = Work(math.inf if work is None else float(work))
     anew = nowhere = ""
     while True:
         follow = partial(
             _Tracer, parameter=parameter, at=at, steps=steps, settings=settings, stability=stability, special=special,
-            events=events, progress=progress, accuracy=accuracy,
+            events=events, progress=progress, accuracy=accuracy, work=bound,
         )  # fmt: skip
         try:
             tracer = follow(full, span=span, start=start, cover=cover and start is None, asked=asked)
@@ -194,6 +202,9 @@ def _chosen(
 _ROUGH = 0.05  # error of a solution, relative to its size, above which a curve of it is only a sketch
 
 
+_CURVE = 8  # solutions with errors and verdicts that take as long as the rows of a curve
+
+
 _ADRIFT = 1e-3  # error of a special point, over the unit of the parameter, above which it may not be there at all
 
 
@@ -205,11 +216,13 @@ class _Tracer:
         at: Mapping[str, float] | None, steps: StepControl, settings: Settings,
         stability: bool, special: bool, events: Sequence[Event], progress: ProgressCallback | None,
         cover: bool = False, accuracy: float | None = None, strict: bool = False, asked: FullProblem | None = None,
+        work: Work | None = None,
     ) -> None:  # fmt: skip
         # asked : the problem with as many unknowns as were asked for, in which solutions are looked for at less cost
+        self.work = work or Work(math.inf)
         self.another = partial(  # curve of the span
             _Tracer, parameter=parameter, at=at, steps=steps, settings=settings, stability=stability, special=special,
-            events=events, progress=progress, accuracy=accuracy, asked=asked,
+            events=events, progress=progress, accuracy=accuracy, asked=asked, work=self.work,
         )  # fmt: skip
         if accuracy is not None:
             checked("trace", "accuracy", accuracy, POSITIVE)
@@ -384,9 +397,13 @@ class _Tracer:
     def _check_enough(self, u: Array, error: Array) -> None:
         """Give up a curve of solutions u (P, n + 1) that so few unknowns cannot tell."""
         relative = relative_errors(u[:, :-1], error)
-        if (relative > _ROUGH).any():
+        if (relative > _ROUGH).any() and self._may_refine():
             first = int(np.argmax(relative > _ROUGH))
             raise _Sketch(self.problem, f"an error of {relative[first]:.0%} at {self.name} = {u[first, -1]:.6g}")
+
+    def _may_refine(self) -> bool:
+        """Whether there is work left to follow the curve with more unknowns."""
+        return self.work.allows(as_problem(self.problem.finer).size or 0, _CURVE)
 
     def _observed_alone(self, row: CurvePoint, problem: FullProblem) -> dict[str, Any]:
         try:
@@ -511,7 +528,7 @@ class _Tracer:
 
     def _result(self) -> Branch:
         made = self.made or self._branch()
-        message = "; ".join(text for text in (self.ending.told, self.remark) if text)
+        message = "; ".join(text for text in (self.ending.told, self.remark, self.work.told) if text)
         if not self.others and (made.status, made.message) == (self.ending.status, message):
             return made
         return replace(made, status=self.ending.status, message=message, others=tuple(self.others))
@@ -783,7 +800,7 @@ class _Tracer:
         for row in fresh:
             row.observed["determinant"] = row.determinant
         try:
-            self.problem.decided(u[:, :-1], self.name, u[:, -1], [row.observed for row in fresh], self.fixed)
+            self.problem.decided(u[:, :-1], self.name, u[:, -1], [row.observed for row in fresh], self.fixed, self.work)
         except Exception as error:
             self.ending.note(error, f"in making sure of the stability near {self.name} = {u[-1, -1]:.6g}")
 
@@ -791,7 +808,7 @@ class _Tracer:
         """Special points of a piece with their errors, solved for as accurately as is wanted."""
         if self.accuracy is None:
             return found
-        out = [assessed(arc, point, self.accuracy) for point in found]
+        out = [assessed(arc, point, self.accuracy, self.work) for point in found]
         if self.strict and arc.problem.smooth:
             self._check_found(arc, out)
         return out
@@ -799,7 +816,7 @@ class _Tracer:
     def _check_found(self, arc: Segment, found: list[Found]) -> None:
         """Give up a curve with special points that solutions with more unknowns do not have, or far from there."""
         for point in found:
-            if point.error > _ADRIFT * arc.problem.unit_of(self.name, point.value):
+            if point.error > _ADRIFT * arc.problem.unit_of(self.name, point.value) and self._may_refine():
                 where = f"{self.name} = {point.value:.6g}"
                 raise _Sketch(self.problem, f"it open whether there is the {point.event.kind} near {where}")
 
@@ -913,7 +930,7 @@ class _Tracer:
         """A point that no change of sign between rows told of, with its error; None if more unknowns do not have it."""
         if self.accuracy is None:
             return point
-        judged = assessed(arc, point, self.accuracy)
+        judged = assessed(arc, point, self.accuracy, self.work)
         most = self.accuracy if judged.sharp is None else max(self.accuracy, _ADRIFT)
         return None if judged.error > most * arc.problem.unit_of(self.name, judged.row.value) else judged
 

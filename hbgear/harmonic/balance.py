@@ -36,6 +36,7 @@ from hbgear.continuation.events import Event
 from hbgear.continuation.homotopy import solve_from_afar
 from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.problem import FOLD, Evaluation, FullProblem, Locating, Pursuit
+from hbgear.continuation.work import Work
 from hbgear.harmonic.compiled import Compiled, Crossings
 from hbgear.harmonic.deciding import decide
 from hbgear.harmonic.events import motion_events
@@ -653,17 +654,18 @@ class HarmonicBalance(FullProblem):
         return out
 
     def decided(
-        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
-    ) -> None:
+        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
+        work: Work,
+    ) -> None:  # fmt: skip
         """Verify the stability of motions: estimate the error of their multipliers, check signs, refine where in doubt.
 
         The error is that of the set of complex multipliers, from a second set of the motion without the harmonics left
         out. Where it reaches the unit circle, or a sign of a determinant contradicts the number of real multipliers
         beyond +1, the motion is refined: exactly in its contact instants where laws are piecewise linear, else with up
-        to eight times the harmonics. See `deciding`.
+        to eight times the harmonics, as far as ``work`` allows. See `deciding`.
         """
         if not isinstance(self.compiled({}).structure, Measuring):
-            decide(self, X, name, values, seen, parameters)
+            decide(self, X, name, values, seen, parameters, work)
 
     def recession(self, X: Array, parameters: Mapping[str, float]) -> HarmonicBalance | None:
         """The balance without gaps, loads and prescribed displacements, for motions far larger than all of these.

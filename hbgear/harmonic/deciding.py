@@ -38,6 +38,7 @@ from hbgear.continuation.algebra import norm, norms
 from hbgear.continuation.branch import NEUTRAL
 from hbgear.continuation.newton import NoConvergence, solve
 from hbgear.continuation.refining import nearest
+from hbgear.continuation.work import Work
 from hbgear.harmonic.exact import refine_motion, refine_near_fold
 from hbgear.harmonic.floquet import multipliers_of
 from hbgear.harmonic.multiplier_error import (
@@ -72,8 +73,9 @@ _UNRESOLVED = 0.5  # such a duration up to which the multipliers of the balance 
 
 
 def decide(
-    problem: Any, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
-) -> None:
+    problem: Any, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
+    work: Work,
+) -> None:  # fmt: skip
     """See `HarmonicBalance.decided`."""
     for one in seen:
         one["modulus_error"] = math.nan
@@ -109,7 +111,7 @@ def decide(
         verdict = _Verdict(mu[k], float(errors[k]), not flagged[k])
         expected = parity.expected(int(seen[i].get("determinant", 0)))
         enough = not is_sketch(problem, X[i], seen[i]["error"])
-        verdict = _refined(problem, X[i], name, here, verdict, expected, bool(doubtful[k]) and enough)
+        verdict = _refined(problem, X[i], name, here, verdict, expected, bool(doubtful[k]) and enough, work)
         seen[i]["multipliers"], seen[i]["modulus_error"] = verdict.multipliers, verdict.stated_error
 
 
@@ -181,7 +183,14 @@ def _around(rows: np.ndarray, samples: np.ndarray, sensitive: Array) -> Array:
 
 
 def _refined(
-    problem: Any, X: Array, name: str, here: Mapping[str, float], verdict: _Verdict, expected: int, more: bool
+    problem: Any,
+    X: Array,
+    name: str,
+    here: Mapping[str, float],
+    verdict: _Verdict,
+    expected: int,
+    more: bool,
+    work: Work,
 ) -> _Verdict:
     """The verdict of a refined motion; more : whether more harmonics may be tried.
 
@@ -194,7 +203,7 @@ def _refined(
         if exact is not None:
             return exact
     if more:  # little is gained by many harmonics where Newton in the contact instants fails
-        verdict = _with_more(problem, X, name, here, verdict, expected, 1 if constant else _TIMES)
+        verdict = _with_more(problem, X, name, here, verdict, expected, 1 if constant else _TIMES, work)
     if constant or verdict.sure or problem.compiled(dict(here)).structure.n > _SMALL:
         return verdict
     return _exact(problem, X, name, here, verdict, expected) or verdict
@@ -256,7 +265,14 @@ _EXACT = 1e-7  # error of multipliers of exact motions
 
 
 def _with_more(
-    problem: Any, X: Array, name: str, here: Mapping[str, float], verdict: _Verdict, expected: int, times: int
+    problem: Any,
+    X: Array,
+    name: str,
+    here: Mapping[str, float],
+    verdict: _Verdict,
+    expected: int,
+    times: int,
+    work: Work,
 ) -> _Verdict:
     """The verdict of the motion, or of the nearest one, with enough harmonics for it to be sure.
 
@@ -266,7 +282,7 @@ def _with_more(
     at = dict(here)
     for _ in range(times):
         finer = problem.finer
-        if finer is None:
+        if finer is None or not work.allows(finer.size):
             break
         try:
             X, at[name] = nearest(finer, finer.fitted(X), name, at)

@@ -1,6 +1,7 @@
 """Forces as compiled functions, for `hbgear.CompiledLaw`; Numba is imported with this module."""
 
 import numba
+
 from hbgear.common.arrays import Array
 
 

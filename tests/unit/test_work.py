@@ -1,0 +1,60 @@
+"""The bound of the work for solutions with more unknowns, and what a curve says where it is reached."""
+
+import math
+
+import numpy as np
+import pytest
+
+import hbgear as hb
+from hbgear.continuation.work import Work
+
+
+def test_no_solution_takes_more_than_half_of_what_is_left():
+    work = Work(2.5)
+    taken = [work.allows(700) for _ in range(4)]
+    assert taken == [True, False, False, False] and work.refused == 3
+    assert work.allows(350) and work.spent == pytest.approx(1.0 + 0.125 + 4e-3)
+    while work.allows(70):
+        assert work.spent < work.limit
+    assert work.limit - work.spent < 2 * 3.1e-3
+
+
+def test_without_a_limit_everything_is_allowed():
+    work = Work(math.inf)
+    assert all(work.allows(10_000, solutions=50) for _ in range(100)) and not work.refused and not work.told
+
+
+@pytest.fixture(scope="module")
+def stop():
+    element = hb.Element([1.0], hb.Unilateral(k=40.0, gap=0.5), name="stop")
+    return hb.System([[1.0]], [[0.06]], [[1.0]], [element], hb.Load(cosine={1: [0.3]}))
+
+
+def test_a_curve_with_little_work_is_the_same_curve_and_says_what_it_does_not_know(stop):
+    problem = hb.HarmonicBalance(stop, 16)
+    full = hb.trace(problem, "Omega", (0.9, 2.2), work=None)
+    little = hb.trace(problem, "Omega", (0.9, 2.2), work=0.0)
+    assert little.status.complete and "the bound work = 0 allows no more" in little.message
+    assert "the bound work" not in full.message
+    assert little.doubts and len(little.special) >= 1
+    sure = {p.kind: p.parameters["Omega"] for p in full.special}
+    for p in little.special:
+        assert (
+            p.kind not in sure or min(abs(p.parameters["Omega"] - q.parameters["Omega"]) for q in full.special) < 0.05
+        )
+    assert little.undecided.sum() >= full.undecided.sum()
+    known = ~little.undecided & ~np.isnan(little.multipliers).any(axis=1)
+    assert known.any()
+
+
+def test_the_work_is_counted_not_timed(stop):
+    problem = hb.HarmonicBalance(stop, 16)
+    one, other = (hb.trace(problem, "Omega", (0.9, 2.2), work=0.05) for _ in range(2))
+    assert one.message == other.message and np.array_equal(one.values, other.values)
+    assert [p.error for p in one.special] == [p.error for p in other.special]
+
+
+@pytest.mark.parametrize("work", [-1.0, math.nan])
+def test_a_bound_is_no_negative_number(stop, work):
+    with pytest.raises(ValueError, match="work"):
+        hb.trace(hb.HarmonicBalance(stop, 4), "Omega", (0.9, 2.2), work=work)
