@@ -17,18 +17,23 @@ matplotlib.use("Agg")
 def campaign():
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(Path(__file__).parents[2]))
-        import studies.random.campaign as module
+        import studies.random.collecting as module
 
         yield module
 
 
 @pytest.fixture(scope="module")
 def results(campaign):
-    return campaign.run(quick=True)
+    from studies.random.campaign import run
+
+    return run(quick=True)
 
 
 def test_machines_are_what_their_numbers_say(campaign):
-    for kind in campaign.KINDS:
+    from studies.random.machines import KINDS
+
+    assert len(KINDS) == 19
+    for kind in KINDS:
         one, again, other = (campaign.machine(kind, i) for i in (4, 4, 5))
         problems = [hb.HarmonicBalance(m.model, 4) for m in (one, again, other)]
         A, B, C = (problem.evaluate(np.ones(problem.size), Omega=1.0)[0] for problem in problems)
@@ -42,8 +47,20 @@ def test_quick_form(campaign, results, tmp_path):
     assert len(shot) == 8 and all(p.error < 1e-5 for p in shot)
     assert held.verdicts and not any(v.wrong for v in held.verdicts)
     assert held.jumps and all(j.right for j in held.jumps)
-    campaign.plot(results).savefig(tmp_path / "a.png")
-    assert "| spur pairs | 1 |" in campaign.report(results)
+    from studies.random.reporting import plot, report
+
+    plot(results).savefig(tmp_path / "a.png")
+    assert "| spur pairs | 1 |" in report(results)
+
+
+def test_figure_and_table_have_all_kinds(campaign, tmp_path):
+    from studies.random.machines import KINDS
+    from studies.random.reporting import TITLES, plot, report
+
+    ended = [campaign.Ended(f"{kind}:0", "reached_end", 100, 0.1, 2) for kind in KINDS]
+    results = campaign.Results(ended, [], 1.0)
+    plot(results).savefig(tmp_path / "a.png")
+    assert set(TITLES) == set(KINDS) and all(f"| {title} | 1 |" in report(results) for title in TITLES.values())
 
 
 def test_it_goes_on_where_it_stopped(campaign, tmp_path, monkeypatch):

@@ -37,14 +37,10 @@ def test_a_curve_with_little_work_is_the_same_curve_and_says_what_it_does_not_kn
     assert little.status.complete and "the bound work = 0 allows no more" in little.message
     assert "the bound work" not in full.message
     assert little.doubts and len(little.special) >= 1
-    sure = {p.kind: p.parameters["Omega"] for p in full.special}
     for p in little.special:
-        assert (
-            p.kind not in sure or min(abs(p.parameters["Omega"] - q.parameters["Omega"]) for q in full.special) < 0.05
-        )
+        assert min(abs(p.parameters["Omega"] - q.parameters["Omega"]) for q in full.special) < 0.05
     assert little.undecided.sum() >= full.undecided.sum()
-    known = ~little.undecided & ~np.isnan(little.multipliers).any(axis=1)
-    assert known.any()
+    assert not little.undecided.all()
 
 
 def test_the_work_is_counted_not_timed(stop):
