@@ -263,7 +263,7 @@ class Deciding(Protocol):
 
     def decided(
         self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
-        work: Work,
+        work: Work | None = None,
     ) -> None:  # fmt: skip
         """Make sure of the stability of solutions X (k, n) at values (k,) of the parameter name.
 
@@ -518,7 +518,7 @@ class FullProblem:
 
     def decided(
         self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
-        work: Work,
+        work: Work | None = None,
     ) -> None:  # fmt: skip
         """`Deciding.decided`: as sure as they are."""
 

@@ -655,7 +655,7 @@ class HarmonicBalance(FullProblem):
 
     def decided(
         self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
-        work: Work,
+        work: Work | None = None,
     ) -> None:  # fmt: skip
         """Verify the stability of motions: estimate the error of their multipliers, check signs, refine where in doubt.
 

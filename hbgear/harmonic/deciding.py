@@ -74,9 +74,10 @@ _UNRESOLVED = 0.5  # such a duration up to which the multipliers of the balance 
 
 def decide(
     problem: Any, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
-    work: Work,
+    work: Work | None = None,
 ) -> None:  # fmt: skip
     """See `HarmonicBalance.decided`."""
+    work = work or Work(math.inf)
     for one in seen:
         one["modulus_error"] = math.nan
     mu = np.array([one["multipliers"] for one in seen])
