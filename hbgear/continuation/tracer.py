@@ -177,6 +177,7 @@ def trace(
             branch = tracer.run()
         except _Sketch as sketch:
             full, anew = as_problem(full.finer), str(sketch)
+            bound = Work(bound.limit)  # what the rough curve took is no reason to leave the better one unfinished
             continue
         if not anew and not nowhere:
             return branch
@@ -402,8 +403,8 @@ class _Tracer:
             raise _Sketch(self.problem, f"an error of {relative[first]:.0%} at {self.name} = {u[first, -1]:.6g}")
 
     def _may_refine(self) -> bool:
-        """Whether there is work left to follow the curve with more unknowns."""
-        return self.work.allows(as_problem(self.problem.finer).size or 0, _CURVE)
+        """Whether the bound of the work allows to follow the curve with more unknowns."""
+        return self.work.affords(as_problem(self.problem.finer).size or 0, _CURVE)
 
     def _observed_alone(self, row: CurvePoint, problem: FullProblem) -> dict[str, Any]:
         try:

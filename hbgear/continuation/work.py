@@ -53,9 +53,19 @@ class Work:
 
     def allows(self, unknowns: int, solutions: int = 1) -> bool:
         """Count solutions with this many unknowns; False, and nothing is counted, if they would take too much."""
-        more = solutions * ((unknowns / LARGEST) ** 3 + _SMALL)
+        more = _weight(unknowns, solutions)
         if more > _SHARE * (self.limit - self.spent):
             self.refused += 1
             return False
         self.spent += more
         return True
+
+    def affords(self, unknowns: int, solutions: int = 1) -> bool:
+        """Whether solutions with this many unknowns would be allowed if nothing was spent; False is a refusal too."""
+        afforded = _weight(unknowns, solutions) <= _SHARE * self.limit
+        self.refused += not afforded
+        return afforded
+
+
+def _weight(unknowns: int, solutions: int) -> float:
+    return solutions * ((unknowns / LARGEST) ** 3 + _SMALL)

@@ -19,6 +19,11 @@ def test_no_solution_takes_more_than_half_of_what_is_left():
     assert work.limit - work.spent < 2 * 3.1e-3
 
 
+def test_a_curve_that_is_followed_again_has_the_whole_work():
+    work = Work(2.5, spent=2.4)
+    assert work.affords(700) and not work.affords(700, solutions=2) and work.refused == 1 and work.spent == 2.4
+
+
 def test_without_a_limit_everything_is_allowed():
     work = Work(math.inf)
     assert all(work.allows(10_000, solutions=50) for _ in range(100)) and not work.refused and not work.told
