@@ -270,7 +270,7 @@ class Deciding(Protocol):
         ``seen`` is what `Observed.observe` said of them, with two entries more: ``"determinant"`` is the sign of
         det(dR/dX), 0 if it is not known, and ``"contradicts"`` says whether a special point next to the solution
         contradicts its verdict. ``"multipliers"`` that are in doubt are replaced by better ones, and the error of the
-        largest modulus goes into ``"modulus_error"``. Solutions for which ``work`` allows no refinement keep their error.
+        largest modulus goes into ``"modulus_error"``. Solutions that ``work`` leaves unrefined keep their error.
         """
 
 
