@@ -203,7 +203,7 @@ def fit(
         if not math.isnan(found.mean_square):
             print(f"root mean square of the residuals: {math.sqrt(found.mean_square):.3g} deviations")
         for doubt in found.doubts:
-            print(f"doubt: {doubt}")
+            print(f"warning: {doubt}")
     end_of(found)
 
 

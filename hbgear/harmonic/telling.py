@@ -98,17 +98,17 @@ def jump_table(
 
 
 def trust(branch: Branch) -> list[str]:
-    """Lines that say whether a curve can be trusted; none if it was traced without errors."""
+    """Estimated relative errors of a curve, or its warnings; empty if it was traced without error estimates."""
     if branch.meta.get("trace", {}).get("accuracy") is None:
         return []
     if branch.doubts:
-        return [f"doubt: {doubt}" for doubt in branch.doubts]
+        return [f"warning: {doubt}" for doubt in branch.doubts]
     errors = [p.error / abs(p.parameters[branch.parameter]) for p in branch.special if p.parameters[branch.parameter]]
-    points = f"what is labelled to {np.nanmax(errors):.0e}, " if errors and not np.isnan(errors).all() else ""
-    verdicts = "" if branch.multipliers is None else ", stability sure at every point"
+    points = f"special points {np.nanmax(errors):.0e}, " if errors and not np.isnan(errors).all() else ""
+    verdicts = "" if branch.multipliers is None else "; stability determined at all points"
     known = branch.meta.get("stability")
     missing = [f"stability is {known}"] if isinstance(known, str) else []
-    return [f"to be trusted: {points}motions to {branch.relative_error:.0e}{verdicts}", *missing]
+    return [f"estimated relative error: {points}response {branch.relative_error:.0e}{verdicts}", *missing]
 
 
 def what_happens(branch: Branch, point: SpecialPoint) -> str:
