@@ -150,8 +150,8 @@ def _run(args: list[str]) -> int:
             raise KeyboardInterrupt
         return code
     except (ValueError, KeyError, OSError, hb.NoConvergence) as error:
-        unnamed = isinstance(error, OSError) and error.filename is None and not isinstance(error, CannotWrite)
-        if unnamed and _takes_nothing():
+        of_stream = isinstance(error, OSError) and error.errno is not None and error.filename is None
+        if of_stream and not isinstance(error, CannotWrite) and _takes_nothing():
             return _unprinted(getattr(error, "strerror", None))
         for problem in getattr(error, "problems", [error.args[0] if isinstance(error, KeyError) else error]):
             say("error", problem)
