@@ -75,7 +75,14 @@ def test_report_has_jumps_accuracy_and_validation(page, pair):
     text = page.read_text(encoding="utf-8")
     assert "<h1>A &lt;pair&gt; &amp; more</h1>" in text and len(text.encode()) < 6e6
     body = re.sub(r"<script>.*?</script>", "", text, flags=re.S)
-    for word in ("Jumps of a slow sweep", "LP1", "estimated relative error", "1 of 1 points agree", "mean load F_m", "11639"[:2]):
+    for word in (
+        "Jumps of a slow sweep",
+        "LP1",
+        "estimated relative error",
+        "1 of 1 points agree",
+        "mean load F_m",
+        "11639"[:2],
+    ):
         assert word in body
     assert "http://" not in body and "https://" not in body  # nothing to be fetched
 
