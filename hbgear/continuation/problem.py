@@ -26,6 +26,8 @@ speaks to `FullProblem` only, which answers for what is not offered.
 | `Refinable` | the same with more unknowns, which tells how accurate special points are | nothing is said of that |
 | `Deciding` | whether its verdicts on stability are sure, and better ones | they are sure |
 | `Receding` | what its equations become far out | curves are followed however far they go |
+| `Resolving` | equations as accurate as a first solution requires, in the same unknowns | they are accurate enough |
+| `Undetermined` | equations that choose one of several solutions where something is arbitrary | nothing is |
 | `Extended` | parameters among the unknowns; equations that refer to a point nearby | none |
 | `Finished` | what it says of a whole curve | nothing |
 | `Described` | model and settings, for files | nothing |
