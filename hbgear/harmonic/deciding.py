@@ -147,6 +147,7 @@ def _errors_of(
     -------
     The errors, and those of differences `_BETWEEN` times as large.
     """
+    rough = np.maximum(rough, np.finfo(float).eps)  # a motion without contact has no error
     largest = np.take_along_axis(mu, np.abs(mu).argmax(axis=1)[:, None], axis=1)
     moved = np.abs(np.diff(largest[:, 0].real + 1j * np.abs(largest[:, 0].imag)))
     ends = (moved > _ANOTHER) | np.any(regime[1:] != regime[:-1], axis=1)
@@ -195,8 +196,8 @@ def _refined(
 ) -> _Verdict:
     """The verdict of a refined motion; more : whether more harmonics may be tried.
 
-    Exact motions come first. Where a stiffness varies over the period they take a hundred times as long: they come
-    last there, and only of small structures.
+    Exact motions come first if all laws are piecewise linear with constant stiffness. Where a stiffness varies over the
+    period they take a hundred times as long: they come last there, and only of small structures. Other laws have none.
     """
     constant = _is_constant(problem, here)
     if constant:
@@ -214,8 +215,11 @@ _SMALL = 2  # coordinates of a structure up to which exact motions with varying 
 
 
 def _is_constant(problem: Any, here: Mapping[str, float]) -> bool:
-    """Whether the stiffness of no element varies over the period."""
-    return not any(spring.stiffness.varies for law in problem.compiled(dict(here)).laws for spring in law.piecewise)
+    """Whether all laws are piecewise linear, with stiffness that does not vary over the period."""
+    laws = problem.compiled(dict(here)).laws
+    return all(
+        law.piecewise is not None and not any(spring.stiffness.varies for spring in law.piecewise) for law in laws
+    )
 
 
 def _unresolved(problem: Any, X: Array, here: dict[str, float], periods: float) -> NDArray[np.bool_]:

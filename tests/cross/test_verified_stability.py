@@ -11,6 +11,7 @@ from hbgear.continuation.branch import verdict_codes
 from hbgear.continuation.consistency import stable_on_both_sides, unexplained_changes
 from hbgear.harmonic.multiplier_error import count_beyond, difference_of, estimate_multiplier_error, largest_shift
 from hbgear.harmonic.parity import Parity, half_integer_sign
+from hbgear.timedomain.integrate import state_of
 from studies.random.stops import Stop, compared
 
 
@@ -127,3 +128,33 @@ def test_contradictions_of_a_branch_are_doubts():
     codes = verdict_codes(curve.multipliers, curve.modulus_error)
     marks = {p.index: [p.kind] for p in curve.special}
     assert not unexplained_changes(codes, marks) and not stable_on_both_sides(codes, marks)
+
+
+def test_doubt_about_a_law_that_is_not_piecewise_linear_is_refined_with_more_harmonics():
+    """A cubic spring and a stop in one element: no exact motion; every row is contradicted, and so refined."""
+    law = hb.Parallel((hb.Cubic(0.0, 0.3), hb.Unilateral(2.0, 0.5)))
+    model = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [0.5]}))
+    curve = hb.trace(hb.HarmonicBalance(model, 5), "Omega", (0.5, 2.5), special=False)
+    assert curve.status.complete
+    problem, rows = curve.problem, range(0, len(curve), len(curve) // 5)
+    for point in (curve[i] for i in rows):
+        seen = problem.observe(point.X, True, **point.parameters) | {"determinant": 0, "contradicts": True}
+        rest = {name: value for name, value in point.parameters.items() if name != "Omega"}
+        problem.decided(point.X[None], "Omega", np.array([point.parameters["Omega"]]), [seen], rest)
+        shot = hb.shoot(model, point.parameters["Omega"], state_of(problem, point.X, **point.parameters))
+        assert np.abs(seen["multipliers"]).max() == pytest.approx(np.abs(shot.multipliers).max(), abs=1e-3)
+
+
+def test_multipliers_of_a_motion_without_contact_have_no_error_and_no_warning():
+    """A stop that is not reached: the motion is that of the linear oscillator, |mu| = exp(-zeta omega_0 T)."""
+    model = hb.System(
+        [[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Unilateral(2.0, 5.0))], hb.Load(cosine={1: [0.1]})
+    )
+    problem = hb.HarmonicBalance(model, 5)
+    X = problem.start(Omega=0.5)
+    seen = problem.observe(X, True, Omega=0.5) | {"determinant": 1, "contradicts": True}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        problem.decided(X[None], "Omega", np.array([0.5]), [seen], {})
+    assert seen["error"] == 0 and seen["modulus_error"] <= 1e-7
+    np.testing.assert_allclose(np.abs(seen["multipliers"]), np.exp(-0.05 * 2 * np.pi / 0.5), rtol=1e-9)
