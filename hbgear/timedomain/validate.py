@@ -86,6 +86,9 @@ _SOLVED = 1e-7  # residual, and distance of multipliers, of a motion that does s
 _AWAY = 0.02  # |mu - 1| of the points beside a fold: nearer, the motion at a given frequency is ill-conditioned
 
 
+_SINGULAR = 1e-3  # |mu - 1| of a located branch point, see `trace`: motions at its frequency are not isolated
+
+
 @dataclass(frozen=True)
 class Check:
     """One point of the curve as traced held against time integration; differences are relative, see the module.
@@ -421,7 +424,7 @@ def _worthwhile(branch: Branch, count: int) -> list[tuple[int, str]]:
             wanted += [(_inside(branch, point.index + side), f"beside {point.label}") for side in (-1, 1)]
     picked: dict[int, str] = {}
     # there the motion is singular, or neither stable nor unstable
-    taken = {p.index for p in branch.special if p.kind in ("LP", "BP", "CP", "PD", "NS")}
+    taken = {p.index for p in branch.special if p.kind in ("LP", "BP", "CP", "PD", "NS")} | _singular_ends(branch)
     for i, reason in wanted:
         if len(picked) < max(count - count // 4, 1) and i not in picked and i not in taken:
             picked[i] = reason
@@ -429,6 +432,13 @@ def _worthwhile(branch: Branch, count: int) -> list[tuple[int, str]]:
     while len(picked) < min(count, len(free)):
         picked[_farthest(branch, free, picked)] = "between"
     return sorted(picked.items())
+
+
+def _singular_ends(branch: Branch) -> set[int]:
+    """Numbers of the first and the last row if they are the special point at which the branch leaves another one."""
+    if branch.multipliers is None:
+        return set()
+    return {i for i in (0, len(branch) - 1) if np.abs(branch.multipliers[i] - 1).min(initial=np.inf) <= _SINGULAR}
 
 
 def _inside(branch: Branch, i: int) -> int:

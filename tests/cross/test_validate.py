@@ -68,6 +68,10 @@ def test_motions_of_two_periods():
     doubled = hb.switch(curve, "PD1", steps=hb.Steps(max_points=12))
     found = validate(doubled, 4, 1e-5)
     assert found.ok and doubled.layout.nu == 2
+    # the first row is the period doubling, where shooting is singular: it is checked only if it is asked for
+    assert np.abs(doubled.multipliers[0] - 1).min() < 1e-3 and len(found.rows) == 4
+    assert 0 not in {row.index for row in found.rows}
+    assert validate(doubled, [0], 1e-5).rows[0].sensitivity > 1e3
 
 
 # ---- what is wrong is found
