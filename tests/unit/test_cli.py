@@ -483,7 +483,10 @@ def test_the_map_and_the_critical_value_agree_in_every_digit(run):
     _, critical, _ = run("critical", "spur-pair", "zeta", "--set", "zeta=0.1", *span)
     found = re.search(r"vanishes at zeta = (\S+), Omega = (\S+)", map_)
     assert found and f"zeta = {found[1]}: a jump exists below" in critical
-    assert f"Omega = {found[2]}\n" in critical and found[1] == "0.1180068(7)"
+    assert f"Omega = {found[2]}\n" in critical
+    digits, units = re.fullmatch(r"(0\.1180068)\((\d)\)", found[1]).groups()
+    off = abs(float(digits) - 0.11800746)  # with 32 and with 64 harmonics
+    assert off <= int(units) * 1e-7 < 2 * off
 
 
 # ---- going on
