@@ -215,11 +215,9 @@ _SMALL = 2  # coordinates of a structure up to which exact motions with varying 
 
 
 def _is_constant(problem: Any, here: Mapping[str, float]) -> bool:
-    """Whether all laws are piecewise linear, with stiffness that does not vary over the period."""
-    laws = problem.compiled(dict(here)).laws
-    return all(
-        law.piecewise is not None and not any(spring.stiffness.varies for spring in law.piecewise) for law in laws
-    )
+    """Whether all laws are piecewise linear and the stiffness of none varies over the period."""
+    springs = [law.piecewise for law in problem.compiled(dict(here)).laws]
+    return not any(each is None or any(one.stiffness.varies for one in each) for each in springs)
 
 
 def _unresolved(problem: Any, X: Array, here: dict[str, float], periods: float) -> NDArray[np.bool_]:
