@@ -551,7 +551,8 @@ def _unstable(mu: ComplexArray) -> np.ndarray:
 
 def _doubled(mu: ComplexArray) -> Array:
     """det(Phi + 1), whose sign changes at period doublings, of sets (P, r)."""
-    determinant: Array = ((mu + 1) / np.maximum(np.abs(mu) / _VAST, 1.0)).prod(axis=1).real
+    scale = 1.0 / np.maximum(np.abs(mu) / _VAST, 1.0)  # as a factor: to divide a complex nan (not observed) warns
+    determinant: Array = ((mu + 1) * scale).prod(axis=1).real
     return determinant
 
 
