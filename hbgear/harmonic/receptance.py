@@ -34,7 +34,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.continuation.algebra import norm
+from hbgear.continuation.algebra import norm, norms
 from hbgear.harmonic.numbers import Linear, in_two
 from hbgear.mechanics.fourier import stretch, to_complex
 from hbgear.mechanics.model import System
@@ -72,7 +72,10 @@ _CLOSURES = (
 """Factors of the reference springs, disturbances, and singular values that count as zero, in the order of trial."""
 
 
-_FELT = 1e-5  # share of a free motion that an element measures and that is no rounding of it
+_FELT = 1e-5  # sum of the terms of an element's displacement over their sizes, above which they do not cancel
+
+
+_MEASURED = 1e-9  # displacement in a unit motion over its largest possible, below which it is rounding of the motion
 
 
 _ILL = 1e8  # condition of the eigenvectors above which receptances are solved for directly
@@ -247,12 +250,13 @@ class Structure:
         near : singular value of K, over the size of the terms that it is the sum of, that counts as zero.
         """
         s, W = self._scale, np.abs(self.W)
+        rounding = _MEASURED * norms(W.T * s)[:, None]
         terms = (np.abs(dense(system.K)) + (W * self.kr) @ W.T) * np.outer(s, s)
         least = near * float(terms.sum(axis=1).max())
         for K in (self.K,) if np.array_equal(self.K, self.K.T) else (self.K, self.K.T):
             self.free = s[:, None] * _null_space(K * np.outer(s, s), least)
             felt = np.abs(self.W.T @ self.free)
-            if (felt > _FELT * (W.T @ np.abs(self.free))).any():
+            if ((felt > _FELT * (W.T @ np.abs(self.free))) & (felt > rounding)).any():
                 return True
         return False
 

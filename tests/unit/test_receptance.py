@@ -222,8 +222,9 @@ def test_directions_that_depend_on_each_other(sampled):
 def test_dependent_directions_agree_with_integration():
     curve = trace(HarmonicBalance(between_three(), 24), "Omega", (0.9, 1.6))
     assert curve.status.complete and curve.residual.max() < 1e-10
-    e = [np.zeros(49), 0.03 * np.eye(49)[1], 0.05 * np.eye(49)[2]]
-    gaps = [curve.layout.rows(curve.X, j) + e[j] for j in range(3)]
+    rows = [curve.layout.rows(curve.X, j) for j in range(3)]
+    unit = np.eye(rows[0].shape[1])  # with as many harmonics as the curve needed
+    gaps = [rows[0], rows[1] + 0.03 * unit[1], rows[2] + 0.05 * unit[2]]
     np.testing.assert_allclose(gaps[2], gaps[0] - gaps[1], rtol=0, atol=1e-10)
     report = validate(curve, 4, landing="nearest")
     assert all(row.verdict == "agrees" for row in report.rows)
