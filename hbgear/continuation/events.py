@@ -256,7 +256,8 @@ class Turning(Event):
             except (NoConvergence, np.linalg.LinAlgError):
                 pass
         first = math.nan if segment.problem.cornered else turn_of(segment)  # at corners it turns anywhere
-        return [root(segment, self, lambda row: float(row.tangent[-1]), fine=1e-9, first=first)]
+        noisy = _NOISY if segment.problem.smooth else 1.0  # tangents of sampled forces jump across zero several times
+        return [root(segment, self, lambda row: float(row.tangent[-1]), fine=1e-9, first=first, noisy=noisy)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         return Fold(problem, parameter)
@@ -433,14 +434,18 @@ def lengths(rows: Sequence[CurvePoint], scale: Array) -> Array:
 _AT_THE_END = 1e-6  # how far beyond the ends of its arc a point may come to lie: farther, it belongs to another arc
 
 
+_NOISY = 1e-6  # distance from a root, as a share of the chord, within which values may be noise
+
+
 def root(
     segment: Segment, event: Event, test: Callable[[CurvePoint], float], note: str = "", fine: float = 1e-13,
-    first: float = math.nan,
+    first: float = math.nan, noisy: float = _NOISY,
 ) -> Found:  # fmt: skip
     """Bracketed root of a test function along the segment; where correction fails, the nearer end, not located.
 
     fine : share of the chord to which it is located; at a turning point an error there enters the parameter squared.
     first : where on the chord to look first, if something is known of it.
+    noisy : distance from the root, as a share of the chord, within which values may be noise: the least is taken.
     """
     rows: dict[float, CurvePoint] = {0.0: segment.a, 1.0: segment.b}
     values: dict[float, float] = {}
@@ -465,18 +470,13 @@ def root(
 
     try:
         place = bracketed_root(beside, 0.0, 1.0, fine, first)
-        near = [
-            x for x in values if abs(x - place) <= _NOISY
-        ]  # a function that grows along the segment is less at an end
+        near = [x for x in values if abs(x - place) <= noisy]  # a function that grows along it is less at an end
         s = min(near, key=lambda x: abs(values[x]))  # near a singular point the last of them may be noise
         return Found(event, s, rows[s], True, note)
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         f0, f1 = abs(test(segment.a)), abs(test(segment.b))
         s = 0.0 if f0 < f1 else 1.0
         return Found(event, s, rows[s], False, note)
-
-
-_NOISY = 1e-6  # distance from a root, along the arc, within which values may be noise
 
 
 _BESIDE = 1e-5  # distance along the arc at which the two sides of a singular point are looked at

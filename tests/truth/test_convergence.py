@@ -8,7 +8,8 @@ from hbgear.continuation.newton import solve
 
 
 def folds(model, H, span, **settings):
-    curve = trace(HarmonicBalance(model, H, **settings), "Omega", span, stability=False)
+    """Folds of the equations with H harmonics themselves, not located with more."""
+    curve = trace(HarmonicBalance(model, H, **settings), "Omega", span, stability=False, accuracy=None)
     return np.array([p.parameters["Omega"] for p in curve.special if p.kind == "LP"])
 
 
