@@ -284,20 +284,51 @@ class Compiled:
         rows = np.zeros((len(X), self.m, 4 * self.H + 1))
         rows[..., : 2 * self.H + 1] = X.reshape(len(X), self.m, -1)
         out = rows.reshape(len(X), -1)
-        if self.structure.modal:
+        if self._unstated.size:
+            rows[..., places(left)] = self._driven(Omega, f, self._stiffness_beyond(X))
+        elif self.structure.modal:
             driven(self.numbers.linear, Omega, f, out)
         else:
             rows[..., places(left)] = self._driven(Omega, f)
         return out
 
-    def _driven(self, Omega: Array, f: ComplexArray) -> Array:
-        """What `driven` adds, (P, m, 2L), where receptances are solved for directly."""
+    @cached_property
+    def _unstated(self) -> np.ndarray:
+        """Numbers of the elements whose laws state no reference: their reference springs are no estimate of them."""
+        return np.flatnonzero([law.reference == 0 for law in self.laws])
+
+    def _stiffness_beyond(self, X: Array) -> Array:
+        """Mean stiffness (P, m) of laws along motions X (P, n) less that of their reference springs, where unstated."""
+        basis, out = self.numbers.basis, np.zeros((len(X), self.m))
+        N = basis.shape[1]
+        tau = np.tile(2 * np.pi * (self.nu * np.arange(N) % N) / N, len(X))
+        still = np.zeros(len(tau))
+        d = X.reshape(len(X), self.m, -1) @ basis
+        grid = self.numbers.corners.grid
+        d[..., : grid.shape[2]] += grid[0]
+        for j in self._unstated.tolist():
+            slope = self.laws[j].force(d[:, j].ravel(), still, tau)[1]
+            out[:, j] = np.mean(np.reshape(slope, (-1, N)), axis=1) - self.structure.kr[j]
+        return out
+
+    def _driven(self, Omega: Array, f: ComplexArray, beyond: Array | None = None) -> Array:
+        """What `driven` adds, (P, m, 2L), also where receptances are solved for directly or stiffness is added.
+
+        beyond (P, m) : stiffness of the elements less that of their reference springs, none by default.
+        """
         ratio = self.numbers.linear.left / self.nu
         G = np.zeros((len(Omega), len(ratio), self.m, self.m), dtype=complex)
+        modes = self.structure.modes if self.structure.modal else None
         for i, w in enumerate(Omega.tolist()):
+            if modes is not None:
+                G[i] = (modes.output / (1j * w * ratio[:, None, None] - modes.poles)) @ modes.input
+                continue
             known = w * ratio <= self.structure.highest
             G[i, known] = self.structure.receptances(w, ratio[known])[0] if known.any() else 0.0
-        delta = (G @ f.transpose(0, 2, 1)[..., None])[..., 0].transpose(0, 2, 1)
+        delta = G @ f.transpose(0, 2, 1)[..., None]
+        if beyond is not None:
+            delta = np.linalg.solve(np.eye(self.m) + G * beyond[:, None, None, :], delta)
+        delta = delta[..., 0].transpose(0, 2, 1)
         return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
 
     def left_out(self, processed: Array) -> Array:

@@ -171,6 +171,7 @@ class Structure:
     Parameters
     ----------
     system : `System`.
+    springs : reference stiffness (m,) of the elements, by default that of `references`.
 
     Attributes
     ----------
@@ -191,13 +192,13 @@ class Structure:
     highest: float = np.inf
     """The highest frequency at which receptances are known."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System, springs: Array | None = None) -> None:
         if not np.isfinite(self.highest):
             system.check_matrices()
         self.system = system
         self.n, self.m = system.n, len(system.elements)
         self.W = system.W
-        self.kr = references(system)
+        self.kr = references(system) if springs is None else springs
         self.c = np.array([e.damping for e in system.elements])
         self.own, self.joint, self.ties = _ties_of(self.W, self.kr)
         self.free = self.free_left = np.zeros((self.n, 0))

@@ -25,8 +25,15 @@ _SOLVED = 1e-6  # residual of a static solution, relative to the load, above whi
 _NEGATIVE = 2.0  # times its size, for a structure of negative stiffness: K + k must not be singular
 
 
-def references(system: System) -> Array:
+def references(system: System, share: float = 1.0) -> Array:
     """Reference stiffness (m,) of the elements of a system [force / length], none negative.
+
+    Parameters
+    ----------
+    system : System
+        The system.
+    share : float, optional
+        Share of the stiffness of the structure that elements get whose laws state none; 1 by default.
 
     Examples
     --------
@@ -38,14 +45,14 @@ def references(system: System) -> Array:
     stated = np.array([abs(element.law.reference) for element in system.elements])
     unknown = np.flatnonzero(stated == 0)
     if unknown.size:
-        stated[unknown] = _structural(system, stated, unknown)
+        stated[unknown] = _structural(system, stated, unknown, share)
         for j in np.flatnonzero(stated == 0):
             stated[j] = _carrying(system, int(j))
     return stated
 
 
-def _structural(system: System, stated: Array, unknown: np.ndarray) -> Array:
-    """Static stiffness of the structure with the known springs closed, along elements; 0 where nothing holds them."""
+def _structural(system: System, stated: Array, unknown: np.ndarray, share: float) -> Array:
+    """Share of the static stiffness of the structure with the known springs closed; 0 where nothing holds elements."""
     if isinstance(system.K, np.ndarray):
         K: Any = system.K + (system.W * stated) @ system.W.T
     else:
@@ -56,7 +63,7 @@ def _structural(system: System, stated: Array, unknown: np.ndarray) -> Array:
         x = _solved(K, w)
         compliance = 0.0 if x is None else float(w @ x)
         if compliance:
-            found[i] = 1 / compliance if compliance > 0 else -_NEGATIVE / compliance
+            found[i] = share / compliance if compliance > 0 else -_NEGATIVE / compliance
     return found
 
 

@@ -40,6 +40,9 @@ from hbgear.timedomain.segments import FINE, Integers, piece_at
 from hbgear.timedomain.steptables import Steps, dense, packed
 
 
+_WEAK = 0.01  # share of the structure's stiffness by which smooth laws are closed: p - kr d is what steps approximate
+
+
 def modal_state(structure: Structure, y: Array) -> ComplexArray:
     """z (..., r) of states y (..., 2n): z = left (C q + M q') + poles left M q; free motions drop out."""
     modes = _modes(structure)
@@ -165,7 +168,7 @@ class Stepper:
         self._spinning, models = _at_speeds(models, Omega)
         unique = list(dict.fromkeys(map(id, models)))
         self.systems = [next(m for m in models if id(m) == key).system() for key in unique]
-        self.structures = [Structure(system) for system in self.systems]
+        self.structures = [Structure(system, references(system, _WEAK)) for system in self.systems]
         sizes = {(st.n, st.m, len(_modes(st).poles), len(st.system.elements)) for st in self.structures}
         if len(sizes) > 1:
             raise ValueError("the models must have the same number of coordinates, elements and modes")
