@@ -72,7 +72,8 @@ def _check_held(system: System, springs: Array) -> None:
     held = K + (W * np.where(soft, 0.0, springs)) @ W.T
     free = s[:, None] * scipy.linalg.null_space(held * np.outer(s, s), rcond=_FREE)
     felt = np.abs(W.T @ free)
-    measured = (felt > _FELT * (np.abs(W).T @ np.abs(free))) & soft[:, None]
+    rounding = _MEASURED * np.linalg.norm(W.T * s, axis=1)[:, None]
+    measured = (felt > _FELT * (np.abs(W).T @ np.abs(free))) & (felt > rounding) & soft[:, None]
     if measured.any():
         j, r = np.unravel_index(int(np.argmax(measured)), measured.shape)
         motion = free[:, r] / free[np.argmax(np.abs(free[:, r])), r]
@@ -88,6 +89,9 @@ _FREE = 1e-12  # stiffness over mass, relative to the largest, that is none
 
 
 _FELT = 1e-5  # share of a free motion that an element measures and that is no rounding of it
+
+
+_MEASURED = 1e-9  # displacement in a unit motion over its largest possible, below which it is rounding of the motion
 
 
 def _is_stiff(law: Law) -> bool:

@@ -39,7 +39,6 @@ from hbgear.timedomain.lawtable import LawTable
 from hbgear.timedomain.segments import FINE, Integers, piece_at
 from hbgear.timedomain.steptables import Steps, dense, packed
 
-
 _WEAK = 0.01  # share of the structure's stiffness by which smooth laws are closed: p - kr d is what steps approximate
 
 

@@ -132,3 +132,26 @@ def test_the_error_of_steep_friction_is_stated(H):
 def test_smooth_laws_keep_their_samples():
     curve = hb.trace(problem(law_of(lambda d, v, tau: (d**3, 3 * d**2, 0 * d))), "Omega", (0.8, 0.9))
     assert curve.problem.N == 64
+
+
+class Dashpot(hb.Law):
+    """Saturated damping, without stiffness."""
+
+    def force(self, d, v, tau):
+        return 0.1 * np.tanh(v), np.zeros_like(d), 0.1 / np.cosh(v) ** 2
+
+
+def test_a_free_rotation_is_felt_by_its_rounding_alone():
+    """Both elements bear on y; the rotation of both wheels does not move it but for 1e-16."""
+    mesh = np.array([0.34289781, 0.93937271, 1.0, 1.0, 0.0])
+    K = np.diag([0.5, 0.5, 0.0, 0.0, 1.25])
+    K[1, 4] = K[4, 1] = -0.5
+    elements = [
+        hb.Element(mesh, hb.Backlash(b=0.1, k=1.0), damping=0.1, name="mesh"),
+        hb.Element([0.0, 1.0, 0.0, 0.0, -1.0], Dashpot(), name="dashpot"),
+    ]
+    C = 0.02 * np.diag([1.0, 1.0, 0.0, 0.0, 1.0])
+    load = hb.Load([0.0, 0.0, 0.1, 0.1, 0.0], {1: [0.0, 0.0, 0.01, 0.0, 0.0]})
+    system = hb.System(np.diag([2.0, 2.0, 0.7, 1.9, 3.0]), C, K, elements, load)
+    free = hb.HarmonicBalance(system, 3).compiled({}).structure.free
+    np.testing.assert_allclose(free[:, 0] / free[2, 0], [0.0, 0.0, 1.0, -1.0, 0.0], rtol=0, atol=1e-12)
