@@ -366,6 +366,14 @@ class Watch:
         self.passing = tuple(event for event in events if not event.terminal)
         self.problem, self.name, self.fixed = problem, name, fixed
 
+    @property
+    def searched(self) -> tuple[Event, ...]:
+        """Events that are looked for where they show at no row; not folds of sampled corners.
+
+        Their tangents jump, so that next to each fold the curve turns any number of times.
+        """
+        return tuple(e for e in self.passing if self.problem.smooth or not isinstance(e, Turning))
+
     def suspects(self, rows: Sequence[CurvePoint]) -> list[int]:
         """Numbers i of the pieces from rows[i] to rows[i + 1] on which `find` finds something."""
         some = np.zeros(len(rows) - 1, dtype=bool)
@@ -391,7 +399,7 @@ class Watch:
     def touching(self, rows: Sequence[CurvePoint], scale: Array) -> dict[int, list[tuple[Event, float]]]:
         """Pieces between rows on which an event may happen twice; which event, and the place s on each."""
         found: dict[int, list[tuple[Event, float]]] = {}
-        for event in self.passing:
+        for event in self.searched:
             for piece, s in event.close(rows, self.values(event, rows), scale):
                 found.setdefault(piece, []).append((event, s))
         return found

@@ -109,7 +109,7 @@ class Path:
             return found
         pieces = [piece for piece, _ in self.places]
         ends = {piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind in ENDS}
-        for event in watch.passing:
+        for event in watch.searched:
             changes = watch.changes(event, self.rows)
             held = [k for k, kind in self.holds.items() if kind == event.kind]
             known = np.flatnonzero(watch.changes(event, rows)).tolist()
