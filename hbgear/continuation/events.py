@@ -256,8 +256,7 @@ class Turning(Event):
             except (NoConvergence, np.linalg.LinAlgError):
                 pass
         first = math.nan if segment.problem.cornered else turn_of(segment)  # at corners it turns anywhere
-        noisy = _NOISY if segment.problem.smooth else 1.0  # tangents of sampled forces jump across zero several times
-        return [root(segment, self, lambda row: float(row.tangent[-1]), fine=1e-9, first=first, noisy=noisy)]
+        return [root(segment, self, lambda row: float(row.tangent[-1]), fine=1e-9, first=first)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> Augmented | None:
         return Fold(problem, parameter)
@@ -447,13 +446,12 @@ _NOISY = 1e-6  # distance from a root, as a share of the chord, within which val
 
 def root(
     segment: Segment, event: Event, test: Callable[[CurvePoint], float], note: str = "", fine: float = 1e-13,
-    first: float = math.nan, noisy: float = _NOISY,
+    first: float = math.nan,
 ) -> Found:  # fmt: skip
     """Bracketed root of a test function along the segment; where correction fails, the nearer end, not located.
 
     fine : share of the chord to which it is located; at a turning point an error there enters the parameter squared.
     first : where on the chord to look first, if something is known of it.
-    noisy : distance from the root, as a share of the chord, within which values may be noise: the least is taken.
     """
     rows: dict[float, CurvePoint] = {0.0: segment.a, 1.0: segment.b}
     values: dict[float, float] = {}
@@ -478,7 +476,7 @@ def root(
 
     try:
         place = bracketed_root(beside, 0.0, 1.0, fine, first)
-        near = [x for x in values if abs(x - place) <= noisy]  # a function that grows along it is less at an end
+        near = [x for x in values if abs(x - place) <= _NOISY]  # a function that grows along it is less at an end
         s = min(near, key=lambda x: abs(values[x]))  # near a singular point the last of them may be noise
         return Found(event, s, rows[s], True, note)
     except (NoConvergence, np.linalg.LinAlgError, ValueError):

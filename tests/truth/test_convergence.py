@@ -58,6 +58,14 @@ def test_folds_of_a_sampled_law_converge_with_the_square_of_the_samples():
     assert slope(N, errors.max(axis=1)) == pytest.approx(-2.0, abs=0.6)
 
 
+@pytest.mark.parametrize("samples", [512, 1024, 4096])
+def test_a_sampled_law_has_no_folds_of_its_own(samples):
+    """Tangents of sampled corners jump, so that the curve turns several times next to a fold: that is one fold."""
+    exact = folds(SpurPair(zeta=0.03), 10, (1.5, 0.6))
+    found = folds(SpurPair(zeta=0.03), 10, (1.5, 0.6), samples=samples, sampled=True)
+    np.testing.assert_allclose(found, exact, rtol=0, atol=100.0 / samples**2)
+
+
 # ---- multipliers
 
 
