@@ -95,15 +95,17 @@ def assessed(arc: Segment, found: Found, accuracy: float, work: Work | None = No
         return found
     work = work or Work(math.inf)
     unit = arc.problem.unit_of(arc.name, found.row.value)
-    goal, problem, missed = accuracy * unit, arc.problem, 0
+    goal, problem, missed, error = accuracy * unit, arc.problem, 0, math.inf
     while True:
         moved: list[tuple[FullProblem, Moved]] = []
-        error = _error(arc, found, problem, goal, moved, work)
+        if not _may_compare(problem, problem is arc.problem, work):
+            break
+        error = _error(arc, found, problem, goal, moved)
         finer = None if problem.finer is None else as_problem(problem.finer)
-        deviation = _deviation(arc, found)
-        if (error <= goal and deviation <= _CRITICAL) or finer is None:
+        if (error <= goal and _deviation(arc, found) <= _CRITICAL) or finer is None:
             break
         if not work.allows(finer.size or 0, _SEARCH):
+            error = _error(arc, found, problem, math.inf, [])
             break
         known = next((there for other, there in moved if other is finer), None)
         sharp = (known or _moved(arc, found, finer)).sharp()
@@ -134,11 +136,22 @@ def _deviation(arc: Segment, found: Found) -> float:
     return 0.0 if np.isnan(multipliers).any() else found.event.deviation(multipliers)
 
 
+def _may_compare(problem: FullProblem, first: bool, work: Work) -> bool:
+    """Whether the bound of the work allows all comparisons of a problem: one difference alone is no estimate.
+
+    first : whether they are the first estimate of a point, which has a bound of its own. Later ones only improve it: a
+    point located with more unknowns has no larger error than the one with fewer.
+    """
+    sizes = [other.size or 0 for other, _ in problem.comparisons]
+    return work.estimates(max(sizes), _COMPARED) if first else work.allows(max(sizes), _COMPARED)
+
+
 def _error(
-    arc: Segment, found: Found, problem: FullProblem, goal: float, moved: list[tuple[FullProblem, Moved]], work: Work
+    arc: Segment, found: Found, problem: FullProblem, goal: float, moved: list[tuple[FullProblem, Moved]]
 ) -> float:
     """The error of a point located with the unknowns of a problem; some larger number than the goal, if it is larger.
 
+    An infinite goal: the whole error.
     moved : filled with what was located, each with its problem.
     """
     own = (found.sharp.problem if found.sharp else arc.problem) is problem
@@ -146,8 +159,6 @@ def _error(
         return math.inf
     value, errors = found.value, []
     for other, weight in problem.comparisons:
-        if not work.allows(other.size or 0, _NEWTON):
-            continue
         there = _moved(arc, found, other)
         moved.append((other, there))
         errors.append(weight * abs(there.value - value))
@@ -157,7 +168,7 @@ def _error(
     return max(known, default=math.inf)
 
 
-_NEWTON = 2  # solutions that take as long as a point by its equations
+_COMPARED = 3  # solutions with 2 n unknowns that take as long as a point by its equations with 3/2 n and 2 n
 
 
 _SEARCH = 4  # solutions that take as long as a point that is located to all digits

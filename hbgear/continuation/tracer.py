@@ -120,7 +120,8 @@ def trace(
         None for the curve and the points of the problem's own equations, without errors.
     work : bound of the work for errors, accurate special points and verdicts in doubt, in solutions with 700 unknowns;
         one with n counts (n / 700)^3. Where it is reached, special points keep the errors that they have, rows in doubt
-        are undecided, and the message says so. None for no bound.
+        are undecided, and the message says so. First estimates of errors have a second bound of the same size. None
+        for no bound.
 
     Returns
     -------

@@ -4,8 +4,9 @@
 
 n_i is the number of unknowns of a solution, c_i the number of solutions that take as long. Dense factorisations take
 n^3 operations, so the sum is proportional to the time, but it is counted: results do not depend on the processor, or on
-its load. No solution takes more than half of what is left, so that less remains for large ones first, and every special
-point has at least an error, which a solution with twice the unknowns estimates.
+its load. No solution takes more than half of what is left, so that less remains for large ones first. The first
+estimate of the error of a special point is no part of this sum: for all of them together there is a second sum with the
+same limit, which only problems with many unknowns reach. Without an estimate a point is worth nothing.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ _SMALL = 2e-3  # of a solution with few unknowns, whose time is that of Python
 
 _SHARE = 0.5  # of what is left, that one solution may take
 
-USUAL = 2.5
-"""Limit by default: some seconds."""
+USUAL = 25.0
+"""Limit by default: half a minute at most."""
 
 
 @dataclass
@@ -33,12 +34,15 @@ class Work:
         Largest sum, in solutions with 700 unknowns.
     spent : float, optional
         The sum so far.
+    estimated : float, optional
+        The sum so far of first estimates.
     refused : int, optional
         Number of solutions that were refused.
     """
 
     limit: float
     spent: float = 0.0
+    estimated: float = 0.0
     refused: int = 0
 
     @property
@@ -58,6 +62,22 @@ class Work:
             self.refused += 1
             return False
         self.spent += more
+        return True
+
+    def estimates(self, unknowns: int, solutions: int = 1) -> bool:
+        """As `allows`, for the first estimate of an error, from the second sum, of which one may take all that is left.
+
+        Examples
+        --------
+        >>> work = Work(1.0, spent=1.0)
+        >>> work.allows(70), work.estimates(70), work.estimates(700)
+        (False, True, False)
+        """
+        more = _weight(unknowns, solutions)
+        if more > self.limit - self.estimated:
+            self.refused += 1
+            return False
+        self.estimated += more
         return True
 
     def affords(self, unknowns: int, solutions: int = 1) -> bool:

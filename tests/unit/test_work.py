@@ -19,6 +19,12 @@ def test_no_solution_takes_more_than_half_of_what_is_left():
     assert work.limit - work.spent < 2 * 3.1e-3
 
 
+def test_first_estimates_have_a_sum_of_their_own():
+    work = Work(2.5, spent=2.5)
+    assert not work.allows(70) and work.estimates(700, solutions=2) and not work.estimates(700)
+    assert work.spent == 2.5 and work.estimated == pytest.approx(2 + 4e-3) and work.refused == 2
+
+
 def test_a_curve_that_is_followed_again_has_the_whole_work():
     work = Work(2.5, spent=2.4)
     assert work.affords(700) and not work.affords(700, solutions=2) and work.refused == 1 and work.spent == 2.4
@@ -46,6 +52,18 @@ def test_a_curve_with_little_work_is_the_same_curve_and_says_what_it_does_not_kn
         assert min(abs(p.parameters["Omega"] - q.parameters["Omega"]) for q in full.special) < 0.05
     assert little.undecided.sum() >= full.undecided.sum()
     assert not little.undecided.all()
+
+
+@pytest.mark.parametrize("work", [0.04, 0.06, 0.08, 0.1])
+def test_where_the_work_ends_every_point_keeps_the_error_that_it_has(stop, work):
+    """The first estimates, and those of points that were located with more harmonics but not compared again."""
+    problem = hb.HarmonicBalance(stop, 8)
+    true = hb.trace(hb.HarmonicBalance(stop, 128), "Omega", (0.9, 2.2), cover=False)
+    little = hb.trace(problem, "Omega", (0.9, 2.2), accuracy=1e-9, work=work, cover=False)
+    assert "the bound work" in little.message and max(p.error for p in little.special) > 1e-9
+    for p in little.special:
+        off = min(abs(p.parameters["Omega"] - q.parameters["Omega"]) for q in true.special if q.kind == p.kind)
+        assert off < 3 * p.error + 1e-9 < 3e-2
 
 
 def test_the_work_is_counted_not_timed(stop):
