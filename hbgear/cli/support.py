@@ -15,15 +15,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
-from hbgear.common.command import IS_COMMAND
 from hbgear.common.messages import shortened
 from hbgear.common.progress import Progress, ProgressCallback
-from hbgear.common.threads import processors
 from hbgear.continuation.branch import LANDINGS
 from hbgear.continuation.passing import passings
 from hbgear.harmonic import catalogue
@@ -435,50 +432,7 @@ def end_of(result: Any, *parts: Any) -> None:
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
     """A curve, traced with a progress bar."""
     with bar(parameter) as progress:
-        _compile()
         return hb.trace(problem, parameter, span, progress=progress, **options)
-
-
-def _compile() -> None:
-    """If nothing is compiled yet, compile what curves need: this process one half of it, one beside it the other."""
-    from hbgear.common.compiling import nothing_compiled
-
-    if not IS_COMMAND or processors() < 2 or not nothing_compiled():
-        return
-    from hbgear.design.workers import beside
-
-    with beside(_observed) as other:
-        _followed()
-        other.join()
-
-
-def _followed() -> None:
-    """Ask what leads from point to point, whatever it leads to: kernels are the same for all models."""
-    from hbgear.continuation.algebra import solve_signed
-    from hbgear.continuation.segment import CurvePoint
-    from hbgear.continuation.stride import Strider
-
-    problem = hb.HarmonicBalance(hb.SpurPair(), 8)
-    X, along = np.ones(problem.size), np.eye(problem.size + 1)[-1]
-    problem.linearise(X, "Omega", Omega=0.8)
-    problem.curvature(X, X, "Omega", Omega=0.8)
-    solve_signed(np.eye(2), np.eye(2))
-    strider = Strider(problem, "Omega", {}, (0.7, 0.9), hb.StepControl(), hb.Settings())
-    strider.stride([CurvePoint(np.append(X, 0.8), along, 1, 0.0, 0)], np.ones(len(along)), 1.0, 0.01, 1)
-
-
-def _observed() -> None:
-    """Ask what is asked of every point, and for where special ones are."""
-    from hbgear.continuation.problem import FOLD
-    from hbgear.harmonic.floquet import multipliers_of
-
-    problem = hb.HarmonicBalance(hb.SpurPair(), 8)
-    motion, Omega, n = np.ones((1, problem.size)), np.array([0.8]), problem.size + 1
-    multipliers_of(problem.compiled({}), motion, Omega)
-    problem.observe_many(motion, "Omega", Omega)
-    locate = problem.locating("Omega", {}, FOLD)
-    assert locate is not None
-    locate(np.append(motion, Omega), 1, 1.0, 0, np.empty(n), np.empty((n, n)))
 
 
 # ---- output

@@ -1,10 +1,16 @@
 """Kernels: functions in plain loops over numbers and arrays, compiled by Numba when they are first called.
 
-What is compiled is kept in the user's cache folder (or below NUMBA_CACHE_DIR) and loaded by later processes. It stands
-in a folder of its own for every state of their sources, for a kernel holds the code of those it calls, whichever file
-they stand in. Without Numba the same functions run as they are written, some hundred times slower.
+A kernel that Python calls is compiled with all kernels that it calls, as one unit: their results do not depend on
+which of them were compiled before. Products and sums are not fused and sums keep their order (IEEE 754), so that
+results do not depend on how the compiler arranges the code either, nor on whether it was compiled in this process.
 
-A module of kernels imports Numba, and is therefore imported inside of the functions that need it.
+The machine code of every such unit is stored in one file with a checksum, in the cache folder of the user or in
+NUMBA_CACHE_DIR, and loaded by later processes. The folder is named by a hash of the sources of all kernels, the
+versions of Python, Numba and LLVM, and the processor. A damaged file is a cache miss; a folder that cannot be written
+is read. Numba reads and writes its own files in a temporary folder of the process.
+
+Without Numba the same functions run as they are written, some hundred times slower. A module of kernels imports Numba
+when it calls the first of them, and is therefore imported inside of the functions that need it.
 
 References
 ----------
@@ -14,89 +20,168 @@ Lam, Pitrou & Seibert (2015), LLVM-HPC, https://doi.org/10.1145/2833157.2833162.
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import logging
 import os
+import platform
 import re
 import shutil
+import tempfile
 import threading
 import time
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
+from hbgear.common.checksums import DamagedFile, read_parts, write_parts
 from hbgear.common.signals import held
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _LOG = logging.getLogger("hbgear")
+_COMPILING = threading.RLock()
+_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
 def kernel(function: Function) -> Function:
-    """The function compiled: no bounds are checked, division by zero gives inf or nan, and threads may run it at once.
+    """Compile a function: no bounds are checked, division by zero gives inf or nan, and threads may run it at once."""
+    return cast(Function, Kernel(function, inline=False))
 
-    Fused products and sums may be used; the order of sums is kept, so that results differ between processors in the
-    last digits only.
+
+def inlined(function: Function) -> Function:
+    """A kernel that becomes a part of the source of the kernel that calls it.
+
+    Every kernel is compiled once for itself and once more in each that calls it, with all that it calls. A large
+    kernel that is called at one or two places takes less time to compile in this way.
     """
-    return _compiled(function, counted=True)
+    return cast(Function, Kernel(function, inline=True))
 
 
-def bare(function: Function) -> Function:
-    """A kernel that makes no array and calls none that returns one, for what is called with many arrays from Python.
+class Kernel:
+    """A function and what Numba makes of it: an entry that Python calls, and a part of other kernels."""
 
-    References to arrays are not counted in it, nor in the kernels that it calls to those it was given: in short loops
-    that took half of the time. An array that another kernel returned to it would never be thrown away.
-    """
-    return _compiled(function, counted=False)
+    def __init__(self, function: Callable[..., Any], inline: bool) -> None:
+        functools.update_wrapper(self, function)
+        self.function = cast(FunctionType, function)
+        self._inline, self._known = inline, set[tuple[type, ...]]()
+        self._call: Callable[..., Any] = function
+
+    def __call__(self, *args: Any) -> Any:
+        """Call the entry; compile or load it before, if there is none for arguments of these classes."""
+        if tuple(map(type, args)) not in self._known:
+            self._prepare(args)
+        return self._call(*args)
+
+    @property
+    def signatures(self) -> list[Any]:
+        """Types of arguments for which there is an entry in this process."""
+        return list(getattr(self._call, "signatures", []))
+
+    @cached_property
+    def part(self) -> Any:
+        """What other kernels call; without code for calls from Python."""
+        options = _OPTIONS | ({"inline": "always"} if self._inline else {})
+        return _numba().njit(no_cpython_wrapper=True, **options)(self._linked(self.function.__code__))
+
+    def _linked(self, code: Any) -> FunctionType:
+        """The function with parts in the place of the kernels that it calls."""
+        known = self.function.__globals__
+        parts = {name: known[name].part for name in code.co_names if isinstance(known.get(name), Kernel)}
+        linked = FunctionType(code, known | parts, self.function.__name__, self.function.__defaults__)
+        linked.__module__, linked.__qualname__ = self.function.__module__, self.function.__qualname__
+        return linked
+
+    def _prepare(self, args: tuple[Any, ...]) -> None:
+        """Compile or load the entry for arguments of some types; Ctrl-C and SIGTERM wait until it is done."""
+        with _COMPILING, held():
+            numba = _numba()
+            if numba is not None:
+                if self._call is self.function:
+                    self._call = self._entry()
+                self._compile(tuple(numba.typeof(argument) for argument in args))
+            self._known.add(tuple(map(type, args)))
+
+    def _entry(self) -> Any:
+        """What Numba makes of the function for calls from Python; it caches in a temporary folder if there is one."""
+        source = Path(self.function.__code__.co_filename)
+        code, options = self.function.__code__, _OPTIONS
+        try:
+            copy = Path(tempfile.mkdtemp(dir=_folder())) / source.name
+            shutil.copyfile(source, copy)
+            os.utime(copy, (0.0, 0.0))  # the same in every process: Numba compares it
+            code, options = code.replace(co_filename=str(copy)), _OPTIONS | {"cache": True}
+        except OSError as error:
+            _warn_once(_NOT_KEPT, f"no temporary folder: {error}")
+        return _numba().njit(**options)(self._linked(code))
+
+    def _compile(self, signature: tuple[Any, ...]) -> None:
+        """Load the code of the entry if it is stored, else compile and store it."""
+        entry: Any = self._call
+        folder = entry.stats.cache_path
+        if folder is None:
+            entry.compile(signature)
+            return
+        place, kept = Path(folder), _store() / f"{self.function.__module__}.{self.function.__name__}"
+        try:
+            _put(place, _read(kept))
+            misses = sum(entry.stats.cache_misses.values())
+            entry.compile(signature)
+            if sum(entry.stats.cache_misses.values()) > misses:
+                _write(kept, {path.name: path.read_bytes() for path in place.iterdir()})
+        except OSError as error:  # from the temporary folder
+            _warn_once(_NOT_KEPT, error)
+            entry.compile(signature)  # at once if it was compiled and not stored
+        finally:
+            shutil.rmtree(place, ignore_errors=True)
 
 
-def _compiled(function: Function, counted: bool) -> Function:
-    if _numba() is None:
-        return function
-    compiled: Any = _made(function, _nrt=counted)  # else a kernel takes after the one that calls it
-
-    @cache
-    def part() -> Any:
-        from hbgear.common.linking import Parts
-
-        return _made(function, "parts", no_cpython_wrapper=True, pipeline_class=Parts, _nrt=counted)
-
-    if _known():  # what Numba asks of a function that another kernel calls
-        compiled.get_call_template = lambda args, kws: part().get_call_template(args, kws)
-        compiled.get_overload = lambda signature: part().get_overload(signature)
-    return cast(Function, compiled)
+def _put(folder: Path, parts: dict[str, bytes]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in parts.items():
+        (folder / name).write_bytes(content)
 
 
-def _made(function: Callable[..., Any], below: str = "", **options: Any) -> Any:
-    """What Numba makes of a function; its code is kept below the folder of the kernels."""
-    numba = _numba()
-    before, folder = numba.config.CACHE_DIR, _folder(numba.config.CACHE_DIR)
-    made = numba.njit(nogil=True, error_model="numpy", fastmath={"contract"}, no_cfunc_wrapper=True, **options)(
-        function
-    )
-    if folder is None:
-        return made
-    numba.config.CACHE_DIR = str(folder / below)  # for this function only
+def _read(path: Path) -> dict[str, bytes]:
+    """Stored code; nothing if there is none, or none that can be used."""
     try:
-        if _known():
-            from hbgear.common.linking import Kept
-
-            made._cache = Kept(function)  # type: ignore[no-untyped-call]
-        else:
-            made.enable_caching()
-    finally:
-        numba.config.CACHE_DIR = before
-    return made
+        parts = read_parts(path)
+    except (DamagedFile, OSError) as error:
+        _warn_once("hbgear compiles a part of its core again, for stored code cannot be used: %s", error)
+        return {}
+    if not parts and _writable() is None:
+        _warn_once("hbgear compiles its core for this processor: once, for some seconds")
+    return parts
 
 
-_FIRST, _LAST = (0, 60), (0, 68)  # versions of Numba whose inside `linking` was tried with
+def _write(path: Path, parts: dict[str, bytes]) -> None:
+    """Store code, if that is possible."""
+    error = _writable()
+    try:
+        if error is None:
+            write_parts(path, parts)
+    except OSError as found:
+        error = found
+    if error is not None:
+        _warn_once(_NOT_KEPT, error)
 
 
-@cache
-def _known() -> bool:
-    """Whether `linking` knows the inside of this Numba. Another one compiles a third longer, and the same."""
-    return _FIRST <= tuple(map(int, _numba().__version__.split(".")[:2])) <= _LAST
+_NOT_KEPT = (
+    "hbgear compiles its core in every process, for the code cannot be stored (%s): set the environment variable "
+    "NUMBA_CACHE_DIR to a folder that can be written"
+)
+
+
+_SAID: set[str] = set()
+
+
+def _warn_once(message: str, *details: object) -> None:
+    """Warn; of further files with the same fault nothing is said."""
+    if message not in _SAID:
+        _SAID.add(message)
+        _LOG.warning(message, *details)
 
 
 @cache
@@ -107,76 +192,50 @@ def _numba() -> Any:
     except ImportError as error:
         _LOG.warning("Numba cannot be imported (%s): hbgear works without it, a hundred times slower", error)
         return None
-    _let_it_finish()
-    return numba
-
-
-def _let_it_finish() -> None:
-    """Ctrl-C and SIGTERM wait until a kernel is compiled or loaded: the compiler does not survive them everywhere."""
-    from numba.core import event
-
-    class Waiting(event.Listener):
-        def __init__(self) -> None:
-            self.depth, self.waiting = 0, contextlib.ExitStack()
-
-        def on_start(self, event: Any) -> None:
-            if threading.current_thread() is threading.main_thread():
-                self.depth += 1
-                if self.depth == 1:
-                    self.waiting.enter_context(held())
-
-        def on_end(self, event: Any) -> None:
-            if threading.current_thread() is threading.main_thread() and self.depth:
-                self.depth -= 1
-                if self.depth == 0:
-                    self.waiting.close()
-
-    event.register("numba:compiler_lock", Waiting())  # type: ignore[no-untyped-call]
-
-
-def nothing_compiled() -> bool:
-    """Whether what is compiled for the sources as they are now will be kept, and there is nothing yet."""
-    numba = _numba()
-    if numba is None or _place(numba.config.CACHE_DIR).is_dir():
-        return False
-    return _folder(numba.config.CACHE_DIR) is not None
+    return None if getattr(numba.config, "DISABLE_JIT", False) else numba
 
 
 @cache
-def _place(given: str) -> Path:
-    """The folder for compiled code of the sources as they are now."""
+def _folder() -> str:
+    """A temporary folder for files of Numba, removed when the process ends."""
+    return _temporary().name
+
+
+@cache
+def _temporary() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="hbgear-kernels-", ignore_cleanup_errors=True)
+
+
+@cache
+def _store() -> Path:
+    """The folder of stored code for the sources as they are now; it may not exist."""
     import platformdirs
 
+    given = os.environ.get("NUMBA_CACHE_DIR")
     parent = Path(given) if given else Path(platformdirs.user_cache_dir("hbgear"))
     return parent / f"kernels-{_state()}"
 
 
 @cache
-def _folder(given: str) -> Path | None:
-    """Where compiled code of the sources as they are now is kept; None if nothing can be written there."""
-    folder = _place(given)
+def _writable() -> OSError | None:
+    """Why nothing can be written to the store, None if that is possible; the folder is made if there is none."""
+    folder = _store()
     try:
         if not folder.is_dir():
             folder.mkdir(parents=True, exist_ok=True)
             _clear(folder.parent)
-            _LOG.warning("hbgear compiles its core for this processor: once, for some seconds")
         if not os.access(folder, os.W_OK):
             raise PermissionError(f"no permission to write in {folder}")
     except OSError as error:
-        _LOG.warning(
-            "hbgear compiles its core anew in every process, for it cannot be kept (%s): let the environment variable "
-            "NUMBA_CACHE_DIR name a folder that can be written",
-            error,
-        )
-        return None
-    return folder
+        return error
+    return None
 
 
-_STALE = 30 * 24 * 3600.0  # seconds after which the code of other states of the sources is thrown away
+_STALE = 30 * 24 * 3600.0  # seconds after which the code of other states of the sources is removed
 
 
 def _clear(parent: Path) -> None:
-    """Throw away code that no process has compiled anything into for long."""
+    """Remove code of other states of the sources to which no process has added any for long."""
     for other in parent.glob("kernels-*"):
         with contextlib.suppress(OSError):
             if time.time() - other.stat().st_mtime > _STALE:
@@ -184,11 +243,15 @@ def _clear(parent: Path) -> None:
 
 
 def _state() -> str:
-    """A name for the sources of kernels, and of what these import, as they are now."""
+    """A hash of all that compiled code depends on: sources, the compiler and the processor, not where they are."""
+    import llvmlite.binding
+
     root = Path(__file__).parents[1]
     texts = {path.relative_to(root).as_posix(): path.read_text(encoding="utf-8") for path in root.rglob("*.py")}
-    own = [name for name, text in texts.items() if re.search(r"^@(kernel|bare)$", text, re.M)]
+    own = [name for name, text in texts.items() if re.search(r"^@(kernel|inlined)$", text, re.M)]
     modules = {module for name in own for module in re.findall(r"^from hbgear\.([\w.]+) import", texts[name], re.M)}
-    used = {*own, "common/linking.py", *(f"{module.replace('.', '/')}.py" for module in modules)}
-    told = [f"{name} {texts[name]}" for name in sorted(used & texts.keys())]
-    return hashlib.sha256("\n".join([str(root), *told]).encode()).hexdigest()[:16]
+    used = {*own, *(f"{module.replace('.', '/')}.py" for module in modules)}
+    sources = [f"{name} {texts[name]}" for name in sorted(used & texts.keys())]
+    compiler = [platform.python_version(), _numba().__version__, llvmlite.__version__, platform.machine()]
+    processor = [llvmlite.binding.get_host_cpu_name(), llvmlite.binding.get_host_cpu_features().flatten()]
+    return hashlib.sha256("\n".join([*compiler, *processor, *sources]).encode()).hexdigest()[:16]

@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import bare
+from hbgear.common.compiling import kernel
 
 _PIVOTS = 4  # columns eliminated at once; `_reduce` takes as many
 
 
-@bare
+@kernel
 def eliminate(A: Any) -> int:
     """Put A^-1 B in the place of B in [A B] (n, n + r), whose A is lost. The sign of det A, 0 if A is singular."""
     n, sign = A.shape[0], 1
@@ -53,7 +53,7 @@ def eliminate(A: Any) -> int:
     return sign
 
 
-@bare
+@kernel
 def _solve_few(A: Any, first: int, last: int) -> None:
     """U^-1 of two columns, or of one that is given twice, in their place: rows that short are not worth a loop each."""
     n = A.shape[0]
@@ -69,7 +69,7 @@ def _solve_few(A: Any, first: int, last: int) -> None:
         A[i, first], A[i, last] = (A[i, first] - (a + c)) * pivot, (A[i, last] - (b + d)) * pivot
 
 
-@bare
+@kernel
 def _factorise(A: Any, first: int, panel: Any) -> int:
     """L and U in the place of some columns of the rows from the first one on, which are exchanged from there on."""
     sign, (n, columns) = 1, panel.shape
@@ -95,19 +95,19 @@ def _factorise(A: Any, first: int, panel: Any) -> int:
     return sign
 
 
-@bare
+@kernel
 def _exchange(x: Any, y: Any) -> None:
     for k in range(x.shape[0]):
         x[k], y[k] = y[k], x[k]
 
 
-@bare
+@kernel
 def _subtract(f: float, x: Any, y: Any) -> None:
     for k in range(x.shape[0]):
         y[k] -= f * x[k]
 
 
-@bare
+@kernel
 def _reduce(A: Any, j: int, first: Any, end: int, start: int) -> None:
     """Subtract from the rows from first to end their multiples of four rows from j on, in the columns from start on.
 
@@ -129,7 +129,7 @@ def _reduce(A: Any, j: int, first: Any, end: int, start: int) -> None:
             row[k] -= a * p[k] + b * q[k] + c * r[k] + d * s[k]
 
 
-@bare
+@kernel
 def length(x: Any) -> float:
     """Euclidean norm of a vector."""
     total = 0.0
@@ -138,7 +138,7 @@ def length(x: Any) -> float:
     return math.sqrt(total)
 
 
-@bare
+@kernel
 def distance(x: Any, y: Any, scale: Any) -> float:
     """Euclidean norm of (x - y) / scale."""
     total = 0.0

@@ -8,11 +8,10 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process, resource_tracker
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -46,25 +45,6 @@ def executor_of(given: Executor | None, processes: int | None, count: int) -> It
             raise
         finally:
             pool.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def beside(work: Callable[[], object]) -> Iterator[BaseProcess]:
-    """A process that does some work while the block runs; it is ended with it, and whether it fails does not matter."""
-    process = get_context("spawn").Process(target=_worked, args=(work,), daemon=True)
-    with _holding_ctrl_c():
-        process.start()
-    try:
-        yield process
-    finally:
-        process.terminate()
-        process.join()
-
-
-def _worked(work: Callable[[], object]) -> None:
-    _prepare()
-    with suppress(Exception):
-        work()
 
 
 def _check_guard() -> None:

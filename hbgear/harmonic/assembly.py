@@ -27,13 +27,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.compiling import bare, kernel
+from hbgear.common.compiling import inlined, kernel
 from hbgear.harmonic.projection import Space, coefficient, project, space_of
 from hbgear.harmonic.sampling import samples_of, spectrum
 from hbgear.mechanics.summing import put_waves
 
 
-@bare
+@kernel
 def receptance(poles: Any, residues: Any, w: Any, each: Any, sums: Any) -> None:
     """sum_r residue_r / (i w - pole_r) of N rows at K frequencies w, and i times the derivative in w: sums (4, N, K).
 
@@ -56,7 +56,7 @@ def receptance(poles: Any, residues: Any, w: Any, each: Any, sums: Any) -> None:
                 v[k] += p * b + q * a
 
 
-@bare
+@kernel
 def _invert(A: Any, out: Any) -> None:
     """A^-1 of K complex matrices (K, m, m), by Gauss and Jordan with exchanges of rows; A is lost. nan if singular."""
     m = A.shape[1]
@@ -81,12 +81,12 @@ def _invert(A: Any, out: Any) -> None:
                         out[n, i, k] -= f * out[n, j, k]
 
 
-@bare
+@kernel
 def _size(z: complex) -> float:
     return abs(z.real) + abs(z.imag)
 
 
-@bare
+@kernel
 def _multiply(A: Any, B: Any, factor: float, out: Any) -> None:
     """out = factor A B of K matrices (K, m, m)."""
     m = A.shape[1]
@@ -135,7 +135,7 @@ def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> Non
     put_linear(linear, Omega, np.empty(K), np.empty((2, K)), sums, work, matrices, constants)
 
 
-@bare
+@kernel
 def put_linear(
     linear: Any, Omega: float, w: Any, each: Any, sums: Any, work: Any, matrices: Any, constants: Any
 ) -> None:
@@ -169,7 +169,7 @@ def put_linear(
             matrices[0, k, i, i] -= springs[0, i]
 
 
-@bare
+@kernel
 def _stiffnesses(sums: Any, orders: Any, nu: int, work: Any, matrices: Any) -> None:
     """Put Y = G^-1 and dY/dOmega = -Y dG/dOmega Y of all orders in matrices; nan where G is singular."""
     K, m = orders.shape[0], matrices.shape[2]
@@ -196,7 +196,7 @@ def assembled(numbers: Any, X: Any, omega: float, matrices: Any, constants: Any,
     return assemble(numbers, X, omega, matrices, constants, R, J, dR, room_of(numbers))
 
 
-@bare
+@inlined
 def assemble(
     numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any, room: Any
 ) -> float:
@@ -210,7 +210,7 @@ def assemble(
     return size if size > 0.0 else 1.0
 
 
-@bare
+@kernel
 def spread(numbers: Any, X: Any, rows: Any) -> None:
     """Rows (m, 2H + 1) of all harmonics from unknowns X (n,), some of them; zero before where they are not."""
     orders, some = numbers.linear.orders, X.reshape(rows.shape[0], -1)
@@ -241,7 +241,7 @@ def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, a
                 _add_harmonic(change[k, i, j], k, across, i * n, j * n)
 
 
-@bare
+@kernel
 def _add_harmonic(Z: complex, k: int, J: Any, row: int, column: int) -> None:
     """Add the product of harmonic number k of the unknowns with a complex number, in the real basis, from a corner."""
     if k == 0:
@@ -254,7 +254,7 @@ def _add_harmonic(Z: complex, k: int, J: Any, row: int, column: int) -> None:
     J[row + b, column + a] -= Z.imag
 
 
-@bare
+@kernel
 def _forces(rows: Any, orders: Any, space: Any, R: Any, J: Any) -> float:
     """R = kappa d + chi, J = T(kappa + more), where more is added to kappa; the norm of R."""
     kappa, chi, more, c, n, total = space.kappa, space.chi, space.more, space.waves, 2 * orders.shape[0] - 1, 0.0
@@ -276,7 +276,7 @@ def _forces(rows: Any, orders: Any, space: Any, R: Any, J: Any) -> float:
     return math.sqrt(total)
 
 
-@bare
+@kernel
 def add_product(kappa: Any, orders: Any, T: Any) -> None:
     """Add the matrix of the product with kappa, in the real basis of some orders, of which the first is 0.
 
@@ -303,7 +303,7 @@ def add_product(kappa: Any, orders: Any, T: Any) -> None:
                 T[2 * i, 2 * k] += r - p
 
 
-@bare
+@kernel
 def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
     """Add Z d + g to R, Z to J; dR = dZ d + dg; the norms of Z d and g together."""
     m, n = rows.shape
@@ -369,7 +369,7 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
     return math.sqrt(total)
 
 
-@bare
+@inlined
 def linearised(numbers: Any, u: Any, R: Any, J: Any, dR: Any, room: Any) -> float:
     """`assemble` at u = (X, Omega) of a model with poles."""
     n = u.shape[0] - 1

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.compiling import bare, kernel
+from hbgear.common.compiling import kernel
 from hbgear.continuation.elimination import eliminate
 from hbgear.harmonic.phi import moments
 from hbgear.harmonic.pieces import piece_of, polynomial, put_gap
@@ -68,13 +68,13 @@ def cuts_of(numbers: Any, space: Any) -> Any:
     return np.empty(C), np.empty((C + 1, 3))
 
 
-@bare
+@kernel
 def cut_up(numbers: Any, rows: Any, longest: float, space: Any, theta: Any, cut: Any) -> tuple[int, int]:
     """Put the pieces of a period, cut at the `_put_corners` of a motion, in cut; see `_put_pieces`."""
     return _put_pieces(theta, _put_corners(numbers, rows, space, theta), longest, cut)
 
 
-@bare
+@kernel
 def _put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
     """Phases in [0, 2 pi), ascending, at which an element crosses a corner of its law, or the excitation has one.
 
@@ -96,7 +96,7 @@ def _put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
     return n
 
 
-@bare
+@kernel
 def _put_pieces(theta: Any, n: int, longest: float, out: Any) -> tuple[int, int]:
     """Smooth pieces of a period cut at the n phases theta into equal steps of at most ``longest`` radians.
 
@@ -130,7 +130,7 @@ def circle(count: int) -> Any:
     return out
 
 
-@bare
+@kernel
 def add_stiffness(numbers: Any, c: Any, j: int, phases: Any, T: int, work: Any, out: Any) -> None:
     """Add dp/dd of element j at the first T phases (3, ...) as of `circle` to out; c as of `put_gap`.
 
@@ -161,7 +161,7 @@ def add_stiffness(numbers: Any, c: Any, j: int, phases: Any, T: int, work: Any, 
             out[n] += slope[n] * factor[n]
 
 
-@bare
+@kernel
 def _slope(laws: Any, s: int, gap: Any, T: int, out: Any) -> None:
     """Slope of a spring of the table without its stiffness."""
     for n in range(T):
@@ -173,7 +173,7 @@ def _slope(laws: Any, s: int, gap: Any, T: int, out: Any) -> None:
                 out[n] += change if gap[n] > level else 0.0
 
 
-@bare
+@kernel
 def _summed(c: Any, phases: Any, T: int, work: Any, out: Any) -> None:
     """Re sum_k c_k z^k at phases (3, T) by Horner's rule, all of them together; work (2, T) or more."""
     x, y = work[0], work[1]
@@ -185,7 +185,7 @@ def _summed(c: Any, phases: Any, T: int, work: Any, out: Any) -> None:
         out[n] = c[0].real + x[n]
 
 
-@bare
+@kernel
 def _modulation(shifts: Any, series: Any, phases: Any, T: int, work: Any, out: Any) -> None:
     """Re of the series, whose coefficients are two-sided ones at the shifts, as of `_summed`."""
     x, y = work[0], work[1]
@@ -198,7 +198,7 @@ def _modulation(shifts: Any, series: Any, phases: Any, T: int, work: Any, out: A
         out[n] = series[0].real + x[n]
 
 
-@bare
+@kernel
 def _turn_on(c: complex, phases: Any, T: int, x: Any, y: Any) -> None:
     """(x + i y + c) z at all phases in the place of x + i y."""
     a, b, u, v = c.real, c.imag, phases[1], phases[2]
@@ -208,7 +208,7 @@ def _turn_on(c: complex, phases: Any, T: int, x: Any, y: Any) -> None:
         y[n] = p * v[n] + q * u[n]
 
 
-@bare
+@kernel
 def pace(numbers: Any, rows: Any, mobility: Any, coarse: Any, c: Any, work: Any, k: Any) -> float:
     """How fast the modulations can turn the state [rad per unit of time], 0 without any; coarse: phases to look at.
 
@@ -240,7 +240,7 @@ def slopes(numbers: Any, X: Any, out: Any) -> None:
             add_stiffness(numbers, c, j, phases, T, work, out[p, j])
 
 
-@bare
+@kernel
 def put_moduli(numbers: Any, rows: Any, ports: Any, cut: Any, pieces: int, x: Any, c: Any, carriage: Any) -> None:
     """D = dp/dd - kr at the Gauss points x of all steps of a period, for the elements of the ports; c as of `pace`."""
     s, at, phases, k = x.shape[0], 0, carriage.phases, carriage.stiffness
@@ -264,7 +264,7 @@ def put_moduli(numbers: Any, rows: Any, ports: Any, cut: Any, pieces: int, x: An
             carriage.D[0, i // s, i % s, p] = k[i]
 
 
-@bare
+@kernel
 def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, carriage: Any, out: Any) -> None:
     """Put the real matrix (r, r) that carries a disturbance over a period in out.
 
@@ -297,7 +297,7 @@ def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, c
             out[k, n] = factor * state[k, n]
 
 
-@bare
+@kernel
 def _tables(modes: Any, L: Any, carriage: Any) -> None:
     """A, R and B of a step, from `moments`: rows and columns are Gauss points and ports; modes are in real numbers.
 
@@ -329,7 +329,7 @@ def _tables(modes: Any, L: Any, carriage: Any) -> None:
                 B[k, j * g + p], B[q + k, j * g + p] = pushed.real, pushed.imag
 
 
-@bare
+@kernel
 def _felt(output: Any, pushed: Any, work: Any, L: Any, out: Any) -> None:
     """Add what a port feels at the Gauss points (s, s) of a force on another one that is a Lagrange polynomial."""
     s, q = L.shape[0], output.shape[0]
@@ -344,7 +344,7 @@ def _felt(output: Any, pushed: Any, work: Any, L: Any, out: Any) -> None:
                 out[i, j] += (total - rest) * L[j, n]
 
 
-@bare
+@kernel
 def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
     """Add factor A B to out: four rows of B at a time, for which out is read and written once."""
     n, whole = A.shape[1], A.shape[1] - A.shape[1] % 4
@@ -359,7 +359,7 @@ def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
                 out[i, j] += a * B[k, j]
 
 
-@bare
+@kernel
 def _answer(carriage: Any, step: int) -> None:
     """u of a step from (1 + D A) u = D R z_0; M and shown are room for [1 + D A  D R z_0] and D R."""
     D, A, R, M, shown, u = carriage.D, carriage.A, carriage.R, carriage.M, carriage.shown, carriage.u
@@ -384,7 +384,7 @@ def _answer(carriage: Any, step: int) -> None:
             u[i, j] = M[i, n + j]
 
 
-@bare
+@kernel
 def _turned(turn: Any, state: Any) -> None:
     """e^{poles h} z in the place of z."""
     q = turn.shape[0]
@@ -395,7 +395,7 @@ def _turned(turn: Any, state: Any) -> None:
             state[k, j], state[q + k, j] = a * x - b * y, b * x + a * y
 
 
-@bare
+@kernel
 def step_of(fast: float, omega: float, nu: int, schemes: Any, share: float) -> tuple[int, float]:
     """Which scheme, and its longest step [rad], for springs that turn the state by ``fast``; see `monodromies`."""
     which = 0 if fast * 2 * math.pi / omega <= schemes[2] else 1
@@ -474,7 +474,7 @@ def monodromies(
     return 0.0
 
 
-@bare
+@kernel
 def _carry(
     numbers: Any, modes: Any, rows: Any, omega: float, cut: Any, pieces: int, scheme: Any, c: Any, carriage: Any,
     out: Any,

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import bare
+from hbgear.common.compiling import kernel
 from hbgear.mechanics.summing import bend_of, value_of
 
 ROUNDING = 4e-16  # relative size of a value that is zero
@@ -27,7 +27,7 @@ CLOSE = 4e-16 * math.pi  # distance of instants that are the same
 PARTS = 16  # pieces of a cell that may hold three crossings
 
 
-@bare
+@kernel
 def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> Any:
     """Put all crossings of a level, ascending in [0, 2 pi], in theta, and +1 (upwards) or -1 in sign; their number.
 
@@ -54,7 +54,7 @@ def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> Any:
     return count
 
 
-@bare
+@kernel
 def _in_cell(
     c: Any, level: float, bend: float, i: int, step: float, first: float, last: float, theta: Any, sign: Any, count: int
 ) -> int:
@@ -80,7 +80,7 @@ def _in_cell(
     return count
 
 
-@bare
+@kernel
 def _beside(
     c: Any, level: float, bend: float, i: int, step: float, here: float, theta: Any, sign: Any, count: int
 ) -> int:
@@ -106,7 +106,7 @@ def _beside(
     return count
 
 
-@bare
+@kernel
 def _add(
     c: Any, level: float, bend: float, low: float, value_low: float, slope_low: float,
     high: float, value_high: float, slope_high: float, theta: Any, sign: Any, count: int,
@@ -134,7 +134,7 @@ def _add(
     return count + 1
 
 
-@bare
+@kernel
 def _guess(low: float, value_low: float, slope_low: float, high: float, value_high: float, slope_high: float) -> float:
     """Root of theta as a cubic of the value through both ends with their slopes; of the chord if that is no guess."""
     u, mean = value_low / (value_low - value_high), (value_high - value_low) / (high - low)
@@ -144,7 +144,7 @@ def _guess(low: float, value_low: float, slope_low: float, high: float, value_hi
     return low + (high - low) * (s if 0 < s < 1 else u)
 
 
-@bare
+@kernel
 def _sort(theta: Any, sign: Any, count: int) -> None:
     """Ascending, by insertion: they nearly are."""
     for i in range(1, count):

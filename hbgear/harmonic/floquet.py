@@ -43,6 +43,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.collocation import gauss
 from hbgear.harmonic.compiled import Compiled
 from hbgear.harmonic.modes import Part, Parts
+from hbgear.harmonic.receptance import MODAL_LIMIT
 
 _SHARE = 0.2  # longest step as a share of the excitation period, whatever the structure
 
@@ -138,8 +139,10 @@ def multipliers_of(
     if structure.modes is None:
         structure.system.check_matrices()
         raise ValueError(
-            f"stability needs the modes of the structure; {structure.n} coordinates are too many: "
-            "trace with stability=False or reduce the model"
+            f"stability needs the modes of the structure; those of {structure.n} coordinates are not computed: at most "
+            f"{MODAL_LIMIT}, as the time grows with the cube, or a structure with at most 256 modes below the highest "
+            "harmonic of Omega, which is reduced without loss. Trace with stability=False, fewer harmonics, or reduce "
+            "the model with hb.reduce(model, modes)"
         )
     X, Omega = compiled.spread(X), np.asarray(Omega, dtype=float)
     if not is_reduced(compiled):

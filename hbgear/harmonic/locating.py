@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import bare, kernel
+from hbgear.common.compiling import kernel
 from hbgear.continuation.elimination import eliminate, length
 from hbgear.continuation.problem import FOLD, HELD
 from hbgear.harmonic.assembly import curvature, linearised, room_of
@@ -207,7 +207,7 @@ def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: A
     return g
 
 
-@bare
+@kernel
 def _held(row: Any) -> float:
     """No change of Omega: zero, and its gradient in row (n + 1,)."""
     for i in range(row.shape[0]):
@@ -216,7 +216,7 @@ def _held(row: Any) -> float:
     return 0.0
 
 
-@bare
+@kernel
 def _clearance(numbers: Any, which: int, room: Any, row: Any) -> float:
     """A clearance of the motion whose rows are in the room, see `spread`; its gradient in row (n + 1,)."""
     orders, c, samples = numbers.linear.orders, room.space.waves, room.space.samples

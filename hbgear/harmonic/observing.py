@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import bare, kernel
+from hbgear.common.compiling import kernel
 from hbgear.harmonic.assembly import receptance
 from hbgear.harmonic.pieces import highest_gap, sampled_gap
 from hbgear.harmonic.projection import coefficient, cross, project, space_of
@@ -74,7 +74,7 @@ def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
                 f[p, j, i] -= 1j * rate * beyond[i, j]
 
 
-@bare
+@kernel
 def _project_left(numbers: Any, rows: Any, space: Any, f: Any) -> None:
     """Force harmonics (m, L) of the orders left of laws in the table."""
     left, c = numbers.linear.left, space.waves

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import bare
+from hbgear.common.compiling import kernel
 from hbgear.harmonic.crossings import CLOSE, PARTS, ROUNDING
 from hbgear.mechanics.periodic import PARTS as BY_PARTS
 from hbgear.mechanics.periodic import rule
@@ -23,7 +23,7 @@ from hbgear.mechanics.summing import highest, put_waves, sampled, value_of
 _NODES, _WEIGHTS = rule()
 
 
-@bare
+@kernel
 def put_gap(corners: Any, row: Any, j: int, c: Any) -> None:
     """Put the one-sided coefficients of the gap of element j, whose motion is a row (2H + 1,), in the first of c.
 
@@ -36,7 +36,7 @@ def put_gap(corners: Any, row: Any, j: int, c: Any) -> None:
             c[k] += corners.kept[k, j]
 
 
-@bare
+@kernel
 def sampled_gap(numbers: Any, row: Any, j: int, c: Any, samples: Any) -> None:
     """`put_gap`, and the samples (N,) of a gap that has no pieces."""
     corners = numbers.corners
@@ -45,7 +45,7 @@ def sampled_gap(numbers: Any, row: Any, j: int, c: Any, samples: Any) -> None:
         sampled(row, numbers.basis, samples)
 
 
-@bare
+@kernel
 def highest_gap(numbers: Any, j: int, side: float, c: Any, samples: Any) -> tuple[float, float]:
     """The largest value of side times the gap of element j, side +1 or -1, and its phase; c, samples: `sampled_gap`."""
     corners = numbers.corners
@@ -55,7 +55,7 @@ def highest_gap(numbers: Any, j: int, side: float, c: Any, samples: Any) -> tupl
     return highest(c, samples, side)
 
 
-@bare
+@kernel
 def piece_of(at: Any, first: int, last: int, theta: float) -> int:
     """The piece, of those from first to last, that a phase in [0, 2 pi] is on."""
     low, high = first, last
@@ -68,7 +68,7 @@ def piece_of(at: Any, first: int, last: int, theta: float) -> int:
     return low
 
 
-@bare
+@kernel
 def polynomial(row: Any, x: float) -> float:
     """Its value."""
     total: float = 0.0
@@ -77,7 +77,7 @@ def polynomial(row: Any, x: float) -> float:
     return total
 
 
-@bare
+@kernel
 def value_on(c: Any, level: float, row: Any, start: float, theta: float) -> tuple[float, float, float]:
     """x, x' and x'' on the piece of these coefficients which begins at ``start``."""
     value, slope, curve = value_of(c, level, theta)
@@ -88,7 +88,7 @@ def value_on(c: Any, level: float, row: Any, start: float, theta: float) -> tupl
     return value, slope, curve
 
 
-@bare
+@kernel
 def crossings_on(
     c: Any, level: float, at: Any, rows: Any, first: int, last: int, N: int, theta: Any, sign: Any
 ) -> tuple[int, bool]:
@@ -112,7 +112,7 @@ def crossings_on(
     return count, start > 0.0
 
 
-@bare
+@kernel
 def _in_cell(
     c: Any, level: float, row: Any, start: float, a: float, before: float, slope: float, b: float, after: float,
     slope_after: float, theta: Any, sign: Any, count: int,
@@ -140,7 +140,7 @@ def _in_cell(
     return count
 
 
-@bare
+@kernel
 def _add(
     c: Any, level: float, row: Any, start: float, low: float, value_low: float, high: float, value_high: float,
     theta: Any, sign: Any, count: int,
@@ -168,7 +168,7 @@ def _add(
     return count + 1
 
 
-@bare
+@kernel
 def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: float, side: float) -> float:
     """Where side x has the maximum between low, where it rises, and high, where it falls."""
     at = 0.5 * (low + high)
@@ -185,7 +185,7 @@ def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: fl
     return at
 
 
-@bare
+@kernel
 def highest_on(c: Any, at: Any, rows: Any, first: int, last: int, N: int, side: float) -> tuple[float, float]:
     """The largest value of side x, side +1 or -1, and its phase: at a corner, or between two."""
     most, place = -math.inf, 0.0
@@ -208,7 +208,7 @@ def highest_on(c: Any, at: Any, rows: Any, first: int, last: int, N: int, side: 
     return most, place
 
 
-@bare
+@kernel
 def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: Any, A: Any, B: Any, ends: Any) -> None:
     """Put the two-sided coefficients 0, 1, ... of k and k w where x is above a corner, and of zero elsewhere, in A, B.
 
@@ -234,7 +234,7 @@ def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: A
         B[n] /= 2 * math.pi
 
 
-@bare
+@kernel
 def _add_moments(row: Any, start: float, width: float, factor: float, out: Any, ends: Any) -> None:
     """Add factor times the integrals of p(x) exp(-i n (start + x)) from 0 to width; see `moments`."""
     degree = -1

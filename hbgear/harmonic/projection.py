@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.compiling import bare, kernel
+from hbgear.common.compiling import kernel
 from hbgear.harmonic.crossings import crossings
 from hbgear.harmonic.pieces import crossings_on, put_gap, sampled_gap, spans
 
@@ -91,7 +91,7 @@ def projected(numbers: Any, rows: Any, order: int) -> Any:
     return space.kappa, space.chi, space.more
 
 
-@bare
+@kernel
 def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
     """Put the crossings of all corners by a motion, real rows (m, 2H + 1), in the space.
 
@@ -119,7 +119,7 @@ def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
         space.above[i] = samples[0] > laws.level[i]
 
 
-@bare
+@kernel
 def project(numbers: Any, rows: Any, space: Any) -> None:
     """Put kappa and chi, two-sided coefficients 0, 1, ..., and what kappa lacks of dP/dd in the space."""
     laws, corners, c = numbers.laws, numbers.corners, space.waves
@@ -141,7 +141,7 @@ def project(numbers: Any, rows: Any, space: Any) -> None:
             _add_kept(corners.kept[:, j], kappa[j], chi[j])
 
 
-@bare
+@kernel
 def _add_springs(laws: Any, corners: Any, space: Any) -> None:
     """Add the springs of the table to kappa and chi, from the crossings of their corners."""
     theta, sign, count, above = space.theta, space.sign, space.number, space.above
@@ -175,7 +175,7 @@ def _add_springs(laws: Any, corners: Any, space: Any) -> None:
         _modulate(laws.shifts, laws.series[p], both[1, p], space.chi[laws.of[p]])
 
 
-@bare
+@kernel
 def coefficient(kappa: Any, c: Any, k: int) -> complex:
     """Coefficient k of the product of two real functions, two-sided as those of kappa; c has one-sided ones."""
     x, y = kappa[k].real * c[0].real, kappa[k].imag * c[0].real
@@ -189,7 +189,7 @@ def coefficient(kappa: Any, c: Any, k: int) -> complex:
     return complex(x, y)
 
 
-@bare
+@kernel
 def _add_kept(kept: Any, kappa: Any, chi: Any) -> None:
     """Add to chi what kappa makes of the harmonics kept of a displacement, as far up as kappa is known for that."""
     H = kept.shape[0] - 1
@@ -197,7 +197,7 @@ def _add_kept(kept: Any, kappa: Any, chi: Any) -> None:
         chi[k] += coefficient(kappa, kept, k)
 
 
-@bare
+@kernel
 def _add_moved_cubic(c: Any, w: Any, k1: float, k3: float, kappa: Any, chi: Any, more: Any) -> None:
     """What a cubic spring adds for t + w beside that for t: w (3, L) coefficients of w, w^2, w^3.
 
@@ -211,7 +211,7 @@ def _add_moved_cubic(c: Any, w: Any, k1: float, k3: float, kappa: Any, chi: Any,
         more[k] += 3.0 * k3 * both
 
 
-@bare
+@kernel
 def _indicator(theta: Any, sign: Any, count: int, above: bool, s: Any) -> None:
     """s_n of the set where the function is above a corner."""
     share = 1.0 if above else 0.0
@@ -228,7 +228,7 @@ def _indicator(theta: Any, sign: Any, count: int, above: bool, s: Any) -> None:
         s[n] = s[n] * complex(0.0, -1.0 / (2 * math.pi * n))
 
 
-@bare
+@kernel
 def _modulate(shifts: Any, series: Any, s: Any, out: Any) -> None:
     """Add the product of two real functions, given by coefficients 0, 1, 2, ...; series has those at the shifts."""
     for k in range(out.shape[0]):
@@ -243,7 +243,7 @@ def _modulate(shifts: Any, series: Any, s: Any, out: Any) -> None:
             out[k] += a * before + a.conjugate() * s[k + shift]
 
 
-@bare
+@kernel
 def _add_cubic(c: Any, k1: float, k3: float, kappa: Any, more: Any, both: Any) -> None:
     """Add k1 + k3 d^2 to kappa, and 2 k3 d^2 to what else stands in the derivative; both (2H + 1,) is room."""
     H, order = c.shape[0] - 1, kappa.shape[0] - 1

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import bare, kernel
+from hbgear.common.compiling import inlined, kernel
 from hbgear.continuation.elimination import eliminate, length
 from hbgear.continuation.stepping import (
     DONE,
@@ -60,7 +60,7 @@ def pursue(
     return _pursued(numbers, room, u, t, count, size, step, span, control, tolerances, rows)
 
 
-@bare
+@inlined
 def _pursued(
     numbers: Any, room: Any, u: Any, t: Any, count: int, size: Any, step: float, span: Any, control: Any,
     tolerances: Any, rows: Any,
@@ -97,7 +97,7 @@ def _pursued(
     return made, step, why, number
 
 
-@bare
+@kernel
 def _rescale(u: Any, size: Any, m: int, scale: Any) -> None:
     """Scales of the unknowns: the largest motion so far, and the span."""
     n = u.shape[0] - 1
@@ -114,7 +114,7 @@ def _rescale(u: Any, size: Any, m: int, scale: Any) -> None:
     scale[n] = size[1]
 
 
-@bare
+@kernel
 def _shift(past: Any, new: Any, count: int) -> None:
     """Put a new row before the others."""
     for i in range(new.shape[0]):
@@ -123,7 +123,7 @@ def _shift(past: Any, new: Any, count: int) -> None:
         past[0, i] = new[i]
 
 
-@bare
+@kernel
 def _keep(row: Any, u: Any, t: Any, step: float, told: Any) -> None:
     n = u.shape[0]
     for i in range(n):
@@ -133,7 +133,7 @@ def _keep(row: Any, u: Any, t: Any, step: float, told: Any) -> None:
         row[2 * n + 1 + k] = told[k]
 
 
-@bare
+@inlined
 def _corrected(
     numbers: Any, predicted: Any, normal: Any, tolerances: Any, work: Any, found: Any, direction: Any, told: Any
 ) -> int:

@@ -15,7 +15,7 @@ try:
     with held():
         import numba
         from llvmlite import ir
-        from numba.core import types
+        from numba import types
         from numba.extending import intrinsic
 except ImportError:  # without Numba the same by ctypes
     import ctypes

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hbgear.common.compiling import bare
+from hbgear.common.compiling import kernel
 
 
-@bare
+@kernel
 def put_waves(row: Any, c: Any) -> None:
     """Put the one-sided coefficients of a real row (2H + 1,) in the first of c."""
     c[0] = row[0]
@@ -21,7 +21,7 @@ def put_waves(row: Any, c: Any) -> None:
         c[k] = complex(row[2 * k - 1], -row[2 * k])
 
 
-@bare
+@kernel
 def sampled(row: Any, basis: Any, out: Any) -> None:
     """Samples (N,) of a real row."""
     for n in range(out.shape[0]):
@@ -33,7 +33,7 @@ def sampled(row: Any, basis: Any, out: Any) -> None:
                 out[n] += a * basis[k, n]
 
 
-@bare
+@kernel
 def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
     """x, x' and x'' at theta."""
     x, y = math.cos(theta), math.sin(theta)
@@ -48,7 +48,7 @@ def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
     return (z * f).real + (c[0].real - level), -once.imag, -twice.real
 
 
-@bare
+@kernel
 def bend_of(c: Any) -> float:
     """Bound of |x''|."""
     total = 0.0
@@ -57,7 +57,7 @@ def bend_of(c: Any) -> float:
     return total
 
 
-@bare
+@kernel
 def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
     """Largest value of side x, side +1 or -1, over a period, and where: Newton from the samples that can be nearest."""
     N = samples.shape[0]
@@ -90,7 +90,7 @@ def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
     return top, place
 
 
-@bare
+@kernel
 def _largest(samples: Any, side: float) -> float:
     """The largest of side times the samples: of four at a time, which do not wait for each other."""
     N = samples.shape[0]
@@ -104,7 +104,7 @@ def _largest(samples: Any, side: float) -> float:
     return max(max(a, b), max(c, d))
 
 
-@bare
+@kernel
 def extremes(c: Any, samples: Any, low: Any, at_low: Any, high: Any, at_high: Any) -> None:
     """Smallest and largest values (P,) of rows c (P, H + 1), given their samples (P, N), and their phases (P,)."""
     for p in range(c.shape[0]):

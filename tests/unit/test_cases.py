@@ -21,7 +21,6 @@ from scipy import stats
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.design import workers
 from hbgear.design.sampling import distribution, grid, latin_hypercube, monte_carlo
 from hbgear.design.store import Result, Store
 from hbgear.design.study import cases
@@ -593,19 +592,3 @@ def test_what_is_typed_in_needs_no_guard(tmp_path):
     code = SCRIPT + "work()"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.stdout == "1 finished\n"
-
-
-def test_a_process_beside_ends_with_the_block(tmp_path, capfd):
-    """Its work is done meanwhile if there is time for it, and what goes wrong in it is no matter."""
-    with workers.beside(partial(os.mkdir, tmp_path / "made")):
-        end = time.monotonic() + 60
-        while not (tmp_path / "made").exists() and time.monotonic() < end:
-            time.sleep(0.02)
-    assert (tmp_path / "made").exists()
-    begin = time.monotonic()
-    with workers.beside(partial(time.sleep, 600)):
-        assert len(workers.active_children()) == 1
-    with workers.beside(partial(os.mkdir, tmp_path / "made")):
-        pass
-    assert not workers.active_children() and time.monotonic() - begin < 60
-    assert capfd.readouterr() == ("", "")

@@ -1,4 +1,4 @@
-"""Compiled code is kept, found again and shared; without Numba, or without a place to keep it, all works the same."""
+"""Compiled code is stored, verified, loaded and shared; without Numba, or without a store, all works the same."""
 
 import json
 import os
@@ -6,14 +6,14 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.cli import support
-from hbgear.common import compiling
+from hbgear.common.checksums import DamagedFile, read_parts, write_parts
 
 ROOT = Path(hb.__file__).parent
 
@@ -27,6 +27,16 @@ predict(u, u - 0.5, 2, np.array([1.0, 2.0, 0.5]), 0.1, out)
 print(*out)
 """
 """Two kernels, with those they call in another file."""
+
+KERNELS = {"planes_normal", "predict"}
+
+CURVE = """
+import hashlib
+import hbgear as hb
+curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.9, 1.3))
+seen = [curve.X, curve.values, curve.multipliers, *(point.X for point in curve.special)]
+print(len(curve), hashlib.sha256(b"".join(x.tobytes() for x in seen)).hexdigest())
+"""
 
 WITHOUT = """
 import json, sys
@@ -63,6 +73,14 @@ def files(folder):
 
 
 @pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """A folder with the code of two kernels, and what they print."""
+    pytest.importorskip("numba")
+    folder = tmp_path_factory.mktemp("compiled")
+    return folder, told(start(NORMAL, folder))[0]
+
+
+@pytest.fixture(scope="module")
 def without_numba():
     """A package that cannot be compiled, traced while other tests run."""
     process = start(WITHOUT)
@@ -71,28 +89,165 @@ def without_numba():
 
 
 def test_processes_that_compile_at_once_and_one_that_comes_later(tmp_path):
-    """Two write the same folder at the same time and agree; a third one finds everything and writes nothing."""
+    """Two write the same folder at the same time and agree to the last bit; a third loads all and writes nothing."""
     pytest.importorskip("numba")
     together = [told(process) for process in [start(NORMAL, tmp_path) for _ in range(2)]]
     assert together[0][0] == together[1][0] and len(together[0][0].split()) == 6
     assert any("compiles its core for this processor: once" in err for _, err in together)
     before = files(tmp_path)
-    assert {Path(name).suffix for name in before} == {".nbi", ".nbc"}
-    assert {Path(name).parts[0] for name in before} == {next(tmp_path.iterdir()).name}  # one state of the sources
+    assert {Path(name).name for name in before} == {f"hbgear.continuation.stepping.{name}" for name in KERNELS}
+    assert len({Path(name).parts[0] for name in before}) == 1  # one state of the sources
     out, err = told(start(NORMAL, tmp_path))
     assert out == together[0][0] and err == ""
     assert files(tmp_path) == before
 
 
+def _cut(content):
+    return content[: len(content) // 2]
+
+
+def _random(content):
+    return np.random.default_rng(1).bytes(len(content))
+
+
+def _flipped(content):
+    at = len(content) // 2  # in the machine code
+    return content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
+
+
+@pytest.mark.parametrize("damage", [_cut, _random, _flipped, lambda content: b"", lambda content: content + b"x"])
+def test_damaged_code_is_compiled_again_with_one_warning(tmp_path, compiled, damage):
+    """As if there were none: same results, no error; the files are whole afterwards."""
+    folder, out = compiled
+    shutil.copytree(folder, tmp_path / "kept")
+    whole = {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    for path in (tmp_path / "kept").rglob("hbgear.*"):
+        path.write_bytes(damage(path.read_bytes()))
+    again, err = told(start(NORMAL, tmp_path / "kept"))
+    assert again == out
+    assert len(err.splitlines()) == 1 and "cannot be used" in err and "checksum" in err
+    assert told(start(NORMAL, tmp_path / "kept")) == (out, "")
+    assert {path.name for path in (tmp_path / "kept").rglob("hbgear.*")} == whole.keys()
+
+
+def test_parts_of_a_file_are_those_written_or_an_error(tmp_path):
+    """Whichever byte is damaged."""
+    parts = {"a": b"one", "b": bytes(range(40))}
+    write_parts(tmp_path / "x", parts)
+    assert read_parts(tmp_path / "x") == parts and read_parts(tmp_path / "none") == {}
+    content = (tmp_path / "x").read_bytes()
+    for at in range(len(content)):
+        (tmp_path / "y").write_bytes(content[:at] + bytes([content[at] ^ 0x10]) + content[at + 1 :])
+        with pytest.raises(DamagedFile, match="checksum"):
+            read_parts(tmp_path / "y")
+    with pytest.raises(OSError):
+        write_parts(tmp_path / "none" / "x", parts)
+    assert {path.name for path in tmp_path.iterdir()} == {"x", "y"}
+
+
 def test_a_folder_that_cannot_be_written(tmp_path):
-    """A file stands where it should be: compiled for this process, and it says how to keep it."""
+    """A file stands where it should be: compiled for this process, with one warning that names the remedy."""
     pytest.importorskip("numba")
     (tmp_path / "taken").touch()
     out, err = told(start(NORMAL, tmp_path / "taken"))
     expected = np.array([1.0, 0.5, 12.0]) / np.sqrt(145.25)  # u / scale^2
     np.testing.assert_allclose(np.array(out.split()[:3], dtype=float), expected, rtol=1e-15)
-    assert "anew in every process" in err and "NUMBA_CACHE_DIR" in err and "Traceback" not in err
+    assert len(err.splitlines()) == 1 and "in every process" in err and "NUMBA_CACHE_DIR" in err
     assert files(tmp_path) == {"taken": (0, (tmp_path / "taken").stat().st_mtime_ns)}
+
+
+READ_ONLY = """
+import os
+from pathlib import Path
+from hbgear.common import compiling
+real = os.access
+os.access = lambda path, mode: False if "kernels-" in str(path) else real(path, mode)  # root may write everywhere
+"""
+
+
+def test_a_complete_folder_that_cannot_be_written_is_read(tmp_path, compiled):
+    """Nothing is compiled and there is no warning; of an incomplete one the rest is compiled, with one."""
+    folder, out = compiled
+    shutil.copytree(folder, tmp_path / "kept")
+    before = files(tmp_path / "kept")
+    assert told(start(READ_ONLY + NORMAL, tmp_path / "kept")) == (out, "")
+    assert files(tmp_path / "kept") == before
+    next((tmp_path / "kept").rglob("*.predict")).unlink()
+    again, err = told(start(READ_ONLY + NORMAL, tmp_path / "kept"))
+    assert again == out and len(err.splitlines()) == 1 and "in every process" in err
+
+
+@pytest.mark.skipif(os.name == "nt", reason="limits of processes are those of POSIX")
+@pytest.mark.parametrize("room", [0, 5_000])
+def test_a_full_disk_does_not_stop_a_kernel(tmp_path, room):
+    """No file may grow beyond some bytes, of Numba's temporary ones either."""
+    pytest.importorskip("numba")
+    full = f"import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room}))\n"
+    out, err = told(start(full + NORMAL, tmp_path))
+    assert len(out.split()) == 6 and "Traceback" not in err
+    assert sum("in every process" in line for line in err.splitlines()) == 1
+    assert not any(path.is_file() for path in tmp_path.rglob("*"))
+
+
+def test_code_is_shared_between_copies_of_the_package(tmp_path, compiled):
+    """The path of the checkout is not in the key."""
+    folder, out = compiled
+    shutil.copytree(folder, tmp_path / "kept")
+    shutil.copytree(ROOT, tmp_path / "elsewhere" / "hbgear", ignore=shutil.ignore_patterns("__pycache__"))
+    before = files(tmp_path / "kept")
+    assert told(start(NORMAL, tmp_path / "kept", tmp_path / "elsewhere")) == (out, "")
+    assert files(tmp_path / "kept") == before
+
+
+def test_functions_of_a_user_are_cached_elsewhere(tmp_path):
+    """While kernels are compiled in another thread, Numba caches a function of a user where it always does."""
+    pytest.importorskip("numba")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "own.py").write_text("import numba\n@numba.njit(cache=True)\ndef f(x):\n    return x + 1\n")
+    script = f"""
+import sys, threading, importlib, numba
+sys.path.insert(0, {str(tmp_path / "mine")!r})
+before, places, done = numba.config.CACHE_DIR, set(), threading.Event()
+def watch():
+    while not done.is_set():
+        places.add(numba.config.CACHE_DIR)
+        import own
+        places.add(importlib.reload(own).f.stats.cache_path)
+thread = threading.Thread(target=watch)
+thread.start()
+{NORMAL}
+done.set()
+thread.join()
+print(*sorted(places))
+"""
+    others = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    home = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "user"), "PYTHONPATH": str(ROOT.parent)}
+    done = subprocess.run([sys.executable, "-c", script], env=others | home, check=True,
+                          capture_output=True, text=True, timeout=300)  # fmt: skip
+    assert done.stdout.splitlines()[-1].split() == [str(tmp_path / "mine" / "__pycache__")]
+    assert {path.name for path in (tmp_path / "user").rglob("*") if path.is_file()} == {
+        f"hbgear.continuation.stepping.{name}" for name in KERNELS
+    }
+
+
+def test_results_do_not_depend_on_whether_code_was_compiled_in_this_process(tmp_path):
+    """A whole curve, to the last bit: compiled here, by another process at the same time, and loaded."""
+    pytest.importorskip("numba")
+    together = [told(process)[0] for process in [start(CURVE, tmp_path) for _ in range(2)]]
+    warm = told(start(CURVE, tmp_path))[0]
+    assert together == [warm, warm] and len(warm.split()) == 2
+
+
+def test_products_and_sums_are_not_fused(tmp_path):
+    """The contraction a b + c in one rounding would depend on how the compiler arranges the code."""
+    pytest.importorskip("numba")
+    (tmp_path / "fused.py").write_text(
+        "from hbgear.common.compiling import kernel\n@kernel\ndef f(a, b, c):\n    return a * b + c\n"
+    )
+    a = 1.0 + 2.0**-30
+    script = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import fused\n"
+    script += f"print(fused.f({a!r}, {a!r}, -1.0 - 2.0**-29))"
+    assert told(start(script, tmp_path / "kept"))[0] == "0.0\n"  # 2^-60 with one rounding
 
 
 def test_a_change_of_a_kernel_reaches_those_that_call_it(tmp_path):
@@ -109,78 +264,25 @@ def test_a_change_of_a_kernel_reaches_those_that_call_it(tmp_path):
 
 
 def test_a_kernel_is_part_of_another_and_called_by_itself(tmp_path):
-    """As a part it gets no code of its own, whether the other is compiled or what it is made of found again."""
+    """As a part it has no entry of its own."""
     pytest.importorskip("numba")
     by_itself = "from hbgear.continuation.elimination import length\nfound = [len(length.signatures)]\n"
     by_itself += "print(*found, length(np.array([3.0, 4.0])), len(length.signatures))\n"
-    first, _, last = told(start(NORMAL + by_itself, tmp_path))[0].splitlines()
-    assert last == "0 5.0 1"
-    for kept in tmp_path.glob("kernels-*/*/stepping.planes_normal*"):
-        kept.unlink()
-    assert told(start(NORMAL + by_itself, tmp_path))[0].splitlines()[::2] == [first, last]
+    assert told(start(NORMAL + by_itself, tmp_path))[0].splitlines()[-1] == "0 5.0 1"
 
 
-def test_whether_anything_is_compiled(tmp_path):
-    """Until the folder is made, which is told, if it can be."""
+def test_arguments_of_another_type_are_compiled_for_and_stored(tmp_path):
+    """Both forms stand in one file; a later process loads either."""
     pytest.importorskip("numba")
-    asked = "from hbgear.common.compiling import nothing_compiled as asked; print(asked(), asked())"
-    out, err = told(start(asked, tmp_path / "new"))
-    assert out == "True False\n" and err.count("compiles its core for this processor: once") == 1
-    assert told(start(asked, tmp_path / "new")) == ("False False\n", "")
-    (tmp_path / "taken").touch()
-    assert told(start(asked, tmp_path / "taken"))[0] == "False False\n"
-
-
-def test_another_numba_compiles_as_it_does_by_itself(tmp_path):
-    """Of versions whose inside is not known nothing but their own ways is asked, for a kernel that calls others."""
-    pytest.importorskip("numba")
-    asked = """
-import sys
-import numpy as np
-from hbgear.common import compiling
-if OTHER:
-    compiling._LAST = (0, 1)
-from hbgear.continuation.algebra import solve_signed
-x, _ = solve_signed(np.array([[0.0, 2.0], [4.0, 0.0]]), np.ones((2, 1)))
-print(*x.ravel(), "hbgear.common.linking" in sys.modules)
-"""
-    for other, linked in ((False, "True"), (True, "False")):
-        for _ in range(2):  # compiled, and found again
-            out, err = told(start(asked.replace("OTHER", str(other)), tmp_path / str(other)))
-            assert out.split() == ["0.25", "0.5", linked] and "Traceback" not in err
-
-
-def test_what_two_processes_compile_is_what_a_curve_needs():
-    """One what leads from point to point, the other what is asked of points and where special ones are."""
-    pytest.importorskip("numba")
-    asked = """
-import hbgear as hb
-from hbgear.cli.support import _followed, _observed
-from hbgear.harmonic import assembly, carrying, locating, observing, pursuit
-first = assembly.linear_part, pursuit.pursue, assembly.assembled
-last = carrying.monodromies, observing.reach, observing.neglected, observing.driven, locating.located
-def known():
-    print(*(len(kernel.signatures) for kernel in (*first, *last)))
-_followed() if ONE else _observed()
-known()
-hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 1.6))
-known()
-"""
-    for one, expected in ((True, "1 1 1 0"), (False, "0 0 0 1 1 1 1 1")):
-        out = told(start(asked.replace("ONE", str(one))))[0].splitlines()
-        assert out[0].startswith(expected)
-        assert out[1] in ("1 1 0 1 1 1 1 1", "1 1 1 1 1 1 1 1")  # not every curve asks for the equations of one motion
-
-
-def test_ctrl_c_while_a_curve_is_followed_to_compile_is_for_the_command(monkeypatch):
-    """A trace ends with what it has, which nobody would see."""
-
-    def pressed(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(hb.HarmonicBalance, "pursuit", pressed)
-    with pytest.raises(KeyboardInterrupt):
-        support._followed()
+    (tmp_path / "two.py").write_text(
+        "from hbgear.common.compiling import kernel\n@kernel\ndef f(a):\n    return a + a\n"
+    )
+    begin = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import two\n"
+    said = "\nprint(sum(two.f._call.stats.cache_hits.values()), sum(two.f._call.stats.cache_misses.values()))"
+    both = begin + "print(two.f(1), two.f(2.5), len(two.f.signatures))" + said
+    assert told(start(both, tmp_path / "kept"))[0] == "2 5.0 2\n0 2\n"
+    assert told(start(both, tmp_path / "kept"))[0] == "2 5.0 2\n2 0\n"
+    assert told(start(begin + "print(two.f(2.5))" + said, tmp_path / "kept"))[0] == "5.0\n1 0\n"
 
 
 def test_without_numba_the_same_curves_are_found(without_numba):
@@ -199,20 +301,23 @@ def test_without_numba_the_same_curves_are_found(without_numba):
         np.testing.assert_allclose([x for _, x in jumps], [jump.value for jump in curve.jumps()], rtol=0, atol=1e-8)
 
 
-def test_ctrl_c_waits_until_a_kernel_is_compiled():
-    event = pytest.importorskip("numba.core.event")
-    assert compiling._numba() is not None
-    reached = False
-    with pytest.raises(KeyboardInterrupt):
-        event.start_event("numba:compiler_lock")
-        try:
-            event.start_event("numba:compiler_lock")  # a kernel that this one calls
-            signal.raise_signal(signal.SIGINT)
-            event.end_event("numba:compiler_lock")
-            reached = True
-        finally:
-            event.end_event("numba:compiler_lock")
-    assert reached
+@pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_while_a_kernel_is_compiled(tmp_path, stop):
+    """The command ends with one sentence and its exit code when that kernel is ready; what it stored is whole."""
+    pytest.importorskip("numba")
+    others = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    command = subprocess.Popen([sys.executable, "-m", "hbgear", "trace", "spur-pair"], cwd=ROOT.parent, text=True,
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                               env={**others, "NUMBA_CACHE_DIR": str(tmp_path)})  # fmt: skip
+    assert "compiles its core" in command.stderr.readline()
+    time.sleep(1.0)  # the first kernel takes longer
+    command.send_signal(stop)
+    _, err = command.communicate(timeout=200)
+    assert command.returncode == 3 and "Traceback" not in err, err
+    assert err.splitlines()[-1].startswith("hbgear: ") and len(err.splitlines()) <= 2
+    kept = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert len(kept) <= 2 and all(read_parts(path) for path in kept)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
@@ -251,23 +356,3 @@ def test_whole_numbers_and_arrays_that_cannot_be_written_need_no_kernels_of_thei
     X.setflags(write=False)
     looked_at(curve(1, 1), X)
     assert [len(kernel.signatures) for kernel in (assembled, monodromies)] == known
-
-
-LEFT = """
-from numba.core.runtime import _nrt_python, rtsys
-import hbgear as hb
-_nrt_python.memsys_enable_stats()
-problem = hb.HarmonicBalance(hb.SpurPair(), 5)
-hb.trace(problem, "Omega", (0.6, 1.2))
-before = rtsys.get_allocation_stats()
-for _ in range(3):
-    hb.trace(problem, "Omega", (0.6, 1.2))
-after = rtsys.get_allocation_stats()
-print(after.alloc > before.alloc, after.alloc - after.free - before.alloc + before.free)
-"""
-
-
-def test_kernels_throw_away_what_they_make():
-    """Arrays that another kernel returned to one that does not count references would be left for ever."""
-    out = subprocess.run([sys.executable, "-c", LEFT], capture_output=True, text=True, check=True)
-    assert out.stdout.split() == ["True", "0"]
