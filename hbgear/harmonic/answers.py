@@ -167,7 +167,7 @@ def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple
 def _force(problem: HarmonicBalance, X: Array, here: dict[str, float], index: int) -> Array:
     """Samples of the force of the law of an element."""
     compiled = problem.compiled({name: value for name, value in here.items() if name != "Omega"})
-    one, kept = compiled.system.elements[index], compiled.numbers.corners.kept[:, index]
+    one, kept = compiled.system.elements[index], compiled.corners.kept[:, index]
     return force_samples(one, kept, problem.rows(X)[index], here["Omega"] / problem.nu, problem.nu)
 
 

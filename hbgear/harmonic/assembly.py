@@ -205,8 +205,7 @@ def assemble(
     spread(numbers, X, rows)
     project(numbers, rows, space)
     size = _forces(rows, numbers.linear.orders, space, R, J) + _add_linear(some, matrices, constants, R, J, dR)
-    for q in range(numbers.laws.own.shape[0]):
-        size += _add_samples(numbers, rows, q, omega, R, J, dR)
+    size += _add_own(numbers.own, numbers, rows, omega, R, J, dR)
     return size if size > 0.0 else 1.0
 
 
@@ -332,11 +331,22 @@ def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: An
 
 
 @kernel
-def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: Any, dR: Any) -> float:
+def _add_own(own: Any, numbers: Any, rows: Any, omega: float, R: Any, J: Any, dR: Any) -> float:
+    """Add what compiled laws say, if any, to R, J and dR; the norm of the forces of each, summed."""
+    if own is None:
+        return 0.0
+    size = 0.0
+    for q in range(own.element.shape[0]):
+        size += _add_samples(own, numbers, rows, q, omega, R, J, dR)
+    return size
+
+
+@kernel
+def _add_samples(own: Any, numbers: Any, rows: Any, which: int, omega: float, R: Any, J: Any, dR: Any) -> float:
     """Add what a compiled law says to R, J and dR; the norm of its forces."""
-    j, orders, nu = numbers.laws.own[which], numbers.linear.orders, numbers.linear.nu
+    j, orders, nu = own.element[which], numbers.linear.orders, numbers.linear.nu
     n, total = 2 * orders.shape[0] - 1, 0.0
-    samples, part = samples_of(numbers, rows, which, omega), np.empty(rows.shape[1], dtype=np.complex128)
+    samples, part = samples_of(own, numbers, rows, which, omega), np.empty(rows.shape[1], dtype=np.complex128)
     spectrum(samples[:, 0], numbers.basis, part)
     for i in range(orders.shape[0]):
         k = orders[i]
@@ -351,7 +361,23 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
     spectrum(samples[:, 2], numbers.basis, part)
     damping = np.zeros((n, n))
     add_product(part, orders, damping[:n, :n])  # a part of a matrix as above, not another kernel
-    grid = numbers.corners.grid
+    _add_damped(numbers.corners, numbers, j, samples, part, dR)
+    for a in range(n):
+        for i in range(1, orders.shape[0]):
+            p, q = damping[a, 2 * i - 1] * orders[i], damping[a, 2 * i] * orders[i]
+            T[a, 2 * i - 1] -= omega * q
+            T[a, 2 * i] += omega * p
+            dR[j * n + a] += (p * rows[j, 2 * orders[i]] - q * rows[j, 2 * orders[i] - 1]) / nu
+    return math.sqrt(total)
+
+
+@kernel
+def _add_damped(corners: Any, numbers: Any, j: int, samples: Any, part: Any, dR: Any) -> None:
+    """Add the derivative in Omega of what the damping of a compiled law makes of displacements with corners to dR."""
+    if corners is None:
+        return
+    orders, nu, grid = numbers.linear.orders, numbers.linear.nu, corners.grid
+    n = 2 * orders.shape[0] - 1
     if grid.shape[2]:
         spectrum(samples[:, 2] * grid[1, j], numbers.basis, part)
         for i in range(orders.shape[0]):
@@ -360,13 +386,6 @@ def _add_samples(numbers: Any, rows: Any, which: int, omega: float, R: Any, J: A
             dR[j * n + (2 * i - 1 if i else 0)] += a / nu
             if i:
                 dR[j * n + 2 * i] += b / nu
-    for a in range(n):
-        for i in range(1, orders.shape[0]):
-            p, q = damping[a, 2 * i - 1] * orders[i], damping[a, 2 * i] * orders[i]
-            T[a, 2 * i - 1] -= omega * q
-            T[a, 2 * i] += omega * p
-            dR[j * n + a] += (p * rows[j, 2 * orders[i]] - q * rows[j, 2 * orders[i] - 1]) / nu
-    return math.sqrt(total)
 
 
 @inlined

@@ -713,7 +713,7 @@ class HarmonicBalance(FullProblem):
         Displacements with corners are in the gaps with all of their harmonics, in the unknowns with their orders.
         """
         out = resize(rows, self.H)
-        kept = self.compiled({}).numbers.corners.kept
+        kept = self.compiled({}).corners.kept
         if kept.any():
             new = places(np.setdiff1d(self.orders, known))
             out[:, new] -= to_real(kept.T)[:, new]
@@ -888,7 +888,7 @@ class HarmonicBalance(FullProblem):
         Not on folds if laws must be asked for their slopes, whose second derivatives are not known.
         """
         numbers = self._looped(name, parameters)
-        if numbers is None or (which == FOLD and numbers.laws.own.size):
+        if numbers is None or (which == FOLD and numbers.own is not None):
             return None
         from hbgear.harmonic.locating import located
 

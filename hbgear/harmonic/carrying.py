@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import inlined, kernel
 from hbgear.continuation.elimination import eliminate
 from hbgear.harmonic.phi import moments
-from hbgear.harmonic.pieces import piece_of, polynomial, put_gap
+from hbgear.harmonic.pieces import add_pieces, put_gap, put_phases, sizes_of, weigh
 from hbgear.harmonic.projection import cross, space_of
 
 COARSE = 32  # phases of an excitation period at which the modulations are looked at for their size
@@ -49,7 +49,7 @@ class Carriage(NamedTuple):
 
 
 @kernel
-def carriage_of(modes: Any, size: int, s: int, steps: int, orders: int) -> Any:
+def carriage_of(modes: Any, size: int, s: int, steps: Any, orders: int) -> Any:
     """A `Carriage` for matrices of a size and so many steps of s points."""
     g, q, T = modes.output.shape[0], modes.poles.shape[0], steps * s
     return Carriage(
@@ -61,20 +61,20 @@ def carriage_of(modes: Any, size: int, s: int, steps: int, orders: int) -> Any:
     )  # fmt: skip
 
 
-@kernel
+@inlined
 def cuts_of(numbers: Any, space: Any) -> Any:
     """Room for phases of corners (C,) and the pieces between them (C + 1, 3), see `cut_up`."""
-    C = numbers.corners.phases.shape[0] + space.theta.size
+    C = sizes_of(numbers.corners)[0] + space.theta.size
     return np.empty(C), np.empty((C + 1, 3))
 
 
-@kernel
+@inlined
 def cut_up(numbers: Any, rows: Any, longest: float, space: Any, theta: Any, cut: Any) -> tuple[int, int]:
     """Put the pieces of a period, cut at the `_put_corners` of a motion, in cut; see `_put_pieces`."""
     return _put_pieces(theta, _put_corners(numbers, rows, space, theta), longest, cut)
 
 
-@kernel
+@inlined
 def _put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
     """Phases in [0, 2 pi), ascending, at which an element crosses a corner of its law, or the excitation has one.
 
@@ -82,9 +82,7 @@ def _put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
     """
     cross(numbers, rows, np.bool_(False), space)
     theta, count = space.theta, space.number
-    n: int = numbers.corners.phases.shape[0]
-    for i in range(n):
-        out[i] = numbers.corners.phases[i]
+    n = put_phases(numbers.corners, out)
     for i in range(count.shape[0]):
         for j in range(count[i]):
             at, k = theta[i, j] % (2 * math.pi), n
@@ -96,7 +94,7 @@ def _put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
     return n
 
 
-@kernel
+@inlined
 def _put_pieces(theta: Any, n: int, longest: float, out: Any) -> tuple[int, int]:
     """Smooth pieces of a period cut at the n phases theta into equal steps of at most ``longest`` radians.
 
@@ -136,32 +134,23 @@ def add_stiffness(numbers: Any, c: Any, j: int, phases: Any, T: int, work: Any, 
 
     work (5, ...) is overwritten.
     """
-    laws, corners = numbers.laws, numbers.corners
-    first, end = corners.moves[j], corners.moves[j + 1]
+    laws = numbers.laws
     gap, slope, factor = work[2], work[3], work[4]
     _summed(c, phases, T, work, gap)
-    if first < end:
-        for n in range(T):
-            theta = phases[0, n] % (2 * math.pi)
-            i = piece_of(corners.at, first, end, theta)
-            gap[n] += polynomial(corners.rows[i], theta - corners.at[i])
+    add_pieces(numbers.corners, j, phases[0], T, gap)
     for n in range(T):
         out[n] += laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * gap[n] * gap[n]
     for s in range(laws.of.shape[0]):
         if laws.of[s] != j:
             continue
         _slope(laws, s, gap, T, slope)
-        if corners.parts[s] < corners.parts[s + 1]:
-            for n in range(T):
-                theta = phases[0, n] % (2 * math.pi)
-                i = piece_of(corners.begin, corners.parts[s], corners.parts[s + 1], theta)
-                slope[n] *= polynomial(corners.weight[i], theta - corners.begin[i])
+        weigh(numbers.corners, s, phases[0], T, slope)
         _modulation(laws.shifts, laws.series[s], phases, T, work, factor)
         for n in range(T):
             out[n] += slope[n] * factor[n]
 
 
-@kernel
+@inlined
 def _slope(laws: Any, s: int, gap: Any, T: int, out: Any) -> None:
     """Slope of a spring of the table without its stiffness."""
     for n in range(T):
@@ -173,7 +162,7 @@ def _slope(laws: Any, s: int, gap: Any, T: int, out: Any) -> None:
                 out[n] += change if gap[n] > level else 0.0
 
 
-@kernel
+@inlined
 def _summed(c: Any, phases: Any, T: int, work: Any, out: Any) -> None:
     """Re sum_k c_k z^k at phases (3, T) by Horner's rule, all of them together; work (2, T) or more."""
     x, y = work[0], work[1]
@@ -185,7 +174,7 @@ def _summed(c: Any, phases: Any, T: int, work: Any, out: Any) -> None:
         out[n] = c[0].real + x[n]
 
 
-@kernel
+@inlined
 def _modulation(shifts: Any, series: Any, phases: Any, T: int, work: Any, out: Any) -> None:
     """Re of the series, whose coefficients are two-sided ones at the shifts, as of `_summed`."""
     x, y = work[0], work[1]
@@ -208,7 +197,7 @@ def _turn_on(c: complex, phases: Any, T: int, x: Any, y: Any) -> None:
         y[n] = p * v[n] + q * u[n]
 
 
-@kernel
+@inlined
 def pace(numbers: Any, rows: Any, mobility: Any, coarse: Any, c: Any, work: Any, k: Any) -> float:
     """How fast the modulations can turn the state [rad per unit of time], 0 without any; coarse: phases to look at.
 
@@ -240,10 +229,11 @@ def slopes(numbers: Any, X: Any, out: Any) -> None:
             add_stiffness(numbers, c, j, phases, T, work, out[p, j])
 
 
-@kernel
+@inlined
 def put_moduli(numbers: Any, rows: Any, ports: Any, cut: Any, pieces: int, x: Any, c: Any, carriage: Any) -> None:
     """D = dp/dd - kr at the Gauss points x of all steps of a period, for the elements of the ports; c as of `pace`."""
-    s, at, phases, k = x.shape[0], 0, carriage.phases, carriage.stiffness
+    s, phases, k = x.shape[0], carriage.phases, carriage.stiffness
+    at: Any = np.int64(0)  # for a literal those called would be compiled once more
     for i in range(pieces):
         a, b = math.cos(cut[i, 1]), math.sin(cut[i, 1])
         for n in range(int(cut[i, 2])):
@@ -264,7 +254,7 @@ def put_moduli(numbers: Any, rows: Any, ports: Any, cut: Any, pieces: int, x: An
             carriage.D[0, i // s, i % s, p] = k[i]
 
 
-@kernel
+@inlined
 def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, carriage: Any, out: Any) -> None:
     """Put the real matrix (r, r) that carries a disturbance over a period in out.
 
@@ -279,7 +269,8 @@ def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, c
     for k in range(2 * q):
         for n in range(r):
             state[k, n] = 1.0 if k == n else 0.0
-    step, log = 0, 0.0
+    step: Any = np.int64(0)
+    log = 0.0
     for i in range(pieces):
         moments(modes.poles, cut[i, 1] / omega, ends, turns, carriage.moments)
         _tables(modes, L, carriage)
@@ -297,7 +288,7 @@ def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, c
             out[k, n] = factor * state[k, n]
 
 
-@kernel
+@inlined
 def _tables(modes: Any, L: Any, carriage: Any) -> None:
     """A, R and B of a step, from `moments`: rows and columns are Gauss points and ports; modes are in real numbers.
 
@@ -359,7 +350,7 @@ def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
                 out[i, j] += a * B[k, j]
 
 
-@kernel
+@inlined
 def _answer(carriage: Any, step: int) -> None:
     """u of a step from (1 + D A) u = D R z_0; M and shown are room for [1 + D A  D R z_0] and D R."""
     D, A, R, M, shown, u = carriage.D, carriage.A, carriage.R, carriage.M, carriage.shown, carriage.u
@@ -384,7 +375,7 @@ def _answer(carriage: Any, step: int) -> None:
             u[i, j] = M[i, n + j]
 
 
-@kernel
+@inlined
 def _turned(turn: Any, state: Any) -> None:
     """e^{poles h} z in the place of z."""
     q = turn.shape[0]
@@ -395,7 +386,7 @@ def _turned(turn: Any, state: Any) -> None:
             state[k, j], state[q + k, j] = a * x - b * y, b * x + a * y
 
 
-@kernel
+@inlined
 def step_of(fast: float, omega: float, nu: int, schemes: Any, share: float) -> tuple[int, float]:
     """Which scheme, and its longest step [rad], for springs that turn the state by ``fast``; see `monodromies`."""
     which = 0 if fast * 2 * math.pi / omega <= schemes[2] else 1
@@ -415,7 +406,7 @@ _MOST = 1e100  # entries of the state above which it is scaled
 _END = 1e300  # largest entry of a monodromy matrix; larger ones are scaled to it
 
 
-@bare
+@kernel
 def shortened(longest: float, omega: float, poles: Any) -> float:
     """The longest step [rad] in which disturbances of unstable modes do not overflow."""
     growth = 0.0
@@ -424,7 +415,7 @@ def shortened(longest: float, omega: float, poles: Any) -> float:
     return min(longest, _GROWTH * omega / growth) if growth > 0.0 else longest
 
 
-@bare
+@kernel
 def _rescaled(state: Any, limit: float) -> float:
     """Divide a state with entries above a limit by the largest of them; returns its logarithm, or 0."""
     most = 0.0
@@ -449,11 +440,11 @@ def monodromies(
     radians between. Returns 0, or the number of steps of a period if it exceeds ``most``.
     """
     nu, m, size = numbers.linear.nu, mobility.shape[0], out.shape[1]
-    space, coarse = space_of(numbers, m, X.shape[1] // (2 * m), 0), circle(COARSE * nu)
+    space, coarse = space_of(numbers, m, X.shape[1] // (2 * m), np.int64(0)), circle(COARSE * nu)
     work, k = np.empty((5, COARSE * nu)), np.empty(COARSE * nu)
     theta, cut = cuts_of(numbers, space)
-    few = carriage_of(modes, size, schemes[0][0].shape[0], COARSE, 1)
-    many = carriage_of(modes, size, schemes[1][0].shape[0], COARSE, 1)
+    few = carriage_of(modes, size, schemes[0][0].shape[0], np.int64(COARSE), 1)
+    many = carriage_of(modes, size, schemes[1][0].shape[0], np.int64(COARSE), 1)
     for p in range(X.shape[0]):
         rows, omega = X[p].reshape(m, -1), Omega[p] / nu
         fast = pace(numbers, rows, mobility, coarse, space.waves, work, k)
@@ -463,23 +454,13 @@ def monodromies(
         if count > most:
             return count
         pieces, steps = cut_up(numbers, rows, longest, space, theta, cut)
-        if which == 0:
-            if steps > few.D.shape[1]:
-                few = carriage_of(modes, size, schemes[0][0].shape[0], 2 * steps, 1)
-            _carry(numbers, modes, rows, omega, cut, pieces, schemes[0], space.waves, few, out[p])
-        else:
-            if steps > many.D.shape[1]:
-                many = carriage_of(modes, size, schemes[1][0].shape[0], 2 * steps, 1)
-            _carry(numbers, modes, rows, omega, cut, pieces, schemes[1], space.waves, many, out[p])
+        if which == 0 and steps > few.D.shape[1]:
+            few = carriage_of(modes, size, schemes[0][0].shape[0], 2 * steps, 1)
+        if which == 1 and steps > many.D.shape[1]:
+            many = carriage_of(modes, size, schemes[1][0].shape[0], 2 * steps, 1)
+        carriage, x, L = few, schemes[0][0], schemes[0][1]
+        if which == 1:
+            carriage, x, L = many, schemes[1][0], schemes[1][1]
+        put_moduli(numbers, rows, modes.ports, cut, pieces, x, space.waves, carriage)
+        monodromy(modes, cut, pieces, omega, x, L, carriage, out[p])
     return 0.0
-
-
-@kernel
-def _carry(
-    numbers: Any, modes: Any, rows: Any, omega: float, cut: Any, pieces: int, scheme: Any, c: Any, carriage: Any,
-    out: Any,
-) -> None:  # fmt: skip
-    """`monodromy` of one motion with a scheme."""
-    x, L, _ = scheme
-    put_moduli(numbers, rows, modes.ports, cut, pieces, x, c, carriage)
-    monodromy(modes, cut, pieces, omega, x, L, carriage, out)

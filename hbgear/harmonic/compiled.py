@@ -12,7 +12,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.recent import Recent
 from hbgear.harmonic.corners import corners_of, gap
 from hbgear.harmonic.modes import Parts, flexibilities, parts_of
-from hbgear.harmonic.numbers import Numbers, laws_of
+from hbgear.harmonic.numbers import Numbers, laws_of, own_of
 from hbgear.harmonic.receptance import LinearPart, Receptance, Structure
 from hbgear.harmonic.sampled import SampledLaws
 from hbgear.instants.equations import Equations
@@ -60,12 +60,13 @@ class Compiled:
         self.H, self.nu, self.N, self.reduce, self.is_sampled = H, nu, transform.N, reduce, sampled
         self._transform = transform
         laws, springs, left = laws_of(self.laws, sampled, nu)
-        self.asked = tuple((int(j), self.laws[j]) for j in (*left, *laws.own))
+        own = own_of(self.laws)
+        self.asked = tuple((int(j), self.laws[j]) for j in (*left, *(own.element if own else ())))
         linear = self.receptance.numbers
-        corners = corners_of(
+        self.corners = corners = corners_of(
             system.elements, springs, laws.cubic, H, nu, self.N if self.asked else 0, linear.orders, linear.left
         )
-        self.numbers = Numbers(laws, linear, transform.basis, corners)
+        self.numbers = Numbers(laws, linear, transform.basis, corners if len(corners.phases) else None, own)
         self.sampled = SampledLaws(self.laws, left, transform, nu, corners.grid) if left.size else None
         self.corner, self.element = laws.level, laws.owner
         self._linear: tuple[float, LinearPart] | None = None
@@ -238,7 +239,7 @@ class Compiled:
 
     def gap(self, j: int, row: Array, theta: Array, order: int = 0) -> Array:
         """Gap of element j, or a derivative in theta, at phases theta of the basis, its motion being the row."""
-        displacement, kept = self.system.elements[j].displacement, self.numbers.corners.kept[:, j]
+        displacement, kept = self.system.elements[j].displacement, self.corners.kept[:, j]
         return gap(displacement, kept, self.nu, row, theta, order)
 
     def highest(self, j: int, row: Array, side: float) -> tuple[float, float]:
@@ -247,7 +248,7 @@ class Compiled:
 
         c, samples = np.empty(len(row) // 2 + 1, dtype=complex), np.empty(self.N)
         sampled_gap(self.numbers, _writable(row), j, c, samples)
-        value, theta = highest_gap(self.numbers, j, side, c, samples)
+        value, theta = highest_gap(self.numbers.corners, j, side, c, samples)
         return float(value), float(theta)
 
     def reach(self, X: Array) -> tuple[Array, np.ndarray]:

@@ -172,7 +172,7 @@ def _turned(border: Any, x: Any) -> float:
 
 
 @kernel
-def _null(J: Any, column: Any, row: Any, transposed: bool, x: Any) -> None:
+def _null(J: Any, column: Any, row: Any, transposed: Any, x: Any) -> None:
     """The solution x (n + 1,) of [J column; row^T 0] x = (0, ..., 0, 1), or with J transposed."""
     n = J.shape[0]
     B = np.empty((n + 1, n + 2))
@@ -191,8 +191,8 @@ def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: A
     """The bordered determinant g of J; its gradient in row (n + 1,). change : dZ/dOmega."""
     n = X.shape[0]
     x, w = np.empty(n + 1), np.empty(n + 1)
-    _null(J, borders[0], borders[1], False, x)
-    _null(J, borders[1], borders[0], True, w)
+    _null(J, borders[0], borders[1], np.bool_(False), x)
+    _null(J, borders[1], borders[0], np.bool_(True), w)
     v, g = x[:n], float(x[n])
     along, across = np.empty((n, n)), np.empty((n, n))
     curvature(numbers, X, v, _STEP * max(1e-3, length(X)) / length(v), change, along, across)
@@ -223,7 +223,7 @@ def _clearance(numbers: Any, which: int, room: Any, row: Any) -> float:
     corner, side = which // 2, 1.0 if which % 2 else -1.0
     j = numbers.laws.owner[corner]
     sampled_gap(numbers, room.rows[j], j, c, samples)
-    value, theta = highest_gap(numbers, j, side, c, samples)
+    value, theta = highest_gap(numbers.corners, j, side, c, samples)
     for i in range(row.shape[0]):
         row[i] = 0.0
     at = j * (2 * orders.shape[0] - 1)

@@ -33,7 +33,6 @@ class Laws(NamedTuple):
         stiffness at the basis harmonics shifts (L,), of which the first is 0; of one with corners 1, see `corners`.
     at, part (R,), change (R,) : of each change of slope its corner, its spring and D.
     cubic (m, 2) : k1 and k3.
-    own, address (Q,), given (Q, G) : of each compiled law of the user its element, its code and its parameters.
     """
 
     level: Array
@@ -47,7 +46,15 @@ class Laws(NamedTuple):
     part: np.ndarray
     change: Array
     cubic: Array
-    own: np.ndarray
+
+
+class Own(NamedTuple):
+    """Compiled laws of the user.
+
+    element, address (Q,), given (Q, G) : of each its element, its code and its parameters.
+    """
+
+    element: np.ndarray
     address: np.ndarray
     given: Array
 
@@ -72,12 +79,17 @@ class Linear(NamedTuple):
 
 
 class Numbers(NamedTuple):
-    """A model for kernels: its laws, its linear part, the basis (2H + 1, N) on the grid of N samples, its corners."""
+    """A model for kernels: its laws, its linear part, the basis (2H + 1, N) on the grid of N samples, its corners.
+
+    corners, own : None of a model that has none. Kernels are then compiled without the code for them, in two thirds of
+    the time.
+    """
 
     laws: Laws
     linear: Linear
     basis: Array
-    corners: Corners
+    corners: Corners | None
+    own: Own | None
 
 
 Springs = list[tuple[int, PiecewiseLinear]]
@@ -109,19 +121,21 @@ def laws_of(laws: Sequence[Law], sampled: bool, nu: int) -> tuple[Laws, Springs,
     table = Laws(
         level, owner.astype(np.int64), ramped,
         np.array([j for j, _ in springs], dtype=np.int64), base, np.array(shifts, dtype=np.int64), series,
-        at, np.asarray(part, dtype=np.int64), np.asarray(change, dtype=float), cubic, *_own(laws),
+        at, np.asarray(part, dtype=np.int64), np.asarray(change, dtype=float), cubic,
     )  # fmt: skip
     unknown = [parts is None and type(law) is not CompiledLaw for parts, law in zip(known, laws, strict=True)]
     return table, springs, np.flatnonzero(unknown)
 
 
-def _own(laws: Sequence[Law]) -> tuple[np.ndarray, np.ndarray, Array]:
-    """Elements, addresses and parameters of compiled laws."""
+def own_of(laws: Sequence[Law]) -> Own | None:
+    """The compiled laws of a model, None if there are none."""
     own = [(j, law) for j, law in enumerate(laws) if isinstance(law, CompiledLaw)]
+    if not own:
+        return None
     given = np.zeros((len(own), 1 + max([0, *(len(law.parameters) for _, law in own)])))
     for row, (_, law) in zip(given, own, strict=True):
         row[: len(law.parameters)] = law.parameters
-    return (
+    return Own(
         np.array([j for j, _ in own], dtype=np.int64),
         np.array([law.address for _, law in own], dtype=np.int64),
         given,

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import inlined, kernel
 from hbgear.harmonic.assembly import receptance
 from hbgear.harmonic.pieces import highest_gap, sampled_gap
 from hbgear.harmonic.projection import coefficient, cross, project, space_of
@@ -34,7 +34,8 @@ def reach(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
             if j != last:
                 last = j
                 sampled_gap(numbers, rows[j], j, c, samples)
-                low, high = -highest_gap(numbers, j, -1.0, c, samples)[0], highest_gap(numbers, j, 1.0, c, samples)[0]
+                low = -highest_gap(numbers.corners, j, -1.0, c, samples)[0]
+                high = highest_gap(numbers.corners, j, 1.0, c, samples)[0]
             clearance[p, 2 * i], clearance[p, 2 * i + 1] = low - laws.level[i], high - laws.level[i]
             if low < laws.level[i] < high and regime[p, j] < 2:
                 regime[p, j] += 1
@@ -60,21 +61,27 @@ def neglected(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
 
     The dampers' part is that of the displacements with corners, which alone have other harmonics than the motion.
     """
-    m, beyond, left = f.shape[1], numbers.corners.beyond, numbers.linear.left
-    H = numbers.basis.shape[0] // 2
+    m, H = f.shape[1], numbers.basis.shape[0] // 2
     space = space_of(numbers, m, H, 3 * H)
     for p in range(X.shape[0]):
         rows = X[p].reshape(m, -1)
         _project_left(numbers, rows, space, f[p])
-        if numbers.laws.own.shape[0]:  # a call alone takes a microsecond or two, for counting references
-            neglected_samples(numbers, rows, Omega[p] / numbers.linear.nu, f[p])
-        for j in range(m):
-            for i in range(left.shape[0]):
-                rate = numbers.linear.springs[1, j] * Omega[p] * left[i] / numbers.linear.nu
-                f[p, j, i] -= 1j * rate * beyond[i, j]
+        neglected_samples(numbers.own, numbers, rows, Omega[p] / numbers.linear.nu, f[p])
+        _add_damped(numbers.corners, numbers.linear, Omega[p], f[p])
 
 
 @kernel
+def _add_damped(corners: Any, linear: Any, Omega: float, f: Any) -> None:
+    """Add the forces (m, L) of dampers on displacements with corners."""
+    if corners is None:
+        return
+    for j in range(f.shape[0]):
+        for i in range(linear.left.shape[0]):
+            rate = linear.springs[1, j] * Omega * linear.left[i] / linear.nu
+            f[j, i] -= 1j * rate * corners.beyond[i, j]
+
+
+@inlined
 def _project_left(numbers: Any, rows: Any, space: Any, f: Any) -> None:
     """Force harmonics (m, L) of the orders left of laws in the table."""
     left, c = numbers.linear.left, space.waves

@@ -4,7 +4,7 @@
 
 A period is looked at piece by piece, in cells as long as the samples are apart: x is smooth in each, so that its
 crossings and extrema are found as those of `crossings` are. The tables are those of `corners`, and moments are told in
-`mechanics.periodic`.
+`mechanics.periodic`. Of a model without corners the tables are None, and the code for them is not compiled.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.compiling import kernel
-from hbgear.harmonic.crossings import CLOSE, PARTS, ROUNDING
+from hbgear.harmonic.crossings import CLOSE, PARTS, ROUNDING, crossings
 from hbgear.mechanics.periodic import PARTS as BY_PARTS
 from hbgear.mechanics.periodic import rule
 from hbgear.mechanics.summing import highest, put_waves, sampled, value_of
@@ -31,28 +31,55 @@ def put_gap(corners: Any, row: Any, j: int, c: Any) -> None:
     else the gap has stands in pieces.
     """
     put_waves(row, c)
+    if corners is None:
+        return
     if corners.moves[j] < corners.moves[j + 1]:
         for k in range(min(row.shape[0] // 2 + 1, corners.kept.shape[0])):
             c[k] += corners.kept[k, j]
 
 
 @kernel
+def in_pieces(corners: Any, j: int) -> bool:
+    """Whether the gap of element j has pieces."""
+    if corners is None:
+        return False
+    return bool(corners.moves[j] < corners.moves[j + 1])
+
+
+@kernel
+def sizes_of(corners: Any) -> tuple[int, int, int]:
+    """Numbers of corners in a period, of pieces of gaps, and of coefficients of a piece."""
+    if corners is None:
+        return 0, 0, 0
+    return corners.phases.shape[0], corners.at.shape[0], corners.pulled.shape[1]
+
+
+@kernel
 def sampled_gap(numbers: Any, row: Any, j: int, c: Any, samples: Any) -> None:
     """`put_gap`, and the samples (N,) of a gap that has no pieces."""
-    corners = numbers.corners
-    put_gap(corners, row, j, c)
-    if corners.moves[j] == corners.moves[j + 1]:
+    put_gap(numbers.corners, row, j, c)
+    if not in_pieces(numbers.corners, j):
         sampled(row, numbers.basis, samples)
 
 
 @kernel
-def highest_gap(numbers: Any, j: int, side: float, c: Any, samples: Any) -> tuple[float, float]:
+def highest_gap(corners: Any, j: int, side: float, c: Any, samples: Any) -> tuple[float, float]:
     """The largest value of side times the gap of element j, side +1 or -1, and its phase; c, samples: `sampled_gap`."""
-    corners = numbers.corners
-    first, last = corners.moves[j], corners.moves[j + 1]
-    if first < last:
-        return highest_on(c, corners.at, corners.rows, first, last, samples.shape[0], side)
+    if corners is not None:
+        first, last = corners.moves[j], corners.moves[j + 1]
+        if first < last:
+            return highest_on(c, corners.at, corners.rows, first, last, samples.shape[0], side)
     return highest(c, samples, side)
+
+
+@kernel
+def crossings_of(corners: Any, j: int, level: float, c: Any, samples: Any, theta: Any, sign: Any) -> tuple[int, bool]:
+    """`crossings` by the gap of element j, and whether it is above the level at 0; c, samples: `sampled_gap`."""
+    if corners is not None:
+        first, last = corners.moves[j], corners.moves[j + 1]
+        if first < last:
+            return crossings_on(c, level, corners.at, corners.rows, first, last, samples.shape[0], theta, sign)
+    return crossings(c, level, samples, theta, sign), samples[0] > level
 
 
 @kernel
@@ -209,13 +236,18 @@ def highest_on(c: Any, at: Any, rows: Any, first: int, last: int, N: int, side: 
 
 
 @kernel
-def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: Any, A: Any, B: Any, ends: Any) -> None:
+def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: Any, A: Any, B: Any, ends: Any) -> bool:
     """Put the two-sided coefficients 0, 1, ... of k and k w where x is above a corner, and of zero elsewhere, in A, B.
 
     With G_n(theta) the integral of f exp(-i n x) from 0 to theta and sign_j = +1 on going above at theta_j,
     2 pi f_n = [above at 0] G_n(2 pi) - sum_j sign_j G_n(theta_j). ends : (2, Q) room for derivatives of polynomials.
+    Returns False, and does nothing, if the spring has no pieces.
     """
+    if corners is None:
+        return False
     first, last = corners.parts[spring], corners.parts[spring + 1]
+    if first == last:
+        return False
     sums, known = corners.sums, min(A.shape[0], corners.sums.shape[2])
     for n in range(A.shape[0]):
         A[n] = B[n] = 0j
@@ -232,6 +264,41 @@ def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: A
     for n in range(A.shape[0]):
         A[n] /= 2 * math.pi
         B[n] /= 2 * math.pi
+    return True
+
+
+@kernel
+def add_pieces(corners: Any, j: int, phases: Any, T: int, gap: Any) -> None:
+    """Add the pieces of the gap of element j at the first T phases."""
+    if corners is None:
+        return
+    first, end = corners.moves[j], corners.moves[j + 1]
+    for n in range(T if first < end else 0):
+        theta = phases[n] % (2 * math.pi)
+        i = piece_of(corners.at, first, end, theta)
+        gap[n] += polynomial(corners.rows[i], theta - corners.at[i])
+
+
+@kernel
+def weigh(corners: Any, spring: int, phases: Any, T: int, slope: Any) -> None:
+    """Multiply slopes at the first T phases by the stiffness of a spring that has pieces."""
+    if corners is None:
+        return
+    first, end = corners.parts[spring], corners.parts[spring + 1]
+    for n in range(T if first < end else 0):
+        theta = phases[n] % (2 * math.pi)
+        i = piece_of(corners.begin, first, end, theta)
+        slope[n] *= polynomial(corners.weight[i], theta - corners.begin[i])
+
+
+@kernel
+def put_phases(corners: Any, out: Any) -> int:
+    """Put the phases of all corners of the excitation in out; their number."""
+    if corners is None:
+        return 0
+    for i in range(corners.phases.shape[0]):
+        out[i] = corners.phases[i]
+    return int(corners.phases.shape[0])
 
 
 @kernel

@@ -33,8 +33,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.compiling import kernel
-from hbgear.harmonic.crossings import crossings
-from hbgear.harmonic.pieces import crossings_on, put_gap, sampled_gap, spans
+from hbgear.harmonic.pieces import crossings_of, in_pieces, put_gap, sampled_gap, sizes_of, spans
 
 
 class Space(NamedTuple):
@@ -61,24 +60,24 @@ class Space(NamedTuple):
 
 
 @kernel
-def space_of(numbers: Any, m: int, H: int, order: int) -> Any:
+def space_of(numbers: Any, m: int, H: int, order: Any) -> Any:
     """A `Space` for motions of m elements with H harmonics."""
-    laws, corners = numbers.laws, numbers.corners
-    K, C, S = laws.level.shape[0], 2 * H + 4 + 2 * corners.at.shape[0], laws.of.shape[0]
+    laws, (_, pieces, degrees) = numbers.laws, sizes_of(numbers.corners)
+    K, C, S = laws.level.shape[0], 2 * H + 4 + 2 * pieces, laws.of.shape[0]
     length, coefficients = order + laws.shifts[laws.shifts.shape[0] - 1] + 1, np.empty((3, m, order + 1), np.complex128)
     part, waves = np.empty((2, length), np.complex128), np.empty(H + 1, np.complex128)
     square, both = np.empty(2 * H + 1, np.complex128), np.empty((2, S, length), np.complex128)
     return Space(
         np.empty((K, C)), np.empty((K, C)), np.empty(K, np.int64), np.empty(K, np.bool_),
         coefficients[0], coefficients[1], coefficients[2], np.empty(numbers.basis.shape[1]), waves, square,
-        part[0], part[1], both, np.empty((2, max(corners.weight.shape[1], corners.pulled.shape[1]))),
+        part[0], part[1], both, np.empty((2, degrees)),
     )  # fmt: skip
 
 
 @kernel
 def instants(numbers: Any, rows: Any, ramped: Any) -> Any:
     """`cross`; theta, sign, count and above."""
-    space = space_of(numbers, rows.shape[0], rows.shape[1] // 2, 0)
+    space = space_of(numbers, rows.shape[0], rows.shape[1] // 2, np.int64(0))
     cross(numbers, rows, ramped, space)
     return space.theta, space.sign, space.number, space.above
 
@@ -99,24 +98,19 @@ def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
 
     ramped : only of the corners at which a spring of the table turns.
     """
-    laws, corners, samples, c = numbers.laws, numbers.corners, space.samples, space.waves
+    laws, samples, c = numbers.laws, space.samples, space.waves
     last = -1
     for i in range(laws.level.shape[0]):
         space.number[i], space.above[i] = 0, False
         if ramped and not laws.ramped[i]:
             continue
         j = laws.owner[i]
-        first, end = corners.moves[j], corners.moves[j + 1]
         if j != last:
             last = j
             sampled_gap(numbers, rows[j], j, c, samples)
-        if first < end:
-            space.number[i], space.above[i] = crossings_on(
-                c, laws.level[i], corners.at, corners.rows, first, end, samples.shape[0], space.theta[i], space.sign[i]
-            )
-            continue
-        space.number[i] = crossings(c, laws.level[i], samples, space.theta[i], space.sign[i])
-        space.above[i] = samples[0] > laws.level[i]
+        space.number[i], space.above[i] = crossings_of(
+            numbers.corners, j, laws.level[i], c, samples, space.theta[i], space.sign[i]
+        )
 
 
 @kernel
@@ -131,14 +125,11 @@ def project(numbers: Any, rows: Any, space: Any) -> None:
         cross(numbers, rows, np.bool_(True), space)  # see `crossings` on literals
         _add_springs(laws, corners, space)
     for j in range(rows.shape[0]):
-        cubic, cornered = laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0, corners.moves[j] < corners.moves[j + 1]
-        if cubic:
+        if laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0:
             put_gap(corners, rows[j], j, c)
             _add_cubic(c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j], space.square)
-        if cubic and cornered:
-            _add_moved_cubic(c, corners.powers[j], laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], chi[j], more[j])
-        if cornered:
-            _add_kept(corners.kept[:, j], kappa[j], chi[j])
+            _add_moved_cubic(corners, j, c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], chi[j], more[j])
+        _add_kept(corners, j, kappa[j], chi[j])
 
 
 @kernel
@@ -148,17 +139,15 @@ def _add_springs(laws: Any, corners: Any, space: Any) -> None:
     s, pull, both, last = space.indicator, space.pull, space.both, -1
     both[:, :, :] = 0j
     for p in range(laws.of.shape[0]):
-        if corners.parts[p] == corners.parts[p + 1]:
+        if not spans(corners, p, theta[0], sign[0], np.int64(0), np.bool_(True), s, pull, space.ends):
             both[0, p, 0], both[1, p, 0] = laws.base[p, 0], laws.base[p, 1]
             continue
-        spans(corners, p, theta[0], sign[0], np.int64(0), np.bool_(True), s, pull, space.ends)
         for n in range(s.shape[0]):
             both[0, p, n] = laws.base[p, 0] * s[n]
             both[1, p, n] = laws.base[p, 1] * s[n] + laws.base[p, 0] * pull[n]
     for r in range(laws.at.shape[0]):
         i, p, D = laws.at[r], laws.part[r], laws.change[r]
-        if corners.parts[p] < corners.parts[p + 1]:
-            spans(corners, p, theta[i], sign[i], count[i], above[i], s, pull, space.ends)
+        if spans(corners, p, theta[i], sign[i], count[i], above[i], s, pull, space.ends):
             last = -1
             for n in range(s.shape[0]):
                 both[0, p, n] += D * s[n]
@@ -190,19 +179,31 @@ def coefficient(kappa: Any, c: Any, k: int) -> complex:
 
 
 @kernel
-def _add_kept(kept: Any, kappa: Any, chi: Any) -> None:
+def _add_kept(corners: Any, j: int, kappa: Any, chi: Any) -> None:
     """Add to chi what kappa makes of the harmonics kept of a displacement, as far up as kappa is known for that."""
+    if corners is None:
+        return
+    if not in_pieces(corners, j):
+        return
+    kept = corners.kept[:, j]
     H = kept.shape[0] - 1
     for k in range(chi.shape[0] - H):
         chi[k] += coefficient(kappa, kept, k)
 
 
 @kernel
-def _add_moved_cubic(c: Any, w: Any, k1: float, k3: float, kappa: Any, chi: Any, more: Any) -> None:
-    """What a cubic spring adds for t + w beside that for t: w (3, L) coefficients of w, w^2, w^3.
+def _add_moved_cubic(
+    corners: Any, j: int, c: Any, k1: float, k3: float, kappa: Any, chi: Any, more: Any
+) -> None:  # fmt: skip
+    """What a cubic spring adds for t + w beside that for t, if w has corners.
 
     kappa has 3 k3 (t w + w^2), chi k1 w + k3 w^3, and the derivative 3 k3 t w more than kappa.
     """
+    if corners is None:
+        return
+    if not in_pieces(corners, j):
+        return
+    w = corners.powers[j]  # (3, L) coefficients of w, w^2, w^3
     H = c.shape[0] - 1
     for k in range(min(kappa.shape[0], w.shape[1] - H)):
         both = coefficient(w[0], c, k)

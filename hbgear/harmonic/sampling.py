@@ -16,24 +16,31 @@ from hbgear.mechanics.summing import sampled
 
 
 @kernel
-def samples_of(numbers: Any, rows: Any, which: int, omega: float) -> Any:
+def samples_of(own: Any, numbers: Any, rows: Any, which: int, omega: float) -> Any:
     """p, dp/dd, dp/dv (N, 3) of the compiled law number ``which`` along the motions rows (m, 2H + 1) at omega."""
-    laws, N = numbers.laws, numbers.basis.shape[1]
-    row = rows[laws.own[which]]
+    j, N = own.element[which], numbers.basis.shape[1]
+    row = rows[j]
     speed, d, v, tau = np.zeros(row.shape[0]), np.empty(N), np.empty(N), np.empty(N)
     for k in range(1, row.shape[0] // 2 + 1):
         speed[2 * k - 1], speed[2 * k] = omega * k * row[2 * k], -omega * k * row[2 * k - 1]
     sampled(row, numbers.basis, d)
     sampled(speed, numbers.basis, v)
-    grid = numbers.corners.grid
-    for n in range(grid.shape[2]):
-        d[n] += grid[0, laws.own[which], n]
-        v[n] += omega * grid[1, laws.own[which], n]
+    _add_grid(numbers.corners, j, omega, d, v)
     for n in range(N):
         tau[n] = 2 * math.pi * ((numbers.linear.nu * n) % N) / N
     out = np.empty((N, 3))
-    called(laws.address[which], d, v, tau, laws.given[which], out)
+    called(own.address[which], d, v, tau, own.given[which], out)
     return out
+
+
+@kernel
+def _add_grid(corners: Any, j: int, omega: float, d: Any, v: Any) -> None:
+    """Add to samples of a gap and its rate what has corners."""
+    if corners is None:
+        return
+    for n in range(corners.grid.shape[2]):
+        d[n] += corners.grid[0, j, n]
+        v[n] += omega * corners.grid[1, j, n]
 
 
 @kernel
@@ -49,12 +56,14 @@ def spectrum(x: Any, basis: Any, out: Any) -> None:
 
 
 @kernel
-def neglected_samples(numbers: Any, rows: Any, omega: float, f: Any) -> None:
-    """Put one-sided force harmonics of the orders left, of the compiled laws, in their rows of f (m, L)."""
+def neglected_samples(own: Any, numbers: Any, rows: Any, omega: float, f: Any) -> None:
+    """Put one-sided force harmonics of the orders left, of the compiled laws if any, in their rows of f (m, L)."""
+    if own is None:
+        return
     H, N, left = numbers.basis.shape[0] // 2, numbers.basis.shape[1], numbers.linear.left
     part = np.empty(2 * H + 1, dtype=np.complex128)
-    for q in range(numbers.laws.own.shape[0]):
-        spectrum(samples_of(numbers, rows, q, omega)[:, 0], numbers.basis, part)
+    for q in range(own.element.shape[0]):
+        spectrum(samples_of(own, numbers, rows, q, omega)[:, 0], numbers.basis, part)
         for i in range(left.shape[0]):
             if left[i] < N // 2:
-                f[numbers.laws.own[q], i] = 2.0 * part[left[i]]
+                f[own.element[q], i] = 2.0 * part[left[i]]

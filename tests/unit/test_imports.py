@@ -178,7 +178,7 @@ FILES = {
         "nearby": "receptance",
         "landings": "observables",
         "runs": "landings observables",
-        "projection": "crossings pieces",
+        "projection": "pieces",
         "sampling": "",
         "assembly": "projection sampling",
         "observing": "assembly pieces projection sampling",
