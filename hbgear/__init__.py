@@ -3,17 +3,10 @@
 Harmonic balance with exact contact, pseudo-arclength continuation, Floquet stability, jump frequencies.
 """
 
-from hbgear.common import command as _command  # noqa: F401 before all else: handles Ctrl-C during the imports below
-
-# isort: split
-import importlib
-import warnings
-from typing import TYPE_CHECKING, Any
-
-from hbgear._version import __version__
-from hbgear.common import late as _late
+TYPE_CHECKING = False  # nothing is imported here: Ctrl-C is handled by the command, which imports the rest
 
 if TYPE_CHECKING:  # imported when they are first used
+    from hbgear._version import __version__
     from hbgear.common.progress import Progress, ProgressCallback
     from hbgear.common.progress_bar import ProgressBar
     from hbgear.common.ranges import Range
@@ -229,11 +222,21 @@ __all__ = [
 _MOVED = {"plot_cases": "hbgear.plot.study", "plot_time": "hbgear.plot.simulation"}
 
 if not TYPE_CHECKING:
-    _found, __dir__ = _late.attached(__name__)
 
-    def __getattr__(name: str) -> Any:
+    def __getattr__(name: str) -> object:
         """What is asked for by its name, imported now."""
         if name in _MOVED:
+            import importlib
+            import warnings
+
             warnings.warn(f"hbgear.{name} is now part of hbgear.plot", DeprecationWarning, stacklevel=2)
             return importlib.import_module(_MOVED[name])
-        return _found(name)
+        from hbgear.common import late
+
+        return late.attached(__name__)[0](name)
+
+    def __dir__() -> list[str]:
+        """All names, and the packages in it."""
+        from hbgear.common import late
+
+        return late.attached(__name__)[1]()

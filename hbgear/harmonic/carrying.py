@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.compiling import inlined, kernel
+from hbgear.common.compiling import kernel
 from hbgear.continuation.elimination import eliminate
 from hbgear.harmonic.phi import moments
 from hbgear.harmonic.pieces import add_pieces, put_gap, put_phases, sizes_of, weigh
@@ -61,20 +61,20 @@ def carriage_of(modes: Any, size: int, s: int, steps: Any, orders: int) -> Any:
     )  # fmt: skip
 
 
-@inlined
+@kernel
 def cuts_of(numbers: Any, space: Any) -> Any:
     """Room for phases of corners (C,) and the pieces between them (C + 1, 3), see `cut_up`."""
     C = sizes_of(numbers.corners)[0] + space.theta.size
     return np.empty(C), np.empty((C + 1, 3))
 
 
-@inlined
+@kernel
 def cut_up(numbers: Any, rows: Any, longest: float, space: Any, theta: Any, cut: Any) -> tuple[int, int]:
     """Put the pieces of a period, cut at the `_put_corners` of a motion, in cut; see `_put_pieces`."""
     return _put_pieces(theta, _put_corners(numbers, rows, space, theta), longest, cut)
 
 
-@inlined
+@kernel
 def _put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
     """Phases in [0, 2 pi), ascending, at which an element crosses a corner of its law, or the excitation has one.
 
@@ -94,7 +94,7 @@ def _put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
     return n
 
 
-@inlined
+@kernel
 def _put_pieces(theta: Any, n: int, longest: float, out: Any) -> tuple[int, int]:
     """Smooth pieces of a period cut at the n phases theta into equal steps of at most ``longest`` radians.
 
@@ -150,7 +150,7 @@ def add_stiffness(numbers: Any, c: Any, j: int, phases: Any, T: int, work: Any, 
             out[n] += slope[n] * factor[n]
 
 
-@inlined
+@kernel
 def _slope(laws: Any, s: int, gap: Any, T: int, out: Any) -> None:
     """Slope of a spring of the table without its stiffness."""
     for n in range(T):
@@ -162,7 +162,7 @@ def _slope(laws: Any, s: int, gap: Any, T: int, out: Any) -> None:
                 out[n] += change if gap[n] > level else 0.0
 
 
-@inlined
+@kernel
 def _summed(c: Any, phases: Any, T: int, work: Any, out: Any) -> None:
     """Re sum_k c_k z^k at phases (3, T) by Horner's rule, all of them together; work (2, T) or more."""
     x, y = work[0], work[1]
@@ -174,7 +174,7 @@ def _summed(c: Any, phases: Any, T: int, work: Any, out: Any) -> None:
         out[n] = c[0].real + x[n]
 
 
-@inlined
+@kernel
 def _modulation(shifts: Any, series: Any, phases: Any, T: int, work: Any, out: Any) -> None:
     """Re of the series, whose coefficients are two-sided ones at the shifts, as of `_summed`."""
     x, y = work[0], work[1]
@@ -197,7 +197,7 @@ def _turn_on(c: complex, phases: Any, T: int, x: Any, y: Any) -> None:
         y[n] = p * v[n] + q * u[n]
 
 
-@inlined
+@kernel
 def pace(numbers: Any, rows: Any, mobility: Any, coarse: Any, c: Any, work: Any, k: Any) -> float:
     """How fast the modulations can turn the state [rad per unit of time], 0 without any; coarse: phases to look at.
 
@@ -229,7 +229,7 @@ def slopes(numbers: Any, X: Any, out: Any) -> None:
             add_stiffness(numbers, c, j, phases, T, work, out[p, j])
 
 
-@inlined
+@kernel
 def put_moduli(numbers: Any, rows: Any, ports: Any, cut: Any, pieces: int, x: Any, c: Any, carriage: Any) -> None:
     """D = dp/dd - kr at the Gauss points x of all steps of a period, for the elements of the ports; c as of `pace`."""
     s, phases, k = x.shape[0], carriage.phases, carriage.stiffness
@@ -254,7 +254,7 @@ def put_moduli(numbers: Any, rows: Any, ports: Any, cut: Any, pieces: int, x: An
             carriage.D[0, i // s, i % s, p] = k[i]
 
 
-@inlined
+@kernel
 def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, carriage: Any, out: Any) -> None:
     """Put the real matrix (r, r) that carries a disturbance over a period in out.
 
@@ -288,7 +288,7 @@ def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, c
             out[k, n] = factor * state[k, n]
 
 
-@inlined
+@kernel
 def _tables(modes: Any, L: Any, carriage: Any) -> None:
     """A, R and B of a step, from `moments`: rows and columns are Gauss points and ports; modes are in real numbers.
 
@@ -350,7 +350,7 @@ def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
                 out[i, j] += a * B[k, j]
 
 
-@inlined
+@kernel
 def _answer(carriage: Any, step: int) -> None:
     """u of a step from (1 + D A) u = D R z_0; M and shown are room for [1 + D A  D R z_0] and D R."""
     D, A, R, M, shown, u = carriage.D, carriage.A, carriage.R, carriage.M, carriage.shown, carriage.u
@@ -375,7 +375,7 @@ def _answer(carriage: Any, step: int) -> None:
             u[i, j] = M[i, n + j]
 
 
-@inlined
+@kernel
 def _turned(turn: Any, state: Any) -> None:
     """e^{poles h} z in the place of z."""
     q = turn.shape[0]
@@ -386,7 +386,7 @@ def _turned(turn: Any, state: Any) -> None:
             state[k, j], state[q + k, j] = a * x - b * y, b * x + a * y
 
 
-@inlined
+@kernel
 def step_of(fast: float, omega: float, nu: int, schemes: Any, share: float) -> tuple[int, float]:
     """Which scheme, and its longest step [rad], for springs that turn the state by ``fast``; see `monodromies`."""
     which = 0 if fast * 2 * math.pi / omega <= schemes[2] else 1

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.compiling import kernel
+from hbgear.common.compiling import inlined, kernel
 from hbgear.continuation.elimination import eliminate, length
 from hbgear.continuation.problem import FOLD, HELD
 from hbgear.harmonic.assembly import curvature, linearised, room_of
@@ -186,7 +186,7 @@ def _null(J: Any, column: Any, row: Any, transposed: Any, x: Any) -> None:
         x[i] = B[i, n + 1]
 
 
-@kernel
+@inlined
 def _determinant(numbers: Any, X: Any, J: Any, change: Any, borders: Any, row: Any) -> float:
     """The bordered determinant g of J; its gradient in row (n + 1,). change : dZ/dOmega."""
     n = X.shape[0]

@@ -16,14 +16,14 @@ import math
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.compiling import inlined, kernel
+from hbgear.common.compiling import kernel
 
 _INVERSE = np.array([1.0 / math.factorial(n) for n in range(100)])
 
 _NEAR = 4.0  # size of z below which the series is summed: the recursion upward would lose digits
 
 
-@inlined
+@kernel
 def phi(z: ComplexArray, out: ComplexArray) -> None:
     """phi_0..phi_s of numbers z (n,), into out (s + 1, n)."""
     order, n, reach, work = len(out) - 1, len(z), 0.0, np.empty((4, len(z)))
@@ -52,7 +52,7 @@ def phi(z: ComplexArray, out: ComplexArray) -> None:
                 out[p + 1, i] = (out[p, i] - _INVERSE[p]) * inverse
 
 
-@inlined
+@kernel
 def moments(poles: ComplexArray, h: float, c: Array, turns: ComplexArray, work: ComplexArray) -> None:
     """What modes make of monomials in a step of length h, up to c_i h.
 

@@ -561,7 +561,7 @@ def test_ctrl_c_while_the_command_is_imported_is_told_in_one_sentence(tmp_path, 
     (tmp_path / f"{moment}.py").write_text(stop)
     script = tmp_path / "bin" / "hbgear"  # as pip makes it
     script.parent.mkdir()
-    script.write_text("import sys; from hbgear.cli.app import main; sys.exit(main())")
+    script.write_text("import sys; from hbgear.__main__ import main; sys.exit(main())")
     command = ["-m", "hbgear"] if form.startswith("python") else [str(script)]
     where = os.pathsep.join([str(tmp_path), str(Path(ROOT).parent), *filter(None, [os.environ.get("PYTHONPATH")])])
     ended = subprocess.run([sys.executable, *command, "trace", "spur-pair"], cwd=tmp_path, capture_output=True,
@@ -570,7 +570,7 @@ def test_ctrl_c_while_the_command_is_imported_is_told_in_one_sentence(tmp_path, 
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
-@pytest.mark.parametrize("moment", ["hbgear._version", "hbgear.common.late", "typing", "pathlib", "hbgear.cli"])
+@pytest.mark.parametrize("moment", ["hbgear.common", "hbgear.common.late", "typing", "pathlib", "hbgear.cli"])
 def test_ctrl_c_is_told_in_one_sentence_from_the_first_import_on(tmp_path, moment):
     """Nothing is imported before Ctrl-C is seen to: it comes when a module is looked for first."""
     (tmp_path / "sitecustomize.py").write_text(
@@ -578,7 +578,7 @@ def test_ctrl_c_is_told_in_one_sentence_from_the_first_import_on(tmp_path, momen
         f"        if name == {moment!r}:\n            raise KeyboardInterrupt\nsys.meta_path.insert(0, Stop)\n"
     )
     script = tmp_path / "hbgear"
-    script.write_text("from hbgear.cli.app import main; main()")
+    script.write_text("from hbgear.__main__ import main; main()")
     where = os.pathsep.join([str(tmp_path), str(Path(ROOT).parent)])
     ended = subprocess.run([sys.executable, str(script), "models"], capture_output=True, text=True, timeout=120,
                            cwd=tmp_path, env={**os.environ, "PYTHONPATH": where})  # fmt: skip
