@@ -11,7 +11,7 @@ import sys
 import textwrap
 import typing
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,6 +19,7 @@ import typer
 
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
+from hbgear.cli.first import compiled_beside
 from hbgear.common.messages import shortened
 from hbgear.common.progress import Progress, ProgressCallback
 from hbgear.continuation.branch import LANDINGS
@@ -431,7 +432,8 @@ def end_of(result: Any, *parts: Any) -> None:
 
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
     """A curve, traced with a progress bar."""
-    with bar(parameter) as progress:
+    beside = compiled_beside() if options.get("stability", True) else nullcontext()
+    with bar(parameter) as progress, beside:
         return hb.trace(problem, parameter, span, progress=progress, **options)
 
 

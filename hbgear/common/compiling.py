@@ -216,6 +216,11 @@ def _store() -> Path:
     return parent / f"kernels-{_state()}"
 
 
+def nothing_stored() -> bool:
+    """Whether compiled code can be stored, and there is none yet for the sources as they are now."""
+    return _numba() is not None and not _store().is_dir() and _writable() is None
+
+
 @cache
 def _writable() -> OSError | None:
     """Why nothing can be written to the store, None if that is possible; the folder is made if there is none."""

@@ -313,7 +313,8 @@ FILES = {
     "cli": {
         "__init__": "",
         "complete": "",
-        "support": "complete",
+        "first": "",
+        "support": "complete first",
         "files": "support",
         "shares": "files support",
         "design": "complete files shares support",
