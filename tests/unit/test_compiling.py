@@ -241,6 +241,49 @@ def test_results_do_not_depend_on_whether_code_was_compiled_in_this_process(tmp_
     assert together == [loaded, loaded] and len(loaded.split()) == 2
 
 
+BESIDE = """
+import time
+import numpy as np
+import hbgear as hb
+from hbgear.cli import first
+from hbgear.common import command, compiling
+command.IS_COMMAND, first.processors = {command}, lambda: 2
+with first.compiled_beside():
+    end = time.monotonic() + {seconds}
+    last = compiling._store() / "hbgear.harmonic.observing.driven"
+    while not last.exists() and time.monotonic() < end:
+        time.sleep(0.05)
+from hbgear.harmonic.carrying import monodromies
+from hbgear.harmonic.observing import driven, neglected, reach
+if {command}:
+    problem = hb.HarmonicBalance(hb.SpurPair(), 8)
+    problem.observe_many(np.ones((1, problem.size)), "Omega", np.array([0.8]))
+    problem.multipliers(np.ones(problem.size), Omega=0.8)
+    stats = [kernel._call.stats for kernel in (monodromies, reach, neglected, driven)]
+    print(*(sum(one.cache_hits.values()) for one in stats), *(sum(one.cache_misses.values()) for one in stats))
+print(compiling.nothing_stored())
+"""
+"""The first command, but for the curve itself; and the same in another program."""
+
+
+def test_the_first_command_loads_what_a_second_process_compiled(tmp_path):
+    """Of multipliers and observables it compiles nothing; a program that is not the command starts no process."""
+    pytest.importorskip("numba")
+    out, err = told(start(BESIDE.format(command=True, seconds=250), tmp_path / "kept"))
+    assert out == "1 1 1 1 0 0 0 0\nFalse\n" and err == ""
+    assert told(start(BESIDE.format(command=False, seconds=0), tmp_path / "other"))[0] == "True\n"
+    assert files(tmp_path / "other") == {}
+
+
+@pytest.mark.parametrize(
+    "model, found", [(hb.SpurPair(), False), (hb.SpurPair(stiffness=hb.Periodic.rectangular(1.2, 0.8, 0.3)), True)]
+)
+def test_kernels_get_no_tables_that_a_model_has_no_use_for(model, found):
+    """They are compiled without the code for these."""
+    numbers = hb.HarmonicBalance(model, 8).compiled({}).numbers
+    assert (numbers.corners is not None) is found and numbers.own is None
+
+
 def test_products_and_sums_are_not_fused(tmp_path):
     """The contraction a b + c in one rounding would depend on how the compiler arranges the code."""
     pytest.importorskip("numba")
