@@ -235,7 +235,7 @@ print(*sorted(places))
 def test_results_do_not_depend_on_whether_code_was_compiled_in_this_process(tmp_path):
     """To the last bit: compiled here, by another process at the same time, after other kernels, and loaded."""
     pytest.importorskip("numba")
-    first = "import hbgear as hb; hb.HarmonicBalance(hb.SpurPair(), 8).observe([1.0] * 17, Omega=0.8)\n"
+    first = "import numpy, hbgear as hb; hb.HarmonicBalance(hb.SpurPair(), 8).observe(numpy.ones(17), Omega=0.8)\n"
     together = [told(process)[0] for process in [start(EQUATIONS, tmp_path), start(first + EQUATIONS, tmp_path)]]
     loaded = told(start(EQUATIONS, tmp_path))[0]
     assert together == [loaded, loaded] and len(loaded.split()) == 2
