@@ -141,7 +141,7 @@ def multipliers_of(
         raise ValueError(
             f"stability needs the modes of the structure; those of {structure.n} coordinates are not computed: at most "
             f"{MODAL_LIMIT}, as the time grows with the cube, or a structure with at most 256 modes below the highest "
-            "harmonic of Omega, which is reduced without loss. Trace with stability=False, fewer harmonics, or reduce "
+            "harmonic of Omega, which is reduced to 1e-9. Trace with stability=False, fewer harmonics, or reduce "
             "the model with hb.reduce(model, modes)"
         )
     X, Omega = compiled.spread(X), np.asarray(Omega, dtype=float)
