@@ -305,7 +305,7 @@ class Compiled:
         tau = np.tile(2 * np.pi * (self.nu * np.arange(N) % N) / N, len(X))
         still = np.zeros(len(tau))
         d = X.reshape(len(X), self.m, -1) @ basis
-        grid = self.numbers.corners.grid
+        grid = self.corners.grid
         d[..., : grid.shape[2]] += grid[0]
         for j in self._unstated.tolist():
             slope = self.laws[j].force(d[:, j].ravel(), still, tau)[1]
