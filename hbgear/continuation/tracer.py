@@ -932,8 +932,10 @@ class _Tracer:
         """A point that no change of sign between rows told of, with its error; None if more unknowns do not have it."""
         if self.accuracy is None:
             return point
+        refused = self.work.refused
         judged = assessed(arc, point, self.accuracy, self.work)
-        most = self.accuracy if judged.sharp is None else max(self.accuracy, _ADRIFT)
+        refined = judged.sharp is not None or self.work.refused > refused  # a refusal is no evidence against a point
+        most = max(self.accuracy, _ADRIFT) if refined else self.accuracy
         return None if judged.error > most * arc.problem.unit_of(self.name, judged.row.value) else judged
 
     def _row_at(self, arc: Segment, s: float) -> CurvePoint | None:
