@@ -133,7 +133,9 @@ class Kernel:
                 _write(kept, {path.name: path.read_bytes() for path in place.iterdir()})
         except OSError as error:  # from the temporary folder
             _warn_once(_NOT_KEPT, error)
-            entry.compile(signature)  # at once if it was compiled and not stored
+            shutil.rmtree(place, ignore_errors=True)  # what was copied in part
+            with contextlib.suppress(OSError):  # Numba has the code by then, if it cannot write it
+                entry.compile(signature)
         finally:
             shutil.rmtree(place, ignore_errors=True)
 
