@@ -74,7 +74,7 @@ class BranchPoint(Augmented):
         u, s, vt = scipy.linalg.svd(_matrix(now) * scale)
         if len(s) > 1 and s[-2] <= _SIMPLE * s[0]:
             raise ValueError("more than two curves cross here: it is no simple branch point")
-        return Crossed(now.size / float(s[0]), u[:, -1], vt[-2:].T, scale)
+        return Crossed(now.size / (float(s[0]) or 1.0), u[:, -1], vt[-2:].T, scale)  # all zero exactly at a crossing
 
     def renewed(self, base: Base, X: Array, here: dict[str, float]) -> Base:
         """Borders renewed at X, in the sense of the old ones."""
