@@ -1,5 +1,5 @@
 """What all tests share: one thread for linear algebra, random numbers, differences. This folder is on the path, so that
-tests anywhere can ``from cross.shooting import ...``."""
+tests anywhere can ``from cross.shooting import ...``; so is the root, for ``from studies import ...``."""
 
 import os
 import signal
@@ -8,6 +8,8 @@ from pathlib import Path
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+
+sys.path.append(str(Path(__file__).parents[1]))  # after everything else: `studies`, but the installed hbgear
 
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
