@@ -1,9 +1,9 @@
-"""The picture of the rooms in docs/architecture.md, drawn from the imports of the package as they are.
+"""The picture of the packages in docs/architecture.md, drawn from the imports as they are.
 
     python docs/rooms.py        writes docs/rooms.svg, the same bytes every time
 
-A row is a room, in the order in which imports run down; a dot in a column is an import of that
-room. No dot lies right of the diagonal, unless an import points upward: then this script ends with exit code 1.
+A row is a package, in the order in which imports run down; a dot in a column is an import of that package. A dot right
+of the diagonal is an upward import: the script then ends with exit code 1.
 """
 
 from __future__ import annotations
@@ -14,8 +14,20 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 PACKAGE = HERE.parent / "hbgear"
-ROOMS = ("common", "continuation", "mechanics", "gears", "instants", "harmonic", "timedomain", "io", "design", "plot",
-         "web", "cli")  # fmt: skip
+ROOMS = (
+    "common",
+    "continuation",
+    "mechanics",
+    "gears",
+    "harmonic",
+    "analysis",
+    "time",
+    "io",
+    "design",
+    "plot",
+    "web",
+    "cli",
+)
 """From the ground up."""
 
 CELL, LEFT, TOP = 34, 110, 96
@@ -36,7 +48,7 @@ def at_import(body: list[ast.stmt]) -> list[ast.stmt]:
 def used_by(room: str) -> set[str]:
     """Other rooms whose modules the files of a room import."""
     found = set()
-    for path in (PACKAGE / room).glob("*.py"):
+    for path in (PACKAGE / room).rglob("*.py"):
         for node in at_import(ast.parse(path.read_text(encoding="utf-8")).body):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("hbgear."):
                 found.add(str(node.module).split(".")[1])

@@ -43,17 +43,19 @@ class Bratu:
         now = self.linearise(X, "", p=p, q=q)
         return now.R, now.dR_dX
 
-    def linearise(self, X: np.ndarray, name: str, p: float, q: float) -> hb.Evaluation:
+    def linearise(self, X: np.ndarray, name: str, p: float, q: float) -> hb.continuation.Evaluation:
         """R, dR/dX, the derivative of R in p or q, and the size of the terms of R."""
         power = X / (1 + q * X)
         source = np.exp(power)
         bent = self.D @ X
         J = self.D + sparse.diags_array(p * source / (1 + q * X) ** 2, format="csc")
         dR = {"": np.zeros_like(X), "p": source, "q": -p * source * power**2}[name]
-        return hb.Evaluation(bent + p * source, J, dR, float(np.linalg.norm(bent) + np.linalg.norm(source)))
+        return hb.continuation.Evaluation(
+            bent + p * source, J, dR, float(np.linalg.norm(bent) + np.linalg.norm(source))
+        )
 
 
-FINE = hb.Settings(tolerance=1e-8)
+FINE = hb.NewtonSettings(tolerance=1e-8)
 """Rounding of u'' on n points is 1e-16 n^2 of its size."""
 
 
@@ -66,7 +68,14 @@ def bratu(n: int = 10_000) -> hb.Branch:
 def cusp(curve: hb.Branch) -> hb.Branch:
     """The fold as q rises, to the cusp where it meets the upper one, and that one until u(1/2) = 10 as q falls."""
     far = hb.Event("far", lambda point: float(np.max(point.X)) - 10.0, "u(1/2) = 10", terminal=True)
-    return hb.trace(hb.Fold(curve.problem, "p"), "q", (0.0, 0.3), start=curve["LP1"], events=[far], settings=FINE)
+    return hb.trace(
+        hb.continuation.FoldProblem(curve.problem, "p"),
+        "q",
+        (0.0, 0.3),
+        start=curve["LP1"],
+        events=[far],
+        settings=FINE,
+    )
 
 
 def eight() -> hb.Branch:

@@ -16,7 +16,7 @@ import hbgear as hb
 
 
 @dataclass(frozen=True)
-class Rub(hb.Model):
+class Rub(hb.mechanics.Model):
     """An unbalanced rotor in a casing with clearance."""
 
     zeta: float = 0.05
@@ -33,5 +33,5 @@ class Rub(hb.Model):
 
 problem = hb.HarmonicBalance(Rub(), 7 if "--quick" in sys.argv else 15)
 curve = hb.trace(problem, "Omega", (0.6, 2.4))
-folds = hb.trace(hb.Fold(problem, "Omega"), "gap", (1.0, 3.0), start=curve["LP1"])
+folds = hb.trace(hb.continuation.FoldProblem(problem, "Omega"), "gap", (1.0, 3.0), start=curve["LP1"])
 print(f"the rotor jumps as long as its clearance is below {folds['CP1'].parameters['gap']:.3f}")

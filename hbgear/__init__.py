@@ -1,242 +1,206 @@
 """hbgear: nonlinear frequency response of gear drives with backlash.
 
-Harmonic balance with exact contact, pseudo-arclength continuation, Floquet stability, jump frequencies.
+Harmonic balance with exact contact (AFT for other laws), pseudo-arclength continuation, Floquet stability, jump
+frequencies. ``hbgear`` holds the names that a first script needs; the others are in its sub-modules:
+
+| sub-module | contents |
+|---|---|
+| `hbgear.mechanics` | structures, elements, force laws, loads, series, reduction |
+| `hbgear.gears` | gears, pairs, trains, planetary sets, mesh stiffness |
+| `hbgear.continuation`, `hbgear.harmonic` | problems, and the equations of special points |
+| `hbgear.analysis` | jump maps, critical parameters, sensitivities, Campbell diagrams, run-ups |
+| `hbgear.design` | many designs, fits, redesign, tolerances |
+| `hbgear.time` | time integration: validation, sweeps, basins |
+| `hbgear.io`, `hbgear.plot` | files and figures |
 """
 
 TYPE_CHECKING = False  # nothing is imported here: Ctrl-C is handled by the command, which imports the rest
 
 if TYPE_CHECKING:  # imported when they are first used
+    from hbgear import analysis, continuation, design, gears, harmonic, io, mechanics, plot, time
     from hbgear._version import __version__
-    from hbgear.common.progress import Progress, ProgressCallback
-    from hbgear.common.progress_bar import ProgressBar
-    from hbgear.common.ranges import Range
-    from hbgear.continuation.bordered import Fold
-    from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
-    from hbgear.continuation.crossing import BranchPoint
-    from hbgear.continuation.events import Event
-    from hbgear.continuation.extending import extend
-    from hbgear.continuation.following import follow
-    from hbgear.continuation.newton import NoConvergence, Settings
-    from hbgear.continuation.problem import Evaluation
-    from hbgear.continuation.stepsize import StepControl, Steps
-    from hbgear.continuation.switching import switch
-    from hbgear.continuation.tracer import trace
-    from hbgear.design.band import ResponseBand, response_band
-    from hbgear.design.fit import Fit, fit
-    from hbgear.design.measured import Measurements
-    from hbgear.design.measured_table import read_measurements
-    from hbgear.design.redesign import Goal, Redesign, no_jumps, peak_below, redesign
-    from hbgear.design.sampling import grid, latin_hypercube, monte_carlo, saltelli
-    from hbgear.design.scatter import JumpScatter, jump_scatter
-    from hbgear.design.sobol import SobolIndices, sobol_indices
-    from hbgear.design.study import Cases, cases
-    from hbgear.design.swept import SweepStatistics, sweep_statistics
-    from hbgear.gears import (
-        Beam,
-        Bearing,
-        DoubleHelicalPair,
-        Gear,
-        GearPair,
-        GearRotorBearing,
-        HelicalPair,
-        Housing,
-        Mesh,
-        MeshCycle,
-        PlanetarySet,
-        PlanetMode,
-        Shaft,
-        SpurPair,
-        Support,
-        Table,
-        Train,
-        Wheel,
-        iso_dynamic_factor,
-    )
-    from hbgear.harmonic.answers import Answers, answers
-    from hbgear.harmonic.balance import HarmonicBalance
-    from hbgear.harmonic.campbell import Campbell, CriticalSpeed, campbell
-    from hbgear.harmonic.critical import Critical, NoFold, critical
-    from hbgear.harmonic.dynamic_factor import dynamic_factor
-    from hbgear.harmonic.jump_map import JumpMap, jump_map
-    from hbgear.harmonic.peaks import peaks
-    from hbgear.harmonic.runs import Run, run
-    from hbgear.harmonic.sensitivity import Sensitivity, sensitivity
-    from hbgear.harmonic.sharing import Sharing, load_sharing
-    from hbgear.harmonic.special import Grazing, NeimarkSacker, Peak, PeriodDoubling
-    from hbgear.harmonic.survey import Survey, trace_all
-    from hbgear.io.bridges import from_opentorsion, from_ross
-    from hbgear.io.matrices import Matrices, from_matrices
-    from hbgear.io.mesh_table import read_table
-    from hbgear.io.npz import load
-    from hbgear.io.receptance_files import from_receptances
-    from hbgear.mechanics.compiled_law import CompiledLaw
-    from hbgear.mechanics.doubts import Unlikely
-    from hbgear.mechanics.fourier import Series
-    from hbgear.mechanics.functions import model
-    from hbgear.mechanics.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
-    from hbgear.mechanics.model import Element, Load, Model, Reaction, System
+    from hbgear.analysis.jump_maps import jump_map
+    from hbgear.analysis.multistart import trace_all
+    from hbgear.common.process.progress import Progress, ProgressCallback
+    from hbgear.common.process.progress_bar import ProgressBar
+    from hbgear.continuation.events.event import Event
+    from hbgear.continuation.extend import extend
+    from hbgear.continuation.follow import follow
+    from hbgear.continuation.results.branch import Branch, Jump, Point, SpecialPoint, Status
+    from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence
+    from hbgear.continuation.stepping.control import StepControl
+    from hbgear.continuation.switch import switch
+    from hbgear.continuation.tracing.trace import trace
+    from hbgear.gears.drawing.pair import GearPair
+    from hbgear.gears.pairs.spur import SpurPair
+    from hbgear.harmonic.harmonic_balance import HarmonicBalance
+    from hbgear.io.branches.npz import load, save
+    from hbgear.mechanics.laws.laws import Backlash, Cubic, Unilateral
+    from hbgear.mechanics.models import Element, Load, System
     from hbgear.mechanics.oscillators import Duffing
-    from hbgear.mechanics.periodic import Periodic
-    from hbgear.mechanics.receptances import Receptances
-    from hbgear.mechanics.reduction import Reduction, reduce
-    from hbgear.mechanics.speed import MatrixTable, SpeedTerms
-    from hbgear.timedomain.basins import basins
-    from hbgear.timedomain.integrate import integrate
-    from hbgear.timedomain.opinion import Opinion, second_opinion
-    from hbgear.timedomain.shooting import shoot
-    from hbgear.timedomain.sweep import sweep
-    from hbgear.timedomain.validate import validate
+    from hbgear.time.validation import validate
     from hbgear.web import report
 
 __all__ = [
-    "Answers",
     "Backlash",
-    "Beam",
-    "Bearing",
     "Branch",
-    "BranchPoint",
-    "Campbell",
-    "Cases",
-    "CompiledLaw",
-    "Critical",
-    "CriticalSpeed",
     "Cubic",
-    "DoubleHelicalPair",
     "Duffing",
     "Element",
-    "Evaluation",
     "Event",
-    "Fit",
-    "Fold",
-    "Gear",
     "GearPair",
-    "GearRotorBearing",
-    "Goal",
-    "Grazing",
     "HarmonicBalance",
-    "HelicalPair",
-    "Housing",
     "Jump",
-    "JumpMap",
-    "JumpScatter",
-    "Law",
     "Load",
-    "Matrices",
-    "MatrixTable",
-    "Measurements",
-    "Mesh",
-    "MeshCycle",
-    "Model",
-    "NeimarkSacker",
+    "NewtonSettings",
     "NoConvergence",
-    "NoFold",
-    "Opinion",
-    "Parallel",
-    "Peak",
-    "PeriodDoubling",
-    "Periodic",
-    "PiecewiseLinear",
-    "PlanetMode",
-    "PlanetarySet",
     "Point",
     "Progress",
     "ProgressBar",
     "ProgressCallback",
-    "Range",
-    "Reaction",
-    "Receptances",
-    "Redesign",
-    "Reduction",
-    "ResponseBand",
-    "Run",
-    "Sensitivity",
-    "Series",
-    "Settings",
-    "Shaft",
-    "Sharing",
-    "SobolIndices",
     "SpecialPoint",
-    "SpeedTerms",
     "SpurPair",
     "Status",
     "StepControl",
-    "Steps",
-    "Support",
-    "Survey",
-    "SweepStatistics",
     "System",
-    "Table",
-    "Train",
     "Unilateral",
-    "Unlikely",
-    "Wheel",
     "__version__",
-    "answers",
-    "basins",
-    "campbell",
-    "cases",
-    "critical",
-    "dynamic_factor",
+    "analysis",
+    "continuation",
+    "design",
     "extend",
-    "fit",
     "follow",
-    "from_matrices",
-    "from_opentorsion",
-    "from_receptances",
-    "from_ross",
-    "grid",
-    "integrate",
-    "iso_dynamic_factor",
+    "gears",
+    "harmonic",
+    "io",
     "jump_map",
-    "jump_scatter",
-    "latin_hypercube",
     "load",
-    "load_sharing",
-    "model",
-    "monte_carlo",
-    "no_jumps",
-    "peak_below",
-    "peaks",
+    "mechanics",
     "plot",
-    "read_measurements",
-    "read_table",
-    "redesign",
-    "reduce",
     "report",
-    "response_band",
-    "run",
-    "saltelli",
-    "second_opinion",
-    "sensitivity",
-    "shoot",
-    "sobol_indices",
-    "sweep",
-    "sweep_statistics",
+    "save",
     "switch",
+    "time",
     "trace",
     "trace_all",
     "validate",
 ]
 
-
-_MOVED = {"plot_cases": "hbgear.plot.study", "plot_time": "hbgear.plot.simulation"}
+_DEPRECATED = {
+    "Answers": "analysis.MachineQuantities",
+    "Beam": "gears.Beam",
+    "Bearing": "gears.Bearing",
+    "BranchPoint": "continuation.BranchPointProblem",
+    "Campbell": "analysis.Campbell",
+    "Cases": "design.Cases",
+    "CompiledLaw": "mechanics.CompiledLaw",
+    "Critical": "analysis.CriticalParameter",
+    "CriticalSpeed": "analysis.CriticalSpeed",
+    "DoubleHelicalPair": "gears.DoubleHelicalPair",
+    "Evaluation": "continuation.Evaluation",
+    "Fit": "design.Fit",
+    "Fold": "continuation.FoldProblem",
+    "Gear": "gears.Gear",
+    "GearRotorBearing": "gears.GearRotorBearing",
+    "Goal": "design.Goal",
+    "Grazing": "harmonic.GrazingProblem",
+    "HelicalPair": "gears.HelicalPair",
+    "Housing": "gears.Housing",
+    "JumpMap": "analysis.JumpMap",
+    "JumpScatter": "design.JumpTolerance",
+    "Law": "mechanics.Law",
+    "Matrices": "io.Matrices",
+    "MatrixTable": "mechanics.MatrixTable",
+    "Measurements": "design.Measurements",
+    "Mesh": "gears.Mesh",
+    "MeshCycle": "gears.MeshCycle",
+    "Model": "mechanics.Model",
+    "NeimarkSacker": "harmonic.NeimarkSackerProblem",
+    "NoFold": "analysis.NoFoldError",
+    "Opinion": "time.StabilityComparison",
+    "Parallel": "mechanics.Parallel",
+    "Peak": "harmonic.AmplitudeExtremum",
+    "PeriodDoubling": "harmonic.PeriodDoublingProblem",
+    "Periodic": "mechanics.Periodic",
+    "PiecewiseLinear": "mechanics.PiecewiseLinear",
+    "PlanetMode": "gears.PlanetMode",
+    "PlanetarySet": "gears.PlanetarySet",
+    "Range": "mechanics.Range",
+    "Reaction": "mechanics.Reaction",
+    "Receptances": "mechanics.Receptances",
+    "Redesign": "design.Redesign",
+    "Reduction": "mechanics.Reduction",
+    "ResponseBand": "design.ResponseBand",
+    "Run": "analysis.RunUp",
+    "Sensitivity": "analysis.Sensitivity",
+    "Series": "mechanics.Series",
+    "Settings": "NewtonSettings",
+    "Shaft": "gears.Shaft",
+    "Sharing": "analysis.LoadSharing",
+    "SobolIndices": "design.SobolIndices",
+    "SpeedTerms": "mechanics.SpeedTerms",
+    "Support": "gears.Support",
+    "Survey": "analysis.BranchSearch",
+    "SweepStatistics": "design.SweepStatistics",
+    "Table": "gears.MeshTable",
+    "Train": "gears.Train",
+    "Unlikely": "mechanics.ImplausibleInputWarning",
+    "Wheel": "gears.Wheel",
+    "answers": "analysis.machine_quantities",
+    "basins": "time.basins",
+    "campbell": "analysis.campbell",
+    "cases": "design.cases",
+    "critical": "analysis.critical_parameter",
+    "dynamic_factor": "analysis.dynamic_factor",
+    "fit": "design.fit",
+    "from_matrices": "io.from_matrices",
+    "from_opentorsion": "io.from_opentorsion",
+    "from_receptances": "io.from_receptances",
+    "from_ross": "io.from_ross",
+    "grid": "design.grid",
+    "integrate": "time.integrate",
+    "iso_dynamic_factor": "gears.iso_dynamic_factor",
+    "jump_scatter": "design.jump_tolerance",
+    "latin_hypercube": "design.latin_hypercube",
+    "load_sharing": "analysis.load_sharing",
+    "model": "mechanics.model",
+    "monte_carlo": "design.monte_carlo",
+    "no_jumps": "design.no_jumps",
+    "peak_below": "design.peak_below",
+    "peaks": "analysis.peaks",
+    "read_measurements": "design.read_measurements",
+    "read_table": "io.read_mesh_table",
+    "redesign": "design.redesign",
+    "reduce": "mechanics.reduce",
+    "response_band": "design.response_band",
+    "run": "analysis.run_up",
+    "saltelli": "design.saltelli",
+    "second_opinion": "time.compare_multipliers",
+    "sensitivity": "analysis.sensitivity",
+    "shoot": "time.shoot",
+    "sobol_indices": "design.sobol_indices",
+    "sweep": "time.sweep",
+    "sweep_statistics": "design.sweep_statistics",
+}
+"""Names of version 0.2 and where they are now."""
 
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> object:
-        """What is asked for by its name, imported now."""
-        if name in _MOVED:
-            import importlib
-            import warnings
+        """Return a public name, imported now."""
+        from hbgear.common import lazy_names
 
-            warnings.warn(f"hbgear.{name} is now part of hbgear.plot", DeprecationWarning, stacklevel=2)
-            return importlib.import_module(_MOVED[name])
-        from hbgear.common import late
+        found = lazy_names.attached(__name__)[0]
+        if name not in _DEPRECATED:
+            return found(name)
+        import warnings
 
-        return late.attached(__name__)[0](name)
+        space, _, new = _DEPRECATED[name].rpartition(".")
+        warnings.warn(f"hbgear.{name} is deprecated: use hbgear.{_DEPRECATED[name]}", DeprecationWarning, stacklevel=2)
+        return getattr(found(space), new) if space else found(new)
 
     def __dir__() -> list[str]:
-        """All names, and the packages in it."""
-        from hbgear.common import late
+        """Return all names, and the packages in it."""
+        from hbgear.common import lazy_names
 
-        return late.attached(__name__)[1]()
+        return lazy_names.attached(__name__)[1]()

@@ -25,7 +25,7 @@ from typing import Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 import hbgear
-from hbgear.common.replacing import replacing
+from hbgear.common.atomic_write import atomic_write
 from studies import study
 from studies.gallery import gallery
 
@@ -117,7 +117,7 @@ def _in_processes(
                     continue
                 if out is None and not quick:
                     made[name] = {"fingerprint": fingerprint(name), "files": [str(path) for path in future.result()]}
-                    with replacing(MADE, "w") as handle:
+                    with atomic_write(MADE, "w") as handle:
                         json.dump(made, handle, indent=1)
                 tell(f"made    {name}  ({time.monotonic() - begun:.0f} s since the start)")
     except KeyboardInterrupt:

@@ -22,7 +22,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from hbgear.common.signals import heard
+from hbgear.common.process.signals import signal_handlers
 
 ROOT = Path(__file__).parent
 
@@ -65,7 +65,7 @@ def make(name: str, out: Path | None = None, quick: bool = False, kinds: Sequenc
     module: Any = importlib.import_module(name)
     stem, out = name.rsplit(".", 1)[-1], out or folder(module)
     out.mkdir(parents=True, exist_ok=True)
-    with threadpool_limits(1), heard(_end, signal.SIGINT):
+    with threadpool_limits(1), signal_handlers(_end, signal.SIGINT):
         results = module.run(quick=quick)
     written = [] if not hasattr(module, "plot") else draw(module.plot, results, out / stem, kinds)
     if hasattr(module, "report"):

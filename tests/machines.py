@@ -17,14 +17,14 @@ def system(zeta, F):
     return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [spring], hb.Load(cosine={1: [F]}))
 
 
-@hb.model(ranges={"zeta": hb.Range(low=0)}, default_span=(0.5, 1.6), labels={"zeta": "damping"})
+@hb.mechanics.model(ranges={"zeta": hb.mechanics.Range(low=0)}, default_span=(0.5, 1.6), labels={"zeta": "damping"})
 def two(zeta: Ratio = 0.05, F: float | np.floating = 0.18, n: int = 1, kind: Literal["a", "b"] = "a") -> hb.System:
     """An oscillator of somebody."""
     return system(zeta, F)
 
 
 @dataclass(frozen=True)
-class Needs(hb.Model):
+class Needs(hb.mechanics.Model):
     """A machine with a field that has no default."""
 
     F: "float"

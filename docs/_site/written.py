@@ -1,6 +1,6 @@
 """Pages that are written at each build: of public names, of commands, and of the studies.
 
-    api/        every name of `hbgear.__all__` and of `hbgear.plot.__all__`, by rooms, and what functions return
+    api/        every name of `hbgear` and of its documented sub-modules, one page each, and result classes
     commands.md every command of ``hbgear`` with its options
     studies/    studies/README.md, the figures and tables of the studies
 
@@ -15,7 +15,6 @@ import importlib
 import inspect
 import re
 import shutil
-from collections import defaultdict
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,19 +31,16 @@ if TYPE_CHECKING:
 
 DOCS = Path(__file__).parents[1]
 STUDIES = DOCS.parent / "studies"
-TITLES = {
-    "common": "Ranges, progress, units",
-    "continuation": "Curves: trace, follow, switch",
-    "mechanics": "Machines: matrices, elements, laws",
-    "gears": "Gears and pairs",
-    "harmonic": "Periodic motions, jumps, maps",
-    "timedomain": "Time integration and checks",
-    "io": "Files",
-    "design": "Many designs",
-    "web": "Report and explorer",
-    "plot": "Figures: hb.plot",
+SPACES = ("mechanics", "gears", "continuation", "harmonic", "analysis", "design", "time", "io")
+"""Documented sub-modules, in the order of the API reference."""
+
+
+PUBLIC = {
+    id(getattr(module, name))
+    for module in (hb, *(importlib.import_module(f"hbgear.{space}") for space in SPACES))
+    for name in module.__all__
 }
-"""Of the pages of rooms; a room that is not here has the first line of its docstring."""
+"""Identities of the objects that have a page of their own."""
 
 
 def forget() -> None:
@@ -67,26 +63,19 @@ def write(path: Path, text: str) -> None:
 # ---- public names
 
 
-def room_of(thing: Any) -> str:
-    """The sub-package that a public thing comes from."""
-    return str(getattr(thing, "__module__", "hbgear.common")).split(".")[1]
-
-
 def returned(function: Any) -> list[str]:
     """Full names of classes of hbgear that a function returns, as its annotation says."""
     plain = inspect.unwrap(function) if inspect.isfunction(function) else function
     names = re.findall(r"\w+", str(getattr(plain, "__annotations__", {}).get("return", "")))
     found = [getattr(plain, "__globals__", {}).get(name) for name in names]
     own = [thing for thing in found if inspect.isclass(thing) and thing.__module__.startswith("hbgear.")]
-    return [
-        f"{thing.__module__}.{thing.__qualname__}" for thing in own if getattr(hb, thing.__name__, None) is not thing
-    ]
+    return [f"{thing.__module__}.{thing.__qualname__}" for thing in own if id(thing) not in PUBLIC]
 
 
 def entry(name: str, thing: Any) -> str:
     """The directive that documents a thing under a name."""
     if inspect.isclass(thing):
-        return f".. autoclass:: {name}\n   :members:\n   :inherited-members: tuple, int, Exception, ValueError\n"
+        return f".. autoclass:: {name}\n   :members:\n"
     return f".. autofunction:: {name}\n" if inspect.isroutine(thing) else f".. autodata:: {name}\n"
 
 
@@ -114,32 +103,54 @@ def page(title: str, text: str, module: str, entries: list[str]) -> str:
     return f"{title}\n{'=' * len(title)}\n\n{text}\n\n.. currentmodule:: {module}\n\n" + "\n".join(entries)
 
 
+def first_line(thing: Any) -> str:
+    """First line of a docstring."""
+    return (inspect.getdoc(thing) or "").partition("\n")[0]
+
+
+def object_page(name: str, thing: Any) -> str:
+    """Write the page of an object; return its row in the table of its sub-module."""
+    write(DOCS / "api" / f"{name}.rst", f":orphan:\n\n{page(name, '', name.rpartition('.')[0], [entry(name, thing)])}")
+    return f"   * - :doc:`{name.removeprefix('hbgear.')} <{name}>`\n     - {escaped(first_line(thing))}\n"
+
+
+def tables(space: str, names: dict[str, Any]) -> str:
+    """Tables of the functions and the classes of a sub-module, functions first; one page for each of them."""
+    out = ""
+    for title, kind in (("Functions", inspect.isroutine), ("Classes", inspect.isclass)):
+        rows = "".join(object_page(f"{space}.{name}", thing) for name, thing in sorted(names.items()) if kind(thing))
+        if rows:
+            out += f"{title}\n{'-' * len(title)}\n\n.. list-table::\n   :widths: 30 70\n\n{rows}\n"
+    return out
+
+
 def api_pages() -> None:
-    """One page for each room, and the list of them."""
-    rooms: dict[str, list[str]] = defaultdict(list)
-    results: dict[str, dict[str, None]] = defaultdict(dict)
-    for name in hb.__all__:
-        thing = getattr(hb, name)
-        if not inspect.ismodule(thing) and not name.startswith("__"):
-            room = room_of(thing) if inspect.isclass(thing) or inspect.isroutine(thing) else "common"
-            rooms[room].append(entry(f"hbgear.{name}", thing))
-            results[room].update(dict.fromkeys(returned(thing)))
-    made = []
-    for room in sorted(rooms, key=lambda room: (list(TITLES).index(room) if room in TITLES else 99, room)):
-        about = (importlib.import_module(f"hbgear.{room}").__doc__ or "").strip().partition("\n")[0]
-        title = TITLES.get(room, about.rstrip("."))
-        entries = rooms[room]
-        for result in results[room]:
-            module, _, name = result.rpartition(".")
-            entries.append(entry(result, getattr(importlib.import_module(module), name)))
-        write(DOCS / "api" / f"{room}.rst", page(title, about, "hbgear", entries))
-        made.append(room)
-    text = (plot.__doc__ or "").strip().partition("\n")[0]
-    write(DOCS / "api" / "plot.rst", page(TITLES["plot"], text, "hbgear.plot", [plot_entry(n) for n in plot.__all__]))
-    listed = "\n".join(f"   {room}" for room in [*made, "plot"])
+    """One page for each object and one for each sub-module, functions first."""
+    made = ["hbgear"]
+    core = {name: getattr(hb, name) for name in hb.__all__ if not name.startswith("__")}
+    write(DOCS / "api" / "hbgear.rst", page("hbgear", first_line(hb), "hbgear", [tables("hbgear", core)]))
+    for space in SPACES:
+        module = importlib.import_module(f"hbgear.{space}")
+        names = {name: getattr(module, name) for name in module.__all__}
+        also = sorted(name for name in names if core.get(name) is names[name])
+        own = {name: thing for name, thing in names.items() if name not in also}
+        for thing in list(own.values()):
+            for result in returned(thing):
+                place, _, name = result.rpartition(".")
+                own.setdefault(name, getattr(importlib.import_module(place), name))
+        text = first_line(module) + (f"\n\nAlso in ``hbgear``: {', '.join(also)}." if also else "")
+        shown = {name: thing for name, thing in own.items() if name in names}
+        further = [entry(f"{thing.__module__}.{name}", thing) for name, thing in own.items() if name not in names]
+        parts = [tables(f"hbgear.{space}", shown), *(["Results\n-------\n", *further] if further else [])]
+        write(DOCS / "api" / f"{space}.rst", page(f"hbgear.{space}", text, f"hbgear.{space}", parts))
+        made.append(space)
+    entries = [plot_entry(name) for name in plot.__all__]
+    write(DOCS / "api" / "plot.rst", page("hbgear.plot", first_line(plot), "hbgear.plot", entries))
+    listed = "\n".join(f"   {space}" for space in [*made, "plot"])
     head = (
-        "Public names\n============\n\nAll names are those of ``import hbgear as hb``; every example runs in a test."
-        f" What is not listed here may change without notice.\n\n.. toctree::\n   :maxdepth: 1\n\n{listed}\n\n"
+        "API reference\n=============\n\nNames of ``import hbgear as hb`` and of its sub-modules. Every example runs "
+        "in a test. Names that are not listed may change without notice.\n\n"
+        f".. toctree::\n   :maxdepth: 1\n\n{listed}\n\n"
     )
     write(DOCS / "api" / "index.rst", f"{head}:ref:`All names in alphabetical order <genindex>`.\n")
 

@@ -19,15 +19,16 @@ from typing import Annotated
 import typer
 
 import hbgear as hb
+from hbgear.analysis.summary import facts_of, text_at
 from hbgear.cli import complete as cli_complete
-from hbgear.cli import design as cli_design
-from hbgear.cli import fit as cli_fit
-from hbgear.cli import gear as cli_gear
 from hbgear.cli import pages as cli_pages
-from hbgear.cli import rotors as cli_rotors
-from hbgear.cli import study as cli_study
-from hbgear.cli import time as cli_time
-from hbgear.cli.files import BRANCHES, FIGURES, check_writable, outputs
+from hbgear.cli.commands import design as cli_design
+from hbgear.cli.commands import fit as cli_fit
+from hbgear.cli.commands import gear as cli_gear
+from hbgear.cli.commands import rotors as cli_rotors
+from hbgear.cli.commands import study as cli_study
+from hbgear.cli.commands import time as cli_time
+from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli.support import (
     BAD_INPUT,
     STOPPED_EARLY,
@@ -71,14 +72,13 @@ from hbgear.cli.support import (
     summary_of,
     traced,
 )
+from hbgear.common.atomic_write import CannotWrite
 from hbgear.common.command import STDOUT_CLOSED
-from hbgear.common.replacing import CannotWrite
-from hbgear.common.signals import sigterm_like_ctrl_c
-from hbgear.harmonic import catalogue
-from hbgear.harmonic.observables import layout_of
-from hbgear.harmonic.speeds import model_of
-from hbgear.harmonic.telling import facts_of, text_at
-from hbgear.mechanics.named import installed
+from hbgear.common.process.signals import sigterm_like_ctrl_c
+from hbgear.harmonic import model_registry
+from hbgear.harmonic.equations.layout import layout_of
+from hbgear.harmonic.frequency_units import model_of
+from hbgear.mechanics.model_lookup import installed
 
 RENAMED = {
     "--parameter": "--parameter F --from A --to B is now --in F=A:B, as --from and --to are always in Omega",
@@ -209,9 +209,9 @@ def models(
     Beside those of hbgear there are the models of installed packages with entry points hbgear.models.
     """
     rows = []
-    for name in [*catalogue.MODELS, *installed()] if model is None else [model]:
+    for name in [*model_registry.MODELS, *installed()] if model is None else [model]:
         try:
-            cls = catalogue.class_of(name)
+            cls = model_registry.model_class(name)
         except ValueError as error:
             if model is not None:
                 raise

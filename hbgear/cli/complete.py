@@ -8,15 +8,15 @@ from __future__ import annotations
 import os
 
 import hbgear as hb
-from hbgear.harmonic import catalogue
-from hbgear.harmonic import observables as measures
+from hbgear.harmonic import model_registry
+from hbgear.harmonic.equations import layout as measures
 from hbgear.mechanics.fields import defaults_of, entries_among, kinds_of, parameters_of
-from hbgear.mechanics.named import installed
+from hbgear.mechanics.model_lookup import installed
 
 
 def models(incomplete: str) -> list[str]:
     """Names of models."""
-    return [name for name in [*catalogue.MODELS, *installed()] if name.startswith(incomplete)]
+    return [name for name in [*model_registry.MODELS, *installed()] if name.startswith(incomplete)]
 
 
 def fields(incomplete: str) -> list[str]:
@@ -58,9 +58,9 @@ def _words() -> list[str]:
     return os.environ.get("_TYPER_COMPLETE_ARGS", os.environ.get("COMP_WORDS", "")).split()
 
 
-def _model() -> type[hb.Model] | None:
+def _model() -> type[hb.mechanics.Model] | None:
     """The class of hbgear that was named; no code of others is run while a command is typed."""
-    return next((catalogue.MODELS[word] for word in _words() if word in catalogue.MODELS), None)
+    return next((model_registry.MODELS[word] for word in _words() if word in model_registry.MODELS), None)
 
 
 def _special() -> tuple[hb.SpecialPoint, ...]:

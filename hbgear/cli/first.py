@@ -15,18 +15,18 @@ import numpy as np
 
 import hbgear as hb
 from hbgear.common import command
-from hbgear.common.threads import processors
+from hbgear.common.process.threads import processors
 
 
 @contextmanager
 def compiled_beside() -> Iterator[None]:
     """If this is a command, of two processors or more, and nothing is stored: compile while the block runs."""
-    from hbgear.common.compiling import nothing_stored
+    from hbgear.common.process.compiling import nothing_stored
 
     if not command.IS_COMMAND or processors() < 2 or not nothing_stored():
         yield
         return
-    from hbgear.design.workers import executor_of
+    from hbgear.design.cases.processes import executor_of
 
     with executor_of(None, 1, 1) as pool:
         pool.submit(_observed)
@@ -36,9 +36,9 @@ def compiled_beside() -> Iterator[None]:
 def _observed() -> None:
     """Ask for what is computed at every point of a curve; kernels are the same for all models without corners."""
     logging.getLogger("hbgear").setLevel(logging.ERROR)  # the process that traces says that kernels are compiled
-    from hbgear.harmonic.floquet import multipliers_of
+    from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 
     problem = hb.HarmonicBalance(hb.SpurPair(), 8)
     motion, Omega = np.ones((1, problem.size)), np.array([0.8])
-    multipliers_of(problem.compiled({}), motion, Omega)
+    floquet_multipliers(problem.compiled({}), motion, Omega)
     problem.observe_many(motion, "Omega", Omega)

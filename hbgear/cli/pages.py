@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import hbgear as hb
-from hbgear.cli.files import check_writable, outputs
+from hbgear.cli.commands.files import check_writable, outputs
 from hbgear.cli.support import (
     STOPPED_EARLY,
     AllowCode,
@@ -25,11 +25,11 @@ from hbgear.cli.support import (
     span_of,
 )
 from hbgear.common.optional import needed
-from hbgear.harmonic import catalogue
-from hbgear.harmonic.observables import layout_of
+from hbgear.harmonic import model_registry
+from hbgear.harmonic.equations.layout import layout_of
 
 if TYPE_CHECKING:
-    from hbgear.web.subject import Subject
+    from hbgear.web.editable_model import Subject
 
 Measured = Annotated[
     list[Path] | None,
@@ -132,28 +132,28 @@ def explored(
     what: str, changes: list[str] | None, own: str | None, allow_code: bool = False
 ) -> tuple[Subject, tuple[float, float], int, hb.Branch | None]:
     """What is explored, the span and harmonics to begin with, and the curve of a file."""
-    from hbgear.design.sampling import Grid
-    from hbgear.design.study_file import is_study, read_study
-    from hbgear.io.machine_file import read_machine
-    from hbgear.web.subject import MachineSubject, ModelSubject
+    from hbgear.design.cases.samples import Grid
+    from hbgear.design.cases.study_file import is_study, read_study
+    from hbgear.io.machines.machine_file import read_machine
+    from hbgear.web.editable_model import MachineSubject, ModelSubject
 
     if what.endswith(".npz"):
         if changes:
             raise ValueError("--set: the values are those of the curve; move them on the page")
         branch = hb.load(what)
-        cls = None if own is None else catalogue.class_of(own)
-        problem = catalogue.problem_of(branch.meta, cls)
+        cls = None if own is None else model_registry.model_class(own)
+        problem = model_registry.rebuild_problem(branch.meta, cls)
         if branch.parameter != "Omega" or branch.tracked:
             raise ValueError(f"'{what}' is a curve in {branch.parameter}; the explorer draws curves in Omega")
         machine = problem.model.at(branch.fixed)
-        name = own or next((name for name, each in catalogue.MODELS.items() if each is type(machine)), "")
+        name = own or next((name for name, each in model_registry.MODELS.items() if each is type(machine)), "")
         layout = layout_of(branch)
         ends = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
         return ModelSubject(machine, name), (float(ends[0]), float(ends[1])), layout.harmonics if layout else 16, branch
     if what.endswith(".toml"):
         if is_study(what):
             study = read_study(what, allow_code)
-            name = next((name for name, each in catalogue.MODELS.items() if each is type(study.model)), "")
+            name = next((name for name, each in model_registry.MODELS.items() if each is type(study.model)), "")
             first = study.model.replace(**next(study.vary.rows())) if isinstance(study.vary, Grid) else study.model
             return ModelSubject(first, name), study.work.span, study.work.harmonics, None
         machine_file = read_machine(what)

@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import hbgear as hb
+from hbgear.analysis.summary import jump_table, reliability_lines, special_table, text_of
 from hbgear.cli import complete as cli_complete
 from hbgear.cli.first import compiled_beside
-from hbgear.common.messages import shortened
-from hbgear.common.progress import Progress, ProgressCallback
-from hbgear.continuation.branch import LANDINGS
-from hbgear.continuation.passing import passings
-from hbgear.harmonic import catalogue
-from hbgear.harmonic.telling import jump_table, special_table, text_of, trust
+from hbgear.common.process.progress import Progress, ProgressCallback
+from hbgear.common.text.messages import shortened
+from hbgear.continuation.results.branch import LANDINGS
+from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.harmonic import model_registry
 from hbgear.mechanics.fields import check_names, defaults_of, is_entry, kinds_of, made, required_of
 
 if TYPE_CHECKING:
@@ -42,8 +42,8 @@ Model = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
-        help=f"One of: {', '.join(catalogue.MODELS)}; a machine FILE.toml (see hbgear gear -o), trains and matrices "
-        "too; of your own FILE.py:NAME or MODULE:NAME, whose code is run.",
+        help=f"One of: {', '.join(model_registry.MODELS)}; a machine FILE.toml (see hbgear gear -o), trains and "
+        "matrices too; or your own FILE.py:NAME or MODULE:NAME, whose code is run.",
         autocompletion=cli_complete.models,
     ),
 ]
@@ -170,7 +170,7 @@ def assignments(option: str, texts: list[str]) -> list[tuple[str, str]]:
     return pairs
 
 
-def fields_of(cls: type[hb.Model], changes: list[str]) -> dict[str, Any]:
+def fields_of(cls: type[hb.mechanics.Model], changes: list[str]) -> dict[str, Any]:
     """Values of --set, by the types of the fields of the model; of entries of tuples too, as ``e[0]``."""
     values: dict[str, Any] = {}
     for name, text in assignments("--set", changes):
@@ -195,7 +195,7 @@ def range_of(text: str, first: float | None = None, last: float | None = None) -
 
 
 def path_of(
-    model: hb.Model, within: str | None, first: float | None, last: float | None, at: list[str] | None,
+    model: hb.mechanics.Model, within: str | None, first: float | None, last: float | None, at: list[str] | None,
     known: bool = False,
 ) -> tuple[str, tuple[float, float], dict[str, float]]:  # fmt: skip
     """What changes, from where to where, and what is held: Omega, or what --in says at an Omega given or known."""
@@ -268,11 +268,11 @@ def landed_as(
     """The branch with its jumps decided as --landing says, and whether they are; as it was after Ctrl-C or an error."""
     if landing == "nearest" or not branch.jumps():
         return branch, True
-    from hbgear.timedomain.landing import land
+    from hbgear.time.jump_integration import integrate_jumps
 
     try:
         with bar("jumps") as progress:
-            return land(branch, others, problem=problem, progress=progress), True
+            return integrate_jumps(branch, others, problem=problem, progress=progress), True
     except (KeyboardInterrupt, ValueError, ArithmeticError) as error:
         why = "interrupted" if isinstance(error, KeyboardInterrupt) else f"jumps cannot be integrated: {error}"
         say("error", f"{why}; they go to the nearest motions")
@@ -284,7 +284,7 @@ def element_of(text: str) -> int | str:
     return int(text) if text.isdecimal() else text
 
 
-def span_of(model: hb.Model, first: float | None, last: float | None) -> tuple[float, float]:
+def span_of(model: hb.mechanics.Model, first: float | None, last: float | None) -> tuple[float, float]:
     """The span of Omega given, with the ends that are missing from the model's default."""
     a, b = model.default_span
     return a if first is None else first, b if last is None else last
@@ -319,13 +319,13 @@ def start_of(text: str) -> tuple[hb.Branch, hb.Point]:
     return branch, point_of(branch, place, "--start") if colon else branch[-1]
 
 
-def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] | None) -> hb.Model:
+def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] | None) -> hb.mechanics.Model:
     """The model of a saved curve at one of its points, with the values of --set; it must be the one that is named."""
-    own = type(chosen_model(name, None)) if name.endswith(".toml") else catalogue.class_of(name)
+    own = type(chosen_model(name, None)) if name.endswith(".toml") else model_registry.model_class(name)
     about, cls = branch.meta.get("model", {}), own
-    if catalogue.is_description(about) and about["class"] != cls.__name__:
+    if model_registry.is_description(about) and about["class"] != cls.__name__:
         raise ValueError(f"the curve of --start is of {about['class']}; '{name}' is {cls.__name__}")
-    model = catalogue.rebuild(about, cls)
+    model = model_registry.rebuild_model(about, cls)
     changed = fields_of(cls, changes or [])
     return model.at(point.parameters).replace(**changed)
 
@@ -341,16 +341,16 @@ def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
         raise ValueError(
             f"{option} {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there"
         )
-    near = [place.nearest for place in passings(branch, value)] or [0]  # of a single point
+    near = [place.nearest for place in crossings_at(branch, value)] or [0]  # of a single point
     return branch[min(near, key=lambda i: branch[i].stable is not True)]
 
 
-def chosen_model(name: str, changes: list[str] | None) -> hb.Model:
+def chosen_model(name: str, changes: list[str] | None) -> hb.mechanics.Model:
     """The model of MODEL, by its name or of a machine's file, with the values of --set."""
     if name.endswith(".toml"):
         made_of_it = _model_in(name)
         return made_of_it.replace(**fields_of(type(made_of_it), changes or []))
-    cls = catalogue.class_of(name)
+    cls = model_registry.model_class(name)
     fields = fields_of(cls, changes or [])
     missing = [field for field in required_of(cls) if field not in fields]
     if missing:
@@ -359,11 +359,11 @@ def chosen_model(name: str, changes: list[str] | None) -> hb.Model:
     return made(cls, fields)
 
 
-def _model_in(path: str) -> hb.Model:
+def _model_in(path: str) -> hb.mechanics.Model:
     """The model in a file: of a train, of matrices or receptances, or of a gear pair."""
-    from hbgear.io.machine_file import read_machine
-    from hbgear.io.structure_file import is_structure, read_structure
-    from hbgear.io.train_file import is_train, read_train
+    from hbgear.io.machines.machine_file import read_machine
+    from hbgear.io.machines.structure_file import is_structure, read_structure
+    from hbgear.io.machines.train_file import is_train, read_train
 
     if is_train(path):
         return read_train(path)
@@ -372,11 +372,11 @@ def _model_in(path: str) -> hb.Model:
 
 def problem_in(branch: hb.Branch, name: str | None, harmonics: str | None = None, samples: int | None = None) -> Any:
     """The problem a saved curve was traced with, its model that of --model, with other harmonics or samples."""
-    cls = None if name is None else catalogue.class_of(name)
-    return catalogue.problem_of(retold(branch.meta, harmonics, samples), cls)
+    cls = None if name is None else model_registry.model_class(name)
+    return model_registry.rebuild_problem(retold(branch.meta, harmonics, samples), cls)
 
 
-def problem_of(model: hb.Model, harmonics: str, **settings: Any) -> hb.HarmonicBalance:
+def problem_of(model: hb.mechanics.Model, harmonics: str, **settings: Any) -> hb.HarmonicBalance:
     """Harmonic balance with the harmonics of --harmonics, a number or auto."""
     return hb.HarmonicBalance(model, harmonics_of(harmonics), **settings)
 
@@ -535,7 +535,7 @@ def show_branch(
 
 def show_doubts(branch: hb.Branch) -> None:
     """A line that says whether a curve can be trusted, and what to do if not."""
-    lines = trust(branch)
+    lines = reliability_lines(branch)
     for line in lines:
         print_text(line)
     if branch.doubts and lines:
@@ -564,13 +564,13 @@ def summary_of(cls: type) -> str:
     return next(iter((inspect.getdoc(cls) or "").splitlines()), "").partition(";")[0].rstrip(".")
 
 
-def defaults_text(cls: type[hb.Model]) -> str:
+def defaults_text(cls: type[hb.mechanics.Model]) -> str:
     """Fields as --set takes them, with their defaults; without one it has to be given."""
     usual = defaults_of(cls)
     return ", ".join(f"{name}={text_of(usual[name]) if name in usual else 'VALUE'}" for name in kinds_of(cls))
 
 
-def ranges_of(cls: type[hb.Model]) -> str:
+def ranges_of(cls: type[hb.mechanics.Model]) -> str:
     """What the values of its parameters must be, the parameters of one range together."""
     names: dict[str, list[str]] = {}
     for name, allowed in cls.ranges.items():

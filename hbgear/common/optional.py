@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from hbgear.common.signals import held
+from hbgear.common.process.signals import defer_signals
 
 
 def needed(library: str, extra: str, what: str) -> Any:
@@ -23,7 +23,7 @@ def needed(library: str, extra: str, what: str) -> Any:
         If it is not installed.
     """
     try:
-        with held():  # some extension modules say ImportError when Ctrl-C comes
+        with defer_signals():  # some extension modules say ImportError when Ctrl-C comes
             return importlib.import_module(library)
     except ImportError as error:
         raise ValueError(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
-from hbgear.common.messages import quoted
+from hbgear.common.text.messages import quoted
 
 _INSIDE = 1e-3  # how far from an end that does not belong to the range searches stop, as a share of the way to it
 
@@ -27,7 +27,7 @@ class Range:
     Examples
     --------
     >>> import hbgear as hb
-    >>> share = hb.Range(low=0.0, high=1.0)
+    >>> share = hb.mechanics.Range(low=0.0, high=1.0)
     >>> 0.5 in share, 1.5 in share
     (True, False)
     >>> f"it must {share}"

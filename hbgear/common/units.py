@@ -14,8 +14,8 @@ from functools import lru_cache
 from math import pi
 from typing import Any, overload
 
-from hbgear.common.messages import quoted
 from hbgear.common.ranges import ANY, Range, checked
+from hbgear.common.text.messages import quoted
 
 EXAMPLES = {"m": "'3 mm'", "rad": "'20 deg'", "N m": "'200 N m'", "N/m": "'2e8 N/m'", "kg": "'0.7 kg'",
             "kg m^2": "'0.0005 kg m^2'", "N": "'50 N'", "Pa": "'206 GPa'", "kg/m^3": "'7850 kg/m^3'",
@@ -51,7 +51,7 @@ def _registry() -> Any:
     return registry
 
 
-def si(owner: str, name: str, value: Any, unit: str) -> float:
+def to_si(owner: str, name: str, value: Any, unit: str) -> float:
     """The number of a quantity in an SI unit.
 
     Parameters
@@ -140,7 +140,7 @@ def _short(exact: float) -> float:
     return short if abs(short - exact) <= _LAST_DIGIT * abs(exact) else exact
 
 
-class Measured:
+class QuantityField:
     """A field of a frozen dataclass that takes quantities and holds a number in SI.
 
         module: Measured = Measured("m", POSITIVE, Range(1e-5, 0.1))
@@ -184,7 +184,7 @@ class Measured:
         ValueError
             If it is no such quantity, or out of range.
         """
-        number = si(owner, self.name, value, self.unit)
+        number = to_si(owner, self.name, value, self.unit)
         checked(owner, self.name, number, self.allowed)
         if number not in self.plausible:
             unit = f" {self.unit}" if self.unit else ""
@@ -197,8 +197,8 @@ class Measured:
         return number
 
 
-class MeasuredOrNone(Measured):
-    """As `Measured`, with None for what is to be computed, the default."""
+class OptionalQuantityField(QuantityField):
+    """As `QuantityField`, with None for what is to be computed, the default."""
 
     def __get__(self, instance: object | None, owner: type) -> float | None:  # type: ignore[override]
         return None if instance is None else vars(instance)[self.name]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hbgear.common.messages import quoted
-from hbgear.harmonic.balance import HarmonicBalance
+from hbgear.common.text.messages import quoted
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
 
 
 def bounds_of(

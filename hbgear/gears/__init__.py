@@ -2,23 +2,23 @@
 
 from typing import TYPE_CHECKING
 
-from hbgear.common import late as _late
+from hbgear.common import lazy_names as _lazy
 
 if TYPE_CHECKING:  # imported when they are first used
-    from hbgear.gears.beam import Beam
-    from hbgear.gears.double_helical import DoubleHelicalPair
-    from hbgear.gears.gear import Gear
-    from hbgear.gears.helical import HelicalPair
-    from hbgear.gears.housing import Housing
-    from hbgear.gears.iso_dynamics import iso_dynamic_factor
-    from hbgear.gears.mesh_cycle import MeshCycle, Table
-    from hbgear.gears.pair import GearPair
-    from hbgear.gears.planetary import PlanetarySet, PlanetMode
-    from hbgear.gears.rotor_bearing import GearRotorBearing
-    from hbgear.gears.spur import SpurPair
-    from hbgear.gears.support import Support
-    from hbgear.gears.train import Train
-    from hbgear.gears.train_parts import Bearing, Mesh, Shaft, Wheel
+    from hbgear.gears.drawing.gear import Gear
+    from hbgear.gears.drawing.pair import GearPair
+    from hbgear.gears.mesh.iso_dynamics import iso_dynamic_factor
+    from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
+    from hbgear.gears.pairs.double_helical import DoubleHelicalPair
+    from hbgear.gears.pairs.helical import HelicalPair
+    from hbgear.gears.pairs.rotor_bearing import GearRotorBearing
+    from hbgear.gears.pairs.spur import SpurPair
+    from hbgear.gears.pairs.support import Support
+    from hbgear.gears.trains.beam import Beam
+    from hbgear.gears.trains.housing import Housing
+    from hbgear.gears.trains.planetary import PlanetarySet, PlanetMode
+    from hbgear.gears.trains.train import Train
+    from hbgear.gears.trains.train_components import Bearing, Mesh, Shaft, Wheel
 
 __all__ = [
     "Beam",
@@ -31,16 +31,16 @@ __all__ = [
     "Housing",
     "Mesh",
     "MeshCycle",
+    "MeshTable",
     "PlanetMode",
     "PlanetarySet",
     "Shaft",
     "SpurPair",
     "Support",
-    "Table",
     "Train",
     "Wheel",
     "iso_dynamic_factor",
 ]
 
 if not TYPE_CHECKING:
-    __getattr__, __dir__ = _late.attached(__name__)
+    __getattr__, __dir__ = _lazy.attached(__name__)

@@ -1,1 +1,23 @@
-"""Periodic motions by harmonic balance: residual, exact contact, stability, special points, jumps."""
+"""Periodic motions by harmonic balance: residual, exact contact, stability, special points."""
+
+from typing import TYPE_CHECKING
+
+from hbgear.common import lazy_names as _lazy
+
+if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.harmonic.bifurcations.extremum import AmplitudeExtremum
+    from hbgear.harmonic.bifurcations.grazing import GrazingProblem
+    from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem
+    from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
+    from hbgear.harmonic.harmonic_balance import HarmonicBalance
+
+__all__ = [
+    "AmplitudeExtremum",
+    "GrazingProblem",
+    "HarmonicBalance",
+    "NeimarkSackerProblem",
+    "PeriodDoublingProblem",
+]
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = _lazy.attached(__name__)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from hbgear.common.arguments import given
+from hbgear.common.argument_checks import given
 from hbgear.common.arrays import Array
 from hbgear.io.matrices import Matrices, skew
 
@@ -52,7 +52,7 @@ def from_ross(rotor: Any) -> Matrices:
     --------
     >>> import hbgear as hb
     >>> import ross  # doctest: +SKIP
-    >>> found = hb.from_ross(ross.rotor_example())  # doctest: +SKIP
+    >>> found = hb.io.from_ross(ross.rotor_example())  # doctest: +SKIP
     >>> unbalance = hb.Load({}, {1: found.along({"x_2": 1e-4})}, {1: found.along({"y_2": 1e-4})}, 2)  # doctest: +SKIP
     """
     for name in ("M", "K", "C", "G", "number_dof"):
@@ -183,7 +183,7 @@ def from_opentorsion(assembly: Any) -> Matrices:
     >>> import hbgear as hb
     >>> import opentorsion as ot  # doctest: +SKIP
     >>> shafts, discs = [ot.Shaft(0, 1, k=1e5)], [ot.Disk(0, I=0.1), ot.Disk(1, I=0.2)]  # doctest: +SKIP
-    >>> hb.from_opentorsion(ot.Assembly(shafts, disk_elements=discs)).dof_names  # doctest: +SKIP
+    >>> hb.io.from_opentorsion(ot.Assembly(shafts, disk_elements=discs)).dof_names  # doctest: +SKIP
     ('theta_0', 'theta_1')
     """
     for name in ("M", "K", "C", "shaft_elements"):

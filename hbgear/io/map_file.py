@@ -10,12 +10,12 @@ import dataclasses
 import os
 from typing import Any
 
-from hbgear.common.messages import quoted
-from hbgear.continuation.bordered import Fold
-from hbgear.continuation.branch import Status
-from hbgear.harmonic.balance import HarmonicBalance
-from hbgear.harmonic.jump_map import JumpMap
-from hbgear.io.npz import load
+from hbgear.analysis.jump_maps import JumpMap
+from hbgear.common.text.messages import quoted
+from hbgear.continuation.augmented.fold import FoldProblem
+from hbgear.continuation.results.branch import Status
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.io.branches.npz import load
 
 
 def save_map(found: JumpMap, path: str | os.PathLike[str]) -> None:
@@ -59,7 +59,7 @@ def read_map(
                              "remove this one")  # fmt: skip
     every = (dataclasses.replace(first, others=()), *first.others)
     curves = tuple(dataclasses.replace(one, problem=problem) for one in every if one.parameter == "Omega")
-    folds = tuple(dataclasses.replace(one, problem=Fold(problem)) for one in every if one.parameter == parameter)
+    folds = tuple(dataclasses.replace(one, problem=FoldProblem(problem)) for one in every if one.parameter == parameter)
     low, high = sorted(map(float, span))
     begin, end = map(float, frequencies)
     return JumpMap(parameter, (low, high), folds, (), {}, Status.INTERRUPTED, "read from a file", curves, (begin, end))

@@ -14,21 +14,21 @@ from typing import Any
 import numpy as np
 import scipy
 
-from hbgear.common.arguments import checked_arguments
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.messages import quoted
 from hbgear.common.optional import needed
 from hbgear.common.ranges import ANY, checked
-from hbgear.io.archive import Damaged, archive_of
-from hbgear.io.declared import SPARE, TIMES, TooMuch, check_mat, check_mtx
-from hbgear.io.matlab_check import check_matlab
-from hbgear.io.matlab_hdf5 import is_hdf5, read_hdf5
-from hbgear.io.matrix_market import DamagedFileError, read_matrix_market
-from hbgear.mechanics.fourier import is_listed
-from hbgear.mechanics.matrices import square
-from hbgear.mechanics.model import Element, Load, System
-from hbgear.mechanics.receptances import vector_along
-from hbgear.mechanics.speed import OverSpeed, SpeedTerms
+from hbgear.common.text.messages import quoted
+from hbgear.io.branches.archive import Damaged, archive_of
+from hbgear.io.matrix_files.matlab_check import check_matlab
+from hbgear.io.matrix_files.matlab_hdf5 import is_hdf5, read_hdf5
+from hbgear.io.matrix_files.matrix_market import DamagedFileError, read_matrix_market
+from hbgear.io.matrix_files.unpacked_size import SPARE, TIMES, TooMuch, check_mat, check_mtx
+from hbgear.mechanics.models import Element, Load, System
+from hbgear.mechanics.series.fourier import is_listed
+from hbgear.mechanics.structures.matrices import square
+from hbgear.mechanics.structures.receptances import vector_along
+from hbgear.mechanics.structures.speed_terms import OverSpeed, SpeedTerms
 
 NAMES = ("M", "K", "C", "G")
 """Matrices that a structure may have; the first two it must."""
@@ -58,7 +58,7 @@ class Matrices:
     --------
     >>> import hbgear as hb
     >>> import numpy as np
-    >>> found = hb.Matrices(np.eye(2), [[2.0, -1.0], [-1.0, 2.0]], dof_names=["rotor", "stator"])
+    >>> found = hb.io.Matrices(np.eye(2), [[2.0, -1.0], [-1.0, 2.0]], dof_names=["rotor", "stator"])
     >>> rub = hb.Element(found.along({"rotor": 1.0, "stator": -1.0}), hb.Unilateral(k=10.0, gap=0.1), name="rub")
     >>> found.system([rub], hb.Load(cosine={1: found.along({"rotor": 0.05})})).n
     2
@@ -158,7 +158,7 @@ def from_matrices(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     for name, A in (("mass", np.eye(3)), ("stiff", 2 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1))):
     ...         scipy.io.mmwrite(os.path.join(folder, name + ".mtx"), A)
-    ...     found = hb.from_matrices({"M": os.path.join(folder, "mass.mtx"), "K": os.path.join(folder, "stiff.mtx")})
+    ...     found = hb.io.from_matrices({"M": os.path.join(folder, "mass.mtx"), "K": os.path.join(folder, "stiff.mtx")})
     ...
     >>> found.n
     3

@@ -12,12 +12,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hbgear.common.arguments import checked_arguments
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.messages import did_you_mean, quoted
 from hbgear.common.optional import needed
-from hbgear.io.receptance_table import read_response
-from hbgear.mechanics.receptances import Receptances
+from hbgear.common.text.messages import did_you_mean, quoted
+from hbgear.io.tables.receptance_table import read_response
+from hbgear.mechanics.structures.receptances import Receptances
 
 _POWERS = {"receptance": 0, "mobility": 1, "accelerance": 2}
 _ORDINATES = {8: "receptance", 11: "mobility", 12: "accelerance"}  # of data set 58
@@ -66,7 +66,7 @@ def from_receptances(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = os.path.join(folder, "point.csv")
     ...     np.savetxt(file, np.column_stack([f, H.real, H.imag]), delimiter=",")
-    ...     found = hb.from_receptances({("case", "case"): file})
+    ...     found = hb.io.from_receptances({("case", "case"): file})
     ...
     >>> found
     Receptances(case; 501 lines from 0 to 314.159)

@@ -1,1 +1,48 @@
-"""What a machine is: matrices, elements with force laws, loads."""
+"""Structures, elements, force laws, loads, Fourier series, reduction."""
+
+from typing import TYPE_CHECKING
+
+from hbgear.common import lazy_names as _lazy
+
+if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.common.ranges import Range
+    from hbgear.mechanics.function_model import model
+    from hbgear.mechanics.laws.compiled_law import CompiledLaw
+    from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
+    from hbgear.mechanics.models import Element, Load, Model, Reaction, System
+    from hbgear.mechanics.oscillators import Duffing
+    from hbgear.mechanics.plausibility import ImplausibleInputWarning
+    from hbgear.mechanics.reduction import Reduction, reduce
+    from hbgear.mechanics.series.fourier import Series
+    from hbgear.mechanics.series.periodic import Periodic
+    from hbgear.mechanics.structures.receptances import Receptances
+    from hbgear.mechanics.structures.speed_terms import MatrixTable, SpeedTerms
+
+__all__ = [
+    "Backlash",
+    "CompiledLaw",
+    "Cubic",
+    "Duffing",
+    "Element",
+    "ImplausibleInputWarning",
+    "Law",
+    "Load",
+    "MatrixTable",
+    "Model",
+    "Parallel",
+    "Periodic",
+    "PiecewiseLinear",
+    "Range",
+    "Reaction",
+    "Receptances",
+    "Reduction",
+    "Series",
+    "SpeedTerms",
+    "System",
+    "Unilateral",
+    "model",
+    "reduce",
+]
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = _lazy.attached(__name__)

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from hbgear.common.messages import did_you_mean
+from hbgear.common.text.messages import did_you_mean
 
 _T = TypeVar("_T")
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from hbgear.common.ranges import NOT_NEGATIVE, Range
-from hbgear.mechanics.laws import Cubic
-from hbgear.mechanics.model import Element, Load, Model, System
+from hbgear.mechanics.laws.laws import Cubic
+from hbgear.mechanics.models import Element, Load, Model, System
 
 
 @dataclass(frozen=True)

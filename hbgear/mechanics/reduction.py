@@ -26,11 +26,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-from hbgear.common.arguments import checked_arguments
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
-from hbgear.mechanics.model import Load, Model, System
-from hbgear.mechanics.references import references
+from hbgear.mechanics.models import Load, Model, System
+from hbgear.mechanics.reference_stiffness import references
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Reduction:
     >>> K = n * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
     >>> stop = hb.Element(np.eye(n)[n // 2], hb.Unilateral(k=0.5, gap=1.0))
     >>> chain = hb.System(np.eye(n) / n, 0.001 * K, K, [stop], hb.Load(cosine={1: np.eye(n)[n // 2]}))
-    >>> small = hb.reduce(chain, modes=8)
+    >>> small = hb.mechanics.reduce(chain, modes=8)
     >>> small.basis.shape[0], bool(small.error([1.0]).max() < 1e-3)
     (30, True)
     """
@@ -191,7 +191,7 @@ def reduce(model: Model, modes: int = 40, Omega: float | None = None, correction
     >>> K = n * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
     >>> stop = hb.Element(np.eye(n)[n // 2], hb.Unilateral(k=0.5, gap=1.0))
     >>> chain = hb.System(np.eye(n) / n, 0.001 * K, K, [stop], hb.Load(cosine={1: np.eye(n)[n // 2]}))
-    >>> small = hb.reduce(chain, modes=8)
+    >>> small = hb.mechanics.reduce(chain, modes=8)
     >>> len(small.system.M) < n
     True
     """

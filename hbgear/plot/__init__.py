@@ -11,17 +11,27 @@ Examples
 
 from typing import TYPE_CHECKING
 
-from hbgear.common import late as _late
+from hbgear.common import lazy_names as _late
 from hbgear.plot.runs import RUNS, orders, runs, waterfall  # at once: a function has the name of its module
 
 if TYPE_CHECKING:  # imported when they are first used
-    from hbgear.plot.bands import band
     from hbgear.plot.curves import jump_map, response, responses, speed_axes
-    from hbgear.plot.effects import tornado
-    from hbgear.plot.fits import fitted, measured
-    from hbgear.plot.mesh import drive, mesh_cycles
+    from hbgear.plot.designs.bands import band
+    from hbgear.plot.designs.effects import tornado
+    from hbgear.plot.designs.fits import fitted, measured
+    from hbgear.plot.designs.study import (
+        JUMPS,
+        PERCENTILES,
+        against_parameters,
+        envelope,
+        figures,
+        jump_distribution,
+        percentiles,
+    )
+    from hbgear.plot.machines.mesh import drive, mesh_cycles
+    from hbgear.plot.machines.rotors import campbell
+    from hbgear.plot.machines.trains import load_sharing, planetary, train
     from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
-    from hbgear.plot.rotors import campbell
     from hbgear.plot.simulation import (
         BASINS,
         DIRECTIONS,
@@ -32,15 +42,6 @@ if TYPE_CHECKING:  # imported when they are first used
         bifurcation,
         sweeps,
         validation,
-    )
-    from hbgear.plot.study import (
-        JUMPS,
-        PERCENTILES,
-        against_parameters,
-        envelope,
-        figures,
-        jump_distribution,
-        percentiles,
     )
     from hbgear.plot.style import (
         BRANCHES,
@@ -56,7 +57,6 @@ if TYPE_CHECKING:  # imported when they are first used
         legend_entry,
         save,
     )
-    from hbgear.plot.trains import load_sharing, planetary, train
 
 __all__ = [
     "BASINS",

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hbgear.common.arguments import checked_arguments
+from hbgear.analysis.engineering_quantities import machine_quantities, problem_along
+from hbgear.analysis.jump_landings import landings
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.messages import quoted
-from hbgear.continuation.branch import Branch, Jump, Point
-from hbgear.harmonic.answers import answers, problem_along
-from hbgear.harmonic.events import named
-from hbgear.harmonic.landings import landings
-from hbgear.harmonic.observables import layout_of
-from hbgear.harmonic.speeds import common_scales, model_of, same_scales, scales
-from hbgear.plot.stretches import ABOVE, bounded, stretches
+from hbgear.common.text.messages import quoted
+from hbgear.continuation.results.branch import Branch, Jump, Point
+from hbgear.harmonic.bifurcations.events import named
+from hbgear.harmonic.equations.layout import layout_of
+from hbgear.harmonic.frequency_units import common_scales, model_of, same_scales, scales
+from hbgear.plot.branch_sections import ABOVE, bounded, stretches
 from hbgear.plot.style import (
     BRANCHES,
     COLOURS,
@@ -41,7 +41,7 @@ from hbgear.plot.style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from hbgear.harmonic.jump_map import JumpMap
+    from hbgear.analysis.jump_maps import JumpMap
 
 
 @checked_arguments()
@@ -197,7 +197,7 @@ def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
     Examples
     --------
     >>> import hbgear as hb
-    >>> pair = hb.HarmonicBalance(hb.DoubleHelicalPair(), 4)
+    >>> pair = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(), 4)
     >>> curve = hb.trace(pair, "Omega", (1.6, 1.5))
     >>> axes = hb.plot.response(curve, speeds=False)
     >>> [axis.get_xlabel() for axis in hb.plot.speed_axes(axes, [curve])]
@@ -330,7 +330,7 @@ def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str, dof: i
     names = layout.labels if layout else {}
     ax.set_xlabel(names.get(branch.parameter, r"$\Omega$" if branch.parameter == "Omega" else branch.parameter))
     if _is_answer(measure):
-        title = answers(_asked(branch, measure)[0], element, dof).title(measure)
+        title = machine_quantities(_asked(branch, measure)[0], element, dof).title(measure)
         ax.set_ylabel(title + (f" of {dof}" if dof is not None and measure.startswith("acc") else ""))
     else:
         ax.set_ylabel(f"{MEASURES.get(measure, f'harmonic {measure[1:]}')} of {gap_label(layout, element)}")
@@ -358,7 +358,7 @@ class _Height:
         """Of every row."""
         if id(branch) not in self._along:
             if _is_answer(self.measure):
-                column = answers(branch, self.element, self.dof)[self.measure]
+                column = machine_quantities(branch, self.element, self.dof)[self.measure]
                 if not np.isfinite(column).any():
                     raise ValueError(f"there is no {self.measure} to draw, as the static force is zero; draw another "
                                      "answer, such as 'force, largest'")  # fmt: skip
@@ -370,7 +370,7 @@ class _Height:
     def at(self, point: Point) -> float:
         """Of a point."""
         if _is_answer(self.measure):
-            return float(answers(point, self.element, self.dof)[self.measure][0])
+            return float(machine_quantities(point, self.element, self.dof)[self.measure][0])
         return point.amplitude(self.measure, self.element)
 
 

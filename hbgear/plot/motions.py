@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hbgear.common.arguments import checked_arguments
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range, checked
-from hbgear.continuation.branch import Point
-from hbgear.harmonic.observables import Layout, layout_of
-from hbgear.harmonic.speeds import MESH, PINION, speeds_at
+from hbgear.continuation.results.branch import Point
+from hbgear.harmonic.equations.layout import Layout, layout_of
+from hbgear.harmonic.frequency_units import MESH, PINION, speeds_at
 from hbgear.plot.style import (
     COLOURS,
     FONT,
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from hbgear.mechanics.model import Model
+    from hbgear.mechanics.models import Model
 
 
 FLOOR = 1e-6

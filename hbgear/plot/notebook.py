@@ -9,12 +9,12 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from hbgear.common.symbols import in_html, unit_of
-from hbgear.continuation.branch import Branch
-from hbgear.harmonic.observables import layout_of
-from hbgear.harmonic.telling import facts_of, jump_table, trust
-from hbgear.io.columns import bracketed
-from hbgear.mechanics.model import Model
+from hbgear.analysis.summary import facts_of, jump_table, reliability_lines
+from hbgear.common.text.symbols import in_html, unit_of
+from hbgear.continuation.results.branch import Branch
+from hbgear.harmonic.equations.layout import layout_of
+from hbgear.io.branches.columns import bracketed
+from hbgear.mechanics.models import Model
 from hbgear.plot.curves import response
 
 
@@ -26,7 +26,7 @@ def branch_html(branch: Branch) -> str:
     if known and branch.jumps():
         headers, rows, _ = jump_table(branch, "pp2", 0)
         parts += ["<p>jumps of a slow sweep</p>", _table(headers, rows)]
-    parts += [f"<p>{html.escape(line)}</p>" for line in (trust(branch) if known else ())]
+    parts += [f"<p>{html.escape(line)}</p>" for line in (reliability_lines(branch) if known else ())]
     if known:
         parts.append(f'<img alt="response curve" src="data:image/png;base64,{_figure(branch)}">')
     return f"<div>{''.join(parts)}</div>"

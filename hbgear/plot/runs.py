@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hbgear.common.arguments import checked_arguments
+from hbgear.analysis.run_up import BranchSection, RunUp, run_up
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range, checked, counted
-from hbgear.continuation.branch import Branch, Jump, Point
-from hbgear.harmonic.observables import layout_of
-from hbgear.harmonic.runs import Run, Stretch, run
+from hbgear.continuation.results.branch import Branch, Jump, Point
+from hbgear.harmonic.equations.layout import layout_of
 from hbgear.plot.curves import name_axes, speed_axes
 from hbgear.plot.style import BRANCHES, FONT, GREY, add_legend, axes_or_new, dress, gap_label, heighten, styled
 
@@ -51,7 +51,7 @@ def runs(
     >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 1.6))
     >>> axes = hb.plot.runs(curve)
     """
-    found = [run(branch, direction, others) for direction in ("down", "up")]  # the wider one first
+    found = [run_up(branch, direction, others) for direction in ("down", "up")]  # the wider one first
     own = ax is None
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
@@ -78,7 +78,7 @@ def runs(
 
 @checked_arguments()
 def orders(
-    found: Run, orders: Sequence[int] = (1, 2, 3), element: int | str = 0, ax: Axes | None = None,
+    found: RunUp, orders: Sequence[int] = (1, 2, 3), element: int | str = 0, ax: Axes | None = None,
     *, derivative: int = 0, legend: bool = True,
 ) -> Axes:  # fmt: skip
     """Order cuts: amplitudes of harmonics of the excitation along a run, on a logarithmic axis.
@@ -94,7 +94,7 @@ def orders(
     --------
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 0.6))
-    >>> axes = hb.plot.orders(hb.run(curve, "down"))
+    >>> axes = hb.plot.orders(hb.analysis.run_up(curve, "down"))
     """
     for order in orders:
         counted("orders", order)
@@ -120,7 +120,7 @@ def orders(
 
 @checked_arguments()
 def waterfall(
-    found: Run, element: int | str = 0, ax: Axes | None = None, *, floor: float = 1e-3, derivative: int = 0
+    found: RunUp, element: int | str = 0, ax: Axes | None = None, *, floor: float = 1e-3, derivative: int = 0
 ) -> Axes:
     """Waterfall seen from above: the spectra along a run, the amplitude as colour; harmonics lie on rays, the orders.
 
@@ -140,7 +140,7 @@ def waterfall(
     --------
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 0.6))
-    >>> axes = hb.plot.waterfall(hb.run(curve, "up"))
+    >>> axes = hb.plot.waterfall(hb.analysis.run_up(curve, "up"))
     """
     from matplotlib.collections import LineCollection
 
@@ -186,7 +186,7 @@ def _nu(branch: Branch) -> int:
     return layout.nu
 
 
-def _levels(stretch: Stretch, element: int | str, derivative: int) -> Array:
+def _levels(stretch: BranchSection, element: int | str, derivative: int) -> Array:
     """Amplitudes [dB] of all harmonics of the basis (H, values)."""
     layout = layout_of(stretch.branch)
     assert layout is not None  # runs are along motions
@@ -196,7 +196,7 @@ def _levels(stretch: Stretch, element: int | str, derivative: int) -> Array:
     return out
 
 
-def _connect(ax: Axes, one: Run, measure: str, element: int | str) -> None:
+def _connect(ax: Axes, one: RunUp, measure: str, element: int | str) -> None:
     """Thin lines where the run goes from one curve to another without a jump, such as along a doubled motion."""
     jumps = [jump.value for jump in one.jumps]
     for before, after in pairwise(one.stretches):

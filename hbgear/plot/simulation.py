@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hbgear.common.arguments import checked_arguments
-from hbgear.continuation.branch import Branch
-from hbgear.harmonic.speeds import model_of, scales
-from hbgear.mechanics.model import Model
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.continuation.results.branch import Branch
+from hbgear.harmonic.frequency_units import model_of, scales
+from hbgear.mechanics.models import Model
 from hbgear.plot.curves import response, speed_axes
 from hbgear.plot.style import COLOURS, GREY, MEASURES, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
-from hbgear.timedomain.basins import Basins
-from hbgear.timedomain.sweep import Sweep
-from hbgear.timedomain.validate import Report
+from hbgear.time.basins_of_attraction import Basins
+from hbgear.time.frequency_sweep import Sweep
+from hbgear.time.validation import Report
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,7 +64,7 @@ def sweeps(
     --------
     >>> import hbgear as hb
     >>> from hbgear.plot import simulation
-    >>> up = hb.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
+    >>> up = hb.time.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
     >>> axes = simulation.sweeps([up])
     """
     if not len(found):
@@ -133,7 +133,7 @@ def bifurcation(
     --------
     >>> import hbgear as hb
     >>> from hbgear.plot import simulation
-    >>> up = hb.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
+    >>> up = hb.time.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
     >>> axes = simulation.bifurcation([up])
     """
     if not len(found):
@@ -173,7 +173,7 @@ def basins(found: Basins, ax: Axes | None = None) -> Axes:
     --------
     >>> import hbgear as hb
     >>> from hbgear.plot import simulation
-    >>> axes = simulation.basins(hb.basins(hb.Duffing(zeta=0.2), 1.0, shape=(2, 2)))
+    >>> axes = simulation.basins(hb.time.basins(hb.Duffing(zeta=0.2), 1.0, shape=(2, 2)))
     """
     from matplotlib.colors import ListedColormap
 

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hbgear.common.arguments import checked_arguments
-from hbgear.common.replacing import replacing
-from hbgear.continuation.branch import SpecialPoint
-from hbgear.continuation.events import Event
-from hbgear.harmonic.events import KINDS
-from hbgear.harmonic.observables import REGIMES, Layout
-from hbgear.harmonic.speeds import MESH, PINION
-from hbgear.io.columns import MEASURED
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.atomic_write import atomic_write
+from hbgear.continuation.events.event import Event
+from hbgear.continuation.results.branch import SpecialPoint
+from hbgear.harmonic.bifurcations.events import KINDS
+from hbgear.harmonic.equations.layout import REGIMES, Layout
+from hbgear.harmonic.frequency_units import MESH, PINION
+from hbgear.io.branches.columns import MEASURED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -151,7 +151,7 @@ def save(drawing: Axes | Figure, path: str | os.PathLike[str], dpi: int = 200) -
         raise ValueError(f"'{path}' must end in .png, .pdf or .svg")
     figure: Any = drawing if hasattr(drawing, "savefig") else drawing.figure
     settings: Any = {"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "hbgear"}
-    with matplotlib.rc_context(settings), replacing(path) as handle:
+    with matplotlib.rc_context(settings), atomic_write(path) as handle:
         figure.savefig(handle, format=kind, dpi=dpi, metadata=_METADATA[kind])
 
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from hbgear.common import late as _late
+from hbgear.common import lazy_names as _late
 
 if TYPE_CHECKING:  # imported when they are first used
     from hbgear.web.reporting import Report, report

@@ -16,22 +16,22 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.messages import shortened
-from hbgear.common.progress import Progress
-from hbgear.common.symbols import in_html, unit_of
-from hbgear.continuation.branch import Branch
-from hbgear.continuation.following import follow
-from hbgear.continuation.tracer import trace
-from hbgear.design.measured_table import measurements_of
-from hbgear.harmonic.balance import HarmonicBalance
-from hbgear.harmonic.jump_map import jump_map
-from hbgear.harmonic.sensitivity import units_of
-from hbgear.harmonic.telling import described
-from hbgear.io.npz import packed
-from hbgear.mechanics.model import Model
+from hbgear.analysis.jump_maps import jump_map
+from hbgear.analysis.parameter_sensitivity import units_of
+from hbgear.analysis.summary import described
+from hbgear.common.process.progress import Progress
+from hbgear.common.text.messages import shortened
+from hbgear.common.text.symbols import in_html, unit_of
+from hbgear.continuation.follow import follow
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.tracing.trace import trace
+from hbgear.design.fitting.measurement_table import measurements_of
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.io.branches.npz import packed
+from hbgear.mechanics.models import Model
+from hbgear.web.editable_model import ModelSubject, Subject
 from hbgear.web.overlay import dots
 from hbgear.web.reporting import report
-from hbgear.web.subject import ModelSubject, Subject
 from hbgear.web.view import plain, tables, views
 
 _SESSIONS = 16  # pages whose last curve is kept

@@ -6,14 +6,14 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hbgear.common.symbols import unit_of
-from hbgear.common.texts import bytes_of_file
-from hbgear.continuation.branch import Branch
-from hbgear.design.measured import Measurements
-from hbgear.design.measured_table import measurements_of
-from hbgear.harmonic.sensitivity import units_of
-from hbgear.harmonic.speeds import model_of, same_scales
-from hbgear.io.columns import label_of
+from hbgear.analysis.parameter_sensitivity import units_of
+from hbgear.common.text.decoding import bytes_of_file
+from hbgear.common.text.symbols import unit_of
+from hbgear.continuation.results.branch import Branch
+from hbgear.design.fitting.measurement_table import measurements_of
+from hbgear.design.fitting.measurements import Measurements
+from hbgear.harmonic.frequency_units import model_of, same_scales
+from hbgear.io.branches.columns import label_of
 from hbgear.web.view import plain
 
 _SWEEPS = ((1, "rising", "triangle-up-open"), (-1, "falling", "triangle-down-open"))

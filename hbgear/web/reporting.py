@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hbgear.common.arguments import checked_arguments
-from hbgear.common.messages import shortened
-from hbgear.common.replacing import checked_suffix, replacing
-from hbgear.continuation.branch import Branch
-from hbgear.design.results import read_results
-from hbgear.design.study import Cases
-from hbgear.harmonic.telling import described
-from hbgear.timedomain.validate import Report as Validation
+from hbgear.analysis.summary import described
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.atomic_write import atomic_write, checked_suffix
+from hbgear.common.text.messages import shortened
+from hbgear.continuation.results.branch import Branch
+from hbgear.design.cases.results import read_results
+from hbgear.design.cases.study import Cases
+from hbgear.time.validation import Report as Validation
 from hbgear.web.overlay import dots_of
 from hbgear.web.page import page, plotly_script
 from hbgear.web.studies import lines_of, told
@@ -63,7 +63,7 @@ class Report:
             If the path ends in something else.
         """
         checked_suffix(path, (".html", ".htm"), "a report is a page")
-        with replacing(path, "x", encoding="utf-8") as handle:
+        with atomic_write(path, "x", encoding="utf-8") as handle:
             handle.write(self.html)
 
 

@@ -16,8 +16,8 @@ from functools import partial
 from typing import Any
 
 from hbgear.common.optional import needed
-from hbgear.continuation.newton import NoConvergence
-from hbgear.io.archive import too_deep
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.io.branches.archive import too_deep
 from hbgear.web.explorer import Asked, Explorer, Overtaken
 from hbgear.web.page import page, plotly_script
 

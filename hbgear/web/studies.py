@@ -7,9 +7,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.common.digits import rounded
-from hbgear.design.results import Results
-from hbgear.design.study import Cases
+from hbgear.common.text.digits import rounded
+from hbgear.design.cases.results import Results
+from hbgear.design.cases.study import Cases
 from hbgear.web.view import plain
 
 Study: TypeAlias = Cases | Results

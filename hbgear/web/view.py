@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.analysis.jump_landings import Landing, landings
+from hbgear.analysis.summary import facts_of, jump_table, reliability_lines, special_table
 from hbgear.common.arrays import Array
-from hbgear.common.symbols import in_html, unit_of, without_unit
-from hbgear.continuation.branch import Branch, Point
-from hbgear.harmonic.events import named
-from hbgear.harmonic.landings import Landing, landings
-from hbgear.harmonic.observables import MEASURES, Layout, layout_of
-from hbgear.harmonic.speeds import MESH, PINION, common_scales
-from hbgear.harmonic.telling import facts_of, jump_table, special_table, trust
-from hbgear.io.columns import MEASURED, bracketed, label_of
-from hbgear.plot.stretches import ABOVE, bounded, stretches
+from hbgear.common.text.symbols import in_html, unit_of, without_unit
+from hbgear.continuation.results.branch import Branch, Point
+from hbgear.harmonic.bifurcations.events import named
+from hbgear.harmonic.equations.layout import MEASURES, Layout, layout_of
+from hbgear.harmonic.frequency_units import MESH, PINION, common_scales
+from hbgear.io.branches.columns import MEASURED, bracketed, label_of
+from hbgear.plot.branch_sections import ABOVE, bounded, stretches
 from hbgear.plot.style import legend_entry
 
 _FIGURES = 7  # significant digits of numbers that are drawn
@@ -103,7 +103,7 @@ def tables(branch: Branch, curves: Sequence[Branch], names: Sequence[str]) -> di
         "specialTable": special_table(branch, "pp2", 0),
         "jumpTable": [headers, rows],
         "notes": notes,
-        "trust": trust(branch),
+        "trust": reliability_lines(branch),
     }
 
 

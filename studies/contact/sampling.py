@@ -20,8 +20,8 @@ from matplotlib.figure import Figure
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.continuation.newton import solve
-from hbgear.mechanics.fourier import resize
+from hbgear.continuation.solvers.newton import solve
+from hbgear.mechanics.series.fourier import resize
 from studies import study
 
 H_SAMPLED = 10
@@ -114,7 +114,7 @@ def exact_folds(harmonics: Array, start: list[hb.SpecialPoint], many: int) -> Ar
     """Errors of both jump frequencies against ``many`` harmonics, (len(harmonics), 2); Newton from the start."""
 
     def frequencies(H: int) -> Array:
-        problem = hb.Fold(hb.HarmonicBalance(hb.SpurPair(), H))
+        problem = hb.continuation.FoldProblem(hb.HarmonicBalance(hb.SpurPair(), H))
         guesses = [np.append(resize(p.X, H), p.parameters["Omega"]) for p in start]
         return np.array([solve(problem, U, hb.SpurPair().parameters).X[-1] for U in guesses])
 

@@ -9,7 +9,8 @@ motion. Once more with the frequencies at which the sweeps jump, known to 0.1 %.
 the peak-to-peak value in um over the speed in r/min; damping, half backlash and mesh stiffness are sought, of which the
 last two are the units as well.
 
-Standard errors are those of the likelihood, to the side to which it falls more slowly (`hbgear.design.intervals`);
+Standard errors are those of the likelihood, to the side to which it falls more slowly
+(`hbgear.design.fitting.profile_likelihood`);
 beside them stands what those of first order would cover. Of the first draws the likelihood is looked at too: each
 parameter is held at its true value and the others are fitted again, by which the sum of squares should rise by less
 than 4 in 95 % of the draws.
@@ -26,7 +27,7 @@ from matplotlib.figure import Figure
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.design.predicted import Prediction
+from hbgear.design.fitting.sweep_prediction import Prediction
 from studies import study
 
 ALONE = True
@@ -39,8 +40,8 @@ class Case:
     """A pair: truth, start, what is sought, span of the points, and how they are measured."""
 
     name: str
-    truth: hb.Model
-    start: hb.Model
+    truth: hb.mechanics.Model
+    start: hb.mechanics.Model
     free: tuple[str, ...]
     span: tuple[float, float]
     measure: str
@@ -52,7 +53,7 @@ class Case:
 
 
 SPUR = hb.SpurPair()
-DOUBLE = hb.DoubleHelicalPair(zeta=0.05)
+DOUBLE = hb.gears.DoubleHelicalPair(zeta=0.05)
 CASES = (
     Case("spur pair", SPUR, SPUR.replace(zeta=0.08, F_m=0.13, b=1.3, e=(0.07,)), ("zeta", "b", "F_m", "e[0]"),
          (0.5, 1.4), "max", held=50),
@@ -84,23 +85,25 @@ def sweeps(case: Case, harmonics: int) -> tuple[Array, Array, Array, list[tuple[
     scale = case.truth.scales
     factor = scale.pinion_speed(1.0) if case.unit != "Omega" and scale else 1.0
     frequency, direction = factor * np.concatenate([rising, rising]), np.repeat([1, -1], 30)
-    vague = hb.Measurements(frequency, np.ones(60), direction, 1e12, (), case.unit, case.length, case.measure)
+    vague = hb.design.Measurements(frequency, np.ones(60), direction, 1e12, (), case.unit, case.length, case.measure)
     span = (1.2 * case.span[1], case.span[0] / 1.2)
     found = Prediction(hb.HarmonicBalance(case.truth, harmonics), vague, {}, span)
     jumps = [(factor * jump.value, jump.direction) for jump in found.jumps] if case.jumps else []
     return frequency, direction, found.amplitudes / vague.metres, jumps
 
 
-def drawn(case: Case, draw: int, clean: tuple[Array, Array, Array, list[tuple[float, int]]]) -> hb.Measurements:
+def drawn(case: Case, draw: int, clean: tuple[Array, Array, Array, list[tuple[float, int]]]) -> hb.design.Measurements:
     """Measurements with the noise of a draw."""
     frequency, direction, amplitude, jumps = clean
     rng = np.random.default_rng(draw)
     noisy = amplitude * (1 + NOISE * rng.normal(size=len(amplitude)))
     met = [(at * (1 + JUMP_NOISE * rng.normal()), way, JUMP_NOISE * at) for at, way in jumps]
-    return hb.Measurements(frequency, noisy, direction, NOISE * amplitude, met, case.unit, case.length, case.measure)
+    return hb.design.Measurements(
+        frequency, noisy, direction, NOISE * amplitude, met, case.unit, case.length, case.measure
+    )
 
 
-def held_at_truth(case: Case, data: hb.Measurements, found: hb.Fit, harmonics: int) -> list[float]:
+def held_at_truth(case: Case, data: hb.design.Measurements, found: hb.design.Fit, harmonics: int) -> list[float]:
     """The root of the rise of the sum of squares for each parameter that is held at its true value."""
     truth, numbers = case.truth.parameters | case.truth.entries, len(data) + len(data.jumps)
     least = found.mean_square * (numbers - len(case.free))
@@ -108,7 +111,7 @@ def held_at_truth(case: Case, data: hb.Measurements, found: hb.Fit, harmonics: i
     for name in case.free:
         problem = hb.HarmonicBalance(found.model.replace(**{name: truth[name]}), harmonics)
         others = [other for other in case.free if other != name]
-        again = hb.fit(problem, data, others, starts=1)
+        again = hb.design.fit(problem, data, others, starts=1)
         out.append(math.sqrt(max(0.0, again.mean_square * (numbers - len(others)) - least)))
     return out
 
@@ -124,7 +127,7 @@ def run(quick: bool = False) -> Results:
         rows, first, left, ratios, seconds = [], [], [], [], 0.0
         for draw in range(draws):
             data, begin = drawn(case, draw, clean), time.process_time()
-            found = hb.fit(problem, data, case.free)
+            found = hb.design.fit(problem, data, case.free)
             seconds += time.process_time() - begin
             if draw < case.held:
                 ratios.append(held_at_truth(case, data, found, harmonics))

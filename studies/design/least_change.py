@@ -21,7 +21,7 @@ from studies import study
 
 ALONE = True
 
-BASE = hb.DoubleHelicalPair(zeta=0.05)
+BASE = hb.gears.DoubleHelicalPair(zeta=0.05)
 OVER = ("zeta", "eps_scale", "e_scale")
 SPAN = (1.1, 0.7)
 
@@ -33,7 +33,7 @@ class Results:
     eps: Array
     e: Array
     zeta: Array
-    found: hb.Redesign
+    found: hb.design.Redesign
     seconds: tuple[float, float]
 
     @property
@@ -49,13 +49,13 @@ def run(quick: bool = False) -> Results:
     harmonics, count = (3, 2) if quick else (8, 7)
     eps, e = np.linspace(0.82, 1.0, count), np.linspace(0.94, 1.0, count)
     begin = time.process_time()
-    found = hb.redesign(BASE, hb.no_jumps(), OVER, harmonics=harmonics, span=SPAN)
+    found = hb.design.redesign(BASE, hb.design.no_jumps(), OVER, harmonics=harmonics, span=SPAN)
     middle = time.process_time()
     zeta = np.full((count, count), np.nan)
     for i, a in enumerate(eps):
         for j, b in enumerate(e):
             problem = hb.HarmonicBalance(BASE.replace(eps_scale=float(a), e_scale=float(b)), harmonics)
-            zeta[i, j] = hb.critical(problem, "zeta", frequencies=SPAN).value
+            zeta[i, j] = hb.analysis.critical_parameter(problem, "zeta", frequencies=SPAN).value
     return Results(eps, e, zeta, found, (middle - begin, time.process_time() - middle))
 
 

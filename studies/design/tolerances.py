@@ -25,7 +25,7 @@ from studies import study
 
 ALONE = True
 
-BASE = hb.DoubleHelicalPair(zeta=0.055)
+BASE = hb.gears.DoubleHelicalPair(zeta=0.055)
 SCATTER = {
     "zeta": ("truncated_normal", 0.055, 0.008, 0.035, 0.08),
     "torque": ("normal", 1400.0, 40.0),
@@ -33,7 +33,7 @@ SCATTER = {
     "e_scale": ("triangular", 0.8, 1.0, 1.3),
     "k_mean": ("normal", 1.8456e9, 4.0e7),
 }
-"""Distribution of each parameter that varies; see `hbgear.design.sampling.DISTRIBUTIONS`."""
+"""Distribution of each parameter that varies; see `hbgear.design.cases.samples.DISTRIBUTIONS`."""
 SEED = 1
 
 
@@ -41,7 +41,7 @@ SEED = 1
 class Results:
     """The cases, the seconds they took on how many processes, and the seconds of a part on one and on two."""
 
-    found: hb.Cases
+    found: hb.design.Cases
     processes: int
     seconds: float
     part: int
@@ -54,11 +54,11 @@ class Results:
         return self.one / (2 * self.two)
 
 
-def compute(count: int, processes: int, harmonics: int, span: tuple[float, float]) -> tuple[hb.Cases, float]:
+def compute(count: int, processes: int, harmonics: int, span: tuple[float, float]) -> tuple[hb.design.Cases, float]:
     """The first cases of the sample, and the seconds they took."""
     start = time.perf_counter()
-    found = hb.cases(
-        BASE, hb.monte_carlo(count, SEED, **SCATTER), ("peak", "jumps", "curve"), harmonics=harmonics, span=span,
+    found = hb.design.cases(
+        BASE, hb.design.monte_carlo(count, SEED, **SCATTER), ("peak", "jumps", "curve"), harmonics=harmonics, span=span,
         processes=processes,
     )  # fmt: skip
     return found, time.perf_counter() - start

@@ -66,7 +66,7 @@ class Half:
     u: Array
 
 
-def half(pair: hb.DoubleHelicalPair, errors: Collection[str], parity: int = 1) -> Half:
+def half(pair: hb.gears.DoubleHelicalPair, errors: Collection[str], parity: int = 1) -> Half:
     """The supports and factors of the left half, the right one moving alike (+1) or opposite (-1).
 
     Raises
@@ -93,7 +93,7 @@ def half(pair: hb.DoubleHelicalPair, errors: Collection[str], parity: int = 1) -
     return Half(m, np.where(np.abs(k) < small, 0.0, c), np.where(np.abs(k) < small, 0.0, k), n, u)
 
 
-def _tilt_support(pair: hb.DoubleHelicalPair, errors: Collection[str]) -> float:
+def _tilt_support(pair: hb.gears.DoubleHelicalPair, errors: Collection[str]) -> float:
     """The factor s of the tilt supports in the gap equation."""
     return 0.0 if "no_tilts" in errors else pair.b_c if "theta_unscaled" in errors else 1.0
 
@@ -124,7 +124,7 @@ def _matrices(h: Half, s: float, c_b: float) -> tuple[Array, Array, Array, Array
     return M, C, K, v
 
 
-def symmetric(errors: Collection[str] = (), pair: hb.DoubleHelicalPair | None = None) -> hb.System:
+def symmetric(errors: Collection[str] = (), pair: hb.gears.DoubleHelicalPair | None = None) -> hb.System:
     """The half pair with these errors as a system of one gap; Omega and d as in `DoubleHelicalPair`.
 
     Its element needs the force to act along the direction that measures the gap, here D alone. Rows are combined for
@@ -135,7 +135,7 @@ def symmetric(errors: Collection[str] = (), pair: hb.DoubleHelicalPair | None = 
     ValueError
         If an error is not known.
     """
-    pair = pair or hb.DoubleHelicalPair()
+    pair = pair or hb.gears.DoubleHelicalPair()
     M, C, K, v = _matrices(half(pair, errors), _tilt_support(pair, errors), cos(pair.beta_mesh))
     N = len(v)
     T = np.eye(N)
@@ -157,14 +157,14 @@ def symmetric(errors: Collection[str] = (), pair: hb.DoubleHelicalPair | None = 
     return hb.System(T @ M, T @ C, T @ K, [element], hb.Load(T @ row))
 
 
-def antisymmetric(errors: Collection[str] = (), pair: hb.DoubleHelicalPair | None = None) -> np.ndarray:
+def antisymmetric(errors: Collection[str] = (), pair: hb.gears.DoubleHelicalPair | None = None) -> np.ndarray:
     """Eigenvalues (over omega_n) of opposite motions of the halves, linear with the mean mesh closed.
 
     States: translations and tilts, the gap Delta, and gamma of pinion and wheel. What is one too many with them is made
     up for by the axial motion of the pinion, which no spring holds and which is eliminated; where the shaft does hold
     it (same_hand) two eigenvalues at zero are left over.
     """
-    pair = pair or hb.DoubleHelicalPair()
+    pair = pair or hb.gears.DoubleHelicalPair()
     c_b = cos(pair.beta_mesh)
     M, C, K, v = _matrices(half(pair, errors, parity=-1), _tilt_support(pair, errors), c_b)
     g, N = len(v) - 1, len(v) + 2

@@ -55,7 +55,7 @@ def fields(length: float, entry: str) -> dict[str, float]:
         If the entry is neither "gap" nor "unit".
     """
     if entry == "gap":
-        return {"W": length / (2 * hb.DoubleHelicalPair().b_c) - 1}
+        return {"W": length / (2 * hb.gears.DoubleHelicalPair().b_c) - 1}
     if entry == "unit":
         return {"b_c": length / 2}
     raise ValueError(f"a backlash enters as one of {', '.join(ENTRIES)}, got '{entry}'")
@@ -71,7 +71,7 @@ def omega(speed: Array, mapping: str) -> Array:
     """
     if mapping not in MAPPINGS:
         raise ValueError(f"a speed is mapped as one of {', '.join(MAPPINGS)}, got '{mapping}'")
-    return hb.DoubleHelicalPair().from_pinion_speed(speed) if mapping == "model" else speed / 1200
+    return hb.gears.DoubleHelicalPair().from_pinion_speed(speed) if mapping == "model" else speed / 1200
 
 
 def measure(length: float, entry: str, mapping: str, speeds: Sequence[float]) -> Gap:
@@ -80,7 +80,7 @@ def measure(length: float, entry: str, mapping: str, speeds: Sequence[float]) ->
     Omega = omega(np.asarray(speeds, dtype=float), mapping)
     curve = base.curve(span=(1.02 * float(Omega.max()), 0.98 * float(Omega.min())), **changed)
     points = [_at(curve, value) for value in map(float, Omega)]
-    um = 1e6 * hb.DoubleHelicalPair(**changed).b_c  # type: ignore[arg-type]
+    um = 1e6 * hb.gears.DoubleHelicalPair(**changed).b_c  # type: ignore[arg-type]
     amplitudes = {name: um * np.array([p.amplitude(name) for p in points]) for name in ("pp2", "max", "mean")}
     rows = np.array([p.coefficients() for p in points])
     return Gap(

@@ -35,7 +35,7 @@ def curve(harmonics: int = 16, span: tuple[float, float] = SPAN, **changes: Any)
     harmonics, span : of the balance, and of Omega.
     changes : fields of `DoubleHelicalPair`.
     """
-    return hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(**changes), harmonics), "Omega", span)
+    return hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(**changes), harmonics), "Omega", span)
 
 
 def at(branch: hb.Branch, Omega: float) -> hb.Point:

@@ -24,9 +24,9 @@ from matplotlib.patches import Patch
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.mechanics.fourier import evaluate
+from hbgear.mechanics.series.fourier import evaluate
 from hbgear.plot import BASINS
-from hbgear.timedomain.integrate import state_of
+from hbgear.time.integration import state_of
 from studies import study
 from studies.dong_2022 import base
 
@@ -34,7 +34,7 @@ ROTATIONS = (5, 17)
 """Coordinates of the rotation of the left and right half of the pinion."""
 AXIAL = (2, 14)
 """Coordinates of their position along the shaft."""
-LOW = hb.DoubleHelicalPair(zeta=0.05)
+LOW = hb.gears.DoubleHelicalPair(zeta=0.05)
 FOLDED, THIRD = 0.867, 0.325
 """Omega of the two maps."""
 NAMES = {"folds": ("the smaller motion", "the larger motion"), "third": ("mesh period", "twice the period")}
@@ -54,7 +54,7 @@ class Map:
     left: float
 
 
-def turned(pair: hb.DoubleHelicalPair, gap: Array, rate: Array) -> Array:
+def turned(pair: hb.gears.DoubleHelicalPair, gap: Array, rate: Array) -> Array:
     """States (B, 48) in which both gaps start with these values and rates (B,): the pinion turned, all else at zero."""
     system = pair.system()
     out = np.zeros((len(gap), 2 * system.n))
@@ -63,7 +63,7 @@ def turned(pair: hb.DoubleHelicalPair, gap: Array, rate: Array) -> Array:
     return out
 
 
-def shifted(pair: hb.DoubleHelicalPair, z: Array, rate: Array) -> Array:
+def shifted(pair: hb.gears.DoubleHelicalPair, z: Array, rate: Array) -> Array:
     """Changes of the state (B, 48) that move the whole pinion by z (B,) along its shaft, at these rates (B,)."""
     n = pair.system().n
     out = np.zeros((len(z), 2 * n))
@@ -78,13 +78,13 @@ def rest() -> float:
     return float(-FOLDED * evaluate(error, 0.0, 1)[0])
 
 
-def settled(pair: hb.DoubleHelicalPair, Omega: float, states: Array, periods: int) -> tuple[Array, Array, Array]:
+def settled(pair: hb.gears.DoubleHelicalPair, Omega: float, states: Array, periods: int) -> tuple[Array, Array, Array]:
     """Half peak-to-peak of the left gap over two periods, how far these differ, and how far they differ from the next.
 
     Counted after so many periods from each state.
     """
-    end = hb.integrate(pair, states, periods, Omega, method="exponential", samples=32).end
-    last = hb.integrate(pair, end, 4, Omega, method="exponential", samples=128).d[:, 0]
+    end = hb.time.integrate(pair, states, periods, Omega, method="exponential", samples=32).end
+    last = hb.time.integrate(pair, end, 4, Omega, method="exponential", samples=128).d[:, 0]
     one, two, three, four = np.split(last, 4, axis=1)
     apart = np.maximum(np.abs(three - one), np.abs(four - two)).max(axis=1)
     return np.ptp(last, axis=1) / 2, np.abs(two - one).max(axis=1), apart
@@ -106,7 +106,7 @@ def near_third(shape: tuple[int, int], periods: int) -> Map:
     """Starts beside the motion of the mesh period, the pinion moved along its shaft."""
     x, y = np.linspace(-4.0, 4.0, shape[0]), np.linspace(-0.8, 0.8, shape[1])
     z, rate = (grid.ravel() for grid in np.meshgrid(x, y))
-    pair = hb.DoubleHelicalPair()
+    pair = hb.gears.DoubleHelicalPair()
     point = base.at(base.curve(span=(0.34, 0.31)), THIRD)
     own = state_of(hb.HarmonicBalance(pair, 16), point.X, **point.parameters)
     _, doubled, left = settled(pair, THIRD, own + shifted(pair, z, rate), periods)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import hbgear as hb
-from hbgear.harmonic import observables as measures
+from hbgear.harmonic.equations import layout as measures
 from studies import study
 from studies.dong_2022 import base
 
@@ -64,7 +64,7 @@ class Claim:
 
 def case(branch: hb.Branch) -> Case:
     """The numbers of a response curve."""
-    peaks = hb.peaks(branch, "pp2")
+    peaks = hb.analysis.peaks(branch, "pp2")
     top = max(peaks, key=lambda point: point.amplitude("pp2"))
     stable = np.ones(len(branch), dtype=bool) if branch.stable is None else branch.stable
     regimes = {name for name, ok in zip(branch.regimes, stable, strict=True) if ok}
@@ -149,8 +149,8 @@ def backlash(quick: bool) -> list[list[float]]:
     """Amplitude [um] at 400, 600, 1200 r/min (rows: measured backlash) with e(t) of fixed length in metres."""
     out = []
     for b in base.B[:: 3 if quick else 1]:
-        e = tuple(x * 25e-6 / (b / 2) for x in hb.DoubleHelicalPair().e)
-        pair = hb.DoubleHelicalPair(b_c=b / 2, e=e)
+        e = tuple(x * 25e-6 / (b / 2) for x in hb.gears.DoubleHelicalPair().e)
+        pair = hb.gears.DoubleHelicalPair(b_c=b / 2, e=e)
         problem = hb.HarmonicBalance(pair, 8)
         row = []
         for speed in base.SPEEDS:

@@ -26,8 +26,8 @@ from scipy.optimize import brentq
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.continuation.branch import joined
-from hbgear.mechanics.fourier import extrema
+from hbgear.continuation.results.branch import concatenate
+from hbgear.mechanics.series.fourier import extrema
 from studies import study
 
 MOTIONS = {"mesh period": (1.1, 0.65), "twice the period": (0.40, 0.28)}
@@ -66,7 +66,7 @@ def run(quick: bool = False) -> Results:
 
 def curve(motion: str, harmonics: int = 16, **changes: float) -> hb.Branch:
     """Response with a motion of that kind."""
-    problem = hb.HarmonicBalance(hb.DoubleHelicalPair(**changes), harmonics)  # type: ignore[arg-type]
+    problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(**changes), harmonics)  # type: ignore[arg-type]
     found = hb.trace(problem, "Omega", MOTIONS[motion])
     return found if motion == "mesh period" else hb.switch(found, "PD1", (0.1, 0.45))
 
@@ -97,10 +97,10 @@ def grazing(motion: str, harmonics: int = 16) -> hb.Branch:
     first = next(point for point in closing.special if BACK in point.note)
     which = branch.problem.clearance_names.index(BACK)
     one, other = (
-        hb.trace(hb.Grazing(branch.problem, "Omega", which), "W", span, first)
+        hb.trace(hb.harmonic.GrazingProblem(branch.problem, "Omega", which), "W", span, first)
         for span in ((LEAST, -0.5), (-0.5, LEAST))
     )
-    return joined(other, one)
+    return concatenate(other, one)
 
 
 def widest(branch: hb.Branch) -> hb.SpecialPoint:
@@ -111,7 +111,7 @@ def widest(branch: hb.Branch) -> hb.SpecialPoint:
 
 def limit(motion: str, name: str) -> float:
     """Value of one parameter at which double-sided impact begins with W = 0; nan if not before its end in `LIMITS`."""
-    own, end = hb.DoubleHelicalPair().parameters[name], LIMITS[name]
+    own, end = hb.gears.DoubleHelicalPair().parameters[name], LIMITS[name]
     if depth(motion, **{name: end}) < 2:
         return float("nan")
     return float(brentq(lambda value: depth(motion, **{name: value}) - 2, own, end, xtol=1e-4 * own, rtol=1e-4))
@@ -120,7 +120,7 @@ def limit(motion: str, name: str) -> float:
 def plot(results: Results) -> Figure:
     """Grazing of the back flank, and boundaries in load and backlash."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 4.0), layout="constrained")
-    um = 1e6 * hb.DoubleHelicalPair().b_c
+    um = 1e6 * hb.gears.DoubleHelicalPair().b_c
     for motion, branch, color in zip(MOTIONS, results["grazing"].values(), (study.BLUE, study.ORANGE), strict=False):
         b = um * (1 + branch.values)
         rows = slice(None) if motion == "mesh period" else _stable(branch)
@@ -150,7 +150,7 @@ def _stable(branch: hb.Branch) -> slice:
 
 
 def _boundaries(ax: Axes, results: Results) -> None:
-    pair = hb.DoubleHelicalPair()
+    pair = hb.gears.DoubleHelicalPair()
     um = 1e6 * pair.b_c
     colors = (study.BLUE, study.ORANGE, study.PURPLE, study.GREEN)
     for (motion, zeta), deep in results["depths"].items():
@@ -177,7 +177,7 @@ def _boundaries(ax: Axes, results: Results) -> None:
 
 def report(results: Results) -> str:
     """Values of the boundaries."""
-    pair = hb.DoubleHelicalPair()
+    pair = hb.gears.DoubleHelicalPair()
     um = 1e6 * pair.b_c
     lines = [
         "Base case, backlash alone:",

@@ -30,7 +30,7 @@ from scipy.optimize import brentq
 import hbgear as hb
 from hbgear.common.arrays import Array
 from hbgear.plot import response
-from hbgear.timedomain.settle import Settling
+from hbgear.time.steady_state import SteadyStateSettings
 from studies import study
 from studies.dong_2022 import base
 
@@ -53,10 +53,11 @@ def run(quick: bool = False) -> Results:
     """
     curve = base.curve(8 if quick else 16, SPAN)
     doubled = hb.switch(curve, "PD1", (0.2, 0.45))
-    settling = Settling(1e-4 if quick else 1e-5)
+    settling = SteadyStateSettings(1e-4 if quick else 1e-5)
     ways: tuple[tuple[tuple[float, ...], str], ...] = (((1 / 3,), "down"),) if quick else ((DOWN, "down"), (DOWN, "up"))
     sweeps = [
-        hb.sweep(hb.DoubleHelicalPair(), grid, way, disturbance=DISTURBANCE, settling=settling) for grid, way in ways
+        hb.time.sweep(hb.gears.DoubleHelicalPair(), grid, way, disturbance=DISTURBANCE, settling=settling)
+        for grid, way in ways
     ]
     boundaries = (
         {"zeta": boundary(curve, "zeta", 0.055, hb.Steps(first=0.1, longest=0.3, max_turn_deg=60))}
@@ -79,7 +80,8 @@ def boundary(curve: hb.Branch, name: str, away: float, steps: hb.Steps) -> tuple
     own = curve.problem.parameters[name]
     ends = ((OTHER[name][0], "PD1"), (away, "PD1"), (away, "PD2"))
     return tuple(
-        hb.trace(hb.PeriodDoubling(curve.problem), name, (own, end), curve[label], steps=steps) for end, label in ends
+        hb.trace(hb.harmonic.PeriodDoublingProblem(curve.problem), name, (own, end), curve[label], steps=steps)
+        for end, label in ends
     )
 
 
@@ -90,7 +92,7 @@ def apex(branches: tuple[hb.Branch, ...]) -> hb.SpecialPoint:
     return point
 
 
-def anti_phase(pair: hb.DoubleHelicalPair) -> tuple[float, float, float]:
+def anti_phase(pair: hb.gears.DoubleHelicalPair) -> tuple[float, float, float]:
     """omega_a, zeta_a and g of the anti-phase mode of the pair with its mean mesh closed."""
     system = pair.system()
     W, c = system.W, np.array([element.damping for element in system.elements])
@@ -103,18 +105,18 @@ def anti_phase(pair: hb.DoubleHelicalPair) -> tuple[float, float, float]:
     return omega, float(damping) / (2 * omega), float(coupling[:, i] @ coupling[:, i])
 
 
-def excess(pair: hb.DoubleHelicalPair) -> float:
+def excess(pair: hb.gears.DoubleHelicalPair) -> float:
     """Excitation less damping of the anti-phase mode, g eps_1 / (4 omega_a) - zeta_a omega_a: positive if unstable."""
     omega, zeta, g = anti_phase(pair)
     return g * pair.eps_scale * pair.eps[0] / (4 * omega) - zeta * omega
 
 
-def limit(pair: hb.DoubleHelicalPair, name: str) -> float:
+def limit(pair: hb.gears.DoubleHelicalPair, name: str) -> float:
     """Value of a parameter at which the excess is zero."""
     return float(brentq(lambda value: excess(pair.replace(**{name: value})), *OTHER[name]))
 
 
-def first_order(pair: hb.DoubleHelicalPair) -> tuple[float, float]:
+def first_order(pair: hb.gears.DoubleHelicalPair) -> tuple[float, float]:
     """Omega at both boundaries by the formula at the head of this file; one and the same where there are none."""
     omega, zeta, _ = anti_phase(pair)
     more = max(excess(pair), 0.0)
@@ -169,7 +171,7 @@ def _jumps(ax: Axes, results: Results) -> None:
 
 
 def _tongue(ax: Axes, branches: tuple[hb.Branch, ...], name: str) -> None:
-    pair = hb.DoubleHelicalPair()
+    pair = hb.gears.DoubleHelicalPair()
     outline = _outline(branches)
     ax.fill_betweenx(*_sides(outline), color=study.ORANGE, alpha=0.18, lw=0, label="mesh period unstable")
     ax.plot(outline[1], outline[0], color=study.BLUE, label="period doubling")
@@ -236,7 +238,7 @@ def _motion(ax: Axes, point: hb.Point) -> None:
 
 def report(results: Results) -> str:
     """Boundaries, mode and amplitudes."""
-    pair, curve = hb.DoubleHelicalPair(), results["curve"]
+    pair, curve = hb.gears.DoubleHelicalPair(), results["curve"]
     omega, zeta, g = anti_phase(pair)
     low, high = first_order(pair)
     found = [curve[label].parameters["Omega"] for label in ("PD2", "PD1")]

@@ -57,7 +57,7 @@ def listed(field_name: str, symbol: str, values: Sequence[Any], unit: str = "") 
     values : numbers, or tuples of the harmonics of the mesh, () standing for 0.
     unit : in the legend, after the value.
     """
-    default = getattr(hb.DoubleHelicalPair(), field_name)
+    default = getattr(hb.gears.DoubleHelicalPair(), field_name)
     colours = iter(COLOURS)
     members = []
     for value in values:

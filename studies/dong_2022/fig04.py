@@ -21,9 +21,9 @@ from matplotlib.patches import Patch
 
 import hbgear as hb
 from hbgear import plot as draw
-from hbgear.timedomain.integrate import state_of
-from hbgear.timedomain.settle import Settling
-from hbgear.timedomain.sweep import Sweep
+from hbgear.time.frequency_sweep import Sweep
+from hbgear.time.integration import state_of
+from hbgear.time.steady_state import SteadyStateSettings
 from studies import study
 from studies.dong_2022 import base
 from studies.dong_2022.claims import case
@@ -46,19 +46,19 @@ def doubled(harmonics: int = 16) -> hb.Branch:
     return hb.switch(base.curve(harmonics, THIRD), "PD1")
 
 
-def slow_sweep(curve: hb.Branch, grid: np.ndarray, direction: str, settling: Settling) -> Sweep:
+def slow_sweep(curve: hb.Branch, grid: np.ndarray, direction: str, settling: SteadyStateSettings) -> Sweep:
     """Sweep that starts on the curve."""
     first = grid.min() if direction == "up" else grid.max()
     point = base.at(curve, float(first))
     start = state_of(curve.problem, point.X, **point.parameters)
-    return hb.sweep(hb.DoubleHelicalPair(), grid, direction, start=start, settling=settling)
+    return hb.time.sweep(hb.gears.DoubleHelicalPair(), grid, direction, start=start, settling=settling)
 
 
 def run(quick: bool = False) -> dict[str, Any]:
     """Curve, doubled branch and sweeps; the quick form has one sweep of two frequencies down the doubled branch."""
     H = 8 if quick else 16
     curve = base.curve(H, (1.0, 0.3) if quick else base.SPAN)
-    settling = Settling(tolerance=5e-5) if quick else Settling(tolerance=1e-6)
+    settling = SteadyStateSettings(tolerance=5e-5) if quick else SteadyStateSettings(tolerance=1e-6)
     grids, directions = ((np.array([0.335, 0.325]),), ("down",)) if quick else ((GRID, STEEP), ("up", "down"))
     start = doubled(H) if quick else curve
     sweeps = [slow_sweep(start, grid, direction, settling) for grid in grids for direction in directions]
@@ -122,7 +122,7 @@ def report(results: dict[str, Any]) -> str:
     """Numbers of the curve, of the doubled branch, and where the sweeps jumped."""
     curve, two = results["curve"], results["doubled"]
     low, high = hysteresis(results)
-    tops = hb.peaks(curve, "pp2")
+    tops = hb.analysis.peaks(curve, "pp2")
     peak, at, folds, jumps, _, impact, lost = cells(curve)
     rise = case(results["rise"])
     rows = {

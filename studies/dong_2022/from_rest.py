@@ -39,7 +39,7 @@ PERIODS = {"one": 100, "pair": 200}
 """Periods of the excitation after which a motion is taken as settled."""
 
 
-def machine(name: str, W: float) -> hb.Model:
+def machine(name: str, W: float) -> hb.mechanics.Model:
     """The machine of that name with this change of backlash.
 
     Raises
@@ -50,7 +50,7 @@ def machine(name: str, W: float) -> hb.Model:
     if name not in TITLES:
         raise ValueError(f"no machine '{name}'; there are {', '.join(TITLES)}")
     if name == "pair":
-        return hb.DoubleHelicalPair(zeta=0.05, W=W)
+        return hb.gears.DoubleHelicalPair(zeta=0.05, W=W)
     return readings.model("one DOF, F_m = 0.109").replace(b=1 + W)
 
 

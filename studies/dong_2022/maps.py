@@ -55,7 +55,7 @@ class Boundary:
 
 def run(quick: bool = False) -> Results:
     """``maps`` and ``boundaries`` by parameter; the quick form has the load only, with few harmonics."""
-    pair = hb.DoubleHelicalPair()
+    pair = hb.gears.DoubleHelicalPair()
     maps = {}
     for name in ("torque",) if quick else tuple(SPANS):
         model = pair.replace(zeta=LOW) if name == "W" else pair
@@ -68,8 +68,8 @@ def run(quick: bool = False) -> Results:
 
 def boundary(name: str, harmonics: int = 16) -> Boundary:
     """Where the jump near Omega = 0.88 vanishes."""
-    pair = hb.DoubleHelicalPair()
-    found = hb.critical(pair, name, frequencies=(1.0, 0.75), harmonics=harmonics)
+    pair = hb.gears.DoubleHelicalPair()
+    found = hb.analysis.critical_parameter(pair, name, frequencies=(1.0, 0.75), harmonics=harmonics)
     return Boundary(found.value, found.Omega, pair.parameters[name], found.jump_below)
 
 
@@ -88,7 +88,9 @@ def plot(results: Results) -> Figure:
         if name == "W":
             ax.text(0.5, 0.5, rf"$\zeta$ = {LOW}", transform=ax.transAxes, ha="center", va="center")
         else:
-            ax.axvline(hb.DoubleHelicalPair().parameters[name], color=study.GREY, lw=0.9, zorder=0, label="base case")
+            ax.axvline(
+                hb.gears.DoubleHelicalPair().parameters[name], color=study.GREY, lw=0.9, zorder=0, label="base case"
+            )
         if name == "b_c":
             ax.xaxis.set_major_formatter(lambda x, _: f"{1e6 * x:g}")
             ax.set_xlabel("average half backlash $b_c$ [μm]")
@@ -101,7 +103,7 @@ def plot(results: Results) -> Figure:
     return figure
 
 
-def _notes(ax: Axes, found: hb.JumpMap, unit: float) -> None:
+def _notes(ax: Axes, found: hb.analysis.JumpMap, unit: float) -> None:
     """Value and Omega of the upper cusp beside it; the note of a lower one is left to the enlarged part."""
     top = max((cusp.parameters["Omega"] for cusp in found.cusps), default=0.0)
     for note in list(ax.texts):
@@ -114,7 +116,7 @@ def _notes(ax: Axes, found: hb.JumpMap, unit: float) -> None:
             note.set_ha("right")
 
 
-def _second_jump(ax: Axes, found: hb.JumpMap) -> None:
+def _second_jump(ax: Axes, found: hb.analysis.JumpMap) -> None:
     """The neighbourhood of the second cusp, enlarged."""
     inset = ax.inset_axes((0.30, 0.16, 0.46, 0.38))
     jump_map(found, inset, legend=False)

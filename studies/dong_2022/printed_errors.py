@@ -100,13 +100,13 @@ def report(results: dict[str, Any]) -> str:
 
 def closure() -> float:
     """Static closure of the mesh [m] if the scaled stiffness were divided by m_c omega_n^2 = k_mean again."""
-    pair = hb.DoubleHelicalPair()
+    pair = hb.gears.DoubleHelicalPair()
     return pair.torque / (pair.r_p * cos(pair.beta_mesh))  # T / (r_p c_b) is the force; the stiffness is 1 N/m
 
 
 def _top(curve: hb.Branch) -> hb.Point:
     """The highest peak of a curve."""
-    return max(hb.peaks(curve, "pp2"), key=lambda point: point.amplitude("pp2"))
+    return max(hb.analysis.peaks(curve, "pp2"), key=lambda point: point.amplitude("pp2"))
 
 
 def _curve_cells(curve: hb.Branch) -> list[str]:

@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 import hbgear as hb
 from hbgear import plot as draw
 from hbgear.common.arrays import Array
-from hbgear.harmonic.observables import REGIMES
+from hbgear.harmonic.equations.layout import REGIMES
 from studies import study
 from studies.dong_2022 import base
 from studies.dong_2022.claims import Case, case, motion, near
@@ -57,11 +57,11 @@ CLAIMS = ("jump near 0.89", "single-sided at 1", "no impact at 1/2", "no impact 
           "never double-sided")  # fmt: skip
 
 
-def model(name: str) -> hb.Model:
+def model(name: str) -> hb.mechanics.Model:
     """The machine of a reading."""
     if name in PAIR:
-        return hb.DoubleHelicalPair(**PAIR[name])
-    pair = hb.DoubleHelicalPair()
+        return hb.gears.DoubleHelicalPair(**PAIR[name])
+    pair = hb.gears.DoubleHelicalPair()
     return hb.SpurPair(zeta=pair.zeta, F_m=REDUCED[name], eps=pair.eps, e=pair.e, phase="sin")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.harmonic.observables import REGIMES
+from hbgear.harmonic.equations.layout import REGIMES
 
 
 @dataclass(frozen=True)
@@ -29,15 +29,15 @@ class Reached:
         return [str(name) for name in names]
 
 
-def reached(model: hb.Model, frequencies: Array, periods: int, tolerance: float = 1e-3) -> Reached:
+def reached(model: hb.mechanics.Model, frequencies: Array, periods: int, tolerance: float = 1e-3) -> Reached:
     """Motions after so many periods from rest; two successive periods may differ by the tolerance.
 
     All frequencies are integrated at once.
     """
     Omega = np.asarray(frequencies, dtype=float)
     rest = np.zeros((len(Omega), 2 * model.system().n))
-    settled = hb.integrate(model, rest, periods, Omega, method="exponential", samples=32).end
-    last = hb.integrate(model, settled, 2, Omega, method="exponential", samples=512).d[:, 0]
+    settled = hb.time.integrate(model, rest, periods, Omega, method="exponential", samples=32).end
+    last = hb.time.integrate(model, settled, 2, Omega, method="exponential", samples=512).d[:, 0]
     first, second = np.split(last, 2, axis=1)
     same = np.abs(second - first).max(axis=1) < tolerance
     amplitude, least = (np.where(same, x, np.nan) for x in (np.ptp(second, axis=1) / 2, second.min(axis=1)))

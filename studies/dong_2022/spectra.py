@@ -36,7 +36,7 @@ class Rig:
     @property
     def mesh(self) -> float:
         """Mesh frequency [Hz]."""
-        return hb.DoubleHelicalPair().teeth_p * self.speed / 60
+        return hb.gears.DoubleHelicalPair().teeth_p * self.speed / 60
 
     @property
     def orders(self) -> tuple[float, ...]:
@@ -104,7 +104,7 @@ def _strip(ax: Axes, rig: Rig) -> None:
 
 def table(motions: Sequence[tuple[str, hb.Point]]) -> list[str]:
     """Amplitudes of the lines above 0.001 b_c of each motion as Markdown; in um too."""
-    b_c = hb.DoubleHelicalPair().b_c
+    b_c = hb.gears.DoubleHelicalPair().b_c
     out = ["| motion | mesh order | amplitude in b_c | in um |", "| --- | --- | --- | --- |"]
     for name, point in motions:
         for order, height in zip(*lines(point), strict=True):
@@ -115,7 +115,7 @@ def table(motions: Sequence[tuple[str, hb.Point]]) -> list[str]:
 
 def speeds(Omega: float, rig: Rig) -> str:
     """What the paper's pairing of this Omega with a speed means in the units of the model, as a sentence."""
-    pair = hb.DoubleHelicalPair()
+    pair = hb.gears.DoubleHelicalPair()
     return (
         f"With Tables 1 and 2 of the paper Omega = {Omega:.4g} is a mesh frequency of {pair.mesh_frequency(Omega):.0f} "
         f"Hz, or {pair.pinion_speed(Omega):.0f} r/min of the pinion; the test ran at {rig.speed:g} r/min, "

@@ -35,7 +35,7 @@ class Case:
     """One phasing: the curve, the one that leaves by symmetry breaking, and what is read from them."""
 
     name: str
-    model: hb.PlanetarySet
+    model: hb.gears.PlanetarySet
     curve: hb.Branch
     broken: hb.Branch | None
     confirmed: str
@@ -55,7 +55,7 @@ class Case:
 
 def case(name: str, check: bool = True) -> Case:
     """Trace one; its symmetry breaking too, and 12 points by integration in time if so asked."""
-    model = hb.PlanetarySet(*TEETH[name])
+    model = hb.gears.PlanetarySet(*TEETH[name])
     curve = hb.trace(hb.HarmonicBalance(model, HARMONICS), "Omega", SPAN)
     first = next((point.label for point in curve.special if point.kind == "BP"), None)
     broken = hb.switch(curve, first) if first else None

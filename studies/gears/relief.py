@@ -53,7 +53,7 @@ class Case:
 
 def pair(relief: float) -> hb.GearPair:
     """The drawing, with a relief [um]."""
-    gears = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm", tip_relief=relief * 1e-6) for z in (25, 40))
+    gears = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm", tip_relief=relief * 1e-6) for z in (25, 40))
     return hb.GearPair(*gears, backlash="80 um")
 
 
@@ -65,7 +65,7 @@ def case(relief: float, torque: float) -> Case:
     rpm = model.scales.pinion_speed
     curves = (curve, *curve.others)
     jumps = tuple(sorted((float(rpm(jump.value)), jump.direction) for one in curves for jump in one.jumps()))
-    factors = [(hb.dynamic_factor(model, one[i]), float(rpm(one.values[i])))
+    factors = [(hb.analysis.dynamic_factor(model, one[i]), float(rpm(one.values[i])))
                for one in curves for i in np.flatnonzero(one.stable)]  # fmt: skip
     return Case(relief, torque, cycle.peak_to_peak * 1e6, curve, model, jumps, *max(factors))
 

@@ -21,8 +21,8 @@ from matplotlib.figure import Figure
 
 import hbgear as hb
 from hbgear import plot as draw
-from hbgear.continuation.passing import passings
-from hbgear.gears.iso_stiffness import iso_stiffness
+from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.gears.mesh.iso_stiffness import iso_stiffness
 from studies import study
 from studies.dong_2022.spectra import RIG
 
@@ -37,15 +37,15 @@ class Results:
     """The mesh of the drawing, and curves by what excites them."""
 
     pair: hb.GearPair
-    cycle: hb.MeshCycle
+    cycle: hb.gears.MeshCycle
     curves: dict[str, hb.Branch]
 
 
 def pair() -> hb.GearPair:
     """One half of the pair."""
-    own = hb.DoubleHelicalPair()
+    own = hb.gears.DoubleHelicalPair()
     gears = (
-        hb.Gear(teeth=z, module=own.module, face_width=own.face_width, helix_angle=f"{sign * own.beta_deg} deg")
+        hb.gears.Gear(teeth=z, module=own.module, face_width=own.face_width, helix_angle=f"{sign * own.beta_deg} deg")
         for z, sign in ((own.teeth_p, 1), (own.teeth_g, -1))
     )
     return hb.GearPair(*gears, backlash=BACKLASH, backlash_measure="action")
@@ -57,8 +57,8 @@ def run(quick: bool = False) -> Results:
     cycle = half.mesh(TORQUE)
     k_mean, stiffness, _ = cycle.functions(half.transverse_force(TORQUE))
     models = {
-        "as published": hb.DoubleHelicalPair(torque=TORQUE),
-        "from the drawing": hb.DoubleHelicalPair(torque=TORQUE, k_mean=k_mean, eps=(), stiffness=stiffness, e=()),
+        "as published": hb.gears.DoubleHelicalPair(torque=TORQUE),
+        "from the drawing": hb.gears.DoubleHelicalPair(torque=TORQUE, k_mean=k_mean, eps=(), stiffness=stiffness, e=()),
     }
     H, span = (6, (1.6, 0.6)) if quick else (16, (1.6, 0.03))
     return Results(half, cycle, {name: hb.trace(hb.HarmonicBalance(one, H), "Omega", span)
@@ -68,7 +68,7 @@ def run(quick: bool = False) -> Results:
 def line(curve: hb.Branch, speed: float, order: int) -> float:
     """Amplitude of a mesh order of the left gap at a speed [nm]; nan if the curve does not go there."""
     model: Any = curve.problem.model
-    places = passings(curve, float(model.from_pinion_speed(speed)))
+    places = crossings_at(curve, float(model.from_pinion_speed(speed)))
     if not places:
         return float("nan")
     return float(places[0].between(curve.amplitude(f"H{order}")) * model.b_c * 1e9)

@@ -18,10 +18,10 @@ from matplotlib.figure import Figure
 import hbgear as hb
 from hbgear import plot as draw
 from hbgear.common.arrays import Array
-from hbgear.continuation.newton import solve
-from hbgear.continuation.passing import passings
-from hbgear.mechanics.fourier import evaluate
-from hbgear.timedomain.basins import Basins
+from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.continuation.solvers.newton import solve
+from hbgear.mechanics.series.fourier import evaluate
+from hbgear.time.basins_of_attraction import Basins
 from studies import study
 
 PAIR = hb.SpurPair(e=(0.1,))
@@ -44,7 +44,7 @@ class Results:
 def run(quick: bool = False) -> Results:
     """Basins and motions; the quick form has few starts."""
     shape = (12, 10) if quick else (260, 220)
-    found = hb.basins(PAIR, OMEGA, (-2.0, 3.0), (-1.5, 1.5), shape)
+    found = hb.time.basins(PAIR, OMEGA, (-2.0, 3.0), (-1.5, 1.5), shape)
     return Results(found, *motions(24 if quick else 48))
 
 
@@ -53,7 +53,7 @@ def motions(harmonics: int) -> tuple[Array, Array, Array]:
     problem = hb.HarmonicBalance(PAIR, harmonics)
     curve = hb.trace(problem, "Omega", (1.0, 0.4), stability=False)
     here = {**problem.parameters, "Omega": OMEGA}
-    X = [solve(problem, place.between(curve.X), here).X for place in passings(curve, OMEGA)]
+    X = [solve(problem, place.between(curve.X), here).X for place in crossings_at(curve, OMEGA)]
     points = [(float(evaluate(row, 0.0)[0]), OMEGA * float(evaluate(row, 0.0, 1)[0])) for row in X]
     rms = [np.sqrt(0.5 * np.sum(row[1:] ** 2)) for row in X]
     stable = [bool(np.abs(problem.multipliers(row, **here)).max() < 1) for row in X]

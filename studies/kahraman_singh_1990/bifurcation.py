@@ -20,9 +20,9 @@ from matplotlib.lines import Line2D
 import hbgear as hb
 from hbgear import plot as draw
 from hbgear.common.arrays import Array
-from hbgear.mechanics.fourier import evaluate
-from hbgear.timedomain.settle import Settling
-from hbgear.timedomain.sweep import Sweep
+from hbgear.mechanics.series.fourier import evaluate
+from hbgear.time.frequency_sweep import Sweep
+from hbgear.time.steady_state import SteadyStateSettings
 from studies import study
 
 PAIR = hb.SpurPair(e=(0.1,))
@@ -48,9 +48,9 @@ def run(quick: bool = False) -> Results:
         branches[4] = hb.switch(branches[2], "PD1")
     grid = np.array((2.0, 1.9, 1.7)) if quick else np.linspace(*SPAN, 121)
     between = 0.5 * (grid[1:] + grid[:-1])  # the other way at other values: the dots lie closer
-    settling = Settling(1e-6, longest=128 if quick else 1000)
+    settling = SteadyStateSettings(1e-6, longest=128 if quick else 1000)
     ways = (("down", grid),) if quick else (("down", grid), ("up", between))
-    return Results(branches, tuple(hb.sweep(PAIR, x, way, settling=settling) for way, x in ways))
+    return Results(branches, tuple(hb.time.sweep(PAIR, x, way, settling=settling) for way, x in ways))
 
 
 def strobed(branch: hb.Branch) -> Array:

@@ -12,15 +12,15 @@ from collections.abc import Iterable
 import numpy as np
 
 import hbgear as hb
+from hbgear.analysis.multistart import whole_branch
 from hbgear.common.arrays import Array
-from hbgear.continuation.branch import Status
-from hbgear.continuation.newton import solve
-from hbgear.continuation.passing import passings
-from hbgear.harmonic import observables as measures
-from hbgear.harmonic.survey import whole_branch
-from hbgear.mechanics.fourier import evaluate, resize, to_complex, to_real
-from hbgear.timedomain.shooting import Orbit
-from hbgear.timedomain.sweep import Sweep
+from hbgear.continuation.results.branch import Status
+from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic.equations import layout as measures
+from hbgear.mechanics.series.fourier import evaluate, resize, to_complex, to_real
+from hbgear.time.frequency_sweep import Sweep
+from hbgear.time.shooting import Orbit
 
 HARMONICS = 16
 """Of the excitation, in branches that start from a sweep."""
@@ -36,7 +36,7 @@ def orbit(pair: hb.SpurPair, Omega: float, x: float, rate: float, nu: int) -> Or
     """The motion of nu periods with about this displacement and rate at tau = 0, closed by shooting."""
     error = pair.transmission_error.row()
     state = [x + evaluate(error, 0.0)[0], rate + Omega * evaluate(error, 0.0, 1)[0]]  # q = x + e
-    return hb.shoot(pair, Omega, state, nu)
+    return hb.time.shoot(pair, Omega, state, nu)
 
 
 def root(pair: hb.SpurPair, found: Orbit, span: tuple[float, float]) -> hb.Branch:
@@ -92,7 +92,7 @@ def motions_at(branch: hb.Branch, Omega: float) -> list[Array]:
     """Unknowns of every stable motion of a branch at exactly this frequency."""
     stable, here = np.asarray(branch.stable), {**branch.problem.parameters, "Omega": Omega}
     found = []
-    for place in passings(branch, Omega):
+    for place in crossings_at(branch, Omega):
         if stable[place.index : place.index + 2].any():
             try:
                 found.append(solve(branch.problem, place.between(branch.X), here).X)

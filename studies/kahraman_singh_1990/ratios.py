@@ -29,10 +29,10 @@ from matplotlib.lines import Line2D
 import hbgear as hb
 from hbgear import plot as draw
 from hbgear.common.arrays import Array
-from hbgear.continuation.branch import Status
-from hbgear.harmonic import observables as measures
-from hbgear.timedomain.settle import Settling
-from hbgear.timedomain.sweep import Sweep
+from hbgear.continuation.results.branch import Status
+from hbgear.harmonic.equations import layout as measures
+from hbgear.time.frequency_sweep import Sweep
+from hbgear.time.steady_state import SteadyStateSettings
 from studies import study
 from studies.dong_2022.family import stretches
 from studies.kahraman_singh_1990 import longer
@@ -100,8 +100,8 @@ def case(ratio: float, F_m: float, harmonics: int, values: int) -> Case:
     curve = hb.trace(hb.HarmonicBalance(pair, harmonics), "Omega", SPAN)
     known = longer.family(curve, SPAN, 4 if values else 2)
     grid = np.linspace(*SPAN, values)
-    settling = Settling(1e-5, longest=4000)
-    sweeps = [hb.sweep(pair, grid, way, settling=settling) for way in ("up", "down")] if values else []
+    settling = SteadyStateSettings(1e-5, longest=4000)
+    sweeps = [hb.time.sweep(pair, grid, way, settling=settling) for way in ("up", "down")] if values else []
     found = longer.isolated(pair, known, sweeps, SPAN, LONGEST)
     return Case(ratio, F_m, curve, (*known[1:], *found), tuple(sweeps))
 

@@ -19,10 +19,10 @@ from matplotlib.lines import Line2D
 
 import hbgear as hb
 from hbgear import plot as draw
-from hbgear.timedomain.validate import Report
+from hbgear.time.validation import Report
 from studies import study
 
-MODEL = hb.GearRotorBearing(mu_2=0.15, F_1=0.02, F_2=0.02, b_1=0.1, b_2=0.1)
+MODEL = hb.gears.GearRotorBearing(mu_2=0.15, F_1=0.02, F_2=0.02, b_1=0.1, b_2=0.1)
 SPAN = (1.9, 0.4)
 ELEMENTS = {"gap": "mesh gap $p/b_c$", "bearing 1": "pinion $y_1/b_c$"}
 
@@ -40,7 +40,7 @@ def run(quick: bool = False) -> Results:
     """Trace and check; the quick form has the upper resonance alone, fewer harmonics and two points."""
     span, harmonics, points = ((1.9, 1.1), 16, 2) if quick else (SPAN, 32, 16)
 
-    def traced(model: hb.Model, stability: bool) -> hb.Branch:
+    def traced(model: hb.mechanics.Model, stability: bool) -> hb.Branch:
         steps = hb.Steps(longest=0.04 if quick else 0.012)  # the minimum between the resonances is sharp
         return hb.trace(hb.HarmonicBalance(model, harmonics), "Omega", span, steps=steps, stability=stability)
 

@@ -26,10 +26,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
-from hbgear.common.replacing import replacing
-from hbgear.continuation.branch import Branch, Status
-from hbgear.design.workers import executor_of
-from hbgear.mechanics.recession import Receded
+from hbgear.common.atomic_write import atomic_write
+from hbgear.continuation.results.branch import Branch, Status
+from hbgear.design.cases.processes import executor_of
+from hbgear.harmonic.structure.recession import Receded
 from studies.random import truth
 from studies.random.machines import Machine, machine
 from studies.random.truth import Compared, Comparison, Landed, Verdict
@@ -214,7 +214,7 @@ def _stored(store: Path | None, task: tuple[str, int, int, bool]) -> list[dict[s
 def _done(store: Path | None, task: tuple[str, int, int, bool], rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     if store:
         store.mkdir(parents=True, exist_ok=True)
-        with replacing(_path(store, task), "w", encoding="utf-8") as handle:
+        with atomic_write(_path(store, task), "w", encoding="utf-8") as handle:
             json.dump(rows, handle)
     return rows
 

@@ -1,4 +1,4 @@
-"""Forces as compiled functions, for `hbgear.CompiledLaw`; Numba is imported with this module."""
+"""Forces as compiled functions, for `hbgear.mechanics.CompiledLaw`; Numba is imported with this module."""
 
 import numba
 

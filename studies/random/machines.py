@@ -23,7 +23,7 @@ class Machine(NamedTuple):
 
     kind: str
     number: int
-    model: hb.Model
+    model: hb.mechanics.Model
     span: Span
 
     @property
@@ -50,14 +50,14 @@ def _mesh(random: np.random.Generator, extreme: bool) -> dict[str, object]:
     }
 
 
-def spur(random: np.random.Generator, extreme: bool) -> tuple[hb.Model, Span]:
+def spur(random: np.random.Generator, extreme: bool) -> tuple[hb.mechanics.Model, Span]:
     """A spur pair; without stiffness variation and error it stands still, as it should."""
     return hb.SpurPair(**_mesh(random, extreme)), (2.5, 0.3)  # type: ignore[arg-type]
 
 
-def helical(random: np.random.Generator, extreme: bool) -> tuple[hb.Model, Span]:
+def helical(random: np.random.Generator, extreme: bool) -> tuple[hb.mechanics.Model, Span]:
     """A pair of Dong et al. with other damping, load, excitation, backlash, stagger and supports."""
-    model = hb.DoubleHelicalPair(
+    model = hb.gears.DoubleHelicalPair(
         zeta=logarithmic(random, 0.005, 0.03) if extreme else random.uniform(0.03, 0.1),
         torque=logarithmic(random, 50.0, 5000.0) if extreme else random.uniform(600.0, 2500.0),
         W=random.uniform(-1.0, 2.0) if extreme else random.uniform(-0.5, 0.8),
@@ -72,10 +72,10 @@ def helical(random: np.random.Generator, extreme: bool) -> tuple[hb.Model, Span]
     return model, (1.6, 0.2)
 
 
-def bearings(random: np.random.Generator, extreme: bool) -> tuple[hb.Model, Span]:
+def bearings(random: np.random.Generator, extreme: bool) -> tuple[hb.mechanics.Model, Span]:
     """A pair on shafts and bearings with clearance."""
     ratios = (0.02, 1.5) if extreme else (0.1, 0.5)
-    model = hb.GearRotorBearing(
+    model = hb.gears.GearRotorBearing(
         **_mesh(random, extreme),  # type: ignore[arg-type]
         zeta_1=logarithmic(random, 0.005, 0.1), zeta_2=logarithmic(random, 0.005, 0.1),
         kappa_1=logarithmic(random, 0.2, 6.0), kappa_2=logarithmic(random, 0.2, 6.0),
@@ -86,7 +86,7 @@ def bearings(random: np.random.Generator, extreme: bool) -> tuple[hb.Model, Span
     return model, (2.0, 0.3)
 
 
-def two(random: np.random.Generator, extreme: bool) -> tuple[hb.Model, Span]:
+def two(random: np.random.Generator, extreme: bool) -> tuple[hb.mechanics.Model, Span]:
     """Two masses in a row with one or two elements: stops, clearances, springs of several slopes, cubic springs."""
     k = random.uniform(0.3, 2.0, 3) * [1, 1, random.random() < 0.6]
     K = np.array([[k[0] + k[1], -k[1]], [-k[1], k[1] + k[2]]])
@@ -103,7 +103,7 @@ def two(random: np.random.Generator, extreme: bool) -> tuple[hb.Model, Span]:
     return hb.System(M, C, K, elements, load), (2.5, 0.3)
 
 
-def _law(random: np.random.Generator, extreme: bool) -> hb.Law:
+def _law(random: np.random.Generator, extreme: bool) -> hb.mechanics.Law:
     k, gap = logarithmic(random, 0.2, 300.0 if extreme else 40.0), random.uniform(0.1, 1.2)
     kind = int(random.integers(4))
     if kind == 0:
@@ -112,10 +112,10 @@ def _law(random: np.random.Generator, extreme: bool) -> hb.Law:
         return hb.Unilateral(k=k, gap=gap)
     if kind == 2:
         return hb.Cubic(logarithmic(random, 0.05, 20.0 if extreme else 3.0))
-    return hb.PiecewiseLinear((-random.uniform(0.1, 1.2), gap), (random.uniform(0.0, k), 0.0, k))
+    return hb.mechanics.PiecewiseLinear((-random.uniform(0.1, 1.2), gap), (random.uniform(0.0, k), 0.0, k))
 
 
-PAIRS: dict[str, Callable[[np.random.Generator, bool], tuple[hb.Model, Span]]] = {
+PAIRS: dict[str, Callable[[np.random.Generator, bool], tuple[hb.mechanics.Model, Span]]] = {
     "spur": spur, "helical": helical, "bearings": bearings, "two": two,
 }  # fmt: skip
 """Ways to draw a machine of this module."""

@@ -21,7 +21,7 @@ import numpy as np
 import hbgear as hb
 from studies.random.machines import Machine
 
-Drawn = tuple[hb.Model, tuple[float, float]]
+Drawn = tuple[hb.mechanics.Model, tuple[float, float]]
 
 
 def machine(kind: str, number: int) -> Machine:
@@ -51,7 +51,7 @@ def chain(random: np.random.Generator) -> Drawn:
     elements = []
     for j in random.permutation(3)[: int(random.integers(1, 3))].tolist():
         k, gap = _log(random, 0.5, 30.0), random.uniform(0.2, 1.0)
-        law: hb.Law = hb.Unilateral(k=k, gap=gap) if random.random() < 0.5 else hb.Backlash(b=gap, k=k)
+        law: hb.mechanics.Law = hb.Unilateral(k=k, gap=gap) if random.random() < 0.5 else hb.Backlash(b=gap, k=k)
         elements.append(hb.Element(np.eye(3)[j], law, name=f"mass {j + 1}"))
     force = _log(random, 0.05, 0.4) * np.eye(3)[int(random.integers(3))]
     return hb.System(M, C, K, elements, hb.Load(cosine={1: force})), (2.2, 0.3)
@@ -62,7 +62,7 @@ def stops(random: np.random.Generator) -> Drawn:
     n = int(random.integers(1, 3))
     M, C, K = _row_of_masses(random, n)
     low, high = -random.uniform(0.2, 1.2), random.uniform(0.2, 1.2)
-    law = hb.PiecewiseLinear((low, high), (_log(random, 0.5, 60.0), 0.0, _log(random, 0.5, 60.0)))
+    law = hb.mechanics.PiecewiseLinear((low, high), (_log(random, 0.5, 60.0), 0.0, _log(random, 0.5, 60.0)))
     load = hb.Load(constant=random.uniform(-0.1, 0.1, n), cosine={1: _log(random, 0.05, 0.4) * np.eye(n)[-1]})
     return hb.System(M, C, K, [hb.Element(np.eye(n)[0], law, name="stops")], load), (2.5, 0.3)
 
@@ -72,11 +72,11 @@ def rectangular(random: np.random.Generator) -> Drawn:
     duty, depth = random.uniform(0.3, 0.7), random.uniform(0.1, 0.5)
     high, low = 1.0 + depth * (1.0 - duty), 1.0 - depth * duty  # of mean 1
     if random.random() < 0.5:
-        stiffness = hb.Periodic.rectangular(high, low, duty)
+        stiffness = hb.mechanics.Periodic.rectangular(high, low, duty)
     else:
-        stiffness = hb.Periodic.trapezoidal(high, low, duty - 0.1, 0.1)
+        stiffness = hb.mechanics.Periodic.trapezoidal(high, low, duty - 0.1, 0.1)
     zeta, load = _log(random, 0.02, 0.1), hb.Load(constant=[_log(random, 0.05, 0.5)])
-    error = hb.Series(0.0, (_log(random, 0.005, 0.1),))
+    error = hb.mechanics.Series(0.0, (_log(random, 0.005, 0.1),))
     mesh = hb.Element([1.0], hb.Backlash(stiffness=stiffness), damping=2 * zeta, displacement=error, name="mesh")
     return hb.System([[1.0]], [[0.0]], [[0.0]], [mesh], load), (2.3, 0.4)
 
@@ -101,7 +101,7 @@ def rotor(random: np.random.Generator) -> Drawn:
     seal = hb.Element([1.0, 0.0], hb.Unilateral(k=_log(random, 0.5, 20.0), gap=random.uniform(0.4, 1.5)), name="seal")
     e = _log(random, 0.03, 0.2)
     unbalance = hb.Load(cosine={1: [e, 0.0]}, sine={1: [0.0, e]}, power=2)
-    speed = hb.SpeedTerms(np.array([[0.0, g], [-g, 0.0]]))
+    speed = hb.mechanics.SpeedTerms(np.array([[0.0, g], [-g, 0.0]]))
     return hb.System(np.eye(2), C, np.diag(k), [seal], unbalance, speed=speed), (0.4, 2.0)
 
 

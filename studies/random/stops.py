@@ -22,7 +22,7 @@ import scipy
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.continuation.branch import NEUTRAL, Branch
+from hbgear.continuation.results.branch import STABILITY_TOLERANCE, Branch
 
 SAME = 0.05
 """Distance of states at phase 0, relative to the size of the motion, up to which two motions are the same."""
@@ -117,7 +117,7 @@ def compared(stop: Stop, curve: Branch, every: int) -> list[Shot]:
         if found is None or np.abs(found[0] - start).max() > SAME * np.linalg.norm(row[1:]) * max(1.0, Omega):
             continue
         right, mine = float(np.abs(found[1]).max()), float(np.abs(curve.multipliers[i]).max())  # type: ignore[index]
-        verdict = "stable" if right <= 1 + NEUTRAL else "unstable"
+        verdict = "stable" if right <= 1 + STABILITY_TOLERANCE else "unstable"
         out.append(Shot(i, curve.verdicts[i], verdict, abs(right - mine), float(curve.modulus_error[i])))  # type: ignore[index]
     return out
 

@@ -14,17 +14,17 @@ import numpy as np
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.mechanics.laws import Forces
+from hbgear.mechanics.laws.laws import Forces
 from studies.random.drawing import Span, falling, logarithmic
 
-Drawn = tuple[hb.Model, Span]
+Drawn = tuple[hb.mechanics.Model, Span]
 
 
 # ---- laws of a user
 
 
 @dataclass(frozen=True)
-class Septic(hb.Law):
+class Septic(hb.mechanics.Law):
     """p = k d + k7 d^7."""
 
     k: float
@@ -32,16 +32,16 @@ class Septic(hb.Law):
 
     @property
     def reference(self) -> float:
-        """See `hbgear.Law`."""
+        """See `hbgear.mechanics.Law`."""
         return self.k
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
-        """See `hbgear.Law`."""
+        """See `hbgear.mechanics.Law`."""
         return self.k * d + self.k7 * d**7, self.k + 7 * self.k7 * d**6, 0 * d
 
 
 @dataclass(frozen=True)
-class Saturating(hb.Law):
+class Saturating(hb.mechanics.Law):
     """A spring that softens: p = f tanh(k d / f)."""
 
     k: float
@@ -49,17 +49,17 @@ class Saturating(hb.Law):
 
     @property
     def reference(self) -> float:
-        """See `hbgear.Law`."""
+        """See `hbgear.mechanics.Law`."""
         return self.k
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
-        """See `hbgear.Law`."""
+        """See `hbgear.mechanics.Law`."""
         t = np.tanh(self.k * d / self.f)
         return self.f * t, self.k * (1 - t * t), 0 * d
 
 
 @dataclass(frozen=True)
-class SoftStop(hb.Law):
+class SoftStop(hb.mechanics.Law):
     """A stop with a rounded corner of width w: p = k w log(1 + exp((d - gap) / w))."""
 
     k: float
@@ -68,17 +68,17 @@ class SoftStop(hb.Law):
 
     @property
     def reference(self) -> float:
-        """See `hbgear.Law`."""
+        """See `hbgear.mechanics.Law`."""
         return self.k
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
-        """See `hbgear.Law`."""
+        """See `hbgear.mechanics.Law`."""
         x = (d - self.gap) / self.w
         return self.k * self.w * np.logaddexp(0.0, x), self.k * 0.5 * (1 + np.tanh(0.5 * x)), 0 * d
 
 
 @dataclass(frozen=True)
-class Friction(hb.Law):
+class Friction(hb.mechanics.Law):
     """Friction with a rounded corner: p = f tanh(v / w)."""
 
     f: float
@@ -86,11 +86,11 @@ class Friction(hb.Law):
 
     @property
     def reference(self) -> float:
-        """See `hbgear.Law`."""
+        """See `hbgear.mechanics.Law`."""
         return self.f
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
-        """See `hbgear.Law`."""
+        """See `hbgear.mechanics.Law`."""
         t = np.tanh(v / self.w)
         return self.f * t, 0 * d, self.f * (1 - t * t) / self.w
 
@@ -99,7 +99,11 @@ class Friction(hb.Law):
 
 
 def _one(
-    random: np.random.Generator, extreme: bool, law: hb.Law, k: float = 1.0, load: tuple[float, float] = (0.03, 0.6)
+    random: np.random.Generator,
+    extreme: bool,
+    law: hb.mechanics.Law,
+    k: float = 1.0,
+    load: tuple[float, float] = (0.03, 0.6),
 ) -> hb.System:
     """One mass on a spring k with a law."""
     zeta = logarithmic(random, 0.005, 0.02) if extreme else logarithmic(random, 0.02, 0.12)
@@ -114,7 +118,7 @@ def stops(random: np.random.Generator, extreme: bool) -> Drawn:
     """One mass between two unequal stops."""
     k = [logarithmic(random, 1.0, 300.0 if extreme else 40.0) for _ in range(2)]
     gaps = random.uniform(0.1, 1.2, 2)
-    law = hb.PiecewiseLinear((-gaps[0], gaps[1]), (k[0], 0.0, k[1]))
+    law = hb.mechanics.PiecewiseLinear((-gaps[0], gaps[1]), (k[0], 0.0, k[1]))
     return _one(random, extreme, law), (2.2, 0.3)
 
 
@@ -131,7 +135,7 @@ def preloaded(random: np.random.Generator, extreme: bool) -> Drawn:
         law = hb.Unilateral(k=k, gap=-random.uniform(0.05, 0.5))
     else:
         corners = np.cumsum([random.uniform(-0.6, -0.1), *random.uniform(0.1, 0.6, 2)])
-        law = hb.PiecewiseLinear(tuple(corners), (k, random.uniform(0, 0.3 * k), random.uniform(0, k), 2 * k))
+        law = hb.mechanics.PiecewiseLinear(tuple(corners), (k, random.uniform(0, 0.3 * k), random.uniform(0, k), 2 * k))
     return _one(random, extreme, law), (2.5, 0.3)
 
 
@@ -140,14 +144,14 @@ def stepped(random: np.random.Generator, extreme: bool) -> Drawn:
     low = 1 - (random.uniform(0.2, 0.6) if extreme else random.uniform(0.05, 0.3))
     share, start = random.uniform(0.2, 0.8), random.uniform(0, 2 * np.pi)
     if random.random() < 0.6:
-        stiffness = hb.Periodic.rectangular(high=1.2, low=low, share=share, start=start)
+        stiffness = hb.mechanics.Periodic.rectangular(high=1.2, low=low, share=share, start=start)
     else:
         ramp = random.uniform(0.02, 0.15)
-        stiffness = hb.Periodic.table(
+        stiffness = hb.mechanics.Periodic.table(
             np.array([0.0, ramp, share, share + ramp]) * 2 * np.pi * 0.85, [low, 1.2, 1.2, low], kind="linear"
         )
     zeta = logarithmic(random, 0.005, 0.02) if extreme else logarithmic(random, 0.02, 0.12)
-    error = hb.Series(cosine=falling(random, logarithmic(random, 0.004, 0.2), 2))
+    error = hb.mechanics.Series(cosine=falling(random, logarithmic(random, 0.004, 0.2), 2))
     mesh = hb.Element([1.0], hb.Backlash(b=1.0, stiffness=stiffness), displacement=error, damping=2 * zeta, name="mesh")
     load = hb.Load(constant=[logarithmic(random, 0.03, 0.4)])
     return hb.System([[1.0]], [[0.0]], [[0.0]], [mesh], load), (2.2, 0.3)
@@ -156,7 +160,7 @@ def stepped(random: np.random.Generator, extreme: bool) -> Drawn:
 def cubic(random: np.random.Generator, extreme: bool) -> Drawn:
     """One mass on a cubic spring and backlash, in parallel or on either side."""
     slack = hb.Backlash(b=random.uniform(0.1, 1.0), k=logarithmic(random, 0.3, 60.0 if extreme else 10.0))
-    law = hb.Parallel((hb.Cubic(logarithmic(random, 0.05, 2.0)), slack))
+    law = hb.mechanics.Parallel((hb.Cubic(logarithmic(random, 0.05, 2.0)), slack))
     return _one(random, extreme, law), (2.5, 0.3)
 
 
@@ -164,7 +168,7 @@ def python(random: np.random.Generator, extreme: bool) -> Drawn:
     """One mass on a law written in Python."""
     kind = int(random.integers(3))
     if kind == 0:
-        law: hb.Law = Septic(random.uniform(0.1, 1.0), logarithmic(random, 0.1, 10.0))
+        law: hb.mechanics.Law = Septic(random.uniform(0.1, 1.0), logarithmic(random, 0.1, 10.0))
     elif kind == 1:
         law = Saturating(logarithmic(random, 0.3, 3.0), logarithmic(random, 0.05, 1.0))
     else:
@@ -178,15 +182,15 @@ def compiled(random: np.random.Generator, extreme: bool) -> Drawn:
     from studies.random.compiled_laws import quintic
 
     numbers = (logarithmic(random, 0.05, 5.0), logarithmic(random, 0.01, 0.3))
-    return _one(random, extreme, hb.CompiledLaw(quintic, parameters=numbers)), (2.5, 0.4)
+    return _one(random, extreme, hb.mechanics.CompiledLaw(quintic, parameters=numbers)), (2.5, 0.4)
 
 
 def friction(random: np.random.Generator, extreme: bool) -> Drawn:
     """One mass with friction of a rounded corner, and at times a cubic spring."""
     width = logarithmic(random, 1e-3, 1e-2) if extreme else logarithmic(random, 1e-2, 0.2)
-    law: hb.Law = Friction(logarithmic(random, 0.02, 0.2), width)
+    law: hb.mechanics.Law = Friction(logarithmic(random, 0.02, 0.2), width)
     if random.random() < 0.5:
-        law = hb.Parallel((law, hb.Cubic(logarithmic(random, 0.05, 2.0))))
+        law = hb.mechanics.Parallel((law, hb.Cubic(logarithmic(random, 0.05, 2.0))))
     return _one(random, extreme, law, load=(0.1, 0.8)), (2.0, 0.4)
 
 
@@ -235,7 +239,7 @@ def gyroscopic(random: np.random.Generator, extreme: bool) -> Drawn:
     e = logarithmic(random, 0.02, 0.2)
     load = hb.Load(cosine={1: [e, 0.0]}, sine={1: [0.0, e]}, power=2)
     elements = [hb.Element([1.0, 0.0], law, name="seal")]
-    speed = hb.SpeedTerms(np.array([[0.0, g], [-g, 0.0]]))
+    speed = hb.mechanics.SpeedTerms(np.array([[0.0, g], [-g, 0.0]]))
     return hb.System(np.eye(2), C, K, elements, load, speed=speed), (0.4, 2.0)
 
 
@@ -267,13 +271,22 @@ def train(random: np.random.Generator, extreme: bool) -> Drawn:
     gap = logarithmic(random, 1e-5, 8e-5)
     eps = random.uniform(0.02, 0.5) if extreme else random.uniform(0.02, 0.25)
     zeta = logarithmic(random, 0.01, 0.03) if extreme else logarithmic(random, 0.03, 0.12)
-    meshes = [hb.Mesh(one, two, k_mean=logarithmic(random, 1e8, 5e8), half_backlash=gap * random.uniform(0.5, 2.0),
-                      eps=falling(random, eps, 2) or (eps,), e=(gap * random.uniform(0.0, 0.1),), damping=zeta)
-              for one, two in (("a", "b"), ("b", "c"))]  # fmt: skip
+    meshes = [
+        hb.gears.Mesh(
+            one,
+            two,
+            k_mean=logarithmic(random, 1e8, 5e8),
+            half_backlash=gap * random.uniform(0.5, 2.0),
+            eps=falling(random, eps, 2) or (eps,),
+            e=(gap * random.uniform(0.0, 0.1),),
+            damping=zeta,
+        )
+        for one, two in (("a", "b"), ("b", "c"))
+    ]
     torque = gap * meshes[0].k_mean * radii[0] * logarithmic(random, 0.05, 0.5)
-    wheels = [hb.Wheel(name, inertia=J, teeth=z, base_radius=r, torque=torque if name == "a" else 0.0)
+    wheels = [hb.gears.Wheel(name, inertia=J, teeth=z, base_radius=r, torque=torque if name == "a" else 0.0)
               for name, J, z, r in zip(names, inertias, teeth, radii, strict=True)]  # fmt: skip
-    return hb.Train(tuple(wheels), tuple(meshes), balance="c"), (1.8, 0.4)
+    return hb.gears.Train(tuple(wheels), tuple(meshes), balance="c"), (1.8, 0.4)
 
 
 def planetary(random: np.random.Generator, extreme: bool) -> Drawn:
@@ -281,7 +294,7 @@ def planetary(random: np.random.Generator, extreme: bool) -> Drawn:
     teeth, planets = ((26, 34, 94), 3) if random.random() < 0.5 else ((28, 36, 100), 4)
     zeta = logarithmic(random, 0.01, 0.03) if extreme else logarithmic(random, 0.03, 0.12)
     eps = random.uniform(0.1, 0.5) if extreme else random.uniform(0.03, 0.25)
-    model = hb.PlanetarySet(
+    model = hb.gears.PlanetarySet(
         *teeth, planets=planets, torque=logarithmic(random, 60.0, 1500.0), zeta=zeta, zeta_b=zeta,
         b_sp=logarithmic(random, 1e-5, 4e-5), b_rp=logarithmic(random, 1e-5, 4e-5),
         eps_sp=(eps, 0.3 * eps), eps_rp=(eps * random.uniform(0.3, 1.0),),
@@ -292,7 +305,7 @@ def planetary(random: np.random.Generator, extreme: bool) -> Drawn:
 def drawing(random: np.random.Generator, extreme: bool) -> Drawn:
     """A spur pair from its drawing."""
     pinion, wheel = (
-        hb.Gear(teeth=int(z), module="3 mm", face_width="20 mm", profile_shift=random.uniform(0.0, 0.3))
+        hb.gears.Gear(teeth=int(z), module="3 mm", face_width="20 mm", profile_shift=random.uniform(0.0, 0.3))
         for z in random.integers(22, 45, 2)
     )
     pair = hb.GearPair(pinion, wheel, backlash=logarithmic(random, 3e-5, 2e-4))

@@ -28,13 +28,13 @@ import scipy
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.continuation.branch import NEUTRAL, Branch, Jump, Point, SpecialPoint
-from hbgear.continuation.newton import NoConvergence, solve
-from hbgear.harmonic.receptance import Structure
-from hbgear.timedomain.exponential import modal_state, physical_state
-from hbgear.timedomain.integrate import state_of
-from hbgear.timedomain.runge_kutta import Flow
-from hbgear.timedomain.shooting import variation
+from hbgear.continuation.results.branch import STABILITY_TOLERANCE, Branch, Jump, Point, SpecialPoint
+from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.harmonic.structure.receptance import LinearStructure
+from hbgear.time.exponential.integrator import modal_state, physical_state
+from hbgear.time.integration import state_of
+from hbgear.time.runge_kutta import Flow
+from hbgear.time.shooting import variation
 from studies.random.machines import KINDS, Machine, machine
 
 FINER = 4
@@ -71,9 +71,9 @@ class Orbits:
     P takes the drift of free motions out of a state; scale (2n + 1,) makes states and Omega comparable.
     """
 
-    def __init__(self, model: hb.Model, nu: int, y: Array, Omega: float, span: float) -> None:
+    def __init__(self, model: hb.mechanics.Model, nu: int, y: Array, Omega: float, span: float) -> None:
         self.model, self.nu, self.system = model, nu, model.system()
-        self.structure = Structure(self.system.at_speed(Omega))
+        self.structure = LinearStructure(self.system.at_speed(Omega))
         size = len(y)
         self.P = np.array([physical_state(self.structure, modal_state(self.structure, e)) for e in np.eye(size)]).T
         self.scale = np.append(np.full(size, float(np.linalg.norm(y)) or 1.0), span)
@@ -139,7 +139,7 @@ class Orbit:
 
     def extremes(self) -> Array:
         """Lowest and highest value (m, 2) of every element, by the cubic through samples and their rates."""
-        motion = hb.integrate(self.of.model, self.u[:-1], self.of.nu, self.Omega, samples=1024)
+        motion = hb.time.integrate(self.of.model, self.u[:-1], self.of.nu, self.Omega, samples=1024)
         h = (motion.tau[1] - motion.tau[0]) / self.Omega
         out = []
         for d, v in zip(motion.d, motion.v * h, strict=True):
@@ -237,7 +237,7 @@ class Verdict:
     @property
     def wrong(self) -> bool:
         """Whether it was said and is not so; a multiplier on the unit circle is neither."""
-        neutral = abs(self.true - 1) <= NEUTRAL
+        neutral = abs(self.true - 1) <= STABILITY_TOLERANCE
         return self.stable is not None and not neutral and self.stable != (self.true < 1)
 
 
@@ -363,10 +363,10 @@ def shot(it: Machine, branch: Branch, point: SpecialPoint) -> float:
     if point.kind not in KINDS_SHOT:
         raise NotFound(f"{point.kind} is not looked for by shooting")
     problem, here = branch.problem, point.parameters
-    y = state_of(problem, problem.converted(point), **here)
+    y = state_of(problem, problem.from_point(point), **here)
     orbits = Orbits(it.model, problem.nu, y, here["Omega"], abs(it.span[1] - it.span[0]))
     before, after = (branch[max(i, 0)] for i in (point.index - 1, min(point.index + 1, len(branch) - 1)))
-    ends = [np.append(state_of(problem, problem.converted(b), **b.parameters), b.parameters["Omega"])
+    ends = [np.append(state_of(problem, problem.from_point(b), **b.parameters), b.parameters["Omega"])
             for b in (before, after)]  # fmt: skip
     tangent = (ends[1] - ends[0]) / orbits.scale
     try:
@@ -424,9 +424,9 @@ def verdicts(it: Machine, branch: Branch, finer: hb.HarmonicBalance, random: np.
     for i in sorted({*close.tolist(), *some.tolist()}):
         point = branch[i]
         try:
-            X = solve(finer, finer.converted(point), point.parameters).X
+            X = solve(finer, finer.from_point(point), point.parameters).X
             y = state_of(finer, X, **point.parameters)
-            orbit = hb.shoot(it.model, point.parameters["Omega"], y, tolerance=1e-10)
+            orbit = hb.time.shoot(it.model, point.parameters["Omega"], y, tolerance=1e-10)
         except (NoConvergence, ArithmeticError, np.linalg.LinAlgError):
             continue
         if np.linalg.norm(orbit.state - y) < 0.02 * np.linalg.norm(y):
@@ -438,7 +438,7 @@ def verdicts(it: Machine, branch: Branch, finer: hb.HarmonicBalance, random: np.
 # ---- landings
 
 BEYOND = 1.3e-4
-"""Distance beyond the point left, over the span; others than those of `hbgear.timedomain.landing`."""
+"""Distance beyond the point left, over the span; others than those of `hbgear.time.jump_integration`."""
 
 PERIODS, PATIENCE = 2000, 20
 """Excitation periods that a motion is integrated before it is looked at, and how often, until it has left the unstable
@@ -469,13 +469,13 @@ def _settled(it: Machine, branch: Branch, jump: Jump, Omega: float, begin: Array
 
     It is integrated on as long again, at least, for what it goes to.
     """
-    state = state_of(branch.problem, branch.problem.converted(jump.before), **jump.before.parameters)
+    state = state_of(branch.problem, branch.problem.from_point(jump.before), **jump.before.parameters)
     state = state * (1.0 + 1e-4 * np.random.default_rng(0).normal(size=len(state)))
     true, gone = begin, 0
     for taken in range(1, PATIENCE + 1):
         try:
-            state = hb.integrate(it.model, state, PERIODS, Omega, method="exponential", samples=1).end
-            seen = hb.integrate(it.model, state, 64, Omega, method="exponential", samples=64).d
+            state = hb.time.integrate(it.model, state, PERIODS, Omega, method="exponential", samples=1).end
+            seen = hb.time.integrate(it.model, state, 64, Omega, method="exponential", samples=64).d
         except ArithmeticError:
             return np.full(len(begin), np.inf)
         with np.errstate(invalid="ignore"):
@@ -493,7 +493,7 @@ def _alike(one: Array, other: Array) -> bool:
 def _sizes(branch: Branch, motion: Point, Omega: float) -> Array:
     """Rms of the elements of a motion, followed to another frequency nearby."""
     problem = branch.problem.with_order(motion.layout.nu)  # type: ignore[union-attr]
-    X = problem.converted(motion)
+    X = problem.from_point(motion)
     with contextlib.suppress(NoConvergence):
         X = solve(problem, X, {**motion.parameters, "Omega": Omega}).X
     return np.array([problem.layout.measure("rms", X, j) for j in range(problem.m)])

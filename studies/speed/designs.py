@@ -26,10 +26,10 @@ MAPS = {"zeta": (0.02, 0.1), "e_scale": (0.5, 1.5), "torque": (700.0, 2100.0)}
 """Spans of the maps of jumps."""
 
 
-def designs(name: str, model: hb.Model, sample: Any, harmonics: int, processes: int) -> dict[str, Any]:
+def designs(name: str, model: hb.mechanics.Model, sample: Any, harmonics: int, processes: int) -> dict[str, Any]:
     """Seconds that all designs of a sample take, with the jumps that were found and the designs that failed."""
     start = time.perf_counter()
-    found = hb.cases(model, sample, harmonics=harmonics, processes=processes)
+    found = hb.design.cases(model, sample, harmonics=harmonics, processes=processes)
     seconds = time.perf_counter() - start
     return {"name": name, "designs": len(found), "of": found.total, "jumps": len(found.jumps),
             "failed": len(found.failed), "seconds": seconds, "processes": processes}  # fmt: skip
@@ -40,7 +40,7 @@ def jump_map(parameter: str, span: tuple[float, float], runs: int) -> dict[str, 
     seconds = []
     for _ in range(runs):
         start = time.perf_counter()
-        found = hb.jump_map(hb.DoubleHelicalPair(), parameter, span)
+        found = hb.jump_map(hb.gears.DoubleHelicalPair(), parameter, span)
         seconds.append(time.perf_counter() - start)
     return {"parameter": parameter, "span": span, "rows": sum(map(len, found.folds)), "arms": len(found.arms),
             "cusps": [point.parameters[parameter] for point in found.cusps], "seconds": min(seconds)}  # fmt: skip
@@ -50,8 +50,8 @@ def run(quick: bool = False) -> dict[str, list[dict[str, Any]]]:
     """Rows of the designs and of the maps."""
     spur, helical, processes = (6, 2, 1) if quick else (100_000, 1000, os.cpu_count() or 1)
     maps = {"e_scale": (1.1, 1.2)} if quick else MAPS
-    spread = hb.latin_hypercube(spur, 1, **SPREAD)
-    scatter = hb.monte_carlo(helical, tolerances.SEED, **tolerances.SCATTER)
+    spread = hb.design.latin_hypercube(spur, 1, **SPREAD)
+    scatter = hb.design.monte_carlo(helical, tolerances.SEED, **tolerances.SCATTER)
     return {
         "designs": [
             designs("spur pair", hb.SpurPair(), spread, 16, processes),

@@ -36,7 +36,7 @@ def train(n: int = 500, meshes: int = 6) -> hb.System:
     for j in range(meshes):
         w = np.zeros(n)
         w[j * each + each // 2], w[(j + 1) * each + each // 2] = 1.0, -1.0
-        stiffness = hb.Series(1.0, (0.15 * np.cos(j), 0.05), (0.15 * np.sin(j), 0.0))
+        stiffness = hb.mechanics.Series(1.0, (0.15 * np.cos(j), 0.05), (0.15 * np.sin(j), 0.0))
         elements.append(hb.Element(w, hb.Backlash(b=1.0, stiffness=stiffness), damping=0.03, name=f"mesh {j + 1}"))
     F = np.zeros(n)
     F[each // 2], F[meshes * each + each // 2] = 0.1, -0.1
@@ -44,9 +44,9 @@ def train(n: int = 500, meshes: int = 6) -> hb.System:
     return hb.System(M, 0.004 * K, K, elements, hb.Load(constant=F))
 
 
-def cases() -> dict[str, tuple[hb.Model, int, tuple[float, float]]]:
+def cases() -> dict[str, tuple[hb.mechanics.Model, int, tuple[float, float]]]:
     """Models, harmonics and spans."""
-    planets = hb.PlanetarySet(40, 20, 80, planets=6)
+    planets = hb.gears.PlanetarySet(40, 20, 80, planets=6)
     return {
         "6 meshes, 500 coordinates": (train(), 12, (1.4, 1.0)),
         "6 planets, 12 meshes": (planets, 8, (1.8, 1.0)),

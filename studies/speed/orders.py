@@ -19,7 +19,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
-from hbgear.continuation.newton import solve
+from hbgear.continuation.solvers.newton import solve
 from studies import study
 
 ALONE = True
@@ -43,24 +43,24 @@ CASES = (
 )
 
 
-def train(case: Case) -> hb.Train:
+def train(case: Case) -> hb.gears.Train:
     """The train; words at the head of this file."""
     first, second = case.teeth
     teeth, module = {"in": 20, "first": first, "second": second, "out": 50}, 3e-3
     middle, last = module * (20 + first) / 2, module * (20 + first + second + 50) / 2
     place = {"in": 0.0, "first": middle, "second": middle, "out": last}
     wheels = [
-        hb.Wheel(
+        hb.gears.Wheel(
             name, 7800 * np.pi / 2 * 0.025 * (module * z / 2) ** 4, 1.0, teeth=z,
             base_radius=module * z / 2 * np.cos(np.radians(20)), x=place[name], torque=100.0 if name == "in" else 0.0,
         )
         for name, z in teeth.items()
     ]  # fmt: skip
     meshes = [
-        hb.Mesh("in", "first", 3e8, 4e-5, eps=(case.eps, 0.1), damping=case.damping),
-        hb.Mesh("second", "out", 3.9e8, 5e-5, eps=(0.25, 0.08), damping=case.damping),
+        hb.gears.Mesh("in", "first", 3e8, 4e-5, eps=(case.eps, 0.1), damping=case.damping),
+        hb.gears.Mesh("second", "out", 3.9e8, 5e-5, eps=(0.25, 0.08), damping=case.damping),
     ]
-    return hb.Train(wheels, meshes, [hb.Shaft("first", "second", torsion=3e5)], balance="out")
+    return hb.gears.Train(wheels, meshes, [hb.gears.Shaft("first", "second", torsion=3e5)], balance="out")
 
 
 def traced(problem: hb.HarmonicBalance, span: tuple[float, float]) -> tuple[hb.Branch, float]:
@@ -72,8 +72,8 @@ def traced(problem: hb.HarmonicBalance, span: tuple[float, float]) -> tuple[hb.B
 
 def fold_of(problem: hb.HarmonicBalance, point: hb.SpecialPoint) -> float:
     """Omega of a fold solved for with the orders of a problem."""
-    U = np.append(problem.converted(point), point.parameters["Omega"])
-    return float(solve(hb.Fold(problem, "Omega").based(U, {}), U, {}).X[-1])
+    U = np.append(problem.from_point(point), point.parameters["Omega"])
+    return float(solve(hb.continuation.FoldProblem(problem, "Omega").with_borders_at(U, {}), U, {}).X[-1])
 
 
 def off(curve: hb.Branch, whole: hb.HarmonicBalance) -> tuple[float, float]:
@@ -85,7 +85,7 @@ def off(curve: hb.Branch, whole: hb.HarmonicBalance) -> tuple[float, float]:
         here, known = {"Omega": float(curve.values[i])}, curve.layout.spread(curve.X[i])
         if min((abs(here["Omega"] - p.parameters["Omega"]) for p in folds), default=1.0) < 2e-4:
             continue
-        X = whole.rows(solve(whole, whole.in_basis(curve.X[i], curve.layout), here).X)
+        X = whole.rows(solve(whole, whole.from_layout(curve.X[i], curve.layout), here).X)
         apart.append(float(np.abs(X[:, : known.shape[1]] - known).max()))
     return moved, max(apart)
 
@@ -94,7 +94,7 @@ def settled(problem: hb.HarmonicBalance, curve: hb.Branch, tolerance: float, spa
     """The problem with the orders that curves ask for, of which the last adds none, and how many curves it took."""
     for count in range(1, 6):
         known = problem
-        problem = problem.with_orders_of(curve, tolerance)
+        problem = problem.with_harmonics_of(curve, tolerance)
         if count > 1 and set(problem.orders.tolist()) <= set(known.orders.tolist()):
             return known, count
         curve, _ = traced(problem, span)

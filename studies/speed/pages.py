@@ -20,14 +20,14 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
+from hbgear.web.editable_model import ModelSubject
 from hbgear.web.explorer import Explorer
 from hbgear.web.server import Server
-from hbgear.web.subject import ModelSubject
 from studies import study
 
 ALONE = True
 
-MODELS = {"spur-pair": hb.SpurPair(), "double-helical": hb.DoubleHelicalPair(zeta=0.05)}
+MODELS = {"spur-pair": hb.SpurPair(), "double-helical": hb.gears.DoubleHelicalPair(zeta=0.05)}
 
 MOVES = """
 const done = arguments[1], out = [], slider = document.querySelector("[aria-label='zeta as a slider']");

@@ -59,7 +59,7 @@ EXACT = {
 Row = dict[str, Any]
 
 
-def model(name: str, store: Callable[..., Any] = np.asarray) -> hb.Model:
+def model(name: str, store: Callable[..., Any] = np.asarray) -> hb.mechanics.Model:
     """The problem as a model of hbgear; ``store``: how its matrices are kept, `scipy.sparse.csr_array` for instance."""
     if name == "duffing":
         return hb.Duffing(zeta=0.05, k3=0.1, F=0.18)
@@ -76,12 +76,14 @@ def ours(name: str, stability: bool, reduced: bool) -> Row:
     """A curve by hbgear; the reduction is part of its time, `peaks` is not. Folds are located in the time taken."""
     given = peers_curve.problem(name)
     start = time.perf_counter()
-    system: hb.Model = hb.reduce(model(name, sparse.csr_array), MODES).system if reduced else model(name)
+    system: hb.mechanics.Model = (
+        hb.mechanics.reduce(model(name, sparse.csr_array), MODES).system if reduced else model(name)
+    )
     problem = hb.HarmonicBalance(system, given.harmonics)
     branch = hb.trace(problem, "Omega", given.span, stability=stability)
     seconds = time.perf_counter() - start
     folds = [float(branch[p.label].parameters["Omega"]) for p in branch.special if p.label.startswith("LP")]
-    (top,) = hb.peaks(branch, "max", share=0.999)
+    (top,) = hb.analysis.peaks(branch, "max", share=0.999)
     return {"seconds": seconds, "points": len(branch), "failed": 0, "folds": folds, "peak": top.amplitude("max"),
             "residual": float(branch.residual.max())}  # fmt: skip
 

@@ -21,10 +21,10 @@ from studies import study
 
 ALONE = True
 
-CASES: dict[str, tuple[Callable[[], hb.Model], int]] = {
+CASES: dict[str, tuple[Callable[[], hb.mechanics.Model], int]] = {
     "Duffing, H = 7": (hb.Duffing, 7),
     "SpurPair, H = 10": (hb.SpurPair, 10),
-    "DoubleHelicalPair, H = 16": (hb.DoubleHelicalPair, 16),
+    "DoubleHelicalPair, H = 16": (hb.gears.DoubleHelicalPair, 16),
 }
 VARIANTS: dict[str, tuple[int, dict[str, Any]]] = {
     "points alone": (1, {"stability": False}),

@@ -22,18 +22,19 @@ from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
-from hbgear.common.compiling import kernel
-from hbgear.continuation.elimination import eliminate
-from hbgear.continuation.stepping import predict
-from hbgear.harmonic.assembly import assemble, put_linear, room_of
-from hbgear.harmonic.floquet import monodromies
+from hbgear.common.process.compiling import kernel
+from hbgear.continuation.numerics.gauss_kernels import solve_in_place
+from hbgear.continuation.stepping.kernels import predict
+from hbgear.harmonic.equations.assembly_kernels import assemble, workspace_for
+from hbgear.harmonic.multipliers.floquet import monodromies
+from hbgear.harmonic.structure.receptance_kernels import fill_linear_part
 from studies import study
 
 ALONE = True
 CASES = {
     "duffing": (hb.Duffing(), 7, "Duffing, $H=7$"),
     "spur": (hb.SpurPair(), 10, "spur pair, $H=10$"),
-    "double-helical": (hb.DoubleHelicalPair(), 16, "double-helical pair, $H=16$"),
+    "double-helical": (hb.gears.DoubleHelicalPair(), 16, "double-helical pair, $H=16$"),
 }
 """Models, harmonics and titles."""
 PARTS = {
@@ -46,15 +47,15 @@ PARTS = {
 @kernel
 def linear_parts(numbers: Any, Omega: Any) -> None:
     """Linear parts of all rows."""
-    room = room_of(numbers)
+    room = workspace_for(numbers)
     for w in Omega:
-        put_linear(numbers.linear, w, room.w, room.each, room.sums, room.work, room.matrices, room.constants)
+        fill_linear_part(numbers.linear, w, room.w, room.each, room.sums, room.work, room.matrices, room.constants)
 
 
 @kernel
 def assemblies(numbers: Any, X: Any, Omega: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> None:
     """Equations of all rows."""
-    room = room_of(numbers)
+    room = workspace_for(numbers)
     for p in range(X.shape[0]):
         assemble(numbers, X[p], Omega[p] / numbers.linear.nu, matrices, constants, R, J, dR, room)
 
@@ -64,7 +65,7 @@ def eliminations(A: Any, work: Any) -> None:
     """Newton steps and directions of all rows, from their bordered matrices with two columns more (P, n, n + 2)."""
     for p in range(A.shape[0]):
         work[:, :] = A[p]
-        eliminate(work)
+        solve_in_place(work)
 
 
 @kernel

@@ -72,7 +72,7 @@ def housing(side: int, shaft: int = 20) -> hb.System:
     gap, drive = np.zeros(n), np.zeros(n)
     gap[nodes + shaft // 2], gap[nodes + shaft + shaft // 2] = 1.0, -1.0
     drive[nodes + shaft // 2], drive[nodes + shaft + shaft // 2] = 0.05, -0.05
-    mesh = hb.Element(gap, hb.Backlash(b=0.005), hb.Series(sine=(0.01,)), 0.01, "mesh")
+    mesh = hb.Element(gap, hb.Backlash(b=0.005), hb.mechanics.Series(sine=(0.01,)), 0.01, "mesh")
     return hb.System(M, 0.01 * K, K, [mesh], hb.Load(constant=drive))
 
 
@@ -94,7 +94,7 @@ def on_chain(n: int, repeats: int, full: bool = True) -> dict[str, Any]:
     first = 2 * np.sin(np.pi / (2 * (n + 1)))
     span = (0.8 * first, 1.3 * first)
     with threadpool_limits(1):
-        reduced = hb.reduce(chain(n, dense=False), min(CHAIN_MODES, n - 1))
+        reduced = hb.mechanics.reduce(chain(n, dense=False), min(CHAIN_MODES, n - 1))
         row = {"n": n, "reduced": traced(reduced.system, span, repeats),
                "error": float(reduced.error(np.arange(6) * span[1]).max())}  # fmt: skip
         return row | ({"full": traced(chain(n), span, repeats)} if full else {})
@@ -106,7 +106,7 @@ def on_housing(side: int, full: bool = False) -> dict[str, Any]:
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         system = housing(side)
         start = time.perf_counter()
-        reduced = hb.reduce(system, HOUSING_MODES)
+        reduced = hb.mechanics.reduce(system, HOUSING_MODES)
         seconds = time.perf_counter() - start
         row = {"n": system.n, "reduce": seconds, "reduced": traced(reduced.system, SPAN, 2)}
         row["memory"] = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024

@@ -19,9 +19,9 @@ from threadpoolctl import threadpool_limits
 
 import hbgear as hb
 from hbgear import plot as draw
-from hbgear.timedomain.integrate import integrate, state_of
-from hbgear.timedomain.settle import Settling
-from hbgear.timedomain.sweep import Sweep, sweep
+from hbgear.time.frequency_sweep import Sweep, sweep
+from hbgear.time.integration import integrate, state_of
+from hbgear.time.steady_state import SteadyStateSettings
 from studies import study
 
 ALONE = True
@@ -32,7 +32,7 @@ VALUES = 131
 
 def continuation(harmonics: int) -> tuple[hb.Branch, float]:
     """The curve and the seconds it took, the better of two runs."""
-    problem = hb.HarmonicBalance(hb.DoubleHelicalPair(), harmonics)
+    problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(), harmonics)
     seconds = []
     for _ in range(2):
         start = time.perf_counter()
@@ -45,7 +45,10 @@ def sweeps(tolerance: float, values: int) -> tuple[list[Sweep], float]:
     """Up and down, and the seconds they took."""
     grid = np.linspace(*SPAN, values)
     start = time.perf_counter()
-    found = [sweep(hb.DoubleHelicalPair(), grid, way, settling=Settling(tolerance)) for way in ("up", "down")]
+    found = [
+        sweep(hb.gears.DoubleHelicalPair(), grid, way, settling=SteadyStateSettings(tolerance))
+        for way in ("up", "down")
+    ]
     return found, time.perf_counter() - start
 
 
@@ -57,7 +60,7 @@ def dop853(branch: hb.Branch, frequencies: tuple[float, ...] = (0.4, 0.6, 0.9, 1
         here = branch.parameters_at(i)
         y = state_of(branch.problem, branch.X[i], **here)
         start = time.perf_counter()
-        integrate(hb.DoubleHelicalPair(), y, 3, here["Omega"], tolerance=1e-8, samples=64)
+        integrate(hb.gears.DoubleHelicalPair(), y, 3, here["Omega"], tolerance=1e-8, samples=64)
         per_time.append((time.perf_counter() - start) / 3 * here["Omega"])
     return float(np.median(per_time))
 
@@ -68,7 +71,7 @@ def run(quick: bool = False) -> dict[str, Any]:
     with threadpool_limits(1):
         curves = {H: continuation(H) for H in (16, 24)}
         unit = dop853(curves[16][0])
-        sweep(hb.DoubleHelicalPair(), np.array(SPAN), "up")  # compiles what it needs
+        sweep(hb.gears.DoubleHelicalPair(), np.array(SPAN), "up")  # compiles what it needs
         rows = []
         for tolerance in tolerances:
             found, seconds = sweeps(tolerance, values)

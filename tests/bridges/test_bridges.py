@@ -10,11 +10,11 @@ import pytest
 from pages import blocks, run_python
 
 import hbgear as hb
-from hbgear.continuation.newton import solve
-from hbgear.continuation.passing import passings
-from hbgear.harmonic.observables import half_peak_to_peak
-from hbgear.mechanics.fourier import evaluate, to_complex
-from hbgear.timedomain.integrate import state_of
+from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic.equations.layout import half_peak_to_peak
+from hbgear.mechanics.series.fourier import evaluate, to_complex
+from hbgear.time.integration import state_of
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def test_examples_of_the_pages(block, ross, ot):
 
 
 def test_a_node_that_is_not_there(ross):
-    found = hb.from_ross(ross.rotor_example())
+    found = hb.io.from_ross(ross.rotor_example())
     with pytest.raises(KeyError, match="no coordinate 'x_99'; it has: x_0, y_0"):
         found.along({"x_99": 1.0})
 
@@ -46,10 +46,10 @@ def silent(found):
 @pytest.mark.parametrize("speed", [0.0, 120.0, 600.0])
 def test_natural_frequencies_of_a_rotor(ross, speed):
     rotor = ross.rotor_example()
-    found = hb.from_ross(rotor)
+    found = hb.io.from_ross(rotor)
     own = np.sort(rotor.run_modal(speed=speed, num_modes=12).wd)
     at = max(speed, 1e-6)
-    ours = hb.campbell(found.system([silent(found)]), (at * 0.99, at), points=2).frequencies[-1]
+    ours = hb.analysis.campbell(found.system([silent(found)]), (at * 0.99, at), points=2).frequencies[-1]
     for frequency in own[own > 1.0]:
         assert np.abs(ours - frequency).min() < 1e-9 * frequency
 
@@ -57,7 +57,7 @@ def test_natural_frequencies_of_a_rotor(ross, speed):
 def test_unbalance_of_a_rotor(ross):
     rotor, speeds = ross.rotor_example(), np.array([80.0, 250.0, 900.0])
     own = rotor.run_unbalance_response(2, 0.004, 0.3, frequency=speeds).forced_resp
-    found = hb.from_ross(rotor)
+    found = hb.io.from_ross(rotor)
     turned = 0.004 * np.exp(0.3j)
     along = {axis: found.along({f"{axis}_2": 1.0}) for axis in "xy"}
     force = turned * along["x"] - 1j * turned * along["y"]  # real part: m e cos(tau + phase), m e sin(tau + phase)
@@ -87,7 +87,7 @@ def test_every_mesh_of_a_multi_rotor_of_multi_rotors_is_found(ross):
     inner = ross.MultiRotor(steel_rotor(ross, 20, 0.1), steel_rotor(ross, 40, 0.2), coupled_nodes=(1, 1),
                             gear_mesh_stiffness=1e8)  # fmt: skip
     rotor = ross.MultiRotor(inner, steel_rotor(ross, 20, 0.1), coupled_nodes=(1, 1), gear_mesh_stiffness=2e8)
-    found = hb.from_ross(rotor)
+    found = hb.io.from_ross(rotor)
     assert {name: k for name, (_, k) in found.meshes.items()} == {"gears_1_7": 2e8, "gears_1_4": 1e8}
     for first, second in ((0, 3), (0, 6), (3, 6)):
         assert not found.K[6 * first : 6 * first + 18, 6 * second : 6 * second + 18].any()
@@ -95,18 +95,18 @@ def test_every_mesh_of_a_multi_rotor_of_multi_rotors_is_found(ross):
     np.testing.assert_allclose(whole, rotor.K(0), rtol=1e-9, atol=1e-6 * np.abs(whole).max())
     meshes = [hb.Element(w, hb.Cubic(k1=k, k3=0.0), name=name) for name, (w, k) in found.meshes.items()]
     own = np.sort(rotor.run_modal(speed=50.0).wd)
-    ours = hb.campbell(found.system(meshes), (49.0, 50.0), points=2).frequencies[-1]
+    ours = hb.analysis.campbell(found.system(meshes), (49.0, 50.0), points=2).frequencies[-1]
     for frequency in own[own > 1.0]:
         assert np.abs(ours - frequency).min() < 1e-6 * frequency
 
 
 def test_natural_frequencies_of_a_geared_rotor(ross):
     rotor = geared(ross)
-    found = hb.from_ross(rotor)
+    found = hb.io.from_ross(rotor)
     w, k = found.meshes["gears"]
     mesh = hb.Element(w, hb.Cubic(k1=k, k3=0.0), name="mesh")
     own = np.sort(rotor.run_modal(speed=50.0).wd)
-    ours = hb.campbell(found.system([mesh]), (49.0, 50.0), points=2).frequencies[-1]
+    ours = hb.analysis.campbell(found.system([mesh]), (49.0, 50.0), points=2).frequencies[-1]
     for frequency in own[own > 1.0]:
         assert np.abs(ours - frequency).min() < 1e-6 * frequency
 
@@ -114,13 +114,15 @@ def test_natural_frequencies_of_a_geared_rotor(ross):
 def test_a_geared_rotor_with_backlash(ross):
     """The spring between its gears gets a gap, and the rotors a torque: teeth part, the curve folds, motions close."""
     rotor = geared(ross)
-    found = hb.from_ross(rotor)
+    found = hb.io.from_ross(rotor)
     w, k = found.meshes["gears"]
     one, other = (
         found.dof_names.index(f"theta_{gear.n}") for gear in (rotor.mesh.driving_gear, rotor.mesh.driven_gear)
     )
     torques = hb.Load(constant=found.along({one: 2e3, other: 2e3 * w[other] / w[one]}))
-    mesh = hb.Element(w, hb.Backlash(b=1e-4, k=k, stiffness=hb.Series(1.0, (-0.3,))), damping=3e3, name="mesh")
+    mesh = hb.Element(
+        w, hb.Backlash(b=1e-4, k=k, stiffness=hb.mechanics.Series(1.0, (-0.3,))), damping=3e3, name="mesh"
+    )
     geared_pair = found.system([mesh], torques, ratio=1 / rotor.mesh.driving_gear.n_teeth)
     problem = hb.HarmonicBalance(geared_pair, 8)
     curve = hb.trace(problem, "Omega", (1890.0, 1840.0), stability=False)
@@ -129,7 +131,7 @@ def test_a_geared_rotor_with_backlash(ross):
     for i in (len(curve) // 4, len(curve) // 2, -2):
         X, Omega = curve.X[i], float(curve.values[i])
         state = state_of(problem, X, Omega=Omega)
-        end = hb.integrate(geared_pair, state, 1, Omega, method="exponential").d
+        end = hb.time.integrate(geared_pair, state, 1, Omega, method="exponential").d
         d = evaluate(X.reshape(1, -1), 2 * np.pi * np.arange(256) / 256)
         np.testing.assert_allclose(end, d, atol=0.02 * np.abs(d).max())
 
@@ -143,7 +145,7 @@ def test_newmark_of_ross_lies_on_the_curve_with_jumps(ross):
     from ross.utils import newmark
 
     rotor = geared(ross)
-    found = hb.from_ross(rotor)
+    found = hb.io.from_ross(rotor)
     found = dataclasses.replace(found, C=found.C + 15.0 * found.M)
     w, k = found.meshes["gears"]
     one, other = (
@@ -151,7 +153,7 @@ def test_newmark_of_ross_lies_on_the_curve_with_jumps(ross):
     )
     torque, ratio = found.along({one: 2e3, other: 2e3 * w[other] / w[one]}), 1 / rotor.mesh.driving_gear.n_teeth
     b, eps, c = 1e-4, 0.3, 3e3
-    mesh = hb.Element(w, hb.Backlash(b=b, k=k, stiffness=hb.Series(1.0, (-eps,))), damping=c, name="mesh")
+    mesh = hb.Element(w, hb.Backlash(b=b, k=k, stiffness=hb.mechanics.Series(1.0, (-eps,))), damping=c, name="mesh")
     problem = hb.HarmonicBalance(found.system([mesh], hb.Load(torque), ratio=ratio), 12)
     curve = hb.trace(problem, "Omega", (1890.0, 1850.0))
     np.testing.assert_allclose([jump.value for jump in curve.jumps()], [1867.31, 1874.81], atol=0.05)
@@ -173,7 +175,7 @@ def test_newmark_of_ross_lies_on_the_curve_with_jumps(ross):
         assert one == pytest.approx(last, rel=1e-3)  # it has settled
         stable = [
             half_peak_to_peak(solve(problem, place.between(curve.X), {"Omega": Omega}).X)
-            for place in passings(curve, Omega)
+            for place in crossings_at(curve, Omega)
             if curve.stable[place.nearest]
         ]
         assert len(stable) == (2 if Omega == 1871.0 else 1)
@@ -188,7 +190,7 @@ def test_steady_response_of_a_branched_drive_train(ot):
     shafts = [ot.Shaft(0, 1, k=2e5, c=30.0), ot.Shaft(1, 2, k=3e5, c=20.0), ot.Shaft(1, 3, k=1.5e5, c=25.0)]
     discs = [ot.Disk(0, I=0.5), ot.Disk(1, I=0.8, c=4.0), ot.Disk(2, I=0.3), ot.Disk(3, I=0.2, k=2e3)]
     assembly = ot.Assembly(shafts, disk_elements=discs)
-    found = hb.from_opentorsion(assembly)
+    found = hb.io.from_opentorsion(assembly)
     torques = {1: ("theta_0", 10.0), 2: ("theta_2", 4.0), 3: ("theta_0", 1.0)}
     load = hb.Load(cosine={order: found.along({name: size}) for order, (name, size) in torques.items()})
     problem = hb.HarmonicBalance(found.system([silent(found)], load), 3)
@@ -205,9 +207,9 @@ def test_a_drive_train(ot):
     shafts = [ot.Shaft(0, 1, k=2e5, c=30.0), ot.Shaft(1, 2, k=3e5, c=20.0)]
     discs = [ot.Disk(0, I=0.5), ot.Disk(1, I=0.8), ot.Disk(2, I=0.3)]
     assembly = ot.Assembly(shafts, disk_elements=discs)
-    found = hb.from_opentorsion(assembly)
+    found = hb.io.from_opentorsion(assembly)
     own = np.unique(np.round(np.abs(assembly.modal_analysis()[1]), 6))
-    ours = hb.campbell(found.system([silent(found)]), (1.0, 2.0), points=2).frequencies[-1]
+    ours = hb.analysis.campbell(found.system([silent(found)]), (1.0, 2.0), points=2).frequencies[-1]
     for frequency in own[own > 1.0]:
         assert np.abs(ours - frequency).min() < 1e-6 * frequency
     Omega = 300.0
@@ -224,7 +226,7 @@ def test_a_drive_train_with_elastic_gears(ot):
     shafts = [ot.Shaft(0, 1, k=1e5, c=5.0), ot.Shaft(2, 3, k=2e5, c=5.0)]
     discs = [ot.Disk(0, I=0.3), ot.Disk(3, I=0.6)]
     assembly = ot.Assembly(shafts, disk_elements=discs, elastic_gear_elements=[parent, child])
-    found = hb.from_opentorsion(assembly)
+    found = hb.io.from_opentorsion(assembly)
     ((name, (w, k)),) = found.meshes.items()
     assert name == "1-2"
     np.testing.assert_allclose(found.K + k * np.outer(w, w), assembly.K, rtol=1e-12, atol=1e-6)
@@ -243,7 +245,7 @@ def test_a_drive_train_with_rigid_and_elastic_gears(ot):
     shafts = [ot.Shaft(0, 1, k=1e4, I=0), ot.Shaft(2, 3, k=2e4, I=0), ot.Shaft(4, 5, k=1e4, I=0)]
     assembly = ot.Assembly(shafts, disk_elements=[ot.Disk(0, I=2.0), ot.Disk(5, I=3.0)], gear_elements=[big, small],
                            elastic_gear_elements=[parent, child])  # fmt: skip
-    found = hb.from_opentorsion(assembly)
+    found = hb.io.from_opentorsion(assembly)
     assert found.dof_names == ("theta_0", "theta_1", "theta_2", "theta_3", "theta_5")
     ((name, (w, k)),) = found.meshes.items()
     assert name == "1-2" and k == 1e5

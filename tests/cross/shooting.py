@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hbgear import PiecewiseLinear
-from hbgear.mechanics.fourier import derive, evaluate, to_complex, to_real
+from hbgear.mechanics import PiecewiseLinear
+from hbgear.mechanics.series.fourier import derive, evaluate, to_complex, to_real
 
 
 @dataclass(frozen=True)

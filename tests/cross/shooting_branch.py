@@ -19,7 +19,7 @@ import numpy as np
 from cross.shooting import Flow, Line
 from scipy.optimize import brentq
 
-from hbgear.mechanics.fourier import evaluate
+from hbgear.mechanics.series.fourier import evaluate
 
 STAGES = 10
 CORNER = 1e-13

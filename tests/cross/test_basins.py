@@ -6,11 +6,11 @@ import pytest
 
 import hbgear as hb
 from hbgear import plot
-from hbgear.timedomain import basins as module
-from hbgear.timedomain.basins import basins
-from hbgear.timedomain.exponential import Stepper
-from hbgear.timedomain.settle import Settling, settle
-from hbgear.timedomain.sweep import observe
+from hbgear.time import basins_of_attraction as module
+from hbgear.time.basins_of_attraction import basins
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.frequency_sweep import observe
+from hbgear.time.steady_state import SteadyStateSettings, settle
 
 PAIR, OMEGA = hb.SpurPair(e=(0.1,)), 0.65
 
@@ -47,7 +47,7 @@ def test_two_coordinates(found):
         found.element == "mesh" and found.status.complete and sum(a.share for a in found.attractors) == pytest.approx(1)
     )
     assert len({round(a.rms, 3) for a in found.attractors if a.period}) >= 2
-    stepper = Stepper(two_masses(), OMEGA)
+    stepper = ExponentialIntegrator(two_masses(), OMEGA)
     for y, x in ((2, 3), (7, 11), (5, 6)):
         e = hb.SpurPair(e=(0.1,)).system().elements[0].displacement
         flight = stepper.start([[found.d[x] + float(e(0.0)), 0.0, found.v[y], 0.0]])
@@ -71,8 +71,8 @@ def test_a_plane_of_directions_is_that_of_the_element_where_they_are_the_same(fo
 
 def test_starts_of_an_element_go_through_the_state_given():
     """The other coordinates are those of the state, moved as a force of the element moves them."""
-    pair, start = hb.DoubleHelicalPair(), np.linspace(-0.2, 0.2, 48)
-    stepper, system = Stepper(pair, 0.9), pair.system()
+    pair, start = hb.gears.DoubleHelicalPair(), np.linspace(-0.2, 0.2, 48)
+    stepper, system = ExponentialIntegrator(pair, 0.9), pair.system()
     origin, directions = module._plane(stepper, system, 0.9, 1, start, None)
     flight = stepper.start(origin + np.array([[0.7, -0.4]]) @ directions)
     assert flight.d[0, 1] == pytest.approx(0.7) and flight.v[0, 1] == pytest.approx(-0.4)
@@ -94,9 +94,9 @@ def test_who_is_caught_would_have_settled_there(monkeypatch):
 
 def test_attractors_of_several_periods_and_none():
     """Where the pair doubles its period twice, and where it is chaotic."""
-    doubled = basins(PAIR, 1.5, (0, 2), (-1, 1), (5, 4), settling=Settling(1e-6, longest=600))
+    doubled = basins(PAIR, 1.5, (0, 2), (-1, 1), (5, 4), settling=SteadyStateSettings(1e-6, longest=600))
     assert doubled.attractors[0].period == 4 and doubled.attractors[0].points.shape == (4, 2)
-    chaotic = basins(PAIR, 1.66, (0, 2), (-1, 1), (3, 2), settling=Settling(1e-6, longest=300))
+    chaotic = basins(PAIR, 1.66, (0, 2), (-1, 1), (3, 2), settling=SteadyStateSettings(1e-6, longest=300))
     assert chaotic.attractors[0].period == 0 and chaotic.attractors[0].points.shape == (128, 2)
 
 
@@ -114,7 +114,7 @@ def test_attractors_of_several_periods_and_none():
 )
 def test_bad_input(options, error, words):
     with pytest.raises(error, match=words):
-        basins(hb.DoubleHelicalPair(), 0.9, **options)
+        basins(hb.gears.DoubleHelicalPair(), 0.9, **options)
 
 
 def test_figure_and_table(found, tmp_path):
@@ -130,5 +130,5 @@ def test_figure_and_table(found, tmp_path):
 
 
 def test_a_frequency_in_another_unit_is_told():
-    with pytest.warns(hb.Unlikely, match="times the highest natural frequency"):
-        hb.basins(hb.Duffing(zeta=0.2), 6000.0, shape=(2, 2), settling=Settling(1e-2, 20))
+    with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="times the highest natural frequency"):
+        hb.time.basins(hb.Duffing(zeta=0.2), 6000.0, shape=(2, 2), settling=SteadyStateSettings(1e-2, 20))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.timedomain.integrate import state_of
+from hbgear.time.integration import state_of
 
 STATED = 3.0  # times the stated error that a true one may be
 
@@ -22,7 +22,7 @@ def curve():
 def test_the_equations_are_differentiated_exactly(curve):
     point, problem = curve["BP1"], curve.problem
     U = np.append(curve.X[point.index], curve.values[point.index])
-    equations = hb.BranchPoint(problem, "Omega").based(U, {"zeta": 0.05})
+    equations = hb.continuation.BranchPointProblem(problem, "Omega").with_borders_at(U, {"zeta": 0.05})
     assert np.abs(equations.linearise(U, "", zeta=0.05).R).max() < 1e-10
     random = np.random.default_rng(1)
     at, step = U + 1e-2 * random.normal(size=len(U)), 1e-5 * random.normal(size=len(U))
@@ -37,8 +37,8 @@ def test_a_multiplier_of_the_shot_motion_is_one(curve):
     """And the motion is symmetric, x(t + T/2) = -x(t): it is no fold."""
     point = curve["BP1"]
     Omega = point.parameters["Omega"]
-    problem = curve.problem.fitting(point).with_order(1, 45)
-    orbit = hb.shoot(spring(), Omega, state_of(problem, problem.converted(point), Omega=Omega))
+    problem = curve.problem.at_resolution_of(point).with_order(1, 45)
+    orbit = hb.time.shoot(spring(), Omega, state_of(problem, problem.from_point(point), Omega=Omega))
     assert np.abs(orbit.multipliers - 1).min() < 1e-3  # the square root of the error of Omega, 3e-6
     assert abs(point.amplitude("mean")) < 1e-10 < abs(point.amplitude("rms"))
 
@@ -56,7 +56,7 @@ def test_stated_errors_and_the_second_parameter(curve):
     assert held.status is hb.Status.REACHED_END
     assert held.tracked["Omega"][-1] == pytest.approx(places[0.06], abs=1e-4)
     assert abs(held.tracked["Omega"][-1] - held.tracked["Omega"][0]) > 3e-3
-    slope = hb.sensitivity(point, ["zeta"]).slopes[0, 0]
+    slope = hb.analysis.sensitivity(point, ["zeta"]).slopes[0, 0]
     near = hb.follow(curve, "BP1", "zeta", (0.05, 0.0501))
     change = (near.tracked["Omega"][-1] - near.tracked["Omega"][0]) / 1e-4
     assert slope == pytest.approx(change, rel=1e-2)

@@ -11,7 +11,7 @@ from cross.shooting import integrate, shoot, state
 from cross.shooting_branch import Shooter
 
 from hbgear import HarmonicBalance, SpurPair, trace
-from hbgear.continuation.switching import switch
+from hbgear.continuation.switch import switch
 
 PAIR = SpurPair(e=(0.10,))
 SPAN = (2.2, 0.5)

@@ -10,13 +10,14 @@ from cross.shooting_branch import Shooter
 from cross.test_two_masses import POINTS, SPAN, two_masses
 
 import hbgear as hb
-from hbgear.continuation import accuracy
-from hbgear.continuation.events import Found, Sharp, Turning
-from hbgear.continuation.newton import solve
-from hbgear.continuation.problem import as_problem
-from hbgear.continuation.segment import Segment, row_of
-from hbgear.harmonic import deciding
-from hbgear.harmonic.multiplier_error import difference_of, estimate_multiplier_error
+from hbgear.continuation.curve.segment import Segment, point_from_solution
+from hbgear.continuation.events import accuracy
+from hbgear.continuation.events.event import LocatedEvent, RefinedLocation
+from hbgear.continuation.events.fold import FoldEvent
+from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic.multipliers.multiplier_error import difference_of, estimate_multiplier_error
+from hbgear.harmonic.stability import verification
 
 STATED = 3.0  # times the stated error within which the true one lies
 
@@ -91,11 +92,11 @@ def test_a_backlash_fifty_times_as_stiff():
 
 def test_multipliers_in_doubt_are_those_of_the_motion_at_this_frequency():
     """With 5 harmonics of the double-helical pair, against eight times as many at the same Omega, on the same sheet."""
-    curve = hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 5), "Omega", (1.0, 0.8))
+    curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 5), "Omega", (1.0, 0.8))
     fine, counts = curve.problem.with_order(1, 40), []
     doubtful = np.flatnonzero(np.isfinite(curve.modulus_error) & ~curve.undecided)
     for i in set(doubtful.tolist()) - {p.index for p in curve.special}:
-        here, guess = {"Omega": float(curve.values[i])}, fine.fitted(curve.X[i])
+        here, guess = {"Omega": float(curve.values[i])}, fine.resized(curve.X[i])
         try:
             X = solve(fine, guess, here).X
         except hb.NoConvergence:  # beyond a fold that is elsewhere with more harmonics
@@ -111,11 +112,11 @@ def test_multipliers_in_doubt_are_those_of_the_motion_at_this_frequency():
 @pytest.mark.parametrize("zeta, harmonics, span", [(0.05, 5, (1.0, 0.8)), (0.03, 8, (0.95, 0.7))])
 def test_errors_of_few_multipliers_tell_those_of_the_rows_between(zeta, harmonics, span, monkeypatch):
     """No verdict in doubt is missed, and no error told is a tenth of what a second set of multipliers tells."""
-    problem = hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=zeta), harmonics)
+    problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=zeta), harmonics)
     curve = hb.trace(problem, "Omega", span, stability=False, accuracy=None)
     seen, asked = problem.observe_many(curve.X, "Omega", curve.values), []
     mu = np.array([one["multipliers"] for one in seen])
-    kept = deciding._plain_multipliers
+    kept = verification._plain_multipliers
     plain = kept(problem, curve.X, "Omega", curve.values, {})
     every = estimate_multiplier_error(mu, difference_of(mu, plain))
     rows = {x.tobytes(): i for i, x in enumerate(curve.X)}
@@ -124,8 +125,8 @@ def test_errors_of_few_multipliers_tell_those_of_the_rows_between(zeta, harmonic
         asked.extend(map(bytes, X))
         return kept(p, X, *given)
 
-    monkeypatch.setattr(deciding, "_plain_multipliers", counted)
-    monkeypatch.setattr(deciding, "_refined", lambda *given: given[4])
+    monkeypatch.setattr(verification, "_plain_multipliers", counted)
+    monkeypatch.setattr(verification, "_refined", lambda *given: given[4])
     problem.decided(curve.X, "Omega", curve.values, seen, {})
     computed = np.zeros(len(curve), dtype=bool)
     computed[[rows[x] for x in asked]] = True
@@ -149,7 +150,7 @@ def test_random_spur_pairs(first):
         eps = tuple(rng.uniform(0.05, 0.25, 2))
         model = hb.SpurPair(zeta=rng.uniform(0.03, 0.08), F_m=rng.uniform(0.05, 0.2), eps=eps, e=(0.05,))
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", hb.Unlikely)
+            warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)
             curve, fine = (
                 hb.trace(hb.HarmonicBalance(model, H), "Omega", (1.6, 0.5), accuracy=accuracy)
                 for H, accuracy in ((12, 1e-4), (96, 1e-6))
@@ -171,9 +172,9 @@ def test_a_cusp_and_a_peak_state_their_errors():
     assert abs(cusp.parameters["zeta"] - 0.11800747) <= STATED * cusp.error + 1e-8  # by shooting
     assert 0 < cusp.error <= 1e-5 * cusp.parameters["zeta"]
     for measure in ("rms", "H1", "max"):
-        (top,) = hb.peaks(curve, measure, share=0.99)
+        (top,) = hb.analysis.peaks(curve, measure, share=0.99)
         fine = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 80), "Omega", (1.0, 0.6))
-        (true,) = hb.peaks(fine, measure, share=0.99)
+        (true,) = hb.analysis.peaks(fine, measure, share=0.99)
         away = abs(top.parameters["Omega"] - true.parameters["Omega"])
         assert away <= STATED * (top.error + true.error) and top.error < 1e-5, measure
 
@@ -199,22 +200,26 @@ def test_of_two_answers_beyond_a_piece_the_nearer_one_is_the_point(monkeypatch, 
     """
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6), accuracy=None)
     problem, i = as_problem(curve.problem), curve["LP1"].index
-    rows = [row_of(solve(problem, curve.X[k], {"Omega": curve.values[k]}, "Omega"), np.eye(12)[-1], np.ones(12))
-            for k in (i - 1, i + 1)]  # fmt: skip
-    arc = Segment(problem, "Omega", {}, *rows, np.ones(12), hb.Settings())
-    found = Found(Turning(), -0.1, rows[0], True)
-    finer = as_problem(problem.finer)
+    rows = [
+        point_from_solution(
+            solve(problem, curve.X[k], {"Omega": curve.values[k]}, "Omega"), np.eye(12)[-1], np.ones(12)
+        )
+        for k in (i - 1, i + 1)
+    ]
+    arc = Segment(problem, "Omega", {}, *rows, np.ones(12), hb.NewtonSettings())
+    found = LocatedEvent(FoldEvent(), -0.1, rows[0], True)
+    finer = as_problem(problem.refined_problem)
 
     def answer(moved):
-        u = np.append(finer.fitted(rows[0].X), rows[0].value + moved)
-        return accuracy.Moved(rows[0].value + moved, moved, lambda: Sharp(finer, replace(rows[0], u=u)))
+        u = np.append(finer.resized(rows[0].X), rows[0].value + moved)
+        return accuracy.Moved(rows[0].value + moved, moved, lambda: RefinedLocation(finer, replace(rows[0], u=u)))
 
     answers = [answer(1e-4), answer(8e-3)]
     by_equations, by_pieces = answers if near == "equations" else answers[::-1]
     monkeypatch.setattr(accuracy, "_by_equations", lambda *_: by_equations)
     monkeypatch.setattr(accuracy, "_by_pieces", lambda *_: by_pieces)
     monkeypatch.setattr(accuracy, "_left", lambda *_: True)
-    assert accuracy.assessed(arc, found, 1e-9).value == rows[0].value + 1e-4
+    assert accuracy.estimate_error(arc, found, 1e-9).value == rows[0].value + 1e-4
 
 
 def test_a_doubling_solved_for_with_more_harmonics_is_left_as_before():
@@ -228,13 +233,13 @@ def test_a_doubling_solved_for_with_more_harmonics_is_left_as_before():
 
 def test_a_fold_before_that_of_the_rows_is_not_jumped_back_to():
     """Solved for with more harmonics, a fold may lie where rows go on: they are what is left, not where one lands."""
-    pinion, wheel = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
     pair = hb.GearPair(pinion, wheel, backlash="80 um").model("200 N m", 0.04)
     curve = hb.trace(hb.HarmonicBalance(pair, 16), "Omega", (0.5, 0.3))
     (fall,) = [jump for jump in curve.jumps() if jump.direction < 0]
     fold = curve[fall.label]
     assert curve.values[fold.index] < fall.value - 1e-5  # the rows go further
-    factors = [hb.dynamic_factor(pair, point) for point in (fall.before, fall.after)]
+    factors = [hb.analysis.dynamic_factor(pair, point) for point in (fall.before, fall.after)]
     assert factors == pytest.approx([4.06, 1.52], abs=0.01)
 
 
@@ -272,9 +277,9 @@ def test_three_opinions_agree_with_each_other():
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 20), "Omega", (1.0, 0.6))
     inside = curve["LP1"].index + 3  # between the folds
     for i, verdict in ((3, "stable"), (inside, "unstable")):
-        opinion = hb.second_opinion(curve, i)
+        opinion = hb.time.compare_multipliers(curve, i)
         assert opinion.agree and set(opinion.verdicts.values()) == {verdict} and len(opinion.moduli) == 3
         assert opinion.moduli["carried"] == pytest.approx(opinion.moduli["shot"], abs=1e-4)
         assert opinion.moduli["hill"] == pytest.approx(opinion.moduli["shot"], abs=1e-3)
     with pytest.raises(ValueError, match="a second opinion needs the model"):
-        hb.second_opinion(replace(curve, problem=None), 3)
+        hb.time.compare_multipliers(replace(curve, problem=None), 3)

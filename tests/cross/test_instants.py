@@ -7,15 +7,15 @@ import pytest
 from cross.shooting import shoot, state
 
 import hbgear as hb
-from hbgear.harmonic.exact import refine_motion, refine_near_fold
-from hbgear.instants.equations import Equations, NotPiecewiseLinear
-from hbgear.instants.pattern import Pattern, Switch
-from hbgear.instants.refine import Approximation, finished, refine, solve
-from hbgear.instants.shooting import Iterate, linearise
+from hbgear.harmonic.instants.equations import Equations, NotPiecewiseLinear
+from hbgear.harmonic.instants.pattern import Pattern, Switch
+from hbgear.harmonic.instants.refine import Approximation, finished, refine, solve
+from hbgear.harmonic.instants.shooting import Iterate, linearise
+from hbgear.harmonic.stability.exact_motion import refine_motion, refine_near_fold
 
-RECTANGLE = hb.Periodic.rectangular(1.2, 0.8, 0.6)
-TRAPEZOID = hb.Periodic.trapezoidal(1.2, 0.8, 0.4, 0.1)
-ERROR = hb.Periodic.table([0, 1, 2, 4], [0, 0.2, 0.1, -0.1], kind="cubic")
+RECTANGLE = hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.6)
+TRAPEZOID = hb.mechanics.Periodic.trapezoidal(1.2, 0.8, 0.4, 0.1)
+ERROR = hb.mechanics.Periodic.table([0, 1, 2, 4], [0, 0.2, 0.1, -0.1], kind="cubic")
 
 
 def one_mass(law, c=0.1, k=1.0, **more):
@@ -29,7 +29,7 @@ def stop(k, c, F, gap=0.5):
 
 def chain(**more):
     elements = [
-        hb.Element([1, -1], hb.Backlash(b=0.3, k=2.0), displacement=hb.Series(0.0, (0.05,)), damping=0.02),
+        hb.Element([1, -1], hb.Backlash(b=0.3, k=2.0), displacement=hb.mechanics.Series(0.0, (0.05,)), damping=0.02),
         hb.Element([0, 1], hb.Unilateral(k=5.0, gap=0.2)),
     ]
     load = hb.Load(constant=[0.1, 0], cosine={1: [0.5, 0.2]}, sine={2: [0, 0.1]})
@@ -39,8 +39,8 @@ def chain(**more):
 def floating():
     """Three masses that nothing holds, between two gears with backlash."""
     elements = [
-        hb.Element([1, -1, 0], hb.Backlash(b=0.5, stiffness=hb.Series(1, (0.2,))), damping=0.1),
-        hb.Element([0, 1, -1], hb.Backlash(b=0.5, k=2.0), displacement=hb.Series(0, (0.1,)), damping=0.1),
+        hb.Element([1, -1, 0], hb.Backlash(b=0.5, stiffness=hb.mechanics.Series(1, (0.2,))), damping=0.1),
+        hb.Element([0, 1, -1], hb.Backlash(b=0.5, k=2.0), displacement=hb.mechanics.Series(0, (0.1,)), damping=0.1),
     ]
     load = hb.Load(constant=[0.3, 0, -0.3], cosine={1: [0.4, 0, -0.1]})
     return hb.System(np.diag([1.0, 2.0, 1.5]), np.zeros((3, 3)), np.zeros((3, 3)), elements, load)
@@ -48,15 +48,20 @@ def floating():
 
 MODELS = {
     "chain": (chain(), 0.9),
-    "gyroscopic": (chain(speed=hb.SpeedTerms(np.array([[0, 0.3], [-0.3, 0]]))), 0.9),
+    "gyroscopic": (chain(speed=hb.mechanics.SpeedTerms(np.array([[0, 0.3], [-0.3, 0]]))), 0.9),
     "floating": (floating(), 0.6),
-    "varying stiffness": (one_mass(hb.Backlash(0.2, 2.0, hb.Series(1.0, (0.2, 0.1), (0.0, 0.05)))), 0.9),
-    "breakpoints": (one_mass(hb.PiecewiseLinear((-0.2, 0.1, 0.5), (3, 0.5, 1, 4.0), force_at_zero=0.2)), 0.8),
-    "two springs": (one_mass(hb.Parallel((hb.Backlash(0.2, 1.0, hb.Series(1, (0.2,))), hb.Unilateral(3.0, 0.4)))), 0.8),
+    "varying stiffness": (one_mass(hb.Backlash(0.2, 2.0, hb.mechanics.Series(1.0, (0.2, 0.1), (0.0, 0.05)))), 0.9),
+    "breakpoints": (one_mass(hb.mechanics.PiecewiseLinear((-0.2, 0.1, 0.5), (3, 0.5, 1, 4.0), force_at_zero=0.2)), 0.8),
+    "two springs": (
+        one_mass(
+            hb.mechanics.Parallel((hb.Backlash(0.2, 1.0, hb.mechanics.Series(1, (0.2,))), hb.Unilateral(3.0, 0.4)))
+        ),
+        0.8,
+    ),
     "rectangle": (one_mass(hb.Backlash(0.3, 1.0, RECTANGLE), damping=0.02), 0.8),
     "trapezoid": (one_mass(hb.Backlash(0.3, 1.0, TRAPEZOID), displacement=ERROR, damping=0.02), 0.8),
     "spur pair": (hb.SpurPair(zeta=0.05, eps=(0.2, 0.1)), 0.7),
-    "rotor": (hb.GearRotorBearing(), 0.8),
+    "rotor": (hb.gears.GearRotorBearing(), 0.8),
 }
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation.newton import solve
-from hbgear.harmonic.landings import SAME, landings
-from hbgear.timedomain.integrate import state_of
-from hbgear.timedomain.landing import Arrival, arrivals, land, landed
+from hbgear.analysis.jump_landings import SAME, landings
+from hbgear.continuation.solvers.newton import solve
+from hbgear.time.integration import state_of
+from hbgear.time.jump_integration import JumpOutcome, arrivals, integrate_jumps, landed
 
 PERIODS = 400
 """After which the independent integration below is looked at: four times what the slowest of these motions takes."""
@@ -51,15 +51,16 @@ def ends_of(curve, share=2e-4, method="exponential"):
         return []
     Omega = np.array([jump.value * (1 + jump.direction * share) for jump in jumps])
     states = np.array(
-        [state_of(curve.problem, curve.problem.converted(j.before), **j.before.parameters) for j in jumps]
+        [state_of(curve.problem, curve.problem.from_point(j.before), **j.before.parameters) for j in jumps]
     )
     if method != "exponential":
         each = zip(states, Omega, strict=True)
-        ends = [hb.integrate(model, state, 150, float(x), method=method, samples=1).end for state, x in each]
+        ends = [hb.time.integrate(model, state, 150, float(x), method=method, samples=1).end for state, x in each]
     else:
-        ends = hb.integrate(model, states, PERIODS, Omega, method=method, samples=1).end
+        ends = hb.time.integrate(model, states, PERIODS, Omega, method=method, samples=1).end
     return [
-        (float(x), hb.integrate(model, end, 2, float(x), samples=256).d[0]) for x, end in zip(Omega, ends, strict=True)
+        (float(x), hb.time.integrate(model, end, 2, float(x), samples=256).d[0])
+        for x, end in zip(Omega, ends, strict=True)
     ]
 
 
@@ -101,7 +102,7 @@ def test_forty_random_pairs():
         decided = curve.jumps(landing="integrate")
         for near, jump, (Omega, samples) in zip(curve.jumps(), decided, ends_of(curve), strict=True):
             coefficients = min(
-                near.candidates, key=lambda p: np.linalg.norm(p.X - curve.problem.converted(near.before)), default=None
+                near.candidates, key=lambda p: np.linalg.norm(p.X - curve.problem.from_point(near.before)), default=None
             )
             right = [is_where(curve, Omega, samples, point) for point in (coefficients, near.after, jump.after)]
             ends = [one.rms[0] for one in arrivals(curve, jump)]
@@ -125,7 +126,7 @@ def test_an_unknown_motion_is_a_start_of_its_curve():
     known = landings((dataclasses.replace(doubled, jump_records=(down, up)), curve))[0]
     assert [(one.branch, one.jump.after) for one in known] == [(1, down.after), (None, up.after)]
     problem = curve.problem.with_order(4)
-    away = hb.trace(problem, "Omega", (up.value, up.value + 0.002), start=up.after, steps=hb.Steps(max_points=4))
+    away = hb.trace(problem, "Omega", (up.value, up.value + 0.002), start=up.after, steps=hb.StepControl(max_points=4))
     assert len(away) > 2 and away.stable[0] and away.layout.nu == 4
     assert np.linalg.norm(problem.subharmonic_part(away.X[0])) > 0.01
 
@@ -139,15 +140,15 @@ def is_at(curve, point):
 def test_what_is_not_periodic_and_what_stays_are_told():
     curve = traced(FIXED)
     jump = curve.jumps()[0]
-    lost = Arrival(jump.value, 0, np.array([0.3]), 3000, None)
-    away = Arrival(jump.value, 0, np.array([np.inf]), 20, None)
+    lost = JumpOutcome(jump.value, 0, np.array([0.3]), 3000, None)
+    away = JumpOutcome(jump.value, 0, np.array([np.inf]), 20, None)
     (there, tries), (_, others) = landed((curve,), jump, [lost, away, lost])
     assert there.after is None and there.landing == "integrate" and (tries, others) == ([lost, lost], [away])
     assert there.note == "rms 0.3, not periodic; indeterminate: 2 of 3 tries, 1: the motion runs away"
 
 
 def test_without_its_problem_nothing_is_integrated(fixed, tmp_path):
-    decided = land(fixed)
+    decided = integrate_jumps(fixed)
     decided.save(tmp_path / "fixed.npz")
     again = hb.load(tmp_path / "fixed.npz")
     for a, b in zip(again.jumps(), decided.jumps(), strict=True):
@@ -173,7 +174,7 @@ def test_validate_looks_at_the_jumps(fixed):
     assert [jump.label for jump in report.jumps if not jump.ok] == ["LP4"] and not report.ok
     assert "5 of 6 jumps land where the curve says" in report.summary
     assert report.jumps[2].verdict == "agrees in 3 of 8 tries: indeterminate"  # of LP3
-    decided = hb.validate(land(fixed), ["LP4"])
+    decided = hb.validate(integrate_jumps(fixed), ["LP4"])
     assert [(jump.label, jump.verdict) for jump in decided.jumps] == [("LP4", "agrees")]
     assert not hb.validate(fixed, 1, landing="nearest").jumps
     headers, rows = report.jump_table()

@@ -7,12 +7,14 @@ import pytest
 from cross.shooting import shoot, state
 
 import hbgear as hb
-from hbgear.continuation.accuracy import assessed
-from hbgear.continuation.events import Crossing, Found
-from hbgear.continuation.newton import solve
-from hbgear.continuation.problem import as_problem, observe_all
-from hbgear.continuation.segment import Segment, row_of
-from hbgear.harmonic.events import Doubling
+from hbgear.continuation.curve.segment import Segment, point_from_solution
+from hbgear.continuation.events.accuracy import estimate_error
+from hbgear.continuation.events.branch_point import BranchPointEvent
+from hbgear.continuation.events.event import LocatedEvent
+from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.problem.base import observe_all
+from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic.bifurcations.events import PeriodDoublingEvent
 
 STATED = 3.0  # times the stated error within which the true one lies
 CRITICAL = 1e-3  # distance of a multiplier from that of its event at a located point
@@ -68,7 +70,7 @@ def test_the_error_of_a_doubling_does_not_depend_on_how_it_was_reached(near_the_
 def test_a_doubling_of_the_stiff_stop_by_shooting(near_the_doubling):
     """The reference of the test above: the monodromy matrix of the motion there has the multiplier -1."""
     balance = hb.HarmonicBalance(stiff_stop(), 32)
-    X = solve(balance, balance.converted(near_the_doubling), {"Omega": DOUBLING}).X
+    X = solve(balance, balance.from_point(near_the_doubling), {"Omega": DOUBLING}).X
     _, period = shoot(stiff_stop(), DOUBLING, state(balance, X, Omega=DOUBLING))
     assert np.abs(np.linalg.eigvals(period.monodromy) + 1).min() < 1e-6
 
@@ -90,7 +92,7 @@ BRANCHING = 1.0149020  # by shooting in the symmetric subspace
 def test_a_branch_point_states_its_error_at_every_size(harmonics):
     """With 128 harmonics it was put at .98, an end of its segment, with an error of nan, and nothing was doubted."""
     problem = hb.HarmonicBalance(two_gaps(), harmonics)
-    assert (problem.finer is None) == (harmonics == 128) and len(problem.comparisons) == 2
+    assert (problem.refined_problem is None) == (harmonics == 128) and len(problem.comparisons) == 2
     curve = hb.trace(problem, "Omega", (0.99, 1.03))
     (point,) = (p for p in curve.special if p.kind == "BP")
     assert point.located and abs(point.parameters["Omega"] - BRANCHING) <= STATED * point.error + 5e-8
@@ -108,17 +110,17 @@ def segment_without_events(event):
     """A segment of the curve of a spur pair on which nothing happens, and its end as a point of an event."""
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 6), "Omega", (1.5, 1.3), special=False)
     problem, scale = as_problem(curve.problem), np.ones(14)
-    rows = [row_of(solve(problem, curve.X[k], {"Omega": curve.values[k]}, "Omega"), np.eye(14)[-1], scale)
+    rows = [point_from_solution(solve(problem, curve.X[k], {"Omega": curve.values[k]}, "Omega"), np.eye(14)[-1], scale)
             for k in (0, 2)]  # fmt: skip
     for row, seen in zip(rows, observe_all(problem, np.array([r.u for r in rows]), "Omega", {}, True), strict=True):
         row.observed.update(seen)
-    return Segment(problem, "Omega", {}, *rows, scale, hb.Settings()), Found(event, 0.0, rows[0], True)
+    return Segment(problem, "Omega", {}, *rows, scale, hb.NewtonSettings()), LocatedEvent(event, 0.0, rows[0], True)
 
 
-@pytest.mark.parametrize("event", [Crossing(), Doubling()])
+@pytest.mark.parametrize("event", [BranchPointEvent(), PeriodDoublingEvent()])
 def test_a_point_without_the_multiplier_of_its_event_is_not_located(event):
     arc, found = segment_without_events(event)
-    assert not assessed(arc, found, 1e-5).located
+    assert not estimate_error(arc, found, 1e-5).located
 
 
 def test_an_unknown_error_is_a_doubt_that_names_the_point():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.timedomain.integrate import state_of
+from hbgear.time.integration import state_of
 
 
 def nearest_to_the_circle(mu):
@@ -17,13 +17,13 @@ def nearest_to_the_circle(mu):
 @pytest.fixture(scope="module")
 def curve():
     """The double-helical pair at little damping."""
-    return hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 16), "Omega", (1.0, 0.8))
+    return hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 16), "Omega", (1.0, 0.8))
 
 
 def test_the_equations_are_differentiated_exactly(curve):
-    point, problem = curve["NS1"], hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 16)
-    U = np.append(problem.converted(point), point.parameters["Omega"])
-    equations = hb.NeimarkSacker(problem, "Omega").based(U, {"zeta": 0.05})
+    point, problem = curve["NS1"], hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 16)
+    U = np.append(problem.from_point(point), point.parameters["Omega"])
+    equations = hb.harmonic.NeimarkSackerProblem(problem, "Omega").with_borders_at(U, {"zeta": 0.05})
     now = equations.linearise(U, "zeta", zeta=0.05)
     step = 1e-6 * np.random.default_rng(1).normal(size=len(U))
     up, down = (equations.linearise(U + sign * step, "", zeta=0.05).R[-1] for sign in (1, -1))
@@ -34,13 +34,15 @@ def test_the_equations_are_differentiated_exactly(curve):
 
 def test_multipliers_of_the_shot_motion_lie_on_the_circle(curve):
     """Also where the point has moved with the damping; the angle is that of the exponent."""
-    equations = hb.NeimarkSacker(curve.problem.with_order(1, 32), "Omega")
+    equations = hb.harmonic.NeimarkSackerProblem(curve.problem.with_order(1, 32), "Omega")
     held = hb.trace(equations, "zeta", (0.05, 0.06), start=curve["NS1"], steps=hb.StepControl(max_points=6))
     assert len(held) == 6 and held.tracked["Omega"][-1] != held.tracked["Omega"][0]
     for i in (0, 5):
         Omega, zeta, X = held.tracked["Omega"][i], held.values[i], held.X[i]
         problem = curve.problem.with_order(1, 32)
-        orbit = hb.shoot(hb.DoubleHelicalPair(zeta=zeta), Omega, state_of(problem, X, Omega=Omega, zeta=zeta))
+        orbit = hb.time.shoot(
+            hb.gears.DoubleHelicalPair(zeta=zeta), Omega, state_of(problem, X, Omega=Omega, zeta=zeta)
+        )
         growth, angle = nearest_to_the_circle(orbit.multipliers)
         assert abs(growth) < 2e-5
         s = equations.exponent(X, Omega=Omega, zeta=zeta)
@@ -57,14 +59,14 @@ def test_it_is_found_whatever_the_step(curve):
     np.testing.assert_allclose(places[0], places[1], rtol=1e-10)
 
 
-@pytest.mark.filterwarnings("ignore::hbgear.Unlikely")
+@pytest.mark.filterwarnings("ignore::hbgear.mechanics.ImplausibleInputWarning")
 def test_where_there_is_none():
     duffing = hb.HarmonicBalance(hb.Duffing(), 7)
     X = duffing.start(Omega=3.0)
     linear = hb.HarmonicBalance(hb.SpurPair(zeta=2.0, e=(0.01,)), 8)
     with pytest.raises(ValueError, match="no pair of multipliers of the motion is complex"):
-        hb.NeimarkSacker(linear).based(np.append(linear.start(Omega=0.5), 0.5), {})
-    s = hb.NeimarkSacker(duffing).exponent(X, Omega=3.0)
+        hb.harmonic.NeimarkSackerProblem(linear).with_borders_at(np.append(linear.start(Omega=0.5), 0.5), {})
+    s = hb.harmonic.NeimarkSackerProblem(duffing).exponent(X, Omega=3.0)
     assert s.real == pytest.approx(-hb.Duffing().zeta, rel=1e-6)  # a pair that decays with the damper
 
 
@@ -73,13 +75,13 @@ def test_a_linear_motion_has_the_exponents_of_its_modes():
     two = hb.System(np.eye(2), 0.1 * np.eye(2), [[2.0, -1.0], [-1.0, 2.0]],
                     [hb.Element([1, 0], hb.Unilateral(k=5.0, gap=100.0))], hb.Load(cosine={1: [0.1, 0.0]}))  # fmt: skip
     problem = hb.HarmonicBalance(two, 5)
-    s = hb.NeimarkSacker(problem).exponent(problem.start(Omega=1.3), Omega=1.3)
+    s = hb.harmonic.NeimarkSackerProblem(problem).exponent(problem.start(Omega=1.3), Omega=1.3)
     assert s.real == pytest.approx(-0.05, rel=1e-9)
     turns = np.array([sign * np.sqrt(k - 0.05**2) for k in (1.0, 3.0) for sign in (1, -1)])
     assert np.abs(((s.imag - turns) / 1.3 + 0.5) % 1.0 - 0.5).min() < 1e-9
 
 
-PAIR = hb.DoubleHelicalPair(
+PAIR = hb.gears.DoubleHelicalPair(
     phi_deg=2.4450378633291523, zeta=0.006114419661484982, torque=370.6846248952864, W=0.37760398300698106,
     eps_scale=1.3324911562218102, e_scale=3.1570524284344605, e_phase=3.0417072415162063, stagger=np.pi,
     support_damping="zeta", tilt=False,
@@ -116,9 +118,11 @@ def test_a_doubling_is_no_neimark_sacker_point():
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(zeta=0.03, F_m=0.05), 10), "Omega", (1.4, 1.1))
     point = next(p for p in curve.special if p.kind == "PD")
     Omega = point.parameters["Omega"]
-    U = np.append(curve.problem.converted(point), Omega)
+    U = np.append(curve.problem.from_point(point), Omega)
     with pytest.raises(hb.NoConvergence, match="became real"):
-        hb.NeimarkSacker(curve.problem, "Omega", near=0.5j * Omega).based(U, {}).linearise(U, "")
+        hb.harmonic.NeimarkSackerProblem(curve.problem, "Omega", near=0.5j * Omega).with_borders_at(U, {}).linearise(
+            U, ""
+        )
 
 
 @pytest.fixture(scope="module")
@@ -134,10 +138,10 @@ def stopped():
 
 def test_an_error_is_told_where_the_first_step_with_more_harmonics_ends_where_it_began(stopped):
     point, model = stopped["NS1"], stopped.problem.model
-    problem = stopped.problem.fitting(point)
-    state = state_of(problem, problem.converted(point), **point.parameters)
+    problem = stopped.problem.at_resolution_of(point)
+    state = state_of(problem, problem.from_point(point), **point.parameters)
     Omega = point.parameters["Omega"] + np.array([-1e-6, 1e-6])
-    low, high = (nearest_to_the_circle(hb.shoot(model, x, state).multipliers)[0] for x in Omega.tolist())
+    low, high = (nearest_to_the_circle(hb.time.shoot(model, x, state).multipliers)[0] for x in Omega.tolist())
     true = Omega[0] - low * (Omega[1] - Omega[0]) / (high - low)
     assert point.parameters["Omega"] == pytest.approx(true, abs=3 * point.error)
     assert point.error < 1e-6

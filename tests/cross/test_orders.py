@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation.newton import solve
-from hbgear.harmonic.orders import Selection, tones_of
-from hbgear.mechanics.fourier import places, to_real
+from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic.equations.harmonic_selection import HarmonicSelection, tooth_orders
+from hbgear.mechanics.series.fourier import places, to_real
 
 
 def two_stages(first=21, second=10, law=None, e=None, **kwargs):
     """Three inertias in a row, meshes of two tooth frequencies between them."""
 
     def one(w, p, k):
-        stiffness = hb.Series(k, (0.0,) * (p - 1) + (0.15 * k,), (0.0,) * (2 * p - 1) + (0.05 * k,))
+        stiffness = hb.mechanics.Series(k, (0.0,) * (p - 1) + (0.15 * k,), (0.0,) * (2 * p - 1) + (0.05 * k,))
         force = hb.Backlash(b=1.0, stiffness=stiffness) if law is None else law(stiffness)
-        error = hb.Series(0.0, (), (0.0,) * (p - 1) + (0.02,)) if e is None else e(p)
+        error = hb.mechanics.Series(0.0, (), (0.0,) * (p - 1) + (0.02,)) if e is None else e(p)
         return hb.Element(w, force, error, damping=0.06, name=f"mesh {p}")
 
     elements = [one([1.0, -1.0, 0.0], first, 1.0), one([0.0, 0.6, -1.0], second, 1.4)]
@@ -40,9 +40,9 @@ def compared(sparse, model, X, Omega, **settings):
 
 def stepped(p):
     """A transmission error with corners, p times a turn."""
-    from hbgear.gears.train import in_order
+    from hbgear.gears.trains.train import in_order
 
-    return in_order(hb.Periodic.table([0.0, 1.0, 4.0], [0.0, 0.05, -0.03]), p, 0.3)
+    return in_order(hb.mechanics.Periodic.table([0.0, 1.0, 4.0], [0.0, 0.05, -0.03]), p, 0.3)
 
 
 def rough(d, v, tau):
@@ -54,7 +54,7 @@ MODELS = {
     "backlash": two_stages(3, 2),
     "errors with corners": two_stages(3, 2, e=stepped),
     "cubic": two_stages(3, 2, law=lambda k: hb.Cubic(1.0, 0.1)),
-    "turning": two_stages(3, 2, speed=hb.SpeedTerms(np.array([[0, 0.1, 0], [-0.1, 0, 0], [0, 0, 0]]), 1.0)),
+    "turning": two_stages(3, 2, speed=hb.mechanics.SpeedTerms(np.array([[0, 0.1, 0], [-0.1, 0, 0], [0, 0, 0]]), 1.0)),
     "tied": two_stages(3, 2, M=np.eye(3), elements=[
         *two_stages(3, 2).elements, hb.Element([1.0, -1.0, 0.0], hb.Cubic(0.1, 0.2), name="beside")
     ]),
@@ -75,7 +75,7 @@ def test_rows_and_columns_of_the_balance_with_all_orders(name, nu, sampled, rng)
 
 
 def test_rule_of_the_orders_of_meshes():
-    two = Selection((10, 21))
+    two = HarmonicSelection((10, 21))
     kept = set(two.kept(21 * 6, 1).tolist())
     wanted = {abs(10 * a + 21 * b) for a in range(-6, 7) for b in range(-6, 7) if (1 + abs(a)) * (1 + abs(b)) <= 7}
     assert {k for k in wanted if k <= 126} <= kept and {5, 15, 26, 16} <= kept  # half of a period of mesh 10 too
@@ -86,14 +86,14 @@ def test_rule_of_the_orders_of_meshes():
         assert np.array_equal(two.of_length(2 * len(two.kept(H, 1)) - 1, 1), two.kept(H, 1))
         assert np.array_equal(two.kept(2 * H + 1, 2)[two.kept(2 * H + 1, 2) % 2 == 0], 2 * two.kept(H, 1))
     assert two.of_length(4, 1) is None
-    assert Selection((1,)).kept(9, 1).tolist() == list(range(10))
-    assert tones_of(two_stages(21, 10)) == (10, 21) and tones_of(two_stages(4, 2)) == (2,)
+    assert HarmonicSelection((1,)).kept(9, 1).tolist() == list(range(10))
+    assert tooth_orders(two_stages(21, 10)) == (10, 21) and tooth_orders(two_stages(4, 2)) == (2,)
     unbalance = hb.Load(cosine={1: [0.0, 0.01, 0.0]}, sine={1: [0.0, 0.0, 0.01]}, power=2)
-    assert tones_of(two_stages(40, 80, load=(two_stages().loads[0], unbalance))) == (1, 40)
+    assert tooth_orders(two_stages(40, 80, load=(two_stages().loads[0], unbalance))) == (1, 40)
     side = {40 * a + b for a in range(1, 5) for b in (-1, 1)} | {1, 2, 3, 4, 40, 80, 120, 160}
-    kept = set(Selection((1, 40)).kept(360, 1).tolist())
+    kept = set(HarmonicSelection((1, 40)).kept(360, 1).tolist())
     assert side <= kept and 201 not in kept and len(kept) < 100
-    given = Selection(given=(3, 5))
+    given = HarmonicSelection(given=(3, 5))
     assert given.kept(5, 1).tolist() == [0, 3, 5] and given.kept(10, 1).tolist() == [0, 2, 3, 5, 6, 8, 10]
 
 
@@ -111,7 +111,7 @@ def curves(train):
     """Curves with few orders, with those that it asks for, and with those that this one asks for."""
     found = [hb.trace(hb.HarmonicBalance(train, 6, orders="meshes"), "Omega", (0.085, 0.07), stability=False)]
     for _ in range(3):
-        found.append(hb.trace(found[-1].problem.with_orders_of(found[-1], 5e-11), "Omega", (0.085, 0.07)))
+        found.append(hb.trace(found[-1].problem.with_harmonics_of(found[-1], 5e-11), "Omega", (0.085, 0.07)))
     return found
 
 
@@ -122,7 +122,7 @@ def test_motions_in_mesh_are_those_of_all_orders(train, curves):
     assert curve.problem.size < 0.6 * whole.size
     for i in (0, len(curve) // 2, -1):
         here = {"Omega": float(curve.values[i])}
-        X = solve(whole, whole.in_basis(curve.X[i], curve.layout), here).X
+        X = solve(whole, whole.from_layout(curve.X[i], curve.layout), here).X
         size = np.abs(X).max()
         np.testing.assert_allclose(curve.layout.spread(curve.X[i]), whole.rows(X), rtol=0, atol=1e-8 * size)
         np.testing.assert_allclose(np.abs(curve.multipliers[i]), np.abs(whole.multipliers(X, **here)), atol=1e-8)
@@ -135,7 +135,7 @@ def lost():
     """A curve on which a mesh loses contact, with the orders that a coarse one asks for."""
     model = two_stages(7, 4)
     first = hb.trace(hb.HarmonicBalance(model, 6, orders="meshes"), "Omega", SPAN, accuracy=None)
-    return hb.trace(first.problem.with_orders_of(first, 2e-5), "Omega", SPAN)
+    return hb.trace(first.problem.with_harmonics_of(first, 2e-5), "Omega", SPAN)
 
 
 SPAN = (0.32, 0.22)
@@ -144,13 +144,13 @@ SPAN = (0.32, 0.22)
 def test_special_points_are_those_of_all_orders(lost):
     kinds = {point.kind for point in lost.special}
     assert {"LP", "GR"} <= kinds
-    whole = hb.HarmonicBalance(lost.problem.model, lost.problem.finer.H)
+    whole = hb.HarmonicBalance(lost.problem.model, lost.problem.refined_problem.H)
     for point in lost.special:
         equations = point.event.equations(whole, "Omega", point)
         if equations is None or not point.located:
             continue
-        U = np.append(whole.converted(point), point.parameters["Omega"])
-        found = solve(equations.based(U, {}), U, {}).X[-1]
+        U = np.append(whole.from_point(point), point.parameters["Omega"])
+        found = solve(equations.with_borders_at(U, {}), U, {}).X[-1]
         assert abs(found - point.parameters["Omega"]) < 3 * point.error + 1e-8, point.label
 
 
@@ -159,13 +159,13 @@ def test_what_is_left_out_counts_in_the_error(lost):
     whole = hb.HarmonicBalance(problem.model, problem.H)
     i = int(lost.amplitude("rms", 1).argmax())
     here = {"Omega": float(lost.values[i])}
-    X = solve(whole, whole.in_basis(lost.X[i], lost.layout), here).X
+    X = solve(whole, whole.from_layout(lost.X[i], lost.layout), here).X
     missing = np.linalg.norm((whole.rows(X) - problem.rows(lost.X[i]))[:, 1:]) / np.sqrt(2)
     assert missing > 1e-6
     assert 0.3 * missing < lost.error[i] < 30 * missing
-    finer = problem.finer
-    assert finer.truncation(finer.fitted(lost.X[i]), **here) > 0
-    np.testing.assert_array_equal(problem.fitted(finer.fitted(lost.X[i])), lost.X[i])
+    finer = problem.refined_problem
+    assert finer.truncation(finer.resized(lost.X[i]), **here) > 0
+    np.testing.assert_array_equal(problem.resized(finer.resized(lost.X[i])), lost.X[i])
 
 
 def test_saved_and_shown(lost, tmp_path):
@@ -188,7 +188,7 @@ def test_a_file_knows_its_orders(tmp_path):
         again = hb.load(tmp_path / "some.npz")
         problem = again.layout.problem_of(again.meta)
         assert problem.orders.tolist() == curve.problem.orders.tolist()
-        assert problem.finer.orders.tolist() == curve.problem.finer.orders.tolist()
+        assert problem.refined_problem.orders.tolist() == curve.problem.refined_problem.orders.tolist()
         np.testing.assert_array_equal(problem.residual(again.X[3], Omega=again.values[3]),
                                       curve.problem.residual(curve.X[3], Omega=curve.values[3]))  # fmt: skip
 

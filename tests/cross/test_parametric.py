@@ -14,7 +14,7 @@ from cross.shooting import integrate, state
 from cross.shooting_branch import Shooter
 
 from hbgear import HarmonicBalance, SpurPair, trace
-from hbgear.continuation.switching import switch
+from hbgear.continuation.switch import switch
 
 PAIR = SpurPair(F_m=0.1, zeta=0.05, eps=(0.3,), e=())
 SPAN = (2.6, 0.4)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from hbgear import DoubleHelicalPair, Duffing, HarmonicBalance, trace
-from hbgear.continuation.newton import solve
-from hbgear.mechanics.fourier import extrema
+from hbgear import Duffing, HarmonicBalance, trace
+from hbgear.continuation.solvers.newton import solve
+from hbgear.gears import DoubleHelicalPair
+from hbgear.mechanics.series.fourier import extrema
 
 DUFFING_FOLDS = (1.1033778377325, 1.1001550351366)
 DUFFING_PEAK = {"max": 1.65351716694, "Omega": 1.0947673094, "H1": 1.6416564777}

@@ -7,7 +7,7 @@ import hbgear as hb
 
 MODELS = {
     "spur": (hb.SpurPair(), (1.0, 0.6), 8),
-    "helical": (hb.DoubleHelicalPair(zeta=0.05), (1.0, 0.8), 8),
+    "helical": (hb.gears.DoubleHelicalPair(zeta=0.05), (1.0, 0.8), 8),
     "duffing": (hb.Duffing(), (0.8, 1.6), 3),
 }
 

@@ -6,8 +6,10 @@ from cross.shooting import integrate, shoot, state
 from scipy.integrate import solve_ivp
 from scipy.optimize import linear_sum_assignment, root
 
-from hbgear import DoubleHelicalPair, Duffing, Element, HarmonicBalance, Load, PiecewiseLinear, SpurPair, System, trace
-from hbgear.continuation.newton import solve
+from hbgear import Duffing, Element, HarmonicBalance, Load, SpurPair, System, trace
+from hbgear.continuation.solvers.newton import solve
+from hbgear.gears import DoubleHelicalPair
+from hbgear.mechanics import PiecewiseLinear
 
 FINE = {"points": 5, "width": 0.3}
 

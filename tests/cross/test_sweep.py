@@ -11,12 +11,12 @@ from scipy.integrate import solve_ivp
 
 import hbgear as hb
 from hbgear import plot
-from hbgear.continuation.branch import Status
-from hbgear.continuation.newton import solve
-from hbgear.timedomain.basins import basins
-from hbgear.timedomain.exponential import Stepper
-from hbgear.timedomain.settle import FEWEST, Settling, lyapunov, settle
-from hbgear.timedomain.sweep import export, observe, sweep
+from hbgear.continuation.results.branch import Status
+from hbgear.continuation.solvers.newton import solve
+from hbgear.time.basins_of_attraction import basins
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.frequency_sweep import export, observe, sweep
+from hbgear.time.steady_state import FEWEST, SteadyStateSettings, lyapunov, settle
 
 FOLDS = (0.7080316187, 0.8284639844)
 ATTRACTORS = (0.05141, 0.34055)
@@ -77,7 +77,7 @@ def test_between_the_folds_the_two_sweeps_differ(up, down):
 def test_measures_are_those_of_the_curve(pair):
     i = int(np.argmin(np.abs(pair.values - 0.9)))
     Omega = float(pair.values[i])
-    found = sweep(hb.SpurPair(), [Omega], settling=Settling(1e-10))
+    found = sweep(hb.SpurPair(), [Omega], settling=SteadyStateSettings(1e-10))
     for measure in ("rms", "pp2", "max", "mean", "H1", "H2", "H5"):
         assert found.amplitude(measure)[0] == pytest.approx(pair[i].amplitude(measure), abs=2e-7)
     _, d = pair[i].samples(count=1)
@@ -93,7 +93,7 @@ def test_two_attractors():
     assert found.attractors[0].share >= found.attractors[1].share > 0.1
     # one of the starts, integrated alone
     y, x = 3, 7
-    stepper = Stepper(hb.SpurPair(e=(0.1,)), 0.65)
+    stepper = ExponentialIntegrator(hb.SpurPair(e=(0.1,)), 0.65)
     flight = stepper.start([found.d[x] + 0.1, found.v[y]])
     settle(stepper, flight)
     assert observe(stepper, flight, 1).rms[0] == pytest.approx(found.attractors[found.label[y, x]].rms, abs=1e-5)
@@ -101,14 +101,14 @@ def test_two_attractors():
 
 def test_default_double_helical_pair_rises_without_a_jump():
     """What a coarse sweep of it shows as a step is a steep slope: turned back by one value it returns."""
-    found = sweep(hb.DoubleHelicalPair(), [0.86, 0.89], settling=Settling(1e-5), disturbance=0.0)
+    found = sweep(hb.gears.DoubleHelicalPair(), [0.86, 0.89], settling=SteadyStateSettings(1e-5), disturbance=0.0)
     assert found.rms[1, 0] > 1.25 * found.rms[0, 0] and found.jumps == ()
     np.testing.assert_allclose(found.rms[:, 0], found.rms[:, 1], rtol=1e-4)
 
 
 def test_symmetric_motion_that_is_unstable_is_left_only_if_disturbed():
     """The default double-helical pair between its period doublings: the helices then move in opposite phase too."""
-    pair, how = hb.DoubleHelicalPair(), Settling(1e-4, longest=800)
+    pair, how = hb.gears.DoubleHelicalPair(), SteadyStateSettings(1e-4, longest=800)
     still = sweep(pair, [0.337], settling=how, disturbance=0.0)
     left = sweep(pair, [0.337], settling=how, disturbance=0.02)
     assert still.period.tolist() == [1] and left.period.tolist() == [2]
@@ -123,7 +123,7 @@ def test_symmetric_motion_that_is_unstable_is_left_only_if_disturbed():
 def test_doubled_motion_has_period_two():
     """Between the period doublings of F_ah = 0.10; harmonic balance over two periods has the same amplitude."""
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 30), "Omega", (2.1, 1.9))
-    doubled = hb.switch(curve, "PD1", steps=hb.Steps(max_points=25))
+    doubled = hb.switch(curve, "PD1", steps=hb.StepControl(max_points=25))
     Omega = float(doubled.values[-1])
     found = sweep(hb.SpurPair(e=(0.1,)), [Omega])
     assert found.period.tolist() == [2] and found.points[0].shape == (2, 1, 2)
@@ -132,7 +132,7 @@ def test_doubled_motion_has_period_two():
 
 def test_longer_periods_and_chaos():
     """The same pair further down: period 4, then a motion whose neighbours run away from it."""
-    found = sweep(hb.SpurPair(e=(0.1,)), [1.5, 1.66], settling=Settling(longest=600))
+    found = sweep(hb.SpurPair(e=(0.1,)), [1.5, 1.66], settling=SteadyStateSettings(longest=600))
     assert found.period.tolist() == [4, 0]
     assert np.isnan(found.lyapunov[0]) and 0.05 < found.lyapunov[1] < 0.1
     assert "1 of 2 motions did not settle" in found.message and found.taken[1] < 600
@@ -142,7 +142,7 @@ def test_longer_periods_and_chaos():
 def test_lyapunov_exponent_of_a_settled_motion_is_its_multiplier():
     """lambda = log|mu| / T: -zeta for the pair in impact, whose multipliers are complex."""
     model = hb.SpurPair()
-    stepper = Stepper(model, 0.9)
+    stepper = ExponentialIntegrator(model, 0.9)
     flight = stepper.start([1.1, 0.3])
     settle(stepper, flight)
     assert lyapunov(stepper, flight, 100) == pytest.approx(-0.05, abs=1e-3)
@@ -153,7 +153,7 @@ def test_lyapunov_exponent_of_a_chaotic_motion():
     double_well = hb.System(
         [[1.0]], [[0.25]], [[0.0]], [hb.Element([1.0], hb.Cubic(1.0, -1.0))], hb.Load(cosine={1: [0.4]})
     )
-    stepper = Stepper(double_well, 1.0)
+    stepper = ExponentialIntegrator(double_well, 1.0)
     flight = stepper.start([0.3, 0.0])
     stepper.advance(flight, 30)
     exponent = lyapunov(stepper, flight, 300)
@@ -179,9 +179,9 @@ def test_lyapunov_exponent_of_a_chaotic_motion():
 def test_settled_means_that_little_is_left():
     """Slow and fast: the distance still to go after it says settled, by going on for long."""
     for zeta, tolerance in ((0.02, 1e-4), (0.02, 1e-6), (0.2, 1e-6)):
-        stepper = Stepper(hb.SpurPair(zeta=zeta), 0.5)
+        stepper = ExponentialIntegrator(hb.SpurPair(zeta=zeta), 0.5)
         flight = stepper.start([[1.0, 0.5], [2.0, -0.3], [0.0, 0.0]])
-        how = settle(stepper, flight, Settling(tolerance))
+        how = settle(stepper, flight, SteadyStateSettings(tolerance))
         there = stepper.land(flight)
         assert (how.period == 1).all()
         stepper.advance(flight, 100)
@@ -193,7 +193,7 @@ def test_settled_means_that_little_is_left():
 
 
 def test_a_motion_that_does_not_settle_says_so():
-    found = sweep(hb.SpurPair(zeta=1e-4), [0.5], settling=Settling(longest=60))
+    found = sweep(hb.SpurPair(zeta=1e-4), [0.5], settling=SteadyStateSettings(longest=60))
     assert found.period[0] == 0 and found.taken[0] == 60 and found.left[0] > 1e-3 and abs(found.lyapunov[0]) < 1e-3
     assert "1 of 1 motions did not settle within 60 periods" in found.message
 
@@ -201,7 +201,7 @@ def test_a_motion_that_does_not_settle_says_so():
 @pytest.mark.parametrize("longest", [20, 405, 416])
 def test_what_is_still_to_go_is_known_however_few_periods_are_allowed(longest):
     """Also if few are left after the 400 after which a motion is tested for chaos."""
-    found = sweep(hb.SpurPair(zeta=1e-4), [0.5], settling=Settling(longest=longest))
+    found = sweep(hb.SpurPair(zeta=1e-4), [0.5], settling=SteadyStateSettings(longest=longest))
     assert found.period[0] == 0 and found.taken[0] == longest and 1e-3 < found.left[0] < np.inf
 
 
@@ -214,13 +214,13 @@ ESCAPING = hb.Duffing(zeta=0.05, k3=-1.0, F=0.5)  # from rest, over the top of i
 def test_motions_that_run_away_are_one_basin(recwarn):
     """The safe basin of a softening oscillator: bounded motion from near its well, escape from far."""
     soft, Omega = hb.Duffing(zeta=0.05, k3=-1.0, F=0.1), 0.5
-    found = basins(soft, Omega, (-2, 2), (-2, 2), (9, 9), settling=Settling(1e-4, 600))
+    found = basins(soft, Omega, (-2, 2), (-2, 2), (9, 9), settling=SteadyStateSettings(1e-4, 600))
     assert [(a.period, a.rms < 0.1, len(a.points)) for a in found.attractors] == [(0, False, 0), (1, True, 1)]
     assert found.attractors[0].rms == np.inf and found.label[4, 4] == 1 and found.label[0, 0] == 0
     for row, column in ((4, 5), (4, 6), (4, 7), (2, 4), (1, 4)):
         start = [found.d[column], found.v[row]]
         try:
-            stays = np.isfinite(hb.integrate(soft, start, 20, Omega, tolerance=1e-6).end).all()
+            stays = np.isfinite(hb.time.integrate(soft, start, 20, Omega, tolerance=1e-6).end).all()
         except ArithmeticError:
             stays = False
         assert found.label[row, column] == stays
@@ -234,13 +234,13 @@ def test_motions_that_run_away_are_one_basin(recwarn):
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 def test_starts_that_all_lead_to_one_motion_have_one_attractor(tolerance):
     """Their states then differ by nothing but what is still to go."""
-    found = basins(hb.Duffing(zeta=0.2), 1.0, shape=(6, 6), settling=Settling(tolerance))
+    found = basins(hb.Duffing(zeta=0.2), 1.0, shape=(6, 6), settling=SteadyStateSettings(tolerance))
     assert [(a.period, a.share) for a in found.attractors] == [(1, 1.0)]
 
 
 def test_a_sweep_ends_where_the_motion_runs_away(recwarn):
     soft = hb.Duffing(zeta=0.02, k3=-1.0, F=0.2)
-    found = sweep(soft, [0.3, 1.2, 1.1, 0.9], "down", settling=Settling(1e-4, 600))
+    found = sweep(soft, [0.3, 1.2, 1.1, 0.9], "down", settling=SteadyStateSettings(1e-4, 600))
     assert found.status is hb.Status.FAILED and 0 < len(found) < 4 and np.isfinite(found.rms).all()
     assert f"after {len(found)} of 4 values, the motion runs away at Omega = " in found.message
     assert not recwarn.list
@@ -282,13 +282,21 @@ def test_progress_is_reported():
         (lambda: sweep(hb.SpurPair(), [0.5], parameter="zetta"), KeyError, "did you mean 'zeta'"),
         (lambda: sweep(hb.SpurPair(), [0.05], parameter="zeta"), ValueError, "needs a fixed Omega"),
         (lambda: sweep(hb.SpurPair(), [0.5], disturbance=-1.0), ValueError, "disturbance = -1.0 must be at least 0"),
-        (lambda: Settling(tolerance=1e-15), ValueError, "cannot be met"),
-        (lambda: Settling(longest=30, periods=31), ValueError, "periods <= longest"),
-        (lambda: Settling(longest=FEWEST - 1), ValueError, "longest = 19 periods are too few .* need 20 or more"),
+        (lambda: SteadyStateSettings(tolerance=1e-15), ValueError, "cannot be met"),
+        (lambda: SteadyStateSettings(longest=30, periods=31), ValueError, "periods <= longest"),
+        (
+            lambda: SteadyStateSettings(longest=FEWEST - 1),
+            ValueError,
+            "longest = 19 periods are too few .* need 20 or more",
+        ),
         (lambda: sweep(ESCAPING, [0.9, 1.0]), ValueError, "runs away at Omega = 0.9: begin at a value where one stays"),
-        (lambda: hb.integrate(ESCAPING, [1.0, 1.0], 9, 0.9, method="exponential"), ArithmeticError, "runs away within"),
-        (lambda: hb.integrate(ESCAPING, [1.0, 1.0], 9, 0.9), ArithmeticError, "t = .*: the motion runs away"),
-        (lambda: basins(hb.DoubleHelicalPair(), 0.9), ValueError, "24 coordinates"),
+        (
+            lambda: hb.time.integrate(ESCAPING, [1.0, 1.0], 9, 0.9, method="exponential"),
+            ArithmeticError,
+            "runs away within",
+        ),
+        (lambda: hb.time.integrate(ESCAPING, [1.0, 1.0], 9, 0.9), ArithmeticError, "t = .*: the motion runs away"),
+        (lambda: basins(hb.gears.DoubleHelicalPair(), 0.9), ValueError, "24 coordinates"),
         (lambda: basins(hb.SpurPair(), 0.9, d=(1.0, -1.0)), ValueError, "ascending"),
         (lambda: plot.sweeps([]), ValueError, "no sweep"),
         (lambda: plot.sweeps(np.array([])), ValueError, "no sweep"),

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from hbgear import Duffing, HarmonicBalance, SpurPair, integrate, shoot, sweep, trace
-from hbgear.timedomain.integrate import state_of
-from hbgear.timedomain.settle import Settling
+from hbgear import Duffing, HarmonicBalance, SpurPair, trace
+from hbgear.time import integrate, shoot, sweep
+from hbgear.time.integration import state_of
+from hbgear.time.steady_state import SteadyStateSettings
 
 DRIVEN = SpurPair(eps=(0.2,), e=(0.08,))
 
@@ -42,7 +43,7 @@ def test_sweeps_jump_where_the_folds_are():
     curve = trace(HarmonicBalance(SpurPair(), 20), "Omega", (0.9, 0.65))
     low, high = sorted(curve[label].parameters["Omega"] for label in ("LP1", "LP2"))
     grid = np.arange(0.68, 0.86, 0.01)
-    settling = Settling(1e-5)
+    settling = SteadyStateSettings(1e-5)
     for direction, fold in (("up", high), ("down", low)):
         (jump,) = sweep(SpurPair(), grid, direction, settling=settling).jumps
         a, b = sorted(jump.interval)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.gears.train import in_order
-from hbgear.mechanics.fourier import evaluate
-from hbgear.timedomain.integrate import state_of
+from hbgear.gears.trains.train import in_order
+from hbgear.mechanics.series.fourier import evaluate
+from hbgear.time.integration import state_of
 
 
 def double_helical(pair, **kwargs):
@@ -20,25 +20,25 @@ def double_helical(pair, **kwargs):
         inertia = getattr(pair, f"I_{gear}")
         x = distance if gear == "g" else 0.0
         wheels.append(
-            hb.Wheel(
+            hb.gears.Wheel(
                 name, inertia, getattr(pair, f"m_{gear}"), tilt_inertia=inertia, teeth=getattr(pair, f"teeth_{gear}"),
                 base_radius=getattr(pair, f"r_{gear}"), x=x, moves="space", torque=pair.torque if gear == "p" else 0.0,
             )
         )  # fmt: skip
         k = {axis: getattr(pair, f"k_{gear}{axis}") for axis in ("x", "y", "z", "thx", "thy")}
         c = {f"c_{axis}": getattr(pair, f"c_{gear}{axis}") for axis in "xyz"}
-        bearings.append(hb.Bearing(name, k["x"], k["y"], k["z"], k["thx"], k["thy"], damping=pair.zeta, **c))
-    wheels[1] = hb.Wheel(**{**vars(wheels[1]), "torque": pair.torque * pair.r_g / pair.r_p})
-    shafts = [hb.Shaft.section(f"{g}L", f"{g}R", getattr(pair, f"outer_{g}"), pair.shaft_length,
+        bearings.append(hb.gears.Bearing(name, k["x"], k["y"], k["z"], k["thx"], k["thy"], damping=pair.zeta, **c))
+    wheels[1] = hb.gears.Wheel(**{**vars(wheels[1]), "torque": pair.torque * pair.r_g / pair.r_p})
+    shafts = [hb.gears.Shaft.section(f"{g}L", f"{g}R", getattr(pair, f"outer_{g}"), pair.shaft_length,
                                getattr(pair, f"inner_{g}"), pair.E, pair.poisson, pair.zeta) for g in "pg"]  # fmt: skip
-    error = hb.Series(sine=tuple(-x * pair.b_c for x in pair.e))
-    meshes = [hb.Mesh(f"p{half}", f"g{half}", pair.k_mean, pair.b_c, eps=pair.eps, error=error, damping=pair.zeta,
+    error = hb.mechanics.Series(sine=tuple(-x * pair.b_c for x in pair.e))
+    meshes = [hb.gears.Mesh(f"p{half}", f"g{half}", pair.k_mean, pair.b_c, eps=pair.eps, error=error, damping=pair.zeta,
                       helix_angle=-hand * pair.beta_mesh) for half, hand in (("L", 1), ("R", -1))]  # fmt: skip
-    return hb.Train(wheels, meshes, shafts, bearings, balance="gR", **kwargs)
+    return hb.gears.Train(wheels, meshes, shafts, bearings, balance="gR", **kwargs)
 
 
 def test_the_marine_pair_is_the_model_written_by_hand(rng):
-    pair = hb.DoubleHelicalPair(zeta=0.05)
+    pair = hb.gears.DoubleHelicalPair(zeta=0.05)
     train = double_helical(pair)
     assert train.omega_n == pytest.approx(pair.omega_n, rel=1e-12)
     assert train.lags == pytest.approx({"pL-gL": 0.0, "pR-gR": 0.0}, abs=1e-12)
@@ -59,7 +59,7 @@ def test_the_marine_pair_is_the_model_written_by_hand(rng):
 
 
 def test_folds_of_the_marine_pair():
-    pair = hb.DoubleHelicalPair(zeta=0.05)
+    pair = hb.gears.DoubleHelicalPair(zeta=0.05)
     curves = [hb.trace(hb.HarmonicBalance(model, 12), "Omega", (1.0, 0.8)) for model in (pair, double_helical(pair))]
     folds = [[p.parameters["Omega"] for p in curve.special if p.kind == "LP"] for curve in curves]
     assert len(folds[0]) == 2
@@ -67,10 +67,12 @@ def test_folds_of_the_marine_pair():
 
 
 def spur(**kwargs):
-    a, b = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    a, b = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
     pair = hb.GearPair(a, b, backlash="80 um")
-    wheels = [hb.Wheel.of("pinion", a, torque="200 N m"), hb.Wheel.of("wheel", b)]
-    return pair, hb.Train(wheels, [hb.Mesh.of("pinion", "wheel", pair, "200 N m", 0.04)], balance="wheel", **kwargs)
+    wheels = [hb.gears.Wheel.of("pinion", a, torque="200 N m"), hb.gears.Wheel.of("wheel", b)]
+    return pair, hb.gears.Train(
+        wheels, [hb.gears.Mesh.of("pinion", "wheel", pair, "200 N m", 0.04)], balance="wheel", **kwargs
+    )
 
 
 def test_a_pair_that_only_turns_is_the_model_of_its_drawing():
@@ -91,11 +93,11 @@ def idler(places, teeth=(25, 30, 40), driver="in", turn=1.0, **kwargs):
     at = [(0.0, 0.0)] * 3
     for i, direction in zip((0, 2), places, strict=True):
         at[i] = ((r[i] + r[1]) * cos(direction), (r[i] + r[1]) * sin(direction))
-    wheels = [hb.Wheel(name, 1e-3 * z / 25, 1.0, teeth=z, base_radius=x * cos(alpha), x=at[i][0], y=at[i][1],
+    wheels = [hb.gears.Wheel(name, 1e-3 * z / 25, 1.0, teeth=z, base_radius=x * cos(alpha), x=at[i][0], y=at[i][1],
                        torque=turn * 100.0 if name == driver else 0.0)
               for i, (name, z, x) in enumerate(zip(("in", "idler", "out"), teeth, r, strict=True))]  # fmt: skip
-    meshes = [hb.Mesh(a, b, 4e8, 4e-5, eps=(0.2,)) for a, b in (("in", "idler"), ("idler", "out"))]
-    return hb.Train(wheels, meshes, balance="out", **kwargs)
+    meshes = [hb.gears.Mesh(a, b, 4e8, 4e-5, eps=(0.2,)) for a, b in (("in", "idler"), ("idler", "out"))]
+    return hb.gears.Train(wheels, meshes, balance="out", **kwargs)
 
 
 def flanks(teeth, turned, side):
@@ -122,9 +124,9 @@ def test_phase_of_an_idler_by_turning_its_teeth(teeth, place, turn):
 def test_statics_and_mirror_of_an_idler():
     """Forces of a triangle of gears, all of which move in the plane: torques pass through, bearings carry the rest."""
     train = idler((pi, 0.9))
-    moving = [hb.Wheel(**{**vars(w), "moves": "plane"}) for w in train.wheels]
-    bearings = [hb.Bearing(w.name, 1e8, 1e8) for w in moving]
-    held = hb.Train(moving, train.meshes, bearings=bearings, balance="out")
+    moving = [hb.gears.Wheel(**{**vars(w), "moves": "plane"}) for w in train.wheels]
+    bearings = [hb.gears.Bearing(w.name, 1e8, 1e8) for w in moving]
+    held = hb.gears.Train(moving, train.meshes, bearings=bearings, balance="out")
     still = held.replace(eps_scale=0.0)
     problem = hb.HarmonicBalance(still, 2)
     X = problem.start(Omega=0.5)
@@ -145,10 +147,13 @@ def test_statics_and_mirror_of_an_idler():
 def two_stages(**kwargs):
     """40/80 and 20/60: the second stage meshes at half the frequency of the first."""
     alpha, r = radians(20), {z: 3e-3 * z / 2 for z in (40, 80, 20, 60)}
-    wheels = [hb.Wheel(f"z{z}", 4e-4 * (z / 20) ** 2, teeth=z, base_radius=x * cos(alpha)) for z, x in r.items()]
-    wheels[0] = hb.Wheel(**{**vars(wheels[0]), "torque": 100.0})
-    meshes = [hb.Mesh("z40", "z80", 4e8, 4e-5, eps=(0.2, 0.05)), hb.Mesh("z20", "z60", 3e8, 3e-5, eps=(0.25,))]
-    return hb.Train(wheels, meshes, [hb.Shaft("z80", "z20", 2e5)], balance="z60", **kwargs)
+    wheels = [hb.gears.Wheel(f"z{z}", 4e-4 * (z / 20) ** 2, teeth=z, base_radius=x * cos(alpha)) for z, x in r.items()]
+    wheels[0] = hb.gears.Wheel(**{**vars(wheels[0]), "torque": 100.0})
+    meshes = [
+        hb.gears.Mesh("z40", "z80", 4e8, 4e-5, eps=(0.2, 0.05)),
+        hb.gears.Mesh("z20", "z60", 3e8, 3e-5, eps=(0.25,)),
+    ]
+    return hb.gears.Train(wheels, meshes, [hb.gears.Shaft("z80", "z20", 2e5)], balance="z60", **kwargs)
 
 
 def test_two_stages_with_commensurate_frequencies():
@@ -160,8 +165,8 @@ def test_two_stages_with_commensurate_frequencies():
     assert curve.status.complete
     for i in (0, len(curve) // 2, -1):
         Omega = float(curve.values[i])
-        orbit = hb.shoot(train, Omega, state_of(problem, curve.X[i], Omega=Omega))
-        motion = hb.integrate(train, orbit.state, 1, Omega)
+        orbit = hb.time.shoot(train, Omega, state_of(problem, curve.X[i], Omega=Omega))
+        motion = hb.time.integrate(train, orbit.state, 1, Omega)
         d = evaluate(curve.X[i].reshape(2, -1), motion.tau)
         np.testing.assert_allclose(d, motion.d, atol=30 * curve.error[i] + 1e-8)
 
@@ -170,31 +175,33 @@ def test_gyroscopic_wheels_and_bearings_over_speed():
     """A table that does not vary is the bearing of that number; wheels have gyroscopic terms by their own speeds."""
     _, train = spur()
     speeds = [10.0, 5000.0]
-    wheels = [hb.Wheel(**{**vars(w), "moves": "space", "x": x}) for w, x in zip(train.wheels, (0, 0.0975), strict=True)]
-    table = hb.MatrixTable(speeds, [2e8 * np.eye(2)] * 2)
-    damper = hb.MatrixTable(speeds, [4e3 * np.eye(2)] * 2)
+    wheels = [
+        hb.gears.Wheel(**{**vars(w), "moves": "space", "x": x}) for w, x in zip(train.wheels, (0, 0.0975), strict=True)
+    ]
+    table = hb.mechanics.MatrixTable(speeds, [2e8 * np.eye(2)] * 2)
+    damper = hb.mechanics.MatrixTable(speeds, [4e3 * np.eye(2)] * 2)
     rest = {"z": 1e8, "tilt_x": 1e5, "tilt_y": 1e5}
-    by_table = [hb.Bearing(w.name, **rest, table=table, damping_table=damper) for w in wheels]
-    plain = [hb.Bearing(w.name, 2e8, 2e8, **rest, c_x=4e3, c_y=4e3) for w in wheels]
+    by_table = [hb.gears.Bearing(w.name, **rest, table=table, damping_table=damper) for w in wheels]
+    plain = [hb.gears.Bearing(w.name, 2e8, 2e8, **rest, c_x=4e3, c_y=4e3) for w in wheels]
     spinning, constant = (
-        hb.Train(wheels, train.meshes, bearings=bearings, balance="wheel") for bearings in (by_table, plain)
+        hb.gears.Train(wheels, train.meshes, bearings=bearings, balance="wheel") for bearings in (by_table, plain)
     )
     X = [hb.HarmonicBalance(model, 8).start(Omega=0.8) for model in (spinning, constant)]
     np.testing.assert_allclose(X[0], X[1], atol=1e-9)
-    fast = hb.Train(wheels, train.meshes, bearings=plain, balance="wheel", gyroscopic=True)
+    fast = hb.gears.Train(wheels, train.meshes, bearings=plain, balance="wheel", gyroscopic=True)
     G = fast.system().speed.gyroscopic * 1.0
     i, j = (fast.system().dof_names.index(f"theta_{axis}_pinion") for axis in "xy")
     expected = wheels[0].inertia / 25 / fast.m_c / wheels[0].base_radius ** 2
     assert G[i, j] == pytest.approx(expected, rel=1e-12) and G[j, i] == -G[i, j]
     i, j = (fast.system().dof_names.index(f"theta_{axis}_wheel") for axis in "xy")
     assert G[i, j] < 0  # it turns the other way
-    spread = hb.campbell(fast, (0.05, 2.0), points=5).frequencies
+    spread = hb.analysis.campbell(fast, (0.05, 2.0), points=5).frequencies
     assert np.ptp(spread, axis=0).max() > 1e-4
 
 
 def test_functions_in_an_order():
     tau = np.linspace(0, 2 * pi, 50)
-    smooth, pieces = hb.Series(1.0, (0.2, 0.1), (0.3,)), hb.Periodic.trapezoidal(1.2, 0.8, 0.3, 0.1)
+    smooth, pieces = hb.mechanics.Series(1.0, (0.2, 0.1), (0.3,)), hb.mechanics.Periodic.trapezoidal(1.2, 0.8, 0.3, 0.1)
     for function in (smooth, pieces):
         np.testing.assert_allclose(in_order(function, 3, 0.4)(tau), function(3 * tau - 0.4), atol=1e-12)
 
@@ -202,10 +209,10 @@ def test_functions_in_an_order():
 def ring(sun=20, outer=60):
     """A gear inside a ring that is driven by it."""
     alpha, m = radians(20), 3e-3
-    gears = [hb.Wheel("sun", 1e-3, teeth=sun, base_radius=m * sun / 2 * cos(alpha), torque=50.0),
-             hb.Wheel("ring", 1e-1, teeth=outer, base_radius=m * outer / 2 * cos(alpha), internal=True,
+    gears = [hb.gears.Wheel("sun", 1e-3, teeth=sun, base_radius=m * sun / 2 * cos(alpha), torque=50.0),
+             hb.gears.Wheel("ring", 1e-1, teeth=outer, base_radius=m * outer / 2 * cos(alpha), internal=True,
                       x=m * (outer - sun) / 2)]  # fmt: skip
-    return hb.Train(gears, [hb.Mesh("sun", "ring", 4e8, 4e-5, eps=(0.2,))], balance="ring")
+    return hb.gears.Train(gears, [hb.gears.Mesh("sun", "ring", 4e8, 4e-5, eps=(0.2,))], balance="ring")
 
 
 def test_a_ring_turns_the_same_way():
@@ -218,48 +225,52 @@ def test_a_ring_turns_the_same_way():
 
 
 def gear(name, teeth=20, **kwargs):
-    return hb.Wheel(name, 1e-3, teeth=teeth, base_radius=1.4e-3 * teeth, **kwargs)
+    return hb.gears.Wheel(name, 1e-3, teeth=teeth, base_radius=1.4e-3 * teeth, **kwargs)
 
 
-MESH = hb.Mesh("a", "b", 4e8, 4e-5, eps=(0.1,))
+MESH = hb.gears.Mesh("a", "b", 4e8, 4e-5, eps=(0.1,))
 
 
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: hb.Train([gear("a"), gear("b")], []), "at least one Mesh"),
-        (lambda: hb.Train([gear("a"), gear("a")], [MESH]), "two wheels are called 'a'"),
-        (lambda: hb.Train([gear("a"), gear("c")], [MESH]), "there is no wheel 'b'"),
-        (lambda: hb.Train([gear("a"), gear("b")], [MESH], [hb.Shaft("a", "shaft", 1e5)]), "no wheel 'shaft'"),
-        (lambda: hb.Train([gear("a", torque=10.0), gear("b", torque=5.0)], [MESH]), "torques do not balance"),
-        (lambda: hb.Train([gear("a", torque=10.0), gear("b", torque=5.0)], [MESH], balance="b"), "keep one"),
-        (lambda: hb.Train([gear("a"), gear("b", x=0.05)], [MESH]), "collide"),
-        (lambda: hb.Train([gear("a"), hb.Wheel("b", 1e-3, teeth=21, base_radius=0.02)], [MESH]), "ratio of the teeth"),
-        (lambda: hb.Train([gear("a"), hb.Wheel("b", 1e-3)], [MESH]), "'b' has no teeth"),
-        (lambda: hb.Train([gear("a"), gear("b", held=True)], [MESH]), "PlanetarySet"),
-        (lambda: hb.Train([gear("a"), gear("b"), gear("c")],
-                          [MESH, hb.Mesh("b", "c", 1e8, 1e-5), hb.Mesh("c", "a", 1e8, 1e-5)]), "locked"),
-        (lambda: hb.Train([gear("a"), gear("b"), gear("c"), gear("d")], [MESH, hb.Mesh("c", "d", 1e8, 1e-5)]),
+        (lambda: hb.gears.Train([gear("a"), gear("b")], []), "at least one Mesh"),
+        (lambda: hb.gears.Train([gear("a"), gear("a")], [MESH]), "two wheels are called 'a'"),
+        (lambda: hb.gears.Train([gear("a"), gear("c")], [MESH]), "there is no wheel 'b'"),
+        (lambda: hb.gears.Train([gear("a"), gear("b")], [MESH], [hb.gears.Shaft("a", "shaft", 1e5)]),
+            "no wheel 'shaft'"),
+        (lambda: hb.gears.Train([gear("a", torque=10.0), gear("b", torque=5.0)], [MESH]), "torques do not balance"),
+        (lambda: hb.gears.Train([gear("a", torque=10.0), gear("b", torque=5.0)], [MESH], balance="b"), "keep one"),
+        (lambda: hb.gears.Train([gear("a"), gear("b", x=0.05)], [MESH]), "collide"),
+        (lambda: hb.gears.Train([gear("a"), hb.gears.Wheel("b", 1e-3, teeth=21, base_radius=0.02)], [MESH]),
+            "ratio of the teeth"),
+        (lambda: hb.gears.Train([gear("a"), hb.gears.Wheel("b", 1e-3)], [MESH]), "'b' has no teeth"),
+        (lambda: hb.gears.Train([gear("a"), gear("b", held=True)], [MESH]), "PlanetarySet"),
+        (lambda: hb.gears.Train([gear("a"), gear("b"), gear("c")],
+                          [MESH, hb.gears.Mesh("b", "c", 1e8, 1e-5), hb.gears.Mesh("c", "a", 1e8, 1e-5)]), "locked"),
+        (lambda: hb.gears.Train([gear("a"), gear("b"), gear("c"), gear("d")], [MESH, hb.gears.Mesh("c", "d", 1e8,
+            1e-5)]),
          "does not turn with the first"),
-        (lambda: hb.Train([gear("a", 97), gear("b", 101), gear("c", 103), gear("d", 107)],
-                          [MESH, hb.Mesh("c", "d", 1e8, 1e-5)], [hb.Shaft("b", "c", 1e5)]), "no simple ratio"),
-        (lambda: hb.Train([gear("a", internal=True), gear("b", internal=True)], [MESH]), "two rings"),
-        (lambda: hb.Train([gear("a", 30), gear("b", internal=True)], [MESH]), "does not fit into"),
-        (lambda: hb.Train([gear("a"), gear("b", x=0.06)],
-                          [hb.Mesh("a", "b", 4e8, 4e-5, pressure_angle="30 deg")]), "leave one out"),
-        (lambda: hb.Train([gear("a"), gear("b")], MESH), "must be a list of Mesh"),
-        (lambda: hb.Wheel("a", 1e-3, teeth=20), "teeth and base_radius"),
-        (lambda: hb.Wheel("a", 1e-3, moves="plane"), "give its mass"),
-        (lambda: hb.Wheel("a", 1e-3, moves="up"), "must be one of torsion, plane, space"),
-        (lambda: hb.Wheel("", 1e-3), "no name of a wheel"),
-        (lambda: hb.Wheel("a", "3 mm"), "inertia"),
-        (lambda: hb.Shaft("a", "a"), "name two wheels"),
-        (lambda: hb.Shaft.section("a", "b", 0.02, 0.1, 0.03), "smaller than outer"),
-        (lambda: hb.Mesh("a", "a", 1e8), "cannot mesh with itself"),
-        (lambda: hb.Mesh("a", "b", 1e8, e=(5.0,)), "give 5e-6 for 5 um"),
-        (lambda: hb.Mesh("a", "b", 1e8, eps=(0.1,), stiffness=hb.Series(1.0)), "keep one"),
-        (lambda: hb.Bearing("a", table=3.0), "MatrixTable"),
-        (lambda: hb.Bearing("a", table=hb.MatrixTable([1, 2], np.zeros((2, 3, 3)))), "of x and y"),
+        (lambda: hb.gears.Train([gear("a", 97), gear("b", 101), gear("c", 103), gear("d", 107)],
+                          [MESH, hb.gears.Mesh("c", "d", 1e8, 1e-5)], [hb.gears.Shaft("b", "c", 1e5)]),
+                              "no simple ratio"),
+        (lambda: hb.gears.Train([gear("a", internal=True), gear("b", internal=True)], [MESH]), "two rings"),
+        (lambda: hb.gears.Train([gear("a", 30), gear("b", internal=True)], [MESH]), "does not fit into"),
+        (lambda: hb.gears.Train([gear("a"), gear("b", x=0.06)],
+                          [hb.gears.Mesh("a", "b", 4e8, 4e-5, pressure_angle="30 deg")]), "leave one out"),
+        (lambda: hb.gears.Train([gear("a"), gear("b")], MESH), "must be a list of Mesh"),
+        (lambda: hb.gears.Wheel("a", 1e-3, teeth=20), "teeth and base_radius"),
+        (lambda: hb.gears.Wheel("a", 1e-3, moves="plane"), "give its mass"),
+        (lambda: hb.gears.Wheel("a", 1e-3, moves="up"), "must be one of torsion, plane, space"),
+        (lambda: hb.gears.Wheel("", 1e-3), "no name of a wheel"),
+        (lambda: hb.gears.Wheel("a", "3 mm"), "inertia"),
+        (lambda: hb.gears.Shaft("a", "a"), "name two wheels"),
+        (lambda: hb.gears.Shaft.section("a", "b", 0.02, 0.1, 0.03), "smaller than outer"),
+        (lambda: hb.gears.Mesh("a", "a", 1e8), "cannot mesh with itself"),
+        (lambda: hb.gears.Mesh("a", "b", 1e8, e=(5.0,)), "give 5e-6 for 5 um"),
+        (lambda: hb.gears.Mesh("a", "b", 1e8, eps=(0.1,), stiffness=hb.mechanics.Series(1.0)), "keep one"),
+        (lambda: hb.gears.Bearing("a", table=3.0), "MatrixTable"),
+        (lambda: hb.gears.Bearing("a", table=hb.mechanics.MatrixTable([1, 2], np.zeros((2, 3, 3)))), "of x and y"),
     ],
 )  # fmt: skip
 def test_bad_input(make, said):

@@ -13,9 +13,11 @@ import pytest
 from cross.shooting import integrate, state
 from cross.shooting_branch import Shooter
 
-from hbgear import Element, Fold, HarmonicBalance, Load, PeriodDoubling, Steps, System, Unilateral, trace
-from hbgear.continuation.newton import solve
-from hbgear.mechanics.fourier import resize
+from hbgear import Element, HarmonicBalance, Load, StepControl, System, Unilateral, trace
+from hbgear.continuation import FoldProblem
+from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic import PeriodDoublingProblem
+from hbgear.mechanics.series.fourier import resize
 
 SPAN = (0.8, 0.5)
 # in the order of the curve; by shooting, and within 5e-7 of it by harmonic balance
@@ -59,9 +61,9 @@ def refined(problem, point):
     if point.kind == "NS":
         wide = 2e-5
         X = solve(problem, X, {"Omega": Omega + wide}).X
-        piece = trace(problem, "Omega", (Omega + wide, Omega - wide), X, steps=Steps(first=0.2, longest=0.5))
+        piece = trace(problem, "Omega", (Omega + wide, Omega - wide), X, steps=StepControl(first=0.2, longest=0.5))
         return next(p.parameters["Omega"] for p in piece.special if p.kind == "NS")
-    kind = {"LP": Fold, "PD": PeriodDoubling}[point.kind]
+    kind = {"LP": FoldProblem, "PD": PeriodDoublingProblem}[point.kind]
     return float(solve(kind(problem), np.append(X, Omega), {"Omega": Omega}).X[-1])
 
 

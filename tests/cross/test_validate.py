@@ -8,7 +8,7 @@ import pytest
 
 import hbgear as hb
 from hbgear import plot
-from hbgear.timedomain.validate import LEAST, choose, problem_for, validate
+from hbgear.time.validation import LEAST, choose, problem_for, validate
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_double_helical_pair_of_low_damping():
 
     Among them are motions that lose their stability to a second frequency, in opposite phase on the two helices.
     """
-    curve = hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 24), "Omega", (1.0, 0.8))
+    curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 24), "Omega", (1.0, 0.8))
     found = validate(curve, 12, 1e-5, multiplier_tolerance=1e-3)
     assert found.ok and len(found.rows) == 12
     assert max(row.rms_error for row in found.rows) < 1e-5
@@ -55,7 +55,7 @@ def test_double_helical_pair_of_low_damping():
 
 def test_period_doubling_of_the_double_helical_pair():
     """Between Omega = 0.3306 and 0.3435 the default pair is unstable with a multiplier below -1."""
-    problem = hb.HarmonicBalance(hb.DoubleHelicalPair(), 10)
+    problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(), 10)
     curve = hb.trace(problem, "Omega", (0.336, 0.33595))
     (row,) = validate(curve, [0], 1e-5).rows
     assert row.ok and row.stable is False
@@ -65,7 +65,7 @@ def test_period_doubling_of_the_double_helical_pair():
 
 def test_motions_of_two_periods():
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 30), "Omega", (2.2, 1.85))
-    doubled = hb.switch(curve, "PD1", steps=hb.Steps(max_points=12))
+    doubled = hb.switch(curve, "PD1", steps=hb.StepControl(max_points=12))
     found = validate(doubled, 4, 1e-5)
     assert found.ok and doubled.layout.nu == 2
     # the first row is the period doubling, where shooting is singular: it is checked only if it is asked for
@@ -128,7 +128,7 @@ def test_a_curve_whose_harmonics_vary_is_refined_too():
 
 def test_the_default_harmonics_beside_the_fold_of_the_double_helical_pair():
     """A motion 6e-7 beside LP1 is nearly singular: 16 harmonics are off by more than 1e-4 there, 32 are not."""
-    curve = hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05)), "Omega", (0.87, 0.8453693))
+    curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05)), "Omega", (0.87, 0.8453693))
     (row,) = validate(curve, [-1]).rows
     assert row.verdict == "agrees with H = 32" and row.refined and row.Omega == 0.8453693
     assert row.refined_error < 1e-4 < row.harmonic_error
@@ -196,7 +196,7 @@ def test_curves_in_another_parameter():
 def test_another_model_is_refused(pair):
     for other, words in (
         (hb.SpurPair(zeta=0.06), "with other zeta"),
-        (hb.DoubleHelicalPair(), "was traced with another model"),
+        (hb.gears.DoubleHelicalPair(), "was traced with another model"),
         (hb.SpurPair(b=0.5), "corners"),
     ):
         with pytest.raises(ValueError, match=words):
@@ -211,7 +211,7 @@ def test_another_model_is_refused(pair):
 def test_a_curve_of_folds_is_refused():
     problem = hb.HarmonicBalance(hb.SpurPair(), 8)
     start = hb.trace(problem, "Omega", (1.0, 0.6))["LP1"]
-    folds = hb.trace(hb.Fold(problem, "Omega"), "zeta", (0.05, 0.051), start=start)
+    folds = hb.trace(hb.continuation.FoldProblem(problem, "Omega"), "zeta", (0.05, 0.051), start=start)
     with pytest.raises(ValueError, match="a curve of special points"):
         validate(folds, 1)
     with pytest.raises(ValueError, match="only curves of periodic motions"):

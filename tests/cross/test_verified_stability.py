@@ -7,11 +7,16 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation.branch import verdict_codes
-from hbgear.continuation.consistency import stable_on_both_sides, unexplained_changes
-from hbgear.harmonic.multiplier_error import count_beyond, difference_of, estimate_multiplier_error, largest_shift
-from hbgear.harmonic.parity import Parity, half_integer_sign
-from hbgear.timedomain.integrate import state_of
+from hbgear.continuation.results.branch import stability_codes
+from hbgear.continuation.results.consistency import stable_on_both_sides, unexplained_changes
+from hbgear.harmonic.multipliers.multiplier_error import (
+    count_beyond,
+    difference_of,
+    estimate_multiplier_error,
+    largest_shift,
+)
+from hbgear.harmonic.stability.parity import Parity, half_integer_sign
+from hbgear.time.integration import state_of
 from studies.random.stops import Stop, compared
 
 
@@ -63,7 +68,7 @@ def test_multipliers_beyond_the_circle_are_counted():
     [
         (hb.Duffing(), (0.8, 1.6), 7, 3),
         (hb.SpurPair(e=(0.1,)), (2.2, 0.6), 10, 10),
-        (hb.DoubleHelicalPair(zeta=0.05), (1.6, 0.4), 8, 0),
+        (hb.gears.DoubleHelicalPair(zeta=0.05), (1.6, 0.4), 8, 0),
     ],
 )
 def test_both_determinants_have_the_parity_of_the_multipliers(model, span, H, least):
@@ -101,7 +106,7 @@ def test_small_multipliers_that_are_rounding_are_no_period_doublings():
 
 def test_two_multipliers_that_pass_together_have_a_doubling_each():
     """A planetary set: multipliers 1e-5 apart pass -1 within 4e-7 of Omega, and a slow sweep leaves there."""
-    planets = hb.PlanetarySet(
+    planets = hb.gears.PlanetarySet(
         26, 38, 102, planets=4, torque=377.0804699071937, zeta=0.0638684660852385, zeta_b=0.03993897318124806,
         b_sp=3.9700532168119484e-05, b_rp=1.7135056004278744e-05, eps_sp=(0.25911137806391893, 0.05),
         eps_rp=(0.09633942894663837, 0.04), e_sp=(1.4453354116209893e-06,), e_rp=(2.0164792541625583e-06,),
@@ -125,14 +130,14 @@ def test_contradictions_of_a_branch_are_doubts():
     mu = curve.multipliers.copy()
     mu[curve["LP1"].index + 1 : curve["LP2"].index] *= 0.1
     assert "both sides of LP1, LP2 are stable" in replace(curve, multipliers=mu).doubts
-    codes = verdict_codes(curve.multipliers, curve.modulus_error)
+    codes = stability_codes(curve.multipliers, curve.modulus_error)
     marks = {p.index: [p.kind] for p in curve.special}
     assert not unexplained_changes(codes, marks) and not stable_on_both_sides(codes, marks)
 
 
 def test_doubt_about_a_law_that_is_not_piecewise_linear_is_refined_with_more_harmonics():
     """A cubic spring and a stop in one element: no exact motion; every row is contradicted, and so refined."""
-    law = hb.Parallel((hb.Cubic(0.0, 0.3), hb.Unilateral(2.0, 0.5)))
+    law = hb.mechanics.Parallel((hb.Cubic(0.0, 0.3), hb.Unilateral(2.0, 0.5)))
     model = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [0.5]}))
     curve = hb.trace(hb.HarmonicBalance(model, 5), "Omega", (0.5, 2.5), special=False)
     assert curve.status.complete
@@ -141,7 +146,7 @@ def test_doubt_about_a_law_that_is_not_piecewise_linear_is_refined_with_more_har
         seen = problem.observe(point.X, True, **point.parameters) | {"determinant": 0, "contradicts": True}
         rest = {name: value for name, value in point.parameters.items() if name != "Omega"}
         problem.decided(point.X[None], "Omega", np.array([point.parameters["Omega"]]), [seen], rest)
-        shot = hb.shoot(model, point.parameters["Omega"], state_of(problem, point.X, **point.parameters))
+        shot = hb.time.shoot(model, point.parameters["Omega"], state_of(problem, point.X, **point.parameters))
         assert np.abs(seen["multipliers"]).max() == pytest.approx(np.abs(shot.multipliers).max(), abs=1e-3)
 
 

@@ -97,7 +97,7 @@ def small_files() -> dict[str, bytes]:
         "duffing.npz": hb.trace(duffing, "Omega", (0.7, 1.4)),
         "spur.npz": curve,
         "load.npz": hb.trace(duffing, "F", (0.05, 0.3), at={"Omega": 1.1}, stability=False),
-        "folds.npz": hb.trace(hb.Fold(spur, "Omega"), "zeta", (0.05, 0.06), start=curve["LP1"]),
+        "folds.npz": hb.trace(hb.continuation.FoldProblem(spur, "Omega"), "zeta", (0.05, 0.06), start=curve["LP1"]),
     }
     with tempfile.TemporaryDirectory() as folder:
         for name, branch in branches.items():
@@ -529,9 +529,9 @@ class _Here(Executor):
         return future
 
 
-def _cases(store: Path) -> hb.Cases:
-    vary = hb.grid(F=[0.1, 0.12])
-    return hb.cases(
+def _cases(store: Path) -> hb.design.Cases:
+    vary = hb.design.grid(F=[0.1, 0.12])
+    return hb.design.cases(
         hb.Duffing(), vary, ("peak", "jumps", "curve"), harmonics=2, span=(0.6, 0.7), store=store, executor=_Here()
     )
 
@@ -569,9 +569,9 @@ def attempt_store(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | No
         file.unlink()
         what = _odd_place(rng, file)
     note(
-        f"hb.cases with a damaged store: {what}: {content[:200]!r}"
+        f"hb.design.cases with a damaged store: {what}: {content[:200]!r}"
         if what == "study.json"
-        else f"hb.cases, damaged: {what}"
+        else f"hb.design.cases, damaged: {what}"
     )
     try:
         found = _cases(root)
@@ -603,7 +603,7 @@ VALUES = [
 
 def attempt_study(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | None:
     """A study file with lines changed; read in Python, or computed by the command."""
-    from hbgear.design.study_file import read_study
+    from hbgear.design.cases.study_file import read_study
 
     _clear(folder)
     lines = str(rng.choice([STUDY, SAMPLE])).splitlines()

@@ -30,7 +30,7 @@ from scipy import sparse
 import hbgear as hb
 from hbgear import plot
 from hbgear.plot import simulation
-from hbgear.timedomain.settle import Settling
+from hbgear.time.steady_state import SteadyStateSettings
 
 from . import pool
 from .files import _Here
@@ -38,24 +38,98 @@ from .files import _Here
 Random = np.random.Generator
 
 NASTY: list[Callable[[], Any]] = [
-    lambda: math.inf, lambda: -math.inf, lambda: math.nan, lambda: 0, lambda: 0.0, lambda: -1, lambda: -0.5,
-    lambda: 0.5, lambda: 1, lambda: 2, lambda: 7, lambda: 1e300, lambda: -1e300, lambda: 1e-300, lambda: 10**30,
-    lambda: 10**9, lambda: 10**400, lambda: True, lambda: False, lambda: None, lambda: "", lambda: "x",
-    lambda: "0.05", lambda: "nan", lambda: "Omega", lambda: b"x", lambda: [], lambda: [[]], lambda: (), lambda: {},
-    lambda: {"a": 1}, lambda: {1: 2}, lambda: [1.0, 2.0], lambda: (1.0, 1.0), lambda: (math.nan, 1.0),
-    lambda: (0.5, math.inf), lambda: [[1.0, 2.0], [3.0, 4.0]], lambda: [[1], [2, 3]], lambda: ["a", "b"],
-    lambda: [None], lambda: (1.0, 2.0, 3.0), lambda: (-1.0, 1.0), lambda: [1j], lambda: np.array([]),
-    lambda: np.zeros((2, 3)), lambda: np.array([math.nan]), lambda: np.array(["a"]), lambda: np.array(1.0),
-    lambda: np.array([1.0, 2.0]), lambda: np.eye(2) * 1j, lambda: np.array([object()]), lambda: np.zeros(10**6),
-    lambda: np.float32(0.5), lambda: np.int64(3), lambda: np.bool_(True), lambda: np.float64("nan"),
-    lambda: np.ma.masked, lambda: np.array([1.0, math.inf]), lambda: np.datetime64("2020-01-01"),
-    lambda: Fraction(1, 3), lambda: Decimal("0.1"), lambda: 1j, lambda: complex(0.5, 0), lambda: object(),
-    lambda: int, lambda: hb, lambda: hb.SpurPair, lambda: hb.Duffing, lambda: hb.Duffing(), lambda: hb.Backlash(),
-    lambda: hb.Series(1.0), lambda: lambda *a: 0, lambda: range(3), lambda: (x for x in (1, 2)), lambda: {1.0, 2.0},
-    lambda: Path("x"), lambda: print, lambda: ..., lambda: slice(2), lambda: hb.StepControl(), lambda: hb.Settings(),
-    lambda: hb.Load(), lambda: hb.Status.CLOSED, lambda: curve(), lambda: point(), lambda: balance(),
-    lambda: sparse.eye_array(2), lambda: NotImplementedError, lambda: "x" * 5000, lambda: "é", lambda: "\x00",
-]  # fmt: skip
+    lambda: math.inf,
+    lambda: -math.inf,
+    lambda: math.nan,
+    lambda: 0,
+    lambda: 0.0,
+    lambda: -1,
+    lambda: -0.5,
+    lambda: 0.5,
+    lambda: 1,
+    lambda: 2,
+    lambda: 7,
+    lambda: 1e300,
+    lambda: -1e300,
+    lambda: 1e-300,
+    lambda: 10**30,
+    lambda: 10**9,
+    lambda: 10**400,
+    lambda: True,
+    lambda: False,
+    lambda: None,
+    lambda: "",
+    lambda: "x",
+    lambda: "0.05",
+    lambda: "nan",
+    lambda: "Omega",
+    lambda: b"x",
+    lambda: [],
+    lambda: [[]],
+    lambda: (),
+    lambda: {},
+    lambda: {"a": 1},
+    lambda: {1: 2},
+    lambda: [1.0, 2.0],
+    lambda: (1.0, 1.0),
+    lambda: (math.nan, 1.0),
+    lambda: (0.5, math.inf),
+    lambda: [[1.0, 2.0], [3.0, 4.0]],
+    lambda: [[1], [2, 3]],
+    lambda: ["a", "b"],
+    lambda: [None],
+    lambda: (1.0, 2.0, 3.0),
+    lambda: (-1.0, 1.0),
+    lambda: [1j],
+    lambda: np.array([]),
+    lambda: np.zeros((2, 3)),
+    lambda: np.array([math.nan]),
+    lambda: np.array(["a"]),
+    lambda: np.array(1.0),
+    lambda: np.array([1.0, 2.0]),
+    lambda: np.eye(2) * 1j,
+    lambda: np.array([object()]),
+    lambda: np.zeros(10**6),
+    lambda: np.float32(0.5),
+    lambda: np.int64(3),
+    lambda: np.bool_(True),
+    lambda: np.float64("nan"),
+    lambda: np.ma.masked,
+    lambda: np.array([1.0, math.inf]),
+    lambda: np.datetime64("2020-01-01"),
+    lambda: Fraction(1, 3),
+    lambda: Decimal("0.1"),
+    lambda: 1j,
+    lambda: complex(0.5, 0),
+    lambda: object(),
+    lambda: int,
+    lambda: hb,
+    lambda: hb.SpurPair,
+    lambda: hb.Duffing,
+    lambda: hb.Duffing(),
+    lambda: hb.Backlash(),
+    lambda: hb.mechanics.Series(1.0),
+    lambda: lambda *a: 0,
+    lambda: range(3),
+    lambda: (x for x in (1, 2)),
+    lambda: {1.0, 2.0},
+    lambda: Path("x"),
+    lambda: print,
+    lambda: ...,
+    lambda: slice(2),
+    lambda: hb.StepControl(),
+    lambda: hb.NewtonSettings(),
+    lambda: hb.Load(),
+    lambda: hb.Status.CLOSED,
+    lambda: curve(),
+    lambda: point(),
+    lambda: balance(),
+    lambda: sparse.eye_array(2),
+    lambda: NotImplementedError,
+    lambda: "x" * 5000,
+    lambda: "é",
+    lambda: "\x00",
+]
 
 
 @cache
@@ -89,9 +163,9 @@ def gears() -> hb.Branch:
 
 
 @cache
-def some_cases() -> hb.Cases:
-    few = hb.grid(F=[0.1, 0.18])
-    return hb.cases(hb.Duffing(), few, ("jumps", "curve"), harmonics=2, span=(0.7, 1.4), executor=_Here())
+def some_cases() -> hb.design.Cases:
+    few = hb.design.grid(F=[0.1, 0.18])
+    return hb.design.cases(hb.Duffing(), few, ("jumps", "curve"), harmonics=2, span=(0.7, 1.4), executor=_Here())
 
 
 def point() -> hb.Point:
@@ -100,7 +174,7 @@ def point() -> hb.Point:
 
 @cache
 def swept() -> Any:
-    return hb.sweep(hb.Duffing(), [0.9, 1.0], settling=SHORT)
+    return hb.time.sweep(hb.Duffing(), [0.9, 1.0], settling=SHORT)
 
 
 @cache
@@ -108,7 +182,7 @@ def system() -> hb.System:
     return hb.System(**{name: values[0]() for name, values in SYSTEM.items()})
 
 
-SHORT = Settling(1e-2, 20, 4)
+SHORT = SteadyStateSettings(1e-2, 20, 4)
 FEW = hb.StepControl(max_points=8)
 Pool = Mapping[str, list[Callable[[], Any]]]
 
@@ -141,20 +215,20 @@ def assembly() -> Any:
 @cache
 def planets() -> hb.Branch:
     """A short curve of a planetary set."""
-    return hb.trace(hb.HarmonicBalance(hb.PlanetarySet(), 2), "Omega", (2.3, 2.28), stability=False)
+    return hb.trace(hb.HarmonicBalance(hb.gears.PlanetarySet(), 2), "Omega", (2.3, 2.28), stability=False)
 
 
 @cache
-def train() -> hb.Train:
+def train() -> hb.gears.Train:
     """Two gears, the second of which holds the torque of the first."""
-    a, b = (hb.Wheel(name, 1e-3, teeth=20, base_radius=0.028, torque=10.0 * (name == "a")) for name in "ab")
-    return hb.Train([a, b], [hb.Mesh("a", "b", 4e8, 4e-5, eps=(0.2,), e=(1e-4,))], balance="b")
+    a, b = (hb.gears.Wheel(name, 1e-3, teeth=20, base_radius=0.028, torque=10.0 * (name == "a")) for name in "ab")
+    return hb.gears.Train([a, b], [hb.gears.Mesh("a", "b", 4e8, 4e-5, eps=(0.2,), e=(1e-4,))], balance="b")
 
 
 @cache
 def drawing() -> hb.GearPair:
     """A pair as drawn."""
-    return hb.GearPair(hb.Gear(25, 3e-3, 0.02), hb.Gear(40, 3e-3, 0.02), 8e-5)
+    return hb.GearPair(hb.gears.Gear(25, 3e-3, 0.02), hb.gears.Gear(40, 3e-3, 0.02), 8e-5)
 
 
 SYSTEM: Pool = {
@@ -168,7 +242,7 @@ SYSTEM: Pool = {
 RECORDS = {
     "Answers", "Branch", "Campbell", "Cases", "Critical", "CriticalSpeed", "Evaluation", "Jump", "JumpMap", "Law",
     "Model", "NoConvergence", "NoFold", "Opinion", "PlanetMode", "Point", "Progress", "ProgressCallback", "Reduction",
-    "Run", "SpecialPoint", "Status", "Steps", "Survey", "Unlikely", "__version__", "model", "plot",
+    "Run", "SpecialPoint", "Status", "StepControl", "Survey", "Unlikely", "__version__", "model", "plot",
     "Fit", "Goal", "JumpScatter", "Redesign", "ResponseBand", "Sensitivity", "Sharing", "SobolIndices",
     "SweepStatistics",
 }  # fmt: skip
@@ -187,7 +261,7 @@ class Target:
     free: frozenset[str] = frozenset()  # parameters that may be anything, a nan too
 
 
-def _traced(model: hb.Model) -> Any:
+def _traced(model: hb.mechanics.Model) -> Any:
     """A short curve of a model that was accepted."""
     return hb.trace(hb.HarmonicBalance(model, 3), "Omega", model.default_span, steps=FEW)
 
@@ -200,14 +274,18 @@ def targets() -> tuple[Target, ...]:
     problem, measure = [balance, spur], _is("rms", "pp2", "max", "mean", "H1")
     element, model = _is(0), [hb.Duffing, hb.SpurPair]
     with_Omega = {"Omega": _is(0.9)}
-    series = _is(hb.Series(1.0), hb.Series(1.0, (0.1,)), hb.Periodic.trapezoidal(1.2, 0.8, 0.3, 0.1))
+    series = _is(
+        hb.mechanics.Series(1.0),
+        hb.mechanics.Series(1.0, (0.1,)),
+        hb.mechanics.Periodic.trapezoidal(1.2, 0.8, 0.3, 0.1),
+    )
     out = [
         Target("Backlash", hb.Backlash, {"b": _is(1.0, 0.0), "k": _is(1.0), "stiffness": series}, 2),
         Target("Unilateral", hb.Unilateral, {"k": _is(1.0), "gap": _is(0.5), "stiffness": series}),
         Target("Cubic", hb.Cubic, {"k3": _is(0.1), "k1": _is(0.0)}),
         Target(
             "CompiledLaw",
-            hb.CompiledLaw,
+            hb.mechanics.CompiledLaw,
             {
                 "function": [quintic],
                 "parameters": _is((0.3,)),
@@ -218,7 +296,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "PiecewiseLinear",
-            hb.PiecewiseLinear,
+            hb.mechanics.PiecewiseLinear,
             {
                 "corners": _is((-1.0, 1.0)),
                 "slopes": _is((1.0, 0.0, 1.0)),
@@ -226,26 +304,28 @@ def targets() -> tuple[Target, ...]:
                 "stiffness": series,
             },
         ),
-        Target("Parallel", hb.Parallel, {"laws": _is((hb.Backlash(), hb.Cubic(0.1)))}),
-        Target("Series", hb.Series, {"mean": _is(1.0), "cosine": _is((0.1,)), "sine": _is((0.1, 0.2))}),
-        Target("Series.__call__", hb.Series(1.0, (0.1,)), {"tau": _is(0.3, np.zeros(3))}, 0.5),
-        Target("Series.row", hb.Series(1.0, (0.1,)).row, {"H": _is(3, None)}, 0.5),
-        Target("Periodic", hb.Periodic, {"phases": _is((0.0, 1.0)), "coefficients": _is(((1.0,), (0.5, 0.1)))}, 2),
+        Target("Parallel", hb.mechanics.Parallel, {"laws": _is((hb.Backlash(), hb.Cubic(0.1)))}),
+        Target("Series", hb.mechanics.Series, {"mean": _is(1.0), "cosine": _is((0.1,)), "sine": _is((0.1, 0.2))}),
+        Target("Series.__call__", hb.mechanics.Series(1.0, (0.1,)), {"tau": _is(0.3, np.zeros(3))}, 0.5),
+        Target("Series.row", hb.mechanics.Series(1.0, (0.1,)).row, {"H": _is(3, None)}, 0.5),
+        Target(
+            "Periodic", hb.mechanics.Periodic, {"phases": _is((0.0, 1.0)), "coefficients": _is(((1.0,), (0.5, 0.1)))}, 2
+        ),
         Target(
             "Periodic.rectangular",
-            hb.Periodic.rectangular,
+            hb.mechanics.Periodic.rectangular,
             {"high": _is(1.2), "low": _is(0.8), "share": _is(0.6), "start": _is(0.0)},
             2,
         ),
         Target(
             "Periodic.trapezoidal",
-            hb.Periodic.trapezoidal,
+            hb.mechanics.Periodic.trapezoidal,
             {"high": _is(1.2), "low": _is(0.8), "share": _is(0.3), "ramp": _is(0.1), "start": _is(0.0)},
             2,
         ),
         Target(
             "Periodic.table",
-            hb.Periodic.table,
+            hb.mechanics.Periodic.table,
             {
                 "phase": _is([0, 1, 2], [0, 1, 2, 3]),
                 "values": _is([0.1, 0.2, 0.3], [0.1, 0.2, 0.3, 0.1]),
@@ -254,10 +334,12 @@ def targets() -> tuple[Target, ...]:
             },
             2,
         ),
-        Target("Periodic.__call__", hb.Periodic.rectangular(1.2, 0.8, 0.6), {"tau": _is(0.3, np.zeros(3))}, 0.5),
-        Target("Periodic.row", hb.Periodic.rectangular(1.2, 0.8, 0.6).row, {"H": _is(3)}, 0.5),
-        Target("Series.shifted", hb.Series(1.0, (0.1,)).shifted, {"phase": _is(0.3)}, 0.5),
-        Target("Series.scaled", hb.Series(1.0, (0.1,)).scaled, {"factor": _is(0.3)}, 0.5),
+        Target(
+            "Periodic.__call__", hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.6), {"tau": _is(0.3, np.zeros(3))}, 0.5
+        ),
+        Target("Periodic.row", hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.6).row, {"H": _is(3)}, 0.5),
+        Target("Series.shifted", hb.mechanics.Series(1.0, (0.1,)).shifted, {"phase": _is(0.3)}, 0.5),
+        Target("Series.scaled", hb.mechanics.Series(1.0, (0.1,)).scaled, {"factor": _is(0.3)}, 0.5),
         Target(
             "Element",
             hb.Element,
@@ -279,18 +361,18 @@ def targets() -> tuple[Target, ...]:
         Target("System", hb.System, SYSTEM, 3, _traced),
         Target(
             "MatrixTable",
-            hb.MatrixTable,
+            hb.mechanics.MatrixTable,
             {"Omega": _is([0.1, 2.0]), "matrices": _is([0.1 * np.eye(2), 0.2 * np.eye(2)])},
             1,
             lambda table: table(1.0),
         ),
         Target(
             "SpeedTerms",
-            hb.SpeedTerms,
+            hb.mechanics.SpeedTerms,
             {
                 "gyroscopic": _is(None, [[0.0, 0.1], [-0.1, 0.0]]),
                 "ratio": _is(1.0, 0.1),
-                "damping": _is(None, hb.MatrixTable([0.1, 2.0], [0.1 * np.eye(2), 0.2 * np.eye(2)])),
+                "damping": _is(None, hb.mechanics.MatrixTable([0.1, 2.0], [0.1 * np.eye(2), 0.2 * np.eye(2)])),
                 "stiffness": [lambda: None, lambda: lambda Omega: 0.1 * Omega * np.eye(2)],
             },
             2,
@@ -298,9 +380,9 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "campbell",
-            hb.campbell,
+            hb.analysis.campbell,
             {
-                "model": [hb.SpurPair, hb.GearRotorBearing],
+                "model": [hb.SpurPair, hb.gears.GearRotorBearing],
                 "span": _is((0.5, 1.5)),
                 "orders": _is(None, {"shaft": 0.1}),
                 "points": _is(5),
@@ -311,7 +393,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "Matrices",
-            hb.Matrices,
+            hb.io.Matrices,
             {
                 "M": SYSTEM["M"],
                 "K": SYSTEM["K"],
@@ -326,7 +408,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "from_matrices",
-            hb.from_matrices,
+            hb.io.from_matrices,
             {
                 "source": [lambda: {"M": np.eye(2), "K": np.eye(2)}],
                 "names": _is(None, {"K": "stiffness"}),
@@ -335,7 +417,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "Receptances",
-            hb.Receptances,
+            hb.mechanics.Receptances,
             {
                 "omega": [lambda: np.linspace(0.0, 9.0, 10)],
                 "values": [lambda: 1 / (1.5 - np.linspace(0.0, 9.0, 10) + 0.5j)[:, None, None]],
@@ -347,7 +429,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "from_receptances",
-            hb.from_receptances,
+            hb.io.from_receptances,
             {
                 "source": _is({("a", "a"): "a.csv"}, "a.uff"),
                 "static": _is(None, "lowest"),
@@ -355,19 +437,21 @@ def targets() -> tuple[Target, ...]:
                 "names": _is(None),
             },
         ),
-        Target("load_sharing", hb.load_sharing, {"curve": [planets], "meshes": _is(None, ["sun-p1", "sun-p3"])}, 1),
-        Target("from_ross", hb.from_ross, {"rotor": [rotor]}),
-        Target("from_opentorsion", hb.from_opentorsion, {"assembly": [assembly]}),
-        Target("Settings", hb.Settings, {}),
+        Target(
+            "load_sharing", hb.analysis.load_sharing, {"curve": [planets], "meshes": _is(None, ["sun-p1", "sun-p3"])}, 1
+        ),
+        Target("from_ross", hb.io.from_ross, {"rotor": [rotor]}),
+        Target("from_opentorsion", hb.io.from_opentorsion, {"assembly": [assembly]}),
+        Target("Settings", hb.NewtonSettings, {}),
         Target("StepControl", hb.StepControl, {}, 2, free=frozenset({"first"})),  # None is its default
-        Target("Settling", Settling, {}),
-        *(Target(cls.__name__, cls, {}, 4, _traced) for cls in (hb.Duffing, hb.SpurPair, hb.GearRotorBearing)),
-        Target("PlanetarySet", hb.PlanetarySet, {}, 3, lambda model: hb.HarmonicBalance(model, 2)),
-        Target("HelicalPair", hb.HelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),
-        Target("Gear", hb.Gear, GEAR, 4, lambda gear: (gear.mass_used, gear.inertia_used, gear.form_diameter)),
+        Target("Settling", SteadyStateSettings, {}),
+        *(Target(cls.__name__, cls, {}, 4, _traced) for cls in (hb.Duffing, hb.SpurPair, hb.gears.GearRotorBearing)),
+        Target("PlanetarySet", hb.gears.PlanetarySet, {}, 3, lambda model: hb.HarmonicBalance(model, 2)),
+        Target("HelicalPair", hb.gears.HelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),
+        Target("Gear", hb.gears.Gear, GEAR, 4, lambda gear: (gear.mass_used, gear.inertia_used, gear.form_diameter)),
         Target(
             "Wheel",
-            hb.Wheel,
+            hb.gears.Wheel,
             {
                 "name": _is("a"),
                 "inertia": _is(1e-3, "1e-3 kg m^2"),
@@ -385,23 +469,26 @@ def targets() -> tuple[Target, ...]:
             lambda wheel: wheel.masses,
         ),
         Target(
-            "Shaft", hb.Shaft, {"first": _is("a"), "second": _is("b"), "torsion": _is(1e5), "damping": _is(0.02)}, 1
+            "Shaft",
+            hb.gears.Shaft,
+            {"first": _is("a"), "second": _is("b"), "torsion": _is(1e5), "damping": _is(0.02)},
+            1,
         ),
         Target(
             "Shaft.section",
-            hb.Shaft.section,
+            hb.gears.Shaft.section,
             {"first": _is("a"), "second": _is("b"), "outer": _is("20 mm"), "length": _is("100 mm"), "inner": _is(0.0)},
             1,
         ),
         Target(
             "Bearing",
-            hb.Bearing,
+            hb.gears.Bearing,
             {"at": _is("a"), "x": _is(1e8, "1e8 N/m"), "c_x": _is(None, 100.0), "clearance": _is(0.0, "20 um")},
             1,
         ),
         Target(
             "Beam",
-            hb.Beam,
+            hb.gears.Beam,
             {
                 "first": _is("a"),
                 "second": _is("b"),
@@ -416,7 +503,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "Housing",
-            hb.Housing,
+            hb.gears.Housing,
             {
                 "M": [lambda: np.eye(2)],
                 "K": [lambda: np.eye(2)],
@@ -429,7 +516,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "Mesh",
-            hb.Mesh,
+            hb.gears.Mesh,
             {
                 "first": _is("a"),
                 "second": _is("b"),
@@ -443,17 +530,17 @@ def targets() -> tuple[Target, ...]:
             },
             2,
             lambda mesh: (
-                hb.Train(train().wheels, [mesh], balance="b") if (mesh.first, mesh.second) == ("a", "b") else None
+                hb.gears.Train(train().wheels, [mesh], balance="b") if (mesh.first, mesh.second) == ("a", "b") else None
             ),
         ),
         Target(
             "Train",
-            hb.Train,
+            hb.gears.Train,
             {
                 "wheels": [lambda: train().wheels],
                 "meshes": [lambda: train().meshes],
                 "shafts": _is((), ()),
-                "bearings": _is((), (hb.Bearing("b", 0.0),)),
+                "bearings": _is((), (hb.gears.Bearing("b", 0.0),)),
                 "beams": _is(()),
                 "housing": _is(None),
                 "balance": _is("b"),
@@ -463,13 +550,13 @@ def targets() -> tuple[Target, ...]:
             2,
             _traced,
         ),
-        Target("Support", hb.Support, {"stiffness": _is(3e8, "3e8 N/m"), "tilt": _is(None, 5e5)}, 2),
+        Target("Support", hb.gears.Support, {"stiffness": _is(3e8, "3e8 N/m"), "tilt": _is(None, 5e5)}, 2),
         Target(
             "GearPair",
             hb.GearPair,
             {
-                "pinion": [lambda: hb.Gear(25, 3e-3, 0.02)],
-                "wheel": [lambda: hb.Gear(40, 3e-3, 0.02)],
+                "pinion": [lambda: hb.gears.Gear(25, 3e-3, 0.02)],
+                "wheel": [lambda: hb.gears.Gear(40, 3e-3, 0.02)],
                 "backlash": _is("80 um", 8e-5, None),
                 "backlash_measure": _is("circumferential", "normal"),
                 "center_distance": _is(None, 0.098),
@@ -494,19 +581,19 @@ def targets() -> tuple[Target, ...]:
             2,
         ),
         Target("GearPair.backlash_as", drawing().backlash_as, {"measure": _is("normal", "action")}, 0.5),
-        Target("Table", hb.Table, {"phase": _is([0.0, 0.5, 1.0]), "value": _is([1e8, 2e8, 1e8])}, 2),
+        Target("Table", hb.gears.MeshTable, {"phase": _is([0.0, 0.5, 1.0]), "value": _is([1e8, 2e8, 1e8])}, 2),
         Target(
             "MeshCycle",
-            hb.MeshCycle,
+            hb.gears.MeshCycle,
             {
-                "stiffness": [lambda: hb.Table([0.0, 0.5, 1.0], [1e8, 2e8, 1e8])],
-                "error": [lambda: hb.Table([0.0, 1.0], [0.0, 0.0])],
+                "stiffness": [lambda: hb.gears.MeshTable([0.0, 0.5, 1.0], [1e8, 2e8, 1e8])],
+                "error": [lambda: hb.gears.MeshTable([0.0, 1.0], [0.0, 0.0])],
                 "force": _is(None, 100.0),
             },
         ),
         Target(
             "iso_dynamic_factor",
-            hb.iso_dynamic_factor,
+            hb.gears.iso_dynamic_factor,
             {
                 "pair": _is(drawing()),
                 "torque": _is(200.0, "200 N m"),
@@ -514,13 +601,17 @@ def targets() -> tuple[Target, ...]:
                 "grade": _is(6),
             },
         ),
-        Target("Reaction", hb.Reaction, {"stiffness": _is([[1.0, 0.0]]), "damping": _is([[0.1, 0.0]])}),
-        Target("read_table", hb.read_table, {"path": _is("no.csv"), "column": _is(1), "unit": _is("N/m")}),
-        Target("dynamic_factor", hb.dynamic_factor, {"model": _is(hb.Duffing()), "point": [point], "element": element}),
-        Target("DoubleHelicalPair", hb.DoubleHelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),
+        Target("Reaction", hb.mechanics.Reaction, {"stiffness": _is([[1.0, 0.0]]), "damping": _is([[0.1, 0.0]])}),
+        Target("read_table", hb.io.read_mesh_table, {"path": _is("no.csv"), "column": _is(1), "unit": _is("N/m")}),
+        Target(
+            "dynamic_factor",
+            hb.analysis.dynamic_factor,
+            {"model": _is(hb.Duffing()), "point": [point], "element": element},
+        ),
+        Target("DoubleHelicalPair", hb.gears.DoubleHelicalPair, {}, 4, lambda model: hb.HarmonicBalance(model, 2)),
         Target("Model.replace", hb.Duffing().replace, {"zeta": _is(0.05), "k3": _is(0.1)}),
-        Target("DoubleHelicalPair.mesh_frequency", hb.DoubleHelicalPair().mesh_frequency, with_Omega, 0.5),
-        Target("DoubleHelicalPair.pinion_speed", hb.DoubleHelicalPair().pinion_speed, with_Omega, 0.5),
+        Target("DoubleHelicalPair.mesh_frequency", hb.gears.DoubleHelicalPair().mesh_frequency, with_Omega, 0.5),
+        Target("DoubleHelicalPair.pinion_speed", hb.gears.DoubleHelicalPair().pinion_speed, with_Omega, 0.5),
         Target(
             "HarmonicBalance",
             hb.HarmonicBalance,
@@ -537,7 +628,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "HarmonicBalance.with_orders_of",
-            balance().with_orders_of,
+            balance().with_harmonics_of,
             {"curve": _is(curve()), "tolerance": _is(1e-6, 1e-3)},
             0.5,
         ),
@@ -558,7 +649,7 @@ def targets() -> tuple[Target, ...]:
                 "start": _is(None, row),
                 "at": _is(None, {"zeta": 0.1}),
                 "steps": _is(FEW),
-                "settings": _is(hb.Settings()),
+                "settings": _is(hb.NewtonSettings()),
                 "stability": _is(True, False),
                 "special": _is(True, False),
                 "accuracy": _is(None, 1e-4),
@@ -591,11 +682,20 @@ def targets() -> tuple[Target, ...]:
                 },
                 1,
             )
-            for cls in (hb.BranchPoint, hb.Fold, hb.Grazing, hb.NeimarkSacker, hb.Peak, hb.PeriodDoubling)
+            for cls in (
+                hb.continuation.BranchPointProblem,
+                hb.continuation.FoldProblem,
+                hb.harmonic.GrazingProblem,
+                hb.harmonic.NeimarkSackerProblem,
+                hb.harmonic.AmplitudeExtremum,
+                hb.harmonic.PeriodDoublingProblem,
+            )
         ),
         Target(
             "trace a Fold",
-            lambda second, span, start: hb.trace(hb.Fold(spur(), "Omega"), second, span, start, steps=FEW),
+            lambda second, span, start: hb.trace(
+                hb.continuation.FoldProblem(spur(), "Omega"), second, span, start, steps=FEW
+            ),
             {"second": _is("zeta"), "span": _is((0.05, 0.06)), "start": [lambda: gears()["LP1"]]},
             2,
         ),
@@ -625,14 +725,14 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "Range",
-            hb.Range,
+            hb.mechanics.Range,
             {"low": _is(0.0), "high": _is(1.0)},
             0.3,
             free=frozenset({"low", "high", "above", "below"}),  # inf is no end, and the default
         ),
         Target(
             "peaks",
-            hb.peaks,
+            hb.analysis.peaks,
             {
                 "branch": [curve, gears],
                 "measure": measure,
@@ -659,7 +759,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "critical",
-            hb.critical,
+            hb.analysis.critical_parameter,
             {"model": _is(balance()), "parameter": _is("F"), "frequencies": _is((0.8, 1.3)), "harmonics": _is(3)},
             1,
         ),
@@ -677,27 +777,27 @@ def targets() -> tuple[Target, ...]:
             },
             1,
         ),
-        Target("grid", lambda zeta, F: hb.grid(zeta=zeta, F=F), {"zeta": _is([0.04, 0.05]), "F": _is([0.1])}),
+        Target("grid", lambda zeta, F: hb.design.grid(zeta=zeta, F=F), {"zeta": _is([0.04, 0.05]), "F": _is([0.1])}),
         Target(
             "saltelli",
-            lambda blocks, seed, zeta: hb.saltelli(blocks, seed, zeta=zeta),
+            lambda blocks, seed, zeta: hb.design.saltelli(blocks, seed, zeta=zeta),
             {"blocks": _is(2, 4), "seed": _is(0), "zeta": _is(("uniform", 0.04, 0.06))},
             0.5,
         ),
         Target(
             "latin_hypercube",
-            lambda count, seed, zeta: list(hb.latin_hypercube(count, seed, zeta=zeta).rows()),
+            lambda count, seed, zeta: list(hb.design.latin_hypercube(count, seed, zeta=zeta).rows()),
             {"count": _is(3), "seed": _is(0), "zeta": _is(("uniform", 0.04, 0.06))},
         ),
         Target(
             "monte_carlo",
-            lambda count, seed, zeta: list(hb.monte_carlo(count, seed, zeta=zeta).rows()),
+            lambda count, seed, zeta: list(hb.design.monte_carlo(count, seed, zeta=zeta).rows()),
             {"count": _is(3), "seed": _is(0), "zeta": _is(("normal", 0.05, 0.01), ("triangular", 0.1, 0.2, 0.3))},
         ),
         *(
             Target(
                 "monte_carlo",
-                lambda a, b, name=name: list(hb.monte_carlo(3, 0, zeta=(name, a, b)).rows()),
+                lambda a, b, name=name: list(hb.design.monte_carlo(3, 0, zeta=(name, a, b)).rows()),
                 {"a": _is(0.1), "b": _is(0.2)},
                 0.5,
             )
@@ -705,10 +805,10 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "cases",
-            lambda **given: hb.cases(**given, executor=_Here()),
+            lambda **given: hb.design.cases(**given, executor=_Here()),
             {
                 "model": _is(hb.Duffing()),
-                "vary": _is(hb.grid(F=[0.1])),
+                "vary": _is(hb.design.grid(F=[0.1])),
                 "compute": _is(("peak",), ("jumps", "curve")),
                 "critical": _is(()),
                 "harmonics": _is(2),
@@ -722,7 +822,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "integrate",
-            hb.integrate,
+            hb.time.integrate,
             {
                 "model": model[:1],
                 "state": _is([0.1, 0.0]),
@@ -738,7 +838,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "shoot",
-            hb.shoot,
+            hb.time.shoot,
             {
                 "model": model[:1],
                 "Omega": _is(0.9),
@@ -751,7 +851,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "sweep",
-            hb.sweep,
+            hb.time.sweep,
             {
                 "model": model[:1],
                 "grid": _is([0.9, 1.0]),
@@ -767,7 +867,7 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "basins",
-            hb.basins,
+            hb.time.basins,
             {
                 "model": model[:1],
                 "Omega": _is(1.1),
@@ -790,14 +890,23 @@ def targets() -> tuple[Target, ...]:
             },
             1,
         ),
-        Target("reduce", hb.reduce, {"model": [system, hb.SpurPair], "modes": _is(1, 2), "corrections": _is(1, 3)}, 2),
+        Target(
+            "reduce",
+            hb.mechanics.reduce,
+            {"model": [system, hb.SpurPair], "modes": _is(1, 2), "corrections": _is(1, 3)},
+            2,
+        ),
         Target("load", hb.load, {"path": _is("no.npz"), "problem": _is(None)}, free=frozenset({"problem"})),
-        Target("second_opinion", hb.second_opinion, {"branch": [curve, gears], "point": _is(1, "LP1")}, 0.3),
-        Target("run", hb.run, {"branch": [curve], "direction": _is("up", "down"), "others": _is(())}),
-        Target("answers", hb.answers, {"found": [curve, point], "element": element, "dof": _is(None, 0)}),
+        Target("second_opinion", hb.time.compare_multipliers, {"branch": [curve, gears], "point": _is(1, "LP1")}, 0.3),
+        Target("run", hb.analysis.run_up, {"branch": [curve], "direction": _is("up", "down"), "others": _is(())}),
+        Target(
+            "answers",
+            hb.analysis.machine_quantities,
+            {"found": [curve, point], "element": element, "dof": _is(None, 0)},
+        ),
         Target(
             "sensitivity",
-            hb.sensitivity,
+            hb.analysis.sensitivity,
             {
                 "point": [point, lambda: curve()[3], lambda: gears()["GR1"]],
                 "parameters": _is(None, ["zeta"]),
@@ -807,16 +916,18 @@ def targets() -> tuple[Target, ...]:
             },
             2,
         ),
-        Target("Sensitivity.percent", hb.sensitivity(point()).percent, {"quantity": _is("Omega", "rms", "")}, 0.5),
+        Target(
+            "Sensitivity.percent", hb.analysis.sensitivity(point()).percent, {"quantity": _is("Omega", "rms", "")}, 0.5
+        ),
         Target(
             "Sensitivity.scatter",
-            hb.sensitivity(point()).scatter,
+            hb.analysis.sensitivity(point()).scatter,
             {"spread": _is({"zeta": 0.01}), "quantity": _is("Omega")},
             0.5,
         ),
         Target(
             "Measurements",
-            hb.Measurements,
+            hb.design.Measurements,
             {
                 "frequency": _is([0.8, 0.9]),
                 "amplitude": _is([0.3, 0.5]),
@@ -828,13 +939,13 @@ def targets() -> tuple[Target, ...]:
             },
             2,
         ),
-        Target("read_measurements", hb.read_measurements, {"path": _is("no.csv"), "columns": _is(None)}, 0.5),
+        Target("read_measurements", hb.design.read_measurements, {"path": _is("no.csv"), "columns": _is(None)}, 0.5),
         Target(
             "fit",
-            hb.fit,
+            hb.design.fit,
             {
                 "model": model[:1],
-                "data": _is(hb.Measurements([0.8, 0.9], [0.4, 0.6])),
+                "data": _is(hb.design.Measurements([0.8, 0.9], [0.4, 0.6])),
                 "free": _is(["zeta"], {"zeta": (0.02, 0.2)}),
                 "harmonics": _is(2),
                 "span": _is(None, (1.0, 0.7)),
@@ -844,20 +955,20 @@ def targets() -> tuple[Target, ...]:
             1,
         ),
         Target(
-            "jump_scatter",
-            hb.jump_scatter,
+            "jump_tolerance",
+            hb.design.jump_tolerance,
             {"branch": [curve], "spread": _is({"zeta": 0.001}), "draws": _is(3), "seed": _is(0)},
             0.5,
         ),
         Target(
             "sobol_indices",
-            hb.sobol_indices,
+            hb.design.sobol_indices,
             {"found": [some_cases], "quantity": _is("peak", "jump_rising"), "seed": _is(0)},
             0.3,
         ),
         Target(
             "response_band",
-            hb.response_band,
+            hb.design.response_band,
             {
                 "branch": [curve],
                 "scatter": _is({"zeta": 0.001}),
@@ -870,29 +981,29 @@ def targets() -> tuple[Target, ...]:
         ),
         Target(
             "ResponseBand.edges",
-            hb.response_band(curve(), {"zeta": 0.001}).edges,
+            hb.design.response_band(curve(), {"zeta": 0.001}).edges,
             {"sigmas": _is(2.0)},
             0.5,
         ),
         Target(
             "sweep_statistics",
-            hb.sweep_statistics,
+            hb.design.sweep_statistics,
             {"found": [some_cases], "Omega": _is(None, [0.8, 0.85]), "quantiles": _is((0.5,), (0.05, 0.95))},
             0.5,
         ),
-        Target("no_jumps", hb.no_jumps, {"margin": _is(0.0, 0.1), "parameter": _is("", "zeta")}, 0.3),
-        Target("peak_below", hb.peak_below, {"limit": _is(0.9), "measure": measure, "element": element}, 0.5),
+        Target("no_jumps", hb.design.no_jumps, {"margin": _is(0.0, 0.1), "parameter": _is("", "zeta")}, 0.3),
+        Target("peak_below", hb.design.peak_below, {"limit": _is(0.9), "measure": measure, "element": element}, 0.5),
         Target(
             "redesign",
-            hb.redesign,
+            hb.design.redesign,
             {
                 "model": model[:1],
-                "goal": _is(hb.no_jumps(), hb.peak_below(2.0)),
+                "goal": _is(hb.design.no_jumps(), hb.design.peak_below(2.0)),
                 "over": _is(["zeta"]),
                 "within": _is(None, {"zeta": (0.02, 0.2)}),
                 "scatter": _is(None, {"zeta": 0.001}),
                 "sigmas": _is(2.0),
-                "tolerances": _is(None, hb.monte_carlo(2, zeta=("normal", 0.0, 0.001))),
+                "tolerances": _is(None, hb.design.monte_carlo(2, zeta=("normal", 0.0, 0.001))),
                 "share": _is(1.0),
                 "span": _is((1.4, 0.8)),
                 "harmonics": _is(2),
@@ -1024,14 +1135,14 @@ def nonsense(value: Any, depth: int = 0) -> str:
         return "" if np.isfinite(value).all() else "numbers that are not finite"
     if isinstance(value, tuple | list) and depth < 3:
         return next((text for x in value if (text := nonsense(x, depth + 1))), "")
-    if isinstance(value, hb.Survey):
+    if isinstance(value, hb.analysis.BranchSearch):
         return nonsense(list(value.branches))
-    if isinstance(value, hb.SpurPair | hb.Duffing | hb.GearRotorBearing | hb.DoubleHelicalPair):
+    if isinstance(value, hb.SpurPair | hb.Duffing | hb.gears.GearRotorBearing | hb.gears.DoubleHelicalPair):
         return "" if all(math.isfinite(x) for x in value.parameters.values()) else "parameters that are not finite"
     return ""
 
 
-ALLOWED = (ValueError, KeyError, TypeError, IndexError, hb.NoConvergence, hb.NoFold, OSError)
+ALLOWED = (ValueError, KeyError, TypeError, IndexError, hb.NoConvergence, hb.analysis.NoFoldError, OSError)
 
 
 def ours(error: BaseException) -> bool:

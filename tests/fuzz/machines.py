@@ -128,11 +128,11 @@ def ring_file(rng: Random) -> Table:
 
 def planetary_file(rng: Random) -> Table:
     """A study of a planetary set, or of another model of the catalogue, with some of its fields."""
-    from hbgear.harmonic import catalogue
+    from hbgear.harmonic import model_registry
 
-    name = str(rng.choice([name for name in catalogue.MODELS if "planet" in name] or [*catalogue.MODELS]))
-    name = name if rng.random() < 0.6 else str(rng.choice([*catalogue.MODELS]))
-    values = catalogue.MODELS[name]().parameters
+    name = str(rng.choice([name for name in model_registry.MODELS if "planet" in name] or [*model_registry.MODELS]))
+    name = name if rng.random() < 0.6 else str(rng.choice([*model_registry.MODELS]))
+    values = model_registry.MODELS[name]().parameters
     some = [str(each) for each in rng.choice([*values], min(3, len(values)), replace=False)] if values else []
     tree: Table = {"model": name, "base": {each: values[each] for each in some[1:]}}
     return tree | {"grid": {each: [values[each]] for each in some[:1]}, "compute": {"what": ["peak"], "harmonics": 4}}
@@ -242,7 +242,7 @@ def damaged(rng: Random, text: str) -> bytes:
 def read(path: Path, study: bool) -> Any:
     """The model of a file, or of a study."""
     from hbgear.cli.support import chosen_model
-    from hbgear.design.study_file import read_study
+    from hbgear.design.cases.study_file import read_study
 
     return read_study(path).model if study else chosen_model(str(path), None)
 

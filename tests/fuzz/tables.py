@@ -186,18 +186,18 @@ def spoilt(rng: Random, made: Made) -> str:
 
 
 def read_response(path: Path, made: Made) -> list[tuple[Any, Any]]:
-    found = hb.from_receptances({("a", "a"): path}, static=[[1e-4]])
+    found = hb.io.from_receptances({("a", "a"): path}, static=[[1e-4]])
     values = np.asarray(found.values)[:, 0, 0][-len(made.cells) :]
     return [(values, made.more)]  # type: ignore[attr-defined]
 
 
 def read_cycle(path: Path, made: Made) -> list[tuple[Any, Any]]:
-    found = hb.read_table(path)
+    found = hb.io.read_mesh_table(path)
     return [(found.phase[:-1], made.numbers[0]), (found.value[:-1], made.numbers[1])]
 
 
 def read_sweeps(path: Path, made: Made) -> list[tuple[Any, Any]]:
-    data = hb.read_measurements(path)
+    data = hb.design.read_measurements(path)
     roles = {"n": "frequency", "speed": "frequency", "pinion_speed": "frequency", "rpm": "frequency", "f": "frequency",
              "omega": "frequency", "dte": "amplitude", "x": "amplitude", "displacement": "amplitude",
              "sweep": "directions", "direction": "directions", "std": "deviation"}  # fmt: skip
@@ -295,7 +295,7 @@ def attempt_matrices(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong |
             path.write_bytes(_bytes(rng, buffer.getvalue()) if damaged and rng.random() < 0.4 else buffer.getvalue())
     note(f"from_matrices, {form}, {'damaged' if damaged else 'valid'}, n = {len(found['M'])}")
     try:
-        read = hb.from_matrices(source)
+        read = hb.io.from_matrices(source)
     except (ValueError, KeyError) as error:
         return _clean(error) if damaged else pool.Wrong("refused", f"{form}: valid matrices", str(error)[:300])
     for name, right in found.items() if not damaged else ():

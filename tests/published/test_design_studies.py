@@ -30,7 +30,7 @@ def test_tolerances(tolerances, tmp_path):
     for case in (int(np.argmax(jumps)), int(np.argmin(jumps))):
         model = tolerances.BASE.replace(**{name: float(found.table[name][case]) for name in found.names})
         curve = hb.trace(hb.HarmonicBalance(model, 4), "Omega", (0.95, 0.8), accuracy=None)
-        peak = max(point.amplitude("pp2") for point in hb.peaks(curve, "pp2", accuracy=None))
+        peak = max(point.amplitude("pp2") for point in hb.analysis.peaks(curve, "pp2", accuracy=None))
         assert found.table["peak"][case] == pytest.approx(peak, rel=1e-8)
         rising = [jump.value for jump in curve.jumps() if jump.direction == 1]
         assert rising == pytest.approx([found.table["jump_rising"][case]] if jumps[case] else [], rel=1e-8)
@@ -60,7 +60,7 @@ def test_least_change(tmp_path, monkeypatch):
     found, at = results.found, results.found.values
     assert found.reached and found.distance < results.distance.min()
     there = least_change.BASE.replace(eps_scale=at["eps_scale"], e_scale=at["e_scale"])
-    cusp = hb.critical(hb.HarmonicBalance(there, 3), "zeta", frequencies=least_change.SPAN).value
+    cusp = hb.analysis.critical_parameter(hb.HarmonicBalance(there, 3), "zeta", frequencies=least_change.SPAN).value
     assert at["zeta"] == pytest.approx(cusp, rel=2e-3) and at["zeta"] > cusp
     least_change.plot(results).savefig(tmp_path / "a.png")
     assert "has 0 jumps; the goal is reached" in least_change.report(results)

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import eigvals
 
 import hbgear as hb
-from hbgear.timedomain.settle import Settling
+from hbgear.time.steady_state import SteadyStateSettings
 
 matplotlib.use("Agg")
 pytestmark = pytest.mark.usefixtures("on_path")
@@ -67,7 +67,9 @@ def test_around_one_third_the_stable_motion_has_impacts_and_the_halves_move_oppo
     assert doubled["unstable"] == pytest.approx((0.33055, 0.34347), abs=5e-5)
     start = np.zeros(48)
     start[[5, 17]] = 0.5, -0.5
-    found = hb.sweep(hb.DoubleHelicalPair(), [1 / 3], start=start, settling=Settling(tolerance=1e-4))
+    found = hb.time.sweep(
+        hb.gears.DoubleHelicalPair(), [1 / 3], start=start, settling=SteadyStateSettings(tolerance=1e-4)
+    )
     assert found.period[0] == 2
     assert found.max[0, 0] - 2 * found.pp2[0, 0] == pytest.approx(doubled["least"], abs=1e-3)
 
@@ -85,7 +87,7 @@ def test_without_errors_the_printed_equations_are_those_of_24_coordinates():
     from studies.dong_2022 import as_printed
 
     half = hb.HarmonicBalance(as_printed.symmetric(), 16)
-    pair = hb.HarmonicBalance(hb.DoubleHelicalPair(), 16)
+    pair = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(), 16)
     for Omega in (0.9, 1.3):
         np.testing.assert_allclose(half.start(Omega), pair.start(Omega).reshape(2, -1)[0], atol=1e-9)
     shifted = hb.HarmonicBalance(as_printed.symmetric(["z_sign"]), 16).start(0.9)
@@ -95,7 +97,7 @@ def test_without_errors_the_printed_equations_are_those_of_24_coordinates():
 def test_opposite_motions_have_eigenvalues_of_the_24_coordinates():
     from studies.dong_2022 import as_printed
 
-    system = hb.DoubleHelicalPair().system()
+    system = hb.gears.DoubleHelicalPair().system()
     W, n = system.W, system.n
     K, C = system.K + W @ W.T, system.C + 2 * 0.063 * W @ W.T
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(system.M, np.hstack([K, C]))]])

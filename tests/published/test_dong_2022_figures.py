@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.timedomain.integrate import integrate, state_of
+from hbgear.time.integration import integrate, state_of
 
 matplotlib.use("Agg")
 pytestmark = pytest.mark.usefixtures("on_path")
@@ -20,7 +20,7 @@ def drawn(study_module, results, folder):
 
 def integrated(point, model=None):
     """The gap over the motion's own period, integrated from its state."""
-    problem = hb.HarmonicBalance(model or hb.DoubleHelicalPair(), point.layout.harmonics, nu=point.layout.nu)
+    problem = hb.HarmonicBalance(model or hb.gears.DoubleHelicalPair(), point.layout.harmonics, nu=point.layout.nu)
     Omega = point.parameters["Omega"]
     state = state_of(problem, point.X, Omega=Omega)
     return integrate(problem.model, state, point.layout.nu, Omega, method="exponential", samples=1024).d[..., 0, :]
@@ -97,7 +97,7 @@ def test_fig08_largest_error_jumps_and_none_does_not(tmp_path):
     assert up.value == pytest.approx(0.8436, abs=3e-4) and down.value == pytest.approx(0.8099, abs=1e-3)
     assert (up.direction, down.direction) == (1, -1) and not without.jumps()
     assert up.after is not None and down.after is not None
-    model = hb.DoubleHelicalPair(e=fig08.MEMBERS[0].changes["e"])
+    model = hb.gears.DoubleHelicalPair(e=fig08.MEMBERS[0].changes["e"])
     for point in (up.after, down.after):
         assert np.ptp(integrated(point, model)) / 2 == pytest.approx(point.amplitude("pp2"), rel=5e-3)
     assert "up 0.843" in fig08.report(results)
@@ -113,7 +113,7 @@ def test_fig09_light_loads_jump_and_heavy_ones_do_not(tmp_path):
     assert not heavy.jumps() and "single_sided" in heavy.regimes
     assert heavy.peak("pp2").amplitude("pp2") == pytest.approx(1.0384, abs=2e-3)
     point = heavy.peak("pp2")
-    assert np.ptp(integrated(point, hb.DoubleHelicalPair(torque=2800.0))) / 2 == pytest.approx(1.0384, abs=3e-3)
+    assert np.ptp(integrated(point, hb.gears.DoubleHelicalPair(torque=2800.0))) / 2 == pytest.approx(1.0384, abs=3e-3)
     assert drawn(fig09, results, tmp_path)
 
 

@@ -12,9 +12,9 @@ import pytest
 from scipy.linalg import expm
 
 import hbgear as hb
-from hbgear.mechanics.fourier import extrema
-from hbgear.timedomain.integrate import state_of
-from hbgear.timedomain.settle import Settling
+from hbgear.mechanics.series.fourier import extrema
+from hbgear.time.integration import state_of
+from hbgear.time.steady_state import SteadyStateSettings
 
 ROOT = Path(__file__).parents[2]
 matplotlib.use("Agg")
@@ -56,7 +56,7 @@ def test_spectra_at_one_third():
 def test_spectra_against_time_integration(name, Omega):
     module = study(name)
     results = module.run(quick=True)
-    settled = hb.sweep(hb.DoubleHelicalPair(), [Omega])
+    settled = hb.time.sweep(hb.gears.DoubleHelicalPair(), [Omega])
     for measure in ("H1", "H2", "H3"):
         assert results["motion"].amplitude(measure) == pytest.approx(settled.amplitude(measure)[0], abs=1e-6)
     assert drawn(module, results)
@@ -78,8 +78,8 @@ def test_backlash_changes_nothing_but_the_mean():
     assert last.mean - first.mean == pytest.approx(0.25, abs=1e-8)  # half of 51.27 - 50.77 um
     # b_c = b is the gap as before and an error that many times as large: the same machine in other units
     B = 51.27e-6
-    same = hb.DoubleHelicalPair(W=B / 50e-6 - 1, e_scale=B / 50e-6)
-    settled = hb.sweep(same, [1.0], settling=Settling(1e-6))
+    same = hb.gears.DoubleHelicalPair(W=B / 50e-6 - 1, e_scale=B / 50e-6)
+    settled = hb.time.sweep(same, [1.0], settling=SteadyStateSettings(1e-6))
     grown = results["paper", "unit"][1].orders[0]
     for k in (1, 2, 3):
         assert grown[k - 1] == pytest.approx(25 * settled.amplitude(f"H{k}")[0], abs=1e-5)
@@ -104,7 +104,7 @@ def test_speeds_and_backlash():
 
 def folds(**changes):
     """Number of folds of the response between Omega = 1 and 0.75."""
-    problem = hb.HarmonicBalance(hb.DoubleHelicalPair(**changes), 8)
+    problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(**changes), 8)
     curve = hb.trace(problem, "Omega", (1.0, 0.8), stability=False)
     return sum(point.kind == "LP" for point in curve.special)
 
@@ -139,7 +139,7 @@ def floquet(pair, Omega, steps=200):
 def test_period_doubling_is_a_parametric_resonance():
     module = study("doublings")
     results = module.run(quick=True)
-    pair = hb.DoubleHelicalPair()
+    pair = hb.gears.DoubleHelicalPair()
     for label in ("PD1", "PD2"):
         mu = floquet(pair, results["curve"][label].parameters["Omega"])
         assert np.min(np.abs(mu + 1)) < 1e-5
@@ -162,10 +162,10 @@ def test_double_sided_impact_begins():
     assert top["W"] == pytest.approx(-0.93934, abs=1e-4)
     deep = results["depths"]["mesh period", 0.063][0]
     assert deep / 2 == pytest.approx(1 + top["W"], rel=3e-3)  # of the rows of a curve, not of its very top
-    pair = hb.DoubleHelicalPair(W=top["W"])
+    pair = hb.gears.DoubleHelicalPair(W=top["W"])
     touching = module.widest(results["grazing"]["mesh period"])
     state = state_of(hb.HarmonicBalance(pair, touching.layout.harmonics), touching.X, Omega=top["Omega"])
-    settled = hb.sweep(pair, [top["Omega"]], start=state, settling=Settling(1e-4))
+    settled = hb.time.sweep(pair, [top["Omega"]], start=state, settling=SteadyStateSettings(1e-4))
     lowest = extrema(settled.rows[0, 0])[0]
     assert lowest == pytest.approx(-(1 + top["W"]), abs=5e-4)
     assert drawn(module, results)
@@ -176,7 +176,7 @@ def test_basins_of_the_pair():
     """Starts have the gaps asked for; those of the map end as its full form says; rest is the start d = -W."""
     module = study("basins")
     state = module.turned(module.LOW, np.array([-0.3]), np.array([0.2]))[0]
-    first = hb.integrate(module.LOW, state, 1, module.FOLDED, samples=64)
+    first = hb.time.integrate(module.LOW, state, 1, module.FOLDED, samples=64)
     np.testing.assert_allclose(first.d[:, 0], -0.3, atol=1e-12)
     np.testing.assert_allclose(first.v[:, 0], 0.2 + module.rest(), atol=1e-12)
     moved = module.shifted(module.LOW, np.array([1.0]), np.array([0.0]))[0, :24]

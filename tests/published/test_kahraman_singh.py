@@ -12,8 +12,8 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from hbgear import HarmonicBalance, SpurPair, trace
-from hbgear.continuation.newton import solve
-from hbgear.mechanics.fourier import extrema
+from hbgear.continuation.solvers.newton import solve
+from hbgear.mechanics.series.fourier import extrema
 
 FOLDS = (0.7080316187, 0.8284639844)
 FOLD_H1 = (0.32333707, 0.11764379)

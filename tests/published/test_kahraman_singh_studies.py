@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.harmonic.observables import REGIMES
-from hbgear.timedomain.integrate import state_of
-from hbgear.timedomain.settle import Settling
+from hbgear.harmonic.equations.layout import REGIMES
+from hbgear.time.integration import state_of
+from hbgear.time.steady_state import SteadyStateSettings
 
 matplotlib.use("Agg")
 
@@ -54,9 +54,9 @@ def test_motions_of_three_periods():
         found = branch[label].parameters["Omega"]
         assert found == pytest.approx(Omega, abs=2e-6)
         state = state_of(branch.problem, branch[label].X, Omega=found)
-        integrated = hb.shoot(pair, found, state, 3, tolerance=closure)  # singular at the fold: the state as it is
+        integrated = hb.time.shoot(pair, found, state, 3, tolerance=closure)  # singular at the fold: the state as it is
         assert np.abs(integrated.multipliers - mu).min() < 5e-3
-    swept = hb.sweep(pair, [2.1], start=start.state)
+    swept = hb.time.sweep(pair, [2.1], start=start.state)
     assert swept.period[0] == 3 and longer.lies_on([branch], swept, 0)
     assert swept.rms[0, 0] == pytest.approx(0.31463, abs=2e-5)
 
@@ -65,7 +65,7 @@ def test_the_branch_of_a_doubled_motion_is_that_of_its_ancestor():
     """Two periods below the period doubling at 1.856903; the motion of one period is the root."""
     longer = study("kahraman_singh_1990.longer")
     pair = hb.SpurPair(e=(0.2,))
-    swept = hb.sweep(pair, [1.87, 1.85], "down", settling=Settling(1e-5))
+    swept = hb.time.sweep(pair, [1.87, 1.85], "down", settling=SteadyStateSettings(1e-5))
     assert list(swept.period) == [1, 2]
     found = longer.orbit(pair, 1.85, *swept.points[1][0, 0], 2)
     branch = longer.root(pair, found, (1.95, 1.84))
@@ -100,7 +100,7 @@ def test_basins():
     assert list(results.stable) == [True, False, True]
     # two starts beside the unstable motion go to different attractors
     d, v = results.points[1]
-    beside = hb.basins(module.PAIR, module.OMEGA, (d - 2e-3, d + 2e-3), (v, v + 1e-9), (2, 1))
+    beside = hb.time.basins(module.PAIR, module.OMEGA, (d - 2e-3, d + 2e-3), (v, v + 1e-9), (2, 1))
     assert len(beside.attractors) == 2
     assert "unstable | 0.224" in module.report(results)
     assert module.plot(results).axes[0].get_legend()

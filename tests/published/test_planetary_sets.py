@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.mechanics.fourier import evaluate
+from hbgear.mechanics.series.fourier import evaluate
 
 ROTATIONAL = [0, 1475.7, 1930.3, 2658.3, 7462.8, 11775.3]
 TRANSLATIONAL = [743.2, 1102.4, 1896.0, 2276.4, 6986.3, 9647.9]
 
 
 def test_natural_frequencies_of_lin_and_parker():
-    modes = hb.PlanetarySet(26, 34, 94, planets=3).modes()
+    modes = hb.gears.PlanetarySet(26, 34, 94, planets=3).modes()
     for kind, published, multiplicity in (("rotational", ROTATIONAL, 1), ("translational", TRANSLATIONAL, 2)):
         found = [mode for mode in modes if mode.kind == kind]
         np.testing.assert_allclose([mode.frequency for mode in found], published, atol=0.05)
@@ -24,14 +24,18 @@ def test_natural_frequencies_of_lin_and_parker():
 
 @pytest.mark.parametrize(("planets", "teeth"), [(4, (28, 36, 100)), (5, (26, 34, 94)), (6, (26, 34, 94))])
 def test_modes_of_a_planet_have_multiplicity_n_minus_3(planets, teeth):
-    small = hb.PlanetarySet(*teeth, planets=planets) if planets < 5 else hb.PlanetarySet(44, 16, 76, planets=planets)
+    small = (
+        hb.gears.PlanetarySet(*teeth, planets=planets)
+        if planets < 5
+        else hb.gears.PlanetarySet(44, 16, 76, planets=planets)
+    )
     planet = [mode for mode in small.modes() if mode.kind == "planet"]
     assert [mode.multiplicity for mode in planet] == 3 * [planets - 3]
     assert sum(mode.multiplicity for mode in small.modes()) == 9 + 3 * planets
 
 
 def test_unequal_places_mix_the_modes():
-    uneven = hb.PlanetarySet(28, 36, 100, planets=4, spacing=(0.0, 90.0, 180.0, 275.625))
+    uneven = hb.gears.PlanetarySet(28, 36, 100, planets=4, spacing=(0.0, 90.0, 180.0, 275.625))
     assert "mixed" in {mode.kind for mode in uneven.modes()}
 
 
@@ -45,7 +49,7 @@ def test_phases_of_parker_and_lin(teeth, driver, fixed, sense):
 
     In cycles, of the sun turning clockwise in the frame of the carrier; the signs of the first two change with it.
     """
-    planetary = hb.PlanetarySet(*teeth, driver=driver, fixed=fixed)
+    planetary = hb.gears.PlanetarySet(*teeth, driver=driver, fixed=fixed)
     psi = np.array(planetary.angles)
     sun, ring = -sense * teeth[0] * psi / (2 * np.pi), sense * teeth[2] * psi / (2 * np.pi)
     expected = np.concatenate([sun, ring + (0.5 if teeth[1] % 2 == 0 else 0.0)])
@@ -64,7 +68,7 @@ def test_phases_of_parker_and_lin(teeth, driver, fixed, sense):
     ],
 )
 def test_speeds_by_willis(driver, fixed, ratios):
-    planetary = hb.PlanetarySet(driver=driver, fixed=fixed)
+    planetary = hb.gears.PlanetarySet(driver=driver, fixed=fixed)
     assert {name: float(speed) for name, speed in planetary.speeds.items()} == pytest.approx(ratios)
     mesh = 28 * abs(ratios["sun"] - ratios["carrier"])
     assert planetary.scales.teeth == pytest.approx(mesh)
@@ -77,7 +81,7 @@ def test_static_forces_and_position_error(fixed):
     driver = "sun" if fixed != "sun" else "ring"
     share = {}
     for error in (0.0, 5e-6):
-        one = hb.PlanetarySet(fixed=fixed, driver=driver, eps_scale=0.0, planet_errors=(error, 0, 0, 0))
+        one = hb.gears.PlanetarySet(fixed=fixed, driver=driver, eps_scale=0.0, planet_errors=(error, 0, 0, 0))
         problem = hb.HarmonicBalance(one, 2)
         share[error] = problem.force_rows(problem.start(Omega=0.4), Omega=0.4)[:, 0] * one.k_sp * one.b_c
     equal = 300.0 / one.r_s / 4
@@ -89,7 +93,7 @@ def test_static_forces_and_position_error(fixed):
 
 
 def test_planets_in_phase_move_alike_and_the_sun_rests():
-    problem = hb.HarmonicBalance(hb.PlanetarySet(), 8)
+    problem = hb.HarmonicBalance(hb.gears.PlanetarySet(), 8)
     X = problem.start(Omega=1.0)
     rows = X.reshape(2, 4, -1)
     np.testing.assert_allclose(rows, rows[:, :1] + 0 * rows, atol=1e-10)
@@ -99,7 +103,7 @@ def test_planets_in_phase_move_alike_and_the_sun_rests():
 
 def test_planets_one_after_the_other_do_not_turn_the_sun():
     """Only harmonics that are multiples of N turn it; those next to them move it sideways."""
-    problem = hb.HarmonicBalance(hb.PlanetarySet(27, 35, 97), 8)
+    problem = hb.HarmonicBalance(hb.gears.PlanetarySet(27, 35, 97), 8)
     X = problem.start(Omega=0.8)
     u, x = (problem.motion(X, Omega=0.8)[problem.dof_names.index(name)] for name in ("u_sun", "x_sun"))
     size = [np.hypot(q[1::2], q[2::2]) for q in (u, x)]
@@ -110,7 +114,7 @@ def test_planets_one_after_the_other_do_not_turn_the_sun():
 
 @pytest.mark.parametrize(("teeth", "kinds"), [((28, 36, 100), {"LP", "NS", "GR"}), ((27, 35, 97), {"LP", "BP", "GR"})])
 def test_response_with_backlash_in_eight_meshes(teeth, kinds):
-    curve = hb.trace(hb.HarmonicBalance(hb.PlanetarySet(*teeth), 8), "Omega", (1.75, 1.25))
+    curve = hb.trace(hb.HarmonicBalance(hb.gears.PlanetarySet(*teeth), 8), "Omega", (1.75, 1.25))
     assert curve.status.complete and {point.kind for point in curve.special} >= kinds
     folds = [point.parameters["Omega"] for point in curve.special if point.kind == "LP"]
     expected = [1.46411, 1.60945] if teeth[0] == 28 else [1.27938, 1.46063]
@@ -121,7 +125,7 @@ def test_response_with_backlash_in_eight_meshes(teeth, kinds):
 
 def test_symmetry_breaks():
     """Each planet does what the one before it did, a quarter of the period later, until a branch point."""
-    planetary = hb.PlanetarySet(27, 35, 97)
+    planetary = hb.gears.PlanetarySet(27, 35, 97)
     curve = hb.trace(hb.HarmonicBalance(planetary, 8), "Omega", (2.3, 2.04))
     first = next(point for point in curve.special if point.kind == "BP")
     assert first.parameters["Omega"] == pytest.approx(2.0854, abs=1e-3)
@@ -137,12 +141,12 @@ def test_symmetry_breaks():
 
 def test_turning_of_the_carrier():
     """In its frame a body on isotropic bearings has the natural frequencies omega -+ Omega_c."""
-    loose = hb.PlanetarySet(
+    loose = hb.gears.PlanetarySet(
         torque=0.0, k_sp=1.0, k_rp=1.0, zeta=0.0, zeta_b=0.0, carrier_rotation=True
     )  # the sun all by itself
     Omega = 2e5
     carrier, alone = loose.orders["carrier"] * Omega, np.sqrt(loose.k_s / loose.m_s) / loose.omega_n
-    found = hb.campbell(loose, (0.5 * Omega, Omega), points=3).frequencies[-1]
+    found = hb.analysis.campbell(loose, (0.5 * Omega, Omega), points=3).frequencies[-1]
     assert carrier > 0.1 * alone
     for expected in (alone - carrier, alone + carrier):
         assert np.abs(found - expected).min() < 1e-6 * alone
@@ -175,4 +179,4 @@ def test_turning_of_the_carrier():
 )
 def test_bad_input(fields, said):
     with pytest.raises((ValueError, TypeError), match=said):
-        hb.PlanetarySet(**fields)
+        hb.gears.PlanetarySet(**fields)

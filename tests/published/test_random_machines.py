@@ -174,7 +174,7 @@ def test_two_doublings_beside_a_grazing_contact_are_found(on_path):
     first, _, second = (curve.values[point.index] for point in found)
     inside = curve.values[(curve.values < first) & (curve.values > second)]
     assert len(inside) and not curve.stable[np.isin(curve.values, inside)].any()
-    short = hb.Steps(longest=0.002)
+    short = hb.StepControl(longest=0.002)
     fine = hb.trace(hb.HarmonicBalance(it.model, 48), "Omega", (0.333, 0.328), steps=short, accuracy=None, cover=False)
     places = [point.parameters["Omega"] for point in fine.special if point.kind == "PD"]
     assert len(places) == 2

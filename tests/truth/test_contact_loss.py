@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from hbgear import HarmonicBalance, SpurPair, trace
-from hbgear.continuation.newton import solve
-from hbgear.mechanics.fourier import extrema
+from hbgear.continuation.solvers.newton import solve
+from hbgear.mechanics.series.fourier import extrema
 
 
 def contact_loss(m):

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Law, Load, SpurPair, System, trace
-from hbgear.continuation.newton import solve
+from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, trace
+from hbgear.continuation.solvers.newton import solve
+from hbgear.mechanics import Law
 
 
 def folds(model, H, span, **settings):

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 from hbgear import Duffing, HarmonicBalance, trace
-from hbgear.continuation.newton import solve
+from hbgear.continuation.solvers.newton import solve
 
 CASES = [Duffing(), Duffing(k3=-0.05, F=0.1), Duffing(zeta=0.02, k3=1.0, F=0.1), Duffing(k3=0.3, F=0.05, zeta=0.1)]
 

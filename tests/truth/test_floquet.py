@@ -9,23 +9,11 @@ import numpy as np
 import pytest
 from cross.shooting import integrate, state
 
-from hbgear import (
-    Backlash,
-    Cubic,
-    DoubleHelicalPair,
-    Duffing,
-    Element,
-    HarmonicBalance,
-    Law,
-    Load,
-    Parallel,
-    Series,
-    SpurPair,
-    System,
-    trace,
-)
-from hbgear.harmonic.floquet import _eigenvalues, monodromies, multipliers_of
-from hbgear.mechanics.fourier import evaluate
+from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, trace
+from hbgear.gears import DoubleHelicalPair
+from hbgear.harmonic.multipliers.floquet import _eigenvalues, floquet_multipliers, monodromies
+from hbgear.mechanics import Law, Parallel, Series
+from hbgear.mechanics.series.fourier import evaluate
 
 
 @dataclass(frozen=True)
@@ -168,7 +156,7 @@ def test_a_multiplier_is_minus_one_where_the_doubled_balance_is_singular():
         signs = []
         for shift in (-1e-6, 1e-6):
             nearby = trace(problem, "Omega", (Omega, Omega + shift), point.X, stability=False, special=False).X[-1]
-            J = doubled.evaluate(doubled.in_basis(nearby, problem.layout), Omega=Omega + shift)[1]
+            J = doubled.evaluate(doubled.from_layout(nearby, problem.layout), Omega=Omega + shift)[1]
             signs.append(np.linalg.slogdet(J)[0])
         assert signs[0] == -signs[1]
 
@@ -212,7 +200,7 @@ def doubled():
     """Motions of twice the period: those of the simple one, seen so."""
     problem, X, Omega = along(SpurPair(e=(0.1,)), 10, (2.2, 1.7))
     twice = problem.with_order(2)
-    return twice, np.array([twice.in_basis(x, problem.layout) for x in X]), Omega
+    return twice, np.array([twice.from_layout(x, problem.layout) for x in X]), Omega
 
 
 CURVES = {
@@ -249,7 +237,7 @@ def test_many_at_once_are_those_one_by_one(name):
     if name == "all regimes":
         assert {0, 2, 4} <= count
     compiled = problem.compiled({})
-    together = multipliers_of(compiled, compiled.processed(X, Omega), Omega)
+    together = floquet_multipliers(compiled, compiled.with_driven_harmonics(X, Omega), Omega)
     single = np.array([problem.multipliers(x, Omega=w) for x, w in zip(X, Omega, strict=True)])
     assert together.shape == (len(X), single.shape[1]) and together.dtype == complex
     assert np.all(np.diff(np.abs(together)) <= 1e-12)
@@ -277,7 +265,7 @@ def test_without_modes_it_says_what_to_do():
     problem.compiled({}).structure.modes = None
     for call in (
         lambda: problem.multipliers(X, Omega=0.7),
-        lambda: multipliers_of(problem.compiled({}), X[None], np.array([0.7])),
+        lambda: floquet_multipliers(problem.compiled({}), X[None], np.array([0.7])),
     ):
         with pytest.raises(ValueError, match="reduce the model"):
             call()

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from hbgear import HarmonicBalance, SpurPair, trace
-from hbgear.continuation.newton import solve
-from hbgear.mechanics.fourier import resize
+from hbgear.continuation.solvers.newton import solve
+from hbgear.mechanics.series.fourier import resize
 
 N = np.array([10, 20, 40, 80, 160])
 # model, Omega, where the trace that leads there begins

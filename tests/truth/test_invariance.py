@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from hbgear import Cubic, DoubleHelicalPair, Duffing, Element, HarmonicBalance, SpurPair, System, trace
-from hbgear.continuation.newton import solve
+from hbgear import Cubic, Duffing, Element, HarmonicBalance, SpurPair, System, trace
+from hbgear.continuation.solvers.newton import solve
+from hbgear.gears import DoubleHelicalPair
 
 OMEGAS = (1.3, 0.95, 0.9, 0.88)
 
@@ -121,7 +122,7 @@ def test_two_periods_are_two_periods():
     """Written with nu = 2 a motion keeps its residual; its multipliers are the squares."""
     problem, X = traced(SpurPair(eps=(0.1,)), 0.9)
     doubled = problem.with_order(2)
-    Y = doubled.in_basis(X, problem.layout)
+    Y = doubled.from_layout(X, problem.layout)
     np.testing.assert_allclose(doubled.residual(Y, Omega=0.9), 0, atol=1e-9)
     mu, mu2 = problem.multipliers(X, Omega=0.9), doubled.multipliers(Y, Omega=0.9)
     np.testing.assert_allclose(np.sort_complex(mu2), np.sort_complex(mu**2), atol=1e-7)

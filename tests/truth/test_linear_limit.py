@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from hbgear import Cubic, DoubleHelicalPair, Duffing, Element, HarmonicBalance, Load, Series, SpurPair, System
-from hbgear.mechanics.fourier import to_complex
+from hbgear import Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System
+from hbgear.gears import DoubleHelicalPair
+from hbgear.mechanics import Series
+from hbgear.mechanics.series.fourier import to_complex
 
 EPS = np.finfo(float).eps
 SUMS = 32

@@ -8,9 +8,9 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import hbgear as hb
-from hbgear.gears.iso_stiffness import iso_stiffness
-from hbgear.gears.loaded_mesh import relief_length
-from hbgear.gears.tooth import Tooth
+from hbgear.gears.drawing.tooth import Tooth
+from hbgear.gears.mesh.iso_stiffness import iso_stiffness
+from hbgear.gears.mesh.loaded_mesh import relief_length
 
 STANDARD = [(25, 40, 3, 0, 0), (20, 20, 3, 0.3, 0.3), (20, 60, 4, 0.2, 0), (50, 50, 3, 0, 0), (30, 90, 5, 0, 0),
             (18, 54, 3, 0.3, -0.3), (24, 24, 10, 0, 0), (40, 120, 2, 0, 0), (35, 35, 4, 0.1, 0.1),
@@ -20,14 +20,14 @@ LOAD = 3e5  # N/m, the load that the regression of ISO 6336 was made for
 
 
 def pair(z_1, z_2, m, x_1=0.0, x_2=0.0, **fields):
-    gears = [hb.Gear(z, m * 1e-3, "20 mm", profile_shift=x, **fields) for z, x in ((z_1, x_1), (z_2, x_2))]
+    gears = [hb.gears.Gear(z, m * 1e-3, "20 mm", profile_shift=x, **fields) for z, x in ((z_1, x_1), (z_2, x_2))]
     return hb.GearPair(*gears)
 
 
 def test_iso_of_the_published_stage():
     """NREL 5 MW, third stage: c' = 15.402808, and c_gamma = 20.747499 N/(mm um) with its contact ratio of 1.462659."""
     beta = radians(10)
-    stage = hb.GearPair(*(hb.Gear(z, "14 mm", "360 mm", helix_angle=h, profile_shift=x, tip_diameter=d)
+    stage = hb.GearPair(*(hb.gears.Gear(z, "14 mm", "360 mm", helix_angle=h, profile_shift=x, tip_diameter=d)
                           for z, x, h, d in ((24, 0.480, beta, 0.38075), (95, 0.669, -beta, 1.39537))),
                         backlash=0.0, center_distance="861 mm")  # fmt: skip
     found = iso_stiffness(stage)
@@ -77,7 +77,7 @@ def compliance_by_quadrature(gear, radius):
 
 
 def test_tooth_by_quadrature_and_the_foundation_by_its_formula():
-    gear = hb.Gear(25, "3 mm", "20 mm")
+    gear = hb.gears.Gear(25, "3 mm", "20 mm")
     tooth = Tooth(gear)
     for height in (-1.5e-3, 0.0, 2.2e-3):
         beam, (x, y, phi) = compliance_by_quadrature(gear, tooth.pitch + height)
@@ -135,7 +135,7 @@ def test_error_without_load_of_a_relieved_pair():
     """Rigid teeth: zero while some pair is off the relief, else the least relieved of those in contact, in closed
     form."""
     relief, length = 20e-6, 4e-3  # longer than there is double contact
-    gears = [hb.Gear(z, "3 mm", "20 mm", tip_relief=relief, tip_relief_length=length) for z in (25, 40)]
+    gears = [hb.gears.Gear(z, "3 mm", "20 mm", tip_relief=relief, tip_relief_length=length) for z in (25, 40)]
     p = hb.GearPair(*gears)
     begin, end = p.path
     error = p.mesh(100.0).error
@@ -159,7 +159,7 @@ def test_stiffness_jumps_where_a_pair_comes_and_goes():
 
 def test_secant_and_tangent_carry_the_same_load():
     """Both lines go through the loaded point; the tangent is the slope of F over delta."""
-    p = hb.GearPair(*(hb.Gear(z, "3 mm", "20 mm", tip_relief="15 um") for z in (25, 40)), backlash="80 um")
+    p = hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm", tip_relief="15 um") for z in (25, 40)), backlash="80 um")
     T, h = 150.0, 0.15
     secant, tangent = (p.mesh(T, linearized=way) for way in ("secant", "tangent"))
     np.testing.assert_allclose(secant.static_error.value, tangent.static_error.value, rtol=1e-9)
@@ -170,7 +170,9 @@ def test_secant_and_tangent_carry_the_same_load():
 
 
 def test_slices_of_a_helical_pair_converge_and_a_spur_pair_is_one_slice():
-    helical = hb.GearPair(*(hb.Gear(z, "3 mm", "20 mm", helix_angle=h) for z, h in ((25, "15 deg"), (40, "-15 deg"))))
+    helical = hb.GearPair(
+        *(hb.gears.Gear(z, "3 mm", "20 mm", helix_angle=h) for z, h in ((25, "15 deg"), (40, "-15 deg")))
+    )
     means = [helical.mesh(200.0, slices=n).stiffness.mean for n in (24, 96, 384)]
     assert means[1] == pytest.approx(means[2], rel=1e-3)
     spur = pair(25, 40, 3)
@@ -182,7 +184,7 @@ def test_slices_of_a_helical_pair_converge_and_a_spur_pair_is_one_slice():
 @pytest.mark.parametrize("beta", [5, 10, 15, 20, 25])
 def test_helical_within_ten_percent_of_iso(beta):
     """From 0.95 to 0.91 of it as the helix rises: slices do not hold each other, which real teeth do."""
-    helical = hb.GearPair(*(hb.Gear(z, "3 mm", "20 mm", helix_angle=radians(h), profile_shift=x)
+    helical = hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm", helix_angle=radians(h), profile_shift=x)
                             for z, h, x in ((25, beta, 0.2), (75, -beta, 0.0))))  # fmt: skip
     mean = helical.mesh(LOAD * 0.02 * helical.base_radii[0]).stiffness.mean / 0.02
     assert mean == pytest.approx(iso_stiffness(helical).mesh, rel=0.1)
@@ -191,10 +193,12 @@ def test_helical_within_ten_percent_of_iso(beta):
 def test_a_helix_of_nothing_is_a_spur_gear():
     """In the limit; and with a whole overlap ratio the stiffness does not vary."""
     spur = pair(25, 40, 3).mesh(200.0).stiffness
-    almost = hb.GearPair(*(hb.Gear(z, "3 mm", "20 mm", helix_angle=radians(h)) for z, h in ((25, 0.05), (40, -0.05))))
+    almost = hb.GearPair(
+        *(hb.gears.Gear(z, "3 mm", "20 mm", helix_angle=radians(h)) for z, h in ((25, 0.05), (40, -0.05)))
+    )
     assert almost.mesh(200.0).stiffness.mean == pytest.approx(spur.mean, rel=1e-3)
     beta, width = radians(15), 3e-3 * pi / np.sin(radians(15))
-    whole = hb.GearPair(*(hb.Gear(z, "3 mm", width, helix_angle=h) for z, h in ((25, beta), (40, -beta))))
+    whole = hb.GearPair(*(hb.gears.Gear(z, "3 mm", width, helix_angle=h) for z, h in ((25, beta), (40, -beta))))
     assert whole.overlap_ratio == pytest.approx(1.0, rel=1e-12)
     varied = whole.mesh(200.0 * width / 0.02).stiffness
     assert varied.range < 0.05 * varied.mean and spur.range > 0.4 * spur.mean
@@ -205,7 +209,7 @@ def test_helical_pair_of_whole_overlap_against_its_integral():
     presses the normal sections together by delta cos(beta_b)."""
     beta = radians(20)
     width = 3e-3 * pi / np.sin(beta)
-    p = hb.GearPair(*(hb.Gear(z, "3 mm", width, helix_angle=h) for z, h in ((25, beta), (40, -beta))))
+    p = hb.GearPair(*(hb.gears.Gear(z, "3 mm", width, helix_angle=h) for z, h in ((25, beta), (40, -beta))))
     helix, F = cos(p.pinion.base_helix_angle), 3e5 * width
     places = np.linspace(*p.path, 201)
     teeth, soft = (Tooth(p.pinion), Tooth(p.wheel)), [(1 - 0.09) / 206e9] * 2
@@ -234,7 +238,7 @@ def test_helical_pair_of_whole_overlap_against_its_integral():
 
 
 def test_relief_ends_where_single_contact_begins():
-    gears = [hb.Gear(z, "3 mm", "20 mm", tip_relief="10 um") for z in (25, 40)]
+    gears = [hb.gears.Gear(z, "3 mm", "20 mm", tip_relief="10 um") for z in (25, 40)]
     p = hb.GearPair(*gears)
     assert relief_length(p, p.pinion) == pytest.approx((p.contact_ratio - 1) * p.base_pitch, rel=1e-12)
 
@@ -252,7 +256,7 @@ def test_tip_relief_flattens_the_static_error_at_its_load():
     others."""
 
     def ripple(relief, torque):
-        gears = [hb.Gear(z, "3 mm", "20 mm", tip_relief=relief) for z in (25, 40)]
+        gears = [hb.gears.Gear(z, "3 mm", "20 mm", tip_relief=relief) for z in (25, 40)]
         return hb.GearPair(*gears).mesh(torque).peak_to_peak
 
     assert ripple(18e-6, 200.0) < 0.6 * ripple(0.0, 200.0)
@@ -260,8 +264,8 @@ def test_tip_relief_flattens_the_static_error_at_its_load():
 
 
 def test_ring_is_computed_as_a_rack():
-    p = hb.GearPair(hb.Gear(20, "3 mm", "20 mm", profile_shift=0.2),
-                    hb.Gear(60, "3 mm", "20 mm", internal=True, addendum=0.8, profile_shift=-0.2))  # fmt: skip
+    p = hb.GearPair(hb.gears.Gear(20, "3 mm", "20 mm", profile_shift=0.2),
+                    hb.gears.Gear(60, "3 mm", "20 mm", internal=True, addendum=0.8, profile_shift=-0.2))  # fmt: skip
     mean = p.mesh(LOAD * 0.02 * p.base_radii[0]).stiffness.mean / 0.02
     assert mean == pytest.approx(iso_stiffness(p).mesh, rel=0.15)
 
@@ -282,7 +286,7 @@ def k_v(N, ratio, p, f, k):
 @pytest.mark.parametrize(("beta", "grade", "relief"), [(0, 7, 0.0), (0, 5, 10e-6), (25, 5, 4e-6), (30, 8, 0.0)])
 def test_dynamic_factor_of_iso(beta, grade, relief):
     """In the units of the standard: N/(mm um), kg/mm, um; total contact ratios from 1.66 to 2.8."""
-    gears = [hb.Gear(z, "3 mm", "30 mm", helix_angle=radians(h), tip_relief=relief)
+    gears = [hb.gears.Gear(z, "3 mm", "30 mm", helix_angle=radians(h), tip_relief=relief)
              for z, h in ((25, beta), (40, -beta))]  # fmt: skip
     p, torque = hb.GearPair(*gears), 700.0
     found = iso_stiffness(p)
@@ -294,7 +298,7 @@ def test_dynamic_factor_of_iso(beta, grade, relief):
     resonance = 30_000 / (pi * 25) * sqrt(found.mesh / 1e9 / mass)
     for N in (0.0, 0.3, 0.849, 0.9, 1.1, 1.2, 1.4, 1.6, 5.0):
         expected = k_v(N, p.total_contact_ratio, b_p, b_f, b_k)
-        assert hb.iso_dynamic_factor(p, torque, N * resonance, grade) == pytest.approx(expected, rel=1e-12)
+        assert hb.gears.iso_dynamic_factor(p, torque, N * resonance, grade) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(("torque", "speed", "grade", "said"), [
@@ -304,4 +308,4 @@ def test_dynamic_factor_of_iso(beta, grade, relief):
 ])  # fmt: skip
 def test_what_has_no_dynamic_factor(torque, speed, grade, said):
     with pytest.raises(ValueError, match=said):
-        hb.iso_dynamic_factor(pair(25, 40, 3), torque, speed, grade)
+        hb.gears.iso_dynamic_factor(pair(25, 40, 3), torque, speed, grade)

@@ -7,25 +7,13 @@ import numpy as np
 import pytest
 import scipy
 
-from hbgear import (
-    Backlash,
-    Cubic,
-    Element,
-    HarmonicBalance,
-    Load,
-    MatrixTable,
-    SpeedTerms,
-    System,
-    Unilateral,
-    campbell,
-    integrate,
-    reduce,
-    shoot,
-    trace,
-)
-from hbgear.harmonic.hill import hill_multipliers
-from hbgear.mechanics.fourier import to_complex
-from hbgear.timedomain.integrate import state_of
+from hbgear import Backlash, Cubic, Element, HarmonicBalance, Load, System, Unilateral, trace
+from hbgear.analysis import campbell
+from hbgear.harmonic.multipliers.hill import hill_multipliers
+from hbgear.mechanics import MatrixTable, SpeedTerms, reduce
+from hbgear.mechanics.series.fourier import to_complex
+from hbgear.time import integrate, shoot
+from hbgear.time.integration import state_of
 
 M, K, C, U = 1.3, 2.0, 0.05, 0.1  # Jeffcott rotor: mass, stiffness, damping, unbalance
 I_D, I_P, K_T, C_T, U_T = 0.5, 0.8, 2.4, 0.03, 0.02  # its tilt: diametral and polar inertia, ...

@@ -12,7 +12,7 @@ import pytest
 import scipy
 
 import hbgear as hb
-from hbgear.mechanics.fourier import to_complex
+from hbgear.mechanics.series.fourier import to_complex
 
 E, NU, RHO = 2.06e11, 0.3, 7850.0
 
@@ -34,7 +34,7 @@ def test_whirl_of_a_timoshenko_shaft(Omega, inner):
     """Errors fall with the square of the length of the elements."""
     found, wanted = [], np.zeros(4)
     for elements in (8, 16):
-        beam = hb.Beam("a", "b", 0.1, 0.8, inner, elements=elements)
+        beam = hb.gears.Beam("a", "b", 0.1, 0.8, inner, elements=elements)
         M, K, G = beam.matrices
         free = [i for i in range(len(M)) if i % 6 not in (2, 5) and i not in (0, 1, len(M) - 6, len(M) - 5)]
         M, K, G = (A[np.ix_(free, free)] for A in (M, K, Omega * G))
@@ -50,7 +50,7 @@ def test_whirl_of_a_timoshenko_shaft(Omega, inner):
 
 def test_statics_of_a_beam_are_exact():
     """Tip of a cantilever: F L^3 / 3 E I + F L / (kappa A G), and its slope; torsion and extension."""
-    beam = hb.Beam("a", "b", 0.05, 0.4, 0.02, elements=3)
+    beam = hb.gears.Beam("a", "b", 0.05, 0.4, 0.02, elements=3)
     K = beam.matrices[1][6:, 6:]
     tip = np.linalg.solve(K, np.eye(len(K))[:, -6:])[-6:]
     A, I, L, G = beam.area, beam.second_moment, 0.4, E / 2 / (1 + NU)  # noqa: E741
@@ -67,20 +67,20 @@ def test_statics_of_a_beam_are_exact():
 def gears(**kwargs):
     """Two gears in space, the second on bearings; joined to more by what is given."""
     return [
-        hb.Wheel("pinion", 1e-3, 2.0, teeth=20, base_radius=0.028, torque=100.0, **{"moves": "space", **kwargs}),
-        hb.Wheel("gear", 4e-3, 5.0, teeth=20, base_radius=0.028),
+        hb.gears.Wheel("pinion", 1e-3, 2.0, teeth=20, base_radius=0.028, torque=100.0, **{"moves": "space", **kwargs}),
+        hb.gears.Wheel("gear", 4e-3, 5.0, teeth=20, base_radius=0.028),
     ]
 
 
-MESH = hb.Mesh("pinion", "gear", 4e8, 4e-5, eps=(0.1,), direction=0.0)
+MESH = hb.gears.Mesh("pinion", "gear", 4e8, 4e-5, eps=(0.1,), direction=0.0)
 
 
 def test_whirl_of_an_overhung_disc():
     """(k_11 - m w^2)(k_22 - I_d w^2 + I_p Omega w) = k_12^2 of a disc at the end of a shaft without mass."""
     m, I_p, I_d, L, d = 12.0, 0.09, 0.05, 0.3, 0.05
-    disc = hb.Wheel("disc", I_p, m, I_d, moves="space", z=L)
-    shaft = hb.Beam("pinion", "disc", d, density=0.0, elements=1, damping=0.0)
-    train = hb.Train([*gears(), disc], [MESH], beams=[shaft], balance="gear", gyroscopic=True)
+    disc = hb.gears.Wheel("disc", I_p, m, I_d, moves="space", z=L)
+    shaft = hb.gears.Beam("pinion", "disc", d, density=0.0, elements=1, damping=0.0)
+    train = hb.gears.Train([*gears(), disc], [MESH], beams=[shaft], balance="gear", gyroscopic=True)
     assert train.beams[0].length == L
     system, at = train.system(), [i for i, name in enumerate(train.system().dof_names) if name.endswith("_disc")]
     at = [at[0], at[4], at[1], at[3]]  # x, theta_y, y, theta_x; the pinion is thought to be fixed
@@ -99,7 +99,7 @@ def test_whirl_of_an_overhung_disc():
 
 
 def test_damping_of_the_modes_of_a_beam():
-    shaft = hb.Beam("a", "b", 0.05, 0.4, elements=4, damping=0.03)
+    shaft = hb.gears.Beam("a", "b", 0.05, 0.4, elements=4, damping=0.03)
     ends = np.array([2.0, 2.0, 2.0, 0.01, 0.01, 0.02]), np.array([5.0, 5.0, 5.0, 0.02, 0.02, 0.04])
     M, K, _ = shaft.matrices
     M = M + np.diag(np.concatenate([ends[0], np.zeros(len(M) - 12), ends[1]]))
@@ -113,10 +113,16 @@ def test_damping_of_the_modes_of_a_beam():
 def test_unbalance_of_a_jeffcott_rotor(turn):
     """x + i y = U w^2 e^{i (w t + phase)} / (k - m w^2 + i c w), of a rotor that its gear turns and does not hold."""
     m, k, zeta, U = 8.0, 6e6, 0.04, 2e-4
-    rotor = hb.Wheel("rotor", 0.05, m, moves="plane", unbalance=U, unbalance_angle=0.4)
-    wheels = [hb.Wheel("pinion", 1e-3, teeth=20, base_radius=0.028, torque=turn * 100.0), gears()[1], rotor]
-    train = hb.Train(wheels, [MESH], [hb.Shaft("pinion", "rotor", 1e5)], [hb.Bearing("rotor", k, k, damping=zeta)],
-                     balance="gear", unbalance_scale=1.5)  # fmt: skip
+    rotor = hb.gears.Wheel("rotor", 0.05, m, moves="plane", unbalance=U, unbalance_angle=0.4)
+    wheels = [hb.gears.Wheel("pinion", 1e-3, teeth=20, base_radius=0.028, torque=turn * 100.0), gears()[1], rotor]
+    train = hb.gears.Train(
+        wheels,
+        [MESH],
+        [hb.gears.Shaft("pinion", "rotor", 1e5)],
+        [hb.gears.Bearing("rotor", k, k, damping=zeta)],
+        balance="gear",
+        unbalance_scale=1.5,
+    )
     assert (train.orders["rotor"], train.orders["pinion-gear"]) == (1.0, 20.0)
     w = 1.2 * sqrt(k / m)
     Omega = w / train.omega_n
@@ -126,20 +132,24 @@ def test_unbalance_of_a_jeffcott_rotor(turn):
     phase = np.exp(turn * 1j * (0.4 + train._kinematics.turned["rotor"]))  # x ~ cos(theta), whichever way it turns
     expected = 1.5 * U * w**2 * phase / (k - m * w**2 + 2j * zeta * sqrt(k * m) * w)
     np.testing.assert_allclose([x, y], [expected, -turn * 1j * expected], rtol=1e-10)
-    resting = hb.Train(wheels[:2], [MESH], balance="gear")
+    resting = hb.gears.Train(wheels[:2], [MESH], balance="gear")
     assert resting.orders["pinion"] == 0.05  # without an unbalance Omega is that of the teeth
 
 
 def test_orders_about_the_multiples_of_the_teeth_are_enough():
     """An unbalance of order 1 beside teeth of order 20: these orders against all of them; too few are told."""
-    rotor = hb.Wheel("pinion", 1e-3, 2.0, teeth=20, base_radius=0.028, moves="plane", torque=100.0, unbalance=1e-4)
-    train = hb.Train([rotor, gears()[1]], [MESH], bearings=[hb.Bearing("pinion", 2e8, 2e8)], balance="gear")
+    rotor = hb.gears.Wheel(
+        "pinion", 1e-3, 2.0, teeth=20, base_radius=0.028, moves="plane", torque=100.0, unbalance=1e-4
+    )
+    train = hb.gears.Train([rotor, gears()[1]], [MESH], bearings=[hb.gears.Bearing("pinion", 2e8, 2e8)], balance="gear")
     few = hb.HarmonicBalance(train, orders=[k for b in range(4) for k in range(20 * b - 3, 20 * b + 4) if k > 0])
     whole, Omega = hb.HarmonicBalance(train, 63), 0.04
     X = [problem.motion(problem.start(Omega=Omega), Omega=Omega) for problem in (few, whole)]
     assert few.size < 0.5 * whole.size
     np.testing.assert_allclose(X[0], X[1], atol=1e-6 * np.abs(X[1]).max())
-    with pytest.warns(hb.Unlikely, match="what excites pinion-gear begins at order 20 of Omega"):
+    with pytest.warns(
+        hb.mechanics.ImplausibleInputWarning, match="what excites pinion-gear begins at order 20 of Omega"
+    ):
         hb.HarmonicBalance(train, 8)
 
 
@@ -150,16 +160,16 @@ def static(train):
     return dict(zip(problem.dof_names, means, strict=True))
 
 
-@pytest.mark.filterwarnings("ignore::hbgear.Unlikely")
+@pytest.mark.filterwarnings("ignore::hbgear.mechanics.ImplausibleInputWarning")
 def test_clearance_and_housing_in_series():
     """The force of the teeth closes the clearance and bends bearing and housing: c + F / k + F / k_h."""
     F, k, k_h, c, alpha = 100.0 / 0.028, 2e8, 5e8, 3e-5, 0.35
-    still = hb.Mesh("pinion", "gear", 4e8, 4e-5, direction=0.0, pressure_angle=alpha)
-    box = hb.Housing([[60.0]], [[k_h]], [[1e4]], ["side"], {"pinion": {"y": "side"}})
-    bearing = hb.Bearing("pinion", k, k, clearance=c)
-    free = hb.Bearing("pinion", k, k)
+    still = hb.gears.Mesh("pinion", "gear", 4e8, 4e-5, direction=0.0, pressure_angle=alpha)
+    box = hb.gears.Housing([[60.0]], [[k_h]], [[1e4]], ["side"], {"pinion": {"y": "side"}})
+    bearing = hb.gears.Bearing("pinion", k, k, clearance=c)
+    free = hb.gears.Bearing("pinion", k, k)
     for bearings, gap, seat in (([free], 0.0, None), ([bearing], c, None), ([bearing], c, box), ([free], 0.0, box)):
-        train = hb.Train(gears(moves="plane"), [still], bearings=bearings, housing=seat, balance="gear")
+        train = hb.gears.Train(gears(moves="plane"), [still], bearings=bearings, housing=seat, balance="gear")
         found = static(train)
         across, along = (gap * np.sign(f) + f / k for f in (abs(F) * cos(alpha), F * np.sin(alpha)))
         side = F * cos(alpha) / k_h if seat else 0.0
@@ -171,50 +181,54 @@ def test_clearance_and_housing_in_series():
 
 def test_a_stiff_housing_is_the_ground():
     """Tables and reactions too: they act between wheel and housing."""
-    table = hb.MatrixTable([10.0, 1e4], [1e7 * np.eye(2), 3e7 * np.eye(2)])
-    bearing = hb.Bearing("pinion", "2e8 N/m", "3e8 N/m", table=table)
+    table = hb.mechanics.MatrixTable([10.0, 1e4], [1e7 * np.eye(2), 3e7 * np.eye(2)])
+    bearing = hb.gears.Bearing("pinion", "2e8 N/m", "3e8 N/m", table=table)
     seats = {"pinion": {"x": "h1", "y": "h2"}}
-    trains = [hb.Train(gears(moves="plane"), [MESH], bearings=[bearing], balance="gear", housing=box)
-              for box in (None, hb.Housing(np.diag([1.0, 1.0]), 1e16 * np.eye(2), seats=seats))]  # fmt: skip
+    trains = [hb.gears.Train(gears(moves="plane"), [MESH], bearings=[bearing], balance="gear", housing=box)
+              for box in (None, hb.gears.Housing(np.diag([1.0, 1.0]), 1e16 * np.eye(2), seats=seats))]  # fmt: skip
     problems = [hb.HarmonicBalance(train, 8) for train in trains]
     X = [problem.start(Omega=0.8) for problem in problems]
     np.testing.assert_allclose(X[1], X[0], atol=1e-6 * np.abs(X[0]).max())
-    plain = dataclasses.replace(trains[1], bearings=(hb.Bearing("pinion", 2e8, 3e8),)).reactions["pinion radial"]
+    plain = dataclasses.replace(trains[1], bearings=(hb.gears.Bearing("pinion", 2e8, 3e8),)).reactions["pinion radial"]
     np.testing.assert_allclose(plain.stiffness[:, -2:], [[-0.5, 0.0], [0.0, -0.75]])
 
 
 def bent(second, length=0.2, z=0.0):
-    wheels = [*gears(), hb.Wheel("d", 1.0, 1.0, moves="space", z=z)]
-    return hb.Train(wheels, [MESH], beams=[hb.Beam("pinion", second, 0.05, length)], balance="gear")
+    wheels = [*gears(), hb.gears.Wheel("d", 1.0, 1.0, moves="space", z=z)]
+    return hb.gears.Train(wheels, [MESH], beams=[hb.gears.Beam("pinion", second, 0.05, length)], balance="gear")
 
 
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: hb.Beam("a", "a", 0.05), "name two wheels"),
-        (lambda: hb.Beam("a", "b", 0.05, inner=0.06), "smaller than outer"),
-        (lambda: hb.Beam("a", "b", "50 kg"), "outer"),
-        (lambda: hb.Beam("a", "b", 0.05, elements=0), "elements"),
+        (lambda: hb.gears.Beam("a", "a", 0.05), "name two wheels"),
+        (lambda: hb.gears.Beam("a", "b", 0.05, inner=0.06), "smaller than outer"),
+        (lambda: hb.gears.Beam("a", "b", "50 kg"), "outer"),
+        (lambda: hb.gears.Beam("a", "b", 0.05, elements=0), "elements"),
         (lambda: bent("gear"), "moves='space'"),
         (lambda: bent("mill"), "no wheel 'mill'"),
         (lambda: bent("d", None), "larger z"),
         (lambda: bent("d", z=0.3), "leave one out"),
-        (lambda: hb.Wheel("a", 1.0, unbalance=1e-3), "cannot move sideways"),
-        (lambda: hb.Train([*gears(), hb.Wheel("d", 1.0, 1.0, moves="plane", unbalance=1e-3)], [MESH], balance="gear"),
+        (lambda: hb.gears.Wheel("a", 1.0, unbalance=1e-3), "cannot move sideways"),
+        (lambda: hb.gears.Train([*gears(), hb.gears.Wheel("d", 1.0, 1.0, moves="plane", unbalance=1e-3)], [MESH],
+            balance="gear"),
          "does not turn"),
-        (lambda: hb.Train([hb.Wheel("pinion", 1e-3, 1.0, teeth=61, base_radius=0.06, moves="plane", unbalance=1e-3),
-                           hb.Wheel("gear", 1e-3, teeth=60, base_radius=0.06 / 61 * 60)], [MESH]),
+        (lambda: hb.gears.Train([hb.gears.Wheel("pinion", 1e-3, 1.0, teeth=61, base_radius=0.06, moves="plane",
+            unbalance=1e-3),
+                           hb.gears.Wheel("gear", 1e-3, teeth=60, base_radius=0.06 / 61 * 60)], [MESH]),
          "turns of the unbalanced wheels have no simple ratio"),
-        (lambda: hb.Bearing("a", 1e8, 1e8, clearance="3 mm", table=hb.MatrixTable([1, 2], np.zeros((2, 2, 2)))),
+        (lambda: hb.gears.Bearing("a", 1e8, 1e8, clearance="3 mm", table=hb.mechanics.MatrixTable([1, 2],
+            np.zeros((2, 2, 2)))),
          "needs springs x or y"),
-        (lambda: hb.Bearing("a", clearance="3 um"), "needs springs x or y"),
-        (lambda: hb.Housing(np.eye(2), np.eye(3)), "that of M"),
-        (lambda: hb.Housing(np.eye(2), np.full((2, 2), np.nan)), "not finite"),
-        (lambda: hb.Housing(np.eye(2), np.eye(2), names=["a"]), "1 names for 2"),
-        (lambda: hb.Housing(np.eye(2), np.eye(2), seats={"pinion": {"x": "h3"}}), "no coordinate 'h3'"),
-        (lambda: hb.Housing(np.eye(2), np.eye(2), seats={"pinion": {"up": "h1"}}), "must be one of x, y, z"),
-        (lambda: hb.Housing(np.eye(2), np.eye(2), seats=["pinion"]), "must be a dict"),
-        (lambda: hb.Train(gears(), [MESH], balance="gear", housing=hb.Housing([[1.0]], [[1.0]], seats={"mill": {}})),
+        (lambda: hb.gears.Bearing("a", clearance="3 um"), "needs springs x or y"),
+        (lambda: hb.gears.Housing(np.eye(2), np.eye(3)), "that of M"),
+        (lambda: hb.gears.Housing(np.eye(2), np.full((2, 2), np.nan)), "not finite"),
+        (lambda: hb.gears.Housing(np.eye(2), np.eye(2), names=["a"]), "1 names for 2"),
+        (lambda: hb.gears.Housing(np.eye(2), np.eye(2), seats={"pinion": {"x": "h3"}}), "no coordinate 'h3'"),
+        (lambda: hb.gears.Housing(np.eye(2), np.eye(2), seats={"pinion": {"up": "h1"}}), "must be one of x, y, z"),
+        (lambda: hb.gears.Housing(np.eye(2), np.eye(2), seats=["pinion"]), "must be a dict"),
+        (lambda: hb.gears.Train(gears(), [MESH], balance="gear", housing=hb.gears.Housing([[1.0]], [[1.0]],
+            seats={"mill": {}})),
          "no wheel 'mill'"),
     ],
 )  # fmt: skip

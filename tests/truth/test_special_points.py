@@ -17,12 +17,15 @@ from cross.shooting import state
 from cross.shooting_branch import Shooter
 from scipy.optimize import brentq, minimize_scalar
 
-from hbgear import DoubleHelicalPair, Fold, HarmonicBalance, PeriodDoubling, SpurPair, Steps, trace
-from hbgear.continuation.algebra import solve_linear
-from hbgear.continuation.newton import solve
-from hbgear.continuation.problem import linearise
-from hbgear.harmonic.critical import critical
-from hbgear.mechanics.fourier import resize
+from hbgear import HarmonicBalance, SpurPair, StepControl, trace
+from hbgear.analysis.critical_parameters import critical_parameter
+from hbgear.continuation import FoldProblem
+from hbgear.continuation.numerics.linear import solve_linear
+from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.solvers.newton import solve
+from hbgear.gears import DoubleHelicalPair
+from hbgear.harmonic import PeriodDoublingProblem
+from hbgear.mechanics.series.fourier import resize
 
 CUSP = {"Omega": 0.85722108, "zeta": 0.11800747}
 
@@ -56,8 +59,8 @@ def curve():
 @pytest.mark.parametrize("label", ["LP1", "LP2"])
 def test_a_fold_converges_at_least_with_the_cube_of_the_harmonics(curve, label):
     H = np.array([10, 14, 20, 28, 40, 56, 80])
-    truth = refined(Fold, SpurPair(), 320, curve[label])[2]
-    errors = [abs(refined(Fold, SpurPair(), int(h), curve[label])[2] - truth) for h in H]
+    truth = refined(FoldProblem, SpurPair(), 320, curve[label])[2]
+    errors = [abs(refined(FoldProblem, SpurPair(), int(h), curve[label])[2] - truth) for h in H]
     assert np.polyfit(np.log(H), np.log(errors), 1)[0] < -3.0
     assert errors[0] < (4.2e-7 if label == "LP1" else 1.8e-7) and errors[-1] < 1e-10
 
@@ -65,7 +68,7 @@ def test_a_fold_converges_at_least_with_the_cube_of_the_harmonics(curve, label):
 @pytest.mark.parametrize("label", ["LP1", "LP2"])
 def test_newton_converges_quadratically_on_a_fold(curve, label):
     """Residuals of plain Newton on {R, g}, relative to the forces: each at most 20 times the square of the last."""
-    problem, point = Fold(HarmonicBalance(SpurPair(), 20)), curve[label]
+    problem, point = FoldProblem(HarmonicBalance(SpurPair(), 20)), curve[label]
     truth = np.append(point.X, point.parameters["Omega"])
     U, residuals = truth + 2e-4 * np.cos(np.arange(len(truth))), []
     for _ in range(5):
@@ -83,9 +86,9 @@ def test_newton_converges_quadratically_on_a_fold(curve, label):
 def test_a_multiplier_is_one_at_a_fold(curve, label):
     """The fold is that of H harmonics, the multiplier that of the motion: they meet with H^-3, below 1e-8 at 800."""
     H = np.array([40, 80, 160])
-    errors = [distance_from(1, *refined(Fold, SpurPair(), int(h), curve[label])) for h in H]
+    errors = [distance_from(1, *refined(FoldProblem, SpurPair(), int(h), curve[label])) for h in H]
     assert np.polyfit(np.log(H), np.log(errors), 1)[0] < -2.85
-    assert distance_from(1, *refined(Fold, SpurPair(), 800, curve[label])) < 1e-8
+    assert distance_from(1, *refined(FoldProblem, SpurPair(), 800, curve[label])) < 1e-8
 
 
 @pytest.mark.parametrize("model", [SpurPair(eps=(0.3,), e=()), SpurPair(eps=(0.1, 0.05))], ids=["alone", "with error"])
@@ -93,7 +96,7 @@ def test_a_multiplier_is_one_at_a_fold_with_varying_stiffness(model):
     coarse = trace(HarmonicBalance(model, 20), "Omega", (1.5, 0.6), stability=False)
     assert len(folds(coarse)) == 2
     for point in folds(coarse):
-        assert distance_from(1, *refined(Fold, model, 200, point)) < 1e-6
+        assert distance_from(1, *refined(FoldProblem, model, 200, point)) < 1e-6
 
 
 # ---- period doublings
@@ -106,7 +109,7 @@ def test_a_multiplier_is_minus_one_at_a_period_doubling():
     points = [p for p in coarse.special if p.kind == "PD"]
     assert len(points) == 2
     for point in points:
-        assert distance_from(-1, *refined(PeriodDoubling, model, 400, point)) < 1e-8
+        assert distance_from(-1, *refined(PeriodDoublingProblem, model, 400, point)) < 1e-8
 
 
 def test_a_multiplier_is_minus_one_at_a_period_doubling_with_varying_stiffness():
@@ -116,7 +119,7 @@ def test_a_multiplier_is_minus_one_at_a_period_doubling_with_varying_stiffness()
     points = [p for p in coarse.special if p.kind == "PD"]
     assert len(points) == 2
     for point in points:
-        assert distance_from(-1, *refined(PeriodDoubling, model, 40, point)) < 1e-9
+        assert distance_from(-1, *refined(PeriodDoublingProblem, model, 40, point)) < 1e-9
 
 
 # ---- cusps
@@ -124,7 +127,7 @@ def test_a_multiplier_is_minus_one_at_a_period_doubling_with_varying_stiffness()
 
 def fold_curve(problem, zeta, end):
     curve = trace(problem, "Omega", (1.3, 0.8), at={"zeta": zeta}, stability=False)
-    return trace(Fold(problem), "zeta", (zeta, end), folds(curve)[0], steps=Steps(longest=0.1))
+    return trace(FoldProblem(problem), "zeta", (zeta, end), folds(curve)[0], steps=StepControl(longest=0.1))
 
 
 def test_cusp_to_eight_digits():
@@ -137,10 +140,10 @@ def test_cusp_to_eight_digits():
 @pytest.mark.parametrize("before", [1e-7, 3e-7, 1e-6])
 def test_a_cusp_next_to_a_row_has_an_error(before):
     """Whose other side of the row it is on with more harmonics."""
-    coarse, settings = HarmonicBalance(SpurPair(), 10), Steps(first=0.03, longest=0.03)
+    coarse, settings = HarmonicBalance(SpurPair(), 10), StepControl(first=0.03, longest=0.03)
     cusp = fold_curve(coarse, 0.117, 0.119)["CP1"].parameters["zeta"]
     near = fold_curve(coarse, 0.117, cusp - before)
-    found = trace(Fold(coarse), "zeta", (cusp - before, 0.119), near[-1], steps=settings)["CP1"]
+    found = trace(FoldProblem(coarse), "zeta", (cusp - before, 0.119), near[-1], steps=settings)["CP1"]
     assert found.parameters["zeta"] == pytest.approx(cusp, rel=0, abs=1e-10)
     assert abs(cusp - CUSP["zeta"]) == pytest.approx(found.error, rel=0.1)
 
@@ -192,7 +195,7 @@ def test_critical_value_of_the_double_helical_pair(name):
     """Between tracing 0.5 % below and 0.5 % above, the jump appears or vanishes."""
     model, (value, Omega) = DoubleHelicalPair(), CRITICAL[name]
     problem = HarmonicBalance(model, 12)
-    found = critical(problem, name, frequencies=(0.92, 0.84))
+    found = critical_parameter(problem, name, frequencies=(0.92, 0.84))
     assert abs(found.value - value) <= 3 * found.point.error + 5e-7 * value and found.point.error <= 1e-5 * value
     assert found.Omega == pytest.approx(Omega, abs=2e-5)
     span = (found.Omega + 0.03, found.Omega - 0.03)
@@ -208,7 +211,7 @@ def test_a_pair_that_crosses_just_before_a_fold():
     """Between two rows a pair comes inside the unit circle and a real multiplier passes +1: two points, told apart."""
     problem = HarmonicBalance(DoubleHelicalPair(zeta=0.03), 16)
     coarse = trace(problem, "Omega", (1.0, 0.7))
-    fine = trace(problem, "Omega", (1.0, 0.7), steps=Steps(first=0.004, longest=0.004))  # in which they lie apart
+    fine = trace(problem, "Omega", (1.0, 0.7), steps=StepControl(first=0.004, longest=0.004))  # in which they lie apart
     assert [p.kind for p in coarse.special] == [p.kind for p in fine.special]
     for a, b in zip(coarse.special, fine.special, strict=True):
         assert a.located and a.parameters["Omega"] == pytest.approx(b.parameters["Omega"], abs=1e-8)

@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-import hbgear.harmonic.balance
-import hbgear.harmonic.receptance
-from hbgear.mechanics.references import references
+import hbgear.harmonic.harmonic_balance
+import hbgear.harmonic.structure.receptance
+from hbgear.mechanics.reference_stiffness import references
 
 UNITS = {"length": (1e-6, 1.0, 1.0), "time": (1.0, 1e3, 1.0), "mass": (1.0, 1.0, 1e3), "all": (1e-6, 1e3, 1e3)}
 
 
 def scaled_series(series, times):
-    return hb.Series(times * series.mean, tuple(times * np.array(series.cosine)), tuple(times * np.array(series.sine)))
+    return hb.mechanics.Series(
+        times * series.mean, tuple(times * np.array(series.cosine)), tuple(times * np.array(series.sine))
+    )
 
 
 def scaled_law(law, L, F):

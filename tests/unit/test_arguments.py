@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.common.arguments import check, checked_arguments, fits, words
+from hbgear.common.argument_checks import check, checked_arguments, fits, words
 
 HBM = hb.HarmonicBalance(hb.Duffing(), 3)
 
@@ -28,10 +28,10 @@ HBM = hb.HarmonicBalance(hb.Duffing(), 3)
         (lambda: hb.HarmonicBalance(hb.Duffing(), True), "harmonics = True must be a whole number or a text"),
         (lambda: hb.validate(hb.Duffing()), r"validate\(branch\) needs a Branch, .*; got a Duffing: trace it"),
         (lambda: hb.trace_all(hb.Duffing(), (0.5, 1.0)), "needs a HarmonicBalance, .*; got a Duffing: give Harm"),
-        (lambda: hb.peaks(3), r"peaks\(branch\) needs a Branch, .*; got 3$"),
+        (lambda: hb.analysis.peaks(3), r"peaks\(branch\) needs a Branch, .*; got 3$"),
         (lambda: HBM.start(Omega="fast"), "HarmonicBalance.start: Omega = 'fast' must be a finite number"),
         (lambda: HBM.motion(np.zeros(8), Omega=1.0), r"X of shape \(8,\): need the unknowns of one motion"),
-        (lambda: hb.Steps(max_points="many"), "StepControl: max_points = 'many' must be a whole number"),
+        (lambda: hb.StepControl(max_points="many"), "StepControl: max_points = 'many' must be a whole number"),
         (lambda: hb.validate(HBM, problem=3), "needs a Branch, .*; got a HarmonicBalance: trace it first"),
         (lambda: hb.HarmonicBalance(hb.Duffing(), 3, tolerance="fine"), "tolerance = 'fine' must be a finite number"),
         (lambda: hb.load(3), "load: path = 3 must be a text or a path"),

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import hbgear as hb
 from hbgear import Status
-from hbgear.mechanics.recession import Receded, longest, receded, recession
+from hbgear.harmonic.structure.recession import Receded, longest, receded, recession
 
 PAIR = hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,))
 
@@ -61,7 +61,7 @@ def test_the_curve_nears_its_asymptote_like_one_over_its_size():
     problem, far = curve.problem, curve.asymptotes["last"]
     X = curve.X[-1] * 1e4
     Omega = far + (curve.values[-1] - far) / 1e4
-    there = hb.trace(problem, "Omega", (Omega, 1.5), hb.HarmonicBalance.fitted(problem, X), cover=False)
+    there = hb.trace(problem, "Omega", (Omega, 1.5), hb.HarmonicBalance.resized(problem, X), cover=False)
     c = [(x - far) * np.linalg.norm(row) for x, row in ((curve.values[-1], curve.X[-1]), (Omega, there.X[0]))]
     assert c[1] == pytest.approx(c[0], rel=0.1)
 
@@ -93,7 +93,7 @@ def test_a_stop_without_damping_leads_to_the_frequency_of_the_bilinear_oscillato
 
 
 @dataclass(frozen=True)
-class Soft(hb.Law):
+class Soft(hb.mechanics.Law):
     """p = d - tanh d: a backlash without corners."""
 
     reference = 1.0
@@ -131,7 +131,7 @@ def test_a_hardening_spring_has_no_asymptote():
 
 
 @dataclass(frozen=True)
-class Touchy(hb.Law):
+class Touchy(hb.mechanics.Law):
     """A spring that refuses stiffness it was not made for."""
 
     k: float
@@ -145,7 +145,7 @@ class Touchy(hb.Law):
 
 def test_a_law_that_refuses_to_be_asked_far_out_stops_no_trace():
     machine = hb.System([[1.0]], None, [[0.2]], [hb.Element([1.0], Touchy(1.0))], hb.Load(cosine={1: [0.3]}))
-    curve = traced(machine, 3, (0.3, 1.5), steps=hb.Steps(max_points=150))
+    curve = traced(machine, 3, (0.3, 1.5), steps=hb.StepControl(max_points=150))
     assert curve.status is Status.MAX_POINTS and not curve.asymptotes
 
 
@@ -182,7 +182,7 @@ def test_there_is_nothing_to_extend():
 
 
 def test_a_curve_that_was_stopped_runs_off_when_it_is_extended():
-    part = traced(PAIR, steps=hb.Steps(max_points=200))
+    part = traced(PAIR, steps=hb.StepControl(max_points=200))
     assert part.status is Status.MAX_POINTS and not part.asymptotes
     whole = hb.extend(part)
     assert whole.status is Status.UNBOUNDED
@@ -195,20 +195,20 @@ def test_a_curve_that_was_stopped_runs_off_when_it_is_extended():
 def test_recession_of_laws():
     tau = np.linspace(0, 6, 12)
     d, still = np.linspace(-3, 3, 12), np.zeros(12)
-    mesh = hb.Series(mean=1.0, cosine=(0.2,))
+    mesh = hb.mechanics.Series(mean=1.0, cosine=(0.2,))
     stop = hb.Unilateral(k=2.0, gap=0.7)
     for law, far in (
         (hb.Backlash(b=0.5, k=3.0, stiffness=mesh), 3 * mesh(tau) * d),
         (stop, 2 * np.maximum(d, 0)),
-        (hb.Parallel((hb.Backlash(b=0.5, stiffness=mesh), stop)), mesh(tau) * d + 2 * np.maximum(d, 0)),
+        (hb.mechanics.Parallel((hb.Backlash(b=0.5, stiffness=mesh), stop)), mesh(tau) * d + 2 * np.maximum(d, 0)),
         (hb.Cubic(k3=0.0, k1=1.5), 1.5 * d),
         (Soft(), d),
-        (hb.Parallel((Soft(), stop)), d + 2 * np.maximum(d, 0)),
+        (hb.mechanics.Parallel((Soft(), stop)), d + 2 * np.maximum(d, 0)),
     ):
         known = recession(law)
         np.testing.assert_allclose(known.force(d, still, tau)[0], far, atol=1e-10)
         np.testing.assert_allclose(law.force(1e9 * d, still, tau)[0] / 1e9, far, atol=1e-7)
-    for law in (hb.Cubic(1.0), hb.Parallel((hb.Backlash(), hb.Cubic(-0.1)))):
+    for law in (hb.Cubic(1.0), hb.mechanics.Parallel((hb.Backlash(), hb.Cubic(-0.1)))):
         assert recession(law) is None
 
 

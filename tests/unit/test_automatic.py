@@ -27,6 +27,9 @@ def test_the_end_keeps_to_the_tolerance(tolerance, end):
 
 
 def test_a_tolerance_that_the_most_harmonics_miss_is_told():
-    with pytest.warns(hb.Unlikely, match=r"up to H = 400, leave \d+ points of the curve with an estimated error above"):
+    with pytest.warns(
+        hb.mechanics.ImplausibleInputWarning,
+        match=r"up to H = 400, leave \d+ points of the curve with an estimated error above",
+    ):
         curve = traced(hb.SpurPair(e=(0.1,)), 1e-11, 1.0, 0.97)
     assert curve.status.complete and curve.error.max() > 1e-11

@@ -9,21 +9,19 @@ import pytest
 from hbgear import (
     Backlash,
     Cubic,
-    DoubleHelicalPair,
     Duffing,
     Element,
     HarmonicBalance,
-    Law,
     Load,
-    Model,
     NoConvergence,
-    Series,
     SpurPair,
     System,
     Unilateral,
     trace,
 )
-from hbgear.mechanics.fourier import derive, evaluate, stretch, to_complex, to_real
+from hbgear.gears import DoubleHelicalPair
+from hbgear.mechanics import Law, Model, Series
+from hbgear.mechanics.series.fourier import derive, evaluate, stretch, to_complex, to_real
 
 OMEGA = 0.83
 TAU = 2 * np.pi * np.arange(256) / 256
@@ -254,7 +252,7 @@ def test_a_grazing_extremum_is_an_entry_of_the_clearance(rng):
     X = rng.standard_normal(problem.size)
     clearance = problem.clearance(X)
     for which, expected in enumerate(clearance):
-        g, theta = problem.graze(X, which)
+        g, theta = problem.grazing_distance(X, which)
         element, corner = divmod(which // 2, 2)
         row = X.reshape(problem.m, -1)[element]
         assert g == pytest.approx(expected, abs=1e-13)
@@ -274,7 +272,7 @@ def test_truncation_estimate_predicts_the_error():
 
 def _traced(problem):
     """The upper motion at Omega = 0.78, reached from above in small steps."""
-    from hbgear.continuation.newton import solve
+    from hbgear.continuation.solvers.newton import solve
 
     X = problem.start(1.5)
     for Omega in np.linspace(1.5, 0.78, 30):
@@ -315,11 +313,11 @@ def test_higher_order_in_time_holds_the_same_motion():
     X = problem.start(1.5)
     doubled = problem.with_order(2)
     assert (doubled.nu, doubled.H) == (2, 10)
-    Y = doubled.in_basis(X, problem.layout)
+    Y = doubled.from_layout(X, problem.layout)
     np.testing.assert_allclose(doubled.residual(Y, Omega=1.5), 0, atol=1e-10)
     assert not Y[1::4].any() and not Y[2::4].any()
     with pytest.raises(ValueError, match="nu = 2 is not periodic with nu = 3"):
-        problem.with_order(3, 9).in_basis(Y, doubled.layout)
+        problem.with_order(3, 9).from_layout(Y, doubled.layout)
 
 
 @pytest.mark.parametrize(

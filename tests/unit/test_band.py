@@ -46,7 +46,7 @@ def moved(model, **changes):
 @pytest.mark.parametrize("name", SPREAD)
 def test_each_parameter_against_two_curves(curve, name, unit, length):
     """Also in r/min and um, whose scales move with the curve: the natural frequency moves it in r/min alone."""
-    band = hb.response_band(curve, {name: SPREAD[name]}, unit=unit, length=length)
+    band = hb.design.response_band(curve, {name: SPREAD[name]}, unit=unit, length=length)
     up, down = (displaced(band, moved(PAIR, **{name: side * SPREAD[name]})) for side in (1, -1))
     found, expected = band.effects[:, 0], (up - down) / 2
     np.testing.assert_allclose(band.deviation, np.abs(found), atol=1e-12)
@@ -63,7 +63,7 @@ def test_monte_carlo_of_whole_curves(curve):
     Where the curve is bent as sharply as the band is wide, at its tip, no first order holds; these rows are left out.
     """
     spread = {"zeta": 1e-4, "e[0]": 5e-5, "F_m": 2e-4}
-    band = hb.response_band(curve, spread)
+    band = hb.design.response_band(curve, spread)
     xi = np.random.default_rng(3).normal(size=(40, 3))
     drawn = np.array([
         displaced(band, moved(PAIR, **{n: x * s for (n, s), x in zip(spread.items(), row, strict=True)})) for row in xi
@@ -82,12 +82,12 @@ def test_monte_carlo_of_whole_curves(curve):
 
 def test_held_frequency_and_held_amplitude(curve):
     """Away from folds the scatter of the amplitude is that of `sensitivity`; at the fold there is none."""
-    band = hb.response_band(curve, {"zeta": 1e-3, "e[0]": 5e-4})
+    band = hb.design.response_band(curve, {"zeta": 1e-3, "e[0]": 5e-4})
     for i in (5, 20, len(curve) - 4):
-        row = hb.sensitivity(curve[i], ["zeta", "e[0]"], measure="pp2")
+        row = hb.analysis.sensitivity(curve[i], ["zeta", "e[0]"], measure="pp2")
         assert band.at_frequency[i] == pytest.approx(row.scatter({"zeta": 1e-3, "e[0]": 5e-4}, "pp2"), rel=1e-6)
     fold = curve["LP1"]
-    jump = hb.sensitivity(fold, ["zeta", "e[0]"]).scatter({"zeta": 1e-3, "e[0]": 5e-4})
+    jump = hb.analysis.sensitivity(fold, ["zeta", "e[0]"]).scatter({"zeta": 1e-3, "e[0]": 5e-4})
     assert band.at_amplitude[fold.index] == pytest.approx(jump, rel=1e-6)
     assert band.at_frequency[fold.index] > 1e3 * jump
     upper, lower = band.edges(1)
@@ -99,10 +99,10 @@ def test_held_frequency_and_held_amplitude(curve):
 def test_band_of_a_fit(curve):
     """The covariance counts, not the standard errors alone."""
     rows = np.arange(2, 30, 3)
-    data = hb.Measurements(curve.values[rows], 1.001 * curve.amplitude("pp2")[rows], -1, 0.001)
-    found = hb.fit(hb.HarmonicBalance(PAIR, 5), data, ["zeta", "e[0]"])
-    band = hb.response_band(found.curve, found)
-    alone = hb.response_band(found.curve, found.errors)
+    data = hb.design.Measurements(curve.values[rows], 1.001 * curve.amplitude("pp2")[rows], -1, 0.001)
+    found = hb.design.fit(hb.HarmonicBalance(PAIR, 5), data, ["zeta", "e[0]"])
+    band = hb.design.response_band(found.curve, found)
+    alone = hb.design.response_band(found.curve, found.errors)
     i = 40
     g = [alone.effects[i, j] / found.errors[name] for j, name in enumerate(found.names)]
     assert band.deviation[i] == pytest.approx(np.sqrt(g @ found.covariance @ g), rel=1e-9)
@@ -110,7 +110,7 @@ def test_band_of_a_fit(curve):
 
 
 def test_figure(curve, tmp_path):
-    band = hb.response_band(curve, {"zeta": 2e-3}, unit="pinion r/min", length="um")
+    band = hb.design.response_band(curve, {"zeta": 2e-3}, unit="pinion r/min", length="um")
     ax = hb.plot.band(band, sigmas=3)
     assert "r/min" in ax.get_xlabel() and "[um]" in ax.get_ylabel()
     (shade,) = ax.patches
@@ -121,7 +121,7 @@ def test_figure(curve, tmp_path):
         assert apart.max() < 1e-9
     under = hb.plot.response(curve)
     lines = len(under.lines)
-    hb.plot.band(hb.response_band(curve, {"zeta": 2e-3}), under)
+    hb.plot.band(hb.design.response_band(curve, {"zeta": 2e-3}), under)
     assert len(under.lines) == lines + 1 and len(under.patches) >= 1
     with pytest.raises(ValueError, match="there is no colour 'blau'"):
         hb.plot.band(band, color="blau")
@@ -129,21 +129,21 @@ def test_figure(curve, tmp_path):
 
 def test_what_has_no_band(curve):
     with pytest.raises(KeyError, match="no parameter 'zetta'; did you mean 'zeta'"):
-        hb.response_band(curve, {"zetta": 0.1})
+        hb.design.response_band(curve, {"zetta": 0.1})
     with pytest.raises(ValueError, match="Omega is what the curve is traced in"):
-        hb.response_band(curve, {"Omega": 0.1})
+        hb.design.response_band(curve, {"Omega": 0.1})
     with pytest.raises(ValueError, match="name at least one parameter that scatters"):
-        hb.response_band(curve, {})
+        hb.design.response_band(curve, {})
     with pytest.raises(ValueError, match=r"zeta = -0\.1"):
-        hb.response_band(curve, {"zeta": -0.1})
+        hb.design.response_band(curve, {"zeta": -0.1})
     with pytest.raises(ValueError, match="unit = 'rpm'"):
-        hb.response_band(curve, {"zeta": 0.1}, unit="rpm")
+        hb.design.response_band(curve, {"zeta": 0.1}, unit="rpm")
     duffing = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9))
     with pytest.raises(ValueError, match="Duffing does not know its units"):
-        hb.response_band(duffing, {"zeta": 0.001}, length="um")
+        hb.design.response_band(duffing, {"zeta": 0.001}, length="um")
     folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.051))
     with pytest.raises(ValueError, match="a band needs a response curve"):
-        hb.response_band(folds, {"b": 0.1})
+        hb.design.response_band(folds, {"b": 0.1})
 
 
 def test_command(curve, tmp_path, capsys, monkeypatch):
@@ -159,7 +159,7 @@ def test_command(curve, tmp_path, capsys, monkeypatch):
     code, said = run("zeta=0.001", "e[0]=0.0005", "--draws", "20", "--plot", str(tmp_path / "band.png"))
     assert code == 0 and "LP1" in said.out and "the curve is displaced most at Omega" in said.out
     assert (tmp_path / "band.png").stat().st_size > 10_000
-    first = hb.jump_scatter(curve, {"zeta": 0.001, "e[0]": 0.0005}, draws=20)[0].first
+    first = hb.design.jump_tolerance(curve, {"zeta": 0.001, "e[0]": 0.0005}, draws=20)[0].first
     assert f"{first:.3g}" in said.out
     code, said = run("zetta=0.001")
     assert code == 2 and "did you mean 'zeta'" in said.err

@@ -3,31 +3,18 @@
 import numpy as np
 import pytest
 
-from hbgear import (
-    Backlash,
-    Cubic,
-    Duffing,
-    Element,
-    Fold,
-    Grazing,
-    HarmonicBalance,
-    Load,
-    Peak,
-    PeriodDoubling,
-    SpurPair,
-    Steps,
-    System,
-    trace,
-)
-from hbgear.continuation.newton import solve
+from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, StepControl, System, trace
+from hbgear.continuation import FoldProblem
+from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic import AmplitudeExtremum, GrazingProblem, PeriodDoublingProblem
 
 KINDS = {
-    "fold": Fold,
-    "period doubling": PeriodDoubling,
-    "grazing, lowest": lambda p: Grazing(p, which=2),
-    "grazing, highest": lambda p: Grazing(p, which=3),
-    "peak of rms": Peak,
-    "peak of H2": lambda p: Peak(p, measure="H2"),
+    "fold": FoldProblem,
+    "period doubling": PeriodDoublingProblem,
+    "grazing, lowest": lambda p: GrazingProblem(p, which=2),
+    "grazing, highest": lambda p: GrazingProblem(p, which=3),
+    "peak of rms": AmplitudeExtremum,
+    "peak of H2": lambda p: AmplitudeExtremum(p, measure="H2"),
 }
 
 
@@ -62,7 +49,7 @@ def test_values_do_not_depend_on_what_was_asked_before(curve, kind):
     own, U, far = SpurPair().parameters, somewhere(curve, 0.65), somewhere(curve, 1.2)
     fresh, asked = KINDS[kind](curve.problem), KINDS[kind](curve.problem)
     asked.evaluate(far, **own)
-    asked.based(far, own).evaluate(U, **own)
+    asked.with_borders_at(far, own).evaluate(U, **own)
     for a, b in zip(fresh.evaluate(U, **own), asked.evaluate(U, **own), strict=True):
         np.testing.assert_array_equal(a, b)
     assert fresh.base is None and asked.base is None
@@ -70,7 +57,7 @@ def test_values_do_not_depend_on_what_was_asked_before(curve, kind):
 
 @pytest.mark.parametrize("label", ["LP1", "LP2"])
 def test_a_fold_without_a_base_is_the_signed_least_singular_value(curve, label, slope):
-    fold, U, own = Fold(curve.problem), unknowns(curve[label]), SpurPair().parameters
+    fold, U, own = FoldProblem(curve.problem), unknowns(curve[label]), SpurPair().parameters
     signs = []
     for h in (-1e-3, 1e-3):
         V = U + h * np.append(np.linalg.svd(curve.problem.evaluate(U[:-1], Omega=U[-1])[1])[2][-1], 0.0)
@@ -90,7 +77,7 @@ def test_an_exact_fold_of_one_equation():
         def evaluate(self, X, p):
             return np.array([X[0] ** 2 + p]), np.array([[2 * X[0]]])
 
-    R, J = Fold(Parabola(), "p").evaluate(np.zeros(2))
+    R, J = FoldProblem(Parabola(), "p").evaluate(np.zeros(2))
     np.testing.assert_array_equal(R, [0.0, 0.0])
     np.testing.assert_allclose(np.abs(J), [[0.0, 1.0], [2.0, 0.0]], atol=1e-9)
 
@@ -113,7 +100,7 @@ def somewhere(curve, place):
 @pytest.mark.parametrize("kind", [name for name in KINDS if "peak" not in name])
 def test_jacobian_in_the_motion_and_the_parameter(curve, kind, place, slope):
     own, U = SpurPair().parameters, somewhere(curve, place)
-    problem = KINDS[kind](curve.problem).based(U, own)
+    problem = KINDS[kind](curve.problem).with_borders_at(U, own)
     J = problem.evaluate(U, **SpurPair().parameters)[1]
     expected = differences(lambda V: problem.evaluate(V, **SpurPair().parameters)[0], U, slope)
     np.testing.assert_allclose(J, expected, rtol=0, atol=2e-7)
@@ -131,21 +118,21 @@ def test_jacobian_of_a_peak_away_from_folds(curve, kind, place, slope):
 @pytest.mark.parametrize("kind", KINDS)
 def test_derivative_in_a_second_parameter(curve, kind, name, slope):
     U, own = somewhere(curve, 1.2), SpurPair().parameters
-    problem = KINDS[kind](curve.problem).based(U, own)
+    problem = KINDS[kind](curve.problem).with_borders_at(U, own)
     dR = problem.linearise(U, name, **own).dR_dp
     expected = slope(lambda s: problem.evaluate(U, **{**own, name: own[name] + s})[0], h=1e-4)
     np.testing.assert_allclose(dR, expected, rtol=0, atol=1e-8)
     assert np.abs(dR).max() > 1e-4
 
 
-@pytest.mark.parametrize("kind", [Fold, PeriodDoubling, Peak])
+@pytest.mark.parametrize("kind", [FoldProblem, PeriodDoublingProblem, AmplitudeExtremum])
 def test_jacobian_with_two_elements_and_two_laws(kind, slope):
     """A gap between two masses, one of them on a cubic spring."""
     elements = [Element([1.0, -1.0], Backlash(0.3)), Element([0.0, 1.0], Cubic(0.5, 0.5))]
     system = System(np.diag([1.0, 2.0]), 0.1 * np.eye(2), 0.3 * np.eye(2), elements, Load([0.2, 0], {1: [0.5, 0]}))
     balance = HarmonicBalance(system, 4)
     U = np.append(balance.start(0.9), 0.9)
-    problem = kind(balance).based(U, {})
+    problem = kind(balance).with_borders_at(U, {})
     J = problem.evaluate(U)[1]
     np.testing.assert_allclose(J, differences(lambda V: problem.evaluate(V)[0], U, slope), rtol=0, atol=2e-7)
 
@@ -157,7 +144,11 @@ def test_jacobian_with_two_elements_and_two_laws(kind, slope):
 def test_located_points_solve_their_equations(curve, label):
     names = list(curve.problem.clearance_names)
     point = curve[label]
-    problem = Fold(curve.problem) if label[:2] == "LP" else Grazing(curve.problem, which=names.index(point.note))
+    problem = (
+        FoldProblem(curve.problem)
+        if label[:2] == "LP"
+        else GrazingProblem(curve.problem, which=names.index(point.note))
+    )
     now = problem.linearise(unknowns(point), "", **SpurPair().parameters)
     assert np.linalg.norm(now.R) < 1e-10 * now.size
 
@@ -176,7 +167,7 @@ def test_folds_of_a_normal_form():
     assert [p.parameters["b"] for p in curve.special] == pytest.approx([b, -b], rel=1e-12)
     assert [p.X[0] for p in curve.special] == pytest.approx([-(3**-0.5), 3**-0.5], rel=1e-9)
     for point, sense in zip(curve.special, (1, -1), strict=True):
-        assert Fold(problem, "b").direction(np.append(point.X, point.parameters["b"]), a=1.0) == sense
+        assert FoldProblem(problem, "b").direction(np.append(point.X, point.parameters["b"]), a=1.0) == sense
 
 
 @pytest.mark.parametrize("b0", [1.0, 0.0])
@@ -184,7 +175,7 @@ def test_cusp_of_a_normal_form(b0):
     """The same trace follows the folds of any problem around the cusp and back, also if b passes zero there."""
     problem = CuspForm(b0)
     start = problem.curve()["LP1"]
-    folds = trace(Fold(problem, "b"), "a", (1.0, -1.0), start, steps=Steps(max_points=300))
+    folds = trace(FoldProblem(problem, "b"), "a", (1.0, -1.0), start, steps=StepControl(max_points=300))
     assert folds.status == "left_span"
     np.testing.assert_allclose((folds.tracked["b"] - b0) ** 2, 4 * (folds.values / 3) ** 3, rtol=0, atol=1e-10)
     assert [p.label for p in folds.special] == ["CP1"]
@@ -195,7 +186,7 @@ def test_cusp_of_a_normal_form(b0):
 def test_period_doubling_of_a_linear_parametric_motion():
     """No subharmonics in the motion: the odd block decouples, the even one is the balance itself."""
     balance = HarmonicBalance(SpurPair(eps=(0.3,), e=()), 8)
-    problem, X = PeriodDoubling(balance), balance.start(2.2)
+    problem, X = PeriodDoublingProblem(balance), balance.start(2.2)
     wide = problem.embed(X)
     R, J = problem.doubled.evaluate(wide, Omega=2.2)
     own_R, own_J = balance.evaluate(X, Omega=2.2)
@@ -209,7 +200,7 @@ def test_period_doubling_of_a_linear_parametric_motion():
 def test_period_doubling_solved_from_afar():
     """Newton from 2 % away; there a multiplier is -1 and the null vector a solution of the doubled linear equations."""
     balance = HarmonicBalance(SpurPair(F_m=0.1, eps=(0.3,), e=()), 16)
-    problem = PeriodDoubling(balance)
+    problem = PeriodDoublingProblem(balance)
     U = solve(problem, np.append(balance.start(2.14), 2.14), SpurPair().parameters).X
     assert U[-1] == pytest.approx(2.1063923779, abs=1e-9)
     assert np.abs(balance.multipliers(U[:-1], Omega=U[-1]) + 1).min() < 1e-7
@@ -221,16 +212,16 @@ def test_period_doubling_solved_from_afar():
 def test_direction_is_where_the_motions_are(curve):
     """A softening jump: between the folds there are three motions."""
     low, high = sorted(("LP1", "LP2"), key=lambda label: curve[label].parameters["Omega"])
-    fold = Fold(curve.problem)
+    fold = FoldProblem(curve.problem)
     assert fold.direction(unknowns(curve[low]), **SpurPair().parameters) == -1
     assert fold.direction(unknowns(curve[high]), **SpurPair().parameters) == 1
 
 
 def test_a_fold_keeps_its_place_when_its_borders_are_renewed(curve):
     U, far = unknowns(curve["LP1"]), somewhere(curve, 1.2)
-    fold = Fold(curve.problem).based(U, SpurPair().parameters)
+    fold = FoldProblem(curve.problem).with_borders_at(U, SpurPair().parameters)
     before = fold.evaluate(far, **SpurPair().parameters)[0][-1]
-    renewed = fold.based(far, SpurPair().parameters, renew=True)
+    renewed = fold.with_borders_at(far, SpurPair().parameters, renew=True)
     assert np.linalg.norm(renewed.base.b - fold.base.b) > 1e-3 and renewed.base.weight == fold.base.weight
     assert np.sign(renewed.evaluate(far, **SpurPair().parameters)[0][-1]) == np.sign(before)
     assert abs(renewed.evaluate(U, **SpurPair().parameters)[0][-1]) < 1e-9
@@ -240,7 +231,7 @@ def test_a_fold_keeps_its_place_when_its_borders_are_renewed(curve):
 
 
 def test_unknowns_are_joined_and_split(curve):
-    fold, point = Fold(curve.problem), curve["LP1"]
+    fold, point = FoldProblem(curve.problem), curve["LP1"]
     U = fold.join(point.X, point.parameters)
     X, own = fold.split(U)
     np.testing.assert_array_equal(X, point.X)
@@ -250,14 +241,14 @@ def test_unknowns_are_joined_and_split(curve):
     assert fold.describe()["curve"] == {"of": "Fold", "in": "Omega"}
 
 
-@pytest.mark.parametrize("kind", [Fold, PeriodDoubling, Grazing, Peak])
+@pytest.mark.parametrize("kind", [FoldProblem, PeriodDoublingProblem, GrazingProblem, AmplitudeExtremum])
 def test_second_parameter_equal_to_the_first(curve, kind):
     problem = kind(curve.problem, "Omega")
     with pytest.raises(ValueError, match=f"{kind.__name__} in Omega cannot be followed in Omega again; choose"):
         trace(problem, "Omega", (0.8, 0.9), curve["LP1"])
 
 
-@pytest.mark.parametrize("kind", [Fold, PeriodDoubling, Grazing, Peak])
+@pytest.mark.parametrize("kind", [FoldProblem, PeriodDoublingProblem, GrazingProblem, AmplitudeExtremum])
 def test_a_parameter_that_is_no_field(curve, kind):
     with pytest.raises(KeyError, match="SpurPair has no parameter 'zetta'; did you mean 'zeta'"):
         kind(curve.problem, "zetta")
@@ -268,7 +259,7 @@ def test_a_parameter_that_is_no_field(curve, kind):
 @pytest.mark.parametrize("measure", ["pp2", "max", "mean", "H0", "H7", "H1/2", "Hx", ""])
 def test_a_peak_of_no_such_amplitude(curve, measure):
     with pytest.raises(ValueError, match="need 'rms' or 'H1' to 'H6'"):
-        Peak(curve.problem, measure=measure)
+        AmplitudeExtremum(curve.problem, measure=measure)
 
 
 def test_a_fold_followed_in_a_parameter_that_is_not_the_frequency():
@@ -277,7 +268,7 @@ def test_a_fold_followed_in_a_parameter_that_is_not_the_frequency():
     curve = trace(balance, "F", (0.02, 0.6), at={"Omega": 1.15})
     folds = [p for p in curve.special if p.kind == "LP"]
     assert len(folds) == 2
-    followed = trace(Fold(balance, "F"), "zeta", (0.05, 0.03), folds[0])
+    followed = trace(FoldProblem(balance, "F"), "zeta", (0.05, 0.03), folds[0])
     assert followed.status == "reached_end" and set(followed.tracked) == {"F"}
     for i in (0, len(followed) // 2, -1):
         here = {**Duffing().parameters, "zeta": followed.values[i], "F": followed.tracked["F"][i], "Omega": 1.15}

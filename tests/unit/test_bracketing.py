@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from hbgear.continuation.bracketing import bracketed_root
+from hbgear.continuation.numerics.bracketed_root import find_root_bracketed
 
 FUNCTIONS = {
     "cubic": (lambda x: x**3 - 2 * x - 5, 2.0, 3.0),
@@ -28,7 +28,7 @@ def test_roots(name):
         asked.append(x)
         return function(x)
 
-    found = bracketed_root(counted, low, high, 1e-13)
+    found = find_root_bracketed(counted, low, high, 1e-13)
     true = 0.4 if name == "flat" else scipy.optimize.brentq(function, low, high, xtol=1e-15, rtol=1e-14)
     assert abs(found - true) < (1e-13 if name != "flat" else 0.05) and len(asked) < 80
     assert all(low <= x <= high for x in asked)
@@ -45,7 +45,7 @@ def test_hundred_polynomials():
             calls.append(x)
             return (x - place) * (1 + bend[0] * x + bend[1] * x**2 / 2)
 
-        assert abs(bracketed_root(function, 0.0, 1.0, 1e-13) - place) < 2e-13
+        assert abs(find_root_bracketed(function, 0.0, 1.0, 1e-13) - place) < 2e-13
         own.append(len(calls))
         _, result = scipy.optimize.brentq(function, 0.0, 1.0, xtol=1e-13, rtol=1e-13, full_output=True)
         brent.append(result.function_calls)
@@ -63,20 +63,20 @@ def test_a_good_first_place_saves_evaluations():
                 calls.append(x)
                 return (x - place) * (1 + bend * x)
 
-            assert abs(bracketed_root(function, 0.0, 1.0, 1e-9, first) - place) < 1e-9
+            assert abs(find_root_bracketed(function, 0.0, 1.0, 1e-9, first) - place) < 1e-9
             counts.append(len(calls))
     assert np.mean(told) < np.mean(blind) - 1 and max(told) <= max(blind)
 
 
 def test_a_bad_first_place_does_no_harm():
     for first in (0.0, 1.0, 1e-12, 0.999):
-        assert abs(bracketed_root(lambda x: x**3 - 0.2, 0.0, 1.0, 1e-13, first) - 0.2 ** (1 / 3)) < 2e-13
+        assert abs(find_root_bracketed(lambda x: x**3 - 0.2, 0.0, 1.0, 1e-13, first) - 0.2 ** (1 / 3)) < 2e-13
 
 
 def test_ends_and_bad_input():
-    assert bracketed_root(lambda x: x, 0.0, 1.0, 1e-13) == 0.0
-    assert bracketed_root(lambda x: x - 1, 0.0, 1.0, 1e-13) == 1.0
+    assert find_root_bracketed(lambda x: x, 0.0, 1.0, 1e-13) == 0.0
+    assert find_root_bracketed(lambda x: x - 1, 0.0, 1.0, 1e-13) == 1.0
     with pytest.raises(ValueError, match="no change of sign"):
-        bracketed_root(lambda x: x + 1, 0.0, 1.0, 1e-13)
+        find_root_bracketed(lambda x: x + 1, 0.0, 1.0, 1e-13)
     with pytest.raises(ValueError, match="nan"):
-        bracketed_root(lambda x: math.nan if 0 < x < 1 else x - 0.5, 0.0, 1.0, 1e-13)
+        find_root_bracketed(lambda x: math.nan if 0 < x < 1 else x - 0.5, 0.0, 1.0, 1e-13)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
-from hbgear.harmonic import observables as measures
-from hbgear.harmonic.observables import Layout
-from hbgear.io import npz
-from hbgear.io.npz import load
-from hbgear.mechanics.fourier import evaluate, extrema
+from hbgear.continuation.results.branch import Branch, Jump, Point, SpecialPoint, Status
+from hbgear.harmonic.equations import layout as measures
+from hbgear.harmonic.equations.layout import Layout
+from hbgear.io.branches import npz
+from hbgear.io.branches.npz import load
+from hbgear.mechanics.series.fourier import evaluate, extrema
 
 NAN = float("nan")
 

@@ -21,10 +21,10 @@ from scipy import stats
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.design.sampling import distribution, grid, latin_hypercube, monte_carlo
-from hbgear.design.store import Result, Store
-from hbgear.design.study import cases
-from hbgear.design.study_file import read_study
+from hbgear.design.cases.samples import distribution, grid, latin_hypercube, monte_carlo
+from hbgear.design.cases.store import Result, Store
+from hbgear.design.cases.study import cases
+from hbgear.design.cases.study_file import read_study
 
 DUFFING = hb.Duffing(zeta=0.05, k3=1.0, F=0.15)
 SPAN = (0.5, 2.0)
@@ -102,7 +102,9 @@ def test_distributions_that_reach_beyond_all_numbers_are_refused(given):
 def test_numbers_of_a_case_are_those_of_its_curve(run):
     found = run(grid(zeta=[0.05, 0.5]), compute=("peak", "jumps", "curve"))
     curve = hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", SPAN)
-    assert found.table["peak"][0] == pytest.approx(max(p.amplitude("pp2") for p in hb.peaks(curve, "pp2")), rel=1e-9)
+    assert found.table["peak"][0] == pytest.approx(
+        max(p.amplitude("pp2") for p in hb.analysis.peaks(curve, "pp2")), rel=1e-9
+    )
     rising, falling = (next(j.value for j in curve.jumps() if j.direction == way) for way in (1, -1))
     assert found.table["jump_rising"][0] == pytest.approx(rising, rel=1e-9)
     assert found.table["jump_falling"][0] == pytest.approx(falling, rel=1e-9)
@@ -117,7 +119,7 @@ def test_a_failing_case_is_a_row_and_is_retried_only_if_asked(run, monkeypatch):
     assert list(found.failed) == [1] and "must not be negative" in found.failed[1]
     calls = []
     monkeypatch.setattr(
-        "hbgear.design.study.run_case", lambda cls, fields, work: calls.append(fields) or found_result()
+        "hbgear.design.cases.study.run_case", lambda cls, fields, work: calls.append(fields) or found_result()
     )
     run(grid(zeta=[0.05, -0.05]))
     assert calls == []
@@ -142,7 +144,7 @@ def test_quick_cases_are_handed_over_in_groups(monkeypatch):
     def quick(cls, fields, work):
         return Result({"peak": fields["zeta"]}, seconds=0.01, reason="odd" if fields["zeta"] == 899 else "")
 
-    monkeypatch.setattr("hbgear.design.study.run_case", quick)
+    monkeypatch.setattr("hbgear.design.cases.study.run_case", quick)
     told = []
     with Counting(1) as here:
         found = cases(DUFFING, grid(zeta=range(900)), ("peak",), executor=here,
@@ -174,7 +176,7 @@ def test_full_disk_when_the_tables_are_written(tmp_path, monkeypatch, capsys):
     def full(self, path):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(hb.Cases, "export", full)
+    monkeypatch.setattr(hb.design.Cases, "export", full)
     with pytest.raises(SystemExit) as stop:
         cli.main(["study", str(tmp_path / "a.toml")])
     assert stop.value.code == 3 and len(stored(tmp_path)) == 1
@@ -341,9 +343,9 @@ def test_a_group_of_cases_that_take_long_is_handed_back(monkeypatch):
     """Whatever the cases before took: Ctrl-C waits for one case, and no process is left without work."""
     calls, groups, clock = [], [], iter(range(0, 10_000, 2))
     monkeypatch.setattr(
-        "hbgear.design.study.run_case", lambda cls, fields, work: calls.append(fields["zeta"]) or found_result()
+        "hbgear.design.cases.study.run_case", lambda cls, fields, work: calls.append(fields["zeta"]) or found_result()
     )
-    monkeypatch.setattr("hbgear.design.study.time", SimpleNamespace(perf_counter=lambda: float(next(clock))))
+    monkeypatch.setattr("hbgear.design.cases.study.time", SimpleNamespace(perf_counter=lambda: float(next(clock))))
 
     class Counting(ThreadPoolExecutor):
         def submit(self, function, cls, group, work):
@@ -351,7 +353,7 @@ def test_a_group_of_cases_that_take_long_is_handed_back(monkeypatch):
             return super().submit(function, cls, group, work)
 
     with Counting(1) as here:
-        found = hb.cases(hb.Duffing(), hb.grid(zeta=np.linspace(0.05, 0.1, 300).tolist()), executor=here)
+        found = hb.design.cases(hb.Duffing(), hb.design.grid(zeta=np.linspace(0.05, 0.1, 300).tolist()), executor=here)
     assert found.outcome == "finished" and len(found) == len(set(calls)) == len(calls) == 300
     assert len(groups) == 300 and max(groups) > 1
 
@@ -379,7 +381,7 @@ def interrupt():
 if __name__ == "__main__":
     study._run_cases = endless
     threading.Thread(target=interrupt, daemon=True).start()
-    found = hb.cases(hb.Duffing(), hb.grid(zeta=[0.1, 0.2]), processes=2)
+    found = hb.design.cases(hb.Duffing(), hb.design.grid(zeta=[0.1, 0.2]), processes=2)
     print(found.outcome, len(found))
 """
 
@@ -416,7 +418,7 @@ def million(tmp_path, monkeypatch):
         raise ValueError("enough")
 
     monkeypatch.setattr("typer.confirm", refuse)
-    monkeypatch.setattr("hbgear.design.study.cases", nothing)
+    monkeypatch.setattr("hbgear.design.cases.study.cases", nothing)
 
     def call(*options, terminal):
         monkeypatch.setattr(sys.stdin, "isatty", lambda: terminal)
@@ -440,7 +442,7 @@ def test_a_million_cases_without_a_terminal(million, capsys):
 def test_no_scheduler(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.toml").write_text(STUDY.format(count=2))
-    monkeypatch.setattr("hbgear.cli.study._PATIENCE", 0.5)
+    monkeypatch.setattr("hbgear.cli.commands.study._PATIENCE", 0.5)
     with pytest.raises(SystemExit) as stop:
         cli.main(["study", "a.toml", "--dask", "tcp://127.0.0.1:9"])
     assert stop.value.code == 2 and "no Dask scheduler answers" in capsys.readouterr().err
@@ -552,8 +554,8 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(run, tmp_pat
     def full(**_):
         raise OSError(errno.EROFS, "Read-only file system")
 
-    monkeypatch.setattr("hbgear.design.store.TemporaryFile", full)
-    monkeypatch.setattr("hbgear.design.study.run_case", None)
+    monkeypatch.setattr("hbgear.design.cases.store.TemporaryFile", full)
+    monkeypatch.setattr("hbgear.design.cases.study.run_case", None)
     assert np.array_equal(run(grid(zeta=[0.5])).table["peak"], found.table["peak"])  # nothing to write
     with pytest.raises(OSError, match="Read-only"):
         run(grid(zeta=[0.5, 0.6]))
@@ -569,7 +571,8 @@ def test_a_branch_that_was_damaged_after_it_was_looked_at(run, tmp_path):
 
 # ---- scripts without the line that processes need
 
-CALL = "found = hb.cases(hb.Duffing(), hb.grid(zeta=[0.5]), ('peak',), harmonics=3, span=(0.5, 2.0), processes=1)"
+GRID = "hb.design.grid(zeta=[0.5])"
+CALL = f"found = hb.design.cases(hb.Duffing(), {GRID}, ('peak',), harmonics=3, span=(0.5, 2.0), processes=1)"
 SCRIPT = f"import hbgear as hb\ndef work():\n    {CALL}\n    print(len(found), found.outcome)\n"
 
 

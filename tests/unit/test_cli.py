@@ -16,10 +16,10 @@ import typer
 from scipy.io import loadmat
 
 import hbgear as hb
+from hbgear.analysis import summary
 from hbgear.cli import app as cli
 from hbgear.cli import support as cli_support
-from hbgear.common.digits import concise
-from hbgear.harmonic import telling
+from hbgear.common.text.digits import concise
 
 REPOSITORY = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])}  # whether installed or not
@@ -72,10 +72,10 @@ def test_trace_saves_what_the_library_computes(run):
     assert here.X.shape == there.X.shape
     np.testing.assert_allclose(here.X, there.X, rtol=0, atol=1e-10)
     for jump in there.jumps():
-        place = telling.text_at(jump.before, "Omega")
+        place = summary.text_at(jump.before, "Omega")
         line = next(x for x in out.split("jumps of a slow sweep")[1].splitlines() if place in x)
         assert jump.label in line and ("increasing" if jump.direction > 0 else "decreasing") in line
-        assert all(telling.size_text(end, "pp2", 0) in line for end in (jump.before, jump.after))
+        assert all(summary.size_text(end, "pp2", 0) in line for end in (jump.before, jump.after))
     assert len(there.jumps()) >= 2 and "wrote d.npz" in out
 
 
@@ -139,8 +139,8 @@ def test_jumps_of_a_file(run, saved):
     curve = hb.load(saved)
     assert code == 0 and curve.jumps() and "special points" not in out
     for jump in curve.jumps():
-        assert telling.text_at(jump.before, "Omega") in out
-        assert telling.size_text(jump.before, "rms", 0) in out
+        assert summary.text_at(jump.before, "Omega") in out
+        assert summary.size_text(jump.before, "rms", 0) in out
 
 
 def test_frequency_and_speed_of_models_that_have_them(run):
@@ -148,7 +148,7 @@ def test_frequency_and_speed_of_models_that_have_them(run):
     _, out, _ = run("info", "g.npz")
     point = hb.load("g.npz")["GR1"]
     graze = point.parameters["Omega"]
-    pair = hb.DoubleHelicalPair()
+    pair = hb.gears.DoubleHelicalPair()
     line = next(line for line in out.splitlines() if "GR1" in line)
     speeds = pair.mesh_frequency(graze), pair.pinion_speed(graze)
     assert all(concise(speed, point.error * speed / graze, 6) in line for speed in speeds)
@@ -160,7 +160,7 @@ def test_plot_of_a_file_and_of_its_points(run, saved):
     assert run("plot", saved, "-o", "curve.svg")[0] == 0
     assert "<svg" in Path("curve.svg").read_text(encoding="utf-8")
     code, out, _ = run("plot", saved, "--point", "LP1", "-o", "point.png")
-    assert code == 0 and f"Omega = {telling.text_at(hb.load(saved)['LP1'], 'Omega')}\n" in out
+    assert code == 0 and f"Omega = {summary.text_at(hb.load(saved)['LP1'], 'Omega')}\n" in out
     assert run("plot", saved)[0] == 0 and saved.with_suffix(".png").exists()
 
 
@@ -473,7 +473,7 @@ def test_digits_are_printed_as_far_as_they_hold(harmonics):
         hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), H), "Omega", (2.6, 0.55)) for H in (harmonics, 48)
     )
     for label in ("PD1", "PD2", "LP1", "LP2"):
-        text, true = telling.text_at(coarse[label], "Omega"), fine[label].parameters["Omega"]
+        text, true = summary.text_at(coarse[label], "Omega"), fine[label].parameters["Omega"]
         digits, units = re.fullmatch(r"([\d.]+)(?:\((\d)\))?", text).groups()
         unit = 10.0 ** -len(digits.partition(".")[2])
         assert abs(float(digits) - true) <= unit * (3 * int(units or 0) + 0.5) and unit <= 1e-5

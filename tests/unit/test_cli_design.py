@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.analysis.summary import text_at
 from hbgear.cli import app as cli
-from hbgear.harmonic.telling import text_at
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def test_map_without_any_jump(run):
 def test_critical_is_that_of_the_library(run):
     code, out, err = run("critical spur-pair zeta --set zeta=0.1 --harmonics 6")
     assert (code, err) == (0, "")
-    found = hb.critical(hb.SpurPair(zeta=0.1), "zeta", harmonics=6)
+    found = hb.analysis.critical_parameter(hb.SpurPair(zeta=0.1), "zeta", harmonics=6)
     place = {name: text_at(found.point, name) for name in ("zeta", "Omega")}
     assert f"zeta = {place['zeta']}: a jump exists below" in out and f"Omega = {place['Omega']}\n" in out
 
@@ -61,8 +61,9 @@ def test_derivatives_of_a_critical_value(run):
     line = "critical spur-pair zeta --set zeta=0.1 --harmonics 6 --from 1.0 --to 0.6"
     code, out, err = run(f"{line} --sensitivity --most 2 -o moved.csv --plot moved.png")
     assert (code, err) == (0, "")
-    found = hb.sensitivity(
-        hb.critical(hb.SpurPair(zeta=0.1), "zeta", harmonics=6, frequencies=(1.0, 0.6)), measure="pp2"
+    found = hb.analysis.sensitivity(
+        hb.analysis.critical_parameter(hb.SpurPair(zeta=0.1), "zeta", harmonics=6, frequencies=(1.0, 0.6)),
+        measure="pp2",
     )
     shares = found.percent("zeta")
     lines = [text.split() for text in out.splitlines()]

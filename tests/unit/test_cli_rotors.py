@@ -17,8 +17,8 @@ def test_critical_speeds_are_told_and_drawn(tmp_path):
     figure = tmp_path / "campbell.png"
     result = run("gear-rotor-bearing", "--order", "mesh=1", "--order", "twice=2", "--plot", str(figure))
     assert result.exit_code == 0, result.output
-    a, b = sorted(hb.GearRotorBearing.default_span)
-    found = hb.campbell(hb.GearRotorBearing(), (a, b), {"mesh": 1.0, "twice": 2.0})
+    a, b = sorted(hb.gears.GearRotorBearing.default_span)
+    found = hb.analysis.campbell(hb.gears.GearRotorBearing(), (a, b), {"mesh": 1.0, "twice": 2.0})
     assert all(f"{one.Omega:.6g}" in result.output for one in found.critical) and found.critical
     assert figure.stat().st_size > 5000
 
@@ -80,7 +80,9 @@ def test_bad_input(args, said, capsys):
 
 
 def test_drawing_of_a_diagram():
-    found = hb.campbell(hb.DoubleHelicalPair(), (0.1, 1.2), {"mesh": 1.0, "pinion": 0.04}, points=11, modes=6)
+    found = hb.analysis.campbell(
+        hb.gears.DoubleHelicalPair(), (0.1, 1.2), {"mesh": 1.0, "pinion": 0.04}, points=11, modes=6
+    )
     ax = hb.plot.campbell(found)
     gids = [str(line.get_gid()) for line in ax.lines]
     assert sum(gid.startswith("mode") for gid in gids) == 6 and {"order mesh", "order pinion"} <= set(gids)

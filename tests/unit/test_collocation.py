@@ -6,8 +6,8 @@ from math import factorial
 import numpy as np
 import pytest
 
-from hbgear.harmonic import phi as kernels
-from hbgear.harmonic.collocation import gauss
+from hbgear.harmonic.multipliers import phi_functions as kernels
+from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
 
 
 def phi(z, order):
@@ -42,8 +42,8 @@ def test_phi_of_near_and_far_at_once():
 
 def test_integrals_of_the_lagrange_polynomials():
     poles, h, s = np.array([-0.3 + 2j, -50.0, 0.01j]), 0.4, 6
-    x, L = gauss(s)
-    ends, (fine, _), weights = np.append(x, 1.0), gauss(40), 0.5 * np.polynomial.legendre.leggauss(40)[1]
+    x, L = gauss_nodes(s)
+    ends, (fine, _), weights = np.append(x, 1.0), gauss_nodes(40), 0.5 * np.polynomial.legendre.leggauss(40)[1]
     turns, found = np.empty((s + 1, 3), dtype=complex), np.empty((s, s + 1, 3), dtype=complex)
     kernels.integrals(poles, h, ends, L, turns, found, np.empty((s + 2, 3 * (s + 1)), dtype=complex))
     np.testing.assert_allclose(turns, np.exp(h * ends[:, None] * poles), rtol=0, atol=1e-14)

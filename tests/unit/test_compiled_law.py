@@ -25,7 +25,7 @@ def stop(d, v, tau, p):
 
 
 @dataclass(frozen=True)
-class Drag(hb.Law):
+class Drag(hb.mechanics.Law):
     """p = c d^2 v + (1 + cos(tau) / 2) d + v^3 / 10, in Python."""
 
     c: float = 0.3
@@ -37,7 +37,7 @@ class Drag(hb.Law):
 
 def two_masses(law):
     elements = [
-        hb.Element([1.0, -1.0], law, hb.Series(cosine=(0.1,)), damping=0.02),
+        hb.Element([1.0, -1.0], law, hb.mechanics.Series(cosine=(0.1,)), damping=0.02),
         hb.Element([0.0, 1.0], hb.Backlash(0.2)),
     ]
     load = hb.Load([0.1, 0.2], cosine={1: [0.3, 0.0]})
@@ -47,18 +47,20 @@ def two_masses(law):
 @pytest.mark.parametrize("nu", [1, 2])
 def test_the_balance_is_that_of_the_law_in_python(nu, rng):
     """Residual, both derivatives, truncation error and multipliers."""
-    python, compiled = (hb.HarmonicBalance(two_masses(law), 7, nu=nu) for law in (Drag(), hb.CompiledLaw(drag, (0.3,))))
+    python, compiled = (
+        hb.HarmonicBalance(two_masses(law), 7, nu=nu) for law in (Drag(), hb.mechanics.CompiledLaw(drag, (0.3,)))
+    )
     X = 0.4 * rng.standard_normal(python.size)
     for a, b in zip(*(p.linearise(X, "Omega", Omega=0.8) for p in (python, compiled)), strict=True):
         np.testing.assert_allclose(b, a, rtol=0, atol=1e-13 * np.abs(a).max())
     assert compiled.truncation(X, Omega=0.8) == pytest.approx(python.truncation(X, Omega=0.8), rel=1e-11)
     mu, expected = (p.multipliers(X, Omega=0.8) for p in (compiled, python))
     np.testing.assert_allclose(mu, expected, rtol=1e-9, atol=1e-14)
-    assert compiled.pursuit("Omega", {}) is not None and python.pursuit("Omega", {}) is None
+    assert compiled.compiled_continuation("Omega", {}) is not None and python.compiled_continuation("Omega", {}) is None
 
 
 def test_a_curve_is_that_of_the_law_in_python():
-    laws = Drag(), hb.CompiledLaw(drag, (0.3,))
+    laws = Drag(), hb.mechanics.CompiledLaw(drag, (0.3,))
     curves = [hb.trace(hb.HarmonicBalance(two_masses(law), 7), "Omega", (2.0, 0.5)) for law in laws]
     assert [c.status for c in curves] == [hb.Status.REACHED_END] * 2
     marks = [[(p.label, p.parameters["Omega"]) for p in curve.special] for curve in curves]
@@ -68,7 +70,7 @@ def test_a_curve_is_that_of_the_law_in_python():
 
 def test_a_corner_is_met_as_that_of_a_spring():
     """Regimes and grazing contacts are those of `Unilateral`, but sampled."""
-    spring, compiled = hb.Unilateral(5.0, 0.6), hb.CompiledLaw(stop, (5.0, 0.6), 5.0, (0.6,), rated=False)
+    spring, compiled = hb.Unilateral(5.0, 0.6), hb.mechanics.CompiledLaw(stop, (5.0, 0.6), 5.0, (0.6,), rated=False)
     problems = [hb.HarmonicBalance(two_masses(law), 10, samples=4096) for law in (spring, compiled)]
     assert problems[0].smooth and not problems[1].smooth
     X = problems[0].start(Omega=0.9)
@@ -76,7 +78,7 @@ def test_a_corner_is_met_as_that_of_a_spring():
         np.testing.assert_array_equal(*(getattr(problem, each)(X, Omega=0.9) for problem in problems))
     a, b = (problem.residual(X, Omega=0.9) for problem in problems)
     np.testing.assert_allclose(b, a, rtol=0, atol=1e-5)
-    assert hb.CompiledLaw(stop, (5.0, 0.6), 5.0, (0.6,)).force(0.8, 0.0, 0.0)[0] == pytest.approx(1.0)
+    assert hb.mechanics.CompiledLaw(stop, (5.0, 0.6), 5.0, (0.6,)).force(0.8, 0.0, 0.0)[0] == pytest.approx(1.0)
 
 
 def test_a_function_of_c():
@@ -87,14 +89,14 @@ def test_a_function_of_c():
     def spring(d, v, tau, parameters, out):
         out[0], out[1], out[2] = parameters[0] * d**3, 3 * parameters[0] * d**2, 0.0
 
-    law = hb.CompiledLaw(spring, (0.2,))
+    law = hb.mechanics.CompiledLaw(spring, (0.2,))
     d = np.linspace(-1, 1, 5)
     for a, b in zip(law.force(d, 0 * d, 0 * d), hb.Cubic(0.2).force(d, 0 * d, 0 * d), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-15)
 
 
 def test_it_goes_to_other_processes():
-    law = hb.CompiledLaw(drag, (0.3,))
+    law = hb.mechanics.CompiledLaw(drag, (0.3,))
     assert law.address
     other = pickle.loads(pickle.dumps(law))
     assert other.force(0.5, 0.2, 0.1) == law.force(0.5, 0.2, 0.1) and other.address != 0
@@ -108,11 +110,11 @@ def endless(d, v, tau, p):
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: hb.CompiledLaw(lambda d, v, tau, p: (d, 1.0, 0.0)), TypeError, "put @numba.njit before it"),
-        (lambda: hb.CompiledLaw(drag, (0.3,), -1.0), ValueError, "reference = -1"),
-        (lambda: hb.CompiledLaw(drag, (0.3,), 1.0, (1.0, 0.5)), ValueError, "ascend"),
-        (lambda: hb.CompiledLaw(drag, ("c",)), ValueError, "parameters"),
-        (lambda: hb.CompiledLaw(stop, (np.nan, 0.6)), ValueError, "parameters"),
+        (lambda: hb.mechanics.CompiledLaw(lambda d, v, tau, p: (d, 1.0, 0.0)), TypeError, "put @numba.njit before it"),
+        (lambda: hb.mechanics.CompiledLaw(drag, (0.3,), -1.0), ValueError, "reference = -1"),
+        (lambda: hb.mechanics.CompiledLaw(drag, (0.3,), 1.0, (1.0, 0.5)), ValueError, "ascend"),
+        (lambda: hb.mechanics.CompiledLaw(drag, ("c",)), ValueError, "parameters"),
+        (lambda: hb.mechanics.CompiledLaw(stop, (np.nan, 0.6)), ValueError, "parameters"),
     ],
 )
 def test_bad_input(make, error, message):

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.common.checksums import DamagedFile, read_parts, write_parts
+from hbgear.common.process.checksums import DamagedFile, read_parts, write_parts
 
 ROOT = Path(hb.__file__).parent
 
 NORMAL = """
 import numpy as np
-from hbgear.continuation.stepping import planes_normal, predict
+from hbgear.continuation.stepping.kernels import planes_normal, predict
 out, u = np.empty(3), np.array([[1.0, 2.0, 3.0], [0.8, 1.9, 2.7]])
 planes_normal(u[0], np.array([1.0, 2.0, 0.5]), out)
 print(*out)
@@ -97,7 +97,7 @@ def test_processes_that_compile_at_once_and_one_that_comes_later(tmp_path):
     assert together[0][0] == together[1][0] and len(together[0][0].split()) == 6
     assert any("compiles its core for this processor: once" in err for _, err in together)
     before = files(tmp_path)
-    assert {Path(name).name for name in before} == {f"hbgear.continuation.stepping.{name}" for name in KERNELS}
+    assert {Path(name).name for name in before} == {f"hbgear.continuation.stepping.kernels.{name}" for name in KERNELS}
     assert len({Path(name).parts[0] for name in before}) == 1  # one state of the sources
     out, err = told(start(NORMAL, tmp_path))
     assert out == together[0][0] and err == ""
@@ -161,7 +161,7 @@ def test_a_folder_that_cannot_be_written(tmp_path):
 READ_ONLY = """
 import os
 from pathlib import Path
-from hbgear.common import compiling
+from hbgear.common.process import compiling
 real = os.access
 os.access = lambda path, mode: False if "kernels-" in str(path) else real(path, mode)  # root may write everywhere
 """
@@ -228,7 +228,7 @@ print(*sorted(places))
                           capture_output=True, text=True, timeout=300)  # fmt: skip
     assert done.stdout.splitlines()[-1].split() == [str(tmp_path / "mine" / "__pycache__")]
     assert {path.name for path in (tmp_path / "user").rglob("*") if path.is_file()} == {
-        f"hbgear.continuation.stepping.{name}" for name in KERNELS
+        f"hbgear.continuation.stepping.kernels.{name}" for name in KERNELS
     }
 
 
@@ -250,11 +250,11 @@ from hbgear.common import command, compiling
 command.IS_COMMAND, first.processors = {command}, lambda: 2
 with first.compiled_beside():
     end = time.monotonic() + {seconds}
-    last = compiling._store() / "hbgear.harmonic.observing.driven"
+    last = compiling._store() / "hbgear.harmonic.equations.diagnostic_kernels.driven"
     while not last.exists() and time.monotonic() < end:
         time.sleep(0.05)
-from hbgear.harmonic.carrying import monodromies
-from hbgear.harmonic.observing import driven, neglected, reach
+from hbgear.harmonic.multipliers.monodromy_kernels import monodromies
+from hbgear.harmonic.equations.diagnostic_kernels import driven, neglected, reach
 if {command}:
     problem = hb.HarmonicBalance(hb.SpurPair(), 8)
     problem.observe_many(np.ones((1, problem.size)), "Omega", np.array([0.8]))
@@ -276,7 +276,8 @@ def test_the_first_command_loads_what_a_second_process_compiled(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "model, found", [(hb.SpurPair(), False), (hb.SpurPair(stiffness=hb.Periodic.rectangular(1.2, 0.8, 0.3)), True)]
+    "model, found",
+    [(hb.SpurPair(), False), (hb.SpurPair(stiffness=hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.3)), True)],
 )
 def test_kernels_get_no_tables_that_a_model_has_no_use_for(model, found):
     """They are compiled without the code for these."""
@@ -288,7 +289,7 @@ def test_products_and_sums_are_not_fused(tmp_path):
     """The contraction a b + c in one rounding would depend on how the compiler arranges the code."""
     pytest.importorskip("numba")
     (tmp_path / "fused.py").write_text(
-        "from hbgear.common.compiling import kernel\n@kernel\ndef f(a, b, c):\n    return a * b + c\n"
+        "from hbgear.common.process.compiling import kernel\n@kernel\ndef f(a, b, c):\n    return a * b + c\n"
     )
     a = 1.0 + 2.0**-30
     script = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import fused\n"
@@ -297,7 +298,7 @@ def test_products_and_sums_are_not_fused(tmp_path):
 
 
 def test_a_change_of_a_kernel_reaches_those_that_call_it(tmp_path):
-    """What is kept of a kernel holds the code of those it calls: `planes_normal` follows `length` in another file."""
+    """A stored kernel contains the code of the kernels that it calls, here `scaled_norm` of another file."""
     pytest.importorskip("numba")
     shutil.copytree(ROOT, tmp_path / "own" / "hbgear", ignore=shutil.ignore_patterns("__pycache__"))
     first = told(start(NORMAL, tmp_path / "kept", tmp_path / "own"))[0]
@@ -313,7 +314,7 @@ def test_a_kernel_is_part_of_another_and_called_by_itself(tmp_path):
     """As a part it has no entry of its own; that one more is compiled is said only where nothing is stored."""
     pytest.importorskip("numba")
     assert "compiles its core" in told(start(NORMAL, tmp_path))[1]
-    by_itself = "from hbgear.continuation.elimination import length\nfound = [len(length.signatures)]\n"
+    by_itself = "from hbgear.continuation.numerics.gauss_kernels import length\nfound = [len(length.signatures)]\n"
     by_itself += "print(*found, length(np.array([3.0, 4.0])), len(length.signatures))\n"
     out, err = told(start(NORMAL + by_itself, tmp_path))
     assert out.splitlines()[-1] == "0 5.0 1" and err == ""
@@ -323,7 +324,7 @@ def test_arguments_of_another_type_are_compiled_for_and_stored(tmp_path):
     """Both forms stand in one file; a later process loads either."""
     pytest.importorskip("numba")
     (tmp_path / "two.py").write_text(
-        "from hbgear.common.compiling import kernel\n@kernel\ndef f(a):\n    return a + a\n"
+        "from hbgear.common.process.compiling import kernel\n@kernel\ndef f(a):\n    return a + a\n"
     )
     begin = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import two\n"
     said = "\nprint(sum(two.f._call.stats.cache_hits.values()), sum(two.f._call.stats.cache_misses.values()))"
@@ -375,7 +376,7 @@ def test_ctrl_c_while_numba_is_imported_is_not_taken_for_a_missing_numba(tmp_pat
         "import os, signal, time\ntry:\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(0.1)\n"
         "except KeyboardInterrupt:\n    raise ImportError('_devicearray failed to import')\n"
     )
-    for module in ("hbgear.common.compiling", "hbgear.mechanics.calling"):
+    for module in ("hbgear.common.process.compiling", "hbgear.mechanics.laws.c_callback"):
         program = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import {module} as m; m.kernel(lambda: 1)()"
         ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT.parent, capture_output=True, text=True,
                                timeout=60)  # fmt: skip
@@ -384,11 +385,11 @@ def test_ctrl_c_while_numba_is_imported_is_not_taken_for_a_missing_numba(tmp_pat
 
 def test_whole_numbers_and_arrays_that_cannot_be_written_need_no_kernels_of_their_own():
     """Each would be of another type, for which everything is compiled again."""
-    from hbgear.harmonic.assembly import assembled
-    from hbgear.harmonic.carrying import monodromies
+    from hbgear.harmonic.equations.assembly_kernels import assemble_allocating
+    from hbgear.harmonic.multipliers.monodromy_kernels import monodromies
 
     def curve(one, corner):
-        law = hb.PiecewiseLinear((-corner, corner), (one, 0 * one, one))
+        law = hb.mechanics.PiecewiseLinear((-corner, corner), (one, 0 * one, one))
         load = hb.Load(constant=np.array([one]), cosine={1: np.array([one])})
         return hb.HarmonicBalance(hb.System([[one]], [[one / 5]], [[one]], [hb.Element([one], law)], load), 4)
 
@@ -400,7 +401,7 @@ def test_whole_numbers_and_arrays_that_cannot_be_written_need_no_kernels_of_thei
 
     X = np.linspace(1.0, 2.0, 9)
     looked_at(curve(1.0, 0.5), X)
-    known = [len(kernel.signatures) for kernel in (assembled, monodromies)]
+    known = [len(kernel.signatures) for kernel in (assemble_allocating, monodromies)]
     X.setflags(write=False)
     looked_at(curve(1, 1), X)
-    assert [len(kernel.signatures) for kernel in (assembled, monodromies)] == known
+    assert [len(kernel.signatures) for kernel in (assemble_allocating, monodromies)] == known

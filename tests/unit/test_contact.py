@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hbgear import Backlash, Cubic, Element, HarmonicBalance, Law, Parallel, PiecewiseLinear, Series, System, Unilateral
-from hbgear.harmonic.crossings import crossings
-from hbgear.mechanics.fourier import evaluate, samples_of, to_complex, to_real
+from hbgear import Backlash, Cubic, Element, HarmonicBalance, System, Unilateral
+from hbgear.harmonic.forces.switching_times import crossings
+from hbgear.mechanics import Law, Parallel, PiecewiseLinear, Series
+from hbgear.mechanics.series.fourier import evaluate, samples_of, to_complex, to_real
 
 WAVY = Series(mean=1.0, cosine=(-0.2, 0.07), sine=(0.1, 0.0, 0.05))
 

@@ -9,8 +9,8 @@ from scipy.io import loadmat
 
 import hbgear as hb
 from hbgear import Status
-from hbgear.continuation.covering import gaps
-from hbgear.harmonic.survey import whole_branch
+from hbgear.analysis.multistart import whole_branch
+from hbgear.continuation.tracing.coverage import uncovered_intervals
 
 PAIR = hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,))
 THROUGH_INFINITY = hb.SpurPair(zeta=0.0114, F_m=0.248, eps=(0.028, 0.18, 0.219), e=(0.0188,))
@@ -38,12 +38,12 @@ def pair():
 
 
 def left_over(curve, span):
-    return gaps([curve, *curve.others], span)
+    return uncovered_intervals([curve, *curve.others], span)
 
 
 def test_a_curve_that_turns_back_to_its_own_end_is_completed_from_the_other():
     curve = traced(two_elements(), (2.5, 0.3))
-    assert curve.status is Status.LEFT_SPAN and gaps([curve], (2.5, 0.3)) != []
+    assert curve.status is Status.LEFT_SPAN and uncovered_intervals([curve], (2.5, 0.3)) != []
     (other,) = curve.others
     assert other.status is Status.REACHED_END and (other.values[0], other.values[-1]) == (0.3, 2.5)
     assert curve.message == "the curve turned back to Omega = 2.5; another curve covers the rest of the span"
@@ -83,7 +83,7 @@ def test_a_curve_is_taken_up_again_on_the_other_side_of_infinity():
 def test_a_survey_follows_a_curve_that_runs_off_both_ways(pair):
     """From a motion in the middle of the curve: one way to infinity, the other way to the end of the span."""
     i = int(np.argmin(np.abs(pair.values - 0.7)))
-    branch = whole_branch(pair.problem, pair.X[i], float(pair.values[i]), (1.5, 0.3), hb.Steps(), True)
+    branch = whole_branch(pair.problem, pair.X[i], float(pair.values[i]), (1.5, 0.3), hb.StepControl(), True)
     assert (branch.values[0] == 1.5) != (branch.values[-1] == 1.5) and len(branch.asymptotes) == 1
     assert branch.values.min() == pytest.approx(pair.values[pair["LP1"].index], abs=1e-6)
     (mine,), (theirs,) = branch.jumps(), pair.jumps()
@@ -180,7 +180,7 @@ def test_no_more_is_done_than_needed():
     problem = Broken()
     assert hb.trace(problem, "p", (0.0, 3.0), cover=False).message == "the curve turned back to p = 0"
     assert hb.trace(problem, "p", (0.0, 3.0), np.array([2**0.5])).others == ()
-    assert hb.trace(problem, "p", (0.0, 3.0), steps=hb.Steps(max_points=9)).others == ()
+    assert hb.trace(problem, "p", (0.0, 3.0), steps=hb.StepControl(max_points=9)).others == ()
     assert problem.asked == (0.0, 0.0)
 
 

@@ -17,8 +17,8 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.continuation.branch import Branch, Point, SpecialPoint
-from hbgear.io.forms import _FORMS
+from hbgear.continuation.results.branch import Branch, Point, SpecialPoint
+from hbgear.io.branches.forms import _FORMS
 
 MB = 2**20
 JUNK = [

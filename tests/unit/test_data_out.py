@@ -10,8 +10,8 @@ from scipy.io import loadmat
 
 import hbgear as hb
 from hbgear.common import optional
-from hbgear.common.symbols import in_html, in_text, unit_of, without_unit
-from hbgear.io.tables import EXPLAINED
+from hbgear.common.text.symbols import in_html, in_text, unit_of, without_unit
+from hbgear.io.branches.tables import EXPLAINED
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +101,7 @@ def test_mat_explains_its_names(pair, tmp_path):
 
 
 def test_degrees_of_freedom_need_nothing_but_the_file(tmp_path):
-    curve = hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(), 3), "Omega", (1.6, 1.5))
+    curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(), 3), "Omega", (1.6, 1.5))
     curve.save(tmp_path / "pair.npz")
     again = hb.load(tmp_path / "pair.npz")
     for derivative in (0, 2):
@@ -111,7 +111,7 @@ def test_degrees_of_freedom_need_nothing_but_the_file(tmp_path):
         again.amplitude(dof="x_pl")
 
 
-@hb.model
+@hb.mechanics.model
 def own() -> hb.System:
     M, C, K = np.eye(2), 0.05 * np.eye(2), [[2, -1], [-1, 2]]
     stop = hb.Element([1, 0], hb.Unilateral(k=1.0, gap=1.0), name="stop")
@@ -166,7 +166,9 @@ def test_what_is_not_installed_is_told(pair, monkeypatch):
             call()
 
 
-@pytest.mark.parametrize("model", [hb.Duffing, hb.SpurPair, hb.GearRotorBearing, hb.HelicalPair, hb.DoubleHelicalPair])
+@pytest.mark.parametrize(
+    "model", [hb.Duffing, hb.SpurPair, hb.gears.GearRotorBearing, hb.gears.HelicalPair, hb.gears.DoubleHelicalPair]
+)
 def test_labels_of_models_are_read(model):
     for label in model.labels.values():
         for text in (in_text(label), without_unit(label), in_html(label)):

@@ -8,11 +8,18 @@ import pkgutil
 import pytest
 
 import hbgear as hb
-from hbgear.plot import bands, curves, effects, fits, mesh, rotors, simulation, study, trains
+from hbgear.plot import curves, simulation
+from hbgear.plot.designs import bands, effects, fits, study
+from hbgear.plot.machines import mesh, rotors, trains
 
-NAMES = sorted(
-    name for name in hb.__all__ if isinstance(getattr(hb, name), type) or inspect.isroutine(getattr(hb, name))
-)
+SPACES = ("analysis", "continuation", "design", "gears", "harmonic", "io", "mechanics", "time")
+PUBLIC = {f"hb.{name}": getattr(hb, name) for name in hb.__all__} | {
+    f"hb.{space}.{name}": getattr(getattr(hb, space), name)
+    for space in SPACES
+    for name in getattr(hb, space).__all__
+    if name not in hb.__all__
+}
+NAMES = sorted(name for name, thing in PUBLIC.items() if isinstance(thing, type) or inspect.isroutine(thing))
 FIGURES = {
     "bands": bands, "curves": curves, "effects": effects, "fits": fits, "mesh": mesh, "rotors": rotors,
     "simulation": simulation, "study": study, "trains": trains,
@@ -42,7 +49,7 @@ def run(name: str, thing: object) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_example_of_a_public_name(name):
-    run(f"hb.{name}", getattr(hb, name))
+    run(name, PUBLIC[name])
 
 
 @pytest.mark.parametrize("name", DRAWN)
@@ -63,7 +70,19 @@ def test_example_of_a_figure(name):
 
 
 def test_public_names_that_are_no_functions_or_classes():
-    assert set(hb.__all__) - set(NAMES) == {"__version__", "plot", "ProgressCallback"}
+    assert PUBLIC.keys() - set(NAMES) == {
+        "hb.__version__", "hb.plot", "hb.ProgressCallback", *(f"hb.{space}" for space in SPACES)
+    }  # fmt: skip
+
+
+def test_a_first_script_needs_few_names():
+    assert len([name for name in hb.__all__ if name not in SPACES]) <= 36
+
+
+def test_names_of_version_0_2_are_deprecated():
+    for old, new in hb._DEPRECATED.items():
+        with pytest.warns(DeprecationWarning, match=f"hbgear.{old} is deprecated: use hbgear.{new}$"):
+            assert getattr(hb, old) is PUBLIC[f"hb.{new}"]
     assert inspect.getdoc(hb.plot)
 
 

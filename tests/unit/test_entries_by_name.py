@@ -5,9 +5,9 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli.app import main
-from hbgear.design.study_file import StudyFileError, read_study
+from hbgear.design.cases.study_file import StudyFileError, read_study
+from hbgear.web.editable_model import ModelSubject
 from hbgear.web.explorer import Asked, Explorer
-from hbgear.web.subject import ModelSubject
 
 PAIR = hb.SpurPair(e=(0.1, 0.02))
 
@@ -39,7 +39,7 @@ def test_set_changes_one_entry(run):
 
 def test_what_is_critical_in_an_entry_is_where_a_jump_vanishes(run):
     """Fewer errors than the critical one leave no jump, more do."""
-    found = hb.critical(PAIR, "e[0]", harmonics=3)
+    found = hb.analysis.critical_parameter(PAIR, "e[0]", harmonics=3)
     for factor, jumps in ((0.97, 0), (1.03, 2)):
         problem = hb.HarmonicBalance(PAIR.replace(**{"e[0]": factor * found.value}), 3)
         near = (found.Omega + 0.1, found.Omega - 0.1)
@@ -65,9 +65,13 @@ def test_studies_vary_entries(tmp_path):
     path.write_text(f'{head}[grid]\n"e[0]" = [0.1, 0.2]\n{tail}')
     study = read_study(path)
     assert study.model.e == (0.1, 0.03) and study.vary.names == ("e[0]",)
-    found = hb.cases(study.model, study.vary, ("peak",), harmonics=2, processes=1)
-    by_hand = [hb.cases(study.model.replace(e=(x, 0.03)), hb.grid(zeta=[0.05]), ("peak",), harmonics=2, processes=1)
-               for x in (0.1, 0.2)]  # fmt: skip
+    found = hb.design.cases(study.model, study.vary, ("peak",), harmonics=2, processes=1)
+    by_hand = [
+        hb.design.cases(
+            study.model.replace(e=(x, 0.03)), hb.design.grid(zeta=[0.05]), ("peak",), harmonics=2, processes=1
+        )
+        for x in (0.1, 0.2)
+    ]
     peaks = [name for name in found.table if name.startswith("peak") and found.table[name].dtype.kind == "f"]
     assert peaks
     for name in peaks:
@@ -94,5 +98,5 @@ def test_the_explorer_counts_from_zero_as_the_library_does():
 
 
 def test_sweeps_go_along_an_entry():
-    run = hb.sweep(PAIR, [0.1, 0.11], parameter="e[0]", at={"Omega": 1.3})
+    run = hb.time.sweep(PAIR, [0.1, 0.11], parameter="e[0]", at={"Omega": 1.3})
     assert run.parameter == "e[0]"

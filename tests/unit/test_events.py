@@ -13,11 +13,12 @@ from scipy.io import loadmat
 
 import hbgear as hb
 from hbgear.cli.app import main
-from hbgear.continuation.events import RESERVED, Cusp, is_marker, root
-from hbgear.continuation.newton import solve
-from hbgear.continuation.problem import as_problem
-from hbgear.continuation.segment import Segment, row_of
-from hbgear.harmonic.events import KINDS, Merging
+from hbgear.continuation.curve.segment import Segment, point_from_solution
+from hbgear.continuation.events.event import RESERVED, is_marker, locate_root
+from hbgear.continuation.events.fold import CuspEvent
+from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic.bifurcations.events import KINDS, PeriodDoublingMergeEvent
 
 LIMIT = hb.Event("limit", lambda point: point.amplitude("max") - 1.3, "the largest deflection is 1.3", marker="*")
 
@@ -53,7 +54,7 @@ def test_saved_and_loaded(curve, tmp_path):
 
 
 def test_a_start(curve):
-    again = hb.trace(curve.problem.fitting(curve["limit1"]), "Omega", (1.2, 0.6), start=curve["limit1"])
+    again = hb.trace(curve.problem.at_resolution_of(curve["limit1"]), "Omega", (1.2, 0.6), start=curve["limit1"])
     np.testing.assert_allclose(again.X[0], curve["limit1"].X, atol=1e-9)
 
 
@@ -73,8 +74,8 @@ def values_of(branch):
 @pytest.mark.parametrize(
     ("label", "equations"),
     [
-        ("LP1", lambda p, curve: hb.Fold(p, "Omega")),
-        ("GR1", lambda p, curve: hb.Grazing(p, "Omega", p.clearance_names.index(curve["GR1"].note))),
+        ("LP1", lambda p, curve: hb.continuation.FoldProblem(p, "Omega")),
+        ("GR1", lambda p, curve: hb.harmonic.GrazingProblem(p, "Omega", p.clearance_names.index(curve["GR1"].note))),
     ],
 )
 def test_follow_is_the_trace_of_the_equations(curve, label, equations):
@@ -92,10 +93,10 @@ def test_follow_a_doubling_and_a_peak(curve):
     mu = problem.multipliers(followed.X[-1], **followed.parameters_at(-1))
     assert abs(mu + 1).min() < 1e-3
     for measure in ("rms", "H2", "pp2", "max"):
-        peak = hb.peaks(curve, measure)[0]
+        peak = hb.analysis.peaks(curve, measure)[0]
         held = hb.follow(curve, peak, "zeta", (0.05, 0.055))
         fresh = hb.trace(curve.problem, "Omega", (1.2, 0.6), at={"zeta": 0.055})
-        top = hb.peaks(fresh, measure)[0].parameters["Omega"]
+        top = hb.analysis.peaks(fresh, measure)[0].parameters["Omega"]
         assert held.tracked["Omega"][-1] == pytest.approx(top, abs=1e-9)
 
 
@@ -103,7 +104,7 @@ def test_what_cannot_be_followed(curve, tmp_path):
     flip = hb.Event("flip", lambda point: abs(point.multipliers[0]) - 1.0)
     with pytest.raises(ValueError, match="'flip' cannot be followed: its test must use no more of a point than"):
         flip.equations(curve.problem, "Omega", curve["LP1"])
-    for kind in (Cusp, Merging):
+    for kind in (CuspEvent, PeriodDoublingMergeEvent):
         point = replace(curve["LP1"], kind=kind.kind, label=f"{kind.kind}1", meaning=kind.meaning, event=kind())
         with pytest.raises(ValueError, match=f"{kind.kind}1 .* cannot be followed in a second parameter"):
             hb.follow(curve, point, "zeta", (0.05, 0.06))
@@ -213,15 +214,20 @@ def test_on_the_command_line(curve, tmp_path, capsys):
 def test_the_equations_cannot_be_changed(curve):
     """Nor does asking change them: any number of threads may share them."""
     problem = curve.problem
-    every = (hb.Fold(problem), hb.PeriodDoubling(problem), hb.Grazing(problem), hb.Peak(problem),
-             LIMIT.equations(problem, "Omega", curve["limit1"]))  # fmt: skip
+    every = (
+        hb.continuation.FoldProblem(problem),
+        hb.harmonic.PeriodDoublingProblem(problem),
+        hb.harmonic.GrazingProblem(problem),
+        hb.harmonic.AmplitudeExtremum(problem),
+        LIMIT.equations(problem, "Omega", curve["limit1"]),
+    )
     points = [np.append(curve.X[i], curve.values[i]) for i in range(0, len(curve), 12)]
     zeta = curve.fixed
     for equations in every:
         for name in ("parameter", "base", "anything"):
             with pytest.raises(AttributeError, match=f"{type(equations).__name__} cannot be changed"):
                 setattr(equations, name, None)
-        based = equations.based(points[0], zeta)
+        based = equations.with_borders_at(points[0], zeta)
         assert equations.base is None and based.base is not None and based.problem is equations.problem
         for one in (equations, based):
             before = dict(vars(one))
@@ -287,7 +293,10 @@ def test_a_root_is_not_the_end_where_a_growing_function_is_less():
             return X - p, np.eye(1)
 
     problem = as_problem(Line())
-    rows = [row_of(solve(problem, np.zeros(1), {"p": p}, "p"), np.array([0.0, 1.0]), np.ones(2)) for p in (0.0, 1.0)]
-    segment = Segment(problem, "p", {}, *rows, np.ones(2), hb.Settings())
-    found = root(segment, LIMIT, lambda row: (row.value - 0.9) * np.exp(60 * row.value))
+    rows = [
+        point_from_solution(solve(problem, np.zeros(1), {"p": p}, "p"), np.array([0.0, 1.0]), np.ones(2))
+        for p in (0.0, 1.0)
+    ]
+    segment = Segment(problem, "p", {}, *rows, np.ones(2), hb.NewtonSettings())
+    found = locate_root(segment, LIMIT, lambda row: (row.value - 0.9) * np.exp(60 * row.value))
     assert found.located and found.row.value == pytest.approx(0.9, abs=1e-12)

@@ -22,11 +22,11 @@ from browser import browser, check_only_own_scripts_run, check_toolbars, clicked
 import hbgear as hb
 from hbgear.cli.app import main
 from hbgear.cli.pages import explored
-from hbgear.design.study_file import read_study
-from hbgear.io.machine_file import Machine, read_machine, write_machine
+from hbgear.design.cases.study_file import read_study
+from hbgear.io.machines.machine_file import Machine, read_machine, write_machine
+from hbgear.web.editable_model import MachineSubject, ModelSubject
 from hbgear.web.explorer import Asked, Explorer, Overtaken
 from hbgear.web.server import Server
-from hbgear.web.subject import MachineSubject, ModelSubject
 
 pytest.importorskip("flask")
 pytest.importorskip("plotly")
@@ -39,7 +39,7 @@ def explorer(model=MODEL, span=SPAN, harmonics=8):
 
 
 def machine():
-    pinion, wheel = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
     return Machine(hb.GearPair(pinion, wheel, backlash="80 um"), 200.0, 0.04)
 
 
@@ -88,7 +88,7 @@ def test_every_number_of_a_model_is_a_parameter():
     assert {"zeta", "F_m", "b", "eps[0]", "reference[3]"} <= set(found)
     assert found["F_m"].unit == "-" and found["F_m"].label == "mean load F<sub>m</sub>"
     assert all(p.low <= p.value <= p.high for p in found.values())
-    pair = {p.name: p for p in ModelSubject(hb.DoubleHelicalPair(), "double-helical").parameters()}
+    pair = {p.name: p for p in ModelSubject(hb.gears.DoubleHelicalPair(), "double-helical").parameters()}
     assert pair["I_p"].unit == "kg m^2"
 
 
@@ -407,7 +407,7 @@ def test_command_refuses_what_cannot_be_explored(tmp_path, capsys):
 
 def test_own_models_are_explored(tmp_path, capsys, modules_are_forgotten):
     (tmp_path / "mine.py").write_text(
-        "import hbgear as hb\n\n@hb.model(default_span=(0.5, 1.5))\n"
+        "import hbgear as hb\n\n@hb.mechanics.model(default_span=(0.5, 1.5))\n"
         "def stop(zeta: float = 0.05, gap: float = 1.0) -> hb.System:\n"
         "    law = hb.Unilateral(k=5.0, gap=gap)\n"
         "    return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [0.2]}))\n"

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear import Fold, HarmonicBalance, Steps, extend, trace
+from hbgear import HarmonicBalance, StepControl, extend, trace
+from hbgear.continuation import FoldProblem
 
 LABELS = ["GR1", "LP1", "LP2", "GR2"]
 
@@ -35,7 +36,7 @@ def test_stopped_anywhere_and_gone_on_is_the_whole_curve(problem, whole):
     assert [p.label for p in whole.special] == LABELS and whole.jumps()
     turn = whole["LP1"].index
     for count in (3, turn - 1, turn, turn + 1, turn + 2, turn + 3, len(whole) - 5):
-        part = trace(problem, "Omega", (1.5, 0.6), steps=Steps(max_points=count))
+        part = trace(problem, "Omega", (1.5, 0.6), steps=StepControl(max_points=count))
         assert "hb.extend(curve)" in part.message and "hbgear extend FILE" in part.message
         curve = extend(part)
         assert_same(curve, whole)
@@ -50,7 +51,7 @@ def test_further_than_the_span_was(problem, whole):
 
 
 def test_from_a_file_with_more_harmonics(problem, whole, tmp_path):
-    trace(problem, "Omega", (1.5, 0.6), steps=Steps(max_points=30)).save(tmp_path / "part.npz")
+    trace(problem, "Omega", (1.5, 0.6), steps=StepControl(max_points=30)).save(tmp_path / "part.npz")
     part = hb.load(tmp_path / "part.npz")
     assert_same(extend(part), whole)
     with pytest.raises(ValueError, match="needs the problem"):
@@ -63,8 +64,8 @@ def test_from_a_file_with_more_harmonics(problem, whole, tmp_path):
 
 def test_a_fold_curve_goes_on_too(problem, whole):
     options = {"start": whole["LP1"]}
-    fold = trace(Fold(problem), "zeta", (0.05, 0.2), **options)
-    part = trace(Fold(problem), "zeta", (0.05, 0.2), steps=Steps(max_points=4), **options)
+    fold = trace(FoldProblem(problem), "zeta", (0.05, 0.2), **options)
+    part = trace(FoldProblem(problem), "zeta", (0.05, 0.2), steps=StepControl(max_points=4), **options)
     curve = extend(part)
     assert len(part) == 4 and [p.label for p in curve.special] == [p.label for p in fold.special] == ["CP1"]
     assert curve["CP1"].parameters["zeta"] == pytest.approx(fold["CP1"].parameters["zeta"], abs=1e-8)
@@ -73,11 +74,11 @@ def test_a_fold_curve_goes_on_too(problem, whole):
 
 def test_a_fold_curve_begins_and_goes_on_with_other_harmonics(problem, whole):
     finer = HarmonicBalance(hb.SpurPair(), 16)
-    begun = trace(Fold(finer), "zeta", (0.05, 0.2), start=whole["LP1"])
+    begun = trace(FoldProblem(finer), "zeta", (0.05, 0.2), start=whole["LP1"])
     assert begun.layout.harmonics == 16
-    part = trace(Fold(problem), "zeta", (0.05, 0.2), start=whole["LP1"], steps=Steps(max_points=4))
+    part = trace(FoldProblem(problem), "zeta", (0.05, 0.2), start=whole["LP1"], steps=StepControl(max_points=4))
     for curve in (
-        extend(part, problem=Fold(finer)),
+        extend(part, problem=FoldProblem(finer)),
         extend(dataclasses.replace(part, problem=None), problem=begun.problem),
     ):
         assert curve.layout.harmonics == 16 and curve.X.shape[1] == finer.size == len(curve["CP1"].X)
@@ -90,5 +91,5 @@ def test_what_cannot_be_extended(problem, whole):
         extend(problem)
     with pytest.raises(ValueError, match="nothing to go on to"):
         extend(dataclasses.replace(whole, status="closed"))
-    one = trace(problem, "Omega", (1.5, 0.6), steps=Steps(max_points=2))
+    one = trace(problem, "Omega", (1.5, 0.6), steps=StepControl(max_points=2))
     assert_same(extend(one), whole)

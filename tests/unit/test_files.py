@@ -13,7 +13,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.common.replacing import CannotWrite, check_writable, replacing
+from hbgear.common.atomic_write import CannotWrite, atomic_write, check_writable
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs the devices and limits of POSIX")
 LIMIT = 70_000  # bytes a file may have: more than is written to see whether one can be, less than a curve takes
@@ -74,7 +74,7 @@ def test_what_is_stored_is_on_the_disk_first(folder, monkeypatch):
     fsync, replace = os.fsync, os.replace
     monkeypatch.setattr(os, "fsync", lambda number: (did.append(os.fstat(number).st_ino), fsync(number)))
     monkeypatch.setattr(os, "replace", lambda a, b: (did.append("renamed"), replace(a, b)))
-    with replacing("a.txt", "x") as handle:
+    with atomic_write("a.txt", "x") as handle:
         handle.write("text")
     file, place = os.stat("a.txt").st_ino, os.stat(".").st_ino
     assert did == ([file, "renamed", place] if os.name == "posix" else [file, "renamed"])
@@ -84,16 +84,16 @@ def test_what_is_stored_is_on_the_disk_first(folder, monkeypatch):
 def test_a_link_is_followed_and_a_device_never_replaced(folder):
     Path("target.txt").write_text("before")
     os.symlink("target.txt", "link.txt")
-    with replacing("link.txt", "x") as handle:
+    with atomic_write("link.txt", "x") as handle:
         handle.write("text")
     assert os.path.islink("link.txt") and Path("target.txt").read_text() == "text"
     os.symlink("/dev/full", "full.txt")
-    with pytest.raises(CannotWrite, match=r"'full.txt': it is a device"), replacing("full.txt"):
+    with pytest.raises(CannotWrite, match=r"'full.txt': it is a device"), atomic_write("full.txt"):
         pass
 
 
 def test_a_failure_is_that_of_the_disk_whatever_the_writer_makes_of_it(folder):
-    with pytest.raises(CannotWrite, match="no space") as error, replacing("a") as handle:
+    with pytest.raises(CannotWrite, match="no space") as error, atomic_write("a") as handle:
         try:
             handle.write(b"half")
             raise OSError(28, "No space left on device")
@@ -102,7 +102,7 @@ def test_a_failure_is_that_of_the_disk_whatever_the_writer_makes_of_it(folder):
     assert error.value.errno == 28 and not os.listdir()
     again = pickle.loads(pickle.dumps(error.value))
     assert (str(again), again.errno) == (str(error.value), 28)
-    with pytest.raises(ValueError, match="a bug"), replacing("a"):
+    with pytest.raises(ValueError, match="a bug"), atomic_write("a"):
         raise ValueError("a bug")
 
 
@@ -218,7 +218,7 @@ def test_a_file_written_again_keeps_its_permissions(tmp_path, mode):
     path, seen = tmp_path / "a.txt", []
     path.write_text("before")
     path.chmod(mode)
-    with replacing(path, "x") as handle:
+    with atomic_write(path, "x") as handle:
         seen += [each.stat().st_mode & 0o777 for each in tmp_path.iterdir() if each != path]
         handle.write("after")
     assert path.read_text() == "after" and path.stat().st_mode & 0o777 == mode
@@ -228,12 +228,12 @@ def test_a_file_written_again_keeps_its_permissions(tmp_path, mode):
 @pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")
 def test_a_new_file_has_the_permissions_of_the_user(tmp_path):
     (tmp_path / "usual").touch()
-    with replacing(tmp_path / "a.txt", "x") as handle:
+    with atomic_write(tmp_path / "a.txt", "x") as handle:
         handle.write("new")
     assert (tmp_path / "a.txt").stat().st_mode == (tmp_path / "usual").stat().st_mode
 
 
-@pytest.mark.parametrize("write", [check_writable, lambda path: replacing(path, "x").__enter__()])
+@pytest.mark.parametrize("write", [check_writable, lambda path: atomic_write(path, "x").__enter__()])
 def test_a_link_that_leads_nowhere_is_refused(tmp_path, write):
     (tmp_path / "link.npz").symlink_to(tmp_path / "elsewhere.npz")
     with pytest.raises(CannotWrite, match=r"is a link to '.*elsewhere.npz', which does not exist; remove the link"):

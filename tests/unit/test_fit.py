@@ -5,7 +5,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app
-from hbgear.design.predicted import Prediction
+from hbgear.design.fitting.sweep_prediction import Prediction
 
 TRUTH = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25.0))
 START = TRUTH.replace(zeta=0.08, F_m=0.13, b=1.3, e=(0.07,))
@@ -16,7 +16,7 @@ def sweeps(model, measure, harmonics=8, span=(0.5, 1.4), count=30):
     """Frequencies, directions and amplitudes without noise of sweeps in both directions, and the jumps."""
     up = np.linspace(*span, count)
     Omega, direction = np.concatenate([up, up]), np.repeat([1, -1], count)
-    vague = hb.Measurements(Omega, np.ones(2 * count), direction, deviation=1e9, measure=measure)
+    vague = hb.design.Measurements(Omega, np.ones(2 * count), direction, deviation=1e9, measure=measure)
     found = Prediction(hb.HarmonicBalance(model, harmonics), vague, {}, (1.2 * span[1], span[0] / 1.2))
     return Omega, direction, found.amplitudes, found.jumps
 
@@ -32,8 +32,8 @@ def noisy(amplitude, seed, share=0.01):
 
 def test_truth_without_noise(largest):
     Omega, direction, amplitude, jumps = largest
-    data = hb.Measurements(Omega, amplitude, direction, 0.001 * amplitude, measure="max")
-    found = hb.fit(START, data, FREE, harmonics=8)
+    data = hb.design.Measurements(Omega, amplitude, direction, 0.001 * amplitude, measure="max")
+    found = hb.design.fit(START, data, FREE, harmonics=8)
     for name, true in zip(FREE, (0.05, 1.0, 0.1, 0.05), strict=True):
         assert found.values[name] == pytest.approx(true, rel=2e-3)
     assert found.reached.all() and found.status.complete and found.mean_square < 0.05
@@ -44,7 +44,7 @@ def test_derivatives_of_what_is_predicted(largest):
     """All residuals against central differences, where no point changes what it is held against; units too."""
     Omega, direction, amplitude, jumps = largest
     scales = TRUTH.scales
-    data = hb.Measurements(
+    data = hb.design.Measurements(
         scales.pinion_speed(Omega), noisy(amplitude, 1) * 37.6, direction, measure="max", unit="pinion r/min",
         length="um", jumps=[(scales.pinion_speed(jump.value) * 1.001, jump.direction) for jump in jumps],
     )  # fmt: skip
@@ -74,8 +74,8 @@ def test_coverage_in_small(largest):
     problem = hb.HarmonicBalance(START, 8)
     off = []
     for seed in range(4):
-        data = hb.Measurements(Omega, noisy(amplitude, seed), direction, 0.01 * amplitude, measure="max")
-        found = hb.fit(problem, data, FREE)
+        data = hb.design.Measurements(Omega, noisy(amplitude, seed), direction, 0.01 * amplitude, measure="max")
+        found = hb.design.fit(problem, data, FREE)
         truth = TRUTH.parameters | TRUTH.entries
         off.append([(found.values[name] - truth[name]) / found.errors[name] for name in FREE])
     assert np.mean(np.abs(off) < 2) > 0.8 and np.max(np.abs(off)) < 4
@@ -84,23 +84,25 @@ def test_coverage_in_small(largest):
 def test_a_gap_that_alternating_amplitudes_do_not_know():
     """While no tooth touches on its back, a wider gap shifts the motion and changes nothing else."""
     Omega, direction, amplitude, _ = sweeps(TRUTH, "pp2")
-    data = hb.Measurements(Omega, noisy(amplitude, 2), direction, 0.01 * amplitude)
-    found = hb.fit(TRUTH.replace(zeta=0.06, b=1.1), data, ["zeta", "b"], harmonics=8, starts=1)
+    data = hb.design.Measurements(Omega, noisy(amplitude, 2), direction, 0.01 * amplitude)
+    found = hb.design.fit(TRUTH.replace(zeta=0.06, b=1.1), data, ["zeta", "b"], harmonics=8, starts=1)
     assert "b has no effect on the data" in found.doubts and np.isnan(found.errors["b"])
     assert found.values["zeta"] == pytest.approx(0.05, abs=4 * found.errors["zeta"])
 
 
 def test_parameters_that_cannot_be_told_apart(largest):
     Omega, direction, amplitude, _ = largest
-    data = hb.Measurements(Omega, amplitude, direction, 0.01 * amplitude, measure="max")
-    found = hb.fit(TRUTH.replace(e_scale=1.1), data, {"e_scale": (0.5, 2), "e[0]": (0.02, 0.1)}, harmonics=8, starts=1)
+    data = hb.design.Measurements(Omega, amplitude, direction, 0.01 * amplitude, measure="max")
+    found = hb.design.fit(
+        TRUTH.replace(e_scale=1.1), data, {"e_scale": (0.5, 2), "e[0]": (0.02, 0.1)}, harmonics=8, starts=1
+    )
     assert any("e_scale, e[0] cannot be told apart by these data" in doubt for doubt in found.doubts)
 
 
 def test_jumps_alone():
     _, _, _, jumps = sweeps(TRUTH, "pp2")
-    data = hb.Measurements([], [], jumps=[(jump.value, jump.direction) for jump in jumps])
-    found = hb.fit(TRUTH.replace(zeta=0.055, e=(0.053,)), data, ["zeta", "e[0]"], harmonics=8, span=(1.6, 0.4))
+    data = hb.design.Measurements([], [], jumps=[(jump.value, jump.direction) for jump in jumps])
+    found = hb.design.fit(TRUTH.replace(zeta=0.055, e=(0.053,)), data, ["zeta", "e[0]"], harmonics=8, span=(1.6, 0.4))
     assert found.values["zeta"] == pytest.approx(0.05, rel=1e-3) and found.values["e[0]"] == pytest.approx(
         0.05, rel=1e-3
     )
@@ -110,57 +112,65 @@ def test_jumps_alone():
 def test_a_jump_that_the_model_does_not_have(largest):
     Omega, direction, amplitude, _ = largest
     few = Omega > 0.9
-    data = hb.Measurements(Omega[few], amplitude[few], direction[few], 0.01 * amplitude[few], [(1.2, 1)], measure="max")
-    found = hb.fit(TRUTH.replace(zeta=0.2), data, {"zeta": (0.15, 0.25)}, harmonics=8, starts=1)
+    data = hb.design.Measurements(
+        Omega[few], amplitude[few], direction[few], 0.01 * amplitude[few], [(1.2, 1)], measure="max"
+    )
+    found = hb.design.fit(TRUTH.replace(zeta=0.2), data, {"zeta": (0.15, 0.25)}, harmonics=8, starts=1)
     assert any("the model has no jump like the one measured at 1.2" in doubt for doubt in found.doubts)
 
 
 def test_data_in_the_wrong_unit(largest):
     Omega, direction, amplitude, _ = largest
     with pytest.raises(ValueError, match=r"the measured amplitudes are 1e\+06 times those of the model"):
-        hb.fit(TRUTH, hb.Measurements(Omega, 1e6 * amplitude, direction, measure="max"), ["zeta"], harmonics=8)
+        hb.design.fit(
+            TRUTH, hb.design.Measurements(Omega, 1e6 * amplitude, direction, measure="max"), ["zeta"], harmonics=8
+        )
     with pytest.raises(ValueError, match="they are hardly in Omega; give unit='mesh Hz' or 'pinion r/min'"):
-        hb.fit(TRUTH, hb.Measurements(1e4 * Omega, amplitude, direction), ["zeta"], harmonics=8)
+        hb.design.fit(TRUTH, hb.design.Measurements(1e4 * Omega, amplitude, direction), ["zeta"], harmonics=8)
     with pytest.raises(ValueError, match="Duffing does not know its units; give frequencies as Omega"):
-        hb.fit(hb.Duffing(), hb.Measurements(Omega, amplitude, direction, unit="mesh Hz"), ["zeta"], harmonics=3)
+        hb.design.fit(
+            hb.Duffing(), hb.design.Measurements(Omega, amplitude, direction, unit="mesh Hz"), ["zeta"], harmonics=3
+        )
     with pytest.raises(ValueError, match="Duffing does not know its unit of length"):
-        hb.fit(hb.Duffing(), hb.Measurements(Omega, amplitude, direction, length="um"), ["zeta"], harmonics=3)
+        hb.design.fit(
+            hb.Duffing(), hb.design.Measurements(Omega, amplitude, direction, length="um"), ["zeta"], harmonics=3
+        )
 
 
 def test_what_cannot_be_fitted(largest):
     Omega, direction, amplitude, _ = largest
-    data = hb.Measurements(Omega, amplitude, direction)
+    data = hb.design.Measurements(Omega, amplitude, direction)
     with pytest.raises(KeyError, match="no parameter 'zetta'; did you mean 'zeta'"):
-        hb.fit(TRUTH, data, ["zetta"])
+        hb.design.fit(TRUTH, data, ["zetta"])
     with pytest.raises(ValueError, match="Omega is the frequency"):
-        hb.fit(TRUTH, data, ["Omega"])
+        hb.design.fit(TRUTH, data, ["Omega"])
     with pytest.raises(ValueError, match="name at least one parameter"):
-        hb.fit(TRUTH, data, [])
+        hb.design.fit(TRUTH, data, [])
     with pytest.raises(ValueError, match=r"bounds of zeta = \(0.2, 0.1\) must rise"):
-        hb.fit(TRUTH, data, {"zeta": (0.2, 0.1)})
+        hb.design.fit(TRUTH, data, {"zeta": (0.2, 0.1)})
     with pytest.raises(ValueError, match="W is 0 in the model, so give its bounds"):
-        hb.fit(hb.DoubleHelicalPair(), data, ["W"], harmonics=4)
+        hb.design.fit(hb.gears.DoubleHelicalPair(), data, ["W"], harmonics=4)
     with pytest.raises(ValueError, match="2 parameters from 1 measured numbers"):
-        hb.fit(TRUTH, hb.Measurements([0.9], [0.5]), ["zeta", "b"])
+        hb.design.fit(TRUTH, hb.design.Measurements([0.9], [0.5]), ["zeta", "b"])
     with pytest.raises(ValueError, match="needs one number of harmonics throughout"):
-        hb.fit(hb.HarmonicBalance(TRUTH, "auto"), data, ["zeta"])
+        hb.design.fit(hb.HarmonicBalance(TRUTH, "auto"), data, ["zeta"])
 
 
 def test_measurements_that_are_none():
     with pytest.raises(ValueError, match="there is neither an amplitude nor a jump"):
-        hb.Measurements([], [])
+        hb.design.Measurements([], [])
     with pytest.raises(ValueError, match="2 frequencies and 1 amplitudes"):
-        hb.Measurements([0.9, 1.0], [0.5])
+        hb.design.Measurements([0.9, 1.0], [0.5])
     with pytest.raises(ValueError, match="amplitude must be positive, finite numbers"):
-        hb.Measurements([0.9], [-0.5])
+        hb.design.Measurements([0.9], [-0.5])
     with pytest.raises(ValueError, match=r"direction must be \+1"):
-        hb.Measurements([0.9], [0.5], 2)
+        hb.design.Measurements([0.9], [0.5], 2)
     with pytest.raises(ValueError, match=r"the jump \(1, 0\) must be"):
-        hb.Measurements([0.9], [0.5], jumps=[(1, 0)])
+        hb.design.Measurements([0.9], [0.5], jumps=[(1, 0)])
     with pytest.raises(ValueError, match="unit = 'hz'"):
-        hb.Measurements([0.9], [0.5], unit="hz")
+        hb.design.Measurements([0.9], [0.5], unit="hz")
     with pytest.raises(ValueError, match="Measurements: no measure 'pp'; there are rms, pp2"):
-        hb.Measurements([0.9], [0.5], measure="pp")
+        hb.design.Measurements([0.9], [0.5], measure="pp")
 
 
 def test_file(tmp_path, largest):
@@ -171,25 +181,25 @@ def test_file(tmp_path, largest):
     rows += [f"{TRUTH.scales.pinion_speed(jump.value)},,{jump.direction}" for jump in jumps]
     path.write_text("# a test\nrpm,x [um],sweep\n" + "\n".join(rows))
     columns = {"frequency": "rpm", "amplitude": "x [um]", "direction": "sweep"}
-    data = hb.read_measurements(path, columns, unit="pinion r/min", length="um", measure="max")
+    data = hb.design.read_measurements(path, columns, unit="pinion r/min", length="um", measure="max")
     assert (
         len(data) == 60
         and len(data.jumps) == 2
         and data.amplitude[0] == pytest.approx(37.6e-6 * noisy(amplitude, 3)[0])
     )
     with pytest.raises(KeyError, match="there is no column 'speed' for frequency"):
-        hb.read_measurements(path, {"frequency": "speed"})
+        hb.design.read_measurements(path, {"frequency": "speed"})
     with pytest.raises(KeyError, match="there is no column for 'frequenzy'; did you mean 'frequency'"):
-        hb.read_measurements(path, {"frequenzy": "rpm"})
+        hb.design.read_measurements(path, {"frequenzy": "rpm"})
     with pytest.raises(ValueError, match="cannot be read as measurements: No such file"):
-        hb.read_measurements(tmp_path / "none.csv")
+        hb.design.read_measurements(tmp_path / "none.csv")
     bad = tmp_path / "bad.csv"
     bad.write_text("frequency,amplitude\n0.9,0.5\n1.0,x\n")
     with pytest.raises(ValueError, match=r"bad.csv', line 3: 'x' in the column 'amplitude' must be a number"):
-        hb.read_measurements(bad)
+        hb.design.read_measurements(bad)
     bad.write_text("frequency,amplitude,direction\n0.9,0.5,sideways\n")
     with pytest.raises(ValueError, match="line 2: 'sideways' in the column 'direction' must be up or down"):
-        hb.read_measurements(bad)
+        hb.design.read_measurements(bad)
 
 
 def run(*words):

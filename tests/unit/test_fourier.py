@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from hbgear.mechanics.fourier import (
+from hbgear.mechanics.series.fourier import (
     Series,
     Transform,
     derive,

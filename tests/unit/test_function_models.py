@@ -13,17 +13,17 @@ from machines import Needs, system, two
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.harmonic import catalogue
-from hbgear.mechanics import named as naming
+from hbgear.harmonic import model_registry
+from hbgear.mechanics import model_lookup as naming
 from hbgear.mechanics.fields import kinds_of, made, parameters_of, required_of
-from hbgear.mechanics.model import describe
+from hbgear.mechanics.models import describe
 
 SOURCE = '''"""Somebody's machines."""
 from __future__ import annotations
 import hbgear as hb
 from helper import CUBIC
 
-@hb.model(default_span=(0.6, 1.5))
+@hb.mechanics.model(default_span=(0.6, 1.5))
 def two(F: float, zeta: float = 0.05, e: tuple[float, ...] = ()) -> hb.System:
     """An oscillator of somebody; with a spring.
 
@@ -74,7 +74,7 @@ def test_types_known_only_inside_of_a_function_leave_the_others():
     Local = int
 
     @dataclass(frozen=True)
-    class Inner(hb.Model):
+    class Inner(hb.mechanics.Model):
         z: "float" = 0.1
         n: "Local" = 1
 
@@ -91,11 +91,13 @@ def test_required_fields():
     with pytest.raises(KeyError, match="Needs has no parameter 'zetta'; did you mean 'zeta'"):
         made(Needs, {"F": 1.0, "zetta": 0.1})
     model = Needs(0.2, teeth=17)
-    assert catalogue.rebuild(describe(model), Needs) == model
+    assert model_registry.rebuild_model(describe(model), Needs) == model
 
 
 def test_a_model_with_required_fields_in_a_study():
-    found = hb.cases(Needs(0.1), hb.grid(zeta=[0.1, 0.2]), ("peak",), harmonics=3, span=(0.7, 1.3), processes=1)
+    found = hb.design.cases(
+        Needs(0.1), hb.design.grid(zeta=[0.1, 0.2]), ("peak",), harmonics=3, span=(0.7, 1.3), processes=1
+    )
     assert not found.failed and found.table["peak"][0] > 1.5 * found.table["peak"][1]
 
 
@@ -106,28 +108,30 @@ def test_a_function_is_a_model():
     assert repr(two()) == "two()" and repr(two(zeta=0.1)) == "two(zeta=0.1)"
     assert two(0.1) == two(zeta=0.1) != two() and hash(two()) == hash(two())
     assert two().parameters == {"zeta": 0.05, "F": 0.18} and two().replace(F=0.2) == two(F=0.2)
-    assert isinstance(two(), hb.Model) and isinstance(two().system(), hb.System)
+    assert isinstance(two(), hb.mechanics.Model) and isinstance(two().system(), hb.System)
     assert two.__doc__ == "An oscillator of somebody." and two.default_span == (0.5, 1.6)
     assert pickle.loads(pickle.dumps(two(n=2))) == two(n=2)
     assert describe(two())["class"] == "two" and describe(two())["from"].endswith(":two")
-    assert catalogue.rebuild(describe(two(F=0.2, kind="b")), two) == two(F=0.2, kind="b")
+    assert model_registry.rebuild_model(describe(two(F=0.2, kind="b")), two) == two(F=0.2, kind="b")
 
 
 def test_curves_folds_and_critical_values_of_a_function_are_those_of_the_class():
     own, known = hb.HarmonicBalance(two(), 6), hb.HarmonicBalance(hb.Duffing(), 6)
     curves = [hb.trace(problem, "Omega", (0.5, 1.6)) for problem in (own, known)]
     np.testing.assert_array_equal(curves[0].X, curves[1].X)
-    folds = [hb.trace(hb.Fold(c.problem, "Omega"), "zeta", (0.05, 0.06), start=c["LP1"]) for c in curves]
+    folds = [
+        hb.trace(hb.continuation.FoldProblem(c.problem, "Omega"), "zeta", (0.05, 0.06), start=c["LP1"]) for c in curves
+    ]
     np.testing.assert_array_equal(folds[0].tracked["Omega"], folds[1].tracked["Omega"])
-    assert hb.critical(own, "zeta").value == hb.critical(known, "zeta").value
+    assert hb.analysis.critical_parameter(own, "zeta").value == hb.analysis.critical_parameter(known, "zeta").value
     maps = [hb.jump_map(problem, "F", (0.16, 0.18)) for problem in (own, known)]
     np.testing.assert_array_equal(maps[0].arms[0].Omega, maps[1].arms[0].Omega)
 
 
 def test_cases_of_a_function_in_processes_are_those_of_the_class():
-    vary = hb.grid(zeta=[0.05, 0.06])
+    vary = hb.design.grid(zeta=[0.05, 0.06])
     own, known = (
-        hb.cases(m, vary, ("peak",), harmonics=3, span=(0.7, 1.3), processes=1) for m in (two(), hb.Duffing())
+        hb.design.cases(m, vary, ("peak",), harmonics=3, span=(0.7, 1.3), processes=1) for m in (two(), hb.Duffing())
     )
     assert not own.failed
     np.testing.assert_array_equal(own.table["peak"], known.table["peak"])
@@ -159,12 +163,12 @@ def unknown(zeta: "Nowhere" = 1.0): ...  # noqa: F821
 )
 def test_functions_that_are_no_models_are_refused(function, message):
     with pytest.raises(ValueError, match=message):
-        hb.model(function)
+        hb.mechanics.model(function)
 
 
 def test_options_of_other_names_are_refused():
     with pytest.raises(ValueError, match="ranges of 'zetta', which it does not have; did you mean 'zeta'"):
-        hb.model(ranges={"zetta": hb.Range()})(two.function)
+        hb.mechanics.model(ranges={"zetta": hb.mechanics.Range()})(two.function)
 
 
 @pytest.mark.parametrize(
@@ -181,7 +185,7 @@ def test_options_of_other_names_are_refused():
 )
 def test_options_of_other_types_are_refused(options, said):
     with pytest.raises(ValueError, match=said):
-        hb.model(**options)
+        hb.mechanics.model(**options)
 
 
 def test_wrong_values_are_refused():
@@ -194,7 +198,7 @@ def test_wrong_values_are_refused():
         with pytest.raises(ValueError, match=message):
             two(**fields)
 
-    @hb.model
+    @hb.mechanics.model
     def nothing(zeta: float = 0.1, e: tuple[float, ...] = ()):
         return None
 
@@ -215,7 +219,7 @@ def test_a_function_in_a_file_on_the_command_line(run):
     there = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.6, 1.5))
     np.testing.assert_allclose(hb.load("a.npz").X, there.X, rtol=0, atol=1e-10)
     code, out, _ = run("critical", "mine.py:two", "zeta", *short)
-    expected = hb.critical(hb.HarmonicBalance(hb.Duffing(), 3), "zeta", frequencies=(0.6, 1.5)).value
+    expected = hb.analysis.critical_parameter(hb.HarmonicBalance(hb.Duffing(), 3), "zeta", frequencies=(0.6, 1.5)).value
     assert code == 0 and abs(float(out.split()[2].strip(":").partition("(")[0]) - expected) < 1e-5
     assert run("map", "mine:two", "--in", "F=0.17:0.18", *short)[0] == 0
     assert run("sweep", "mine.py:two", "--set", "F=0.18", "--up", "--count", 3, "--tolerance", "1e-2")[0] == 0
@@ -264,7 +268,7 @@ def test_a_study_of_a_function_in_a_file(run, tmp_path, name):
     [
         ("mine.py:two", "needs F, which have no default: --set F=VALUE"),
         ("mine.py:too", "'mine.py' has no model 'too'; did you mean 'two'"),
-        ("mine.py:bare", "is a function and no class of models; put @hb.model before it"),
+        ("mine.py:bare", "is a function and no class of models; put @hb.mechanics.model before it"),
         ("mine.py:hb", "is a module and no class of models"),
         ("other.py:two", "'other.py' cannot be loaded: there is no file"),
         ("nowhere.at.all:two", "cannot be loaded: ModuleNotFoundError"),
@@ -287,9 +291,9 @@ def test_models_of_installed_packages(run, monkeypatch):
     code, out, err = run("models")
     assert code == 0 and "own-machine" in out and "An oscillator of somebody" in out
     assert "warning: the model 'lost' of nowhere:two cannot be loaded" in err
-    assert catalogue.class_of("own-machine") is two
+    assert model_registry.model_class("own-machine") is two
     with pytest.raises(KeyError, match="no model 'own-machin'; did you mean 'own-machine'"):
-        catalogue.class_of("own-machin")
+        model_registry.model_class("own-machin")
 
 
 def test_every_field_of_a_function_model_is_a_field():
@@ -311,6 +315,6 @@ def test_every_field_of_a_function_model_is_a_field():
 def test_options_of_another_kind_are_refused(options, said):
     with pytest.raises(ValueError, match=f"model: .*{said}"):
 
-        @hb.model(**options)
+        @hb.mechanics.model(**options)
         def stop(zeta: float = 0.05) -> hb.System:
             raise AssertionError

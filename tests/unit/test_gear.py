@@ -7,13 +7,13 @@ import pytest
 from scipy.optimize import brentq
 
 import hbgear as hb
-from hbgear.gears.backlash import converted
-from hbgear.gears.geometry import inverse_involute, involute
-from hbgear.gears.tooth import Tooth
+from hbgear.gears.drawing.backlash import converted
+from hbgear.gears.drawing.geometry import inverse_involute, involute
+from hbgear.gears.drawing.tooth import Tooth
 
 
 def gear(z, **fields):
-    return hb.Gear(**{"teeth": z, "module": "3 mm", "face_width": "20 mm", **fields})
+    return hb.gears.Gear(**{"teeth": z, "module": "3 mm", "face_width": "20 mm", **fields})
 
 
 def pair(z_1=25, z_2=40, x_1=0.0, x_2=0.0, beta=0.0, **fields):
@@ -35,13 +35,15 @@ def test_inverse_involute_of_nothing():
 
 def test_published_contact_ratios():
     """A rotor-dynamics code's test pair, and the third stage of the NREL 5 MW gearbox with its shortened tips."""
-    twins = hb.GearPair(*(hb.Gear(62, "2 mm", "20 mm") for _ in range(2)))
+    twins = hb.GearPair(*(hb.gears.Gear(62, "2 mm", "20 mm") for _ in range(2)))
     assert twins.contact_ratio == pytest.approx(1.78978, abs=5e-6)
     beta, shifts, teeth = radians(10), (0.480, 0.669), (24, 95)
     d = [14e-3 * z / cos(beta) for z in teeth]
     shortened = sum(shifts) - (0.861 - sum(d) / 2) / 14e-3
     gears = [
-        hb.Gear(z, "14 mm", "360 mm", helix_angle=h, profile_shift=x, tip_diameter=d_0 + 28e-3 * (1 + x - shortened))
+        hb.gears.Gear(
+            z, "14 mm", "360 mm", helix_angle=h, profile_shift=x, tip_diameter=d_0 + 28e-3 * (1 + x - shortened)
+        )
         for z, x, d_0, h in zip(teeth, shifts, d, (beta, -beta), strict=True)
     ]
     stage = hb.GearPair(*gears, backlash=0.0, center_distance="861 mm")

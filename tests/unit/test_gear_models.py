@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.gears.excited import lagging, transmission_error
-from hbgear.harmonic.catalogue import rebuild
-from hbgear.harmonic.speeds import scales
-from hbgear.mechanics.model import describe
+from hbgear.gears.mesh.mesh_excitation import lagging, transmission_error
+from hbgear.harmonic.frequency_units import scales
+from hbgear.harmonic.model_registry import rebuild_model
+from hbgear.mechanics.models import describe
 
 TORQUE = 200.0
 TAU = np.linspace(0, 6.2, 50)
-HELD = (hb.Support("3e8 N/m", axial="1e8 N/m", tilt="5e5 N m/rad", damping=0.03),
-        hb.Support("4e8 N/m", axial="2e8 N/m", tilt="9e5 N m/rad"))  # fmt: skip
+HELD = (hb.gears.Support("3e8 N/m", axial="1e8 N/m", tilt="5e5 N m/rad", damping=0.03),
+        hb.gears.Support("4e8 N/m", axial="2e8 N/m", tilt="9e5 N m/rad"))  # fmt: skip
 
 
 def drawing(beta=0.0, **fields):
-    gears = [hb.Gear(z, "3 mm", "20 mm", helix_angle=radians(h), **fields) for z, h in ((25, beta), (40, -beta))]
+    gears = [hb.gears.Gear(z, "3 mm", "20 mm", helix_angle=radians(h), **fields) for z, h in ((25, beta), (40, -beta))]
     return hb.GearPair(*gears, backlash="80 um")
 
 
@@ -57,7 +57,7 @@ def test_spatial_form_of_a_spur_pair_is_the_form_with_bearings():
 @pytest.mark.parametrize("form", ["bearings", "spatial"])
 def test_rigid_bearings_leave_the_torsion(form):
     pair = drawing(15 if form == "spatial" else 0)
-    stiff = (hb.Support(1e13, axial=1e13, tilt=1e12),) * 2
+    stiff = (hb.gears.Support(1e13, axial=1e13, tilt=1e12),) * 2
     one, more = pair.model(TORQUE, 0.04), pair.model(TORQUE, 0.04, form, supports=stiff)
     points = [hb.trace(hb.HarmonicBalance(model, 12), "Omega", (1.2, 1.201))[0] for model in (one, more)]
     np.testing.assert_allclose(points[1].coefficients(0), points[0].coefficients(0), atol=2e-4)
@@ -85,8 +85,8 @@ def test_static_forces_of_a_helical_pair(beta, direction):
 
 
 def test_ring_turns_the_same_way():
-    ring = hb.Gear(60, "3 mm", "20 mm", internal=True, addendum=0.8, profile_shift=-0.2)
-    pair = hb.GearPair(hb.Gear(20, "3 mm", "20 mm", profile_shift=0.2), ring, backlash="80 um")
+    ring = hb.gears.Gear(60, "3 mm", "20 mm", internal=True, addendum=0.8, profile_shift=-0.2)
+    pair = hb.GearPair(hb.gears.Gear(20, "3 mm", "20 mm", profile_shift=0.2), ring, backlash="80 um")
     model = pair.model(TORQUE, 0.04, "spatial", supports=HELD)
     assert model.internal
     np.testing.assert_allclose(model.torques()[[5, 11]], [TORQUE, -TORQUE * 3], rtol=1e-9)
@@ -108,7 +108,7 @@ def test_lags_of_amplitudes():
     [({"eps": (0.1,), "eps_lag": (0.1, 0.2)}, "one lag for each"), ({"reference": (1.0, 2.0)}, "omega_n"),
      ({"reference": (1.0, -2.0, 3.0, 4.0)}, "all positive"), ({"e_lag": ("a",)}, "e_lag")],
 )  # fmt: skip
-@pytest.mark.parametrize("cls", [hb.SpurPair, hb.GearRotorBearing])
+@pytest.mark.parametrize("cls", [hb.SpurPair, hb.gears.GearRotorBearing])
 def test_lags_and_units_that_do_not_fit(cls, fields, said):
     with pytest.raises(ValueError, match=said):
         cls(**fields)
@@ -119,8 +119,8 @@ def test_lags_and_units_that_do_not_fit(cls, fields, said):
     [
         ({"form": "planar"}, "torsion, bearings, spatial"),
         ({"form": "bearings"}, "supports="),
-        ({"form": "spatial", "supports": (hb.Support(1e8),) * 2}, "tilt stiffness"),
-        ({"form": "spatial", "supports": (hb.Support(1e8, tilt=1e5, clearance=1e-5),) * 2}, "no clearance"),
+        ({"form": "spatial", "supports": (hb.gears.Support(1e8),) * 2}, "tilt stiffness"),
+        ({"form": "spatial", "supports": (hb.gears.Support(1e8, tilt=1e5, clearance=1e-5),) * 2}, "no clearance"),
         ({"supports": HELD}, "has no supports"),
         ({"damping": "4 mm"}, "damping"),
         ({"damping": 4}, "damping = 4 is beyond"),
@@ -134,7 +134,7 @@ def test_what_is_no_model(options, said):
 
 
 def test_no_backlash_no_model():
-    pair = hb.GearPair(*(hb.Gear(z, "3 mm", "20 mm") for z in (25, 40)))
+    pair = hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm") for z in (25, 40)))
     with pytest.raises(ValueError, match="no backlash"):
         pair.model(TORQUE, 0.04)
 
@@ -142,7 +142,7 @@ def test_no_backlash_no_model():
 def test_models_are_written_and_read():
     for form in ("torsion", "bearings", "spatial"):
         model = drawing().model(TORQUE, 0.04, form, supports=None if form == "torsion" else HELD)
-        again = rebuild(describe(model))
+        again = rebuild_model(describe(model))
         assert again == model and scales(again, {}) == scales(model, {}) != {}
     assert hb.SpurPair().scales is None and scales(hb.SpurPair(), {}) == {}
 
@@ -157,10 +157,10 @@ def test_dynamic_factor_is_that_of_the_force():
     theta = np.linspace(0, 2 * pi, 5000)
     k = np.arange(1, 49)
     force = row[0] + row[1::2] @ np.cos(np.outer(k, theta)) + row[2::2] @ np.sin(np.outer(k, theta))
-    assert hb.dynamic_factor(model, point) == pytest.approx(force.max() / model.F_m, rel=0.02)
-    assert hb.dynamic_factor(model, point, "gap") == hb.dynamic_factor(model, point)
+    assert hb.analysis.dynamic_factor(model, point) == pytest.approx(force.max() / model.F_m, rel=0.02)
+    assert hb.analysis.dynamic_factor(model, point, "gap") == hb.analysis.dynamic_factor(model, point)
     with pytest.raises((ValueError, IndexError, KeyError)):
-        hb.dynamic_factor(model, point, "bearing")
+        hb.analysis.dynamic_factor(model, point, "bearing")
 
 
 # ---- tables
@@ -170,10 +170,10 @@ def test_table_of_a_cycle_goes_through_a_file(tmp_path):
     cycle = drawing(tip_relief="10 um").mesh(TORQUE)
     path = tmp_path / "cycle.csv"
     cycle.export(path)
-    k, e = hb.read_table(path), hb.read_table(path, column=2, unit="m")
+    k, e = hb.io.read_mesh_table(path), hb.io.read_mesh_table(path, column=2, unit="m")
     np.testing.assert_allclose(k.function().row(20), cycle.stiffness.function().row(20), rtol=1e-9, atol=1e-3)
     np.testing.assert_allclose(e.function().row(20), cycle.error.function().row(20), rtol=1e-9, atol=1e-15)
-    again = drawing().model(TORQUE, 0.04, cycle=hb.MeshCycle(k, e))
+    again = drawing().model(TORQUE, 0.04, cycle=hb.gears.MeshCycle(k, e))
     np.testing.assert_allclose(again.eps, drawing().model(TORQUE, 0.04, cycle=cycle).eps, atol=1e-9)
 
 
@@ -181,7 +181,7 @@ def test_units_and_phases_of_a_table(tmp_path):
     path = tmp_path / "k.csv"
     path.write_text("# of another program\nphase [deg], stiffness [N/um]\n" + "".join(
         f"{a}, {400 + 50 * cos(radians(a))}\n" for a in range(0, 360, 2)))  # fmt: skip
-    table = hb.read_table(path)
+    table = hb.io.read_mesh_table(path)
     assert table.mean == pytest.approx(4e8, rel=1e-12)
     assert table.function().row(1)[1] == pytest.approx(5e7, rel=1e-3)
 
@@ -207,53 +207,53 @@ def test_tables_that_are_none(tmp_path, text, said):
     path = tmp_path / "k.csv"
     path.write_text(text)
     with pytest.raises(ValueError, match=said):
-        hb.read_table(path)
+        hb.io.read_mesh_table(path)
 
 
 def test_a_table_that_is_not_there(tmp_path):
     with pytest.raises(ValueError, match=r"none.csv' cannot be read as a table of a mesh cycle: No such file or"):
-        hb.read_table(tmp_path / "none.csv")
+        hb.io.read_mesh_table(tmp_path / "none.csv")
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ValueError, match="it is no text"):
-        hb.read_table(tmp_path / "b.csv")
+        hb.io.read_mesh_table(tmp_path / "b.csv")
 
 
 @pytest.mark.parametrize("fields", [{"stiffness": 1e8}, {"error": 0.0}, {"force": "much"}, {"force": -1.0}])
 def test_what_is_no_mesh_cycle(fields):
-    good = {"stiffness": hb.Table([0, 1], [1e8, 1e8]), "error": hb.Table([0, 1], [0, 0])}
+    good = {"stiffness": hb.gears.MeshTable([0, 1], [1e8, 1e8]), "error": hb.gears.MeshTable([0, 1], [0, 0])}
     with pytest.raises((ValueError, TypeError), match="MeshCycle"):
-        hb.MeshCycle(**{**good, **fields})
+        hb.gears.MeshCycle(**{**good, **fields})
     with pytest.raises((ValueError, TypeError), match="cycle"):
         drawing().model(TORQUE, 0.04, cycle=1e8)
 
 
 def test_stiffness_must_be_positive():
     with pytest.raises(ValueError, match=r"-1e\+08 N/m at 0.5 of the cycle; it must be positive"):
-        hb.MeshCycle(hb.Table([0, 0.5, 1], [1e8, -1e8, 1e8]), hb.Table([0, 1], [0, 0]))
+        hb.gears.MeshCycle(hb.gears.MeshTable([0, 0.5, 1], [1e8, -1e8, 1e8]), hb.gears.MeshTable([0, 1], [0, 0]))
 
 
 def test_tables_as_functions_of_the_phase():
     """A square wave in closed form; straight pieces at any place; few cubics within a tolerance; jumps stay."""
-    square = hb.Table([0, 0.25, 0.25, 0.75, 0.75, 1], [1, 1, -1, -1, 1, 1]).function()
+    square = hb.gears.MeshTable([0, 0.25, 0.25, 0.75, 0.75, 1], [1, 1, -1, -1, 1, 1]).function()
     np.testing.assert_allclose(square.row(3)[1::2], [4 / pi, 0, -4 / (3 * pi)], atol=1e-14)
-    odd = hb.Table([0, 0.3, 0.3, 0.6, 1], [1, 2, 5, 0, 4])
+    odd = hb.gears.MeshTable([0, 0.3, 0.3, 0.6, 1], [1, 2, 5, 0, 4])
     x = np.linspace(0, 1, 77, endpoint=False)
     np.testing.assert_allclose(odd.function()(2 * pi * x), odd(x), atol=1e-12)
-    at_begin = hb.Table([0, 0, 0.5, 1, 1], [7, 1, 2, 3, 7])  # a jump that is there twice, at both ends
+    at_begin = hb.gears.MeshTable([0, 0, 0.5, 1, 1], [7, 1, 2, 3, 7])  # a jump that is there twice, at both ends
     np.testing.assert_allclose(at_begin.function()(2 * pi * x), np.interp(x, [0, 0.5, 1], [1, 2, 3]), atol=1e-12)
     x = np.concatenate([np.linspace(0, 0.4, 80), np.linspace(0.4, 1, 120)])
-    bent = hb.Table(x, np.where(np.arange(200) < 80, np.sin(5 * x), 3 - np.exp(x)))
+    bent = hb.gears.MeshTable(x, np.where(np.arange(200) < 80, np.sin(5 * x), 3 - np.exp(x)))
     for tolerance, most in ((1e-2, 4), (1e-5, 14)):
         found = bent.function(tolerance)
         away = np.abs(found(2 * pi * x) - bent.value)[np.append(np.diff(x) > 0, False)]
         assert away.max() <= tolerance and len(found.phases) <= most
         assert sum(np.abs(found.jumps[:, 0]) > 0.1) == 2
-    assert hb.Table([0, 1], [2.0, 2.0]).function() == hb.Series(2.0)
+    assert hb.gears.MeshTable([0, 1], [2.0, 2.0]).function() == hb.mechanics.Series(2.0)
 
 
 def test_an_error_that_jumps_is_smoothed():
     """Pairs of teeth that come with a pitch error: the damper of the mesh has no force for a jump."""
-    pinion, wheel = (hb.Gear(z, "3 mm", "20 mm") for z in (25, 40))
+    pinion, wheel = (hb.gears.Gear(z, "3 mm", "20 mm") for z in (25, 40))
     pair = hb.GearPair(pinion, wheel, backlash="80 um", pitch_error="5 um")
     function = pair.mesh(TORQUE).error.function()
     model = pair.model(TORQUE, 0.04)
@@ -265,4 +265,4 @@ def test_an_error_that_jumps_is_smoothed():
                                               ([0, 0.5, 0.5, 0.5, 1], [1] * 5), ([0, 1], [1, np.inf])])  # fmt: skip
 def test_tables_that_are_no_cycle(phase, value):
     with pytest.raises(ValueError, match="Table"):
-        hb.Table(phase, value)
+        hb.gears.MeshTable(phase, value)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.common.messages import article
+from hbgear.common.text.messages import article
 
 MODEL = hb.SpurPair()
 PROBLEM = hb.HarmonicBalance(MODEL, 5)
@@ -35,25 +35,25 @@ A_BRANCH, A_MODEL, A_PROBLEM = "needs a Branch", "needs a model", "needs a Harmo
         (lambda _: hb.validate("low.npz"), (A_BRANCH, "got 'low.npz'", "load(path)")),
         (lambda c: hb.validate(c, "6"), ("got '6'", "in a list")),
         (lambda _: hb.extend(PROBLEM), (A_BRANCH, "got a HarmonicBalance")),
-        (lambda _: hb.peaks(MODEL), (A_BRANCH, "got a SpurPair")),
+        (lambda _: hb.analysis.peaks(MODEL), (A_BRANCH, "got a SpurPair")),
         (lambda _: hb.switch(PROBLEM, "PD1"), (A_BRANCH, "got a HarmonicBalance")),
         (lambda c: hb.switch(c, c["LP1"]), ("got a SpecialPoint", "'PD1'")),
         (lambda c: hb.switch(c, 3), ("got 3", "'PD1'")),
-        (lambda _: hb.sweep(PROBLEM, [0.66, 0.68]), (A_MODEL, "problem.model")),
-        (lambda c: hb.basins(c, 0.7), (A_MODEL, "branch.problem.model")),
+        (lambda _: hb.time.sweep(PROBLEM, [0.66, 0.68]), (A_MODEL, "problem.model")),
+        (lambda c: hb.time.basins(c, 0.7), (A_MODEL, "branch.problem.model")),
         (lambda c: hb.jump_map(c, "zeta", (0.1, 0.2)), (A_MODEL, "got a Branch")),
-        (lambda _: hb.critical(hb.SpurPair, "zeta"), (A_MODEL, "the class SpurPair", "SpurPair()")),
+        (lambda _: hb.analysis.critical_parameter(hb.SpurPair, "zeta"), (A_MODEL, "the class SpurPair", "SpurPair()")),
         (lambda _: hb.trace_all(MODEL, SPAN), (A_PROBLEM, "HarmonicBalance(model)")),
         (lambda _: hb.trace_all(PROBLEM, SPAN, frequencies="5"), ("got '5'", "how many places")),
         (lambda _: hb.trace_all(PROBLEM, SPAN, second="zeta"), ("got 'zeta'", "('zeta', (0.05, 0.2))")),
-        (lambda _: hb.integrate(PROBLEM, [0.0, 0.0], 3, 0.7), (A_MODEL, "problem.model")),
-        (lambda _: hb.shoot(PROBLEM, 0.7, [0.0, 0.0]), (A_MODEL, "problem.model")),
-        (lambda _: hb.cases(PROBLEM, hb.grid(zeta=[0.1])), (A_MODEL, "problem.model")),
-        (lambda _: hb.cases(MODEL, {"zeta": [0.1]}), ("got a dict", "grid(zeta=")),
-        (lambda _: hb.reduce(np.eye(3), 2), (A_MODEL, "ndarray")),
+        (lambda _: hb.time.integrate(PROBLEM, [0.0, 0.0], 3, 0.7), (A_MODEL, "problem.model")),
+        (lambda _: hb.time.shoot(PROBLEM, 0.7, [0.0, 0.0]), (A_MODEL, "problem.model")),
+        (lambda _: hb.design.cases(PROBLEM, hb.design.grid(zeta=[0.1])), (A_MODEL, "problem.model")),
+        (lambda _: hb.design.cases(MODEL, {"zeta": [0.1]}), ("got a dict", "grid(zeta=")),
+        (lambda _: hb.mechanics.reduce(np.eye(3), 2), (A_MODEL, "ndarray")),
         (lambda c: hb.HarmonicBalance(c), (A_MODEL, "got a Branch")),
         (lambda _: hb.HarmonicBalance("spur-pair"), (A_MODEL, "got 'spur-pair'")),
-        (lambda _: hb.Fold(MODEL), (A_PROBLEM, "HarmonicBalance(model)")),
+        (lambda _: hb.continuation.FoldProblem(MODEL), (A_PROBLEM, "HarmonicBalance(model)")),
     ],
 )
 def test_what_was_given_what_is_needed_and_what_to_do(curve, call, words):
@@ -72,9 +72,12 @@ def test_what_was_given_what_is_needed_and_what_to_do(curve, call, words):
         (lambda _: hb.trace(PROBLEM, "Omega", SPAN, at={"Omega": 1.0}), ("it is what changes along the curve",)),
         (lambda _: hb.jump_map(MODEL, "zeta", 0.1), ("span = 0.1 must be two numbers",)),
         (lambda _: hb.jump_map(MODEL, "zeta", (0.1, 0.2), seeds="3"), ("seeds = '3'", "a whole number")),
-        (lambda _: hb.critical(MODEL, "zeta", frequencies=(3,)), ("frequencies = (3,) must be two numbers",)),
+        (
+            lambda _: hb.analysis.critical_parameter(MODEL, "zeta", frequencies=(3,)),
+            ("frequencies = (3,) must be two numbers",),
+        ),
         (lambda _: hb.trace_all(PROBLEM, 1.5), ("span = 1.5 must be two numbers",)),
-        (lambda _: hb.cases(MODEL, hb.grid(zeta=[0.1]), span=3), ("span = 3 must be two numbers",)),
+        (lambda _: hb.design.cases(MODEL, hb.design.grid(zeta=[0.1]), span=3), ("span = 3 must be two numbers",)),
         (lambda c: hb.switch(c, "LP1"), ("LP1 is an LP;", "choose a PD or BP")),
         (lambda c: hb.switch(c, "GR1"), ("GR1 is a GR;",)),
     ],

@@ -18,15 +18,15 @@ import pytest
 
 import hbgear as hb
 from hbgear import Status
+from hbgear.analysis import jump_maps
 from hbgear.cli.app import main
-from hbgear.common.replacing import replacing
-from hbgear.common.signals import held, sigterm_like_ctrl_c
-from hbgear.continuation.tracer import _Tracer
-from hbgear.harmonic import jump_map
-from hbgear.harmonic.catalogue import rebuild
+from hbgear.common.atomic_write import atomic_write
+from hbgear.common.process.signals import defer_signals, sigterm_like_ctrl_c
+from hbgear.continuation.tracing.trace import Tracer
+from hbgear.harmonic.model_registry import rebuild_model
 from hbgear.io.map_file import read_map, save_map
-from hbgear.timedomain.exponential import Stepper
-from hbgear.timedomain.settle import Settling
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.steady_state import SteadyStateSettings
 
 ROOT = str(Path(hb.__file__).parent)
 DUFFING = hb.Duffing()
@@ -81,16 +81,18 @@ def within(part, whole):
 class RowByRow(hb.HarmonicBalance):
     """Followed without the compiled loop."""
 
-    def pursuit(self, name, parameters):
+    def compiled_continuation(self, name, parameters):
         return None
 
 
 def curve():
-    return hb.trace(RowByRow(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.Steps(longest=0.1))
+    return hb.trace(RowByRow(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.StepControl(longest=0.1))
 
 
 def strides():
-    return hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.Steps(first=0.004, longest=0.004))
+    return hb.trace(
+        hb.HarmonicBalance(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.StepControl(first=0.004, longest=0.004)
+    )
 
 
 def adaptive():
@@ -99,7 +101,9 @@ def adaptive():
 
 def folds():
     point = known_fold()
-    return hb.trace(hb.Fold(hb.HarmonicBalance(DUFFING, 3)), "zeta", (point.parameters["zeta"], 0.06), point)
+    return hb.trace(
+        hb.continuation.FoldProblem(hb.HarmonicBalance(DUFFING, 3)), "zeta", (point.parameters["zeta"], 0.06), point
+    )
 
 
 @cache
@@ -140,8 +144,8 @@ class Signalled(hb.HarmonicBalance):
     calls = 0
     heard = False
 
-    def pursuit(self, name, parameters):
-        loop = super().pursuit(name, parameters)
+    def compiled_continuation(self, name, parameters):
+        loop = super().compiled_continuation(name, parameters)
 
         def signalled(*arguments):
             self.calls += 1
@@ -162,12 +166,12 @@ class Signalled(hb.HarmonicBalance):
 def test_ctrl_c_while_the_compiled_loop_runs():
     """It is heard when the call returns, and what was found by the calls before it is kept, with its stability."""
     problem = Signalled(hb.SpurPair(), 60)
-    few = hb.Steps(first=1e-4, longest=1e-4)
+    few = hb.StepControl(first=1e-4, longest=1e-4)
     part = hb.trace(problem, "Omega", (0.9, 0.8), steps=few)
     assert problem.heard and problem.calls == 3
     assert part.status is Status.INTERRUPTED and "interrupted at Omega" in part.message
     whole = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 60), "Omega", (0.9, 0.8), special=False, stability=False,
-                     steps=hb.Steps(first=1e-4, longest=1e-4, max_points=len(part)))  # fmt: skip
+                     steps=hb.StepControl(first=1e-4, longest=1e-4, max_points=len(part)))  # fmt: skip
     assert len(part) > 64 and np.array_equal(part.values, whole.values) and np.array_equal(part.X, whole.X)
     assert np.isfinite(part.multipliers).all()
 
@@ -189,10 +193,10 @@ def test_ctrl_c_waits_for_few_motions_of_a_large_structure():
         return hb.System(np.eye(n), 0.02 * (K + np.eye(n)), K, [hb.Element(end, hb.Backlash(b=0.1, k=5.0))], load)
 
     whole = Counted(chain(150), 5, reduce=False)
-    assert whole.at_once == 7 and Counted(chain(150), 5).at_once == 128
-    assert Counted(hb.Duffing(), 5, reduce=False).at_once == 128
-    part = hb.trace(whole, "Omega", (1.0, 1.2), steps=hb.Steps(max_points=30))
-    assert len(part) >= 20 and max(whole.calls) <= 2 * whole.at_once + 1 and len(whole.calls) > 2
+    assert whole.batch_size == 7 and Counted(chain(150), 5).batch_size == 128
+    assert Counted(hb.Duffing(), 5, reduce=False).batch_size == 128
+    part = hb.trace(whole, "Omega", (1.0, 1.2), steps=hb.StepControl(max_points=30))
+    assert len(part) >= 20 and max(whole.calls) <= 2 * whole.batch_size + 1 and len(whole.calls) > 2
 
 
 def test_a_jump_map_keeps_fold_curves_that_are_whole():
@@ -260,7 +264,7 @@ def test_the_part_of_another_jump_map_is_refused(tmp_path):
 def test_the_map_command_goes_on_where_it_was_interrupted(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     words = ["map", "duffing", "--in", "zeta=0.03:0.05", "--harmonics", "3", "--seeds", "2", "-o", "out.csv"]
-    usual, traced = jump_map._fold_curve, []
+    usual, traced = jump_maps._fold_curve, []
 
     def counted(*given):
         traced.append(1)
@@ -268,7 +272,7 @@ def test_the_map_command_goes_on_where_it_was_interrupted(tmp_path, monkeypatch,
             raise KeyboardInterrupt
         return usual(*given)
 
-    monkeypatch.setattr(jump_map, "_fold_curve", counted)
+    monkeypatch.setattr(jump_maps, "_fold_curve", counted)
     assert exit_of(words) == 3
     assert "1 response curves and 1 fold curves are kept in 'out.part.npz'" in capsys.readouterr().out
     assert sorted(os.listdir()) == ["out.csv", "out.part.npz"]
@@ -286,14 +290,14 @@ def exit_of(words):
 
 
 def test_a_jump_map_tells_of_traces_that_ended_early():
-    few = hb.Steps(max_points=4)
+    few = hb.StepControl(max_points=4)
     found = hb.jump_map(DUFFING, "zeta", (0.03, 0.05), frequencies=(0.6, 1.6), harmonics=3, seeds=2, steps=few)
     assert found.status is Status.MAX_POINTS and "ended early" in found.message and "fold" in found.message
 
 
 def test_critical_does_not_take_half_a_curve_for_a_whole_one():
     def work():
-        return hb.critical(DUFFING, "zeta", frequencies=(0.6, 1.6), harmonics=3)
+        return hb.analysis.critical_parameter(DUFFING, "zeta", frequencies=(0.6, 1.6), harmonics=3)
 
     work()
     whole, count = at_call(0, work)
@@ -331,7 +335,7 @@ def test_an_error_ends_a_survey_with_its_branches(monkeypatch):
     def broken(*_):
         raise Bug("in the search")
 
-    monkeypatch.setattr("hbgear.harmonic.survey.deflated_newton", broken)
+    monkeypatch.setattr("hbgear.analysis.multistart.deflated_newton", broken)
     found = hb.trace_all(hb.HarmonicBalance(DUFFING, 2), (0.9, 1.3), frequencies=1)
     assert len(found) == 1 and found.branches[0].status.complete
     assert found.status is Status.FAILED and "Bug: in the search" in found.message and "Omega = 1.1" in found.message
@@ -339,7 +343,9 @@ def test_an_error_ends_a_survey_with_its_branches(monkeypatch):
 
 def test_basins_keep_the_starts_that_have_settled():
     def work():
-        return hb.basins(hb.SpurPair(e=(0.1,)), 0.65, (0, 2), (-1, 1), (4, 3), settling=Settling(1e-4, 400))
+        return hb.time.basins(
+            hb.SpurPair(e=(0.1,)), 0.65, (0, 2), (-1, 1), (4, 3), settling=SteadyStateSettings(1e-4, 400)
+        )
 
     work()
     whole, count = at_call(0, work)
@@ -368,13 +374,17 @@ def test_ctrl_c_is_heard_while_compiled_loops_run_in_threads():
         if now.done > 0.02:
             os.kill(os.getpid(), signal.SIGINT)
 
-    found = hb.basins(hb.SpurPair(e=(0.1,)), 0.65, shape=(700, 700), settling=Settling(1e-4), progress=stop)
+    found = hb.time.basins(
+        hb.SpurPair(e=(0.1,)), 0.65, shape=(700, 700), settling=SteadyStateSettings(1e-4), progress=stop
+    )
     assert found.status is Status.INTERRUPTED and "interrupted" in found.message
     assert 0.01 < np.mean(found.label >= 0) < 0.5
     periods = 100_000
     threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
-        Stepper(DUFFING, 1.0).advance(Stepper(DUFFING, 1.0).start(np.zeros((200, 2))), periods)
+        ExponentialIntegrator(DUFFING, 1.0).advance(
+            ExponentialIntegrator(DUFFING, 1.0).start(np.zeros((200, 2))), periods
+        )
 
 
 # ---- errors that are not ours
@@ -435,10 +445,12 @@ def test_a_fold_curve_starts_from_a_point_of_other_harmonics():
     narrow = hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6), stability=False)
     problem = hb.HarmonicBalance(DUFFING, 5)
     wide = hb.trace(problem, "Omega", (0.6, 1.6), stability=False)
-    found = hb.trace(hb.Fold(problem), "zeta", (narrow["LP1"].parameters["zeta"], 0.04), narrow["LP1"])
+    found = hb.trace(
+        hb.continuation.FoldProblem(problem), "zeta", (narrow["LP1"].parameters["zeta"], 0.04), narrow["LP1"]
+    )
     assert found.tracked["Omega"][0] == pytest.approx(wide["LP1"].parameters["Omega"], rel=1e-9)
     with pytest.raises(ValueError, match="has 9 unknowns; the problem has 12"):
-        hb.trace(hb.Fold(problem), "zeta", (0.05, 0.04), np.zeros(9))
+        hb.trace(hb.continuation.FoldProblem(problem), "zeta", (0.05, 0.04), np.zeros(9))
 
 
 # ---- signals
@@ -446,7 +458,7 @@ def test_a_fold_curve_starts_from_a_point_of_other_harmonics():
 
 def test_a_file_is_written_before_ctrl_c_is_heard(tmp_path):
     path = tmp_path / "a.txt"
-    with pytest.raises(KeyboardInterrupt), replacing(path, "x") as handle:
+    with pytest.raises(KeyboardInterrupt), atomic_write(path, "x") as handle:
         handle.write("half")
         signal.raise_signal(signal.SIGINT)
         handle.write(" and half")
@@ -456,7 +468,7 @@ def test_a_file_is_written_before_ctrl_c_is_heard(tmp_path):
 def test_the_second_ctrl_c_is_heard_at_once_and_leaves_nothing_behind(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("before")
-    with pytest.raises(KeyboardInterrupt), replacing(path, "x") as handle:
+    with pytest.raises(KeyboardInterrupt), atomic_write(path, "x") as handle:
         handle.write("half")
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)
@@ -474,8 +486,8 @@ def test_ctrl_c_does_not_begin_a_long_search_anew(monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as held_up:
-        held_up.setattr("hbgear.continuation.tracer._Tracer._located", interrupted)
-        folds = hb.trace(hb.Fold(problem), "zeta", (0.117, 0.119), start)
+        held_up.setattr("hbgear.continuation.tracing.trace._Tracer._located", interrupted)
+        folds = hb.trace(hb.continuation.FoldProblem(problem), "zeta", (0.117, 0.119), start)
     assert folds.status is Status.INTERRUPTED and len(searches) == 1 and folds.special == ()
     assert folds.values[-1] == searches[0].a.value and len(folds) > 5
     whole = hb.extend(folds)
@@ -487,8 +499,8 @@ class Stopped(hb.HarmonicBalance):
 
     calls = 0
 
-    def pursuit(self, name, parameters):
-        loop = super().pursuit(name, parameters)
+    def compiled_continuation(self, name, parameters):
+        loop = super().compiled_continuation(name, parameters)
 
         def stopped(*arguments):
             self.calls += 1
@@ -501,17 +513,19 @@ class Stopped(hb.HarmonicBalance):
 
 def test_ctrl_c_leaves_rows_between_which_it_takes_long_to_look(monkeypatch):
     """As if every special point took .4 s: of the two on rows that wait, the second is left to whoever goes on."""
-    monkeypatch.setattr("hbgear.continuation.stride._WORK", 64 * 22**3)  # fewer rows at once, as of large machines
-    span, steps, looked = hb.SpurPair.default_span, hb.Steps(longest=0.02), []
+    monkeypatch.setattr(
+        "hbgear.continuation.tracing.stepper._WORK", 64 * 22**3
+    )  # fewer rows at once, as of large machines
+    span, steps, looked = hb.SpurPair.default_span, hb.StepControl(longest=0.02), []
     whole = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 10), "Omega", span, steps=steps)
-    located, monotonic = _Tracer._located, time.monotonic
+    located, monotonic = Tracer._located, time.monotonic
 
     def slow(self, arc):
         looked.append(arc)
         return located(self, arc)
 
     with monkeypatch.context() as held_up:
-        held_up.setattr(_Tracer, "_located", slow)
+        held_up.setattr(Tracer, "_located", slow)
         held_up.setattr(time, "monotonic", lambda: monotonic() + 0.4 * len(looked))
         part = hb.trace(Stopped(hb.SpurPair(), 10), "Omega", span, steps=steps)
     assert part.status is Status.INTERRUPTED and len(looked) == 2
@@ -541,13 +555,13 @@ def test_ctrl_c_while_pydantic_prepares_a_check_comes_after_it(monkeypatch):
     monkeypatch.setattr(pydantic, "TypeAdapter", Adapter)
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 3), "Omega", (1.6, 1.5))
     with pytest.raises(KeyboardInterrupt):
-        rebuild(curve.meta["model"])
+        rebuild_model(curve.meta["model"])
     assert done
 
 
 def test_sigterm_is_heard_like_ctrl_c():
     before = signal.getsignal(signal.SIGTERM)
-    with pytest.raises(KeyboardInterrupt), sigterm_like_ctrl_c(), held():
+    with pytest.raises(KeyboardInterrupt), sigterm_like_ctrl_c(), defer_signals():
         signal.raise_signal(signal.SIGTERM)
     assert signal.getsignal(signal.SIGTERM) is before
 
@@ -570,7 +584,7 @@ def test_ctrl_c_while_the_command_is_imported_is_told_in_one_sentence(tmp_path, 
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals between processes are those of POSIX")
-@pytest.mark.parametrize("moment", ["hbgear.common", "hbgear.common.late", "typing", "pathlib", "hbgear.cli"])
+@pytest.mark.parametrize("moment", ["hbgear.common", "hbgear.common.lazy_names", "typing", "pathlib", "hbgear.cli"])
 def test_ctrl_c_is_told_in_one_sentence_from_the_first_import_on(tmp_path, moment):
     """Nothing is imported before Ctrl-C is seen to: it comes when a module is looked for first."""
     (tmp_path / "sitecustomize.py").write_text(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hbgear.design.intervals import MOST, reach
+from hbgear.design.fitting.profile_likelihood import MOST, profile_interval
 
 A = np.array([[1.0, 0.4], [0.3, 2.0], [-0.5, 0.7]])
 
@@ -27,7 +27,7 @@ def found(bend=lambda a: a, unit=1.0):
     best = Known(np.zeros(2), bend)
     J = best.information(best.deviation)
     C = unit * np.linalg.inv(J.T @ J)
-    errors = reach(best, lambda a: Known(a, bend), best.a, C, unit, np.full(2, -9.0), np.full(2, 9.0))
+    errors = profile_interval(best, lambda a: Known(a, bend), best.a, C, unit, np.full(2, -9.0), np.full(2, 9.0))
     return errors, np.sqrt(np.diag(C))
 
 
@@ -61,7 +61,7 @@ def test_bounds_are_kept():
         seen.append(a)
         return Known(a)
 
-    errors = reach(best, at, best.a, C, 1.0, -0.5 * first, 0.5 * first)
+    errors = profile_interval(best, at, best.a, C, 1.0, -0.5 * first, 0.5 * first)
     assert np.abs(seen).max(axis=0) == pytest.approx(0.5 * first)
     assert errors == pytest.approx(first, rel=1e-9)
 
@@ -69,4 +69,4 @@ def test_bounds_are_kept():
 def test_nothing_is_said_where_nothing_can_be_traced():
     best = Known(np.zeros(2))
     C = np.array([[0.01, np.nan], [np.nan, np.nan]])
-    assert np.isnan(reach(best, lambda a: None, best.a, C, 1.0, np.full(2, -1.0), np.full(2, 1.0))).all()
+    assert np.isnan(profile_interval(best, lambda a: None, best.a, C, 1.0, np.full(2, -1.0), np.full(2, 1.0))).all()

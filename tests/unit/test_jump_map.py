@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear import Duffing, Fold, HarmonicBalance, SpurPair, Steps, trace
-from hbgear.harmonic.critical import NoFold, critical
-from hbgear.harmonic.jump_map import Arm, jump_map
+from hbgear import Duffing, HarmonicBalance, SpurPair, StepControl, trace
+from hbgear.analysis.critical_parameters import NoFoldError, critical_parameter
+from hbgear.analysis.jump_maps import Arm, jump_map
+from hbgear.continuation import FoldProblem
 
 SPAN = (0.112, 0.120)
 NEAR = {"frequencies": (0.95, 0.8)}
@@ -112,7 +113,7 @@ def test_too_few_seeds(problem):
 
 @pytest.fixture(scope="module")
 def in_zeta(problem):
-    return critical(problem, "zeta", **NEAR)
+    return critical_parameter(problem, "zeta", **NEAR)
 
 
 def test_the_critical_damping_is_the_cusp_of_the_map(jumps, in_zeta):
@@ -131,7 +132,7 @@ def test_the_jump_is_below_and_not_above(problem, in_zeta, factor, count):
 def test_found_from_a_model_without_a_jump(in_zeta):
     """The response has no fold; those of other dampings are looked at, away from the model's own."""
     said = []
-    found = critical(
+    found = critical_parameter(
         HarmonicBalance(SpurPair(zeta=0.13), 5), "zeta", progress=lambda now: said.append(now.text), **NEAR
     )
     assert said[0].endswith("no fold")
@@ -140,8 +141,8 @@ def test_found_from_a_model_without_a_jump(in_zeta):
 
 def test_load_and_error_matter_by_their_ratio():
     """While no tooth touches on its back the equation is homogeneous in F_m, e and x - b: e_crit / F_m = e / F_crit."""
-    error = critical(PAIR, "e_scale", harmonics=8, **NEAR)
-    load = critical(PAIR, "F_m", harmonics=8, **NEAR)
+    error = critical_parameter(PAIR, "e_scale", harmonics=8, **NEAR)
+    load = critical_parameter(PAIR, "F_m", harmonics=8, **NEAR)
     stated = error.point.error / error.value + load.point.error / load.value
     assert error.value * load.value == pytest.approx(0.1, rel=3 * stated + 1e-7) and stated < 2e-5
     assert error.Omega == pytest.approx(load.Omega, abs=1e-5)
@@ -149,7 +150,7 @@ def test_load_and_error_matter_by_their_ratio():
 
 
 def test_similar_pairs_have_the_same_critical_damping(in_zeta):
-    found = critical(SpurPair(zeta=0.117, F_m=0.2, e=(0.1,), b=2.0), "zeta", harmonics=5, **NEAR)
+    found = critical_parameter(SpurPair(zeta=0.117, F_m=0.2, e=(0.1,), b=2.0), "zeta", harmonics=5, **NEAR)
     assert found.value == pytest.approx(in_zeta.value, abs=1e-8)
     assert found.Omega == pytest.approx(in_zeta.Omega, abs=1e-7)
 
@@ -157,8 +158,8 @@ def test_similar_pairs_have_the_same_critical_damping(in_zeta):
 def test_no_fold_at_all():
     """Linear oscillator: the message has the span tried and the steepest slope of the amplitude."""
     model = Duffing(k3=0.0)
-    with pytest.raises(NoFold) as stop:
-        critical(model, "zeta", harmonics=1, frequencies=(1.06, 0.94))
+    with pytest.raises(NoFoldError) as stop:
+        critical_parameter(model, "zeta", harmonics=1, frequencies=(1.06, 0.94))
     text = str(stop.value)
     assert "no jump that appears or vanishes with zeta" in text and "Try another parameter" in text
     slope, Omega = map(float, re.search(r"rms amplitude is (\S+) at Omega = (\S+)\. ", text).groups())
@@ -169,7 +170,7 @@ def test_no_fold_at_all():
     assert w[np.argmax(np.abs(exact))] == pytest.approx(Omega, abs=0.005)
 
 
-@pytest.mark.parametrize("search", [critical, lambda model, name: jump_map(model, name, (0.1, 0.2))])
+@pytest.mark.parametrize("search", [critical_parameter, lambda model, name: jump_map(model, name, (0.1, 0.2))])
 def test_bad_parameters(search):
     with pytest.raises(KeyError, match="SpurPair has no parameter 'zetta'; did you mean 'zeta'"):
         search(SpurPair(), "zetta")
@@ -179,7 +180,7 @@ def test_bad_parameters(search):
 
 def test_folds_of_the_critical_value_can_be_followed_on(problem, in_zeta):
     """Any of its points is a start: back through the cusp from a point on the far arm."""
-    back = trace(Fold(problem), "zeta", SPAN, in_zeta.folds[len(in_zeta.folds) - 1])
+    back = trace(FoldProblem(problem), "zeta", SPAN, in_zeta.folds[len(in_zeta.folds) - 1])
     assert [p.kind for p in back.special] == ["CP"]
     stated = back["CP1"].error + in_zeta.point.error
     assert back["CP1"].parameters["zeta"] == pytest.approx(in_zeta.value, abs=3 * stated + 1e-8)
@@ -190,7 +191,7 @@ def test_a_number_of_harmonics_that_varies_is_refused():
     auto = hb.HarmonicBalance(hb.Duffing(), "auto")
     for call in (
         lambda: hb.jump_map(auto, "zeta", (0.04, 0.05)),
-        lambda: hb.critical(auto, "zeta"),
+        lambda: hb.analysis.critical_parameter(auto, "zeta"),
         lambda: hb.trace_all(auto, (0.5, 1.6)),
     ):
         with pytest.raises(ValueError, match=r"one number of harmonics throughout, not 'auto'; give harmonics="):
@@ -200,20 +201,26 @@ def test_a_number_of_harmonics_that_varies_is_refused():
 def test_a_fold_of_another_number_of_harmonics_is_a_start():
     problems = [hb.HarmonicBalance(hb.Duffing(), H) for H in (5, 7)]
     starts = [hb.trace(problem, "Omega", (0.9, 1.3), stability=False)["LP1"] for problem in problems]
-    folds = [hb.trace(hb.Fold(problems[1], "Omega"), "zeta", (0.05, 0.04), start) for start in starts]
+    folds = [
+        hb.trace(hb.continuation.FoldProblem(problems[1], "Omega"), "zeta", (0.05, 0.04), start) for start in starts
+    ]
     assert folds[0].layout.harmonics == 7 and folds[0].values[-1] == 0.04
     for i in (0, -1):
         assert folds[0].tracked["Omega"][i] == pytest.approx(folds[1].tracked["Omega"][i], abs=1e-10)
-    with pytest.raises(ValueError, match=r"the start has 11 coefficients, this problem 15: .* Fold\(curve.problem"):
-        hb.Fold(problems[1], "Omega").join(starts[0].X, starts[0].parameters)
+    with pytest.raises(
+        ValueError, match=r"the start has 11 coefficients, this problem 15: .* FoldProblem\(curve.problem"
+    ):
+        hb.continuation.FoldProblem(problems[1], "Omega").join(starts[0].X, starts[0].parameters)
 
 
 def test_a_search_keeps_within_the_range_and_is_given_up(monkeypatch):
     """Every half backlash has the folds of the pair, none has a cusp: the search says so and ends."""
-    monkeypatch.setattr("hbgear.harmonic.critical._CAREFUL", Steps(first=0.002, longest=0.02, max_points=10))
+    monkeypatch.setattr(
+        "hbgear.analysis.critical_parameters._CAREFUL", StepControl(first=0.002, longest=0.02, max_points=10)
+    )
     said = []
-    with pytest.raises(NoFold, match="no jump that appears or vanishes with b"):
-        critical(
+    with pytest.raises(NoFoldError, match="no jump that appears or vanishes with b"):
+        critical_parameter(
             SpurPair(zeta=0.09), "b", frequencies=(0.95, 0.7), harmonics=3, progress=lambda now: said.append(now.text)
         )
     ends = [float(line.rpartition(" ")[2]) for line in said if "followed" in line]

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.mechanics.lawchecks import check_law
+from hbgear.harmonic.forces.law_checks import check_law
 
 
 def law_of(function, **attributes):
     """A law whose force is a function."""
 
-    class Mine(hb.Law):
+    class Mine(hb.mechanics.Law):
         def force(self, d, v, tau):
             return function(d, v, tau)
 
@@ -109,7 +109,7 @@ def test_damping_that_is_negative_everywhere():
     spring = hb.Element([1.0], hb.Cubic(k3=1.0))
     system = hb.System([[1.0]], [[-0.1]], [[1.0]], [spring], hb.Load(cosine={1: [0.2]}))
     words = "C has a negative eigenvalue .-0.1 .*needs dampers that take energy: change the sign"
-    with pytest.warns(hb.Unlikely, match=words):
+    with pytest.warns(hb.mechanics.ImplausibleInputWarning, match=words):
         hb.HarmonicBalance(system, 5)
 
 
@@ -134,7 +134,7 @@ def test_smooth_laws_keep_their_samples():
     assert curve.problem.N == 64
 
 
-class Dashpot(hb.Law):
+class Dashpot(hb.mechanics.Law):
     """Saturated damping, without stiffness."""
 
     def force(self, d, v, tau):

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from hbgear import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Series, Unilateral
+from hbgear import Backlash, Cubic, Unilateral
+from hbgear.mechanics import Law, Parallel, PiecewiseLinear, Series
 
 WAVY = Series(mean=1.0, cosine=(-0.2, 0.05), sine=(0.1,))
 ONE = np.ones(1)

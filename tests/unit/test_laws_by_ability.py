@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Series, Unilateral
-from hbgear.timedomain.segments import Pieces
+from hbgear import Backlash, Cubic, Unilateral
+from hbgear.mechanics import Law, Parallel, PiecewiseLinear, Series
+from hbgear.time.exponential.segments import Pieces
 
 WAVY = Series(mean=1.0, cosine=(0.1, 0.02), sine=(0.05,))
 SIDE_BY_SIDE = Parallel((Backlash(1.0, 1.0, WAVY), Unilateral(0.5, 1.6, WAVY.scaled(2.0))))
@@ -31,7 +32,7 @@ class Own(Law):
 
 
 def machine(law):
-    element = hb.Element([1.0], law, hb.Series(cosine=(0.05,)), damping=0.08)
+    element = hb.Element([1.0], law, hb.mechanics.Series(cosine=(0.05,)), damping=0.08)
     return hb.System([[1.0]], [[0.0]], [[0.0]], [element], hb.Load(constant=[0.1]))
 
 
@@ -62,7 +63,7 @@ def test_time_integration_of_the_same_law_written_differently(method):
     assert same.line.all()
     for a, b in zip(pieces.numbers(), same.numbers(), strict=True):
         np.testing.assert_allclose(b, a, rtol=0, atol=1e-15)
-    ends = [hb.integrate(machine(law), [1.3, 0.2], 3, 0.8, method=method).end for law in (AS_ONE, Own())]
+    ends = [hb.time.integrate(machine(law), [1.3, 0.2], 3, 0.8, method=method).end for law in (AS_ONE, Own())]
     np.testing.assert_allclose(ends[1], ends[0], rtol=1e-12)
 
 
@@ -84,7 +85,7 @@ def test_contract_fills_in_what_follows_from_the_springs():
 
 def test_negative_stiffness_of_a_part_is_told():
     law = Parallel((Cubic(0.1), Backlash(stiffness=Series(mean=1.0, cosine=(1.5,)))))
-    with pytest.warns(hb.Unlikely, match="stiffness of element 1 is negative"):
+    with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="stiffness of element 1 is negative"):
         hb.HarmonicBalance(machine(law), 8)
 
 

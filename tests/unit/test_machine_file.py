@@ -9,8 +9,8 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.cli import files as cli_files
-from hbgear.io.machine_file import Machine, MachineFileError, read_machine, write_machine
+from hbgear.cli.commands import files as cli_files
+from hbgear.io.machines.machine_file import Machine, MachineFileError, read_machine, write_machine
 
 TEXT = """torque = "200 N m"
 damping = 0.04
@@ -38,7 +38,7 @@ DRAWING = ["--z", "25,40", "--module", "3mm", "--width", "20mm", "--torque", "20
 
 
 def pair(**fields):
-    return hb.GearPair(*(hb.Gear(z, "3 mm", "20 mm", **fields) for z in (25, 40)), backlash="80 um")
+    return hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm", **fields) for z in (25, 40)), backlash="80 um")
 
 
 @pytest.fixture
@@ -69,9 +69,9 @@ def test_a_file_is_the_pair(file):
 
 @pytest.mark.parametrize("form", ["torsion", "bearings", "spatial"])
 def test_what_is_written_is_read_again(tmp_path, form):
-    gears = [hb.Gear(z, "3.175 mm", 0.0203, helix_angle=h, profile_shift=x, crowning=3e-6, tip_relief="12 um")
+    gears = [hb.gears.Gear(z, "3.175 mm", 0.0203, helix_angle=h, profile_shift=x, crowning=3e-6, tip_relief="12 um")
              for z, h, x in ((23, 0.25, 0.21), (41, -0.25, 0.0))]  # fmt: skip
-    held = (hb.Support(3.3e8, tilt=1e6), hb.Support("2e8 N/m", axial=1e8, tilt="2 MN*m/rad", damping=0.05))
+    held = (hb.gears.Support(3.3e8, tilt=1e6), hb.gears.Support("2e8 N/m", axial=1e8, tilt="2 MN*m/rad", damping=0.05))
     machine = Machine(hb.GearPair(*gears, "61 um", "normal", pitch_error=2e-6), 1 / 3, 0.03, form,
                       None if form == "torsion" else held)  # fmt: skip
     path = tmp_path / "m.toml"
@@ -139,9 +139,9 @@ def test_all_errors_at_once(file):
 
 def test_supports_make_the_other_forms(file):
     file.write_text('form = "spatial"\n' + TEXT + HELD)
-    assert isinstance(read_machine(file).model(), hb.HelicalPair)
+    assert isinstance(read_machine(file).model(), hb.gears.HelicalPair)
     file.write_text('form = "bearings"\n' + TEXT + HELD)
-    assert isinstance(read_machine(file).model(), hb.GearRotorBearing)
+    assert isinstance(read_machine(file).model(), hb.gears.GearRotorBearing)
 
 
 # ---- commands
@@ -159,9 +159,9 @@ def test_trace_and_speed_of_a_file(run, file):
     assert len(speeds) >= 4 and shown == pytest.approx(speeds, rel=8e-5)
     first = curve.jumps()[0]
     line = next(x for x in out.splitlines() if x.strip().startswith("LP1"))
-    assert float(line.split()[-3]) == pytest.approx(hb.dynamic_factor(model, first.before), rel=5e-3)
-    assert float(line.split()[-2]) == pytest.approx(hb.dynamic_factor(model, first.after), rel=5e-3)
-    k_v = hb.iso_dynamic_factor(pair(), 200.0, model.scales.pinion_speed(first.value))
+    assert float(line.split()[-3]) == pytest.approx(hb.analysis.dynamic_factor(model, first.before), rel=5e-3)
+    assert float(line.split()[-2]) == pytest.approx(hb.analysis.dynamic_factor(model, first.after), rel=5e-3)
+    k_v = hb.gears.iso_dynamic_factor(pair(), 200.0, model.scales.pinion_speed(first.value))
     assert float(line.split()[-1]) == pytest.approx(float(k_v), abs=6e-3)
 
 
@@ -264,7 +264,7 @@ def test_answers_of_a_saved_curve(run, file, tmp_path):
     assert run("trace", file, "--harmonics", 12, "-o", "box.npz")[0] == 0
     code, out, err = run("answers", "box.npz", "--dof", "q", "-o", "all.csv", "--plot", "all.png")
     assert (code, err) == (0, "")
-    found = hb.answers(hb.load(tmp_path / "box.npz"), dof="q")
+    found = hb.analysis.machine_quantities(hb.load(tmp_path / "box.npz"), dof="q")
     head, *rows = (tmp_path / "all.csv").read_text().splitlines()
     assert head.count("acceleration, level [dB]") == 1 and len(rows) == len(found["dynamic factor"])
     stable = found["stable"].astype(bool)

@@ -38,27 +38,27 @@ def plain(A):
 
 
 def test_files_have_the_matrices(folder):
-    by_file = hb.from_matrices({"M": folder / "mass.mtx", "K": str(folder / "stiff.mtx"), "C": folder / "damp.mtx",
+    by_file = hb.io.from_matrices({"M": folder / "mass.mtx", "K": str(folder / "stiff.mtx"), "C": folder / "damp.mtx",
                                 "G": folder / "gyro.mtx"})  # fmt: skip
-    from_matlab = hb.from_matrices(folder / "model.mat")
+    from_matlab = hb.io.from_matrices(folder / "model.mat")
     for found in (by_file, from_matlab):
         for name, A in (("M", M), ("K", K), ("C", C), ("G", G)):
             np.testing.assert_array_equal(plain(getattr(found, name)), A)
-    named = hb.from_matrices(folder / "other.mat", names={"M": "mass", "K": "stiffness"})
-    mixed = hb.from_matrices({"M": folder / "mass.npy", "K": K})
-    packed = hb.from_matrices(folder / "model.npz")
+    named = hb.io.from_matrices(folder / "other.mat", names={"M": "mass", "K": "stiffness"})
+    mixed = hb.io.from_matrices({"M": folder / "mass.npy", "K": K})
+    packed = hb.io.from_matrices(folder / "model.npz")
     for found in (named, mixed, packed):
         np.testing.assert_array_equal(plain(found.K), K)
         assert found.C is None and found.G is None and found.n == 3
 
 
 def test_a_curve_of_matrices_is_that_of_the_system(folder):
-    found = hb.from_matrices(folder / "model.mat", dof_names=["a", "b", "c"])
+    found = hb.io.from_matrices(folder / "model.mat", dof_names=["a", "b", "c"])
     stop = hb.Element(found.along({"a": 1.0, "c": -1.0}), hb.Unilateral(k=3.0, gap=0.05))
     load = hb.Load(cosine={1: found.along({1: 0.1})})
     system = found.system([stop], load, ratio=0.5)
     by_hand = hb.System(M, C, K, [hb.Element([1, 0, -1], stop.law)], hb.Load(cosine={1: [0, 0.1, 0]}),
-                        speed=hb.SpeedTerms(G, 0.5))  # fmt: skip
+                        speed=hb.mechanics.SpeedTerms(G, 0.5))  # fmt: skip
     X = [hb.HarmonicBalance(model, 6).start(Omega=0.8) for model in (system, by_hand)]
     np.testing.assert_allclose(*X, atol=1e-12)
     assert system.dof_names == ("a", "b", "c")
@@ -90,7 +90,7 @@ class Shaft:
 
 
 def test_a_rotor_with_bearings_over_speed():
-    found = hb.from_ross(Shaft())
+    found = hb.io.from_ross(Shaft())
     assert found.dof_names[:5] == ("x_0", "y_0", "alpha_0", "beta_0", "x_1")
     assert found.damping is None and found.stiffness is not None
     np.testing.assert_allclose(found.K + found.stiffness(4.0), Shaft().K(4.0))
@@ -99,7 +99,7 @@ def test_a_rotor_with_bearings_over_speed():
     np.testing.assert_allclose(system.at_speed(1.5).K, Shaft().K(3.0))
     with pytest.raises(ValueError, match="12 rad/s is outside of the bearings of the rotor, which have 0 to 10"):
         system.at_speed(6.0)
-    assert hb.from_ross(Shaft(stiffen=0.0)).stiffness is None
+    assert hb.io.from_ross(Shaft(stiffen=0.0)).stiffness is None
 
 
 def test_the_spring_of_gears_is_taken_out():
@@ -115,23 +115,23 @@ def test_the_spring_of_gears_is_taken_out():
 
     one = SimpleNamespace(K=lambda speed: (1.0 + 0.1 * speed) * np.eye(4))
     pair = {"mesh": mesh, "rotors": {"driving": one, "driven": one}}
-    found = hb.from_ross(Coupled(**pair))
+    found = hb.io.from_ross(Coupled(**pair))
     direction, k = found.meshes["gears"]
     np.testing.assert_allclose(
         k * np.outer(direction, direction)[np.ix_([0, 1, 4, 5], [0, 1, 4, 5])], 7 * np.outer(w, w)
     )
     np.testing.assert_allclose(found.K, Shaft().K(0.0), atol=1e-12)
     with pytest.raises(ValueError, match="along one line of action"):
-        hb.from_ross(Shaft(**pair, coupling_matrix=lambda: np.eye(4)))
+        hb.io.from_ross(Shaft(**pair, coupling_matrix=lambda: np.eye(4)))
     for name in ("coupling_matrix", "compute_coupling_matrix"):  # the force of the backlash is computed by ROSS
-        open_ = hb.from_ross(Shaft(**pair, **{name: lambda: np.outer(w, w)}))
+        open_ = hb.io.from_ross(Shaft(**pair, **{name: lambda: np.outer(w, w)}))
         np.testing.assert_allclose(open_.meshes["gears"][0], direction, atol=1e-12)
         np.testing.assert_array_equal(open_.K, Shaft().K(0.0))
-    np.testing.assert_allclose(hb.from_ross(Shaft(**pair, K_coupling=np.outer(w, w))).meshes["gears"][0], direction)
+    np.testing.assert_allclose(hb.io.from_ross(Shaft(**pair, K_coupling=np.outer(w, w))).meshes["gears"][0], direction)
     with pytest.raises(ValueError, match="by no spring, and it has no coupling matrix"):
-        hb.from_ross(Shaft(**pair))
+        hb.io.from_ross(Shaft(**pair))
     with pytest.raises(ValueError, match="the gears of the rotor cannot be found"):
-        hb.from_ross(Coupled(mesh=mesh))
+        hb.io.from_ross(Coupled(mesh=mesh))
 
 
 def test_a_drive_train_with_an_elastic_gear():
@@ -140,24 +140,24 @@ def test_a_drive_train_with_an_elastic_gear():
     coupled = K.copy()
     coupled[np.ix_([0, 2], [0, 2])] += 1e3 * np.outer(w, w)
     train = SimpleNamespace(M=M, K=coupled, C=C, shaft_elements=[], gear_elements=None, elastic_gear_elements=[gear])
-    found = hb.from_opentorsion(train)
+    found = hb.io.from_opentorsion(train)
     np.testing.assert_allclose(found.K, K, atol=1e-10)
     assert found.dof_names == ("theta_0", "theta_1", "theta_2") and list(found.meshes) == ["0-2"]
     rigid = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -0.5, 0.0], [0.0, 0.0, 1.0]])  # node 2 turns with node 1
     train.gear_elements, train.E, train.T = [gear], lambda: None, lambda E: rigid
-    named = hb.from_opentorsion(train)
+    named = hb.io.from_opentorsion(train)
     assert named.dof_names == ("theta_0", "theta_1", "theta_3")
     along = rigid.T @ [0.2, 0.0, 0.3, 0.0]
     np.testing.assert_allclose(named.K + 1e3 * np.outer(along, along), coupled, atol=1e-10)
     train.T = lambda E: rigid[:, :2]
     with pytest.raises(ValueError, match=r"leave \(2,\) coordinates, and the matrices of the assembly have 3"):
-        hb.from_opentorsion(train)
+        hb.io.from_opentorsion(train)
 
 
 def test_bearings_of_the_newer_ross_have_speeds():
     rotor = Shaft()
     rotor.bearing_elements = [SimpleNamespace(speed=rotor.frequency)]
-    np.testing.assert_allclose(hb.from_ross(rotor).stiffness(4.0), 0.4 * np.eye(8))
+    np.testing.assert_allclose(hb.io.from_ross(rotor).stiffness(4.0), 0.4 * np.eye(8))
 
 
 def test_matlab_files_of_version_73(tmp_path):
@@ -174,44 +174,44 @@ def test_matlab_files_of_version_73(tmp_path):
             group[name] = part
         file["note"] = np.frombuffer("text".encode("utf-16-le"), dtype=np.uint16)
         file["note"].attrs["MATLAB_class"] = np.bytes_(b"char")
-    found = hb.from_matrices(path)
+    found = hb.io.from_matrices(path)
     for name, A in (("M", M), ("K", K), ("C", C), ("G", G)):
         np.testing.assert_array_equal(plain(getattr(found, name)), A)
     with pytest.raises(ValueError, match="no matrix 'mass', but C, G, K, M: give names"):
-        hb.from_matrices(path, names={"M": "mass"})
+        hb.io.from_matrices(path, names={"M": "mass"})
     damaged = path.read_bytes()
     path.write_bytes(damaged[: len(damaged) // 2])
     with pytest.raises(ValueError, match="cannot be read as matrices"):
-        hb.from_matrices(path)
+        hb.io.from_matrices(path)
     with h5py.File(path, "w") as file:  # half a terabyte that takes no room
         huge = file.create_dataset("M", (1 << 18, 1 << 18), dtype=float, chunks=(1024, 1024))
         huge.attrs["MATLAB_class"] = np.bytes_(b"double")
     with pytest.raises(ValueError, match=r"'M' has 512.0 GiB; need at most 1"):
-        hb.from_matrices(path)
+        hb.io.from_matrices(path)
 
 
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda f: hb.from_matrices(f / "none.mat"), "there is no file '.*none.mat'"),
-        (lambda f: hb.from_matrices(f / "mass.mtx"), "must be a .mat or .npz file; matrices in files of their own"),
-        (lambda f: hb.from_matrices(f / "other.mat"), "no matrix 'M', but mass, stiffness, x: give names"),
-        (lambda f: hb.from_matrices({"M": M}), "K is missing"),
-        (lambda f: hb.from_matrices({"M": M, "K": K, "D": C}), "no matrix 'D'"),
-        (lambda f: hb.from_matrices({"M": M, "K": K}, names={"D": "x"}), "names has 'D'"),
-        (lambda f: hb.from_matrices({"M": M, "K": np.eye(2)}), r"K has shape \(2, 2\); need \(3, 3\)"),
-        (lambda f: hb.from_matrices({"M": M, "K": np.full((3, 3), np.nan)}), "finite"),
-        (lambda f: hb.from_matrices({"M": M, "K": K, "G": np.eye(3)}), "skew-symmetric"),
-        (lambda f: hb.from_matrices({"M": M, "K": K}, dof_names=["a"]), "1 dof_names for 3"),
-        (lambda f: hb.from_matrices({"M": M, "K": K}, dof_names=["a", "b", "a"]), "two coordinates are called 'a'"),
-        (lambda f: hb.from_matrices({"M": M, "K": f / "other.mat"}), "no matrix 'K', but"),
-        (lambda f: hb.from_matrices(3.0), "from_matrices"),
-        (lambda f: hb.Matrices(M, K).along({"q9": 1.0}), "no coordinate 'q9'; it has: q1, q2, q3"),
-        (lambda f: hb.Matrices(M, K).along({3: 1.0}), "numbers 0 to 2"),
-        (lambda f: hb.Matrices(M, K).along({"q1": np.inf}), "q1"),
-        (lambda f: hb.Matrices(M, K).along({}), "values by coordinate"),
-        (lambda f: hb.from_ross(hb.Duffing()), "needs a ross.Rotor or ross.MultiRotor; got a Duffing"),
-        (lambda f: hb.from_opentorsion(3), "needs an opentorsion.Assembly; got 3"),
+        (lambda f: hb.io.from_matrices(f / "none.mat"), "there is no file '.*none.mat'"),
+        (lambda f: hb.io.from_matrices(f / "mass.mtx"), "must be a .mat or .npz file; matrices in files of their own"),
+        (lambda f: hb.io.from_matrices(f / "other.mat"), "no matrix 'M', but mass, stiffness, x: give names"),
+        (lambda f: hb.io.from_matrices({"M": M}), "K is missing"),
+        (lambda f: hb.io.from_matrices({"M": M, "K": K, "D": C}), "no matrix 'D'"),
+        (lambda f: hb.io.from_matrices({"M": M, "K": K}, names={"D": "x"}), "names has 'D'"),
+        (lambda f: hb.io.from_matrices({"M": M, "K": np.eye(2)}), r"K has shape \(2, 2\); need \(3, 3\)"),
+        (lambda f: hb.io.from_matrices({"M": M, "K": np.full((3, 3), np.nan)}), "finite"),
+        (lambda f: hb.io.from_matrices({"M": M, "K": K, "G": np.eye(3)}), "skew-symmetric"),
+        (lambda f: hb.io.from_matrices({"M": M, "K": K}, dof_names=["a"]), "1 dof_names for 3"),
+        (lambda f: hb.io.from_matrices({"M": M, "K": K}, dof_names=["a", "b", "a"]), "two coordinates are called 'a'"),
+        (lambda f: hb.io.from_matrices({"M": M, "K": f / "other.mat"}), "no matrix 'K', but"),
+        (lambda f: hb.io.from_matrices(3.0), "from_matrices"),
+        (lambda f: hb.io.Matrices(M, K).along({"q9": 1.0}), "no coordinate 'q9'; it has: q1, q2, q3"),
+        (lambda f: hb.io.Matrices(M, K).along({3: 1.0}), "numbers 0 to 2"),
+        (lambda f: hb.io.Matrices(M, K).along({"q1": np.inf}), "q1"),
+        (lambda f: hb.io.Matrices(M, K).along({}), "values by coordinate"),
+        (lambda f: hb.io.from_ross(hb.Duffing()), "needs a ross.Rotor or ross.MultiRotor; got a Duffing"),
+        (lambda f: hb.io.from_opentorsion(3), "needs an opentorsion.Assembly; got 3"),
     ],
 )  # fmt: skip
 def test_bad_input(folder, make, said):
@@ -234,7 +234,7 @@ def test_matrix_market_files_with_other_numbers_than_their_size_needs(tmp_path, 
     path = tmp_path / "a.mtx"
     path.write_bytes(b"%%MatrixMarket matrix " + text.encode())
     with pytest.raises(ValueError, match=said):
-        hb.from_matrices({"M": np.eye(2), "K": path})
+        hb.io.from_matrices({"M": np.eye(2), "K": path})
 
 
 @pytest.mark.parametrize("compressed", [False, True])
@@ -243,7 +243,7 @@ def test_matlab_files_with_types_that_there_are_not(tmp_path, compressed):
     path = tmp_path / "a.mat"
     values = {"M": M, "K": scipy.sparse.csc_matrix(K), "text": "a", "cell": np.array([M, "b"], dtype=object)}
     scipy.io.savemat(path, values, do_compression=compressed)
-    np.testing.assert_array_equal(hb.from_matrices(path).M, M)
+    np.testing.assert_array_equal(hb.io.from_matrices(path).M, M)
     good, start = path.read_bytes(), 128
     if compressed:
         import struct
@@ -262,21 +262,21 @@ def test_matlab_files_with_types_that_there_are_not(tmp_path, compressed):
         else:
             path.write_bytes(good[:128] + wrong)
         with pytest.raises(ValueError, match="cannot be read as matrices: it is damaged"):
-            hb.from_matrices(path)
+            hb.io.from_matrices(path)
 
 
 @pytest.mark.parametrize("form", ["coo", "dense"])
 def test_matrix_market_files_of_every_symmetry(tmp_path, form):
     for A in (K, G, np.arange(9.0).reshape(3, 3)):
         scipy.io.mmwrite(tmp_path / "a.mtx", scipy.sparse.coo_array(A) if form == "coo" else A, comment="of\ntwo lines")
-        np.testing.assert_array_equal(plain(hb.from_matrices({"M": M, "K": tmp_path / "a.mtx"}).K), A)
+        np.testing.assert_array_equal(plain(hb.io.from_matrices({"M": M, "K": tmp_path / "a.mtx"}).K), A)
 
 
 def test_a_damaged_file(folder):
     path = folder / "model.mat"
     path.write_bytes(path.read_bytes()[:60])
     with pytest.raises(ValueError, match="cannot be read as matrices"):
-        hb.from_matrices(path)
+        hb.io.from_matrices(path)
 
 
 def bomb_npz(path, size):
@@ -314,8 +314,8 @@ def test_an_archive_that_unpacks_to_far_more_is_refused_before_it_is_read(tmp_pa
     code = (
         "import sys, hbgear as hb\n"
         "def peak(): return int(next(l for l in open('/proc/self/status') if l.startswith('VmHWM')).split()[1]) / 1e3\n"
-        "hb.Matrices; import scipy.io; before = peak()\n"
-        "try: hb.from_matrices(sys.argv[1])\n"
+        "hb.io.Matrices; import scipy.io; before = peak()\n"
+        "try: hb.io.from_matrices(sys.argv[1])\n"
         "except ValueError as error: print(error)\n"
         "print(peak() - before)"
     )
@@ -333,7 +333,7 @@ def test_a_large_matrix_of_zeros_is_read(tmp_path):
     np.savez_compressed(tmp_path / "a.npz", M=A, K=A)
     scipy.io.savemat(tmp_path / "a.mat", {"M": A, "K": A}, do_compression=True)
     for name in ("a.npz", "a.mat"):
-        assert hb.from_matrices(tmp_path / name).n == 1500
+        assert hb.io.from_matrices(tmp_path / name).n == 1500
 
 
 @pytest.mark.parametrize(
@@ -348,4 +348,4 @@ def test_a_large_matrix_of_zeros_is_read(tmp_path):
 def test_a_table_that_declares_more_than_it_has_is_refused(tmp_path, head):
     (tmp_path / "a.mtx").write_text(f"%%MatrixMarket matrix {head}\n1 1 1.0\n")
     with pytest.raises(ValueError, match="cannot be read as matrices: it declares"):
-        hb.from_matrices({"M": tmp_path / "a.mtx", "K": np.eye(3)})
+        hb.io.from_matrices({"M": tmp_path / "a.mtx", "K": np.eye(3)})

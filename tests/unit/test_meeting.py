@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation import tracer
-from hbgear.continuation.hidden import find_hidden
-from hbgear.harmonic.meeting import arrivals, exchanges, leaps, passing
+from hbgear.continuation.events.even_crossings import find_even_crossings
+from hbgear.continuation.tracing import trace
+from hbgear.harmonic.multipliers.multiplier_collisions import (
+    exchanges,
+    extrapolated_crossings,
+    leaps,
+    passes_minus_one_cleanly,
+)
 
 
 def pairs(*exponents):
@@ -40,12 +45,14 @@ def test_a_pair_about_to_leave_is_seen_behind_a_steady_one():
     beside = -0.001 + 1j
     mu = np.array([pairs(-0.02 + 3j, 0.05 + 2.9j, beside), pairs(-0.01 + 3.02j, 0.04 + 2.95j, beside),
                    pairs(-0.07 + 2.8j, 0.03 + 2.95j, beside)])  # fmt: skip
-    assert arrivals(mu, np.array([1.0, 1.0])) == []  # not so soon
-    ((piece, s),) = arrivals(mu, np.array([1.0, 10.0]))
+    assert extrapolated_crossings(mu, np.array([1.0, 1.0])) == []  # not so soon
+    ((piece, s),) = extrapolated_crossings(mu, np.array([1.0, 10.0]))
     assert piece == 1 and s == pytest.approx(0.1)
-    ((piece, s),) = arrivals(mu[::-1], np.array([10.0, 1.0]))
+    ((piece, s),) = extrapolated_crossings(mu[::-1], np.array([10.0, 1.0]))
     assert piece == 0 and s == pytest.approx(0.9)
-    assert arrivals(np.delete(mu, [1, 4], axis=1), np.array([1.0, 10.0])) == []  # nothing to change places with
+    assert (
+        extrapolated_crossings(np.delete(mu, [1, 4], axis=1), np.array([1.0, 10.0])) == []
+    )  # nothing to change places with
 
 
 def near_minus_one(sigma, detuning, width=0.0):
@@ -66,7 +73,7 @@ def four_rows(random, curved, width):
 
 def plainly(rows):
     length, mu = rows
-    return bool(passing(mu, length, np.array([1]))[0])
+    return bool(passes_minus_one_cleanly(mu, length, np.array([1]))[0])
 
 
 def test_a_pair_that_passes_minus_one_is_told_from_one_that_reaches_it():
@@ -103,8 +110,12 @@ def test_each_of_several_pairs_must_pass_plainly():
 def test_what_cannot_be_followed_is_not_plain():
     x = np.array([-1.3, -0.4, 0.7, 1.8])
     mu = np.array([near_minus_one(-0.01, 0.1 * d) for d in x])
-    assert passing(mu, np.diff(x), np.array([0, 1, 2])).tolist() == [False, True, False]  # no rows on either side
-    assert passing(mu, np.diff(x), np.array([], dtype=int)).tolist() == []
+    assert passes_minus_one_cleanly(mu, np.diff(x), np.array([0, 1, 2])).tolist() == [
+        False,
+        True,
+        False,
+    ]  # no rows on either side
+    assert passes_minus_one_cleanly(mu, np.diff(x), np.array([], dtype=int)).tolist() == []
     unknown, real, sudden = mu.copy(), np.hstack([mu, np.full((4, 2), -0.8)]), mu.copy()
     unknown[3] = np.nan
     sudden[2] *= np.exp(-0.01)
@@ -116,7 +127,7 @@ def test_what_cannot_be_followed_is_not_plain():
 def test_modes_that_pass_minus_one_are_not_looked_at_closer(monkeypatch):
     """Each of the modes of a chain does, some on every curve; a look takes as long as twenty rows."""
     looks = []
-    monkeypatch.setattr(tracer, "find_hidden", lambda *args: looks.append(args) or find_hidden(*args))
+    monkeypatch.setattr(trace, "find_hidden", lambda *args: looks.append(args) or find_even_crossings(*args))
     K = 2 * np.eye(30) - np.eye(30, k=1) - np.eye(30, k=-1)
     spring = hb.Element(np.eye(30)[-1], hb.Cubic(k1=0.0, k3=0.5))
     chain = hb.System(np.eye(30), 0.02 * K, K, [spring], hb.Load(cosine={1: 0.1 * np.eye(30)[0]}))

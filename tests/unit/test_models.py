@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from hbgear.gears import DoubleHelicalPair, SpurPair
-from hbgear.gears.geometry import base_helix_angle, base_radius, shaft_stiffness, transverse_pressure_angle
-from hbgear.harmonic.catalogue import MODELS, build, rebuild
-from hbgear.mechanics.fourier import evaluate
-from hbgear.mechanics.model import System, describe
+from hbgear.gears.drawing.geometry import base_helix_angle, base_radius, shaft_stiffness, transverse_pressure_angle
+from hbgear.harmonic.model_registry import MODELS, build, rebuild_model
+from hbgear.mechanics.models import System, describe
 from hbgear.mechanics.oscillators import Duffing
+from hbgear.mechanics.series.fourier import evaluate
 
 TAU = np.linspace(0.1, 6.4, 40)
 OMEGA = 0.83
@@ -285,23 +285,23 @@ def test_build_by_name():
     ],
 )
 def test_catalogue_round_trip(model):
-    again = rebuild(json.loads(json.dumps(describe(model))))
+    again = rebuild_model(json.loads(json.dumps(describe(model))))
     assert again == model and type(again) is type(model)
     assert hash(again) == hash(model)
 
 
 def test_rebuild_refuses_what_it_does_not_know():
     with pytest.raises(KeyError, match="no class 'SpurPear'; did you mean 'SpurPair'"):
-        rebuild({"class": "SpurPear", "fields": {}})
+        rebuild_model({"class": "SpurPear", "fields": {}})
     with pytest.raises(KeyError, match="has no parameter 'zetta'"):
-        rebuild({"class": "Duffing", "fields": {"zetta": 1.0}})
+        rebuild_model({"class": "Duffing", "fields": {"zetta": 1.0}})
     with pytest.raises(ValueError, match="described by"):
-        rebuild({"name": "Duffing"})
+        rebuild_model({"name": "Duffing"})
 
 
 def test_a_system_is_described_with_its_matrices():
     system = SpurPair().system()
     described = describe(system)
     assert described["class"] == "System" and described["fields"]["M"] == {"array": [[1.0]]}
-    again = rebuild(described)
+    again = rebuild_model(described)
     assert np.array_equal(again.K, system.K) and again.elements == system.elements

@@ -3,30 +3,20 @@
 import numpy as np
 import pytest
 
-from hbgear import (
-    Backlash,
-    Cubic,
-    DoubleHelicalPair,
-    Element,
-    HarmonicBalance,
-    Load,
-    Parallel,
-    SpurPair,
-    System,
-    Unilateral,
-    trace,
-)
-from hbgear.harmonic import floquet
-from hbgear.harmonic.floquet import multipliers_of
-from hbgear.harmonic.modes import _lumped
-from hbgear.harmonic.receptance import Structure
+from hbgear import Backlash, Cubic, Element, HarmonicBalance, Load, SpurPair, System, Unilateral, trace
+from hbgear.gears import DoubleHelicalPair
+from hbgear.harmonic.multipliers import floquet
+from hbgear.harmonic.multipliers.floquet import floquet_multipliers
+from hbgear.harmonic.structure.modes import _lumped
+from hbgear.harmonic.structure.receptance import LinearStructure
+from hbgear.mechanics import Parallel
 
 
 def from_the_whole(problem, X, Omega, monkeypatch):
     """Multipliers with the modes in one part."""
     with monkeypatch.context() as patch:
         patch.setattr(floquet, "_alike", lambda compiled, parts, X: np.zeros(len(X), dtype=bool))
-        return multipliers_of(problem.compiled({}), X, Omega)
+        return floquet_multipliers(problem.compiled({}), X, Omega)
 
 
 def carried(monkeypatch):
@@ -62,7 +52,7 @@ def test_a_symmetric_pair_falls_into_two_parts(monkeypatch):
     assert {len(problem.switching(x, Omega=w).theta) for x, w in zip(X, Omega, strict=True)} >= {0, 4}
     expected = from_the_whole(problem, X, Omega, monkeypatch)
     sizes = carried(monkeypatch)
-    found = multipliers_of(problem.compiled({}), X, Omega)
+    found = floquet_multipliers(problem.compiled({}), X, Omega)
     assert sizes == [part.size for part in parts.split] and found.shape == (len(X), parts.size)
     assert np.all(np.diff(np.abs(found)) <= 0)
     same(found, expected)
@@ -81,11 +71,11 @@ def test_a_motion_that_breaks_the_symmetry_is_not_split(monkeypatch):
     compiled = problem.compiled({})
     np.testing.assert_array_equal(floquet._alike(compiled, compiled.parts(), both), [True, False])
     expected, sizes = from_the_whole(problem, both, Omega, monkeypatch), carried(monkeypatch)
-    same(multipliers_of(compiled, both, Omega), expected)
+    same(floquet_multipliers(compiled, both, Omega), expected)
     assert sizes == [part.size for part in compiled.parts().split] + [compiled.parts().whole.size]
     with monkeypatch.context() as patch:
         patch.setattr(floquet, "_alike", lambda compiled, parts, X: np.ones(len(X), dtype=bool))
-        split = multipliers_of(compiled, both[1:], Omega[1:])
+        split = floquet_multipliers(compiled, both[1:], Omega[1:])
     assert np.abs(np.sort(np.abs(split[0])) - np.sort(np.abs(expected[1]))).max() > 1e-4
     rows[1] = rows[0]
     rows[1, 1] += 1e-9
@@ -144,7 +134,7 @@ def test_one_mode_for_each_element_stands_for_many(elements):
     system, w = chain(Cubic(k1=0.3, k3=0.5))
     more = [Element(np.eye(60)[20], Cubic(k1=0.3, k3=0.5), name=f"other {i}") for i in range(elements - 1)]
     system = System(system.M, system.C, system.K, [*system.elements, *more], system.loads)
-    modes = Structure(system).modes
+    modes = LinearStructure(system).modes
     far = np.abs(modes.poles) > 10 * w
     many = modes.poles[far], modes.output[:, far], modes.input[far]
     few = _lumped(*many, np.eye(elements))
@@ -187,8 +177,8 @@ def test_few_modes_tell_what_all_do(law, leading, others):
     some = slice(None, None, max(1, len(curve) // 12))
     X, Omega = curve.X[some], curve.values[some]
     few, all_ = (HarmonicBalance(system, 7, reduce=reduce).compiled({}) for reduce in (True, False))
-    motions = all_.processed(X, Omega)
-    found, expected = multipliers_of(few, motions, Omega), multipliers_of(all_, motions, Omega)
+    motions = all_.with_driven_harmonics(X, Omega)
+    found, expected = floquet_multipliers(few, motions, Omega), floquet_multipliers(all_, motions, Omega)
     apart = np.abs(found[:, :8, None] - expected[:, None]).min(axis=2)
     assert apart[:, 0].max() < leading and apart.max() < others
     assert np.abs(found).max() < np.abs(expected).max() + leading

@@ -9,26 +9,28 @@ from scipy.optimize import brentq
 
 from hbgear import (
     Backlash,
-    DoubleHelicalPair,
     Duffing,
     Element,
     HarmonicBalance,
     Load,
+    NewtonSettings,
     NoConvergence,
     Point,
-    Settings,
     SpurPair,
     Status,
-    Steps,
+    StepControl,
     System,
     trace,
 )
-from hbgear.continuation.corrector import correct
-from hbgear.continuation.events import turn_of
-from hbgear.continuation.newton import solve
-from hbgear.continuation.problem import Evaluation, FullProblem, as_problem, linearise
-from hbgear.continuation.segment import CurvePoint, Segment
-from hbgear.continuation.stepping import predict
+from hbgear.continuation.curve.segment import CurvePoint, Segment
+from hbgear.continuation.events.fold import fold_on_segment
+from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.problem.base import ContinuationProblem, linearise
+from hbgear.continuation.problem.evaluation import Evaluation
+from hbgear.continuation.solvers.corrector import correct
+from hbgear.continuation.solvers.newton import solve
+from hbgear.continuation.stepping.kernels import predict
+from hbgear.gears import DoubleHelicalPair
 
 
 class Curve:
@@ -63,7 +65,7 @@ def test_a_piece_is_interpolated_whatever_the_lengths_of_its_tangents(scale):
     def piece(h, before=1.0, behind=1.0):
         ends = [CurvePoint(np.array([np.sin(x), np.cos(x)]), length * np.array([np.cos(x), -np.sin(x)]), 1, 0.0, 0)
                 for x, length in ((-h, before), (h, behind))]  # fmt: skip
-        return Segment(as_problem(CIRCLE), "p", {}, *ends, np.array(scale), Settings())
+        return Segment(as_problem(CIRCLE), "p", {}, *ends, np.array(scale), NewtonSettings())
 
     def off(arc):
         return np.abs(np.linalg.norm(arc.guess(np.linspace(0.0, 1.0, 21)[:, None]), axis=1) - 1).max()
@@ -71,7 +73,7 @@ def test_a_piece_is_interpolated_whatever_the_lengths_of_its_tangents(scale):
     wide, narrow, plain = piece(0.2, 3.0, 0.25), piece(0.1, 0.5, 40.0), piece(0.2)
     assert off(wide) == pytest.approx(off(plain), rel=1e-9)
     assert np.log2(off(wide) / off(narrow)) == pytest.approx(4.0, abs=0.2)
-    assert [turn_of(arc) for arc in (wide, narrow, plain)] == pytest.approx([0.5] * 3, abs=1e-12)
+    assert [fold_on_segment(arc) for arc in (wide, narrow, plain)] == pytest.approx([0.5] * 3, abs=1e-12)
 
 
 # ---- Newton
@@ -139,7 +141,7 @@ def test_a_curve_that_turns_back_leaves_through_its_start():
 
 @pytest.mark.parametrize("first", [0.01, 0.0123, 0.02])
 def test_a_branch_point_is_located(first):
-    curve = trace(PITCHFORK, "p", (-1.0, 1.0), np.array([0.0]), steps=Steps(first=first))
+    curve = trace(PITCHFORK, "p", (-1.0, 1.0), np.array([0.0]), steps=StepControl(first=first))
     (point,) = curve.special
     assert (point.kind, point.label, point.located) == ("BP", "BP1", True)
     assert point.parameters["p"] == pytest.approx(0.3, abs=1e-8)
@@ -228,11 +230,11 @@ def test_a_small_loop_is_not_stepped_over(first):
         lambda x, p: -1 + 2 * np.exp(-((x / w) ** 2)) * (1 - 2 * (x / w) ** 2),
     )
     z = brentq(lambda z: 2 * np.exp(-(z**2)) * (1 - 2 * z**2) - 1, 0.1, 0.7, xtol=1e-15)
-    curve = trace(loop, "p", (-1.0, 1.0), np.array([-1.0]), steps=Steps(first=first))
+    curve = trace(loop, "p", (-1.0, 1.0), np.array([-1.0]), steps=StepControl(first=first))
     assert [p.kind for p in curve.special] == ["LP", "LP"]
     expected = w * z * (1 - 2 * np.exp(-(z**2)))
     np.testing.assert_allclose([p.parameters["p"] for p in curve.special], [-expected, expected], rtol=1e-6)
-    blind = trace(loop, "p", (-1.0, 1.0), np.array([-1.0]), steps=Steps(first=first, max_prediction_error=1.0))
+    blind = trace(loop, "p", (-1.0, 1.0), np.array([-1.0]), steps=StepControl(first=first, max_prediction_error=1.0))
     assert len(curve) > len(blind)
 
 
@@ -241,7 +243,7 @@ def test_a_prediction_is_corrected_on_its_plane():
     same with the sign of the determinant. One too far away for Newton is told as that."""
     for angle, length, normal in ((1.0, 1.0, (-0.8, 0.6)), (0.9, 2.0, (-0.8, 0.6)), (0.8, 1.0, (0.8, -0.6))):
         normal, u = np.array(normal) * length, 1.0001 * np.array([np.cos(angle), np.sin(angle)])
-        found = correct(CIRCLE, u, normal, "p", {}, Settings())
+        found = correct(CIRCLE, u, normal, "p", {}, NewtonSettings())
         x, p = found.solution.X[0], found.solution.value
         assert np.hypot(x, p) == pytest.approx(1.0, abs=1e-14)
         assert normal @ ([x, p] - u) == pytest.approx(0, abs=1e-14)
@@ -249,7 +251,7 @@ def test_a_prediction_is_corrected_on_its_plane():
         assert normal @ found.direction == pytest.approx(1.0, abs=1e-14)
         assert found.orientation == np.sign(x * normal[1] - p * normal[0])
     with pytest.raises(NoConvergence, match="the corrector stopped at a relative residual of"):
-        correct(CIRCLE, np.array([40.0, 3.0]), np.array([-0.8, 0.6]), "p", {}, Settings())
+        correct(CIRCLE, np.array([40.0, 3.0]), np.array([-0.8, 0.6]), "p", {}, NewtonSettings())
 
 
 def test_rows_keep_no_matrices():
@@ -271,7 +273,7 @@ def test_rows_keep_no_matrices():
 def test_more_rows_save_newton_steps():
     """The tangent alone, and polynomials through two and four rows."""
     curves = [
-        trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=Steps(history=k), stability=False)
+        trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=StepControl(history=k), stability=False)
         for k in (1, 2, 4)
     ]
     needed = [curve.iterations.sum() for curve in curves]
@@ -295,13 +297,13 @@ def test_a_row_costs_its_newton_steps_and_one_evaluation():
     assert curve.iterations[5:].max() <= 2 and np.mean(curve.iterations[5:]) < 1.5
 
 
-class Weighed(FullProblem):
+class Weighed(ContinuationProblem):
     """x^3 - x / 2 - a = 0 with a = p + p^3 / 4: two folds; it notes every value of p that it is asked for."""
 
     def __init__(self, costly):
         self.said, self.values = costly, []
 
-    def costly(self, name):
+    def is_expensive(self, name):
         return self.said
 
     def linearise(self, X, name, p):
@@ -329,23 +331,27 @@ def test_a_costly_parameter_is_kept_while_a_row_is_solved_for():
 
 
 def test_the_first_step_fits_between_the_shortest_and_the_longest():
-    assert (Steps().first, Steps(longest=0.004).first, Steps(shortest=0.02).first) == (0.01, 0.004, 0.02)
-    curve = trace(HarmonicBalance(Duffing(), 3), "Omega", (0.8, 0.85), steps=Steps(longest=0.004))
+    assert (StepControl().first, StepControl(longest=0.004).first, StepControl(shortest=0.02).first) == (
+        0.01,
+        0.004,
+        0.02,
+    )
+    curve = trace(HarmonicBalance(Duffing(), 3), "Omega", (0.8, 0.85), steps=StepControl(longest=0.004))
     assert curve.status.complete and curve.step.max() <= 0.004 * (1 + 1e-12)
     with pytest.raises(ValueError, match="0 < shortest <= first <= longest"):
-        Steps(first=0.01, longest=0.004)
+        StepControl(first=0.01, longest=0.004)
     with pytest.raises(ValueError, match="longest = '1' must be a finite number"):
-        Steps(longest="1")
+        StepControl(longest="1")
 
 
 def test_steps_stay_within_their_limits():
-    steps = Steps(first=0.003, longest=0.01, max_turn_deg=5)
+    steps = StepControl(first=0.003, longest=0.01, max_turn_deg=5)
     curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), steps=steps, special=False)
     assert curve.step[1] <= 0.003 * (1 + 1e-12) and curve.step.max() <= 0.01 * (1 + 1e-12)
 
 
 def test_max_points():
-    curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), steps=Steps(max_points=12), special=False)
+    curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), steps=StepControl(max_points=12), special=False)
     assert curve.status is Status.MAX_POINTS and len(curve) == 12 and "12 points" in curve.message
     assert curve.status.advice in curve.message and not curve.status.complete
 
@@ -369,10 +375,10 @@ def test_progress_is_told_of_every_row():
 
 
 def test_a_trace_goes_on_from_any_row():
-    half = trace(CHAIN, "p", (0.0, 20.0), np.array([0.0]), steps=Steps(max_points=60))
+    half = trace(CHAIN, "p", (0.0, 20.0), np.array([0.0]), steps=StepControl(max_points=60))
     rest = trace(CHAIN, "p", (0.0, 20.0), half[-1])
     assert rest.values[0] == half.values[-1] and rest.X[-1, 0] == pytest.approx(19.7, abs=1)
-    assert rest.X[-1, 0] + 3 * np.sin(rest.X[-1, 0]) == pytest.approx(20.0, rel=Settings().tolerance)
+    assert rest.X[-1, 0] + 3 * np.sin(rest.X[-1, 0]) == pytest.approx(20.0, rel=NewtonSettings().tolerance)
 
 
 def test_the_end_of_what_the_problem_allows_is_a_status():
@@ -415,7 +421,7 @@ def test_a_span_outside_the_range_is_refused():
 
 def test_a_resonance_without_damping_ends_with_a_status():
     """x = F / (1 - Omega^2) cos tau leaves for infinity at Omega = 1, and comes back from there on the other side."""
-    curve = trace(HarmonicBalance(Duffing(zeta=0.0, k3=0.0), 1), "Omega", (0.5, 1.5), steps=Steps(max_points=400))
+    curve = trace(HarmonicBalance(Duffing(zeta=0.0, k3=0.0), 1), "Omega", (0.5, 1.5), steps=StepControl(max_points=400))
     (other,) = curve.others
     assert curve.values.max() < 1 < other.values.min() and other.values.max() == 1.5
     for side in (curve, other):
@@ -427,7 +433,7 @@ def test_a_resonance_without_damping_ends_with_a_status():
 
 def test_a_load_to_the_negative_side_takes_no_more_steps_to_its_static_state(monkeypatch):
     """Elements pushed to either side, and a law that is not linear there: Newton ends where it has converged."""
-    from hbgear.harmonic import static_state
+    from hbgear.harmonic.equations import static_state
 
     steps, static = [], static_state._static
     monkeypatch.setattr(static_state, "_static", lambda *given: steps.append(given) or static(*given))
@@ -606,4 +612,4 @@ def test_a_start_on_a_fold_either_works_or_says_so():
 )
 def test_bad_steps(settings, message):
     with pytest.raises(ValueError, match=message):
-        Steps(**settings)
+        StepControl(**settings)

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 import hbgear as hb
-from hbgear.common import progress_bar
+from hbgear.common.process import progress_bar
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_curve_of_any_equations_is_told():
 
 
 def test_model_is_a_table_with_units():
-    shown = hb.DoubleHelicalPair()._repr_html_()
+    shown = hb.gears.DoubleHelicalPair()._repr_html_()
     assert "<td><code>m_p</code></td><td>7.11</td><td>[kg]</td><td>m<sub>p</sub> </td>" in shown
     assert "$" not in shown
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from hbgear.continuation.branch import Branch
-from hbgear.continuation.differences import in_parameter
-from hbgear.continuation.passing import passings
-from hbgear.continuation.problem import FullProblem
-from hbgear.continuation.tracer import trace
+from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.finite_differences import parameter_derivatives
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.continuation.tracing.trace import trace
 
 
 class Circle:
@@ -23,7 +23,7 @@ def circle() -> Branch:
 
 
 def test_every_place_is_found_and_lies_between_its_points(circle):
-    places = passings(circle, 0.6)
+    places = crossings_at(circle, 0.6)
     assert [np.sign(place.between(circle.X)[0]) for place in places] == [1, -1]
     for place in places:
         assert place.between(circle.values) == pytest.approx(0.6, abs=1e-12)
@@ -33,14 +33,14 @@ def test_every_place_is_found_and_lies_between_its_points(circle):
 
 def test_a_point_on_the_value_is_one_place(circle):
     middle = len(circle) // 3
-    places = passings(circle, float(circle.values[middle]))
+    places = crossings_at(circle, float(circle.values[middle]))
     here = [place for place in places if place.nearest == middle]
     assert len(here) == 1 and here[0].points == (middle,)
-    assert passings(circle, float(circle.values[0]))[0].points == (0,)
+    assert crossings_at(circle, float(circle.values[0]))[0].points == (0,)
 
 
 def test_a_value_that_is_not_reached_has_no_place(circle):
-    assert passings(circle, 1.5) == []
+    assert crossings_at(circle, 1.5) == []
 
 
 def test_a_difference_is_central_within_the_range_and_one_sided_at_its_end():
@@ -52,11 +52,11 @@ def test_a_difference_is_central_within_the_range_and_one_sided_at_its_end():
             raise ValueError("p must be at least 1")
         return at["p"] ** 2, np.array([at["p"] ** 3])
 
-    square, cube = in_parameter(FullProblem(), "p", {"p": 3.0}, root)
+    square, cube = parameter_derivatives(ContinuationProblem(), "p", {"p": 3.0}, root)
     assert square == pytest.approx(6.0, rel=1e-9) and cube[0] == pytest.approx(27.0, rel=1e-9)
     assert min(asked) < 3.0 < max(asked)
     asked.clear()
-    square, cube = in_parameter(FullProblem(), "p", {"p": 1.0}, root)
+    square, cube = parameter_derivatives(ContinuationProblem(), "p", {"p": 1.0}, root)
     assert square == pytest.approx(2.0, rel=1e-9) and cube[0] == pytest.approx(3.0, rel=1e-8)
     assert sorted(p for p in asked if p >= 1.0) == pytest.approx([1.0, 1.0 + 1e-5, 1.0 + 2e-5], abs=1e-12)
 
@@ -66,10 +66,10 @@ def test_a_difference_that_is_refused_on_both_sides_says_why():
         raise ValueError("p is never allowed")
 
     with pytest.raises(ValueError, match="never allowed"):
-        in_parameter(FullProblem(), "p", {"p": 1.0}, nowhere)
+        parameter_derivatives(ContinuationProblem(), "p", {"p": 1.0}, nowhere)
 
 
 @pytest.mark.parametrize("value", [0.0, 1e-9, -1e-12])
 def test_a_difference_near_zero_keeps_its_digits(value):
-    (slope,) = in_parameter(FullProblem(), "p", {"p": value}, lambda at: (np.sin(1.0 + at["p"]),))
+    (slope,) = parameter_derivatives(ContinuationProblem(), "p", {"p": value}, lambda at: (np.sin(1.0 + at["p"]),))
     assert slope == pytest.approx(np.cos(1.0 + value), rel=1e-8)

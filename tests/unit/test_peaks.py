@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hbgear import DoubleHelicalPair, Duffing, HarmonicBalance, Peak, SpurPair, trace
-from hbgear.continuation.newton import solve
-from hbgear.continuation.switching import switch
-from hbgear.harmonic.peaks import peaks
+from hbgear import Duffing, HarmonicBalance, SpurPair, trace
+from hbgear.continuation.solvers.newton import solve
+from hbgear.continuation.switch import switch
+from hbgear.gears import DoubleHelicalPair
+from hbgear.harmonic import AmplitudeExtremum
+from hbgear.harmonic.bifurcations.peaks import peaks
 
 
 def closed_form(zeta, k3=0.1, F=0.18):
@@ -54,7 +56,7 @@ def test_peak_of_an_extremum(duffing, measure):
 def test_peaks_followed_in_the_damping(duffing):
     (peak,) = peaks(duffing, "H1")
     for end in (0.02, 0.3):
-        curve = trace(Peak(duffing.problem, "Omega", "H1"), "zeta", (0.05, end), peak)
+        curve = trace(AmplitudeExtremum(duffing.problem, "Omega", "H1"), "zeta", (0.05, end), peak)
         assert curve.status == "reached_end"
         for i in (0, len(curve) // 3, len(curve) // 2, -1):
             Omega, A = closed_form(float(curve.values[i]))

@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.harmonic.catalogue import rebuild
-from hbgear.mechanics.fourier import Series, evaluate, to_real
-from hbgear.mechanics.model import describe
-from hbgear.mechanics.periodic import TURN, Pieced, described, undescribed
+from hbgear.harmonic.model_registry import rebuild_model
+from hbgear.mechanics.models import describe
+from hbgear.mechanics.series.fourier import Series, evaluate, to_real
+from hbgear.mechanics.series.periodic import TURN, Pieced, described, undescribed
 
 RNG = np.random.default_rng(7)
 PHASE = np.sort(RNG.uniform(0, 1, 9))
 VALUES = RNG.normal(size=9)
 FUNCTIONS = {
-    "rectangular": hb.Periodic.rectangular(1.2, 0.8, 0.3, start=5.5),
-    "trapezoidal": hb.Periodic.trapezoidal(1.0, -0.5, 0.3, 0.2, start=6.0),
-    "triangular": hb.Periodic.trapezoidal(1.0, 0.0, 0.0, 0.5),
-    "linear": hb.Periodic.table(PHASE, VALUES, period=1),
-    "cubic": hb.Periodic.table(PHASE, VALUES, period=1, kind="cubic"),
-    "saw": hb.Periodic((2.0,), ((1.0, -0.3, 0.05, -0.002),)),
-    "fine": hb.Periodic.table(np.arange(300) / 300, RNG.normal(size=300), period=1, kind="cubic"),
+    "rectangular": hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.3, start=5.5),
+    "trapezoidal": hb.mechanics.Periodic.trapezoidal(1.0, -0.5, 0.3, 0.2, start=6.0),
+    "triangular": hb.mechanics.Periodic.trapezoidal(1.0, 0.0, 0.0, 0.5),
+    "linear": hb.mechanics.Periodic.table(PHASE, VALUES, period=1),
+    "cubic": hb.mechanics.Periodic.table(PHASE, VALUES, period=1, kind="cubic"),
+    "saw": hb.mechanics.Periodic((2.0,), ((1.0, -0.3, 0.05, -0.002),)),
+    "fine": hb.mechanics.Periodic.table(np.arange(300) / 300, RNG.normal(size=300), period=1, kind="cubic"),
 }
 
 
@@ -51,7 +51,7 @@ def test_harmonics_are_exact(f):
 
 def test_high_harmonics_are_those_of_the_closed_form():
     """c_k of a square wave of share 1/2 from -pi/2: 2 sin(k pi / 2) / (pi k), however high."""
-    square, k = hb.Periodic.rectangular(1.0, 0.0, 0.5, start=-np.pi / 2), np.arange(1, 5001)
+    square, k = hb.mechanics.Periodic.rectangular(1.0, 0.0, 0.5, start=-np.pi / 2), np.arange(1, 5001)
     row = square.row(5000)
     np.testing.assert_allclose(row[1::2], 2 * np.sin(k * np.pi / 2) / (np.pi * k), rtol=0, atol=1e-15)
     np.testing.assert_allclose(row[2::2], 0, atol=1e-15)
@@ -59,12 +59,12 @@ def test_high_harmonics_are_those_of_the_closed_form():
 
 def test_usual_functions_have_their_values():
     tau = np.array([0.0, 0.1, 0.2, 0.3, 0.45, 0.55, 0.8, 0.99]) * TURN
-    k = hb.Periodic.rectangular(high=2.0, low=1.0, share=0.25, start=0.15 * TURN)
+    k = hb.mechanics.Periodic.rectangular(high=2.0, low=1.0, share=0.25, start=0.15 * TURN)
     assert k(tau).tolist() == [1, 1, 2, 2, 1, 1, 1, 1] and k(np.array(-0.8 * TURN)) == 2
-    e = hb.Periodic.trapezoidal(high=1.0, low=0.0, share=0.3, ramp=0.2)
+    e = hb.mechanics.Periodic.trapezoidal(high=1.0, low=0.0, share=0.3, ramp=0.2)
     np.testing.assert_allclose(e(tau), [0, 0.5, 1, 1, 1, 0.75, 0, 0], atol=1e-14)
     np.testing.assert_allclose(e(tau, 1) * TURN, [5, 5, 0, 0, 0, -5, 0, 0], atol=1e-13)
-    table = hb.Periodic.table([0, 90, 180, 360], [0.0, 1.0, 3.0, 0.0], period=360)
+    table = hb.mechanics.Periodic.table([0, 90, 180, 360], [0.0, 1.0, 3.0, 0.0], period=360)
     np.testing.assert_allclose(table(tau), [0, 0.4, 0.8, 1.4, 2.6, 2.7, 1.2, 0.06], atol=1e-14)
     assert table.corners == pytest.approx([0, TURN / 4, TURN / 2])
 
@@ -76,7 +76,9 @@ def test_a_spline_is_smooth_and_goes_through_its_values():
         before, after = (f(TURN * PHASE + step, order) for step in (-1e-13, 1e-13))
         assert np.abs(after - before).max() < 1e-9 * np.abs(after).max()
     assert len(f.corners) == len(PHASE) and f.continuous  # the third derivative jumps
-    wave = hb.Periodic.table(np.arange(200) / 200, np.cos(TURN * np.arange(200) / 200), period=1, kind="cubic")
+    wave = hb.mechanics.Periodic.table(
+        np.arange(200) / 200, np.cos(TURN * np.arange(200) / 200), period=1, kind="cubic"
+    )
     tau = np.linspace(0, TURN, 999)
     assert np.abs(wave(tau) - np.cos(tau)).max() < 1e-8
 
@@ -113,16 +115,16 @@ def test_pieces_over_several_periods(f, nu):
 
 
 def test_series_have_the_same_questions():
-    s = hb.Series(1.0, (0.3, 0.0), (0.0, 0.2))
+    s = hb.mechanics.Series(1.0, (0.3, 0.0), (0.0, 0.2))
     tau = np.linspace(0, 6, 7)
     np.testing.assert_allclose(s(tau, 1), evaluate(s.row(), tau, 1), atol=1e-15)
     np.testing.assert_allclose(s.varied(2.0)(tau), 1 + 2 * (s(tau) - 1), atol=1e-15)
     low, high = s.extremes()
-    assert s.varies and not hb.Series(1.0).varies and s.corners == () and s.bound == 1.5
+    assert s.varies and not hb.mechanics.Series(1.0).varies and s.corners == () and s.bound == 1.5
     assert low == pytest.approx(s(np.linspace(0, TURN, 9999)).min(), abs=1e-7) and high <= s.bound
 
 
-Table = hb.Periodic.table
+Table = hb.mechanics.Periodic.table
 
 
 @pytest.mark.parametrize(
@@ -146,25 +148,28 @@ Table = hb.Periodic.table
         (lambda: Table([0, 1, 2], [1, 2]), "3 phases and 2 values"),
         (lambda: Table([0, 1], [1, "2 um"]), "values = .* must be a sequence of numbers"),
         (lambda: Table(np.arange(3000), np.arange(3000), period=3000), "3,000 is more than 2,000"),
-        (lambda: hb.Periodic.rectangular(1.2, 0.8, 1.6), "share = 1.6 must lie between 0 and 1"),
-        (lambda: hb.Periodic.rectangular(1.0, 1.0, 0.6), "high = low = 1 has no corner"),
-        (lambda: hb.Periodic.trapezoidal(1.2, 0.8, 0.6, 0.3), "share . 2 ramp = 1.2 is more than the period"),
-        (lambda: hb.Periodic((0.0, 1.0), ((1.0,), (1.0,))), "has no corner, it is a constant"),
-        (lambda: hb.Periodic((0.0, 7.0), ((1.0,), (2.0,))), "phases from 0 to 7 are more than the period 6.28319"),
-        (lambda: hb.Periodic((0.0,), ((1.0, 2.0, 3.0, 4.0, 5.0),)), "must be 1 to 4 finite numbers"),
-        (lambda: hb.Periodic((0.0, 1.0), ((1.0,),)), "must be a row of numbers for each of the phases"),
-        (lambda: hb.Periodic((0.0, 1.0), np.ma.masked), "must be a row of numbers for each of the phases"),
+        (lambda: hb.mechanics.Periodic.rectangular(1.2, 0.8, 1.6), "share = 1.6 must lie between 0 and 1"),
+        (lambda: hb.mechanics.Periodic.rectangular(1.0, 1.0, 0.6), "high = low = 1 has no corner"),
+        (lambda: hb.mechanics.Periodic.trapezoidal(1.2, 0.8, 0.6, 0.3), "share . 2 ramp = 1.2 is more than the period"),
+        (lambda: hb.mechanics.Periodic((0.0, 1.0), ((1.0,), (1.0,))), "has no corner, it is a constant"),
         (
-            lambda: hb.Backlash(stiffness=hb.Periodic.rectangular(1.0, 0.0, 0.5)),
+            lambda: hb.mechanics.Periodic((0.0, 7.0), ((1.0,), (2.0,))),
+            "phases from 0 to 7 are more than the period 6.28319",
+        ),
+        (lambda: hb.mechanics.Periodic((0.0,), ((1.0, 2.0, 3.0, 4.0, 5.0),)), "must be 1 to 4 finite numbers"),
+        (lambda: hb.mechanics.Periodic((0.0, 1.0), ((1.0,),)), "must be a row of numbers for each of the phases"),
+        (lambda: hb.mechanics.Periodic((0.0, 1.0), np.ma.masked), "must be a row of numbers for each of the phases"),
+        (
+            lambda: hb.Backlash(stiffness=hb.mechanics.Periodic.rectangular(1.0, 0.0, 0.5)),
             "goes down to 0; teeth in contact",
         ),
         (lambda: hb.SpurPair(stiffness=Table([0, 3], [1.0, -0.2])), "SpurPair: the stiffness goes down to -0.2"),
         (
-            lambda: hb.SpurPair(eps=(0.1,), stiffness=hb.Series(1.0)),
+            lambda: hb.SpurPair(eps=(0.1,), stiffness=hb.mechanics.Series(1.0)),
             "eps = .* and a stiffness are both given",
         ),
         (
-            lambda: hb.SpurPair(error=hb.Periodic.rectangular(0.1, 0.0, 0.5)).system(),
+            lambda: hb.SpurPair(error=hb.mechanics.Periodic.rectangular(0.1, 0.0, 0.5)).system(),
             "displacement jumps at tau = 0",
         ),
         (lambda: hb.Unilateral(stiffness=1.0), "stiffness = 1.0 must be a Series such as .* or a Periodic such as"),
@@ -177,18 +182,20 @@ def test_what_cannot_be_meant_is_refused(make, said):
         make()
 
 
-@pytest.mark.parametrize("cls", [hb.SpurPair, hb.GearRotorBearing, hb.HelicalPair, hb.DoubleHelicalPair])
+@pytest.mark.parametrize(
+    "cls", [hb.SpurPair, hb.gears.GearRotorBearing, hb.gears.HelicalPair, hb.gears.DoubleHelicalPair]
+)
 def test_gear_models_take_functions(cls):
-    k, e = FUNCTIONS["rectangular"], hb.Periodic.table([0, 1, 2], [0.0, 0.03, 0.01])
+    k, e = FUNCTIONS["rectangular"], hb.mechanics.Periodic.table([0, 1, 2], [0.0, 0.03, 0.01])
     pair = cls(eps=(), stiffness=k, error=e, eps_scale=0.5, e_scale=2.0)
     gap = pair.system().elements[0]
     tau = RNG.uniform(0, TURN, 30)
-    sign = -1 if cls is hb.DoubleHelicalPair else 1
+    sign = -1 if cls is hb.gears.DoubleHelicalPair else 1
     factor = gap.law.slopes[-1]  # both sides of the backlash
     np.testing.assert_allclose(factor * gap.law.stiffness(tau), k.mean + 0.5 * (k(tau) - k.mean), atol=1e-13)
     np.testing.assert_allclose(gap.displacement(tau), 2 * sign * e(tau), atol=1e-13)
-    assert rebuild(json.loads(json.dumps(describe(pair)))) == pair
-    lagging = hb.DoubleHelicalPair(eps=(), stiffness=k, error=e, stagger=0.7, e_phase=0.2).system().elements[1]
+    assert rebuild_model(json.loads(json.dumps(describe(pair)))) == pair
+    lagging = hb.gears.DoubleHelicalPair(eps=(), stiffness=k, error=e, stagger=0.7, e_phase=0.2).system().elements[1]
     np.testing.assert_allclose(lagging.law.stiffness(tau), k(tau - 0.7), atol=1e-12)
     np.testing.assert_allclose(lagging.displacement(tau), -e(tau - 0.9), atol=1e-12)
 

@@ -15,11 +15,11 @@ from scipy.optimize import brentq, minimize_scalar
 
 import hbgear as hb
 from hbgear import plot
-from hbgear.continuation.branch import Branch, Jump, Point, SpecialPoint, Status
-from hbgear.harmonic.jump_map import Arm, JumpMap
-from hbgear.harmonic.landings import landings
-from hbgear.harmonic.observables import Layout
-from hbgear.mechanics.model import describe
+from hbgear.analysis.jump_landings import landings
+from hbgear.analysis.jump_maps import Arm, JumpMap
+from hbgear.continuation.results.branch import Branch, Jump, Point, SpecialPoint, Status
+from hbgear.harmonic.equations.layout import Layout
+from hbgear.mechanics.models import describe
 
 LABELS = {"Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$", "amplitude": r"$d / b_c$"}
 FIXED = {"zeta": 0.04, "F": 0.12}
@@ -336,7 +336,7 @@ def test_everything_that_is_public_is_drawn_by_one_name():
 
 
 def test_importing_plot_does_not_import_matplotlib():
-    code = "import sys, hbgear.plot, hbgear.continuation.branch; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, hbgear.plot, hbgear.continuation.results.branch; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -503,11 +503,11 @@ def test_an_unstable_piece_between_two_symbols_is_drawn_enlarged():
 
 
 def with_model(branch, **fields):
-    return rebuilt(branch, meta={"model": describe(hb.DoubleHelicalPair(**fields))})
+    return rebuilt(branch, meta={"model": describe(hb.gears.DoubleHelicalPair(**fields))})
 
 
 def test_axes_of_speed_and_frequency_after_loading():
-    model = hb.DoubleHelicalPair()
+    model = hb.gears.DoubleHelicalPair()
     ax = plot.response(with_model(resonance()))
     speed, mesh = ax.child_axes
     assert (speed.get_xlabel(), mesh.get_xlabel()) == ("speed of the pinion [r/min]", "mesh frequency [Hz]")
@@ -557,7 +557,7 @@ def test_a_figure_made_again_is_the_same_file(tmp_path, kind, monkeypatch):
 
 
 def test_spectrum_and_portrait_in_hertz_with_the_model():
-    model, point = hb.DoubleHelicalPair(), rich_point()
+    model, point = hb.gears.DoubleHelicalPair(), rich_point()
     ax = plot.spectrum(point, model=model)
     (hertz,) = (child for child in ax.child_axes if child.get_xlabel() == "frequency [Hz]")
     drawn(ax)
@@ -568,8 +568,8 @@ def test_spectrum_and_portrait_in_hertz_with_the_model():
 
 def test_jump_map_has_axes_of_speed_only_if_omega_means_the_same_everywhere():
     def drawn_map(parameter):
-        meta = {"model": describe(hb.DoubleHelicalPair())}
-        value = hb.DoubleHelicalPair().parameters[parameter]
+        meta = {"model": describe(hb.gears.DoubleHelicalPair())}
+        value = hb.gears.DoubleHelicalPair().parameters[parameter]
         grid = np.linspace(0.9, 1.1, 5) * value
         b = resonance()
         fold = rebuilt(

@@ -9,7 +9,7 @@ import pytest
 
 import hbgear as hb
 from hbgear import plot
-from hbgear.design.swept import stable_parts, swept, swept_cases
+from hbgear.design.cases.sweep_statistics import stable_parts, swept, swept_cases
 
 matplotlib.use("Agg")
 ZETA = [0.1, 0.15, 0.2, 0.25, 0.3]
@@ -18,17 +18,17 @@ HARD = [0.04, 0.05, 0.5]
 
 def cases(vary, compute, k3=0.0, F=0.15):
     with ThreadPoolExecutor(1) as pool:
-        return hb.cases(hb.Duffing(k3=k3, F=F), vary, compute, harmonics=3, span=(0.5, 2.0), executor=pool)
+        return hb.design.cases(hb.Duffing(k3=k3, F=F), vary, compute, harmonics=3, span=(0.5, 2.0), executor=pool)
 
 
 @pytest.fixture(scope="module")
 def linear():
-    return cases(hb.grid(zeta=ZETA), ("curve",))
+    return cases(hb.design.grid(zeta=ZETA), ("curve",))
 
 
 @pytest.fixture(scope="module")
 def hard():
-    return cases(hb.grid(zeta=HARD), ("peak", "jumps", "curve"), k3=1.0)
+    return cases(hb.design.grid(zeta=HARD), ("peak", "jumps", "curve"), k3=1.0)
 
 
 def amplitude(zeta, Omega):

@@ -15,11 +15,11 @@ from unit.test_contact import crossed
 
 import hbgear as hb
 from hbgear.common.ranges import Range, checked
-from hbgear.continuation.newton import solve
-from hbgear.harmonic.realbasis import after_derivative, derivative, one_sided
-from hbgear.io.npz import load
-from hbgear.mechanics.fourier import evaluate, resize, stretch, to_complex, to_real
-from hbgear.mechanics.model import System
+from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic.forces.real_basis import after_derivative, derivative, one_sided
+from hbgear.io.branches.npz import load
+from hbgear.mechanics.models import System
+from hbgear.mechanics.series.fourier import evaluate, resize, stretch, to_complex, to_real
 
 EPS = np.finfo(float).eps
 
@@ -48,7 +48,7 @@ def waves(draw, most=6, least=1):
 def stiffnesses(draw):
     """A periodic factor of mean about one."""
     pair = st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3))
-    return hb.Series(1.0, draw(pair), draw(pair))
+    return hb.mechanics.Series(1.0, draw(pair), draw(pair))
 
 
 @st.composite
@@ -58,7 +58,7 @@ def laws(draw):
     first, gaps = draw(st.floats(-1.5, 0.5)), draw(st.lists(st.floats(0.2, 1.0), min_size=count, max_size=count))
     slopes = draw(st.lists(st.floats(-1.0, 3.0), min_size=count + 1, max_size=count + 1))
     corners = tuple(first + np.cumsum([0.0, *gaps[1:]]))
-    return hb.PiecewiseLinear(corners, tuple(slopes), draw(st.floats(-1.0, 1.0)), draw(stiffnesses()))
+    return hb.mechanics.PiecewiseLinear(corners, tuple(slopes), draw(st.floats(-1.0, 1.0)), draw(stiffnesses()))
 
 
 def plain(row):
@@ -97,7 +97,7 @@ def by_hand(law):
 
 @few(15)
 @given(laws(), waves(4), st.sampled_from([1, 2]))
-@pytest.mark.filterwarnings("ignore::hbgear.Unlikely")
+@pytest.mark.filterwarnings("ignore::hbgear.mechanics.ImplausibleInputWarning")
 def test_the_exact_projection_is_the_integral_of_the_force(law, row, nu):
     """f_k = (1 / pi) int p(d, nu theta) exp(-i k theta) dtheta by adaptive quadrature between the corners. An error of
     a corner's instant enters squared, so the tolerance is rounding of the terms of the sum."""
@@ -226,7 +226,7 @@ def test_a_saved_branch_comes_back_bit_for_bit(tmp_path_factory, data, nu, H):
 
 def machine(seed=0):
     """Three masses, a gap between two of them and a stop on the third, loads on all."""
-    gap = hb.Element([1.0, -1.0, 0.0], hb.Backlash(0.3), hb.Series(0.0, (0.05,)), 0.05, name="gap")
+    gap = hb.Element([1.0, -1.0, 0.0], hb.Backlash(0.3), hb.mechanics.Series(0.0, (0.05,)), 0.05, name="gap")
     stop = hb.Element([0.0, 0.3, 1.0], hb.Unilateral(2.0, 0.1), name="stop")
     K = np.array([[1.5, -0.4, 0.0], [-0.4, 1.2, -0.3], [0.0, -0.3, 0.9]])
     return hb.System(np.diag([1.0, 1.5, 0.8]), 0.1 * K + 0.05 * np.eye(3), K, [gap, stop],
@@ -235,7 +235,7 @@ def machine(seed=0):
 
 def solution(problem, X, Omega):
     """To rounding, and the error of it that the residual leaves open."""
-    tight = hb.Settings(tolerance=1e-13)
+    tight = hb.NewtonSettings(tolerance=1e-13)
     now = solve(problem, X, {"Omega": Omega}, settings=tight)
     inverse = np.linalg.norm(np.linalg.inv(now.evaluation.dR_dX), 2)
     return now.X, 2 * inverse * now.evaluation.size * max(now.residual, 64 * EPS)

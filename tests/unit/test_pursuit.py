@@ -6,17 +6,12 @@ import pytest
 from hbgear import (
     Backlash,
     Cubic,
-    DoubleHelicalPair,
     Duffing,
     Element,
-    Fold,
     HarmonicBalance,
     Load,
+    NewtonSettings,
     NoConvergence,
-    Parallel,
-    Periodic,
-    Series,
-    Settings,
     SpurPair,
     Status,
     StepControl,
@@ -24,19 +19,22 @@ from hbgear import (
     Unilateral,
     trace,
 )
-from hbgear.continuation.newton import solve
-from hbgear.continuation.problem import HELD
-from hbgear.continuation.segment import row_of
-from hbgear.continuation.stride import Strider
+from hbgear.continuation import FoldProblem
+from hbgear.continuation.curve.segment import point_from_solution
+from hbgear.continuation.problem.evaluation import HELD
+from hbgear.continuation.solvers.newton import solve
+from hbgear.continuation.tracing.stepper import Stepper
+from hbgear.gears import DoubleHelicalPair
+from hbgear.mechanics import Parallel, Periodic, Series
 
 
 class RowByRow(HarmonicBalance):
     """Followed by the general loop, its special points located by the equations in Python."""
 
-    def pursuit(self, name, parameters):
+    def compiled_continuation(self, name, parameters):
         return None
 
-    def locating(self, name, parameters, which):
+    def compiled_locator(self, name, parameters, which):
         return None
 
 
@@ -68,7 +66,7 @@ def test_the_compiled_loop_tells_the_same_curve(name, back):
     model, H, span, kinds = CURVES[name]
     span = span[::-1] if back else span
     one, many = (trace(kind(model(), H), "Omega", span) for kind in (RowByRow, HarmonicBalance))
-    assert many.problem.pursuit("Omega", {}) is not None
+    assert many.problem.compiled_continuation("Omega", {}) is not None
     assert one.status is many.status and one.message == many.message and one.status.complete
     assert [p.label for p in one.special] == [p.label for p in many.special]
     assert kinds <= {p.kind for p in many.special}
@@ -78,8 +76,8 @@ def test_the_compiled_loop_tells_the_same_curve(name, back):
     assert [(j.label, j.direction) for j in one.jumps()] == [(j.label, j.direction) for j in many.jumps()]
     for a, b in zip(one.jumps(), many.jumps(), strict=True):
         assert a.value == pytest.approx(b.value, rel=0, abs=1e-9)
-    sizes = many.problem.motion_sizes(many.X)
-    np.testing.assert_allclose(sizes, [many.problem.motion_size(X) for X in many.X], rtol=1e-14)
+    sizes = many.problem.solution_norms(many.X)
+    np.testing.assert_allclose(sizes, [many.problem.solution_norm(X) for X in many.X], rtol=1e-14)
     largest = sizes.max()
     rows = np.column_stack([many.X / largest, many.values / abs(span[1] - span[0])])
     assert np.linalg.norm(np.diff(rows, axis=0), axis=1).max() < 1.5 * StepControl().longest
@@ -88,7 +86,8 @@ def test_the_compiled_loop_tells_the_same_curve(name, back):
 
 @pytest.mark.parametrize("name", CURVES)
 def test_the_loops_choose_the_same_rows(name):
-    """Steps and Newton counts follow the same rules: the first rows of both, a resonance among them, are the same to
+    """StepControl and Newton counts follow the same rules: the first rows of both, a resonance among them, are the same
+    to
     rounding."""
     model, H, span, _ = CURVES[name]
     few = StepControl(max_points=80)
@@ -133,7 +132,7 @@ def test_newton_at_a_given_frequency_is_the_same_compiled(name):
     here = {"Omega": 0.5 * sum(span)}
     X = many.start(**here)
     beside = X + 1e-2 * np.linalg.norm(X) * np.sin(np.arange(len(X)))
-    assert many.locating("Omega", here, HELD) is not None and one.locating("Omega", here, HELD) is None
+    assert many.compiled_locator("Omega", here, HELD) is not None and one.compiled_locator("Omega", here, HELD) is None
     python, compiled = (solve(problem, beside, here, "Omega") for problem in (one, many))
     assert python.iterations == compiled.iterations > 0 and compiled.value == here["Omega"]
     np.testing.assert_allclose(compiled.X, python.X, rtol=0, atol=1e-9 * np.linalg.norm(X))
@@ -152,23 +151,26 @@ def test_compiled_newton_gives_up():
     problem = HarmonicBalance(SpurPair(), 6)
     U = np.append(problem.start(1.5), 1.5)
     with pytest.raises(NoConvergence, match="no special point"):
-        Fold(problem, "Omega").located(U, {"Omega": 1.5}, Settings(max_iterations=1))
-    assert HarmonicBalance(SpurPair(), 6, sampled=True).locating("Omega", {}, -1) is None
-    assert problem.locating("zeta", {"Omega": 0.9}, -1) is None
+        FoldProblem(problem, "Omega").located(U, {"Omega": 1.5}, NewtonSettings(max_iterations=1))
+    assert HarmonicBalance(SpurPair(), 6, sampled=True).compiled_locator("Omega", {}, -1) is None
+    assert problem.compiled_locator("zeta", {"Omega": 0.9}, -1) is None
 
 
 def test_what_has_no_compiled_loop():
     """Sampled laws and other parameters than Omega are followed row by row."""
     problem = HarmonicBalance(SpurPair(), 6)
-    assert problem.pursuit("Omega", {"zeta": 0.06}) is not None and problem.pursuit("zeta", {"Omega": 0.9}) is None
-    assert HarmonicBalance(SpurPair(), 6, sampled=True).pursuit("Omega", {}) is None
+    assert (
+        problem.compiled_continuation("Omega", {"zeta": 0.06}) is not None
+        and problem.compiled_continuation("zeta", {"Omega": 0.9}) is None
+    )
+    assert HarmonicBalance(SpurPair(), 6, sampled=True).compiled_continuation("Omega", {}) is None
 
 
 def stride_of(problem, steps, X, step, bounds):
     """A stride from a solution, along Omega upwards, in scales of one."""
     scale, normal = np.ones(len(X) + 1), np.append(0 * X, 1.0)
-    row = row_of(solve(problem, X, {"Omega": 0.5}, "Omega", Settings()), normal, scale)
-    strider = Strider(problem, "Omega", {}, bounds, steps, Settings())
+    row = point_from_solution(solve(problem, X, {"Omega": 0.5}, "Omega", NewtonSettings()), normal, scale)
+    strider = Stepper(problem, "Omega", {}, bounds, steps, NewtonSettings())
     return strider.stride([row], scale, 1.0, step, 128)
 
 
@@ -190,12 +192,12 @@ def test_a_stride_is_bounded():
 
 @pytest.mark.parametrize("kind", [RowByRow, HarmonicBalance])
 def test_why_the_shortest_step_failed(kind):
-    """Steps that may not be made shorter and turn too far; Newton that may take one step only."""
+    """StepControl that may not be made shorter and turn too far; Newton that may take one step only."""
     problem = kind(Duffing(), 3)
     start, equal = problem.start(0.9), {"first": 0.04, "shortest": 0.04, "longest": 0.04}
     for steps, settings, reason in (
-        ({"max_turn_deg": 1e-3}, Settings(), "the tangent turned by"),
-        ({"max_turn_deg": 60.0, "history": 1}, Settings(max_iterations=1), "relative residual of"),
+        ({"max_turn_deg": 1e-3}, NewtonSettings(), "the tangent turned by"),
+        ({"max_turn_deg": 60.0, "history": 1}, NewtonSettings(max_iterations=1), "relative residual of"),
     ):
         curve = trace(problem, "Omega", (0.9, 1.3), start, steps=StepControl(**equal | steps), settings=settings)
         assert curve.status is Status.STEP_TOO_SMALL and reason in curve.message

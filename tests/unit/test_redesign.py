@@ -7,19 +7,19 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app
-from hbgear.design.redesign import _nearest, _Slack
+from hbgear.design.least_change import _nearest, _Slack
 
 PAIR = hb.HarmonicBalance(hb.SpurPair(), 5)
 
 
 def test_a_jump_is_removed_by_the_least_change():
     """Against the cusp in the damping at each of many factors of the error: the nearest of them to the design."""
-    found = hb.redesign(PAIR, hb.no_jumps(), ["zeta", "e_scale"])
+    found = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta", "e_scale"])
     assert found.reached and found.status.complete and not found.curve.jumps() and found.short == 0
     every = []
     for factor in np.linspace(0.31, 0.36, 5):
         other = hb.HarmonicBalance(PAIR.model.replace(e_scale=factor), 5)
-        cusp = hb.critical(other, "zeta", frequencies=PAIR.model.default_span).value
+        cusp = hb.analysis.critical_parameter(other, "zeta", frequencies=PAIR.model.default_span).value
         every.append(np.hypot(factor - 1.0, cusp / 0.05 - 1.0))
     assert found.distance == pytest.approx(min(every), rel=2e-3) and found.distance >= min(every)
     assert found.values["zeta"] == pytest.approx(0.05 * (1 + found.changes["zeta"]))
@@ -31,8 +31,8 @@ def test_a_jump_is_removed_by_the_least_change():
 
 
 def test_a_peak_is_lowered_to_its_limit():
-    own = max(point.amplitude("pp2") for point in hb.peaks(hb.trace(PAIR, "Omega", (1.5, 0.3)), "pp2"))
-    found = hb.redesign(PAIR, hb.peak_below(0.9 * own), ["zeta", "e[0]", "F_m"])
+    own = max(point.amplitude("pp2") for point in hb.analysis.peaks(hb.trace(PAIR, "Omega", (1.5, 0.3)), "pp2"))
+    found = hb.design.redesign(PAIR, hb.design.peak_below(0.9 * own), ["zeta", "e[0]", "F_m"])
     assert found.reached and found.curve.amplitude("pp2").max() == pytest.approx(0.9 * own, rel=5e-3)
     # no other direction of the same length lowers it as much
     rng = np.random.default_rng(0)
@@ -46,38 +46,40 @@ def test_a_peak_is_lowered_to_its_limit():
 
 def test_a_reserve_for_scatter():
     """With a standard deviation of the damping, the damping at the cusp and two deviations more."""
-    plain = hb.redesign(PAIR, hb.no_jumps(), ["zeta"])
-    safe = hb.redesign(PAIR, hb.no_jumps(), ["zeta"], scatter={"zeta": 0.002}, sigmas=3)
+    plain = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"])
+    safe = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], scatter={"zeta": 0.002}, sigmas=3)
     assert safe.values["zeta"] - plain.values["zeta"] == pytest.approx(0.006, rel=1e-3)
-    other = hb.redesign(PAIR, hb.no_jumps(), ["zeta"], scatter={"e_scale": 0.05})
+    other = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], scatter={"e_scale": 0.05})
     assert other.values["zeta"] > plain.values["zeta"]
 
 
 def test_a_goal_out_of_reach():
-    found = hb.redesign(PAIR, hb.no_jumps(), ["zeta"], {"zeta": (0.04, 0.08)})
+    found = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], {"zeta": (0.04, 0.08)})
     assert not found.reached and found.values["zeta"] == pytest.approx(0.08)
-    cusp = hb.critical(PAIR, "zeta", frequencies=PAIR.model.default_span).value
+    cusp = hb.analysis.critical_parameter(PAIR, "zeta", frequencies=PAIR.model.default_span).value
     assert found.short == pytest.approx((cusp - 0.08) / 0.05, abs=2e-3)
     assert "the goal is not reached: jumps are left: zeta would have to change by" in found.message
-    found = hb.redesign(PAIR, hb.peak_below(0.05), ["zeta"], {"zeta": (0.04, 0.08)})
+    found = hb.design.redesign(PAIR, hb.design.peak_below(0.05), ["zeta"], {"zeta": (0.04, 0.08)})
     assert not found.reached and found.short > 1 and "above the limit" in found.message
 
 
 def test_a_parameter_that_removes_no_jump():
     """eps_scale is a factor of amplitudes, and this pair has none."""
-    found = hb.redesign(PAIR, hb.no_jumps(), ["eps_scale"])
+    found = hb.design.redesign(PAIR, hb.design.no_jumps(), ["eps_scale"])
     assert not found.reached and math.isnan(found.short) and found.values == {"eps_scale": 1.0}
     assert found.message.startswith("jumps are left, and no value of eps_scale was found at which one vanishes")
 
 
 def test_a_cusp_farther_away():
     """A margin moves the damping that far beyond its cusp; the distance may be in a parameter that does not change."""
-    cusp = hb.critical(PAIR, "zeta", frequencies=PAIR.model.default_span).value
-    found = hb.redesign(PAIR, hb.no_jumps(0.2), ["zeta"])
+    cusp = hb.analysis.critical_parameter(PAIR, "zeta", frequencies=PAIR.model.default_span).value
+    found = hb.design.redesign(PAIR, hb.design.no_jumps(0.2), ["zeta"])
     assert found.reached and found.values["zeta"] == pytest.approx(cusp + 0.2 * 0.05, rel=1e-4)
-    found = hb.redesign(PAIR, hb.no_jumps(0.2, "zeta"), ["e_scale"])
+    found = hb.design.redesign(PAIR, hb.design.no_jumps(0.2, "zeta"), ["e_scale"])
     assert found.reached
-    apart = hb.critical(hb.HarmonicBalance(found.model, 5), "zeta", frequencies=PAIR.model.default_span).value
+    apart = hb.analysis.critical_parameter(
+        hb.HarmonicBalance(found.model, 5), "zeta", frequencies=PAIR.model.default_span
+    ).value
     assert apart == pytest.approx(0.05 - 0.2 * 0.05, rel=1e-3)
     near, far = (
         hb.trace(hb.HarmonicBalance(found.model.replace(zeta=apart + side * 2e-4), 5), "Omega", (1.5, 0.3))
@@ -85,42 +87,44 @@ def test_a_cusp_farther_away():
     )
     assert not near.jumps() and far.jumps()
     with pytest.raises(KeyError, match="no parameter 'zetta'"):
-        hb.redesign(PAIR, hb.no_jumps(0.2, "zetta"), ["zeta"])
+        hb.design.redesign(PAIR, hb.design.no_jumps(0.2, "zetta"), ["zeta"])
 
 
 def test_a_goal_for_every_machine_of_a_sample():
     """Deviations of the damping alone: the worst of them, or that of the share, is at the cusp."""
-    plain = hb.redesign(PAIR, hb.no_jumps(), ["zeta"]).values["zeta"]
-    drawn = hb.monte_carlo(9, 4, zeta=("normal", 0.0, 0.002))
+    plain = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"]).values["zeta"]
+    drawn = hb.design.monte_carlo(9, 4, zeta=("normal", 0.0, 0.002))
     off = np.sort([row["zeta"] for row in drawn.rows()])
-    every = hb.redesign(PAIR, hb.no_jumps(), ["zeta"], tolerances=drawn)
+    every = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], tolerances=drawn)
     assert every.reached and every.share == 1.0
     assert every.values["zeta"] == pytest.approx(plain - off[0], rel=1e-4)
-    most = hb.redesign(PAIR, hb.no_jumps(), ["zeta"], tolerances=drawn, share=0.75)
+    most = hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], tolerances=drawn, share=0.75)
     assert most.reached and most.share == pytest.approx(7 / 9)
     assert most.values["zeta"] == pytest.approx(plain - off[2], rel=1e-4)
 
 
 def test_a_peak_below_its_limit_for_a_sample():
     """Two parameters change, a third scatters too: of the curves traced for each, the worst is at the limit."""
-    own = max(point.amplitude("pp2") for point in hb.peaks(hb.trace(PAIR, "Omega", (1.5, 0.3)), "pp2"))
-    drawn = hb.latin_hypercube(6, 1, zeta=("normal", 0.0, 0.002), F_m=("uniform", -0.01, 0.01))
-    found = hb.redesign(PAIR, hb.peak_below(0.9 * own), ["zeta", "e[0]"], tolerances=drawn)
+    own = max(point.amplitude("pp2") for point in hb.analysis.peaks(hb.trace(PAIR, "Omega", (1.5, 0.3)), "pp2"))
+    drawn = hb.design.latin_hypercube(6, 1, zeta=("normal", 0.0, 0.002), F_m=("uniform", -0.01, 0.01))
+    found = hb.design.redesign(PAIR, hb.design.peak_below(0.9 * own), ["zeta", "e[0]"], tolerances=drawn)
     assert found.reached and found.share == 1.0
     tops = []
     for row in drawn.rows():
         values = {"zeta": found.values["zeta"] + row["zeta"], "e[0]": found.values["e[0]"], "F_m": 0.1 + row["F_m"]}
         curve = hb.trace(hb.HarmonicBalance(PAIR.model.replace(**values), 5), "Omega", (1.5, 0.3), stability=False)
-        tops.append(max(point.amplitude("pp2") for point in hb.peaks(curve, "pp2")))
+        tops.append(max(point.amplitude("pp2") for point in hb.analysis.peaks(curve, "pp2")))
     assert max(tops) == pytest.approx(0.9 * own, rel=2e-3) and max(tops) <= 0.9 * own
     # what is asked of the whole sample within tight bounds cannot be reached, and is told so
     tight = {"zeta": (0.0499, 0.0501), "e[0]": (0.0499, 0.0501)}
-    short = hb.redesign(PAIR, hb.peak_below(0.995 * own), ["zeta", "e[0]"], tight, tolerances=drawn, share=0.9)
+    short = hb.design.redesign(
+        PAIR, hb.design.peak_below(0.995 * own), ["zeta", "e[0]"], tight, tolerances=drawn, share=0.9
+    )
     assert not short.reached and short.share < 0.9 and short.short > 0
     with pytest.raises(ValueError, match="give either scatter"):
-        hb.redesign(PAIR, hb.no_jumps(), ["zeta"], scatter={"zeta": 0.001}, tolerances=drawn)
+        hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], scatter={"zeta": 0.001}, tolerances=drawn)
     with pytest.raises(ValueError, match="share = 0"):
-        hb.redesign(PAIR, hb.no_jumps(), ["zeta"], tolerances=drawn, share=0)
+        hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], tolerances=drawn, share=0)
 
 
 def test_the_nearest_point_of_several_half_planes():
@@ -141,29 +145,29 @@ def test_the_nearest_point_of_several_half_planes():
 
 
 def test_nothing_to_do():
-    found = hb.redesign(hb.HarmonicBalance(hb.SpurPair(zeta=0.2), 5), hb.no_jumps(), ["zeta"])
+    found = hb.design.redesign(hb.HarmonicBalance(hb.SpurPair(zeta=0.2), 5), hb.design.no_jumps(), ["zeta"])
     assert found.reached and found.distance == 0 and "reaches the goal as it is" in found.message
-    found = hb.redesign(PAIR, hb.peak_below(5.0), ["zeta"])
+    found = hb.design.redesign(PAIR, hb.design.peak_below(5.0), ["zeta"])
     assert found.reached and found.changes == {"zeta": 0.0}
 
 
 def test_what_cannot_be_redesigned():
     with pytest.raises(KeyError, match="no parameter 'zetta'"):
-        hb.redesign(PAIR, hb.no_jumps(), ["zetta"])
+        hb.design.redesign(PAIR, hb.design.no_jumps(), ["zetta"])
     with pytest.raises(ValueError, match="name at least one parameter"):
-        hb.redesign(PAIR, hb.no_jumps(), [])
+        hb.design.redesign(PAIR, hb.design.no_jumps(), [])
     with pytest.raises(ValueError, match="W is 0 in the model"):
-        hb.redesign(hb.HarmonicBalance(hb.DoubleHelicalPair(), 4), hb.no_jumps(), ["W"])
+        hb.design.redesign(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(), 4), hb.design.no_jumps(), ["W"])
     with pytest.raises(ValueError, match="F_m is not among the parameters that may change"):
-        hb.redesign(PAIR, hb.no_jumps(), ["zeta"], {"F_m": (0.1, 0.2)})
+        hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], {"F_m": (0.1, 0.2)})
     with pytest.raises(ValueError, match=r"must hold its value 0\.05"):
-        hb.redesign(PAIR, hb.no_jumps(), ["zeta"], {"zeta": (0.06, 0.2)})
+        hb.design.redesign(PAIR, hb.design.no_jumps(), ["zeta"], {"zeta": (0.06, 0.2)})
     with pytest.raises(ValueError, match="limit = -1"):
-        hb.peak_below(-1)
+        hb.design.peak_below(-1)
     with pytest.raises(ValueError, match="peak_below: no measure 'peak'; there are rms, pp2"):
-        hb.peak_below(1.0, "peak")
+        hb.design.peak_below(1.0, "peak")
     with pytest.raises(TypeError, match="needs a goal, such as no_jumps"):
-        hb.redesign(PAIR, "no jumps", ["zeta"])
+        hb.design.redesign(PAIR, "no jumps", ["zeta"])
 
 
 def run(*words):

@@ -6,7 +6,7 @@ from scipy import sparse
 from scipy.linalg import expm
 
 import hbgear as hb
-from hbgear.continuation.newton import solve
+from hbgear.continuation.solvers.newton import solve
 from hbgear.mechanics.reduction import reduce
 
 
@@ -185,7 +185,7 @@ def driveline(seed, count, unbalance=0.0):
     mesh[count - 1], mesh[count] = r_1, -r_2
     load[0], load[-1] = torque, -torque * r_2 / r_1 * (1 + unbalance)
     K, M = sparse.block_diag(shafts, format="csr"), sparse.diags_array(inertias.ravel())
-    gap = hb.Element(mesh, hb.Backlash(b=1e-5, k=1e8), hb.Series(cosine=(1e-6,)), damping=1e2, name="mesh")
+    gap = hb.Element(mesh, hb.Backlash(b=1e-5, k=1e8), hb.mechanics.Series(cosine=(1e-6,)), damping=1e2, name="mesh")
     return hb.System(M, 1e-6 * K, K, [gap], hb.Load(constant=load))
 
 
@@ -193,7 +193,7 @@ def driveline(seed, count, unbalance=0.0):
 def test_a_free_driveline_stays_balanced(seed):
     """Its torques do no work on the free rotation but what rounding makes; reduced it moves as it does whole."""
     full = driveline(seed, 150)
-    small = hb.reduce(full, modes=20)
+    small = hb.mechanics.reduce(full, modes=20)
     Omega = 0.5 * small.frequencies[1]
     one, other = hb.HarmonicBalance(full, 4), hb.HarmonicBalance(small.system, 4)
     X = one.start(Omega)
@@ -205,7 +205,7 @@ def test_a_free_driveline_stays_balanced(seed):
 @pytest.mark.parametrize("share", [1e-3, 1.0])
 def test_a_driveline_out_of_balance_is_refused_also_when_reduced(seed, share):
     full = driveline(seed, 40, share)
-    for model in (full, hb.reduce(full, modes=20).system):
+    for model in (full, hb.mechanics.reduce(full, modes=20).system):
         with pytest.raises(ValueError, match="on a motion that nothing holds"):
             hb.HarmonicBalance(model, 4)
 
@@ -242,12 +242,12 @@ def test_a_structure_too_large_for_its_modes_is_reduced_for_a_curve():
     np.testing.assert_allclose(problem.multipliers(X, Omega=Omega)[:6], mu, rtol=1e-5)
     with pytest.raises(ValueError, match=r"at most 1500, .* 256 modes below .* reduce the model"):
         directly.multipliers(X, Omega=Omega)
-    again = curve.problem.within("Omega", *span, {})
-    assert again is curve.problem and again.within("Omega", w, 100 * w, {}) is not again
+    again = curve.problem.restricted_to("Omega", *span, {})
+    assert again is curve.problem and again.restricted_to("Omega", w, 100 * w, {}) is not again
 
 
 def test_a_structure_whose_modes_all_matter_is_solved_directly():
     """Far above the first 256 frequencies nothing is reduced."""
     problem = hb.HarmonicBalance(chain(1600), 2)
-    assert problem.within("Omega", 0.5, 0.6, {}).compiled({}).structure.n == 1600
-    assert hb.HarmonicBalance(chain(40), 2).within("Omega", 0.5, 0.6, {}).compiled({}).structure.n == 40
+    assert problem.restricted_to("Omega", 0.5, 0.6, {}).compiled({}).structure.n == 1600
+    assert hb.HarmonicBalance(chain(40), 2).restricted_to("Omega", 0.5, 0.6, {}).compiled({}).structure.n == 40

@@ -13,10 +13,10 @@ from browser import browser, check_only_own_scripts_run, check_toolbars, clicked
 import hbgear as hb
 from hbgear.cli.app import main
 from hbgear.common import optional
-from hbgear.continuation.passing import passings
-from hbgear.design.measured_table import measurements_of
-from hbgear.design.results import Results, read_results
-from hbgear.harmonic.speeds import MESH, PINION
+from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.design.cases.results import Results, read_results
+from hbgear.design.fitting.measurement_table import measurements_of
+from hbgear.harmonic.frequency_units import MESH, PINION
 from hbgear.web import view
 from hbgear.web.overlay import dots, dots_of
 from hbgear.web.page import PALETTES, in_script
@@ -89,7 +89,9 @@ def test_report_has_jumps_accuracy_and_validation(page, pair):
 
 def test_several_curves_with_measured_points_and_a_study(pair, tmp_path):
     (tmp_path / "run.csv").write_text("speed [r/min], x\n9000, 0.1\n10000; 0.2\n".replace(";", ","))
-    study = hb.cases(hb.SpurPair(), hb.grid(zeta=[0.06]), ("curve",), harmonics=4, span=(1.5, 0.3), processes=1)
+    study = hb.design.cases(
+        hb.SpurPair(), hb.design.grid(zeta=[0.06]), ("curve",), harmonics=4, span=(1.5, 0.3), processes=1
+    )
     made = hb.report([pair, pair], names=["a", "b"], measured=[tmp_path / "run.csv"], studies=[study])
     assert '"name":"case 0"' in made.html and '"name":"run.csv","mode":"markers"' in made.html
     assert "<h2>Study 1</h2>" in made.html
@@ -101,9 +103,11 @@ def scatter(tmp_path_factory):
     """A study, and the folder with its table."""
     folder = tmp_path_factory.mktemp("studies") / "scatter"
     folder.mkdir()
-    vary = hb.grid(zeta=[0.04, 0.05, 0.2])
+    vary = hb.design.grid(zeta=[0.04, 0.05, 0.2])
     with ThreadPoolExecutor(1) as here:
-        found = hb.cases(hb.SpurPair(), vary, ("peak", "jumps", "curve"), harmonics=6, span=(1.5, 0.3), executor=here)
+        found = hb.design.cases(
+            hb.SpurPair(), vary, ("peak", "jumps", "curve"), harmonics=6, span=(1.5, 0.3), executor=here
+        )
     found.export(folder / "table.npz")
     return found, folder
 
@@ -249,7 +253,7 @@ def test_measured_sweeps_in_units_of_length_and_both_directions(tmp_path):
     assert (up["name"], down["name"]) == ("run.csv, rising", "run.csv, falling") and up["symbol"] != down["symbol"]
     np.testing.assert_allclose([*up["x"], *up["y"], *down["x"], *down["y"]], [0.9, 0.5, 1.1, 2.0], rtol=1e-6)
     np.testing.assert_allclose(down["jumps"], [0.95], rtol=1e-6)
-    data = hb.read_measurements(tmp_path / "run.csv")
+    data = hb.design.read_measurements(tmp_path / "run.csv")
     axes = hb.plot.measured(data, model, hb.plot.response(curve))
     drawn = {line.get_label(): line.get_xydata() for line in axes.lines if str(line.get_label()).startswith("measured")}
     np.testing.assert_allclose(drawn["measured, rising"], [[0.9, 0.5]], rtol=1e-9)
@@ -363,7 +367,7 @@ def test_curve_is_drawn_as_engineers_draw(shown, pair):
 def test_a_click_shows_the_motion(shown, pair):
     from selenium.webdriver.common.by import By
 
-    place = passings(pair, 1.2)[0].nearest
+    place = crossings_at(pair, 1.2)[0].nearest
     clicked(shown, pair.values[place], pair.amplitude("pp2")[place])
     assert f"Omega = {pair.values[place]:.6g}; " in shown.find_element(By.ID, "chosen").text
     d, t = shown.execute_script("const d = document.getElementById('time'); return [d.data[0].y, d.data[0].x]")

@@ -5,16 +5,16 @@ import pytest
 from unit.test_models import OMEGA, TAU, backlash, imbalance, random_motion
 
 import hbgear as hb
-from hbgear.continuation.newton import solve
-from hbgear.mechanics.fourier import to_complex, to_real
+from hbgear.continuation.solvers.newton import solve
+from hbgear.mechanics.series.fourier import to_complex, to_real
 
-UNEQUAL = hb.GearRotorBearing(
+UNEQUAL = hb.gears.GearRotorBearing(
     zeta=0.04, zeta_1=0.02, zeta_2=0.03, kappa_1=1.1, kappa_2=0.7, mu_1=0.3, mu_2=0.15, F_m=0.12, F_1=0.05, F_2=0.08,
     eps=(0.2, -0.1), e=(0.05, 0.02), phase="sin", b=0.8, b_1=0.4, b_2=0.3, eps_scale=1.5, e_scale=0.5,
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("model", [hb.GearRotorBearing(), UNEQUAL])
+@pytest.mark.parametrize("model", [hb.gears.GearRotorBearing(), UNEQUAL])
 def test_equations_in_the_coordinates_of_the_papers(model):
     """Left minus right sides in y_1, y_2 and p, with q = (y_1, y_2, p - y_1 + y_2 + e)."""
     motion = random_motion(5, 3)
@@ -123,7 +123,7 @@ def test_heavy_gears_stand_still_and_leave_the_spur_pair():
     errors = []
     for mu in (1e-4, 1e-6, 1e-8):
         problem = hb.HarmonicBalance(
-            hb.GearRotorBearing(mu_1=mu, mu_2=mu, F_1=0.0, F_2=0.0, b_1=0.0, b_2=0.0, **shared), 12
+            hb.gears.GearRotorBearing(mu_1=mu, mu_2=mu, F_1=0.0, F_2=0.0, b_1=0.0, b_2=0.0, **shared), 12
         )
         errors.append(np.abs(problem.start(0.6, **problem.parameters)[: X.size] - X).max())
     assert errors[2] < 1e-6
@@ -133,12 +133,12 @@ def test_heavy_gears_stand_still_and_leave_the_spur_pair():
 @pytest.mark.parametrize(("mu", "tolerance", "limit"), [(1e-6, 1e-10, 2e-9), (1e-8, 1e-10, 5e-5), (1e-8, 1e-13, 2e-9)])
 def test_accuracy_of_the_gap_with_heavy_gears(mu, tolerance, limit):
     """While the bearings stay loaded, preload and clearance only shift their means: the gap is that without either."""
-    bare = hb.GearRotorBearing(mu_1=mu, mu_2=mu, F_1=0.0, F_2=0.0, b_1=0.0, b_2=0.0, eps=(0.2,))
+    bare = hb.gears.GearRotorBearing(mu_1=mu, mu_2=mu, F_1=0.0, F_2=0.0, b_1=0.0, b_2=0.0, eps=(0.2,))
     gaps = []
     for model in (bare, bare.replace(F_1=0.1, F_2=0.1, b_1=1.0, b_2=1.0)):
         problem = hb.HarmonicBalance(model, 12)
         here = {**model.parameters, "Omega": 0.6}
-        gaps.append(solve(problem, problem.start(**here), here, settings=hb.Settings(tolerance=tolerance)).X[:25])
+        gaps.append(solve(problem, problem.start(**here), here, settings=hb.NewtonSettings(tolerance=tolerance)).X[:25])
     assert np.abs(gaps[1] - gaps[0]).max() < limit
 
 
@@ -156,7 +156,7 @@ def test_start_from_springs_pushed_to_either_side():
 
 def test_points_agree_with_time_integration():
     """A curve on which the bearings rattle too."""
-    model = hb.GearRotorBearing(e=(0.1,))
+    model = hb.gears.GearRotorBearing(e=(0.1,))
     curve = hb.trace(hb.HarmonicBalance(model, 40), "Omega", (1.5, 1.1), stability=False, special=False)
     assert (curve.regime.max(axis=0) >= 1).all()
     rattling = np.flatnonzero((curve.regime >= 1).all(axis=1))
@@ -179,13 +179,13 @@ def test_points_agree_with_time_integration():
 )
 def test_ranges(fields, message):
     with pytest.raises(ValueError, match=f"GearRotorBearing: {message}"):
-        hb.GearRotorBearing(**fields)
+        hb.gears.GearRotorBearing(**fields)
 
 
 def test_it_is_known_by_name():
-    from hbgear.harmonic.catalogue import build, rebuild
-    from hbgear.mechanics.model import describe
+    from hbgear.harmonic.model_registry import build, rebuild_model
+    from hbgear.mechanics.models import describe
 
     model = build("gear-rotor-bearing", mu_1=0.5, e=(0.1,))
-    assert model == hb.GearRotorBearing(mu_1=0.5, e=(0.1,)) == rebuild(describe(model))
+    assert model == hb.gears.GearRotorBearing(mu_1=0.5, e=(0.1,)) == rebuild_model(describe(model))
     assert [e.name for e in model.system().elements] == ["gap", "bearing 1", "bearing 2"]

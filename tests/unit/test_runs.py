@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.harmonic.observables import derivative
-from hbgear.mechanics.fourier import evaluate
-from hbgear.timedomain.integrate import state_of
+from hbgear.harmonic.equations.layout import derivative
+from hbgear.mechanics.series.fourier import evaluate
+from hbgear.time.integration import state_of
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def curve():
 
 def test_a_run_is_what_a_slow_sweep_measures(curve):
     """Against integration in time, on both sides of the jumps."""
-    up, down = hb.run(curve, "up"), hb.run(curve, "down")
+    up, down = hb.analysis.run_up(curve, "up"), hb.analysis.run_up(curve, "down")
     assert [jump.direction for jump in (*up.jumps, *down.jumps)] == [1, -1]
     assert up.message == "Omega = 1.5 reached" and down.message == "Omega = 0.3 reached"
     for found, way in ((up, 1), (down, -1)):
@@ -29,7 +29,7 @@ def test_a_run_is_what_a_slow_sweep_measures(curve):
         speeds = np.linspace(jump.value - 0.05 * way, jump.value + 0.05 * way, 11)
         near = int(np.argmin(np.abs(before.values - speeds[0])))
         start = state_of(curve.problem, before.branch.X[before.rows[near]], Omega=float(before.values[near]))
-        swept = hb.sweep(hb.SpurPair(eps=(0.2,)), speeds, found.direction, start=start)
+        swept = hb.time.sweep(hb.SpurPair(eps=(0.2,)), speeds, found.direction, start=start)
         for stretch, side in ((before, -1), (after, 1)):
             here = (swept.values - jump.value) * way * side > 1e-9
             expected = np.interp(way * swept.values[here], way * stretch.values, stretch.amplitude("rms", 0))
@@ -38,11 +38,11 @@ def test_a_run_is_what_a_slow_sweep_measures(curve):
 
 
 def test_a_run_goes_on_along_doubled_motions():
-    curve = hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 8), "Omega", (1.0, 0.2))
-    alone = hb.run(curve, "down")
+    curve = hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 8), "Omega", (1.0, 0.2))
+    alone = hb.analysis.run_up(curve, "down")
     assert "loses its stability at PD1, and no curve goes on" in alone.message
     doubled = hb.switch(curve, "PD1")
-    down = hb.run(curve, "down", [doubled])
+    down = hb.analysis.run_up(curve, "down", [doubled])
     assert down.message == "Omega = 0.2 reached" and down.stretches[-2].branch is doubled
     axes = hb.plot.runs(curve, others=[doubled])
     assert sum(line.get_gid() == "on another curve" for line in axes.lines) >= 1
@@ -50,17 +50,17 @@ def test_a_run_goes_on_along_doubled_motions():
 
 def test_runs_that_cannot_be_meant(curve):
     with pytest.raises(ValueError, match="direction = 'left' must be 'up' or 'down'"):
-        hb.run(curve, "left")
+        hb.analysis.run_up(curve, "left")
     blind = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9), stability=False)
     with pytest.raises(ValueError, match="whose stability is known"):
-        hb.run(blind)
+        hb.analysis.run_up(blind)
     along = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "F", (0.1, 0.12), at={"Omega": 0.8})
     with pytest.raises(ValueError, match="a waterfall is over Omega; this run is along F"):
-        hb.plot.waterfall(hb.run(along))
+        hb.plot.waterfall(hb.analysis.run_up(along))
 
 
 def test_figures_of_runs(curve):
-    up = hb.run(curve, "up")
+    up = hb.analysis.run_up(curve, "up")
     axes = hb.plot.orders(up, (1, 3), derivative=2)
     lines = [line for line in axes.lines if line.get_gid() == "order 3"]
     np.testing.assert_array_equal(lines[1].get_ydata(), up.stretches[1].amplitude("H3", 0, 2))
@@ -73,9 +73,9 @@ def test_figures_of_runs(curve):
 
 
 def test_answers(curve, tmp_path):
-    found, i = hb.answers(curve), curve["LP1"].index - 15  # stable, with contact loss
+    found, i = hb.analysis.machine_quantities(curve), curve["LP1"].index - 15  # stable, with contact loss
     Omega = float(curve.values[i])
-    orbit = hb.shoot(hb.SpurPair(eps=(0.2,)), Omega, state_of(curve.problem, curve.X[i], Omega=Omega)).motion()
+    orbit = hb.time.shoot(hb.SpurPair(eps=(0.2,)), Omega, state_of(curve.problem, curve.X[i], Omega=Omega)).motion()
     force = (1 - 0.2 * np.cos(orbit.tau)) * (np.maximum(orbit.d[0] - 1, 0) + np.minimum(orbit.d[0] + 1, 0))
     assert found["force, largest"][i] == pytest.approx(force.max(), rel=2e-2)
     assert found["force, static"][i] == pytest.approx(0.1, rel=1e-4)
@@ -88,21 +88,25 @@ def test_answers(curve, tmp_path):
     with pytest.raises(KeyError, match="there is no answer 'dynamik factor'"):
         found["dynamik factor"]
     with pytest.raises(ValueError, match="answers need the model"):
-        hb.answers(replace(curve, problem=None, meta={}))
+        hb.analysis.machine_quantities(replace(curve, problem=None, meta={}))
     curve.save(tmp_path / "curve.npz")
     np.testing.assert_array_equal(
-        hb.answers(hb.load(tmp_path / "curve.npz"))["force, largest"], found["force, largest"]
+        hb.analysis.machine_quantities(hb.load(tmp_path / "curve.npz"))["force, largest"], found["force, largest"]
     )
-    fold = hb.answers(curve["LP1"], problem=curve.problem)
-    assert fold["dynamic factor"][0] == pytest.approx(hb.dynamic_factor(curve.problem.model, curve["LP1"]), rel=1e-12)
+    fold = hb.analysis.machine_quantities(curve["LP1"], problem=curve.problem)
+    assert fold["dynamic factor"][0] == pytest.approx(
+        hb.analysis.dynamic_factor(curve.problem.model, curve["LP1"]), rel=1e-12
+    )
     with pytest.raises(ValueError, match=r"give problem=curve\.problem"):
-        hb.answers(replace(curve["LP1"], problem=None))
-    np.testing.assert_array_equal(hb.answers(curve["LP1"])["dynamic factor"], fold["dynamic factor"])
+        hb.analysis.machine_quantities(replace(curve["LP1"], problem=None))
+    np.testing.assert_array_equal(
+        hb.analysis.machine_quantities(curve["LP1"])["dynamic factor"], fold["dynamic factor"]
+    )
 
 
 @pytest.mark.parametrize(("pair", "gears"), [
-    (hb.HelicalPair(e=(0.05,)), {"p": ["pinion"], "g": ["wheel"]}),
-    (hb.DoubleHelicalPair(), {"p": ["pL", "pR"], "g": ["gL", "gR"]}),
+    (hb.gears.HelicalPair(e=(0.05,)), {"p": ["pinion"], "g": ["wheel"]}),
+    (hb.gears.DoubleHelicalPair(), {"p": ["pL", "pR"], "g": ["gL", "gR"]}),
 ])  # fmt: skip
 def test_reactions_are_what_inertia_leaves_of_the_mesh_force(pair, gears):
     """By Newton: what the supports of a gear carry is the force of its meshes less what accelerates its mass."""
@@ -122,21 +126,21 @@ def test_reactions_are_what_inertia_leaves_of_the_mesh_force(pair, gears):
             rows = [sum(left[i] for i, name in enumerate(problem.dof_names) if name.startswith(f"{axis}_{gear}"))
                     for axis in axes]  # fmt: skip
             np.testing.assert_allclose(sum(held[name] for name in own), rows, atol=2e-9 * np.abs(left).max())
-    found, theta = hb.answers(curve), np.linspace(0, 2 * np.pi, 4001)
+    found, theta = hb.analysis.machine_quantities(curve), np.linspace(0, 2 * np.pi, 4001)
     for name, rows in held.items():
         size = np.linalg.norm([evaluate(row, theta) for row in rows], axis=0).max() * pair.scales.force
         assert found[f"reaction {name}, largest"][0] == pytest.approx(size, rel=1e-4)
 
 
 def test_static_reactions_of_a_spur_pair_are_the_tooth_force():
-    pair = hb.HelicalPair(beta_deg=0.0, eps=(0.1,))
-    found = hb.answers(hb.trace(hb.HarmonicBalance(pair, 8), "Omega", (1.5, 1.49)))
+    pair = hb.gears.HelicalPair(beta_deg=0.0, eps=(0.1,))
+    found = hb.analysis.machine_quantities(hb.trace(hb.HarmonicBalance(pair, 8), "Omega", (1.5, 1.49)))
     static = pair.torque / pair.r_p
     for gear in ("pinion", "wheel"):
         assert found[f"reaction {gear} radial, static"] == pytest.approx(static, rel=1e-9)
         assert found[f"reaction {gear} axial, largest"] == pytest.approx(0.0, abs=1e-9 * static)
-    leaning = hb.HelicalPair(beta_deg=14.0)
-    found = hb.answers(hb.trace(hb.HarmonicBalance(leaning, 8), "Omega", (1.5, 1.49)))
+    leaning = hb.gears.HelicalPair(beta_deg=14.0)
+    found = hb.analysis.machine_quantities(hb.trace(hb.HarmonicBalance(leaning, 8), "Omega", (1.5, 1.49)))
     assert found["reaction pinion axial, static"] == pytest.approx(
         leaning.torque / leaning.r_p * np.tan(np.radians(14)), rel=1e-9
     )
@@ -144,17 +148,17 @@ def test_static_reactions_of_a_spur_pair_are_the_tooth_force():
 
 def test_the_dynamic_factor_of_an_error_with_corners():
     """It is that of the whole gap, as in the answers."""
-    error = hb.Periodic.trapezoidal(high=0.06, low=-0.06, share=0.5, ramp=0.1)
+    error = hb.mechanics.Periodic.trapezoidal(high=0.06, low=-0.06, share=0.5, ramp=0.1)
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(e=(), error=error), 6), "Omega", (1.5, 1.3))
-    told = hb.answers(curve)["dynamic factor"]
+    told = hb.analysis.machine_quantities(curve)["dynamic factor"]
     for i in (0, len(curve) - 1):
-        assert hb.dynamic_factor(curve.problem.model, curve[i]) == pytest.approx(told[i], rel=1e-12)
+        assert hb.analysis.dynamic_factor(curve.problem.model, curve[i]) == pytest.approx(told[i], rel=1e-12)
 
 
 def test_answers_in_units_of_the_machine():
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(reference=(3e4, 25e-6, 2e4, 25)), 8), "Omega", (1.5, 1.4))
-    found = hb.answers(curve, dof="q")
-    bare = hb.answers(hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 1.4)), dof="q")
+    found = hb.analysis.machine_quantities(curve, dof="q")
+    bare = hb.analysis.machine_quantities(hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 1.4)), dof="q")
     assert {"dte, half peak-to-peak [um]", "force, largest [N]", "acceleration, rms [m/s^2]"} <= found.columns.keys()
     np.testing.assert_allclose(found["force, largest"], 2e4 * bare["force, largest"], rtol=1e-9)
     np.testing.assert_allclose(found["dte, half peak-to-peak"], 25 * bare["dte, half peak-to-peak"], rtol=1e-9)

@@ -7,37 +7,45 @@ import pytest
 import scipy
 
 import hbgear as hb
-from hbgear.harmonic import catalogue
-from hbgear.mechanics.model import describe
+from hbgear.harmonic import model_registry
+from hbgear.mechanics.models import describe
 
 
 def train():
     """Two meshes in line: wheels in the plane, a table over speed, functions with corners, a shaft."""
-    wheels = [hb.Wheel("in", 1e-3, 1.0, teeth=20, base_radius=0.028, moves="plane", torque=50.0),
-              hb.Wheel("idler", 2e-3, teeth=30, base_radius=0.042),
-              hb.Wheel("out", 4e-3, teeth=40, base_radius=0.056), hb.Wheel("mill", 2e-2)]  # fmt: skip
-    k = hb.Periodic.trapezoidal(1.2, 0.8, 0.6, 0.1)
-    meshes = [hb.Mesh("in", "idler", 4e8, 4e-5, stiffness=k, direction=0.0),
-              hb.Mesh("idler", "out", 3e8, 4e-5, eps=(0.2,), e=(1e-6, 2e-7), e_lag=(0.1, 0.0))]  # fmt: skip
-    table = hb.MatrixTable([1.0, 1e4], [1e7 * np.eye(2), 2e7 * np.eye(2)])
-    return hb.Train(wheels, meshes, [hb.Shaft("out", "mill", 1e6)], [hb.Bearing("in", 1e8, 1e8, table=table)],
-                    balance="mill")  # fmt: skip
+    wheels = [hb.gears.Wheel("in", 1e-3, 1.0, teeth=20, base_radius=0.028, moves="plane", torque=50.0),
+              hb.gears.Wheel("idler", 2e-3, teeth=30, base_radius=0.042),
+              hb.gears.Wheel("out", 4e-3, teeth=40, base_radius=0.056), hb.gears.Wheel("mill", 2e-2)]  # fmt: skip
+    k = hb.mechanics.Periodic.trapezoidal(1.2, 0.8, 0.6, 0.1)
+    meshes = [hb.gears.Mesh("in", "idler", 4e8, 4e-5, stiffness=k, direction=0.0),
+              hb.gears.Mesh("idler", "out", 3e8, 4e-5, eps=(0.2,), e=(1e-6, 2e-7), e_lag=(0.1, 0.0))]  # fmt: skip
+    table = hb.mechanics.MatrixTable([1.0, 1e4], [1e7 * np.eye(2), 2e7 * np.eye(2)])
+    return hb.gears.Train(
+        wheels,
+        meshes,
+        [hb.gears.Shaft("out", "mill", 1e6)],
+        [hb.gears.Bearing("in", 1e8, 1e8, table=table)],
+        balance="mill",
+    )
 
 
 def system(law=hb.Backlash(0.1, 2.0), matrix=np.asarray):  # noqa: B008
-    gap = hb.Element([1.0, -1.0], law, hb.Series(0.0, (0.01,)), 0.05, name="gap")
+    gap = hb.Element([1.0, -1.0], law, hb.mechanics.Series(0.0, (0.01,)), 0.05, name="gap")
     loads = [hb.Load([0.1, 0.0], {1: [0.2, 0.0]}, {3: [0.0, 0.1]}), hb.Load(cosine={1: [0.01, 0.0]}, power=2)]
-    terms = hb.SpeedTerms(matrix(np.array([[0.0, 0.2], [-0.2, 0.0]])), 0.5, stiffness=hb.MatrixTable(
-        [0.2, 3.0], [np.eye(2), 2 * np.eye(2)]))  # fmt: skip
+    terms = hb.mechanics.SpeedTerms(
+        matrix(np.array([[0.0, 0.2], [-0.2, 0.0]])),
+        0.5,
+        stiffness=hb.mechanics.MatrixTable([0.2, 3.0], [np.eye(2), 2 * np.eye(2)]),
+    )
     return hb.System(matrix(np.eye(2)), matrix(0.05 * np.eye(2)), matrix(np.diag([1.0, 2.0])), [gap], loads,
                      ["a", "b"], terms)  # fmt: skip
 
 
 MACHINES = {
     "train": train,
-    "planetary": lambda: hb.PlanetarySet(26, 34, 94, planets=3, carrier_rotation=True),
+    "planetary": lambda: hb.gears.PlanetarySet(26, 34, 94, planets=3, carrier_rotation=True),
     "system": system,
-    "sparse": lambda: system(hb.Parallel((hb.Backlash(0.1, 2.0), hb.Cubic(0.1))), scipy.sparse.csr_array),
+    "sparse": lambda: system(hb.mechanics.Parallel((hb.Backlash(0.1, 2.0), hb.Cubic(0.1))), scipy.sparse.csr_array),
 }
 
 
@@ -45,7 +53,7 @@ MACHINES = {
 def test_models_come_back_from_their_description(name):
     model = MACHINES[name]()
     about = json.loads(json.dumps(describe(model)))
-    again = catalogue.rebuild(about)
+    again = model_registry.rebuild_model(about)
     assert describe(again) == about and "left_out" not in about
     one, other = (hb.HarmonicBalance(each, 3) for each in (model, again))
     Omega = 1.1
@@ -66,13 +74,13 @@ def test_curves_go_on_from_their_file_alone(name, tmp_path):
     np.testing.assert_array_equal(whole.X, expected.X)
     np.testing.assert_array_equal(again.amplitude(dof=0), part.amplitude(dof=0))
     assert hb.validate(again, 1).ok == hb.validate(part, 1).ok
-    mine, others = (hb.answers(curve).columns for curve in (again, part))
+    mine, others = (hb.analysis.machine_quantities(curve).columns for curve in (again, part))
     assert len(mine) > 3 and mine.keys() == others.keys()
     for title, column in mine.items():
         np.testing.assert_array_equal(column, others[title])
 
 
-class Law(hb.Law):
+class Law(hb.mechanics.Law):
     """A law that is not of hbgear."""
 
     def force(self, d, v, tau):
@@ -86,7 +94,7 @@ class Law(hb.Law):
 def test_what_is_no_data_is_not_rebuilt():
     """Nothing is put in its place either: gyroscopic terms, bearings."""
     plain = system()
-    fast = hb.SpeedTerms(stiffness=lambda Omega: np.eye(2))
+    fast = hb.mechanics.SpeedTerms(stiffness=lambda Omega: np.eye(2))
     for model, named in (
         (system(Law()), "elements"),
         (hb.System(plain.M, plain.C, plain.K, plain.elements, speed=fast), "speed"),
@@ -95,7 +103,7 @@ def test_what_is_no_data_is_not_rebuilt():
         about = describe(model)
         assert named in about["left_out"]
         with pytest.raises(ValueError, match=f"does not hold its .*'{named}'"):
-            catalogue.rebuild(about)
+            model_registry.rebuild_model(about)
 
 
 @pytest.mark.parametrize(
@@ -116,4 +124,4 @@ def test_damaged_descriptions_are_refused(value, said):
     about = describe(train())
     about["fields"]["wheels"] = [value] if isinstance(value, dict) else value
     with pytest.raises((ValueError, KeyError, TypeError), match=said):
-        catalogue.rebuild(about)
+        model_registry.rebuild_model(about)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation.newton import refine, solve
-from hbgear.harmonic.sensitivity import _asked, _At, _names, _remembering
-from hbgear.harmonic.special import EXTREMA
+from hbgear.analysis.parameter_sensitivity import _asked, _At, _names, _remembering
+from hbgear.continuation.solvers.newton import refine, solve
+from hbgear.harmonic.bifurcations.extremum import EXTREMA
 
 CLOSE = 1e-6  # of a derivative, relative
 LEAST = 1e-8  # of Omega for a change of the parameter by its own size: below it a derivative is rounding
@@ -17,7 +17,7 @@ LEAST = 1e-8  # of Omega for a change of the parameter by its own size: below it
 
 def located(problem, equations, U, here):
     """The special point solved for anew."""
-    based = equations.based(U, here)
+    based = equations.with_borders_at(U, here)
     return refine(based, solve(based, U, here), here).X
 
 
@@ -45,7 +45,7 @@ def differences(point, parameters=None):
 
 
 def check(point, parameters=None):
-    found = hb.sensitivity(point, parameters)
+    found = hb.analysis.sensitivity(point, parameters)
     names, expected, at = differences(point, parameters)
     assert found.parameters == names
     unit = np.array([at.problem.unit_of(name, at.here[name]) for name in names])
@@ -82,7 +82,7 @@ def test_every_point_of_a_spur_pair(spur):
 
 @pytest.mark.parametrize("measure", ["rms", "H1", "pp2", "max", "mean"])
 def test_peaks(spur, measure):
-    tops = hb.peaks(spur, measure, accuracy=None)
+    tops = hb.analysis.peaks(spur, measure, accuracy=None)
     top = tops[0] if measure == "mean" else max(tops, key=lambda point: point.amplitude(measure))
     found = check(top)
     assert found.quantities[-2] == measure
@@ -94,16 +94,16 @@ def test_peaks(spur, measure):
                 model = spur.problem.model.replace(**{name: spur.problem.model.entries.get(name, 0.05) + side * h})
                 span = top.parameters["Omega"] + np.array([0.03, -0.03])
                 curve = hb.trace(hb.HarmonicBalance(model, 8), "Omega", tuple(span), top.X, special=False)
-                peaks = hb.peaks(curve, measure, accuracy=None)
+                peaks = hb.analysis.peaks(curve, measure, accuracy=None)
                 sizes.append(max(point.amplitude(measure) for point in peaks))
             assert found.of(measure)[name] == pytest.approx((sizes[0] - sizes[1]) / (2 * h), rel=1e-4)
 
 
 MODELS = {
     "duffing": (hb.Duffing(), (0.8, 1.6)),
-    "rotor": (hb.GearRotorBearing(), None),
-    "helical": (hb.HelicalPair(), None),
-    "double": (hb.DoubleHelicalPair(zeta=0.05), (1.0, 0.8)),
+    "rotor": (hb.gears.GearRotorBearing(), None),
+    "helical": (hb.gears.HelicalPair(), None),
+    "double": (hb.gears.DoubleHelicalPair(zeta=0.05), (1.0, 0.8)),
 }
 
 
@@ -130,11 +130,11 @@ def moved_point(model, kind, place, name, h, harmonics=5):
 
 def test_neimark_sacker_point():
     """Against points bracketed again on curves traced anew; these hold some 1e-10 of Omega."""
-    model = hb.DoubleHelicalPair(zeta=0.05)
+    model = hb.gears.DoubleHelicalPair(zeta=0.05)
     curve = hb.trace(hb.HarmonicBalance(model, 5), "Omega", (1.0, 0.8), accuracy=None)
     point = curve["NS1"]
     place = point.parameters["Omega"]
-    found = hb.sensitivity(point)
+    found = hb.analysis.sensitivity(point)
     for name in ("zeta", "eps[0]", "k_mean"):
         h = 1e-4 * found.values[found.parameters.index(name)]
         up, down = (moved_point(model, "NS", place, name, side * h) for side in (1, -1))
@@ -144,9 +144,9 @@ def test_neimark_sacker_point():
 
 def test_scatter_of_a_jump_at_a_neimark_sacker_point():
     """Each draw is the point solved for with its values."""
-    problem = hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 5)
+    problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 5)
     curve = hb.trace(problem, "Omega", (1.0, 0.8), accuracy=None)
-    one = next(one for one in hb.jump_scatter(curve, {"zeta": 2e-4}, draws=5) if one.label == "NS1")
+    one = next(one for one in hb.design.jump_tolerance(curve, {"zeta": 2e-4}, draws=5) if one.label == "NS1")
     xi = np.random.default_rng(0).normal(size=(5, 1))[:, 0]
     assert one.lost == 0 and one.first > 1e-4
     np.testing.assert_allclose(one.draws - one.value, xi * one.effects["zeta"], atol=0.2 * one.first)
@@ -157,14 +157,14 @@ def test_scatter_of_a_jump_at_a_neimark_sacker_point():
 def test_branch_point_and_its_imperfections():
     """Even harmonics set in where a symmetric oscillator loses its symmetry; a mean load parts the curves there."""
 
-    @hb.model()
+    @hb.mechanics.model()
     def symmetric(zeta: float = 0.1, k3: float = 1.0, F: float = 10.0, mean: float = 0.0) -> hb.System:
         load = hb.Load(constant=[mean], cosine={1: [F]})
         return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [hb.Element([1.0], hb.Cubic(k3))], load)
 
     model = symmetric()
     curve = hb.trace(hb.HarmonicBalance(model, 9), "Omega", (1.5, 1.8), stability=False)
-    found = hb.sensitivity(curve["BP1"])
+    found = hb.analysis.sensitivity(curve["BP1"])
     assert math.isnan(found.of("Omega")["mean"]) and math.isnan(found.of("rms")["mean"])
     for name in ("zeta", "k3", "F"):
         h = 1e-4 * found.values[found.parameters.index(name)]
@@ -179,15 +179,17 @@ def test_branch_point_and_its_imperfections():
 
 def test_critical_value():
     model = hb.Duffing()  # with so many harmonics that a cusp solved for with more is the same
-    cusp = hb.critical(model, "zeta", frequencies=(0.9, 1.4), harmonics=8)
-    found = hb.sensitivity(cusp)
+    cusp = hb.analysis.critical_parameter(model, "zeta", frequencies=(0.9, 1.4), harmonics=8)
+    found = hb.analysis.sensitivity(cusp)
     assert found.quantities[:2] == ("zeta", "Omega") and set(found.parameters) == {"k3", "F"}
     for name in found.parameters:
         h = 1e-3 * getattr(model, name)
         up, down = (
-            hb.critical(model.replace(**{name: getattr(model, name) + side * h}), "zeta", frequencies=(0.9, 1.4),
-                        harmonics=8) for side in (1, -1)
-        )  # fmt: skip
+            hb.analysis.critical_parameter(
+                model.replace(**{name: getattr(model, name) + side * h}), "zeta", frequencies=(0.9, 1.4), harmonics=8
+            )
+            for side in (1, -1)
+        )
         assert found.of("zeta")[name] == pytest.approx((up.value - down.value) / (2 * h), rel=1e-5)
         assert found.of("Omega")[name] == pytest.approx((up.Omega - down.Omega) / (2 * h), rel=1e-4)
 
@@ -195,7 +197,7 @@ def test_critical_value():
 def test_jump_with_both_of_its_motions(spur):
     model = spur.problem.model
     jump = next(jump for jump in spur.jumps() if jump.after is not None and jump.label.startswith("LP"))
-    found = hb.sensitivity(jump, ["zeta", "e[0]", "reference[0]"], measure="pp2")
+    found = hb.analysis.sensitivity(jump, ["zeta", "e[0]", "reference[0]"], measure="pp2")
     assert found.quantities[3:] == ("pp2 before", "pp2 before m", "pp2 after", "pp2 after m")
     check(jump.before, ["zeta", "e[0]"])
     name, h = "zeta", 1e-5
@@ -216,7 +218,7 @@ def test_jump_with_both_of_its_motions(spur):
 def test_row_of_a_curve(spur):
     """At a held frequency the amplitude moves, and the speed with the scales only."""
     row = spur[40]
-    found = hb.sensitivity(row, measure="pp2", multipliers=True)
+    found = hb.analysis.sensitivity(row, measure="pp2", multipliers=True)
     assert not any(found.of("Omega").values())
     model, Omega = spur.problem.model, row.parameters["Omega"]
     for name in ("zeta", "e[1]", "F_m"):
@@ -243,7 +245,7 @@ def test_equations_of_a_user():
             return np.array([(X[0] / a) ** 2 + (p / b) ** 2 - 1]), np.array([[2 * X[0] / a**2]])
 
     curve = hb.trace(Ellipse(), "p", (0, 2), np.array([2.0]))
-    found = hb.sensitivity(curve["LP1"])
+    found = hb.analysis.sensitivity(curve["LP1"])
     assert found.quantities == ("p",)
     assert found.of() == pytest.approx({"a": 0.0, "b": 1.0}, abs=1e-8)
 
@@ -260,15 +262,15 @@ def test_points_know_their_problem(spur, tmp_path):
     spur.save(path)
     bare, known = hb.load(path), hb.load(path, problem=spur.problem)
     with pytest.raises(ValueError, match=r"LP1 does not know its problem; take it from the curve, as curve\['LP1'\]"):
-        hb.sensitivity(bare["LP1"])
+        hb.analysis.sensitivity(bare["LP1"])
     for curve in (known, pickle.loads(pickle.dumps(spur))):
-        again = hb.sensitivity(curve["LP1"], ["zeta"])
-        assert again.of() == pytest.approx(hb.sensitivity(spur["LP1"], ["zeta"]).of(), rel=1e-9)
-        assert hb.sensitivity(curve.jumps()[0], ["zeta"]).parameters == ("zeta",)
+        again = hb.analysis.sensitivity(curve["LP1"], ["zeta"])
+        assert again.of() == pytest.approx(hb.analysis.sensitivity(spur["LP1"], ["zeta"]).of(), rel=1e-9)
+        assert hb.analysis.sensitivity(curve.jumps()[0], ["zeta"]).parameters == ("zeta",)
 
 
 def test_scatter_and_order(spur):
-    found = hb.sensitivity(spur["LP1"])
+    found = hb.analysis.sensitivity(spur["LP1"])
     share = found.percent("Omega")
     assert list(map(abs, share.values())) == sorted(map(abs, share.values()), reverse=True)
     slopes = found.of("Omega")
@@ -282,19 +284,19 @@ def test_scatter_and_order(spur):
 
 def test_what_cannot_be_differentiated(spur):
     with pytest.raises(KeyError, match="no parameter 'zetta'; did you mean 'zeta'"):
-        hb.sensitivity(spur["LP1"], ["zetta"])
+        hb.analysis.sensitivity(spur["LP1"], ["zetta"])
     with pytest.raises(KeyError, match=r"no parameter 'eps\[7\]'"):
-        hb.sensitivity(spur["LP1"], ["eps[7]"])
+        hb.analysis.sensitivity(spur["LP1"], ["eps[7]"])
     with pytest.raises(ValueError, match="Omega is what the point is sought in"):
-        hb.sensitivity(spur["LP1"], ["Omega"])
+        hb.analysis.sensitivity(spur["LP1"], ["Omega"])
     with pytest.raises(ValueError, match="name at least one parameter"):
-        hb.sensitivity(spur["LP1"], [])
+        hb.analysis.sensitivity(spur["LP1"], [])
     with pytest.raises(TypeError, match="needs names of parameters, such as"):
-        hb.sensitivity(spur["LP1"], "zeta")
+        hb.analysis.sensitivity(spur["LP1"], "zeta")
     with pytest.raises(TypeError, match="needs a special point, peak, jump, critical value or row"):
-        hb.sensitivity(spur)
+        hb.analysis.sensitivity(spur)
     with pytest.raises(KeyError, match="no derivatives of 'pp2'"):
-        hb.sensitivity(spur["LP1"], ["zeta"]).of("pp2")
+        hb.analysis.sensitivity(spur["LP1"], ["zeta"]).of("pp2")
 
 
 def test_traced_in_an_entry(spur):
@@ -305,7 +307,7 @@ def test_traced_in_an_entry(spur):
     whole = hb.trace(hb.HarmonicBalance(problem.model.replace(**{"e[0]": 0.11}), 8), "Omega", (1.5, 1.49))
     np.testing.assert_allclose(curve.X[-1], whole.X[0], rtol=1e-8, atol=1e-9)
     folds = hb.follow(spur, "LP1", "e[0]", (0.1, 0.101))
-    slope = hb.sensitivity(spur["LP1"], ["e[0]"]).of()["e[0]"]
+    slope = hb.analysis.sensitivity(spur["LP1"], ["e[0]"]).of()["e[0]"]
     h = folds.values[-1] - folds.values[0]
     assert (folds.tracked["Omega"][-1] - folds.tracked["Omega"][0]) / h == pytest.approx(slope, rel=2e-2)
 
@@ -313,11 +315,11 @@ def test_traced_in_an_entry(spur):
 def test_scatter_of_jumps_beside_monte_carlo(spur):
     """Small deviations: both standard deviations agree within the noise of the draws. Large ones: jumps are lost."""
     jumps = [jump for jump in spur.jumps() if jump.label.startswith("LP")]
-    found = {one.label: one for one in hb.jump_scatter(spur, {"zeta": 1e-4, "e[0]": 2e-4}, draws=400)}
+    found = {one.label: one for one in hb.design.jump_tolerance(spur, {"zeta": 1e-4, "e[0]": 2e-4}, draws=400)}
     for jump in jumps:
         one = found[jump.label]
         assert one.lost == 0 and abs(one.error) < 0.12
-        slopes = hb.sensitivity(jump.before, ["zeta", "e[0]"]).of()
+        slopes = hb.analysis.sensitivity(jump.before, ["zeta", "e[0]"]).of()
         assert one.first == pytest.approx(math.hypot(1e-4 * slopes["zeta"], 2e-4 * slopes["e[0]"]))
     # one draw, against a curve traced with its values
     xi = np.random.default_rng(0).normal(size=(400, 2))[0]
@@ -326,11 +328,11 @@ def test_scatter_of_jumps_beside_monte_carlo(spur):
     for jump in jumps:
         place = min((one.value for one in again.jumps()), key=lambda value: abs(value - jump.value))
         assert found[jump.label].draws[0] == pytest.approx(place, rel=1e-6)
-    wide = hb.jump_scatter(spur, {"zeta": 0.02, "e[0]": 0.03}, draws=100)
+    wide = hb.design.jump_tolerance(spur, {"zeta": 0.02, "e[0]": 0.03}, draws=100)
     assert any(one.lost for one in wide)
     lossy = next(one for one in wide if one.lost)
     assert repr(lossy).startswith(f"<JumpScatter of {lossy.label} at") and f"{lossy.lost} lost>" in repr(lossy)
     with pytest.raises(ValueError, match="name at least one parameter"):
-        hb.jump_scatter(spur, {})
+        hb.design.jump_tolerance(spur, {})
     with pytest.raises(KeyError, match="no parameter 'zetta'"):
-        hb.jump_scatter(spur, {"zetta": 0.1})
+        hb.design.jump_tolerance(spur, {"zetta": 0.1})

@@ -12,11 +12,11 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
-from hbgear.common.recent import Recent
+from hbgear.common.lru_cache import LRUCache
 
 
 @dataclass(frozen=True)
-class Soft(hb.Law):
+class Soft(hb.mechanics.Law):
     """p = tanh d + v / 10: sampled, and depends on the velocity."""
 
     @property
@@ -28,7 +28,7 @@ class Soft(hb.Law):
 
 
 @dataclass(frozen=True)
-class Pair(hb.Model):
+class Pair(hb.mechanics.Model):
     """Two masses, one on a backlash, one on a law that is sampled."""
 
     zeta: float = 0.05
@@ -38,7 +38,7 @@ class Pair(hb.Model):
         M, K = np.eye(2), np.array([[0.3, -0.1], [-0.1, 0.4]])
         elements = [
             hb.Element([1.0, 0.0], hb.Backlash(self.b), name="gap"),
-            hb.Element([0.0, 1.0], hb.Parallel((Soft(), hb.Backlash(2.0, 0.5))), name="soft"),
+            hb.Element([0.0, 1.0], hb.mechanics.Parallel((Soft(), hb.Backlash(2.0, 0.5))), name="soft"),
         ]
         return hb.System(M, 2 * self.zeta * M, K, elements, hb.Load([0.1, 0.0], cosine={1: [0.5, 0.1]}))
 
@@ -64,7 +64,9 @@ def test_branches_of_sampled_laws_are_copied_with_their_problem(again):
 
 def test_other_results_are_pickled_too():
     fold = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 4), "Omega", (0.9, 0.6))["LP1"]
-    curve = hb.trace(hb.Fold(hb.HarmonicBalance(hb.SpurPair(), 4), "Omega"), "zeta", (0.05, 0.055), start=fold)
+    curve = hb.trace(
+        hb.continuation.FoldProblem(hb.HarmonicBalance(hb.SpurPair(), 4), "Omega"), "zeta", (0.05, 0.055), start=fold
+    )
     again = pickle.loads(pickle.dumps(curve))
     assert np.array_equal(again.X, curve.X) and again.problem.problem.model == hb.SpurPair()
 
@@ -124,7 +126,7 @@ def test_what_was_asked_before_changes_nothing():
 
 def test_the_last_are_kept_and_copies_start_empty():
     made = []
-    recent = Recent(2)
+    recent = LRUCache(2)
     for key in (1, 2, 1, 3, 1, 2):
         assert recent.get(key, lambda key=key: made.append(key) or -key) == -key
     assert made == [1, 2, 3, 2]

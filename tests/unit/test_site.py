@@ -98,7 +98,7 @@ def test_every_public_name_has_an_entry(site, tmp_path, monkeypatch):
         assert {f".. auto{kind}:: hbgear.plot.{name}" for kind in ("class", "function")} & lines or (
             f".. py:data:: {name}" in lines
         ), name
-    assert ".. autoclass:: hbgear.timedomain.validate.Report" in lines  # what a public function returns
+    assert ".. autoclass:: hbgear.time.validation.Report" in lines  # what a public function returns
 
 
 def test_every_command_has_its_options(site, tmp_path, monkeypatch):

@@ -17,12 +17,12 @@ SCATTER = {"zeta": ("uniform", 0.04, 0.08), "F": ("normal", 0.2, 0.02)}
 def computed(drawn, compute=("peak",), **more):
     linear = hb.Duffing(k3=0.0)
     with ThreadPoolExecutor(1) as here:
-        return hb.cases(linear, drawn, compute, harmonics=1, span=(0.8, 1.2), executor=here, **more)
+        return hb.design.cases(linear, drawn, compute, harmonics=1, span=(0.8, 1.2), executor=here, **more)
 
 
 @pytest.fixture(scope="module")
 def found():
-    return computed(hb.saltelli(16, 3, **SCATTER))
+    return computed(hb.design.saltelli(16, 3, **SCATTER))
 
 
 def closed_forms():
@@ -39,11 +39,11 @@ def test_peaks_of_a_linear_oscillator(found):
     """The peaks are those of the closed form; as many of them as are needed give its indices."""
     zeta, F = found.table["zeta"], found.table["F"]
     np.testing.assert_allclose(found.table["peak"], F / (2 * zeta * np.sqrt(1 - zeta**2)), rtol=1e-6)
-    rows = list(hb.saltelli(2048, 3, **SCATTER).rows())
+    rows = list(hb.design.saltelli(2048, 3, **SCATTER).rows())
     many = {name: np.array([row[name] for row in rows]) for name in SCATTER}
     peak = many["F"] / (2 * many["zeta"] * np.sqrt(1 - many["zeta"] ** 2))
     table = {"case": np.arange(len(rows)), **many, "peak": peak}
-    indices = hb.sobol_indices(replace(found, table=table, total=len(rows)), "peak")
+    indices = hb.design.sobol_indices(replace(found, table=table, total=len(rows)), "peak")
     assert (indices.blocks, indices.lost) == (2048, 0)
     for mine, expected in zip((indices.first, indices.total), closed_forms(), strict=True):
         for name, (value, error) in mine.items():
@@ -52,7 +52,7 @@ def test_peaks_of_a_linear_oscillator(found):
 
 
 def test_few_cases_are_told_by_their_errors(found):
-    indices = hb.sobol_indices(found)
+    indices = hb.design.sobol_indices(found)
     for mine, expected in zip((indices.first, indices.total), closed_forms(), strict=True):
         for name, (value, error) in mine.items():
             assert value == pytest.approx(expected[name], abs=5 * error) and error > 0.02
@@ -60,30 +60,30 @@ def test_few_cases_are_told_by_their_errors(found):
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_same_seed_gives_the_same_errors(found, seed):
-    assert hb.sobol_indices(found, seed=seed) == hb.sobol_indices(found, seed=seed)
-    assert hb.sobol_indices(found, seed=seed) != hb.sobol_indices(found, seed=seed + 1)
+    assert hb.design.sobol_indices(found, seed=seed) == hb.design.sobol_indices(found, seed=seed)
+    assert hb.design.sobol_indices(found, seed=seed) != hb.design.sobol_indices(found, seed=seed + 1)
 
 
 def test_blocks_with_a_case_that_failed_are_left_out(found):
     peak = found.table["peak"].copy()
     peak[5] = np.nan
-    indices = hb.sobol_indices(replace(found, table={**found.table, "peak": peak}))
+    indices = hb.design.sobol_indices(replace(found, table={**found.table, "peak": peak}))
     assert (indices.blocks, indices.lost) == (16, 1)
     peak[::4] = np.nan
     with pytest.raises(ValueError, match="peak is known in 0 of 16 blocks"):
-        hb.sobol_indices(replace(found, table={**found.table, "peak": peak}))
+        hb.design.sobol_indices(replace(found, table={**found.table, "peak": peak}))
 
 
 def test_of_what_there_are_no_indices(found):
     with pytest.raises(KeyError, match="there is no number 'peek'; did you mean 'peak'"):
-        hb.sobol_indices(found, "peek")
+        hb.design.sobol_indices(found, "peek")
     with pytest.raises(ValueError, match="take those of vary=saltelli"):
-        hb.sobol_indices(computed(hb.monte_carlo(8, 1, **SCATTER)))
+        hb.design.sobol_indices(computed(hb.design.monte_carlo(8, 1, **SCATTER)))
     flat = {**found.table, "peak": np.ones(len(found))}
     with pytest.raises(ValueError, match="peak does not vary"):
-        hb.sobol_indices(replace(found, table=flat))
+        hb.design.sobol_indices(replace(found, table=flat))
     with pytest.raises(ValueError, match="blocks = 12 must be a power of 2, such as 16"):
-        hb.saltelli(12, **SCATTER)
+        hb.design.saltelli(12, **SCATTER)
 
 
 def test_study_file(tmp_path, capsys, monkeypatch):
@@ -107,4 +107,4 @@ def test_without_salib(monkeypatch):
 
     monkeypatch.setitem(sys.modules, "SALib.sample.sobol", None)
     with pytest.raises(ValueError, match=r"a sample by Saltelli needs SALib.*pip install 'hbgear\[sobol\]'"):
-        list(hb.saltelli(4, **SCATTER).rows())
+        list(hb.design.saltelli(4, **SCATTER).rows())

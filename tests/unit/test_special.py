@@ -6,24 +6,23 @@ import pytest
 from hbgear import (
     Backlash,
     Cubic,
-    DoubleHelicalPair,
     Duffing,
     Element,
-    Fold,
-    Grazing,
     HarmonicBalance,
     Load,
-    PeriodDoubling,
     SpurPair,
     Status,
-    Steps,
+    StepControl,
     System,
     Unilateral,
     follow,
     trace,
 )
-from hbgear.continuation.newton import solve
-from hbgear.mechanics.fourier import resize
+from hbgear.continuation import FoldProblem
+from hbgear.continuation.solvers.newton import solve
+from hbgear.gears import DoubleHelicalPair
+from hbgear.harmonic import GrazingProblem, PeriodDoublingProblem
+from hbgear.mechanics.series.fourier import resize
 
 KINDS = ("LP", "PD", "NS", "BP", "GR", "CP")
 STRONG = SpurPair(e=(0.10,))
@@ -82,7 +81,7 @@ def test_a_label_that_does_not_exist_lists_those_that_do(strong):
 def test_any_label_is_a_start(strong, label):
     """In the frequency and in the damping, of a curve that begins with that very motion."""
     for name, span in (("Omega", (0.45, 2.3)), ("zeta", (0.05, 0.02)), ("zeta", (0.05, 0.06))):
-        branch = trace(strong.problem, name, span, strong[label], stability=False, steps=Steps(max_points=8))
+        branch = trace(strong.problem, name, span, strong[label], stability=False, steps=StepControl(max_points=8))
         np.testing.assert_allclose(branch.X[0], strong[label].X, rtol=0, atol=1e-9)
         assert branch.status in ("max_points", "left_span", "reached_end") and branch.residual.max() < 1e-10
 
@@ -232,7 +231,7 @@ def test_no_grazing_without_corners():
 def test_a_cusp_is_labelled_on_a_fold_curve():
     problem = HarmonicBalance(SpurPair(), 10)
     start = trace(problem, "Omega", (1.3, 0.6), at={"zeta": 0.115}, stability=False)["LP1"]
-    folds = trace(Fold(problem), "zeta", (0.115, 0.125), start)
+    folds = trace(FoldProblem(problem), "zeta", (0.115, 0.125), start)
     assert folds.status == "left_span" and [p.label for p in folds.special] == ["CP1"]
     cusp = folds["CP1"]
     assert cusp.located and cusp.parameters["zeta"] == folds.values.max()
@@ -244,7 +243,7 @@ def test_a_cusp_is_labelled_on_a_fold_curve():
 
 def test_a_curve_of_period_doublings_turns_where_they_meet(strong):
     """Both doublings of the response, followed in the damping, are one curve: it turns where they vanish."""
-    curve = trace(PeriodDoubling(strong.problem), "zeta", (0.05, 0.4), strong["PD1"])
+    curve = trace(PeriodDoublingProblem(strong.problem), "zeta", (0.05, 0.4), strong["PD1"])
     assert curve.status == "left_span" and [p.label for p in curve.special] == ["LP1"]
     assert curve.tracked["Omega"][-1] == pytest.approx(frequency(strong["PD2"]), rel=0, abs=1e-6)
     top = curve["LP1"].parameters["zeta"]
@@ -257,7 +256,7 @@ def test_a_curve_of_period_doublings_turns_where_they_meet(strong):
 def test_a_curve_of_grazing_contacts(strong):
     """The onset of contact loss against the damping, at every row a motion whose lowest value is b."""
     which = list(strong.problem.clearance_names).index(strong["GR1"].note)
-    curve = trace(Grazing(strong.problem, which=which), "zeta", (0.05, 0.08), strong["GR1"])
+    curve = trace(GrazingProblem(strong.problem, which=which), "zeta", (0.05, 0.08), strong["GR1"])
     assert curve.status == "reached_end"
     for i in (0, len(curve) // 2, -1):
         assert curve[i].samples(count=50000)[1].min() == pytest.approx(1.0, abs=1e-7)
@@ -297,7 +296,7 @@ def test_a_rigid_gap_has_no_corner_to_graze():
 def test_points_can_be_refined_with_more_harmonics(strong):
     """From the motion padded with zeros, in a few steps."""
     fine = HarmonicBalance(STRONG, 60)
-    for label, kind in (("LP1", Fold), ("PD1", PeriodDoubling)):
+    for label, kind in (("LP1", FoldProblem), ("PD1", PeriodDoublingProblem)):
         point = strong[label]
         U = np.append(resize(point.X, 60), frequency(point))
         solution = solve(kind(fine), U, STRONG.parameters)
@@ -334,7 +333,7 @@ def test_folds_just_below_their_cusp(cusp, less, span):
     assert not any(p.kind == "LP" for p in above.special)
 
 
-@pytest.mark.parametrize("steps", [Steps(), Steps(longest=0.03)], ids=["usual", "short"])
+@pytest.mark.parametrize("steps", [StepControl(), StepControl(longest=0.03)], ids=["usual", "short"])
 @pytest.mark.parametrize(("zeta", "expected"), [(0.12, (0.336273, 0.337659)), (0.1205, (0.336781, 0.337149))])
 def test_doublings_closer_than_the_rows(zeta, expected, steps):
     """The range in which the double-helical pair doubles its period is a hundredth of a step before it vanishes."""

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation.segment import CurvePoint, Segment
-from hbgear.harmonic.starts import from_damped
-from hbgear.harmonic.static_state import statics
+from hbgear.continuation.curve.segment import CurvePoint, Segment
+from hbgear.harmonic.equations.initial_guess import from_damped
+from hbgear.harmonic.equations.static_state import statics
 
 
 def oscillator(K, C, law, F=0.1, constant=None, displacement=None):
-    element = hb.Element([1.0], law, displacement or hb.Series())
+    element = hb.Element([1.0], law, displacement or hb.mechanics.Series())
     load = hb.Load(constant=None if constant is None else [constant], cosine={1: [F]})
     return hb.System([[1.0]], [[C]], [[K]], [element], load)
 
@@ -156,7 +156,7 @@ def test_a_segment_of_no_length():
     curve = hb.trace(problem, "Omega", (0.8, 0.9))
     u, tangent = np.append(curve.X[3], curve.values[3]), np.append(curve.X[4] - curve.X[3], 0.01)
     row = CurvePoint(u, tangent, 1, 0.0, 1)
-    segment = Segment(problem, "Omega", {}, row, row, np.ones(len(u)), hb.Settings())
+    segment = Segment(problem, "Omega", {}, row, row, np.ones(len(u)), hb.NewtonSettings())
     with np.errstate(all="raise"):
         assert segment.at(0.5) is row and segment.place(u) == 0.0
         np.testing.assert_allclose(segment.guess(0.5), u)

@@ -23,18 +23,18 @@ def curve():
 
 @pytest.mark.parametrize("element", ["x", "y", "seal"])
 def test_no_dynamic_factor_without_static_force(curve, element):
-    found = hb.answers(curve, element)
+    found = hb.analysis.machine_quantities(curve, element)
     assert np.isnan(found["dynamic factor"]).all() and not found["force, static"].any()
     assert element == "y" or found["force, largest"].max() > 0.1
     with pytest.raises(ValueError, match=f"the static force of '{element}' is zero"):
-        hb.dynamic_factor(rotor(), curve[0], element)
+        hb.analysis.dynamic_factor(rotor(), curve[0], element)
     with pytest.raises(ValueError, match="there is no dynamic factor to draw"):
         hb.plot.response(curve, "dynamic factor", element)
 
 
 def test_no_load_to_share(curve):
     with pytest.raises(ValueError, match="carry no load to share"):
-        hb.load_sharing(curve, ["x", "y"])
+        hb.analysis.load_sharing(curve, ["x", "y"])
 
 
 def test_a_small_static_force_counts():
@@ -44,8 +44,8 @@ def test_a_small_static_force_counts():
                     hb.Load(constant=[F], cosine={1: [0.3]}))  # fmt: skip
     point = hb.trace(hb.HarmonicBalance(one, 2), "Omega", (0.5, 0.6), stability=False)[0]
     amplitude = 0.3 / abs(k - 0.25 + 0.05j)
-    assert hb.dynamic_factor(one, point) == pytest.approx(1 + k * amplitude / F, rel=1e-5)
-    assert hb.answers(point)["dynamic factor"][0] == pytest.approx(1 + k * amplitude / F, rel=1e-5)
+    assert hb.analysis.dynamic_factor(one, point) == pytest.approx(1 + k * amplitude / F, rel=1e-5)
+    assert hb.analysis.machine_quantities(point)["dynamic factor"][0] == pytest.approx(1 + k * amplitude / F, rel=1e-5)
 
 
 def test_command_prints_no_factor(curve, tmp_path):

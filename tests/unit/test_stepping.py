@@ -11,12 +11,14 @@ import pytest
 from scipy.optimize import brentq
 
 import hbgear as hb
-from hbgear import Backlash, Cubic, DoubleHelicalPair, Duffing, Law, Parallel, Series, SpurPair, Unilateral
-from hbgear.common.threads import begun, for_each, processors
-from hbgear.timedomain import exponential
-from hbgear.timedomain.exponential import Stepper
-from hbgear.timedomain.integrate import integrate
-from hbgear.timedomain.lawtable import LawTable
+from hbgear import Backlash, Cubic, Duffing, SpurPair, Unilateral
+from hbgear.common.process.threads import begun, for_each, processors
+from hbgear.gears import DoubleHelicalPair
+from hbgear.mechanics import Law, Parallel, Series
+from hbgear.time.exponential import integrator
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.exponential.law_table import LawTable
+from hbgear.time.integration import integrate
 
 WAVY = Series(mean=1.0, cosine=(0.2, 0.05), sine=(0.1,))
 TWO_SPRINGS = Parallel((Backlash(0.5, 1.0, WAVY), Unilateral(0.7, 0.8)))
@@ -152,18 +154,18 @@ def test_many_motions_over_threads_are_those_of_one(rng, monkeypatch):
     """With tables summed as series, and more threads than motions in a part."""
     for model, n in ((SpurPair(e=(0.1,)), 1), (machine(TWO_SPRINGS), 2), (DoubleHelicalPair(zeta=0.05), 24)):
         y = rng.uniform(-1.5, 1.5, (23, 2 * n)) * (1 if n < 24 else 1e-3)
-        monkeypatch.setattr(exponential, "_SHORT", np.inf)
+        monkeypatch.setattr(integrator, "_SHORT", np.inf)
         alone = integrate(model, y, 2, 0.86, method="exponential", samples=32)
-        monkeypatch.setattr(exponential, "_SHORT", 0.0)
+        monkeypatch.setattr(integrator, "_SHORT", 0.0)
         many = integrate(model, y, 2, 0.86, method="exponential", samples=32)
-        assert Stepper(model, 0.86).steps.curves(True).turn.size > 0
+        assert ExponentialIntegrator(model, 0.86).steps.curves(True).turn.size > 0
         np.testing.assert_allclose(many.end, alone.end, rtol=0, atol=1e-10)
         np.testing.assert_allclose(many.d, alone.d, rtol=0, atol=1e-10)
 
 
 def test_steps_in_one_go_are_the_steps(rng):
     """Of a machine with one gap they are made so; without them the same comes out."""
-    stepper, y = Stepper(SpurPair(e=(0.1,), eps=(0.2,)), 0.65), rng.uniform(-2, 2, (9, 2))
+    stepper, y = ExponentialIntegrator(SpurPair(e=(0.1,), eps=(0.2,)), 0.65), rng.uniform(-2, 2, (9, 2))
     assert stepper.steps.folded.size
     folded = stepper.start(y)
     stepper.advance(folded, 2)
@@ -175,9 +177,9 @@ def test_steps_in_one_go_are_the_steps(rng):
 
 def test_a_stepper_at_another_frequency(rng):
     y = rng.uniform(-1, 1, (3, 48)) * 1e-3
-    stepper = Stepper(DoubleHelicalPair(), 0.6)
+    stepper = ExponentialIntegrator(DoubleHelicalPair(), 0.6)
     stepper.advance(stepper.start(y))
-    found, fresh = stepper.at(0.9), Stepper(DoubleHelicalPair(), 0.9)
+    found, fresh = stepper.at(0.9), ExponentialIntegrator(DoubleHelicalPair(), 0.9)
     ends = []
     for each in (found, fresh):
         flight = each.start(y)
@@ -189,7 +191,7 @@ def test_a_stepper_at_another_frequency(rng):
 def test_steps_run_as_they_are_written_where_nothing_compiles():
     """Without Numba the same code runs, slower."""
     code = (
-        "import hbgear as hb; print(hb.integrate(hb.SpurPair(eps=(0.2,)), [1.2, 0.1], 1, 0.8, "
+        "import hbgear as hb; print(hb.time.integrate(hb.SpurPair(eps=(0.2,)), [1.2, 0.1], 1, 0.8, "
         "method='exponential', samples=16).end.tolist())"
     )
     ends = []

@@ -7,8 +7,8 @@ from typer.testing import CliRunner
 
 import hbgear as hb
 from hbgear.cli.app import app
-from hbgear.io.structure_file import StructureFileError, is_structure, read_structure
-from hbgear.mechanics.model import describe
+from hbgear.io.machines.structure_file import StructureFileError, is_structure, read_structure
+from hbgear.mechanics.models import describe
 
 M, K = np.diag([2.0, 5.0]), np.array([[200.0, -100.0], [-100.0, 400.0]])
 C = 5e-3 * K
@@ -69,10 +69,12 @@ def folder(tmp_path, monkeypatch):
 
 def by_hand(spin=0.0, structure=None):
     names = ["shaft", "case"]
-    stop = hb.Element([1.0, -1.0], hb.Unilateral(200.0, 0.1, hb.Series(1.0, (-0.1,))), damping=0.5, name="stop")
-    gap = hb.Element([0.0, 1.0], hb.Backlash(0.2, 50.0), hb.Series(0.0, (0.01, 0.002)), name="gap")
+    stop = hb.Element(
+        [1.0, -1.0], hb.Unilateral(200.0, 0.1, hb.mechanics.Series(1.0, (-0.1,))), damping=0.5, name="stop"
+    )
+    gap = hb.Element([0.0, 1.0], hb.Backlash(0.2, 50.0), hb.mechanics.Series(0.0, (0.01, 0.002)), name="gap")
     load = hb.Load([1.0, 0.0], {1: [4.0, 0.0], 2: [0.0, 0.5]})
-    terms = hb.SpeedTerms([[0.0, spin], [-spin, 0.0]], 0.05) if spin else None
+    terms = hb.mechanics.SpeedTerms([[0.0, spin], [-spin, 0.0]], 0.05) if spin else None
     return hb.System(M, C, K, [stop, gap], load, names, terms)
 
 

@@ -7,8 +7,8 @@ import pytest
 import hbgear as hb
 from hbgear.cli.app import main
 from hbgear.cli.pages import explored
-from hbgear.design.study_file import StudyFileError, read_study
-from hbgear.io.toml_file import line_of, lines_of
+from hbgear.design.cases.study_file import StudyFileError, read_study
+from hbgear.io.machines.toml_file import line_of, lines_of
 
 GOOD = """model = "double-helical"
 [base]
@@ -48,7 +48,7 @@ def test_a_pipe_or_a_device_is_no_study(tmp_path):
 def test_a_good_file(tmp_path):
     (tmp_path / "a.toml").write_text(GOOD)
     study = read_study(tmp_path / "a.toml")
-    assert study.model == hb.DoubleHelicalPair(zeta=0.05, eps=(0.16, 0.07))
+    assert study.model == hb.gears.DoubleHelicalPair(zeta=0.05, eps=(0.16, 0.07))
     assert study.vary.size == 4 and study.work.span == (1.6, 0.2) and study.work.compute == ("jumps",)
 
 
@@ -125,7 +125,7 @@ def test_every_statement_is_parsed_once(monkeypatch):
     import tomllib
 
     parsed, loads = [], tomllib.loads
-    monkeypatch.setattr("hbgear.io.toml_file.tomllib.loads", lambda text: parsed.append(text) or loads(text))
+    monkeypatch.setattr("hbgear.io.machines.toml_file.tomllib.loads", lambda text: parsed.append(text) or loads(text))
     text = "".join(f"[t{i}]\nvalue = {i}\nmany = [\n  {i},\n  2,\n]\n" for i in range(300))
     lines = lines_of(text)
     assert [line_of(lines, (f"t{i}", "many", 1)) for i in range(300)] == [6 * i + 3 for i in range(300)]
@@ -146,7 +146,7 @@ def own_model(tmp_path, monkeypatch, modules_are_forgotten):
     """A study of a model whose code leaves a trace when it runs."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text(
-        "import pathlib, hbgear as hb\npathlib.Path('ran').touch()\n\n@hb.model(default_span=(0.5, 1.5))\n"
+        "import pathlib, hbgear as hb\npathlib.Path('ran').touch()\n\n@hb.mechanics.model(default_span=(0.5, 1.5))\n"
         "def stop(zeta: float = 0.05, gap: float = 1.0) -> hb.System:\n"
         "    law = hb.Unilateral(k=5.0, gap=gap)\n"
         "    return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [0.2]}))\n"

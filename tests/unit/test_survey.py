@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from cross.shooting import shoot, state
 
-from hbgear import Duffing, HarmonicBalance, SpurPair, Steps, switch, trace
-from hbgear.continuation.deflation import deflated_newton
-from hbgear.harmonic.survey import random_motions, shifts, trace_all, whole_branch
-from hbgear.mechanics.fourier import evaluate
+from hbgear import Duffing, HarmonicBalance, SpurPair, StepControl, switch, trace
+from hbgear.analysis.multistart import random_motions, shifts, trace_all, whole_branch
+from hbgear.continuation.solvers.deflation import deflated_newton
+from hbgear.mechanics.series.fourier import evaluate
 
 STRONG = SpurPair(e=(0.10,))
 ISOLA = Duffing(zeta=0.1, k3=1.0, F=10.0)
@@ -38,7 +38,7 @@ def test_a_branch_that_merges_at_both_ends_is_traced_whole():
     doubled = switch(curve, "PD1")
     assert doubled.status == "merged"
     for i in (len(doubled) // 3, len(doubled) - 10):
-        whole = whole_branch(doubled.problem, doubled.X[i], float(doubled.values[i]), (2.6, 0.4), Steps(), True)
+        whole = whole_branch(doubled.problem, doubled.X[i], float(doubled.values[i]), (2.6, 0.4), StepControl(), True)
         assert whole.status == "merged"
         np.testing.assert_allclose(np.sort(whole.values[[0, -1]]), np.sort(doubled.values[[0, -1]]), atol=1e-3)
         folds = [sorted(p.parameters["Omega"] for p in b.special if p.kind == "LP") for b in (whole, doubled)]
@@ -189,7 +189,7 @@ def test_random_starts_span_two_decades():
     problem = HarmonicBalance(STRONG, 8)
     known = [problem.start(0.65)]
     starts = random_motions(problem, known, 200, np.random.default_rng(0))
-    sizes = np.array([problem.motion_size(X) for X in starts])
+    sizes = np.array([problem.solution_norm(X) for X in starts])
     assert sizes.max() > 20 * sizes.min() and all(X.shape == (problem.size,) for X in starts)
     again = random_motions(problem, known, 200, np.random.default_rng(0))
     np.testing.assert_array_equal(starts, again)

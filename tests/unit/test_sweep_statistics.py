@@ -11,13 +11,13 @@ import hbgear as hb
 @pytest.fixture(scope="module")
 def found():
     with ThreadPoolExecutor(1) as here:
-        vary = hb.grid(F=[0.05, 0.1, 0.14, 0.18, 0.22])
-        return hb.cases(hb.Duffing(), vary, ("jumps", "curve"), harmonics=3, span=(0.8, 1.5), executor=here)
+        vary = hb.design.grid(F=[0.05, 0.1, 0.14, 0.18, 0.22])
+        return hb.design.cases(hb.Duffing(), vary, ("jumps", "curve"), harmonics=3, span=(0.8, 1.5), executor=here)
 
 
 def test_chances_and_quantiles(found):
     Omega = np.linspace(0.82, 1.48, 34)
-    told = hb.sweep_statistics(found, Omega, (0.0, 0.5, 1.0))
+    told = hb.design.sweep_statistics(found, Omega, (0.0, 0.5, 1.0))
     rising, falling, both, by_rising, by_falling = [], [], [], [], []
     for F in (0.05, 0.1, 0.14, 0.18, 0.22):
         curve = hb.trace(hb.HarmonicBalance(hb.Duffing(F=F), 3), "Omega", (0.8, 1.5), accuracy=None)
@@ -44,6 +44,6 @@ def test_chances_and_quantiles(found):
 
 def test_what_is_no_statistics(found):
     with pytest.raises(ValueError, match="must be between 0 and 1"):
-        hb.sweep_statistics(found, quantiles=(2.0,))
+        hb.design.sweep_statistics(found, quantiles=(2.0,))
     with pytest.raises(ValueError, match="Omega must be values that rise"):
-        hb.sweep_statistics(found, np.array([1.0, 0.9]))
+        hb.design.sweep_statistics(found, np.array([1.0, 0.9]))

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hbgear import Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, Steps, System, trace
-from hbgear.continuation.switching import switch
+from hbgear import Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, StepControl, System, trace
+from hbgear.continuation.switch import switch
 
 PARAMETRIC = SpurPair(F_m=0.1, eps=(0.3,), e=())
 
@@ -59,7 +59,7 @@ def test_it_leaves_at_the_point_and_ends_on_the_old_branch(curve, doubled):
 
 def test_both_sides_are_one_motion_a_period_apart(curve, doubled):
     """Shifted by a period of the excitation, odd harmonics of half its frequency change sign."""
-    other = switch(curve, "PD1", side=-1, steps=Steps(max_points=20), stability=False)
+    other = switch(curve, "PD1", side=-1, steps=StepControl(max_points=20), stability=False)
     k = (np.arange(doubled.X.shape[1]) + 1) // 2
     sign = np.where(k % 2 == 0, 1.0, -1.0)
     np.testing.assert_allclose(other.values[:20], doubled.values[:20], rtol=0, atol=1e-9)
@@ -78,7 +78,7 @@ def test_stability_passes_from_the_old_branch_to_the_new(curve, doubled):
 
 
 def test_no_span_means_the_range_of_the_branch(curve):
-    few = Steps(max_points=5)
+    few = StepControl(max_points=5)
     branch = switch(curve, "PD1", stability=False, special=False, steps=few)
     assert branch.meta["trace"]["span"] == [1.0, 2.4] and branch.multipliers is None
     narrow = switch(curve, "PD1", (2.3, 1.9), stability=False, special=False)
@@ -101,7 +101,7 @@ def test_halves_that_no_longer_move_alike(oscillators):
 
 
 def test_sides_of_a_branch_point_are_mirror_images(oscillators):
-    few = Steps(max_points=15)
+    few = StepControl(max_points=15)
     left, right = (switch(oscillators, "BP1", side=side, stability=False, steps=few) for side in (1, -1))
     n = left.X.shape[1] // 2
     np.testing.assert_allclose(left.values[:15], right.values[:15], rtol=0, atol=1e-8)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.io.table_text import number_of_cell, table_text
+from hbgear.io.tables.table_text import number_of_cell, table_text
 
 f = np.linspace(0.0, 50.0, 101)
 H = 1 / (1e4 - (2 * np.pi * f) ** 2 + 20j * 2 * np.pi * f)
@@ -21,7 +21,7 @@ def written(path, header, columns, mark=",", decimal=".", encoding="utf-8", rema
 
 
 def receptance(path, **more):
-    return np.asarray(hb.from_receptances({("a", "a"): path}, **more).values)[:, 0, 0]
+    return np.asarray(hb.io.from_receptances({("a", "a"): path}, **more).values)[:, 0, 0]
 
 
 @pytest.mark.parametrize(
@@ -92,9 +92,9 @@ def test_a_mesh_cycle_however_it_is_written(tmp_path, mark, encoding, decimal, r
     path = written(tmp_path / "k.csv", header, CYCLE, mark, decimal, encoding, remark)
     if mark.strip() == "," == decimal:
         with pytest.raises(ValueError, match=r"separate columns by semicolons or tabs|another decimal mark"):
-            hb.read_table(path)
+            hb.io.read_mesh_table(path)
         return
-    np.testing.assert_allclose(hb.read_table(path).value, 1e6 * np.append(CYCLE[1], CYCLE[1][0]), rtol=1e-12)
+    np.testing.assert_allclose(hb.io.read_mesh_table(path).value, 1e6 * np.append(CYCLE[1], CYCLE[1][0]), rtol=1e-12)
 
 
 def test_names_and_units_in_two_lines_in_quotes_and_in_a_remark(tmp_path):
@@ -107,7 +107,7 @@ def test_names_and_units_in_two_lines_in_quotes_and_in_a_remark(tmp_path):
              f"phase [deg];k [kN/mm];\n{rows.replace(chr(10), ';' + chr(10))};")  # fmt: skip
     for text in texts:
         path.write_text(text, encoding="utf-8", newline="")
-        np.testing.assert_allclose(hb.read_table(path).value[:4], 1e6 * CYCLE[1], rtol=1e-12)
+        np.testing.assert_allclose(hb.io.read_mesh_table(path).value[:4], 1e6 * CYCLE[1], rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -131,10 +131,10 @@ def test_names_and_units_in_two_lines_in_quotes_and_in_a_remark(tmp_path):
 def test_cells_that_are_refused(tmp_path, text, message):
     (tmp_path / "k.csv").write_bytes(text.encode("latin-1"))
     with pytest.raises(ValueError, match=message):
-        hb.read_table(tmp_path / "k.csv")
+        hb.io.read_mesh_table(tmp_path / "k.csv")
 
 
-@pytest.mark.parametrize("read", [hb.read_table, hb.read_measurements, lambda path: receptance(path)])
+@pytest.mark.parametrize("read", [hb.io.read_mesh_table, hb.design.read_measurements, lambda path: receptance(path)])
 def test_pipes_devices_folders_and_large_files_are_refused_at_once(tmp_path, read):
     os.mkfifo(tmp_path / "pipe.csv")
     for path in (tmp_path / "pipe.csv", "/dev/zero", "/dev/null"):
@@ -152,8 +152,8 @@ def test_units_that_are_asked_for_are_known(tmp_path):
     path = written(tmp_path / "k.csv", "phase [deg];k [N/m]", CYCLE, ";")
     for unit in ("é", "furlongs/", "N/m**2", "x" * 100):
         with pytest.raises(ValueError, match=r"read_table: unit = .* is not known; need one such as 'N/m'"):
-            hb.read_table(path, unit=unit)
-    assert hb.read_table(path, unit="N/um").mean == pytest.approx(1e-6 * CYCLE[1].mean())
+            hb.io.read_mesh_table(path, unit=unit)
+    assert hb.io.read_mesh_table(path, unit="N/um").mean == pytest.approx(1e-6 * CYCLE[1].mean())
 
 
 def test_measurements_in_every_unit(tmp_path):
@@ -165,7 +165,7 @@ def test_measurements_in_every_unit(tmp_path):
         ("omega [rad/s],d [um],direction,sigma", "628.318530718,1.5,up,.02\n1,2,down,.03", "mesh Hz", [100, 0.1591549]),
     ):  # fmt: skip
         path.write_text(f"{header}\n{rows}", encoding="utf-8")
-        data = hb.read_measurements(path)
+        data = hb.design.read_measurements(path)
         assert data.unit == unit and data.directions.tolist() == [1, -1]
         np.testing.assert_allclose(data.frequency, values, rtol=1e-6)
         np.testing.assert_allclose(data.amplitude, [1.5e-6, 2e-6], rtol=1e-9)
@@ -176,18 +176,18 @@ def test_measurements_in_every_unit(tmp_path):
 def test_headings_and_arguments_that_contradict(tmp_path):
     path = tmp_path / "m.csv"
     path.write_text("n [r/min],rms [um]\n600,1\n")
-    assert hb.read_measurements(path).measure == "rms"
+    assert hb.design.read_measurements(path).measure == "rms"
     with pytest.raises(ValueError, match="is pinion r/min, and unit = 'mesh Hz' was given"):
-        hb.read_measurements(path, unit="mesh Hz")
+        hb.design.read_measurements(path, unit="mesh Hz")
     with pytest.raises(ValueError, match="is rms, and measure = 'max' was given"):
-        hb.read_measurements(path, measure="max")
+        hb.design.read_measurements(path, measure="max")
     path.write_text("f [Hz],x,coolant\n600,1,20\n")
     with pytest.raises(ValueError, match="'coolant' is not known"):
-        hb.read_measurements(path)
+        hb.design.read_measurements(path)
     path.write_text("n,x,coolant\n600,1,20\n")
     with pytest.raises(ValueError, match="'n' has no unit"):
-        hb.read_measurements(path)
-    data = hb.read_measurements(path, {"frequency": "n", "amplitude": "x"}, unit="pinion r/min", length="um")
+        hb.design.read_measurements(path)
+    data = hb.design.read_measurements(path, {"frequency": "n", "amplitude": "x"}, unit="pinion r/min", length="um")
     assert data.unit == "pinion r/min" and data.amplitude[0] == pytest.approx(1e-6)
 
 
@@ -195,11 +195,11 @@ def test_a_remark_with_units_that_names_no_columns_is_not_passed_over(tmp_path):
     path = tmp_path / "m.csv"
     path.write_text("# speed [r/min] and dte [um]\n600,1\n")
     with pytest.raises(ValueError, match=r"last remark 'speed .* has the unit 'r/min'; name every column in a line"):
-        hb.read_measurements(path)
+        hb.design.read_measurements(path)
     path.write_text("# of May (rig 2)\n0.6,1\n")
-    assert hb.read_measurements(path).unit == "Omega"
+    assert hb.design.read_measurements(path).unit == "Omega"
     path.write_text("# n [r/min], dte [um]\n600,1\n")
-    assert hb.read_measurements(path).unit == "pinion r/min"
+    assert hb.design.read_measurements(path).unit == "pinion r/min"
 
 
 def test_cells_of_numbers():

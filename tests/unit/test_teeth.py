@@ -6,16 +6,19 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hbgear import Cubic, Element, Fold, HarmonicBalance, Load, PiecewiseLinear, Point, SpurPair, Status, Steps, System
-from hbgear.continuation.corrector import correct
-from hbgear.continuation.jumps import find_jumps, nearest
-from hbgear.continuation.newton import Settings, solve
-from hbgear.continuation.problem import FullProblem, as_problem
-from hbgear.continuation.tracer import _Tracer, trace
-from hbgear.harmonic.events import Doubling, SecondFrequency
-from hbgear.harmonic.receptance import Structure, UnbalancedLoad
-from hbgear.mechanics.fourier import resize
-from hbgear.timedomain.closing import judge
+from hbgear import Cubic, Element, HarmonicBalance, Load, Point, SpurPair, Status, StepControl, System
+from hbgear.continuation import FoldProblem
+from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.solvers.corrector import correct
+from hbgear.continuation.solvers.newton import NewtonSettings, solve
+from hbgear.continuation.tracing.jumps import find_jumps, nearest
+from hbgear.continuation.tracing.trace import Tracer, trace
+from hbgear.harmonic.bifurcations.events import NeimarkSackerEvent, PeriodDoublingEvent
+from hbgear.harmonic.structure.receptance import LinearStructure, UnbalancedLoadError
+from hbgear.mechanics import PiecewiseLinear
+from hbgear.mechanics.series.fourier import resize
+from hbgear.time.exponential.periodicity_kernel import is_periodic
 
 
 def point_at(x, **parameters):
@@ -44,7 +47,7 @@ class Stairs:
 
 @pytest.mark.parametrize("sense", [1, -1])
 def test_a_jump_lands_on_thenearest_stable_motion(sense):
-    """Where x = 0 loses its stability, two other motions are stable. Mutant: `nearest` takes the farthest."""
+    """Where x = 0 loses its stability, two other motions are stable. Mutant: `nearest_solution` takes the farthest."""
     curve = trace(Stairs(sense), "p", (-20.0, 20.0), point_at(-0.9 * sense, p=np.polyval(Stairs.f, -0.9)))
     assert [round(sense * point.X[0], 6) for point in curve.special if point.kind == "LP"] == [0, 1, 3, 5]
     jump = next(jump for jump in find_jumps(curve) if jump.label == "LP1")
@@ -56,7 +59,7 @@ def test_a_jump_lands_on_thenearest_stable_motion(sense):
 
 
 def test_a_jump_never_lands_on_an_unstable_motion():
-    """However near it is. Mutant: `nearest` does not ask for stability."""
+    """However near it is. Mutant: `nearest_solution` does not ask for stability."""
     found = [replace(point_at(x), multipliers=np.array([mu + 0j])) for x, mu in ((0.1, 1.5), (3.0, 0.5), (-2.0, 0.9))]
     assert nearest(point_at(0.0), found) is found[2]
     assert nearest(point_at(0.0), found[:1]) is None
@@ -65,7 +68,7 @@ def test_a_jump_never_lands_on_an_unstable_motion():
 # ---- continuation: borders
 
 
-class Turning(FullProblem):
+class Turning(ContinuationProblem):
     """A fold at p = s / 10 whose right null vector turns by the angle s: (y_1 - 1)^2 = p - s / 10, y_2 = 2, y = Q x."""
 
     size = 2
@@ -80,7 +83,7 @@ def test_a_curve_that_goes_far_renews_its_borders():
     """Borders that stay what they were are orthogonal to the null vector after a quarter of a turn: g has a pole there,
     and changes its sign as at a branch point. Mutants: `based(..., renew=True)` returns itself; `Fold.renewed` the old
     base."""
-    fold = Fold(Turning(), "p")
+    fold = FoldProblem(Turning(), "p")
     curve = trace(fold, "s", (0.0, 2 * np.pi), np.array([1.0, 2.0, 0.0]))
     assert curve.status is Status.REACHED_END and curve.special == ()
     np.testing.assert_allclose(curve.tracked["p"], curve.values / 10, rtol=0, atol=1e-9)
@@ -98,7 +101,7 @@ def test_the_corrector_obeys_its_step_tolerance(tolerance):
         def evaluate(self, X, p):
             return np.array([(X[0] - 1) ** 3]), np.array([[3 * (X[0] - 1) ** 2]])
 
-    settings = Settings(step_tolerance=tolerance, max_iterations=100)
+    settings = NewtonSettings(step_tolerance=tolerance, max_iterations=100)
     found = correct(Flat(), np.array([1.2, 0.0]), np.array([0.0, 1.0]), "p", {}, settings)
     error = found.solution.X[0] - 1
     assert 1.33 * tolerance < error < 2.001 * tolerance
@@ -113,7 +116,9 @@ def test_a_curve_closes_in_its_own_direction_only():
             return np.array([X[0] ** 2 + p**2 - 1]), np.array([[2 * X[0]]])
 
     start = point_at(0.8, p=0.6)
-    tracer = _Tracer(as_problem(Circle()), "p", (-2.0, 2.0), start, None, Steps(), Settings(), True, True, (), None)
+    tracer = Tracer(
+        as_problem(Circle()), "p", (-2.0, 2.0), start, None, StepControl(), NewtonSettings(), True, True, (), None
+    )
     assert tracer.run().status is Status.CLOSED
     last, first = tracer.rows[-2], tracer.rows[1]
     assert tracer._closes(last, first)
@@ -143,7 +148,7 @@ def test_the_unit_of_an_unknown_parameter_does_not_matter(unit):
     for size in (1.0, unit):
         x, a = 3**-0.5, 1.0
         start = np.array([x, x, size * (1 + x**3 - a * x)])
-        curves.append(trace(Fold(Cusp(size), "b"), "a", (1.0, -1.0), start, steps=Steps(max_points=60)))
+        curves.append(trace(FoldProblem(Cusp(size), "b"), "a", (1.0, -1.0), start, steps=StepControl(max_points=60)))
     one, other = curves
     assert len(one) == len(other) > 20 and one.status == other.status
     np.testing.assert_allclose(other.values, one.values, rtol=0, atol=1e-6)
@@ -154,7 +159,7 @@ def test_the_unit_of_an_unknown_parameter_does_not_matter(unit):
 # ---- harmonic: events by multipliers
 
 
-class Multipliers(FullProblem):
+class Multipliers(ContinuationProblem):
     """x = p with multipliers that are given functions of p."""
 
     size = 1
@@ -213,7 +218,9 @@ def inside(p):
 def test_a_neimark_sacker_point_is_a_pair_that_nothing_else_explains(of, expected, span):
     """Mutants: three multipliers must pass; those of a period doubling are counted off twice; those that
     are outside at both ends are taken for those that pass."""
-    curve = trace(Multipliers(*of), "p", span, np.array([span[0]]), events=[SecondFrequency(), Doubling()])
+    curve = trace(
+        Multipliers(*of), "p", span, np.array([span[0]]), events=[NeimarkSackerEvent(), PeriodDoublingEvent()]
+    )
     found = {}
     for point in curve.special:
         found.setdefault(point.kind, []).append(point.parameters["p"])
@@ -241,13 +248,15 @@ def meeting(p0, stiffness, modulus=0.985):
 def test_two_pairs_that_meet_between_two_rows(stiffness, span):
     """Their moduli leave the circle and come back within a step, and are alike at all rows."""
     of = meeting(0.41, stiffness)
-    curve = trace(Multipliers(of, inside), "p", span, np.array([span[0]]), events=[SecondFrequency(), Doubling()])
+    curve = trace(
+        Multipliers(of, inside), "p", span, np.array([span[0]]), events=[NeimarkSackerEvent(), PeriodDoublingEvent()]
+    )
     assert not np.any(np.abs(of(0.5)) > 1) and np.any(np.abs(of(0.41)) > 1)
     size = [brentq(lambda p: np.abs(of(p)).max() - 1, *sorted((0.41, end)), xtol=1e-12) for end in (0.3, 0.52)]
     assert [point.kind for point in curve.special] == ["NS", "NS"]
     np.testing.assert_allclose(sorted(p.parameters["p"] for p in curve.special), size, rtol=0, atol=1e-8)
     below = trace(Multipliers(meeting(0.41, stiffness, 0.9), inside), "p", span, np.array([span[0]]),
-                  events=[SecondFrequency(), Doubling()])  # fmt: skip
+                  events=[NeimarkSackerEvent(), PeriodDoublingEvent()])  # fmt: skip
     assert below.special == ()
 
 
@@ -262,7 +271,7 @@ def test_the_longest_floquet_step_is_a_share_of_the_excitation_period(nu):
     X, here = base.start(3.0), {"Omega": 3.0, "points": 3, "width": 100.0}
     wide = base.with_order(nu)
     mu, powers = (np.sort_complex(x) for x in (
-        wide.multipliers(wide.in_basis(X, base.layout), **here), base.multipliers(X, **here) ** nu))  # fmt: skip
+        wide.multipliers(wide.from_layout(X, base.layout), **here), base.multipliers(X, **here) ** nu))  # fmt: skip
     fine = np.sort_complex(base.multipliers(X, Omega=3.0, points=8, width=0.05) ** nu)
     np.testing.assert_allclose(mu, powers, rtol=0, atol=1e-12)
     assert np.abs(powers - fine).max() > 1e-9  # the error of the steps shows, so that other steps would
@@ -282,15 +291,15 @@ def chain(stiff, load):
 def test_a_balanced_load_is_told_from_one_that_is_not(stiff):
     """By as much as the stiffnesses leave open, about eps times their ratio, and not by more. Mutants: `_BALANCED`
     is 1e-2, or 0; the rounding of the free motion is 0, or a million times as much."""
-    Structure(chain(stiff, [1.0, 1.0, -2.0]))
-    Structure(chain(stiff, [1 / 3, 1 / 3, -2 / 3]))
-    Structure(chain(stiff, [0.1, 0.2, -0.3]))
-    Structure(chain(stiff, [1 / 3, 1 / 3, -0.666666667]))  # given to nine digits
+    LinearStructure(chain(stiff, [1.0, 1.0, -2.0]))
+    LinearStructure(chain(stiff, [1 / 3, 1 / 3, -2 / 3]))
+    LinearStructure(chain(stiff, [0.1, 0.2, -0.3]))
+    LinearStructure(chain(stiff, [1 / 3, 1 / 3, -0.666666667]))  # given to nine digits
     open_ = max(1e-7, 1e4 * np.finfo(float).eps * stiff)
     assert open_ < 5e-3
     for sign in (1, -1):
-        with pytest.raises(UnbalancedLoad, match="the constant load does work"):
-            Structure(chain(stiff, [1.0, 1.0, -2.0 + sign * open_]))
+        with pytest.raises(UnbalancedLoadError, match="the constant load does work"):
+            LinearStructure(chain(stiff, [1.0, 1.0, -2.0 + sign * open_]))
 
 
 @pytest.mark.parametrize("law", [Cubic(1e-3), PiecewiseLinear((0.3,), (0.0, 1e-3))], ids=["sampled", "exact"])
@@ -300,8 +309,8 @@ def test_the_truncation_estimate_is_the_error_of_a_weak_law(law):
     system = System([[1.0]], [[0.1]], [[1.0]], [Element([1.0], law)], Load([0.2], {1: [1.0]}))
     H, Omega = 2, 0.7
     coarse, fine = HarmonicBalance(system, H), HarmonicBalance(system, 2 * H)
-    X = solve(coarse, coarse.start(Omega), {"Omega": Omega}, settings=Settings(tolerance=1e-13)).X
-    x = solve(fine, resize(X, 2 * H), {"Omega": Omega}, settings=Settings(tolerance=1e-13)).X
+    X = solve(coarse, coarse.start(Omega), {"Omega": Omega}, settings=NewtonSettings(tolerance=1e-13)).X
+    x = solve(fine, resize(X, 2 * H), {"Omega": Omega}, settings=NewtonSettings(tolerance=1e-13)).X
     difference = x - resize(X, 2 * H)
     error = np.sqrt(0.5 * np.sum(difference[1:] ** 2))
     assert error > 1e-6
@@ -322,6 +331,6 @@ def test_what_is_still_to_go_of_a_motion_of_several_periods(k, rho):
     past = np.zeros((len(p), 1, 2))
     past[(p - 1) % len(p), 0] = np.column_stack([x.real, x.imag])
     period, left, guess = np.empty(1, dtype=int), np.empty(1), np.empty(1, dtype=int)
-    judge(past, last, periods, window, np.ones((1, 2)), np.ones(1), 1e-12, period, left, guess)
+    is_periodic(past, last, periods, window, np.ones((1, 2)), np.ones(1), 1e-12, period, left, guess)
     assert period[0] == 0 and guess[0] == k
     assert left[0] == pytest.approx(1e-3 * rho ** -(window - 1 + k), rel=1e-8)

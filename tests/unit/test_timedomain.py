@@ -4,26 +4,14 @@ import numpy as np
 import pytest
 from cross.shooting import integrate as integrate_otherwise
 
-from hbgear import (
-    Backlash,
-    Cubic,
-    DoubleHelicalPair,
-    Duffing,
-    Element,
-    HarmonicBalance,
-    Law,
-    Load,
-    NoConvergence,
-    Parallel,
-    SpurPair,
-    System,
-    Unilateral,
-)
-from hbgear.harmonic.receptance import Structure
-from hbgear.timedomain.exponential import Stepper, modal_state, physical_state
-from hbgear.timedomain.integrate import integrate, state_of
-from hbgear.timedomain.runge_kutta import METHODS, Flow
-from hbgear.timedomain.shooting import shoot
+from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, NoConvergence, SpurPair, System, Unilateral
+from hbgear.gears import DoubleHelicalPair
+from hbgear.harmonic.structure.receptance import LinearStructure
+from hbgear.mechanics import Law, Parallel
+from hbgear.time.exponential.integrator import ExponentialIntegrator, modal_state, physical_state
+from hbgear.time.integration import integrate, state_of
+from hbgear.time.runge_kutta import METHODS, Flow
+from hbgear.time.shooting import shoot
 
 VARYING = SpurPair(eps=(0.2, 0.1))
 STARTS = {"Duffing": (Duffing(), 1.09, np.array([0.5, -0.8])), "SpurPair": (VARYING, 0.8, np.array([1.2, 0.1]))}
@@ -70,7 +58,7 @@ def test_order_of_the_exponential_method(name, points, truth):
     model, Omega, y = STARTS[name]
     steps, errors = (12, 24, 48, 96), []
     for N in steps:
-        stepper = Stepper(model, Omega, N, points=points)
+        stepper = ExponentialIntegrator(model, Omega, N, points=points)
         flight = stepper.start(y)
         stepper.advance(flight, 2)
         errors.append(np.abs(stepper.states(flight)[0] - truth[name]).max())
@@ -86,13 +74,13 @@ def test_double_helical_pair_keeps_the_order():
     true = gaps(model, Omega, integrate(model, y, 1, Omega, tolerance=1e-13).end)
     errors = {}
     for points, N in ((2, 24), (2, 48), (2, 96), (5, 15)):
-        stepper = Stepper(model, Omega, N, points=points)
+        stepper = ExponentialIntegrator(model, Omega, N, points=points)
         flight = stepper.start(y)
         stepper.advance(flight)
         errors[points, N] = np.abs(gaps(model, Omega, stepper.states(flight)[0]) - true).max()
     assert errors[2, 24] / errors[2, 48] > 12 and errors[2, 48] / errors[2, 96] > 12
     assert errors[5, 15] < 2e-9
-    assert Stepper(model, Omega).N == 15
+    assert ExponentialIntegrator(model, Omega).N == 15
 
 
 # ---- truths
@@ -208,7 +196,7 @@ def test_many_motions_are_those_of_one_by_one(rng):
 
 def test_modal_state_and_back(rng):
     """All but the rotation of the train."""
-    structure = Structure(DoubleHelicalPair().system())
+    structure = LinearStructure(DoubleHelicalPair().system())
     y = rng.standard_normal((5, 48))
     back = physical_state(structure, modal_state(structure, y))
     lost = y - back
@@ -223,7 +211,7 @@ def test_rotation_of_the_train_is_left_out():
     model, Omega = DoubleHelicalPair(), 0.9
     problem = HarmonicBalance(model, 12)
     y = state_of(problem, problem.start(Omega), Omega=Omega)
-    structure = Structure(model.system())
+    structure = LinearStructure(model.system())
     drift = np.concatenate([structure.free[:, 0], 0.3 * structure.free[:, 0]])
     for method in ("DOP853", "exponential"):
         a, b = (integrate(model, x, 1, Omega, method=method, samples=32) for x in (y, y + drift))
@@ -277,8 +265,8 @@ def test_monodromy_is_the_derivative_of_the_map(rng):
         (lambda: integrate(VARYING, np.zeros(2), 1, np.nan, method="exponential"), "must be a finite number"),
         (lambda: integrate([VARYING, VARYING], np.zeros((2, 2)), 1, 0.8), "one model"),
         (lambda: integrate(VARYING, np.zeros(2), 1, 0.8, method="exponential", phase=1.0), "whole periods"),
-        (lambda: Stepper([SpurPair(), Duffing()], 0.8), "same"),
-        (lambda: Stepper([SpurPair(), SpurPair()], [0.8, 0.9, 1.0]), "2 models and 3 values"),
+        (lambda: ExponentialIntegrator([SpurPair(), Duffing()], 0.8), "same"),
+        (lambda: ExponentialIntegrator([SpurPair(), SpurPair()], [0.8, 0.9, 1.0]), "2 models and 3 values"),
         (lambda: shoot(VARYING, 0.8, np.zeros(2), nu=0), "nu = 0"),
         (lambda: shoot(VARYING, 0.8, np.zeros(3)), "does not fit"),
         (lambda: shoot(VARYING, 0.8, np.zeros(2), tolerance=1e-15), "cannot be met"),

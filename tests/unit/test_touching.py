@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from hbgear.continuation.touching import dips
+from hbgear.continuation.events.near_tangency import near_zeros
 
 
 def found(f, x):
     x = np.asarray(x, dtype=float)
-    return dips(np.array([f(x)]).T, np.diff(x))
+    return near_zeros(np.array([f(x)]).T, np.diff(x))
 
 
 def places(f, x):
@@ -35,11 +35,11 @@ def test_a_line_that_reaches_zero_at_once(mirror):
     """det(Phi + 1) of two masses, steep on one side, flat on the other: zero at .9386125 and .9422022."""
     x = np.array([0.923315, 0.9320736, 0.9363386, 0.9423536, 0.9444353, 0.9462202])[::mirror]
     f = np.array([-19.30286, -12.07228, -7.12432, -0.01074, -0.14504, -0.26161])[::mirror, None]
-    between = [x[i] + s * (x[i + 1] - x[i]) for i, s in dips(f, np.abs(np.diff(x)))]
+    between = [x[i] + s * (x[i + 1] - x[i]) for i, s in near_zeros(f, np.abs(np.diff(x)))]
     assert any(0.9386125 < place < 0.9422022 for place in between)
 
 
 def test_unknown_values_and_few_rows():
-    assert dips(np.full((4, 2), np.nan), np.ones(3)) == []
-    assert dips(np.ones((2, 1)), np.ones(1)) == []
-    assert dips(np.array([[1.0], [-1.0], [1.0], [2.0]]), np.ones(3)) == []  # a change of sign is no dip
+    assert near_zeros(np.full((4, 2), np.nan), np.ones(3)) == []
+    assert near_zeros(np.ones((2, 1)), np.ones(1)) == []
+    assert near_zeros(np.array([[1.0], [-1.0], [1.0], [2.0]]), np.ones(3)) == []  # a change of sign is no dip

@@ -7,8 +7,8 @@ from typer.testing import CliRunner
 
 import hbgear as hb
 from hbgear.cli.app import app
-from hbgear.io.train_file import TrainFileError, is_train, read_train
-from hbgear.mechanics.model import describe
+from hbgear.io.machines.train_file import TrainFileError, is_train, read_train
+from hbgear.mechanics.models import describe
 
 TEXT = """balance = "out"
 
@@ -67,12 +67,21 @@ def file(tmp_path):
 
 def test_a_file_is_the_train(file):
     train = read_train(file)
-    first, second = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 30))
+    first, second = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 30))
     pair = hb.GearPair(first, second, backlash="80 um")
-    wheels = [hb.Wheel.of("in", first, torque=100.0), hb.Wheel.of("middle", second, x=0.0825), hb.Wheel("flange", 0.01),
-              hb.Wheel("out", 0.004, teeth=40, base_radius=0.05638155725, x=0.1875)]  # fmt: skip
-    meshes = [hb.Mesh.of("in", "middle", pair, 100.0, 0.04), hb.Mesh("middle", "out", 4e8, 4e-5, eps=(0.2,))]
-    made = hb.Train(wheels, meshes, [hb.Shaft("middle", "flange", 2e4)], [hb.Bearing("flange")], balance="out")
+    wheels = [
+        hb.gears.Wheel.of("in", first, torque=100.0),
+        hb.gears.Wheel.of("middle", second, x=0.0825),
+        hb.gears.Wheel("flange", 0.01),
+        hb.gears.Wheel("out", 0.004, teeth=40, base_radius=0.05638155725, x=0.1875),
+    ]
+    meshes = [
+        hb.gears.Mesh.of("in", "middle", pair, 100.0, 0.04),
+        hb.gears.Mesh("middle", "out", 4e8, 4e-5, eps=(0.2,)),
+    ]
+    made = hb.gears.Train(
+        wheels, meshes, [hb.gears.Shaft("middle", "flange", 2e4)], [hb.gears.Bearing("flange")], balance="out"
+    )
     assert train == made and is_train(file)
 
 
@@ -176,17 +185,20 @@ def rotor(tmp_path):
 
 def test_a_file_of_all_that_a_train_may_have(rotor, tmp_path):
     train = read_train(rotor)
-    wheels = [hb.Wheel("in", 1e-3, 1.5, teeth=20, base_radius=0.028, moves="space", torque=100.0),
-              hb.Wheel("out", 4e-3, 4.0, teeth=40, base_radius=0.056, moves="space", unbalance=2e-4),
-              hb.Wheel("mill", 0.05, 9.0, moves="space", z=0.3)]  # fmt: skip
-    table = hb.MatrixTable([2 * np.pi, 2000.0], [[[1e8, 0.0], [0.0, 1e8]], [[2e8, 1e6], [-1e6, 2e8]]])
-    bearings = [hb.Bearing("in", 2e8, 2e8, 1e8, 1e5, 1e5, clearance=2e-5), hb.Bearing("mill", z=1e8, table=table),
-                hb.Bearing("out", 3e8, 3e8)]  # fmt: skip
-    housing = hb.Housing(np.diag([20.0, 30.0]), np.diag([1e9, 2e9]), None, ["left", "right"],
+    wheels = [hb.gears.Wheel("in", 1e-3, 1.5, teeth=20, base_radius=0.028, moves="space", torque=100.0),
+              hb.gears.Wheel("out", 4e-3, 4.0, teeth=40, base_radius=0.056, moves="space", unbalance=2e-4),
+              hb.gears.Wheel("mill", 0.05, 9.0, moves="space", z=0.3)]  # fmt: skip
+    table = hb.mechanics.MatrixTable([2 * np.pi, 2000.0], [[[1e8, 0.0], [0.0, 1e8]], [[2e8, 1e6], [-1e6, 2e8]]])
+    bearings = [
+        hb.gears.Bearing("in", 2e8, 2e8, 1e8, 1e5, 1e5, clearance=2e-5),
+        hb.gears.Bearing("mill", z=1e8, table=table),
+        hb.gears.Bearing("out", 3e8, 3e8),
+    ]
+    housing = hb.gears.Housing(np.diag([20.0, 30.0]), np.diag([1e9, 2e9]), None, ["left", "right"],
                          {"in": {"y": "left"}, "mill": {"x": "right"}})  # fmt: skip
-    made = hb.Train(
-        wheels, [hb.Mesh("in", "out", 4e8, 4e-5, eps=(0.2,), direction=0.0)], (), bearings, "mill", True,
-        beams=[hb.Beam("out", "mill", 0.04, elements=2)], housing=housing,
+    made = hb.gears.Train(
+        wheels, [hb.gears.Mesh("in", "out", 4e8, 4e-5, eps=(0.2,), direction=0.0)], (), bearings, "mill", True,
+        beams=[hb.gears.Beam("out", "mill", 0.04, elements=2)], housing=housing,
     )  # fmt: skip
     assert describe(train) == describe(made)
     assert train.orders["out"] == 1.0 and train.orders["in-out"] == 40.0
@@ -249,7 +261,7 @@ def test_bad_files(file, old, new, said):
     assert text != TEXT
     file.write_text(text)
     if new == "eps = [2.0]":  # computed all the same, with a warning
-        with pytest.warns(hb.Unlikely, match="negative"):
+        with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="negative"):
             hb.HarmonicBalance(read_train(file), 4)
         return
     with pytest.raises(TrainFileError, match=said):

@@ -12,14 +12,14 @@ import pytest
 import hbgear
 from hbgear.common import units
 from hbgear.common.ranges import POSITIVE, Range
-from hbgear.common.units import USUAL, Measured, MeasuredOrNone, si
+from hbgear.common.units import USUAL, OptionalQuantityField, QuantityField, to_si
 
 
 @dataclass(frozen=True)
 class Thing:
-    size: Measured = Measured("m", POSITIVE, Range(1e-5, 0.1))
-    angle: Measured = Measured("rad", default=0.5)
-    other: MeasuredOrNone = MeasuredOrNone("m")
+    size: QuantityField = QuantityField("m", POSITIVE, Range(1e-5, 0.1))
+    angle: QuantityField = QuantityField("rad", default=0.5)
+    other: OptionalQuantityField = OptionalQuantityField("m")
 
 
 @pytest.mark.parametrize(
@@ -31,13 +31,13 @@ class Thing:
      ("60 r/min", "rad/s", 6.28318530717959), ("-12 deg", "rad", -0.20943951023932)],
 )  # fmt: skip
 def test_quantities_are_read(value, unit, number):
-    assert si("x", "y", value, unit) == pytest.approx(number, rel=1e-14)
+    assert to_si("x", "y", value, unit) == pytest.approx(number, rel=1e-14)
 
 
 def test_a_pint_quantity_is_read():
     import pint
 
-    assert si("x", "y", pint.UnitRegistry().Quantity(3.0, "mm"), "m") == 0.003
+    assert to_si("x", "y", pint.UnitRegistry().Quantity(3.0, "mm"), "m") == 0.003
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_a_pint_quantity_is_read():
 )  # fmt: skip
 def test_what_is_no_quantity_is_refused(value, unit, said):
     with pytest.raises(ValueError, match=said):
-        si("x", "y", value, unit)
+        to_si("x", "y", value, unit)
 
 
 def test_a_field_reads_and_is_frozen():
@@ -78,17 +78,17 @@ def test_usual_units_are_those_of_pint(monkeypatch, unit, name):
         for number in ("3", "-12.5", "80e-1", ".7", "97.4857", "5.", "0")
         for space in ("", " ")
     ]
-    by_table = [si("x", "y", text, unit) for text in texts]
+    by_table = [to_si("x", "y", text, unit) for text in texts]
     monkeypatch.setattr(units, "USUAL", {})
-    assert by_table == [si("x", "y", text, unit) for text in texts]
+    assert by_table == [to_si("x", "y", text, unit) for text in texts]
 
 
 def test_pint_waits_for_a_text_in_a_unit_that_is_not_usual():
     code = (
         "import sys, hbgear as hb\n"
-        "g = hb.Gear(25, 0.003, 0.02); print('pint' in sys.modules)\n"
-        "g = hb.Gear(25, '3 mm', '20mm', '20 deg'); print('pint' in sys.modules)\n"
-        "g = hb.Gear(25, '0.3 cm', 0.02); print('pint' in sys.modules)"
+        "g = hb.gears.Gear(25, 0.003, 0.02); print('pint' in sys.modules)\n"
+        "g = hb.gears.Gear(25, '3 mm', '20mm', '20 deg'); print('pint' in sys.modules)\n"
+        "g = hb.gears.Gear(25, '0.3 cm', 0.02); print('pint' in sys.modules)"
     )
     root = Path(hbgear.__file__).parents[1]
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root)
@@ -98,4 +98,4 @@ def test_pint_waits_for_a_text_in_a_unit_that_is_not_usual():
 @pytest.mark.parametrize("text", ["1 m/", "1 m*", "1 m//m", "3 N/ m /"])
 def test_units_that_end_in_an_operator_are_refused(text):
     with pytest.raises(ValueError, match="must be a quantity in m with its unit"):
-        si("Gear", "module", text, "m")
+        to_si("Gear", "module", text, "m")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation.work import Work
+from hbgear.continuation.problem.work import Work
 
 
 def test_no_solution_takes_more_than_half_of_what_is_left():

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 
 import hbgear as hb
 
-starts = hb.basins(hb.SpurPair(e=(0.1,)), 0.65, shape=(60, 60))
+starts = hb.time.basins(hb.SpurPair(e=(0.1,)), 0.65, shape=(60, 60))
 hb.plot.basins(starts)
 plt.show()
 

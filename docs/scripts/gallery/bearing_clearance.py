@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 
 import hbgear as hb
 
-model = hb.GearRotorBearing(mu_2=0.15, F_1=0.02, F_2=0.02, b_1=0.1, b_2=0.1)
+model = hb.gears.GearRotorBearing(mu_2=0.15, F_1=0.02, F_2=0.02, b_1=0.1, b_2=0.1)
 curve = hb.trace(hb.HarmonicBalance(model, harmonics=16), "Omega", (1.9, 0.4))
 linear = hb.trace(
     hb.HarmonicBalance(model.replace(b_1=0.0, b_2=0.0), harmonics=16), "Omega", (1.9, 0.4)

@@ -15,7 +15,9 @@ import hbgear as hb
 
 values = (0.05, 0.063, 0.08)
 curves = [
-    hb.trace(hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=zeta), 12), "Omega", (1.4, 0.7))
+    hb.trace(
+        hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=zeta), 12), "Omega", (1.4, 0.7)
+    )
     for zeta in values
 ]
 hb.plot.responses(curves, names=[f"zeta = {zeta:g}" for zeta in values])

@@ -11,8 +11,8 @@ import matplotlib.pyplot as plt
 
 import hbgear as hb
 
-pinion = hb.Gear(25, "3 mm", "20 mm")
-wheel = hb.Gear(40, "3 mm", "20 mm")
+pinion = hb.gears.Gear(25, "3 mm", "20 mm")
+wheel = hb.gears.Gear(40, "3 mm", "20 mm")
 pair = hb.GearPair(pinion, wheel, backlash="80 um")
 mesh = pair.mesh("200 N m")
 print(f"contact ratio {pair.contact_ratio:.3f}")

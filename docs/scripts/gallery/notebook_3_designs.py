@@ -12,12 +12,12 @@ import matplotlib.pyplot as plt
 
 import hbgear as hb
 
-scatter = hb.latin_hypercube(
+scatter = hb.design.latin_hypercube(
     16, zeta=("uniform", 0.04, 0.07), e_scale=("uniform", 0.8, 1.2)
 )
 bar = hb.ProgressBar("designs")
 with ThreadPoolExecutor(1) as executor:
-    found = hb.cases(
+    found = hb.design.cases(
         hb.SpurPair(),
         scatter,
         ("peak", "jumps", "curve"),
@@ -41,7 +41,7 @@ plt.show()
 # What decides where the run-down jumps, to first order, from one curve alone:
 
 curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), harmonics=16), "Omega", (1.2, 0.6))
-hb.plot.tornado(hb.sensitivity(curve["LP1"], ["zeta", "F_m", "e_scale"]))
+hb.plot.tornado(hb.analysis.sensitivity(curve["LP1"], ["zeta", "F_m", "e_scale"]))
 plt.show()
 
 # %%

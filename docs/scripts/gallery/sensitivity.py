@@ -10,9 +10,9 @@ import matplotlib.pyplot as plt
 import hbgear as hb
 
 curve = hb.trace(
-    hb.HarmonicBalance(hb.DoubleHelicalPair(zeta=0.05), 12), "Omega", (1.2, 0.7)
+    hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 12), "Omega", (1.2, 0.7)
 )
-found = hb.sensitivity(curve["LP1"])
+found = hb.analysis.sensitivity(curve["LP1"])
 hb.plot.tornado(found, "Omega", most=8)
 plt.show()
 

@@ -14,8 +14,8 @@ jumps, in r/min.
 
 import hbgear as hb
 
-pinion = hb.Gear(teeth=25, module="3 mm", face_width="20 mm")
-wheel = hb.Gear(teeth=40, module="3 mm", face_width="20 mm")
+pinion = hb.gears.Gear(teeth=25, module="3 mm", face_width="20 mm")
+wheel = hb.gears.Gear(teeth=40, module="3 mm", face_width="20 mm")
 pair = hb.GearPair(pinion, wheel, backlash="80 um")
 print(f"centre distance {1e3 * pair.working_center_distance:.2f} mm")
 print(f"contact ratio   {pair.contact_ratio:.2f}")
@@ -48,7 +48,7 @@ for jump in curve.jumps():
     way = "up" if jump.direction > 0 else "down"
     speed, factor = (
         model.scales.pinion_speed(jump.value),
-        hb.dynamic_factor(model, jump.before),
+        hb.analysis.dynamic_factor(model, jump.before),
     )
     print(f"run-{way}: {speed:6.0f} r/min, dynamic factor {factor:.1f}")
 
@@ -59,8 +59,8 @@ for jump in curve.jumps():
 # at both gears:
 
 relieved = hb.GearPair(
-    hb.Gear(teeth=25, module="3 mm", face_width="20 mm", tip_relief="15 um"),
-    hb.Gear(teeth=40, module="3 mm", face_width="20 mm", tip_relief="15 um"),
+    hb.gears.Gear(teeth=25, module="3 mm", face_width="20 mm", tip_relief="15 um"),
+    hb.gears.Gear(teeth=40, module="3 mm", face_width="20 mm", tip_relief="15 um"),
     backlash="80 um",
 )
 smoother = relieved.model(torque="200 N m", damping=0.04)

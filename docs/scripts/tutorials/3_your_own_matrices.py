@@ -51,7 +51,7 @@ print(f"Omega = {top.parameters['Omega']:.4f}, first harmonics", first.round(3))
 # followed and searched.
 
 
-@hb.model(ranges={"zeta": hb.Range(low=0)}, default_span=(0.3, 0.9))
+@hb.mechanics.model(ranges={"zeta": hb.mechanics.Range(low=0)}, default_span=(0.3, 0.9))
 def chain_with_stop(zeta: float = 0.03, gap: float = 1.0) -> hb.System:
     """A chain of four masses, the last of which meets a stop."""
     stop = hb.Element(direction=last, law=hb.Unilateral(k=2.0, gap=gap), name="stop")

@@ -44,7 +44,7 @@ for H in (8, 16, 32):
 # be trusted. Empty is good.
 
 print(curve.doubts or "no doubts")
-opinion = hb.second_opinion(curve, curve.peak("rms"))
+opinion = hb.time.compare_multipliers(curve, curve.peak("rms"))
 for way, modulus in opinion.moduli.items():
     print(f"largest modulus, {way}: {modulus:.6f}")
 
@@ -68,7 +68,7 @@ hb.plot.validation(report, curve)
 # A curve is one connected piece. Other motions may exist beside it; a sweep from many
 # starts, or a survey, looks for them.
 
-starts = hb.basins(hb.SpurPair(), 0.75, shape=(40, 40))
+starts = hb.time.basins(hb.SpurPair(), 0.75, shape=(40, 40))
 hb.plot.basins(starts)
 
 # %%

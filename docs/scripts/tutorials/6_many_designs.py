@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import hbgear as hb
 
-scatter = hb.latin_hypercube(
+scatter = hb.design.latin_hypercube(
     40,
     zeta=("uniform", 0.04, 0.07),
     F_m=("normal", 0.1, 0.005),
@@ -27,7 +27,7 @@ scatter = hb.latin_hypercube(
 # the script that starts them stands below ``if __name__ == "__main__":``.
 
 with ThreadPoolExecutor(1) as executor:
-    found = hb.cases(
+    found = hb.design.cases(
         hb.SpurPair(),
         scatter,
         ("peak", "jumps", "curve"),

@@ -27,16 +27,18 @@ rows = [f"{p:.4f},{e:.4f}" for p, e in zip(phase, error, strict=True)]
 (folder / "error.csv").write_text(
     "\n".join(["phase [cycle],error [um]", *rows, f"1.0,{error[0]:.4f}", ""])
 )
-measured = hb.read_table(folder / "error.csv", unit="m")
+measured = hb.io.read_mesh_table(folder / "error.csv", unit="m")
 
 # %%
 # The pair
 # --------
 # Stiffness of the mesh from the teeth, transmission error from the table:
 
-pinion, wheel = (hb.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+pinion, wheel = (
+    hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40)
+)
 pair = hb.GearPair(pinion, wheel, backlash="80 um")
-cycle = hb.MeshCycle(pair.mesh("200 N m").stiffness, measured)
+cycle = hb.gears.MeshCycle(pair.mesh("200 N m").stiffness, measured)
 hb.plot.mesh_cycles([pair.mesh("200 N m"), cycle], names=["computed", "measured error"])
 
 # %%
@@ -54,4 +56,4 @@ hb.plot.responses(curves, names=["computed", "measured error"])
 # ------------
 # What a run-up test shows: the first three mesh orders of the gap over the speed.
 
-hb.plot.orders(hb.run(curves[1], "up"))
+hb.plot.orders(hb.analysis.run_up(curves[1], "up"))

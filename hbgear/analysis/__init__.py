@@ -1,0 +1,43 @@
+"""Analyses of machines and branches: jump maps, critical parameters, sensitivities, Campbell diagrams."""
+
+from typing import TYPE_CHECKING
+
+from hbgear.common import lazy_names as _lazy
+
+if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.analysis.campbell_diagram import Campbell, CriticalSpeed, campbell
+    from hbgear.analysis.critical_parameters import CriticalParameter, NoFoldError, critical_parameter
+    from hbgear.analysis.engineering_quantities import MachineQuantities, machine_quantities
+    from hbgear.analysis.jump_maps import JumpMap, jump_map
+    from hbgear.analysis.mesh_dynamic_factor import dynamic_factor
+    from hbgear.analysis.multistart import BranchSearch, trace_all
+    from hbgear.analysis.parameter_sensitivity import Sensitivity, sensitivity
+    from hbgear.analysis.planet_loads import LoadSharing, load_sharing
+    from hbgear.analysis.run_up import RunUp, run_up
+    from hbgear.harmonic.bifurcations.peaks import peaks
+
+__all__ = [
+    "BranchSearch",
+    "Campbell",
+    "CriticalParameter",
+    "CriticalSpeed",
+    "JumpMap",
+    "LoadSharing",
+    "MachineQuantities",
+    "NoFoldError",
+    "RunUp",
+    "Sensitivity",
+    "campbell",
+    "critical_parameter",
+    "dynamic_factor",
+    "jump_map",
+    "load_sharing",
+    "machine_quantities",
+    "peaks",
+    "run_up",
+    "sensitivity",
+    "trace_all",
+]
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = _lazy.attached(__name__)

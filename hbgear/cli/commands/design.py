@@ -1,0 +1,238 @@
+"""Commands on designs: ``hbgear map``, ``critical_parameter``, ``switch`` and ``survey``."""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import hbgear as hb
+from hbgear.analysis.summary import digits_of, text_at
+from hbgear.cli import complete as cli_complete
+from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
+from hbgear.cli.commands.shares import Most, Saved, show_shares
+from hbgear.cli.support import (
+    Changes,
+    Element,
+    Figure,
+    File,
+    First,
+    Harmonics,
+    Last,
+    Measure,
+    Model,
+    Output,
+    OwnModel,
+    bar,
+    chosen_model,
+    element_of,
+    end_of,
+    exit_code,
+    print_table,
+    problem_in,
+    problem_of,
+    range_of,
+    show_branch,
+    span_of,
+)
+from hbgear.common.text.digits import rounded
+from hbgear.io.map_file import read_map, save_map
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command(name="map")(map_command)
+    app.command()(critical)
+    app.command()(switch)
+    app.command()(survey)
+
+
+def map_command(
+    model: Model,
+    within: Annotated[
+        str,
+        typer.Option(
+            "--in",
+            metavar="NAME=FROM:TO",
+            help="Design parameter, a field of the model, and its range.",
+            autocompletion=cli_complete.fields,
+        ),
+    ],
+    changes: Changes = None,
+    harmonics: Harmonics = "16",
+    seeds: Annotated[int, typer.Option(min=2, help="Response curves on which jumps are looked for.")] = 3,
+    first: First = None,
+    last: Last = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the jump frequencies as .csv.")] = None,
+    plot: Figure = None,
+) -> None:
+    """Jump map: jump frequencies against a design parameter, and where they vanish.
+
+    Exit codes: 0 all was traced, 2 bad input, 3 stopped early (what is whole is shown and saved). With -o FILE.csv all
+    curves that are whole are kept as FILE.part.npz then, and the same command goes on from there.
+    """
+    check_writable(output, (".csv",))
+    check_writable(plot, FIGURES)
+    parameter, span = range_of(within, first, last)
+    problem = problem_of(chosen_model(model, changes), harmonics)
+    frequencies = span_of(problem.model, first, last)
+    part = output.with_suffix(".part.npz") if output else None
+    known = None
+    if part and part.exists():
+        known = read_map(part, problem, parameter, span, frequencies)
+        print(f"going on from '{part}': {len(known.curves)} response curves, {len(known.folds)} fold curves")
+    with bar("map") as progress:
+        found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress,
+                            known=known)  # fmt: skip
+    digits = min((digits_of(fold, 6) for fold in found.folds), default=6)
+    rows = [
+        [f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
+         f"{arm.Omega[0]:.{digits}g} to {arm.Omega[-1]:.{digits}g}",
+         "increasing" if arm.direction > 0 else "decreasing"]
+        for arm in found.arms
+    ]  # fmt: skip
+    with outputs() as out:
+        out.write(output, found.export)
+        if part and found.status is hb.Status.INTERRUPTED:
+            out.write(part, partial(save_map, found))
+            print(f"{len(found.curves)} response curves and {len(found.folds)} fold curves are kept in '{part}': the "
+                  "same command goes on from there")  # fmt: skip
+        elif part:
+            part.unlink(missing_ok=True)
+        out.figure(plot, lambda drawing: drawing.jump_map(found))
+        if not rows:
+            print(f"no jump for {parameter} between {min(span):g} and {max(span):g}")
+        else:
+            print_table([parameter, "Omega", "jump while Omega is"], rows, "jump curves")
+        for cusp in found.cusps:
+            print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}, Omega = {text_at(cusp, 'Omega')}")
+    end_of(found)
+
+
+def critical(
+    model: Model,
+    parameter: Annotated[
+        str,
+        typer.Argument(
+            metavar="PARAMETER", help="A field of the model, such as zeta.", autocompletion=cli_complete.parameters
+        ),
+    ],
+    changes: Changes = None,
+    harmonics: Harmonics = "16",
+    first: First = None,
+    last: Last = None,
+    derivatives: Annotated[
+        bool, typer.Option("--sensitivity", help="Which other parameters the value depends on, and how much.")
+    ] = False,
+    quantity: Annotated[
+        str, typer.Option("--of", help="What that table is sorted by, such as Omega.", show_default="PARAMETER")
+    ] = "",
+    most: Most = 15,
+    output: Saved = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """The value of a parameter at which a jump appears or vanishes, and the frequency at which it does so.
+
+    With --sensitivity, -o or --plot also its derivatives in all other parameters, in percent for one percent of each.
+    Exit codes: 0 found, 2 bad input or none, 3 stopped early (what was found is shown).
+    """
+    check_writable(output, (".csv",))
+    check_writable(plot, FIGURES)
+    problem = problem_of(chosen_model(model, changes), harmonics)
+    problem.check_parameter(parameter)
+    with bar("critical") as progress:
+        found = hb.analysis.critical_parameter(
+            problem, parameter, frequencies=span_of(problem.model, first, last), progress=progress
+        )
+    own = problem.value_of(parameter)
+    side = "below" if found.jump_below else "above"
+    digits = digits_of(found.point)
+    print(
+        f"{parameter} = {text_at(found.point, parameter)}: a jump exists {side} this value, none just on the other side"
+    )
+    print(f"it appears at Omega = {text_at(found.point, 'Omega')}")
+    distance = f", {abs(found.value / own - 1):.2%} away" if own else ""
+    print(f"the model has {parameter} = {own:.6g}{distance}")
+    for other, Omega in found.others:
+        place = f"{parameter} = {rounded(other, digits)}, Omega = {rounded(Omega, digits)}"
+        print(f"another jump appears or vanishes at {place}")
+    if derivatives or output or plot:
+        moved = hb.analysis.sensitivity(found, measure=measure, element=element_of(element))
+        show_shares(moved, quantity, most, output, plot)
+    end_of(found)
+
+
+def switch(
+    file: File,
+    label: Annotated[
+        str,
+        typer.Argument(
+            metavar="LABEL", help="A PD or BP of the curve, such as PD1.", autocompletion=cli_complete.crossings
+        ),
+    ],
+    model: OwnModel = None,
+    output: Output = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """Trace the branch that leaves a saved curve at a period doubling or branch point."""
+    check_writable(output, BRANCHES)
+    check_writable(plot, FIGURES)
+    branch, which = hb.load(file), element_of(element)
+    branch = hb.load(file, problem=problem_in(branch, model))
+    new = hb.switch(branch, label)
+    names = [str(file), f"from {label}"]
+    with outputs() as out:
+        out.branch(output, new)
+        out.figure(plot, lambda drawing: drawing.responses((branch, new), measure, which, names=names))
+        print(f"from {label} of {file}: {len(new)} points; {new.message}")
+        show_branch(new, measure, which, beside=(branch,), names=names[:1])
+    raise typer.Exit(exit_code(new))
+
+
+def survey(
+    model: Model,
+    changes: Changes = None,
+    first: First = None,
+    last: Last = None,
+    harmonics: Harmonics = "16",
+    nu: Annotated[int, typer.Option(min=1, help="Subharmonic order: motions of nu periods of the excitation.")] = 1,
+    places: Annotated[int, typer.Option(min=1, help="Frequencies at which more motions are sought.")] = 5,
+    guesses: Annotated[int, typer.Option(min=1, help="Random starts at each.")] = 20,
+    folder: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder for branch1.npz, branch2.npz, ...")
+    ] = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """Every branch in a span, also those not connected with each other.
+
+    Exit codes: 0 all was searched, 2 bad input, 3 stopped early (what was found is shown and saved).
+    """
+    check_writable(plot, FIGURES)
+    machine, which = chosen_model(model, changes), element_of(element)
+    if folder is not None:
+        if not os.path.isdir(folder):
+            raise ValueError(f"there is no folder '{folder}'; create it first")
+        check_writable(folder / "branch1.npz", BRANCHES)
+    problem = problem_of(machine, harmonics, nu=nu)
+    span = span_of(problem.model, first, last)
+    with bar("survey") as progress:
+        found = hb.trace_all(problem, span, frequencies=places, guesses=guesses, progress=progress)
+    with outputs() as out:
+        for number, branch in enumerate(found.branches, 1):
+            out.branch(folder / f"branch{number}.npz" if folder else None, branch)
+        out.figure(plot, lambda drawing: drawing.responses(found.branches, measure, which))
+        for number, branch in enumerate(found.branches, 1):
+            print(f"branch {number}: {len(branch)} points; {branch.message}")
+            others = [i for i in range(len(found)) if i != number - 1]
+            beside, names = [found.branches[i] for i in others], [f"branch {i + 1}" for i in others]
+            show_branch(branch, measure, which, beside, names)
+    end_of(found, *found.branches)

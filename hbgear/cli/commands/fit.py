@@ -1,0 +1,309 @@
+"""Commands on what parameters do, which fit and which cure: ``sensitivity``, ``scatter``, ``fit``, ``redesign``."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import hbgear as hb
+from hbgear.cli import complete as cli_complete
+from hbgear.cli.commands.files import FIGURES, check_writable, outputs
+from hbgear.cli.commands.shares import ROUNDING, Most, Saved, show_shares
+from hbgear.cli.support import (
+    Changes,
+    Element,
+    Figure,
+    File,
+    First,
+    Harmonics,
+    Last,
+    Measure,
+    Model,
+    OwnModel,
+    assignments,
+    bar,
+    chosen_model,
+    element_of,
+    end_of,
+    number_of,
+    point_of,
+    print_table,
+    problem_in,
+    problem_of,
+    span_of,
+)
+from hbgear.design.fitting.measurements import FREQUENCIES
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command()(sensitivity)
+    app.command()(scatter)
+    app.command()(fit)
+    app.command()(redesign)
+
+
+def sensitivity(
+    file: File,
+    point: Annotated[
+        str,
+        typer.Argument(
+            metavar="POINT",
+            help="A label such as LP1, a jump as jump1, the highest peak as peak, or a value such as 0.9.",
+            autocompletion=cli_complete.labels,
+        ),
+    ],
+    model: OwnModel = None,
+    quantity: Annotated[
+        str, typer.Option("--of", help="What the table is sorted by, such as 'pinion r/min'.", show_default="Omega")
+    ] = "",
+    most: Most = 15,
+    output: Saved = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+    multipliers: Annotated[
+        bool, typer.Option("--multipliers", help="The largest modulus of the Floquet multipliers too, as |mu|.")
+    ] = False,
+) -> None:
+    """Which parameters the frequency and the amplitude of a point of a saved curve depend on, and how much.
+
+    The table is in percent for one percent of each parameter, the largest first.
+    """
+    check_writable(output, (".csv",))
+    check_writable(plot, FIGURES)
+    which = element_of(element)
+    branch = hb.load(file)
+    branch = hb.load(file, problem=problem_in(branch, model))
+    chosen = _chosen(branch, point, measure, which)
+    found = hb.analysis.sensitivity(chosen, measure=measure, element=which, multipliers=multipliers)
+    show_shares(found, quantity, most, output, plot)
+
+
+def scatter(
+    file: File,
+    spread: Annotated[
+        list[str],
+        typer.Argument(metavar="NAME=DEVIATION...", help="Standard deviations of parameters, such as zeta=0.002."),
+    ],
+    model: OwnModel = None,
+    draws: Annotated[int, typer.Option(min=2, help="Of the Monte Carlo sample beside the first order.")] = 300,
+    sigmas: Annotated[float, typer.Option(help="Standard deviations that the band reaches to both sides.")] = 2.0,
+    unit: Annotated[str, typer.Option(help=f"Of the band's frequencies: {', '.join(FREQUENCIES)}.")] = "Omega",
+    length: Annotated[str, typer.Option(help="Unit of its amplitudes, such as um.", show_default="the model's")] = "",
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """How the jumps of a saved curve scatter if parameters do, and with --plot the band in which the curve lies.
+
+    To first order, with Monte Carlo beside it: the equations of each jump solved for every draw.
+    """
+    check_writable(plot, FIGURES)
+    deviations = {name: number_of(name, text) for name, text in assignments("NAME=DEVIATION", spread)}
+    branch = hb.load(file)
+    branch = hb.load(file, problem=problem_in(branch, model))
+    with bar("scatter") as progress:
+        jumps = hb.design.jump_tolerance(branch, deviations, draws=draws, progress=progress) if branch.jumps() else ()
+        band = hb.design.response_band(
+            branch, deviations, measure=measure, element=element_of(element), unit=unit, length=length
+        )
+    with outputs() as out:
+        out.figure(plot, lambda drawing: drawing.band(band, sigmas=sigmas))
+        if jumps:
+            rows = [
+                [one.label, "rising" if one.direction > 0 else "falling", f"{one.value:.6g}", f"{one.first:.3g}",
+                 _known(one.sampled, ".3g"), str(one.lost), *(f"{effect:+.3g}" for effect in one.effects.values())]
+                for one in jumps
+            ]  # fmt: skip
+            title = f"standard deviation of each jump, that of {draws} draws, and the share of each parameter"
+            print_table(["jump", "while", branch.parameter, "+-", "drawn", "lost", *deviations], rows, title)
+            for one in jumps:
+                if one.lost:
+                    print(f"{one.label} vanishes in {one.lost} of {draws} draws, of which it has no frequency")
+        else:
+            print("the curve has no jumps")
+        for name, effect in zip(band.parameters, band.effects.T, strict=True):
+            if not np.nanmax(np.abs(effect)) > ROUNDING:
+                print(f"{name} has no effect on the curve")
+        i = int(np.nanargmax(band.deviation))
+        print(f"the curve is displaced most at {unit} = {band.frequency[i]:.6g}, {measure} = {band.amplitude[i]:.6g}: "
+              f"by {sigmas * band.deviation[i]:.2%} of its range for {sigmas:g} standard deviations")  # fmt: skip
+
+
+def fit(
+    data: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DATA.csv",
+            help="Columns frequency, amplitude, direction (up or down) and deviation, with units such as [r/min]; "
+            "see --column.",
+        ),
+    ],
+    model: Model,
+    free: Annotated[
+        str,
+        typer.Option("--free", metavar="NAME,...", help="What is sought: zeta,b or, with bounds, zeta=0.01:0.2,e[0]."),
+    ],
+    changes: Changes = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=HEAD", help="What a column is called in the file: frequency=rpm; repeatable."),
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Of frequencies whose column states no unit: {', '.join(FREQUENCIES)}.", show_default="Omega"
+        ),
+    ] = None,
+    length: Annotated[
+        str,
+        typer.Option(help="Unit of amplitudes whose column states none, such as um.", show_default="the model's"),
+    ] = "",
+    harmonics: Harmonics = "16",
+    starts: Annotated[int, typer.Option(min=1, help="Starts that are followed if the first fits badly.")] = 3,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the fitted curve as .npz.")] = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """Values of parameters with which the response is nearest to measured sweeps; the model's are the start.
+
+    A row of the file without an amplitude is the frequency of a measured jump.
+    Exit codes: 0 done, 2 bad input, 3 stopped early (the best values until then are shown).
+    """
+    check_writable(output, (".npz",))
+    check_writable(plot, FIGURES)
+    machine = chosen_model(model, changes)
+    wanted = dict(_bounds(text) for text in free.split(",") if text.strip())
+    measured = hb.design.read_measurements(
+        data, dict(assignments("--column", column or [])), unit=unit, length=length, measure=measure,
+        element=element_of(element),
+    )  # fmt: skip
+    with bar("fit") as progress:
+        found = hb.design.fit(problem_of(machine, harmonics), measured, wanted, starts=starts, progress=progress)
+    start = machine.parameters | machine.entries
+    rows = [
+        [name, f"{start[name]:.6g}", f"{x:.6g}", _known(found.errors[name], ".2g")] for name, x in found.values.items()
+    ]
+    with outputs() as out:
+        out.branch(output, found.curve)
+        out.figure(plot, lambda drawing: drawing.fitted(found))
+        print_table(["", "start", "fitted", "+-"], rows, f"{len(measured)} points and {len(measured.jumps)} jumps")
+        pairs = [
+            [f"{a}, {b}", _known(found.correlation[i, j], "+.3f")]
+            for i, a in enumerate(found.names) for j, b in enumerate(found.names[:i])
+        ]  # fmt: skip
+        if pairs:
+            print_table(["", "correlation"], pairs)
+        if not math.isnan(found.mean_square):
+            print(f"root mean square of the residuals: {math.sqrt(found.mean_square):.3g} deviations")
+        for doubt in found.doubts:
+            print(f"warning: {doubt}")
+    end_of(found)
+
+
+def redesign(
+    model: Model,
+    over: Annotated[
+        str, typer.Option("--over", metavar="NAME,...", help="What may change: zeta,e_scale or zeta=0.04:0.1,e_scale.")
+    ],
+    peak: Annotated[
+        float | None, typer.Option("--peak", help="Limit of the highest peak; without it all jumps are removed.")
+    ] = None,
+    changes: Changes = None,
+    scatter: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=DEVIATION", help="Standard deviation of a parameter, kept in reserve; repeatable."),
+    ] = None,
+    sigmas: Annotated[float, typer.Option(min=0, help="How many standard deviations are kept in reserve.")] = 2.0,
+    draws: Annotated[
+        int | None, typer.Option(min=1, help="Instead of a reserve: reach the goal for so many draws of the scatter.")
+    ] = None,
+    share: Annotated[float, typer.Option(help="With --draws: the share of them that is to reach the goal.")] = 1.0,
+    margin: Annotated[
+        float | None, typer.Option(help="Keep jumps off by this share of a parameter: their cusp is so far away.")
+    ] = None,
+    margin_in: Annotated[str, typer.Option(metavar="NAME", help="The parameter of --margin.")] = "",
+    first: First = None,
+    last: Last = None,
+    harmonics: Harmonics = "16",
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the new curve as .npz.")] = None,
+    plot: Figure = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """The least relative change of a design that removes its jumps, or keeps the highest peak below a limit.
+
+    Exit codes: 0 the goal is reached, 1 no values within the bounds reach it, 2 bad input, 3 stopped early.
+    """
+    check_writable(output, (".npz",))
+    check_writable(plot, FIGURES)
+    problem, which = problem_of(chosen_model(model, changes), harmonics), element_of(element)
+    if peak is not None and margin is not None:
+        raise ValueError("--margin is the distance to a jump; give it or --peak")
+    goal = hb.design.no_jumps(margin or 0.0, margin_in) if peak is None else hb.design.peak_below(peak, measure, which)
+    parts = dict(_bounds(text) for text in over.split(",") if text.strip())
+    within = {name: bounds for name, bounds in parts.items() if bounds is not None}
+    spread = {name: number_of(f"--scatter {name}", text) for name, text in assignments("--scatter", scatter or [])}
+    span = span_of(problem.model, first, last)
+    if draws and not spread:
+        raise ValueError("--draws are of the scatter; give --scatter NAME=DEVIATION too")
+    drawn = (
+        hb.design.latin_hypercube(draws, **{name: ("normal", 0.0, s) for name, s in spread.items()}) if draws else None
+    )
+    with bar("redesign") as progress:
+        found = hb.design.redesign(
+            problem, goal, list(parts), within, scatter=None if draws else spread, sigmas=sigmas, tolerances=drawn,
+            share=share, span=span, progress=progress,
+        )  # fmt: skip
+    own = problem.model.parameters | problem.model.entries
+    rows = [[name, f"{own[name]:.6g}", f"{x:.6g}", f"{found.changes[name]:+.2%}"] for name, x in found.values.items()]
+    with outputs() as out:
+        out.branch(output, found.curve)
+        out.figure(plot, lambda drawing: drawing.response(found.curve, measure, which))
+        print_table(["", "old", "new", "change"], rows, f"root of the squares of the changes: {found.distance:.2%}")
+        if draws:
+            print(f"{found.share:.0%} of {draws} machines drawn from the scatter reach it")
+        missed = "" if math.isnan(found.short) else f" by {found.short:.2%}"
+        print("the goal is reached" if found.reached else f"the goal is missed{missed}: {found.message}")
+    if not found.status.complete:
+        end_of(found)
+    raise typer.Exit(0 if found.reached else MISSED)
+
+
+MISSED = 1
+
+
+def _bounds(text: str) -> tuple[str, tuple[float, float] | None]:
+    """Name and bounds of a part of --free or --over."""
+    name, equals, ends = (part.strip() for part in text.partition("="))
+    if not equals:
+        return name, None
+    low, colon, high = (part.strip() for part in ends.partition(":"))
+    if not (name and colon):
+        raise ValueError(f"{text}: need NAME or NAME=LOW:HIGH, such as zeta=0.01:0.2")
+    return name, (number_of(name, low), number_of(name, high))
+
+
+def _known(number: float, form: str) -> str:
+    return "-" if math.isnan(number) else f"{number:{form}}"
+
+
+def _chosen(branch: hb.Branch, text: str, measure: str, element: int | str) -> hb.Point | hb.Jump:
+    """The point or jump that is meant."""
+    jumps = branch.jumps()
+    if text.startswith("jump") and text[4:].isdecimal():
+        if not 1 <= int(text[4:]) <= len(jumps):
+            raise ValueError(f"POINT {text}: the curve has {len(jumps) or 'no'} jumps, numbered from jump1")
+        return jumps[int(text[4:]) - 1]
+    if text == "peak":
+        peaks = hb.analysis.peaks(branch, measure, element, share=0.99)
+        if not peaks:
+            raise ValueError(f"POINT peak: {measure} has no peak within the curve")
+        return max(peaks, key=lambda point: point.amplitude(measure, element))
+    return point_of(branch, text, "POINT")

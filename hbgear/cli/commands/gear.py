@@ -1,0 +1,417 @@
+"""Commands for machines in the engineer's words: ``hbgear gear``, ``hbgear speed``, ``hbgear answers``."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from math import degrees, floor, log10, pi
+from operator import methodcaller
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+import hbgear as hb
+from hbgear.analysis.engineering_quantities import problem_along
+from hbgear.analysis.summary import digits_of, text_at
+from hbgear.cli.commands.files import BRANCHES, FIGURES, artist, check_writable, outputs
+from hbgear.cli.support import (
+    Changes,
+    Element,
+    Figure,
+    File,
+    Harmonics,
+    OwnModel,
+    chosen_model,
+    exit_code,
+    harmonics_of,
+    loaded,
+    print_table,
+    problem_in,
+    traced,
+)
+from hbgear.common.process.threads import begun
+from hbgear.common.text.digits import rounded
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from hbgear.io.machines.machine_file import Machine
+
+_LOOKED_AT = 5  # motions of a curve of which the dynamic factor is computed to find the largest
+
+_GRADE = 6  # of accuracy, for K_v: the usual one of ground gears
+
+USUAL_DAMPING = 0.04
+"""Damping ratio of a mesh that is assumed where none is given: measured ones lie between 0.02 and 0.1."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command()(gear)
+    app.command()(speed)
+    app.command()(answers)
+
+
+def gear(
+    z: Annotated[str, typer.Option("--z", metavar="Z1,Z2", help="Teeth of pinion and wheel; -Z2 for a ring.")],
+    module: Annotated[str, typer.Option(help="Normal module, such as 3mm.")],
+    width: Annotated[str, typer.Option(help="Face width, such as 20mm.")],
+    torque: Annotated[str, typer.Option(help="On the pinion, such as 200Nm.")],
+    backlash: Annotated[str, typer.Option(help="Circumferential on the working pitch circle, such as 80um.")],
+    damping: Annotated[
+        str | None, typer.Option(help="Damping ratio of the mesh.", show_default=str(USUAL_DAMPING))
+    ] = None,
+    helix: Annotated[str, typer.Option(help="Helix angle of the pinion, positive right-handed.")] = "0 deg",
+    pressure: Annotated[str, typer.Option(help="Normal pressure angle.")] = "20 deg",
+    shift: Annotated[str, typer.Option(metavar="X1,X2", help="Profile shifts over the module.")] = "0,0",
+    relief: Annotated[str, typer.Option(help="Tip relief of both gears, such as 15um.")] = "0 um",
+    measure: Annotated[
+        str, typer.Option("--backlash-as", help="How backlash is given: circumferential, normal or action.")
+    ] = "circumferential",
+    harmonics: Harmonics = "24",
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the machine as .toml.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.", show_default="gear-Z1-Z2.png")
+    ] = None,
+) -> None:
+    """From a drawing to a jump: geometry, mesh stiffness, natural frequency, and at what speeds the pair jumps.
+
+    What was assumed is told with what the jumps become if it is otherwise. -o writes a file for hbgear trace and hbgear
+    speed, in which everything else can be said: other inertias, centre distance, crowning, bearings.
+    Exit codes: 0 the end was reached, 2 bad input, 3 stopped early.
+    """
+    teeth = _pair_of("--z", z, int, "25,40")
+    plot = plot or Path(f"gear-{teeth[0]}-{abs(teeth[1])}.png")
+    check_writable(output, (".toml",))
+    check_writable(plot, FIGURES)
+    machine = _machine(
+        teeth, module, width, torque, backlash, damping or str(USUAL_DAMPING), helix, pressure,
+        _pair_of("--shift", shift, float, "0.2,0"), relief, measure,
+    )  # fmt: skip
+    with artist() as by:
+        curve = _answered(machine, harmonics_of(harmonics), damping is None, output, plot, by)
+    raise typer.Exit(exit_code(curve))
+
+
+def speed(
+    file: Annotated[str, typer.Argument(metavar="FILE.toml", help="The machine, as hbgear gear -o writes it.")],
+    changes: Changes = None,
+    first: Annotated[
+        str | None, typer.Option("--from", help="Speed of the pinion to begin at, such as 15000r/min.")
+    ] = None,
+    last: Annotated[str | None, typer.Option("--to", help="Speed of the pinion to end at.")] = None,
+    harmonics: Harmonics = "24",
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the curve as .npz, .csv or .mat.")] = None,
+    plot: Figure = None,
+) -> None:
+    """At what speeds a machine jumps, with the dynamic factor before and after.
+
+    Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (what was traced is saved).
+    """
+    from hbgear.io.machines.machine_file import read_machine
+
+    check_writable(output, BRANCHES)
+    check_writable(plot, FIGURES)
+    model = chosen_model(file, changes)
+    if model.scales is None:
+        raise ValueError(
+            f"'{file}' does not know its speeds in r/min: give the file of a machine, as of hbgear gear -o"
+        )
+    span = [_Omega(option, text, model, usual) for option, text, usual in
+            zip(("--from", "--to"), (first, last), model.default_span, strict=True)]  # fmt: skip
+    curve = traced(hb.HarmonicBalance(model, harmonics_of(harmonics)), "Omega", (span[0], span[1]))
+    with outputs() as out:
+        out.branch(output, curve)
+        out.figure(plot, lambda drawing: drawing.response(curve))
+        print(f"{file}: {len(curve)} points; {curve.message}")
+        show_speeds(model, curve, None if changes else read_machine(Path(file)))
+    raise typer.Exit(exit_code(curve))
+
+
+def answers(
+    file: File,
+    answer: Annotated[
+        str,
+        typer.Argument(metavar="[ANSWER]", help="Which one to tell at jumps and to draw, such as 'force, largest'."),
+    ] = "dynamic factor",
+    own: OwnModel = None,
+    element: Element = "0",
+    dof: Annotated[
+        str | None, typer.Option(help="A coordinate whose acceleration is wanted, by number or name.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save all answers of all rows as .csv.")] = None,
+    plot: Figure = None,
+) -> None:
+    """Forces, dynamic factor, transmission error, reactions, acceleration along a saved curve, in units of the machine.
+
+    Exit codes: 0 done, 2 bad input.
+    """
+    check_writable(output, (".csv",))
+    check_writable(plot, FIGURES)
+    branch, which = loaded(file, "pp2", element)
+    at = int(dof) if dof is not None and dof.isdecimal() else dof
+    problem = problem_in(branch, own) if own else problem_along(branch)
+    branch = dataclasses.replace(branch, problem=problem)  # which its points are told, too
+    found = hb.analysis.machine_quantities(branch, which, at)
+    title = found.title(answer)
+    with outputs() as out:
+        out.write(output, found.save)
+        out.figure(plot, lambda drawing: drawing.response(branch, answer, which, dof=at))
+        print_table(["largest of stable motions", "", "at Omega", "at r/min"], list(_largest(branch, found)))
+        rows = []
+        for jump in branch.jumps():
+            ends = (float(hb.analysis.machine_quantities(end, which, at)[answer][0]) if end else np.nan
+                    for end in (jump.before, jump.after))  # fmt: skip
+            direction = "increasing" if jump.direction > 0 else "decreasing"
+            rows.append([jump.label, text_at(jump.before, branch.parameter), direction,
+                         *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends)])  # fmt: skip
+        if rows:
+            print_table(["", branch.parameter, "while", f"{title} before", "after"], rows, "jumps of a slow sweep")
+    raise typer.Exit(0)
+
+
+def _largest(branch: hb.Branch, found: hb.analysis.MachineQuantities) -> Iterator[list[str]]:
+    """Each answer: its largest value, and where."""
+    columns = found.columns
+    stable = columns.get("stable", np.ones(len(branch))).astype(bool)
+    if not stable.any():
+        stable[:] = True
+    rpm = columns.get("pinion [r/min]")
+    for name, values in columns.items():
+        if name in ("stable", "Omega [-]", "mesh [Hz]", "pinion [r/min]", f"{branch.parameter} [-]"):
+            continue
+        if not np.isfinite(values[stable]).any():
+            yield [name, "-, as the static force is zero" if name.startswith("dynamic factor") else "-", "-", "-"]
+            continue
+        i = int(np.nanargmax(np.where(stable, values, -np.inf)))
+        yield [name, rounded(float(values[i]), 4), rounded(float(columns["Omega [-]"][i]), 5),
+               "-" if rpm is None else f"{rpm[i]:.0f}"]  # fmt: skip
+
+
+def show_speeds(model: hb.mechanics.Model, curve: hb.Branch, machine: Machine | None = None) -> None:
+    """Print the jumps of a curve and of the others of its span in r/min, with dynamic factors, and K_v of a machine."""
+    if model.scales is None:
+        raise ValueError("the model does not know its speeds in r/min")
+    rows = []
+    for branch in (curve, *curve.others):
+        for jump in branch.jumps():
+            digits = digits_of(jump.before, 6)
+            factors = [_factor(model, at, min(digits, 3)) for at in (jump.before, jump.after)]
+            rpm = _plainly(float(model.scales.pinion_speed(jump.value)), digits)
+            hertz = _plainly(float(model.scales.mesh_frequency(jump.value)), digits)
+            direction = "increasing" if jump.direction > 0 else "decreasing"
+            row = [jump.label, rpm, hertz, text_at(jump.before, "Omega"), direction, *factors]
+            if machine is not None:
+                speed = float(model.scales.pinion_speed(jump.value))
+                row.append(f"{float(hb.gears.iso_dynamic_factor(machine.pair, machine.torque, speed, _GRADE)):.2f}")
+            rows.append(row)
+    if not rows:
+        print("no jumps")
+        return
+    headers = ["", "pinion r/min", "mesh Hz", "Omega", "while", "dynamic factor before", "after"]
+    title = "jumps of a slow sweep; dynamic factor = largest over static force of the mesh"
+    if machine is not None:
+        headers.append("K_v")
+        title += f"; K_v of ISO 6336-1, method B, grade {_GRADE}"
+    print_table(headers, rows, title)
+
+
+def _plainly(value: float, digits: int) -> str:
+    """A number of so many digits that hold, without an exponent."""
+    after = digits - 1 - floor(log10(abs(value)))
+    return f"{round(value, after):.{max(after, 0)}f}"
+
+
+# ---- what hbgear gear says
+
+
+def _answered(
+    machine: Machine, count: int | str, by_default: bool, output: Path | None, plot: Path, by: Executor | None
+) -> hb.Branch:
+    """The curve of a machine, once its files are written and all about it is printed."""
+    from hbgear.io.machines.machine_file import write_machine
+
+    cycle = machine.mesh
+    model = machine.model(cycle=cycle)
+    curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
+
+    def otherwise(assumed: tuple[str, Callable[[], hb.mechanics.Model]], stop: Event) -> list[str]:
+        name, other = assumed
+        return [name, *_found(other(), model, curve, count, stop)]
+
+    with begun(otherwise, list(_others(machine, by_default))) as rows, outputs() as out:
+        out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
+        out.figure(plot, methodcaller("drive", cycle, curve), by)
+        print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
+        print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
+        show_speeds(model, curve, machine)
+        ways = "jumps at r/min, while rising (+) or falling (-)"
+        headers = ["assumed, and if it is otherwise", "largest factor", ways]
+        print_table(headers, [["as computed", *_told(model, curve)], *(row.result() for row in rows)])
+    return curve
+
+
+def _machine(
+    teeth: tuple[int, int], module: str, width: str, torque: str, backlash: str, damping: str, helix: str,
+    pressure: str, shift: tuple[float, float], relief: str, measure: str,
+) -> Machine:  # fmt: skip
+    from hbgear.common.units import to_si
+    from hbgear.gears.pairs.pair_models import DAMPING
+    from hbgear.io.machines.machine_file import Machine
+
+    beta = to_si("--helix", "angle", helix, "rad")
+    ring = teeth[1] < 0
+    pinion, wheel = (
+        hb.gears.Gear(abs(number), module, width, pressure, angle, x, internal, tip_relief=relief)
+        for number, angle, x, internal in zip(teeth, (beta, beta if ring else -beta), shift, (False, ring), strict=True)
+    )
+    pair = hb.GearPair(pinion, wheel, backlash, measure)
+    zeta = DAMPING.read("--damping", _plain(damping))
+    return Machine(pair, to_si("--torque", "torque", torque, "N m"), zeta)
+
+
+def _plain(text: str) -> Any:
+    """A number where a text is one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _gears(pair: hb.GearPair) -> Iterator[list[str]]:
+    both = (pair.pinion, pair.wheel)
+    yield ["teeth", *(f"{g.teeth}{' (ring)' if g.internal else ''}" for g in both)]
+    yield ["normal module [mm], face width [mm]", *(f"{g.module * 1e3:g}, {g.face_width * 1e3:g}" for g in both)]
+    if pair.pinion.helix_angle:
+        yield ["helix [deg]", *(f"{degrees(abs(g.helix_angle)):g} {g.hand}" for g in both)]
+    yield ["profile shift [module]", *(f"{g.profile_shift:g}" for g in both)]
+    for name in ("reference", "base", "tip_diameter_used", "root"):
+        values = (getattr(g, name if "used" in name else f"{name}_diameter") for g in both)
+        yield [f"{name.partition('_')[0]} diameter [mm]", *(f"{value * 1e3:.4f}" for value in values)]
+    yield ["mass [kg] (solid)", *(f"{g.mass_used:.4g}" for g in both)]
+    yield ["inertia [kg m^2] (solid)", *(f"{g.inertia_used:.4g}" for g in both)]
+
+
+def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: hb.mechanics.Model) -> Iterator[list[str]]:
+    from hbgear.gears.mesh.iso_stiffness import iso_stiffness
+
+    pair, scales = machine.pair, model.scales
+    assert scales is not None
+    iso = iso_stiffness(pair)
+    yield ["centre distance", f"{pair.working_center_distance * 1e3:.4f} mm, "
+           f"working pressure angle {degrees(pair.working_pressure_angle):.4f} deg"]  # fmt: skip
+    overlap = f", overlap {pair.overlap_ratio:.4f}" if pair.overlap_ratio else ""
+    yield ["contact ratio", f"{pair.contact_ratio:.5f} transverse{overlap}"]
+    sizes = ", ".join(f"{pair.backlash_as(how) * 1e6:.1f} {how}" for how in ("circumferential", "normal"))
+    yield ["backlash [um]", f"{sizes}; half gap along the line of action {pair.half_backlash * 1e6:.1f}"]
+    yield ["force along the line of action", f"{pair.transverse_force(machine.torque):.1f} N"]
+    k = cycle.stiffness
+    yield ["mesh stiffness", f"{k.mean:.4g} N/m mean ({k.mean / pair.face_width / 1e9:.2f} N/(mm um)), "
+           f"{k.value.min():.4g} to {k.value.max():.4g}"]  # fmt: skip
+    yield ["by ISO 6336-1, method B", f"{iso.mesh * pair.face_width:.4g} N/m "
+           f"(c' {iso.single / 1e9:.2f}, c_gamma {iso.mesh / 1e9:.2f} N/(mm um))"]  # fmt: skip
+    yield ["static transmission error", f"{cycle.peak_to_peak * 1e6:.2f} um peak to peak"]
+    yield ["natural frequency", f"{scales.frequency / (2 * pi):.1f} Hz of the mesh, "
+           f"{float(scales.pinion_speed(1.0)):.0f} r/min of the pinion"]  # fmt: skip
+
+
+def _found(
+    changed: hb.mechanics.Model, model: hb.mechanics.Model, curve: hb.Branch, count: Any, stop: Event
+) -> tuple[str, str]:
+    """`_told` of a changed model; its curve is that of the model where nothing but its units has changed."""
+
+    def ends(_: hb.Progress) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+
+    if changed.replace(reference=getattr(model, "reference", ())) != model:
+        problem = hb.HarmonicBalance(changed, count)
+        curve = hb.trace(problem, "Omega", changed.default_span, accuracy=None, progress=ends)
+    return _told(changed, curve)
+
+
+def _told(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str, str]:
+    """Largest dynamic factor, and jumps."""
+    return _worst(model, curve), _speeds(model, curve)
+
+
+def _others(machine: Machine, by_default: bool) -> Iterator[tuple[str, Callable[[], hb.mechanics.Model]]]:
+    """What is assumed, and the model if it is otherwise."""
+    zeta, pair = machine.damping, machine.pair
+
+    def made(**changes: Any) -> Callable[[], hb.mechanics.Model]:
+        return dataclasses.replace(machine, **changes).model
+
+    def paired(**changes: Any) -> Callable[[], hb.mechanics.Model]:
+        return made(pair=dataclasses.replace(pair, **changes))
+
+    why = "assumed" if by_default else "given"
+    for factor in (0.5, 1.5):
+        if zeta and zeta * factor <= 1:
+            yield f"damping {zeta:g} ({why}): {zeta * factor:g}", made(damping=zeta * factor)
+    yield "no pitch error: 5 um", paired(pitch_error=5e-6)
+    if not pair.pinion.tip_relief:
+        relieved = {name: dataclasses.replace(getattr(pair, name), tip_relief=10e-6) for name in ("pinion", "wheel")}
+        yield "no tip relief: 10 um", paired(**relieved)
+    lighter = {name: dataclasses.replace(getattr(pair, name), inertia=0.8 * getattr(pair, name).inertia_used)
+               for name in ("pinion", "wheel")}  # fmt: skip
+    yield "solid gears, nothing else turns: inertia 20 % less", paired(**lighter)
+    tangent = pair.mesh(machine.torque, linearized="tangent")
+    yield "mesh as the secant of its load: the tangent", made(cycle=tangent)
+
+
+def _factor(model: hb.mechanics.Model, point: hb.Point | None, digits: int) -> str:
+    """Dynamic factor at a point; "-" where there is no motion or no static force."""
+    if point is None:
+        return "-"
+    try:
+        return rounded(hb.analysis.dynamic_factor(model, point), digits)
+    except ValueError:
+        return "-"
+
+
+def _speeds(model: hb.mechanics.Model, curve: hb.Branch) -> str:
+    assert model.scales is not None
+    jumps = [jump for one in (curve, *curve.others) for jump in one.jumps()]
+    found = sorted((float(model.scales.pinion_speed(jump.value)), jump.direction) for jump in jumps)
+    return ", ".join(f"{rpm:.0f}{'+' if way > 0 else '-'}" for rpm, way in found) or "none"
+
+
+def _worst(model: hb.mechanics.Model, curve: hb.Branch) -> str:
+    """Largest dynamic factor of the stable motions, of those looked at that move most."""
+    points = []
+    for one in (curve, *curve.others):
+        if one.status == hb.Status.UNBOUNDED and (one.stable is None or one.stable[-1]):
+            return "no limit"
+        size = one.amplitude("max") * (one.stable if one.stable is not None else 1.0)
+        points += [one[int(i)] for i in np.argsort(size)[-_LOOKED_AT:]]
+    return rounded(max(hb.analysis.dynamic_factor(model, point) for point in points), 3)
+
+
+# ---- input
+
+
+def _pair_of(option: str, text: str, kind: type, example: str) -> tuple[Any, Any]:
+    """Two numbers with a comma between them."""
+    parts = [part.strip() for part in text.split(",")]
+    try:
+        first, second = (kind(part) for part in parts)
+    except ValueError:
+        raise ValueError(f"{option} {text}: need two numbers, such as {option} {example}") from None
+    return first, second
+
+
+def _Omega(option: str, text: str | None, model: hb.mechanics.Model, usual: float) -> float:
+    """A speed of the pinion as Omega."""
+    if text is None:
+        return usual
+    from hbgear.common.units import to_si
+
+    if _plain(text) != text:
+        raise ValueError(f"{option} {text}: need a speed with its unit, such as {option} 9000r/min")
+    rate = to_si(option, "speed", text, "rad/s")
+    assert model.scales is not None
+    return float(model.scales.from_pinion_speed(rate * 30 / pi))

@@ -1,0 +1,88 @@
+"""``hbgear campbell``: natural frequencies over speed, and critical speeds."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import hbgear as hb
+from hbgear.analysis.campbell_diagram import whirl_word
+from hbgear.cli.commands.files import FIGURES, check_writable, outputs
+from hbgear.cli.support import Changes, Figure, First, Last, Model, assignments, chosen_model, print_table, span_of
+from hbgear.harmonic.frequency_units import MESH
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command of this file."""
+    app.command()(campbell)
+
+
+def campbell(
+    model: Model,
+    changes: Changes = None,
+    first: First = None,
+    last: Last = None,
+    order: Annotated[
+        list[str] | None,
+        typer.Option("--order", metavar="NAME=ORDER", help="An order over Omega, such as shaft=0.04; repeatable.",
+                     show_default="the model's"),
+    ] = None,
+    points: Annotated[int, typer.Option(min=2, max=10_000, help="Speeds that are computed.")] = 101,
+    modes: Annotated[int | None, typer.Option(min=1, help="How many of the lowest modes; all by default.")] = None,
+    closed: Annotated[
+        list[str] | None, typer.Option("--closed", metavar="NAME", help="An element that is in contact; repeatable."),
+    ] = None,
+    opened: Annotated[
+        list[str] | None, typer.Option("--open", metavar="NAME", help="An element whose gap is open; repeatable."),
+    ] = None,
+    plot: Figure = None,
+) -> None:  # fmt: skip
+    """Natural frequencies over speed, and critical speeds, where orders of the excitation meet them.
+
+    Gaps are open or closed as in the static equilibrium under the mean loads; --closed and --open change that of single
+    elements. Of rotors with gyroscopic terms forward and backward whirl are distinguished.
+    """
+    check_writable(plot, FIGURES)
+    chosen = chosen_model(model, changes)
+    orders = {name: _number(name, text) for name, text in assignments("--order", order)} if order else None
+    a, b = sorted(span_of(chosen, first, last))
+    for name in {*(closed or ())} & {*(opened or ())}:
+        raise ValueError(f"--closed {name} and --open {name}: give one of them")
+    contacts = {name: True for name in closed or ()} | {name: False for name in opened or ()}
+    found = hb.analysis.campbell(chosen, (a, b), orders, points, modes, closed=contacts)
+    with outputs() as out:
+        out.figure(plot, lambda drawing: drawing.campbell(found))
+        print(f"elements in contact: {', '.join(found.closed) or 'none'}; open: {', '.join(found.opened) or 'none'}")
+        known = dict(found.scales)
+        whirls = bool(np.isfinite(found.whirl).any())
+        headers = [
+            "order",
+            "mode",
+            "Omega",
+            *known,
+            "natural frequency" + (" [Hz]" if MESH in known else ""),
+            "damping ratio",
+            *(["whirl"] if whirls else []),
+        ]
+        unit = known.get(MESH, 1.0)
+        rows = [
+            [one.order, str(one.mode), f"{one.Omega:.6g}", *(f"{one.Omega * known[name]:.6g}" for name in known),
+             f"{one.frequency * unit:.6g}", f"{one.damping:.4g}",
+             *([whirl_word(one.whirl)] if whirls else [])]
+            for one in found.critical
+        ]  # fmt: skip
+        if rows:
+            print_table(headers, rows, "critical speeds")
+        else:
+            print(f"no order meets a natural frequency from Omega = {a:g} to {b:g}")
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(
+            f"--order {name}={text}: '{text}' is no number; give the order over Omega, such as 0.04"
+        ) from None

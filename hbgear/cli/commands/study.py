@@ -1,0 +1,208 @@
+"""The command ``hbgear study``: many cases from a file."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hbgear.cli.commands.files import wrote
+from hbgear.cli.support import BAD_INPUT, STOPPED_EARLY, AllowCode, bar, print_table, say
+from hbgear.common.optional import needed
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from hbgear.design.cases.study import Cases
+
+
+_PATIENCE = 5  # seconds a scheduler has to answer
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command of this file."""
+    app.command()(study)
+
+
+def study(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="What to vary and what to compute.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder for cases, table and figures.", show_default="FILE")
+    ] = None,
+    processes: Annotated[
+        int | None, typer.Option(min=1, help="Processes at work.", show_default="one for each core")
+    ] = None,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask scheduler, such as tcp://127.0.0.1:8786.")
+    ] = None,
+    tls_ca_file: Annotated[
+        Path | None, typer.Option(help="With --dask tls://...: certificates of who signed those of the scheduler.")
+    ] = None,
+    tls_cert: Annotated[Path | None, typer.Option(help="With --dask tls://...: certificate of this study.")] = None,
+    tls_key: Annotated[
+        Path | None, typer.Option(help="With --dask tls://...: its key.", show_default="in the certificate")
+    ] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Compute cases that failed before once more.")] = False,
+    allow_code: AllowCode = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask, however many cases there are.")] = False,
+) -> None:
+    """Compute many cases: a grid or a random sample of parameters.
+
+    Every finished case is stored at once in the folder. Ctrl-C ends when the cases at work are done (Ctrl-C again: at
+    once) and keeps them all; the same command goes on where it stopped. The folder gets table.csv, table.npz and
+    figures (.png): envelope of the curves, distribution of the jumps, peaks and jumps against each parameter. A case
+    that fails is a row with its reason. A model of your own in the file, FILE.py:NAME, needs --allow-code.
+    Exit codes: 0 every case is done, 2 bad input, 3 stopped early.
+    """
+    from hbgear.design.cases.study import MANY, Outcome, cases
+    from hbgear.design.cases.study_file import StudyFileError, read_study
+
+    try:
+        asked = read_study(file, allow_code)
+    except StudyFileError as error:
+        for problem in error.problems:
+            say("error", problem)
+        raise typer.Exit(BAD_INPUT) from None
+    count, work = asked.vary.size, asked.work
+    if count > MANY and not yes:
+        if not sys.stdin.isatty():
+            raise ValueError(f"{file} asks for {count:,} cases; give --yes if that is meant")
+        typer.confirm(f"{file} asks for {count:,} cases. Go on?", abort=True)
+    folder = output or file.with_suffix("")
+    with dask_executor(dask, tls_ca_file, tls_cert, tls_key) as executor, bar("designs") as progress:
+        found = cases(
+            asked.model, asked.vary, work.compute, critical=work.critical, harmonics=work.harmonics, span=work.span,
+            measure=work.measure, element=work.element, store=folder, executor=executor, processes=processes,
+            retry=retry, most=max(count, MANY), progress=progress,
+        )  # fmt: skip
+    print(f"{len(found)} of {found.total} cases, {len(found.failed)} of them failed; {found.message}")
+    if getattr(asked.vary, "method", "") == "saltelli":
+        _print_indices(found)
+    for case, reason in list(found.failed.items())[:5]:
+        print(f"case {case} failed: {reason}")
+    if found.outcome != Outcome.CANNOT_STORE:
+        try:
+            tables = [folder / "table.csv", folder / "table.npz"]
+            for path in tables:
+                found.export(path)
+            wrote(*tables, *draw_figures(found, folder))
+        except OSError as error:
+            say("error", f"tables and figures could not be written ({error}); the cases are kept: run it again")
+            raise typer.Exit(STOPPED_EARLY) from None
+    raise typer.Exit(0 if found.outcome == Outcome.FINISHED else STOPPED_EARLY)
+
+
+def _print_indices(found: Cases) -> None:
+    """Sobol indices of each number of the table."""
+    from hbgear.design.uncertainty.sobol import sobol_indices
+
+    for quantity in [name for name in found.table if name not in (*found.names, "case", "reason", "seconds")]:
+        try:
+            indices = sobol_indices(found, quantity)
+        except ValueError as error:
+            print(f"{quantity}: {error}")
+            continue
+        rows = [[name, *(f"{value:.3f} +- {error:.3f}" for value, error in (indices.first[name], indices.total[name]))]
+                for name in found.names]  # fmt: skip
+        print_table(["", "alone", "with all others"], rows, f"shares of the variance of {quantity} (Sobol indices)")
+
+
+def draw_figures(found: Cases, folder: Path) -> list[Path]:
+    """Write each figure of the study as .png; the files written."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    from hbgear import plot
+
+    paths = []
+    for name, drawing in plot.figures(found).items():
+        paths.append(folder / f"{name}.png")
+        plot.save(drawing, paths[-1])
+    plt.close("all")
+    return paths
+
+
+@contextmanager
+def dask_executor(
+    address: str | None, ca_file: Path | None = None, cert: Path | None = None, key: Path | None = None
+) -> Iterator[Executor | None]:
+    """The executor of a running scheduler; None without an address.
+
+    Parameters
+    ----------
+    address : such as tcp://127.0.0.1:8786, or tls://... with certificates.
+    ca_file, cert, key : .pem files; without them what Dask's own configuration says.
+
+    Raises
+    ------
+    ValueError
+        If Dask is not installed, no scheduler answers within a few seconds, or the certificates do not fit.
+    """
+    if address is None:
+        if ca_file or cert or key:
+            raise ValueError("certificates are for a Dask scheduler; give its address with --dask tls://HOST:PORT")
+        yield None
+        return
+    distributed = needed("distributed", "dask", "--dask")
+    security = _security(address, ca_file, cert, key)
+    for name in ("distributed", "distributed.client", "tornado.application"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # a lost scheduler is told in one line instead
+    try:
+        client: Any = distributed.Client(address, timeout=_PATIENCE, security=security)
+    except (OSError, ValueError) as error:
+        raise ValueError(
+            f"no Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' and give its address"
+        ) from None
+    with client:
+        if not client.scheduler_info()["workers"]:
+            raise ValueError(f"the scheduler at {address} has no workers; start some with 'dask worker {address}'")
+        ended = threading.Event()
+        threading.Thread(target=_watch, args=(client, ended), daemon=True).start()
+        try:
+            yield client.get_executor(pure=False)
+        finally:
+            ended.set()
+
+
+def _security(address: str, ca_file: Path | None, cert: Path | None, key: Path | None) -> Any:
+    """What Dask needs to know of the certificates; with none given, what its configuration says.
+
+    Raises
+    ------
+    ValueError
+        If the address and the certificates do not go together, or one cannot be read.
+    """
+    from distributed.security import Security
+
+    given = {"tls_ca_file": ca_file, "tls_client_cert": cert, "tls_client_key": key}
+    files = {name: str(path) for name, path in given.items() if path}
+    if files and not (ca_file and cert and address.startswith("tls://")):
+        raise ValueError("certificates need --tls-ca-file and --tls-cert, and an address --dask tls://HOST:PORT")
+    try:
+        security = Security(**files, **({"require_encryption": True} if files else {}))
+        context = security.get_connection_args("client").get("ssl_context")
+    except OSError as error:
+        raise ValueError(f"the certificates cannot be used ({error}); need .pem files that fit each other") from None
+    if address.startswith("tls://") and context is None:
+        raise ValueError(f"{address} needs certificates: give --tls-ca-file, --tls-cert and --tls-key")
+    return security
+
+
+def _watch(client: Any, ended: threading.Event) -> None:
+    """Say once when no worker is left; Dask itself waits for new ones in silence."""
+    while not ended.wait(_PATIENCE):
+        try:
+            workers = client.scheduler_info()["workers"]
+        except OSError:  # the study itself tells of a lost scheduler
+            return
+        if not workers:
+            say("warning", "no worker is left; the study waits for new ones, Ctrl-C ends it and keeps what is done")
+            return

@@ -1,0 +1,222 @@
+"""Commands that integrate in time: ``hbgear validate``, ``hbgear sweep`` and ``hbgear basins``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+import hbgear as hb
+from hbgear.cli.commands.files import FIGURES, check_writable, outputs
+from hbgear.cli.support import (
+    STOPPED_EARLY,
+    At,
+    Beside,
+    Changes,
+    Element,
+    Figure,
+    File,
+    First,
+    Landing,
+    Last,
+    Measure,
+    Model,
+    OwnModel,
+    Within,
+    bar,
+    chosen_model,
+    element_of,
+    known_landing,
+    number_of,
+    path_of,
+    print_table,
+    problem_in,
+)
+
+DISAGREES = 1
+
+
+Table = Annotated[Path | None, typer.Option("-o", "--output", help="Save all numbers as .csv.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command()(validate)
+    app.command()(sweep)
+    app.command()(basins)
+
+
+def validate(
+    file: File,
+    model: OwnModel = None,
+    points: Annotated[int, typer.Option(min=1, help="How many points, the most interesting first.")] = 12,
+    tolerance: Annotated[float, typer.Option(help="Largest relative difference that agrees.")] = 1e-4,
+    landing: Landing = "integrate",
+    beside: Beside = None,
+    output: Table = None,
+    plot: Figure = None,
+    element: Element = "0",
+) -> None:
+    """Hold a saved curve against time integration, point by point.
+
+    The table says how far the curve as traced is off. A point that is off by more than the tolerance is solved again
+    with up to 8 times the harmonics; if it agrees then, it counts as agreeing, and both differences are shown. Jumps
+    are integrated until they settle, unless --landing nearest takes them as they are.
+    Exit codes: 0 every point and jump agrees, 1 one does not, 2 bad input, 3 interrupted (what was checked is shown and
+    saved).
+    """
+    from hbgear.time.validation import validate as hold
+
+    check_writable(output, (".csv",))
+    check_writable(plot, FIGURES)
+    known_landing(landing)
+    branch, which = hb.load(file), element_of(element)
+    branch[0].amplitude("rms", which)
+    problem = None if model is None else problem_in(branch, model)
+    others = [hb.load(path) for path in beside or ()]
+    with bar("points") as progress:
+        report = hold(branch, points, tolerance, problem=problem, landing=landing, others=others, progress=progress)
+    headers, rows = report.table()
+    with outputs() as out:
+        out.write(output, report.export)
+        out.figure(plot if report.rows else None, lambda drawing: drawing.validation(report, branch, which))
+        print_table(headers, rows, "harmonic balance against time integration")
+        if report.jumps:
+            print_table(*report.jump_table(), "where jumps land by integration")
+        print(report.summary)
+    raise typer.Exit(STOPPED_EARLY if not report.complete else 0 if report.ok else DISAGREES)
+
+
+def sweep(
+    model: Model,
+    changes: Changes = None,
+    up: Annotated[bool, typer.Option("--up", help="With the parameter rising (also if neither is given).")] = False,
+    down: Annotated[bool, typer.Option("--down", help="With the parameter falling.")] = False,
+    first: First = None,
+    last: Last = None,
+    within: Within = None,
+    at: At = None,
+    count: Annotated[int, typer.Option(min=2, max=100_000, help="Values between, the ends included.")] = 131,
+    tolerance: Annotated[float, typer.Option(help="Distance a settled motion may still have to go.")] = 1e-7,
+    longest: Annotated[int, typer.Option(help="Periods after which a motion is not waited for, 20 or more.")] = 3000,
+    over: Annotated[Path | None, typer.Option(metavar="FILE", help="A saved curve to draw the dots on.")] = None,
+    output: Table = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.", show_default="FILE_sweep.png with --over")
+    ] = None,
+    bifurcation: Annotated[Path | None, typer.Option(help="Draw the Poincare points against the parameter.")] = None,
+    measure: Measure = "pp2",
+    element: Element = "0",
+) -> None:
+    """Slow sweep by time integration; where it jumps, and which motions are not those of one period.
+
+    Exit codes: 0 the end was reached, 2 bad input, 3 interrupted (what was found is shown and saved).
+    """
+    from hbgear.time.frequency_sweep import export
+    from hbgear.time.frequency_sweep import sweep as run
+    from hbgear.time.steady_state import SteadyStateSettings
+    from hbgear.time.validation import same_model
+
+    plot = plot or (over.with_name(f"{over.stem}_sweep.png") if over else None)
+    check_writable(output, (".csv",))
+    for path in (plot, bifurcation):
+        check_writable(path, FIGURES)
+    machine, which = chosen_model(model, changes), element_of(element)
+    parameter, span, held = path_of(machine, within, first, last, at)
+    grid = np.linspace(*span, count)
+    curve = hb.load(over) if over else None
+    if curve is not None:
+        same_model(curve.meta.get("model"), machine)
+        curve[0].amplitude(measure, which)
+    settling = SteadyStateSettings(tolerance, longest)
+    found: list[Any] = []
+    for direction in [name for name, wanted in (("up", up or not down), ("down", down)) if wanted]:
+        with bar(f"sweep {direction}") as progress:
+            found.append(
+                run(machine, grid, direction, parameter=parameter, at=held, settling=settling, progress=progress)
+            )
+        if not found[-1].status.complete:
+            break
+    found = [s for s in found if len(s)]
+    with outputs() as out:
+        if found:
+            out.write(output, lambda path: export(found, path))
+            out.figure(plot, lambda drawing: drawing.sweeps(found, curve, measure, which, model=machine))
+            out.figure(bifurcation, lambda drawing: drawing.bifurcation(found, which, model=machine))
+        for s in found:
+            _show(s, measure, which)
+    complete = bool(found) and all(s.status.complete for s in found)
+    raise typer.Exit(0 if complete else STOPPED_EARLY)
+
+
+def basins(
+    model: Model,
+    omega: Annotated[float, typer.Option(help="Excitation frequency.")],
+    changes: Changes = None,
+    d: Annotated[str, typer.Option(metavar="FROM:TO", help="Element coordinate of the starts.")] = "-2:2",
+    v: Annotated[str, typer.Option(metavar="FROM:TO", help="Its rate.")] = "-2:2",
+    shape: Annotated[tuple[int, int], typer.Option(help="Numbers of starts along the two.")] = (60, 60),
+    element: Annotated[
+        str | None, typer.Option(help="Whose coordinate it is, by number or name; for one of several.")
+    ] = None,
+    tolerance: Annotated[float, typer.Option(help="Distance a settled motion may still have to go.")] = 1e-6,
+    longest: Annotated[int, typer.Option(min=1, help="Periods after which a motion is not waited for.")] = 3000,
+    output: Table = None,
+    plot: Figure = None,
+) -> None:
+    """Which motion each start ends in: basins of attraction over the coordinate and rate of an element.
+
+    All else starts at rest. Exit codes: 0 all starts were followed, 2 bad input, 3 interrupted (what was found is shown
+    and saved).
+    """
+    from hbgear.time.steady_state import SteadyStateSettings
+
+    check_writable(output, (".csv",))
+    check_writable(plot, FIGURES)
+    machine = chosen_model(model, changes)
+    spans = _ends("--d", d), _ends("--v", v)
+    settling, which = (
+        SteadyStateSettings(tolerance, longest, min(16, longest)),
+        None if element is None else element_of(element),
+    )
+    with bar("basins") as progress:
+        found = hb.time.basins(
+            machine, omega, spans[0], spans[1], shape, element=which, settling=settling, progress=progress
+        )
+    with outputs() as out:
+        out.write(output, found.export)
+        out.figure(plot, lambda drawing: drawing.basins(found))
+        rows = [[str(a.period or "not periodic"), f"{a.rms:.5g}", f"{a.share:.2%}"] for a in found.attractors]
+        print_table(["period", "rms", "share of the starts"], rows, f"motions at Omega = {omega:g}")
+        print(found.message)
+    raise typer.Exit(0 if found.status.complete else STOPPED_EARLY)
+
+
+def _ends(option: str, text: str) -> tuple[float, float]:
+    """A range given as FROM:TO."""
+    low, colon, high = text.partition(":")
+    if not colon:
+        raise ValueError(f"{option} {text}: need a range, such as {option} -2:2")
+    return number_of(option, low), number_of(option, high)
+
+
+def _show(s: Any, measure: str, element: int | str) -> None:
+    """What a sweep found: how it ended, its jumps, and the motions that are not of one period."""
+    print(f"sweep {'up' if s.direction > 0 else 'down'}: {len(s)} values; {s.message}")
+    size = s.amplitude(measure, element)
+    jumps = []
+    for jump in s.jumps:
+        ends = [float(size[np.argmin(np.abs(s.values - x))]) for x in jump.interval]
+        jumps.append([*(f"{x:.6g}" for x in jump.interval), *(f"{x:.5g}" for x in ends)])
+    if jumps:
+        print_table(["jump after", "before", f"{measure} before", f"{measure} after"], jumps, "jumps")
+    odd = []
+    for i in np.flatnonzero(s.period != 1):
+        way = f"{s.left[i]:.0e} to go" if np.isfinite(s.left[i]) else "not coming nearer"
+        slow = f", {way}" if s.lyapunov[i] < 0 else ""
+        lost = f"not periodic after {s.taken[i]} periods{slow}, Lyapunov exponent {s.lyapunov[i]:.3g}"
+        odd.append([f"{s.values[i]:.6g}", f"period {s.period[i]}" if s.period[i] else lost, f"{size[i]:.5g}"])
+    if odd:
+        print_table([s.parameter, "motion", measure], odd, "motions that do not have the period of the excitation")

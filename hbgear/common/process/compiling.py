@@ -1,0 +1,266 @@
+"""Kernels: functions in plain loops over numbers and arrays, compiled by Numba when they are first called.
+
+A kernel that Python calls is compiled with all kernels that it calls, as one unit: their results do not depend on
+which of them were compiled before. Products and sums are not fused and sums keep their order (IEEE 754), so that
+results do not depend on how the compiler arranges the code either, nor on whether it was compiled in this process.
+
+The machine code of every such unit is stored in one file with a checksum, in the cache folder of the user or in
+NUMBA_CACHE_DIR, and loaded by later processes. The folder is named by a hash of the sources of all kernels, the
+versions of Python, Numba and LLVM, and the processor. A damaged file is a cache miss; a folder that cannot be written
+is read. Numba reads and writes its own files in a temporary folder of the process.
+
+Without Numba the same functions run as they are written, some hundred times slower. A module of kernels imports Numba
+when it calls the first of them, and is therefore imported inside of the functions that need it.
+
+References
+----------
+Lam, Pitrou & Seibert (2015), LLVM-HPC, https://doi.org/10.1145/2833157.2833162.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import logging
+import os
+import platform
+import re
+import shutil
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from functools import cache, cached_property
+from pathlib import Path
+from types import FunctionType
+from typing import Any, TypeVar, cast
+
+from hbgear.common.process.checksums import DamagedFile, read_parts, write_parts
+from hbgear.common.process.signals import defer_signals
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_LOG = logging.getLogger("hbgear")
+_COMPILING = threading.RLock()
+_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+
+def kernel(function: Function) -> Function:
+    """Compile a function: no bounds are checked, division by zero gives inf or nan, and threads may run it at once."""
+    return cast(Function, Kernel(function, inline=False))
+
+
+def inlined(function: Function) -> Function:
+    """A kernel that becomes a part of the source of the kernel that calls it.
+
+    Every kernel is compiled once for itself and once more in each that calls it, with all that it calls. A large
+    kernel that is called at one or two places takes less time to compile in this way.
+    """
+    return cast(Function, Kernel(function, inline=True))
+
+
+class Kernel:
+    """A function and what Numba makes of it: an entry that Python calls, and a part of other kernels."""
+
+    def __init__(self, function: Callable[..., Any], inline: bool) -> None:
+        functools.update_wrapper(self, function)
+        self.function = cast(FunctionType, function)
+        self._inline, self._known = inline, set[tuple[type, ...]]()
+        self._call: Callable[..., Any] = function
+
+    def __call__(self, *args: Any) -> Any:
+        """Call the entry; compile or load it before, if there is none for arguments of these classes."""
+        if tuple(map(type, args)) not in self._known:
+            self._prepare(args)
+        return self._call(*args)
+
+    @property
+    def signatures(self) -> list[Any]:
+        """Types of arguments for which there is an entry in this process."""
+        return list(getattr(self._call, "signatures", []))
+
+    @cached_property
+    def part(self) -> Any:
+        """What other kernels call; without code for calls from Python."""
+        options = _OPTIONS | ({"inline": "always"} if self._inline else {})
+        return _numba().njit(no_cpython_wrapper=True, **options)(self._linked(self.function.__code__))
+
+    def _linked(self, code: Any) -> FunctionType:
+        """The function with parts in the place of the kernels that it calls."""
+        known = self.function.__globals__
+        parts = {name: known[name].part for name in code.co_names if isinstance(known.get(name), Kernel)}
+        linked = FunctionType(code, known | parts, self.function.__name__, self.function.__defaults__)
+        linked.__module__, linked.__qualname__ = self.function.__module__, self.function.__qualname__
+        return linked
+
+    def _prepare(self, args: tuple[Any, ...]) -> None:
+        """Compile or load the entry for arguments of some types; Ctrl-C and SIGTERM wait until it is done."""
+        with _COMPILING, defer_signals():
+            numba = _numba()
+            if numba is not None:
+                if self._call is self.function:
+                    self._call = self._entry()
+                self._compile(tuple(numba.typeof(argument) for argument in args))
+            self._known.add(tuple(map(type, args)))
+
+    def _entry(self) -> Any:
+        """What Numba makes of the function for calls from Python; it caches in a temporary folder if there is one."""
+        source = Path(self.function.__code__.co_filename)
+        code, options = self.function.__code__, _OPTIONS
+        try:
+            copy = Path(tempfile.mkdtemp(dir=_folder())) / source.name
+            shutil.copyfile(source, copy)
+            os.utime(copy, (0.0, 0.0))  # the same in every process: Numba compares it
+            code, options = code.replace(co_filename=str(copy)), _OPTIONS | {"cache": True}
+        except OSError as error:
+            _warn_once(_NOT_KEPT, f"no temporary folder: {error}")
+        return _numba().njit(**options)(self._linked(code))
+
+    def _compile(self, signature: tuple[Any, ...]) -> None:
+        """Load the code of the entry if it is stored, else compile and store it."""
+        entry: Any = self._call
+        folder = entry.stats.cache_path
+        if folder is None:
+            entry.compile(signature)
+            return
+        place, kept = Path(folder), _store() / f"{self.function.__module__}.{self.function.__name__}"
+        try:
+            _put(place, _read(kept))
+            misses = sum(entry.stats.cache_misses.values())
+            entry.compile(signature)
+            if sum(entry.stats.cache_misses.values()) > misses:
+                _write(kept, {path.name: path.read_bytes() for path in place.iterdir()})
+        except OSError as error:  # from the temporary folder
+            _warn_once(_NOT_KEPT, error)
+            shutil.rmtree(place, ignore_errors=True)  # what was copied in part
+            with contextlib.suppress(OSError):  # Numba has the code by then, if it cannot write it
+                entry.compile(signature)
+        finally:
+            shutil.rmtree(place, ignore_errors=True)
+
+
+def _put(folder: Path, parts: dict[str, bytes]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in parts.items():
+        (folder / name).write_bytes(content)
+
+
+def _read(path: Path) -> dict[str, bytes]:
+    """Stored code; nothing if there is none, or none that can be used."""
+    try:
+        parts = read_parts(path)
+    except (DamagedFile, OSError) as error:
+        _warn_once("hbgear compiles a part of its core again, for stored code cannot be used: %s", error)
+        return {}
+    if not parts and _writable() is None and not any(_store().iterdir()):
+        _warn_once("hbgear compiles its core for this processor: once, for some seconds")
+    return parts
+
+
+def _write(path: Path, parts: dict[str, bytes]) -> None:
+    """Store code, if that is possible."""
+    error = _writable()
+    try:
+        if error is None:
+            write_parts(path, parts)
+    except OSError as found:
+        error = found
+    if error is not None:
+        _warn_once(_NOT_KEPT, error)
+
+
+_NOT_KEPT = (
+    "hbgear compiles its core in every process, for the code cannot be stored (%s): set the environment variable "
+    "NUMBA_CACHE_DIR to a folder that can be written"
+)
+
+
+_SAID: set[str] = set()
+
+
+def _warn_once(message: str, *details: object) -> None:
+    """Warn; of further files with the same fault nothing is said."""
+    if message not in _SAID:
+        _SAID.add(message)
+        _LOG.warning(message, *details)
+
+
+@cache
+def _numba() -> Any:
+    try:
+        with (
+            defer_signals()
+        ):  # an extension module of Numba makes an ImportError of Ctrl-C: hbgear would go on without it
+            import numba
+    except ImportError as error:
+        _LOG.warning("Numba cannot be imported (%s): hbgear works without it, a hundred times slower", error)
+        return None
+    return None if getattr(numba.config, "DISABLE_JIT", False) else numba
+
+
+@cache
+def _folder() -> str:
+    """A temporary folder for files of Numba, removed when the process ends."""
+    return _temporary().name
+
+
+@cache
+def _temporary() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="hbgear-kernels-", ignore_cleanup_errors=True)
+
+
+@cache
+def _store() -> Path:
+    """The folder of stored code for the sources as they are now; it may not exist."""
+    import platformdirs
+
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    parent = Path(given) if given else Path(platformdirs.user_cache_dir("hbgear"))
+    return parent / f"kernels-{_state()}"
+
+
+def nothing_stored() -> bool:
+    """Whether compiled code can be stored, and there is none yet for the sources as they are now."""
+    return _numba() is not None and not _store().is_dir() and _writable() is None
+
+
+@cache
+def _writable() -> OSError | None:
+    """Why nothing can be written to the store, None if that is possible; the folder is made if there is none."""
+    folder = _store()
+    try:
+        if not folder.is_dir():
+            folder.mkdir(parents=True, exist_ok=True)
+            _clear(folder.parent)
+        if not os.access(folder, os.W_OK):
+            raise PermissionError(f"no permission to write in {folder}")
+    except OSError as error:
+        return error
+    return None
+
+
+_STALE = 30 * 24 * 3600.0  # seconds after which the code of other states of the sources is removed
+
+
+def _clear(parent: Path) -> None:
+    """Remove code of other states of the sources to which no process has added any for long."""
+    for other in parent.glob("kernels-*"):
+        with contextlib.suppress(OSError):
+            if time.time() - other.stat().st_mtime > _STALE:
+                shutil.rmtree(other, ignore_errors=True)
+
+
+def _state() -> str:
+    """A hash of all that compiled code depends on: sources, the compiler and the processor, not where they are."""
+    import llvmlite.binding
+
+    root = Path(__file__).parents[2]
+    texts = {path.relative_to(root).as_posix(): path.read_text(encoding="utf-8") for path in root.rglob("*.py")}
+    own = [name for name, text in texts.items() if re.search(r"^@(kernel|inlined)$", text, re.M)]
+    modules = {module for name in own for module in re.findall(r"^from hbgear\.([\w.]+) import", texts[name], re.M)}
+    used = {*own, *(f"{module.replace('.', '/')}.py" for module in modules)}
+    sources = [f"{name} {texts[name]}" for name in sorted(used & texts.keys())]
+    compiler = [platform.python_version(), _numba().__version__, llvmlite.__version__, platform.machine()]
+    processor = [llvmlite.binding.get_host_cpu_name(), llvmlite.binding.get_host_cpu_features().flatten()]
+    return hashlib.sha256("\n".join([*compiler, *processor, *sources]).encode()).hexdigest()[:16]

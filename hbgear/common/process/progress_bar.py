@@ -1,0 +1,74 @@
+"""A bar that shows how far a computation is, in notebooks and in terminals."""
+
+from __future__ import annotations
+
+import html
+import math
+import sys
+import time
+from typing import Any
+
+from hbgear.common.process.progress import Progress
+
+_PAUSE = 0.1  # seconds between two looks at the bar
+
+
+class ProgressBar:
+    """A bar for ``progress=`` of every function that takes long: drawn in a notebook, a line in a terminal.
+
+    Parameters
+    ----------
+    text : what it is that goes on.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.5, 1.6), progress=hb.ProgressBar("Duffing"))
+    >>> curve.message
+    'Omega = 1.6 reached'
+    """
+
+    def __init__(self, text: str = "") -> None:
+        if not isinstance(text, str):
+            raise ValueError(f"ProgressBar: text must be a text, got a {type(text).__name__}")
+        self.text = text
+        self._last = -math.inf
+        self._shown: Any = None
+        self._now = Progress(0.0)
+
+    def __call__(self, now: Progress) -> None:
+        """Show how far it is; not more often than eyes can follow."""
+        self._now = now
+        at = time.monotonic()
+        if now.done != 1.0 and at - self._last < _PAUSE:
+            return
+        self._last = at
+        display = _display()
+        if display is None:
+            if sys.stderr.isatty():
+                end = "\n" if now.done == 1.0 else ""
+                print(f"\r\033[K{self.text}  {now}".rstrip(), end=end, file=sys.stderr, flush=True)
+        elif self._shown is None:
+            self._shown = display({"text/html": self._drawn(now), "text/plain": str(now)}, raw=True, display_id=True)
+        else:
+            self._shown.update({"text/html": self._drawn(now), "text/plain": str(now)}, raw=True)
+
+    def _repr_html_(self) -> str:
+        """For notebooks: how far it has come."""
+        return self._drawn(self._now)
+
+    def _drawn(self, now: Progress) -> str:
+        value = "" if math.isnan(now.done) else f' value="{now.done:.4f}"'
+        return f"{html.escape(self.text)} <progress{value}></progress> {html.escape(now.text)}"
+
+
+def _display() -> Any:
+    """What shows things in a notebook; None outside of one."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    if shell is None or not hasattr(shell, "kernel"):
+        return None
+    from IPython.display import display
+
+    return display

@@ -1,0 +1,1 @@
+"""Text: messages, numbers in words, symbols, decoding of files."""

@@ -1,0 +1,1 @@
+"""Minimally augmented equations of special points."""

@@ -1,0 +1,145 @@
+"""Branch points as a problem of their own: where two curves of solutions cross.
+
+    (1 - b b^T) R(X, p) + b k g_1(X, p) = 0,   k g_2(X, p) = 0           unknowns U = (X, p)
+
+A = [dR/dX, dR/dp], n by n + 1, loses a rank there. Its bordered matrix does not,
+
+    [A    b] [V  ]   [0]            [A^T  C] [w]   [0]
+    [C^T  0] [g^T] = [1]            [b^T  0] [g] = [1]
+
+with one column b and two rows C^T: g = (g_1, g_2) is zero where A has a null space of two dimensions, spanned by V, the
+tangents of both curves in it, and dg_j = -w^T dA V_j. These are two equations more for one unknown more: for R, whose
+rows depend on each other there, is one too many. What is left out of it, b^T R, is the imperfection that would break
+the crossing up. A symmetry of the system keeps it zero; solutions of which it is not are no branch points.
+
+References
+----------
+Moore (1980), Numer. Funct. Anal. Optim. 2(6), https://doi.org/10.1080/01630568008816070, for the unfolding parameter.
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy  # its parts are imported when they are first used
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
+from hbgear.continuation.numerics.linear import Factors, as_dense, dense, norm
+from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.problem.evaluation import Evaluation
+from hbgear.continuation.problem.finite_differences import parameter_derivatives
+
+
+@dataclass(frozen=True)
+class BranchPointResidual(Borders):
+    """The base of a branch point: its borders b (n,) and c (n + 1, 2), and the scale (n + 1,) of (X, p)."""
+
+    scale: Array | None = None
+
+
+class BranchPointProblem(MinimallyAugmentedProblem):
+    """Branch points (BP) of a curve: two curves cross where [dR/dX, dR/dp] loses a rank; see the module.
+
+    Parameters
+    ----------
+    problem, parameter : as for `MinimallyAugmentedProblem`.
+
+    Raises
+    ------
+    ValueError
+        If the matrices are sparse, or more than two curves cross.
+
+    Examples
+    --------
+    Where the motion of a hard spring stops being symmetric, followed in its damping:
+
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(k3=1.0, F=20.0), 9)
+    >>> curve = hb.trace(problem, "Omega", (1.0, 1.4), stability=False)
+    >>> few = hb.StepControl(max_points=4)
+    >>> held = hb.trace(hb.continuation.BranchPointProblem(problem, "Omega"), "zeta", (0.05, 0.06),
+    ...     start=curve["BP1"], steps=few)
+    >>> bool(abs(held.tracked["Omega"][0] - curve.values[curve["BP1"].index]) < 1e-9)
+    True
+    """
+
+    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
+        now = linearise(self.problem, X, self.parameter, here)
+        if not dense(now.dR_dX):
+            raise ValueError("branch points are solved for with dense matrices only; reduce the problem")
+        scale = np.full(len(X) + 1, self.problem.solution_norm(X) or 1.0)
+        scale[-1] = self.problem.unit_of(self.parameter, here[self.parameter])
+        u, s, vt = scipy.linalg.svd(_matrix(now) * scale)
+        if len(s) > 1 and s[-2] <= _SIMPLE * s[0]:
+            raise ValueError("more than two curves cross here: it is no simple branch point")
+        return BranchPointResidual(
+            now.size / (float(s[0]) or 1.0), u[:, -1], vt[-2:].T, scale
+        )  # all zero exactly at a crossing
+
+    def renewed(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+        """Borders renewed at X, in the sense of the old ones."""
+        assert isinstance(base, BranchPointResidual)
+        w, V, _ = self._null(linearise(self.problem, X, self.parameter, here), base)
+        u, _, vt = scipy.linalg.svd(V, full_matrices=False)  # the orthonormal pair nearest to V
+        return BranchPointResidual(base.weight, w / norm(w), u @ vt, base.scale)
+
+    def _null(self, now: Evaluation, base: Borders) -> tuple[Array, Array, Array]:
+        """w (n,), V (n + 1, 2), scaled, and g (2,); see the module."""
+        assert isinstance(base, BranchPointResidual) and base.b is not None and base.c is not None
+        n = len(base.b)
+        B = np.zeros((n + 2, n + 2))
+        B[:n, : n + 1], B[:n, -1], B[n:, : n + 1] = _matrix(now) * base.scale, base.b, base.c.T
+        factors, unit = Factors(B), np.eye(n + 2)
+        right, left = factors.solve(unit[:, n:]), factors.solve(unit[-1], transposed=True)
+        return left[:n], right[: n + 1], right[-1]
+
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+        """See `Augmented.extra`."""
+        assert isinstance(base, BranchPointResidual) and base.b is not None and base.scale is not None
+        now = linearise(self.problem, X, self.parameter, here)
+        w, V, g = self._null(now, base)
+        V, k, b = V * base.scale[:, None], base.weight, base.b
+
+        def moved(name: str) -> tuple[Array, Array]:
+            """Derivatives of R and g in a parameter."""
+            dR, dA = parameter_derivatives(self.problem, name, here, lambda at: self._both(X, at))
+            return dR, -k * (w @ dA @ V)
+
+        g, g_X, g_p = k * g, k * self._slopes(X, here, w, V), moved(self.parameter)[1]
+        first = Evaluation(
+            _instead(b, now.R, g[0]), _instead(b, as_dense(now.dR_dX), g_X[0]), _instead(b, now.dR_dp, g_p[0]), now.size
+        )
+        others = tuple((_instead(b, dR, dg[0]), float(dg[1])) for dR, dg in map(moved, names))
+        return AugmentedResidual(first, float(g[1]), g_X[1], float(g_p[1]), others)
+
+    def _slopes(self, X: Array, here: dict[str, float], w: Array, V: Array) -> Array:
+        """Gradients (2, n) of g in X: -w^T (R_XX v + R_Xp r) for each (v, r) of V."""
+        out = []
+        for *v, rate in V.T:
+            moves = any(v)  # else all that changes along it is the parameter
+            along, across = self.problem.curvature(X, np.array(v) if moves else np.ones(len(X)), self.parameter, **here)
+            out.append(-rate * (w @ across) - (w @ along if moves else 0.0))
+        return np.array(out)
+
+    def _both(self, X: Array, at: dict[str, float]) -> tuple[Array, Array]:
+        now = linearise(self.problem, X, self.parameter, at)
+        return now.R, _matrix(now)
+
+
+_SIMPLE = 1e-7  # second singular value, relative to the largest, below which the null space has three dimensions
+
+
+def _instead(b: Array, of: Array, value: Array) -> Array:
+    """(1 - b b^T) of, and the value in the place of b^T of."""
+    out: Array = of + np.multiply.outer(b, value - b @ of)
+    return out
+
+
+def _matrix(now: Evaluation) -> Array:
+    """[dR/dX, dR/dp] (n, n + 1)."""
+    out: Array = np.column_stack([as_dense(now.dR_dX), now.dR_dp])
+    return out

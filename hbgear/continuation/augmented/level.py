@@ -1,0 +1,87 @@
+"""Equations R = 0, value = level of any scalar condition."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
+from hbgear.continuation.numerics.linear import norm
+from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.problem.evaluation import AnyProblem
+from hbgear.continuation.problem.finite_differences import STEP, parameter_derivatives
+from hbgear.continuation.results.branch import Point
+
+
+class ScalarConditionProblem(MinimallyAugmentedProblem):
+    """Points at which a function of the point is zero: g = test(point), its gradient by central differences.
+
+    Parameters
+    ----------
+    problem, parameter : as for `MinimallyAugmentedProblem`.
+    test : a smooth function of a `Point`, whose unknowns and parameters it may use.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> limit = hb.Event("limit", lambda point: point.amplitude("H1") - 0.8)
+    >>> curve = hb.trace(problem, "Omega", (0.5, 1.0), events=[limit])
+    >>> level = limit.equations(problem, "Omega", curve["limit1"])
+    >>> held = hb.trace(level, "zeta", (0.05, 0.06), start=curve["limit1"])
+    >>> bool(abs(held.amplitude("H1") - 0.8).max() < 1e-9)
+    True
+    """
+
+    test: Callable[[Point], float]
+
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str, test: Callable[[Point], float]) -> None:
+        super().__init__(problem, parameter)
+        self._fixed(test=test)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return (self.test,)
+
+    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
+        return Borders(linearise(self.problem, X, "", here).size)
+
+    def value(self, X: Array, here: dict[str, float]) -> float:
+        """The function at X with all parameters.
+
+        Raises
+        ------
+        ValueError
+            If it is not finite.
+        """
+        point = Point(X, here, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"), self.problem.layout)
+        value = float(self.test(point))
+        if not math.isfinite(value):
+            raise ValueError(f"the function of the level is {value} at {point}; it must be finite")
+        return value
+
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+        """See `Augmented.extra`."""
+        now = linearise(self.problem, X, self.parameter, here)
+        h = STEP * max(1e-3, norm(X))
+        gradient = np.empty(len(X))
+        for i in range(len(X)):
+            e = np.zeros(len(X))
+            e[i] = h
+            gradient[i] = (self.value(X + e, here) - self.value(X - e, here)) / (2 * h)
+        k = base.weight
+        moved = tuple((linearise(self.problem, X, name, here).dR_dp, k * self._moved(X, here, name)) for name in names)
+        return AugmentedResidual(
+            now, k * self.value(X, here), k * gradient, k * self._moved(X, here, self.parameter), moved
+        )
+
+    def _moved(self, X: Array, here: dict[str, float], name: str) -> float:
+        """Derivative of the function in a parameter."""
+        (moved,) = parameter_derivatives(self.problem, name, here, lambda at: (self.value(X, at),))
+        return float(moved)

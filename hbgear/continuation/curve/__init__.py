@@ -1,0 +1,1 @@
+"""Points and segments of a curve, and the branch built from them."""

@@ -1,0 +1,1 @@
+"""Detection and location of special points, and their errors."""

@@ -1,0 +1,115 @@
+"""Event: branch points, where the bordered determinant changes sign without a fold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy  # its parts are imported when they are first used
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.augmented.branch_point import BranchPointProblem
+from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
+from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
+from hbgear.continuation.events.event import Event, LocatedEvent, locate_root, singular
+from hbgear.continuation.numerics.linear import as_dense, bordered, slogdet
+from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.problem.base import ContinuationProblem, linearise
+from hbgear.continuation.results.branch import Branch, SpecialPoint
+from hbgear.continuation.solvers.newton import NoConvergence
+
+
+class BranchPointEvent(Event):
+    """Two curves cross: the determinant of [J R_lambda; t^T] changes sign."""
+
+    kind, meaning, marker = "BP", "branch point: two curves cross", "P"
+
+    def __init__(self) -> None:
+        pass
+
+    def values(
+        self, rows: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+    ) -> Array:
+        return np.zeros((len(rows), 0))
+
+    def sign_changes(self, rows: Sequence[CurvePoint], values: Array) -> np.ndarray:
+        orientation = np.array([row.orientation for row in rows])
+        changed: Array = orientation[1:] != orientation[:-1]
+        return changed
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        if segment.a.orientation == segment.b.orientation:
+            return []
+        return [_crossed(segment, locate_root(segment, self, _determinant(segment)))]
+
+    def deviation(self, multipliers: ComplexArray) -> float:
+        """Distance of the nearest multiplier from +1."""
+        return float(np.abs(multipliers - 1).min(initial=math.inf))
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
+        return BranchPointProblem(problem, parameter)
+
+    def branch_direction(
+        self, branch: Branch, point: SpecialPoint, side: int
+    ) -> tuple[ContinuationProblem, BranchStart] | None:
+        """Across the traced curve, within the null space of [dR/dX, dR/dp]."""
+        there = as_traced(branch, point)
+        direction = side * _across(branch, there)
+        return as_problem(branch.problem), BranchStart(there.X, dict(there.parameters), direction, event=self)
+
+
+def as_traced(branch: Branch, point: SpecialPoint) -> SpecialPoint:
+    """The point as the branch has it, if it was solved for with more unknowns."""
+    if point.layout == branch.layout:
+        return point
+    return replace(point, X=branch.X[point.index], parameters=branch.parameters_at(point.index), layout=branch.layout)
+
+
+def _across(branch: Branch, point: SpecialPoint) -> Array:
+    """Direction in the null space of [dR/dX, dR/dp] at right angles to the traced curve, in scaled unknowns."""
+    problem = as_problem(branch.problem)
+    now = linearise(problem, point.X, branch.parameter, point.parameters)
+    scale = np.append(np.full(len(point.X), problem.solution_norm(point.X) or 1.0), np.ptp(branch.values) or 1.0)
+    null = scipy.linalg.svd(np.column_stack([as_dense(now.dR_dX), now.dR_dp]) * scale)[2][-2:]
+    i = point.index
+    before, after = max(i - 1, 0), min(i + 1, len(branch) - 1)
+    along = np.append(branch.X[after] - branch.X[before], branch.values[after] - branch.values[before]) / scale
+    inside = null @ along
+    inside = inside / np.linalg.norm(inside)
+    out: Array = scale * (np.array([-inside[1], inside[0]]) @ null)
+    return out
+
+
+def _crossed(segment: Segment, rough: LocatedEvent) -> LocatedEvent:
+    """A branch point to all digits by its equations, if what they are solved at solves those of the problem."""
+    u, here = rough.row.u, {**segment.parameters, segment.name: rough.row.value}
+    try:
+        U = BranchPointProblem(segment.problem, segment.name).located(u, here).X
+    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+        return rough
+    row = singular(segment, U, rough.row)
+    near = np.linalg.norm((U - u) / segment.scale) <= _NEARBY * segment.length
+    return replace(rough, row=row) if rough.located and near and row.residual <= segment.settings.tolerance else rough
+
+
+_NEARBY = 1e-3  # share of the arc by which a branch point may lie beside the root of the determinant
+
+
+def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:
+    """Signed bordered determinant, relative to its size at the first row."""
+
+    def logdet(row: CurvePoint) -> tuple[float, float]:
+        here = {**segment.parameters, segment.name: row.value}
+        now = linearise(segment.problem, row.X, segment.name, here)
+        return slogdet(bordered(now.dR_dX, now.dR_dp, row.tangent / segment.scale**2))
+
+    reference = logdet(segment.a)[1]
+
+    def value(row: CurvePoint) -> float:
+        sign, log = logdet(row)
+        return sign * float(np.exp(min(log - reference, 50.0)))
+
+    return value

@@ -1,0 +1,148 @@
+"""Kernels of small dense linear algebra: solutions by Gaussian elimination, and norms.
+
+    A = P L U,   X = U^-1 L^-1 P^T B,   the sign of det A from the pivots and their order
+
+Rows are exchanged for the largest pivot of each column. Four columns are eliminated before others are touched, which
+are then read and written once for all four. For matrices of up to some seventy rows this takes no longer than LAPACK;
+threads may run it at once, and its results hardly depend on the processor.
+
+References
+----------
+Golub & Van Loan, Matrix Computations (2013), sections 3.2 and 3.4.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.process.compiling import kernel
+
+_PIVOTS = 4  # columns eliminated at once; `_reduce` takes as many
+
+
+@kernel
+def solve_in_place(A: Any) -> int:
+    """Put A^-1 B in the place of B in [A B] (n, n + r), whose A is lost. The sign of det A, 0 if A is singular."""
+    n, sign = A.shape[0], 1
+    for first in range(0, n, _PIVOTS):
+        end = min(first + _PIVOTS, n)
+        sign *= _factorise(A, first, A[first:, first:end])
+        if sign == 0:
+            return 0
+        for i in range(first + 1, end):
+            for j in range(first, i):
+                _subtract(A[i, j], A[j, end:], A[i, end:])
+        if end < n:
+            _reduce(A, first, end, n, end)
+    if A.shape[1] - n <= 2:
+        _solve_few(A, n, A.shape[1] - 1)
+        return sign
+    for end in range(n, 0, -_PIVOTS):
+        first = max(0, end - _PIVOTS)
+        for i in range(end - 1, first - 1, -1):
+            row, pivot = A[i, n:], 1.0 / A[i, i]
+            for j in range(i + 1, end):
+                _subtract(A[i, j], A[j, n:], row)
+            for k in range(row.shape[0]):
+                row[k] *= pivot
+        if first > 0:
+            _reduce(A, first, np.int64(0), first, n)  # of a literal `_reduce` would be compiled once more
+    return sign
+
+
+@kernel
+def _solve_few(A: Any, first: int, last: int) -> None:
+    """U^-1 of two columns, or of one that is given twice, in their place: rows that short are not worth a loop each."""
+    n = A.shape[0]
+    for i in range(n - 1, -1, -1):
+        a = b = c = d = 0.0
+        for j in range(i + 1, n - 1, 2):
+            x, y = A[i, j], A[i, j + 1]
+            a, b = a + x * A[j, first], b + x * A[j, last]
+            c, d = c + y * A[j + 1, first], d + y * A[j + 1, last]
+        if (n - i) % 2 == 0:
+            a, b = a + A[i, n - 1] * A[n - 1, first], b + A[i, n - 1] * A[n - 1, last]
+        pivot = 1.0 / A[i, i]
+        A[i, first], A[i, last] = (A[i, first] - (a + c)) * pivot, (A[i, last] - (b + d)) * pivot
+
+
+@kernel
+def _factorise(A: Any, first: int, panel: Any) -> int:
+    """L and U in the place of some columns of the rows from the first one on, which are exchanged from there on."""
+    sign, (n, columns) = 1, panel.shape
+    for j in range(columns):
+        p, most = j, abs(panel[j, j])
+        for i in range(j + 1, n):
+            if abs(panel[i, j]) > most:
+                p, most = i, abs(panel[i, j])
+        if not most > 0.0:
+            return 0
+        if p != j:
+            sign = -sign
+            _exchange(A[first + p, first:], A[first + j, first:])
+        if panel[j, j] < 0.0:
+            sign = -sign
+        pivot = 1.0 / panel[j, j]
+        for i in range(j + 1, n):
+            if panel[i, j] != 0.0:
+                f = panel[i, j] * pivot
+                panel[i, j] = f
+                for k in range(j + 1, columns):
+                    panel[i, k] -= f * panel[j, k]
+    return sign
+
+
+@kernel
+def _exchange(x: Any, y: Any) -> None:
+    for k in range(x.shape[0]):
+        x[k], y[k] = y[k], x[k]
+
+
+@kernel
+def _subtract(f: float, x: Any, y: Any) -> None:
+    for k in range(x.shape[0]):
+        y[k] -= f * x[k]
+
+
+@kernel
+def _reduce(A: Any, j: int, first: Any, end: int, start: int) -> None:
+    """Subtract from the rows from first to end their multiples of four rows from j on, in the columns from start on.
+
+    The multiples stand in columns j to j + 3. Columns are slices, whose numbers are known not to be negative: only such
+    loops compute several at once.
+    """
+    p, q, r, s = A[j, start:], A[j + 1, start:], A[j + 2, start:], A[j + 3, start:]
+    for i in range(first, end - 1, 2):  # two rows at once, for which the four are read once
+        a, b, c, d, row = A[i, j], A[i, j + 1], A[i, j + 2], A[i, j + 3], A[i, start:]
+        e, f, g, h, below = A[i + 1, j], A[i + 1, j + 1], A[i + 1, j + 2], A[i + 1, j + 3], A[i + 1, start:]
+        if abs(a) + abs(b) + abs(c) + abs(d) + abs(e) + abs(f) + abs(g) + abs(h) != 0.0:  # elements hardly meet
+            for k in range(row.shape[0]):
+                x, y, z, w = p[k], q[k], r[k], s[k]
+                row[k] -= a * x + b * y + c * z + d * w
+                below[k] -= e * x + f * y + g * z + h * w
+    for i in range(end - (end - first) % 2, end):
+        a, b, c, d, row = A[i, j], A[i, j + 1], A[i, j + 2], A[i, j + 3], A[i, start:]
+        for k in range(row.shape[0]):
+            row[k] -= a * p[k] + b * q[k] + c * r[k] + d * s[k]
+
+
+@kernel
+def scaled_norm(x: Any) -> float:
+    """Euclidean norm of a vector."""
+    total = 0.0
+    for i in range(x.shape[0]):
+        total += x[i] * x[i]
+    return math.sqrt(total)
+
+
+@kernel
+def scaled_distance(x: Any, y: Any, scale: Any) -> float:
+    """Euclidean norm of (x - y) / scale."""
+    total = 0.0
+    for i in range(x.shape[0]):
+        part = (x[i] - y[i]) / scale[i]
+        total += part * part
+    return math.sqrt(total)

@@ -1,0 +1,186 @@
+"""Small linear algebra of dense and sparse matrices: norms, solutions, determinants, bordered matrices.
+
+    [A  a] [x]   [b]
+    [c^T 0] [s] = [t]
+
+A bordered matrix is regular where A has one null vector, if the borders are not orthogonal to the null vectors: the
+reason why a curve can be followed around its folds. Dense matrices are numpy arrays; sparse ones scipy.sparse, and
+factorised by SuperLU with the border inside.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeAlias
+
+import numpy as np
+import scipy  # its parts are imported when they are first used
+
+from hbgear.common.arrays import Array
+
+Matrix: TypeAlias = Any
+"""A numpy array or a scipy.sparse matrix."""
+
+
+def norm(x: Array) -> float:
+    """Euclidean norm of all entries, as `numpy.linalg.norm` gives it at several times the cost for short arrays."""
+    x = x.ravel().view(float)
+    return math.sqrt(x.dot(x))
+
+
+def norms(x: Array) -> Array:
+    """Euclidean norms (P,) of all entries of each x[p], (P, ...)."""
+    flat = x.reshape(len(x), math.prod(x.shape[1:]))
+    if flat.dtype == complex:
+        flat = flat.view(float)
+    lengths: Array = np.sqrt(np.einsum("ij,ij->i", flat, flat))
+    return lengths
+
+
+def dense(A: Matrix) -> bool:
+    """Whether a matrix, or a stack of them, is a numpy array."""
+    return isinstance(A, np.ndarray)
+
+
+def as_dense(A: Matrix) -> Array:
+    """A matrix as a numpy array."""
+    full: Array = A if dense(A) else A.toarray()
+    return full
+
+
+def solve_linear(A: Matrix, b: Array) -> Array:
+    """A^-1 b; a singular or non-finite matrix raises `numpy.linalg.LinAlgError`."""
+    if not dense(A):
+        return Factors(A).solve(b)
+    return _solved(A, b)[2]
+
+
+def _solved(A: Array, b: Array) -> tuple[Array, np.ndarray, Array]:
+    """Factors and exchanges of rows of a dense matrix, as LAPACK gives them, and A^-1 b."""
+    lu, exchanged, x, info = scipy.linalg.lapack.dgesv(A, b)  # the checks of scipy.linalg.solve cost more than it does
+    if info or not math.isfinite(x.sum()):
+        raise np.linalg.LinAlgError("singular matrix")
+    return lu, exchanged, x
+
+
+def solve_signed(A: Matrix, b: Array) -> tuple[Array, int]:
+    """A^-1 b for columns b (n, r), and the sign of det A, +1 or -1.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If A is singular.
+    """
+    if dense(A) and len(A) <= SMALL:
+        from hbgear.continuation.numerics.gauss_kernels import solve_in_place
+
+        both = np.ascontiguousarray(np.hstack([A, b]))
+        sign, x = solve_in_place(both), both[:, len(A) :].copy()
+        if not sign or not math.isfinite(x.sum()):
+            raise np.linalg.LinAlgError("singular matrix")
+        return x, sign
+    if not dense(A):
+        factors = Factors(A)
+        return factors.solve(b), -1 if factors.slogdet()[0] < 0 else 1
+    lu, exchanged, x = _solved(A, b)
+    odd = np.count_nonzero(exchanged != np.arange(len(A))) + np.count_nonzero(np.diag(lu) < 0)
+    return x, -1 if odd % 2 else 1
+
+
+SMALL = 100
+"""Rows up to which plain loops are as fast as LAPACK."""
+
+
+class Factors:
+    """A = P L U of a real or complex matrix, dense or sparse, to solve with A, its transpose and its adjoint.
+
+    Solutions with a dense matrix that is exactly singular, or not finite, are not finite.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a sparse matrix is exactly singular.
+    """
+
+    def __init__(self, A: Matrix) -> None:
+        self._lu: Any
+        self._exchanged: np.ndarray | None = None
+        if dense(A):  # the checks of scipy.linalg.lu_factor cost more than it does
+            factorise = scipy.linalg.lapack.zgetrf if np.iscomplexobj(A) else scipy.linalg.lapack.dgetrf
+            self._lu, self._exchanged, _ = factorise(A)
+            return
+        try:
+            self._lu = scipy.sparse.linalg.splu(scipy.sparse.csc_array(A))
+        except RuntimeError as error:
+            raise np.linalg.LinAlgError(str(error)) from None
+
+    def solve(self, b: Array, transposed: bool = False) -> Array:
+        """A^-1 b, or A^-T b."""
+        return self._solved(b, "T" if transposed else "N")
+
+    def adjoint_solve(self, b: Array) -> Array:
+        """A^-H b."""
+        return self._solved(b, "H")
+
+    def _solved(self, b: Array, way: str) -> Array:
+        x: Array
+        if self._exchanged is not None:
+            real = np.isrealobj(self._lu) and np.isrealobj(b)
+            solve = scipy.linalg.lapack.dgetrs if real else scipy.linalg.lapack.zgetrs
+            x = solve(self._lu, self._exchanged, b, trans="NTH".index(way))[0]
+            return x
+        x = self._lu.solve(b, way)
+        if not math.isfinite(abs(x.sum())):
+            raise np.linalg.LinAlgError("singular matrix")
+        return x
+
+    def slogdet(self) -> tuple[float, float]:
+        """Sign and logarithm of the magnitude of det A, of a sparse matrix."""
+        diagonal = self._lu.U.diagonal()
+        sign = _parity(self._lu.perm_r) * _parity(self._lu.perm_c) * np.prod(np.sign(diagonal))
+        with np.errstate(divide="ignore"):
+            return float(sign), float(np.log(np.abs(diagonal)).sum())
+
+
+def _parity(permutation: Array) -> int:
+    """+1 for an even permutation, -1 for an odd one."""
+    n = len(permutation)
+    graph = scipy.sparse.csr_array((np.ones(n), (np.arange(n), permutation)), shape=(n, n))
+    cycles = scipy.sparse.csgraph.connected_components(graph, directed=False)[0]
+    return -1 if (n - cycles) % 2 else 1
+
+
+def slogdet(A: Matrix) -> tuple[float, float]:
+    """Sign and logarithm of the magnitude of det A."""
+    if dense(A):
+        sign, log = np.linalg.slogdet(A)
+        return float(sign), float(log)
+    return Factors(A).slogdet()
+
+
+def is_singular(A: Matrix) -> bool:
+    """Whether a finite matrix is singular up to rounding, once its rows are of one size; sparse ones exactly."""
+    if not dense(A):
+        try:
+            Factors(A)
+        except np.linalg.LinAlgError:
+            return True
+        return False
+    if not np.isfinite(A).all():
+        return False
+    largest = np.abs(A).max(axis=1, keepdims=True)
+    return not largest.all() or bool(np.linalg.cond(A / largest) > _SINGULAR)
+
+
+_SINGULAR = 1e13  # condition of a matrix that is singular to rounding
+
+
+def bordered(A: Matrix, column: Array, row: Array, corner: float = 0.0) -> Matrix:
+    """[A column; row^T corner]; row (n,), or (n + 1,) with the corner as its last entry."""
+    n = len(column)
+    row, corner = (row[:n], row[n]) if len(row) > n else (row, corner)
+    if not dense(A):
+        return scipy.sparse.block_array([[A, column[:, None]], [row[None], np.array([[corner]])]], format="csc")
+    B = np.empty((n + 1, n + 1), dtype=np.result_type(A, float))
+    B[:n, :n], B[:n, n], B[n, :n], B[n, n] = A, column, row, corner
+    return B

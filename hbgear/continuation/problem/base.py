@@ -1,0 +1,306 @@
+"""Base class of continuation problems: every ability with its default.
+
+    R(X, p) = 0        X (n,) unknowns, p named parameters, one of which is the continuation parameter
+
+A *minimal problem* is any object with ``evaluate(X, **parameters) -> (R, dR_dX)``. `trace`, `follow` and `switch`
+accept it as it is: `as_problem` supplies the defaults of this class for everything that the object does not define.
+A problem that defines more gains more:
+
+| method or attribute | gives | default |
+|---|---|---|
+| ``linearise`` | R, dR/dX, dR/dp, size of the terms of R | dR/dp by a central difference, 1 + norm(X) |
+| ``curvature`` | second derivatives, for special points | central differences |
+| ``start`` | an initial guess | ``start=`` must be given |
+| ``parameters`` | parameters with their values | all values must be given |
+| ``check_parameter``, ``range_of``, ``missing``, ``check_trace`` | checks of names, values, spans | all are valid |
+| ``solution_norm`` | the size of X, which scales arclength | the norm of X |
+| ``smooth`` | whether dR/dX is continuous | True |
+| ``layout`` | names and amplitude measures of X | X is an array of numbers |
+| ``observe``, ``observe_many`` | multipliers, error estimate, monitored quantities | none |
+| ``events`` | further special points | folds and branch points only |
+| ``adapted``, ``resized``, ``from_point``, ``size`` | adaptation of the number of unknowns | constant number |
+| ``refined_problem``, ``comparisons``, ``at_resolution_of`` | higher resolutions, for error estimates | none |
+| ``decided`` | verified stability of solutions | stability as observed |
+| ``recession`` | the limit equations far from the origin | curves end by the number of points |
+| ``resolved`` | the problem with a sufficient number of samples for a first solution | the problem itself |
+| ``arbitrary`` | equations that choose one of a family of solutions | solutions are isolated |
+| ``restricted_to`` | a cheaper problem for a span of the parameter | the problem itself |
+| ``compiled_continuation``, ``compiled_locator``, ``is_expensive`` | compiled loops, costs | point after point |
+| ``unknown_parameters``, ``split``, ``join``, ``with_borders_at`` | parameters among the unknowns | none |
+| ``postprocess`` | additions to a finished branch | none |
+| ``describe`` | plain data for the header of a file | none |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import ANY, Range
+from hbgear.continuation.numerics.linear import Matrix, norm
+from hbgear.continuation.problem.evaluation import Evaluation, Locating, Pursuit
+from hbgear.continuation.problem.finite_differences import directional_step, parameter_derivatives
+from hbgear.continuation.problem.work import Work
+from hbgear.continuation.results.branch import Branch, Point
+from hbgear.continuation.results.layout import LayoutProtocol
+
+
+class ContinuationProblem:
+    """A problem R(X, p) = 0 with a default for every ability.
+
+    Derive from it, or let `as_problem` add the defaults to an object with ``evaluate``.
+    """
+
+    unknown_parameters: Sequence[str] = ()
+    """Parameters that are unknowns: the last entries of X in reverse order."""
+    smooth: bool = True
+    """Whether dR/dX is continuous, so that Newton's method locates special points."""
+    changes: bool = False
+    """Whether `remeshed` may return another problem."""
+    size: int | None = None
+    """Number of unknowns n."""
+    turning_kind: str = "LP"
+    """Label of a turning point of a curve: a fold, or a cusp on a curve of folds."""
+    usual_parameter: str = ""
+    """Default continuation parameter."""
+    singular_hint: str = "an unknown that no equation holds"
+    """Possible cause of a singular Jacobian at a start, for the error message."""
+    batch_size: int = 128
+    """Number of solutions per call of `observe_many`. Ctrl-C waits for one call."""
+
+    @property
+    def original(self) -> Any:
+        """The problem as its author wrote it."""
+        return self
+
+    @property
+    def is_nonsmooth(self) -> bool:
+        """Whether curves have corners. False for equations with parameters among the unknowns."""
+        return not self.smooth and not self.unknown_parameters
+
+    @property
+    def resolution(self) -> str:
+        """The resolution in words, such as ``"n = 21"``."""
+        return f"n = {self.size}"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values by name of all parameters that have a default."""
+        return {}
+
+    @property
+    def layout(self) -> LayoutProtocol | None:
+        """Names and measures of the unknowns; None if X is an array of numbers."""
+        return None
+
+    # ---- equations
+
+    def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Matrix]:
+        """Return R (n,) and dR/dX (n, n). By default they are taken from `linearise`."""
+        now = self.linearise(X, "", **parameters)
+        return now.R, now.dR_dX
+
+    def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        """Return R, dR/dX, dR/dname (zeros if name is empty) and the size of the terms of R.
+
+        By default dR/dname is a central difference and the size is 1 + norm(X).
+        """
+        R, J = self.evaluate(X, **parameters)
+        dR = np.zeros(len(X))
+        if name:
+            (dR,) = parameter_derivatives(self, name, parameters, lambda at: (np.asarray(self.evaluate(X, **at)[0]),))
+        return Evaluation(np.asarray(R), J, dR, 1.0 + float(np.linalg.norm(X)))
+
+    def moved(self, X: Array, name: str, parameters: Mapping[str, float]) -> Array:
+        """Return dR/dname (n,) alone, where it costs less than `linearise`."""
+        return self.linearise(X, name, **parameters).dR_dp
+
+    def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Matrix, Matrix]:
+        """Return the derivatives (n, n) of dR/dX along v (n,) and in the parameter; by default central differences."""
+        h = directional_step(X, v)
+        plus, minus = (self.evaluate(X + s * h * v, **parameters)[1] for s in (1, -1))
+        (across,) = parameter_derivatives(self, name, parameters, lambda at: (self.evaluate(X, **at)[1],))
+        return (plus - minus) / (2 * h), across
+
+    def compiled_continuation(self, name: str, parameters: Mapping[str, float]) -> Pursuit | None:
+        """Return a compiled continuation loop in a parameter, the others fixed; by default None."""
+        return None
+
+    def compiled_locator(self, name: str, parameters: Mapping[str, float], which: int) -> Locating | None:
+        """Return a compiled Newton iteration for points of a curve (a number, `FOLD` or `HELD`); by default None."""
+        return None
+
+    def is_expensive(self, name: str) -> bool:
+        """Whether a new value of this parameter costs much more than new unknowns. By default False."""
+        return False
+
+    def beside(self, parameters: Mapping[str, float], sets: int) -> ContinuationProblem:
+        """Return the problem prepared for ``sets`` parameter sets near these, for derivatives; by default itself."""
+        return self
+
+    def recession(self, X: Array, parameters: Mapping[str, float]) -> ContinuationProblem | None:
+        """Return the problem lim R(r X, p) / r for r -> inf if X is far out, else None. By default None."""
+        return None
+
+    # ---- initial guess and checks
+
+    def start(self, **parameters: float) -> Array:
+        """Return X (n,) that solves the equations or comes near; by default raise ValueError."""
+        raise ValueError("this problem finds no start of its own; give start=")
+
+    def check_parameter(self, name: str) -> None:
+        """Raise KeyError for a name that is not a parameter. By default any name is accepted."""
+
+    def range_of(self, name: str) -> Range:
+        """Return the admissible values of a parameter; by default any value."""
+        return ANY
+
+    def check_trace(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> None:
+        """Warn about a span that is valid but implausible, the other parameters fixed. By default no warning."""
+
+    def missing(self, known: Sequence[str]) -> Sequence[str]:
+        """Return the required parameters that are not among the known ones; by default none."""
+        return ()
+
+    def restricted_to(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> ContinuationProblem:
+        """Return the problem with which a curve over a span is traced, itself if none is cheaper (default)."""
+        return self
+
+    # ---- sizes
+
+    def unit_of(self, name: str, value: float) -> float:
+        """Return the size relative to which a parameter change is small.
+
+        It is the parameter value; near zero, a thousandth of the default value, or 1e-2 if that is zero or unknown.
+        """
+        usual = abs(self.parameters.get(name, 0.0))
+        return max(abs(value), 1e-3 * usual if usual else 1e-2)
+
+    def solution_norm(self, X: Array) -> float:
+        """Return the size of X, which scales arclength; by default its norm."""
+        return norm(X)
+
+    def solution_norms(self, X: Array) -> Array:
+        """Return `motion_size` (P,) of solutions X (P, n)."""
+        return np.array([self.solution_norm(x) for x in X])
+
+    # ---- monitored quantities
+
+    def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
+        """Return the quantities stored with X; by default none.
+
+        ``"multipliers"`` (r,) complex, stable within the unit circle, if requested; ``"regime"`` (m,) small integers;
+        ``"error"``, an estimate; and the quantities that events of the problem use.
+        """
+        return {}
+
+    def observe_many(
+        self, X: Array, name: str, values: Array, stability: bool, **parameters: float
+    ) -> list[dict[str, Any]]:
+        """Return `observe` of solutions X (k, n) at values (k,) of the parameter."""
+        return [
+            self.observe(x, stability, **{**parameters, name: float(value)}) for x, value in zip(X, values, strict=True)
+        ]
+
+    def decided(
+        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
+        work: Work | None = None,
+    ) -> None:  # fmt: skip
+        """Verify the stability of solutions X (k, n) at values (k,) of the parameter.
+
+        ``seen`` holds the results of `observe`, with two more entries: ``"determinant"`` is the sign of det(dR/dX), 0
+        if it is unknown, and ``"contradicts"`` says whether an adjacent special point contradicts the stability.
+        Uncertain ``"multipliers"`` are replaced by more accurate ones, and the error of the largest modulus is stored
+        in ``"modulus_error"``. Solutions that ``work`` leaves unrefined keep their error. By default multipliers stay
+        as observed.
+        """
+
+    def events(self, parameter: str) -> tuple[Any, ...]:
+        """Return the `Event` objects detected along a curve in addition to folds and branch points; by default none."""
+        return ()
+
+    # ---- resolution
+
+    def adapted(self, observed: Mapping[str, Any]) -> Any:
+        """Return the problem with the number of unknowns that a point requires; None to keep it (default)."""
+        return None
+
+    def resized(self, X: Array) -> Array:
+        """Return unknowns of any number, cut or padded to this problem's number; by default X itself."""
+        return X
+
+    def from_point(self, point: Point) -> Array:
+        """Return the unknowns of a point of a related problem in this problem's form; by default ``point.X``."""
+        return point.X
+
+    @property
+    def refined_problem(self) -> ContinuationProblem | None:
+        """The problem with about twice the unknowns; None if there is none (default)."""
+        return None
+
+    @property
+    def comparisons(self) -> Sequence[tuple[ContinuationProblem, float]]:
+        """Problems with other numbers of unknowns, each with its weight w.
+
+        w times the change of a result from this problem to that one estimates the error of the result; the largest of
+        these is the estimate. By default what the finer problem changes.
+        """
+        return () if self.refined_problem is None else ((self.refined_problem, 1.0),)
+
+    def at_resolution_of(self, point: Point) -> ContinuationProblem:
+        """Return the problem at the resolution of a point, or at a higher one; by default itself."""
+        return self
+
+    def resolved(self, X: Array, parameters: Mapping[str, float]) -> Any:
+        """Return the problem with the number of samples that a first solution X requires; by default itself."""
+        return self
+
+    def arbitrary(self, X: Array, parameters: Mapping[str, float]) -> tuple[Any, str] | None:
+        """Return equations that choose one of a family of solutions, and a message; None if X is isolated (default)."""
+        return None
+
+    # ---- parameters among the unknowns
+
+    def split(self, X: Array) -> tuple[Array, dict[str, float]]:
+        """Separate the unknowns from the parameters among them; by default there are none."""
+        return self.resized(X), {}
+
+    def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
+        """Append the parameters that are unknowns: the inverse of `split`."""
+        return X
+
+    def with_borders_at(self, X: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
+        """Return the problem with its equations stated relative to a nearby point; by default itself.
+
+        Equations that refer to a point already are kept unless ``renew`` is True.
+        """
+        return self
+
+    # ---- finished branches
+
+    def postprocess(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
+        """Return the branch with additions that concern the whole of it; by default the branch itself.
+
+        ``observed`` holds the monitored quantities of its points; it is empty for a branch that continues another one.
+        """
+        return branch
+
+    def describe(self) -> dict[str, Any]:
+        """Return plain data for the header of a file; by default none."""
+        return {}
+
+
+def linearise(problem: ContinuationProblem, X: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:
+    """Return R, dR/dX, dR/dname (zeros without a name) and the size of the terms of R."""
+    return problem.linearise(X, name, **parameters)
+
+
+def observe_all(
+    problem: ContinuationProblem, U: Array, name: str, parameters: Mapping[str, float], stability: bool
+) -> list[dict[str, Any]]:
+    """Return the monitored quantities of solutions U (k, n + 1)."""
+    rest = {key: value for key, value in parameters.items() if key != name}
+    return problem.observe_many(U[:, :-1], name, U[:, -1], stability, **rest)

@@ -1,0 +1,1 @@
+"""Results of a continuation: branches, points, status."""

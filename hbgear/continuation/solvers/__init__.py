@@ -1,0 +1,1 @@
+"""Newton's method: fixed parameters, on the arclength plane, homotopy, deflation."""

@@ -1,0 +1,96 @@
+"""Newton on a pseudo-arclength plane.
+
+    R(u) = 0,   normal^T (u - u_p) = 0        u = (X, value),   [dR_dX dR_dp; normal^T] du = -(R, normal^T (u - u_p))
+
+References
+----------
+Keller, in: Applications of Bifurcation Theory, ed. Rabinowitz (1977), 359-384.
+Allgower & Georg, Introduction to Numerical Continuation Methods (2003), https://doi.org/10.1137/1.9780898719154.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.numerics.linear import bordered, norm, solve_signed
+from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution
+
+
+class CorrectedPoint(NamedTuple):
+    """A solution, the direction t of the curve there, and the sign of det A.
+
+    A t = (0, ..., 0, 1) with A = [dR_dX dR_dp; normal^T].
+    """
+
+    solution: Solution
+    direction: Array
+    orientation: int
+
+
+def correct(
+    problem: Any, u: Array, normal: Array, name: str, parameters: Mapping[str, float],
+    settings: NewtonSettings = NewtonSettings(), sharp: float = 1.0,
+) -> CorrectedPoint:  # fmt: skip
+    """The solution in the plane normal^T (u' - u) = 0 of a predicted point u = (X, value).
+
+    Parameters
+    ----------
+    sharp : a point whose residual is above this part of the tolerance gets one Newton step more, for predictions are
+        often good enough to be accepted with few digits.
+
+    Raises
+    ------
+    NoConvergence
+        If Newton diverges, meets a singular bordered matrix or takes more than ``settings.max_iterations`` steps.
+    """
+    from hbgear.continuation.stepping.kernels import CONVERGED, DIVERGED, newton_status
+
+    full, predicted, residual = as_problem(problem), u, math.inf
+    last = first = math.inf
+    best: CorrectedPoint | None = None
+    for iteration in range(settings.max_iterations + 2):
+        now = linearise(full, u[:-1], name, {**parameters, name: float(u[-1])})
+        rhs = np.zeros((len(u), 2))
+        rhs[:-1, 0], rhs[-1, 0], rhs[-1, 1] = now.R, (u - predicted) @ normal, 1.0
+        try:
+            both, sign = solve_signed(bordered(now.dR_dX, now.dR_dp, normal), rhs)
+        except np.linalg.LinAlgError:
+            raise NoConvergence(
+                "the corrector met a singular matrix", u[:-1], {**parameters, name: float(u[-1])}, [residual]
+            ) from None
+        onward, residual = u - both[:, 0], norm(now.R) / now.size
+        step = norm(both[:, 0]) / max(norm(onward), 1e-300)
+        good, what = newton_status(
+            residual, step, last, first, best.solution.residual if best else math.inf, iteration,
+            settings.tolerance, settings.step_tolerance, settings.max_iterations, sharp,
+        )  # fmt: skip
+        if good:
+            best = CorrectedPoint(Solution(u[:-1], float(u[-1]), now, iteration, residual), both[:, 1], sign)
+        if what in (CONVERGED, DIVERGED):
+            break
+        u, first, last = onward, min(first, residual), step
+    if best is None:
+        message = f"the corrector stopped at a relative residual of {residual:.2e} after {iteration} steps"
+        raise NoConvergence(message, u[:-1], {**parameters, name: float(u[-1])}, [residual])
+    return best
+
+
+def corrected(solution: Solution, normal: Array) -> CorrectedPoint:
+    """A solution with its direction.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the bordered matrix is singular: a branch point, or a normal that is no direction of the curve.
+    """
+    rhs = np.zeros((len(normal), 1))
+    rhs[-1] = 1.0
+    t, sign = solve_signed(bordered(solution.evaluation.dR_dX, solution.evaluation.dR_dp, normal), rhs)
+    return CorrectedPoint(solution, t[:, 0], sign)

@@ -1,0 +1,57 @@
+"""Deflated Newton: repelled by the solutions already known.
+
+    M(X) R(X) = 0,   M = prod_i (1 + 1 / |X - X_i|^2),     step  dX / (1 - (grad log M)^T dX),  dX = -J^-1 R
+
+References
+----------
+Farrell, Birkisson & Funke (2015), SIAM J. Sci. Comput. 37(4), A2026, https://doi.org/10.1137/140984798.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.numerics.linear import solve_linear
+from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.solvers.newton import NewtonSettings
+
+
+def same_solution(X: Array, Y: Array) -> bool:
+    """Whether two solutions (n,) are one: they differ by less than 1e-6 of their size."""
+    return float(np.linalg.norm(X - Y)) < 1e-6 * (1e-3 + float(np.linalg.norm(Y)))
+
+
+def deflated_newton(
+    problem: ContinuationProblem, X: Array, parameters: dict[str, float], known: list[Array],
+    settings: NewtonSettings = NewtonSettings(), iterations: int = 60,
+) -> Array | None:  # fmt: skip
+    """A solution away from the known ones, or None if none was reached in the given number of steps."""
+    scale = max([float(np.linalg.norm(Y)) for Y in known] + [1e-6])
+    now = problem.linearise(X, "", **parameters)
+    for _ in range(iterations):
+        if float(np.linalg.norm(now.R)) <= settings.tolerance * now.size:
+            return None if any(same_solution(X, Y) for Y in known) else X
+        try:
+            step = -solve_linear(now.dR_dX, now.R)
+        except np.linalg.LinAlgError:
+            return None
+        away = [(X - Y) / scale for Y in known]
+        pull = -sum(2 * float(a @ step) / scale / (float(a @ a) * (1 + float(a @ a)) + 1e-300) for a in away)
+        step = step / (1.0 - pull) if abs(1.0 - pull) > 1e-3 else step
+        merit = _merit(now.R, X, known, scale)
+        for _ in range(10):
+            trial = problem.linearise(X + step, "", **parameters)
+            if np.isfinite(trial.size) and _merit(trial.R, X + step, known, scale) < merit:
+                break
+            step = 0.5 * step
+        else:
+            return None
+        X, now = X + step, trial
+    return None
+
+
+def _merit(R: Array, X: Array, known: list[Array], scale: float) -> float:
+    """log |M R|, which deflated Newton must lower."""
+    distance = [float(np.linalg.norm(X - Y)) / scale + 1e-300 for Y in known]
+    return float(np.log(np.linalg.norm(R) + 1e-300) + sum(np.log1p(d**-2) for d in distance))

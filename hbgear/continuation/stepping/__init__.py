@@ -1,0 +1,1 @@
+"""Step-size control: predictor, acceptance of a point, next step."""

@@ -1,0 +1,1 @@
+"""Many designs: samples, parallel evaluation, store."""

@@ -1,0 +1,192 @@
+"""The file of a study (TOML), checked before anything is computed: every error at once, each with its line."""
+
+from __future__ import annotations
+
+import os
+import typing
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from hbgear.common.process.signals import defer_signals
+from hbgear.common.text.messages import quoted, shortened
+from hbgear.design.cases.samples import METHODS, Grid, Sample, distribution, grid
+from hbgear.design.cases.study import KINDS, Work, check_work
+from hbgear.harmonic.model_registry import model_class
+from hbgear.io.machines.toml_file import Place, TomlFileError, exactly, located, parsed, told
+from hbgear.mechanics.fields import defaults_of, entries_among, made, plain_kinds_of, required_of
+from hbgear.mechanics.models import Model
+
+
+class StudyFileError(TomlFileError):
+    """What is wrong with a study file, one text for each error."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a study file asks for."""
+
+    model: Model
+    vary: Grid | Sample
+    work: Work
+
+
+def is_study(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is to be a study: it names a model. False of what cannot be read."""
+    try:
+        return isinstance(parsed(path, "a study", StudyFileError)[1].get("model"), str)
+    except StudyFileError:
+        return False
+
+
+def read_study(path: str | os.PathLike[str], allow_code: bool = False) -> Study:
+    """Read and check a study file.
+
+    Parameters
+    ----------
+    path : of the file.
+    allow_code : whether the file may name a model of its own, FILE.py:NAME or MODULE:NAME, whose code is then run.
+
+    Raises
+    ------
+    StudyFileError
+        If it cannot be read, a key, type or value is wrong, or it names code that is not allowed.
+    """
+    text, data = parsed(path, "a study", StudyFileError)
+    problems, checked = _checked(data, allow_code)
+    if not problems:
+        try:
+            return _study(checked)
+        except _Wrong as wrong:
+            problems = [(wrong.place, str(wrong))]
+    raise StudyFileError(located(path, text, problems))
+
+
+class _Wrong(Exception):
+    """Values that are right one by one and wrong together; in which table."""
+
+    def __init__(self, table: str, reason: Exception) -> None:
+        super().__init__(reason.args[0])
+        self.place: Place = (table,)
+
+
+@contextmanager
+def _within(table: str) -> Iterator[None]:
+    try:
+        yield
+    except (ValueError, KeyError) as error:
+        raise _Wrong(table, error) from None
+
+
+def _checked(data: dict[str, Any], allow_code: bool) -> tuple[list[tuple[Place, str]], Any]:
+    """Errors by place, and the data as checked."""
+    with defer_signals():
+        import pydantic
+
+    name = data.get("model")
+    problems: list[tuple[Place, str]] = []
+    cls = None
+    if isinstance(name, str) and ":" in name and not allow_code:
+        text = (f"model = {quoted(name)} would run that code, and a file does so only if that is allowed: look at the "
+                "code, then add --allow-code, in Python read_study(path, allow_code=True)")  # fmt: skip
+        return [(("model",), text)], None
+    if isinstance(name, str):
+        try:
+            cls = model_class(name)
+        except (KeyError, ValueError) as error:
+            problems.append((("model",), shortened(str(error.args[0]), 300)))
+    schema = _schema(cls, data)
+    base = data.get("base", {})
+    missing = [field for field in (required_of(cls) if cls else ()) if isinstance(base, dict) and field not in base]
+    if missing:
+        text = f"the model '{name}' needs {', '.join(missing)}: no default, so give a value in [base]"
+        problems.append((("base",) if "base" in data else ("model",), text))
+    if ("grid" in data) == ("sample" in data):
+        need = "need [grid] or [sample], and not both"
+        problems.append((("sample",), need))
+    if data.get("grid") == {}:
+        problems.append((("grid",), "[grid] names no parameter; need one at least, as in zeta = [0.04, 0.05]"))
+    checked = None
+    try:
+        checked = schema.model_validate(data)
+    except pydantic.ValidationError as error:
+        problems += [told(schema, each) for each in error.errors()]
+    return problems, checked
+
+
+@defer_signals()  # pydantic panics if Ctrl-C comes while it makes one
+def _schema(cls: type[Model] | None, data: Mapping[str, Any]) -> Any:
+    """The form of the file, as a model of pydantic: its tables have the fields of the model of the machine."""
+    from pydantic import AfterValidator, ConfigDict, Field, create_model
+
+    strict = exactly()
+
+    def table(title: str, fields: dict[str, Any]) -> Any:
+        return create_model(title, __config__=strict, **fields)
+
+    kinds: dict[str, Any] = {}
+    if cls is not None:
+        kinds = {n: list[float] if typing.get_origin(k) is tuple else k for n, k in plain_kinds_of(cls).items()}
+        kinds |= dict.fromkeys(_entries(cls, data), float)
+    loose = ConfigDict(extra="allow")
+    drawn = Annotated[list[str | float], AfterValidator(_distribution)]
+    if cls is None:
+        base = several = random = create_model("any", __config__=loose)
+    else:
+        base = table("base", {n: (k, None) for n, k in kinds.items()})
+        several = table("grid", {n: (Annotated[list[k], Field(min_length=1)], None) for n, k in kinds.items()})  # type: ignore[valid-type]
+        random = table("parameters", {n: (drawn, None) for n, k in kinds.items() if k is float})
+    sample = table("sample", {
+        "method": (Literal[METHODS], METHODS[0]), "count": (Annotated[int, Field(ge=1)], ...),
+        "seed": (Annotated[int, Field(ge=0)], 0), "parameters": (random, ...),
+    })  # fmt: skip
+    compute = table("compute", {
+        "what": (list[Literal[KINDS]], ["peak", "jumps"]), "critical": (list[str], []),  # type: ignore[valid-type]
+        "harmonics": (Annotated[int, Field(ge=1)], 16),
+        "span": (Annotated[list[Annotated[float, Field(gt=0)]], Field(min_length=2, max_length=2)], None),
+        "measure": (str, "pp2"), "element": (int | str, 0),
+    })  # fmt: skip
+    return table("study", {"model": (str, ...), "base": (base, base()), "grid": (several, None),
+                           "sample": (sample, None), "compute": (compute, compute())})  # fmt: skip
+
+
+def _entries(cls: type[Model], data: Mapping[str, Any]) -> list[str]:
+    """Names such as ``eps[0]``: of tuples in [base] or the defaults that do not vary as a whole."""
+    base, varied = (table if isinstance(table := data.get(key), dict) else {} for key in ("base", "grid"))
+    return entries_among(cls, {n: v for n, v in {**defaults_of(cls), **base}.items() if n not in varied})
+
+
+def _distribution(given: list[Any]) -> list[Any]:
+    try:
+        distribution(given)
+    except KeyError as error:
+        raise ValueError(error.args[0]) from None
+    return given
+
+
+def _study(checked: Any) -> Study:
+    data = checked.model_dump(exclude_unset=True)
+    with _within("base"):
+        base = {name: tuple(v) if isinstance(v, list) else v for name, v in data.get("base", {}).items()}
+        model = made(model_class(data["model"]), base)
+    if "grid" in data:
+        with _within("grid"):
+            vary: Grid | Sample = grid(**data["grid"])
+    else:
+        given = data["sample"]
+        with _within("sample"):
+            if not given["parameters"]:
+                raise ValueError("[sample.parameters] names no parameter")
+            vary = Sample(given.get("method", METHODS[0]), given["count"], given.get("seed", 0), given["parameters"])
+    asked = checked.compute
+    span = tuple(asked.span or model.default_span)
+    with _within("compute"):
+        if span[0] == span[1]:
+            raise ValueError(f"span = {list(span)} is empty; give two different frequencies")
+        work = Work(tuple(asked.what), tuple(asked.critical), asked.harmonics, span, asked.measure, asked.element)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # said when the study is computed
+            check_work(model, work)
+    return Study(model, vary, work)

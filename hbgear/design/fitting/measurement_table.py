@@ -1,0 +1,207 @@
+"""Tables of slow sweeps: frequency, amplitude, direction and deviation, each in the unit that its heading states."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.text.decoding import bytes_of_file
+from hbgear.common.text.messages import did_you_mean, quoted
+from hbgear.design.fitting.measurements import FREQUENCIES, Measurements
+from hbgear.harmonic.equations.layout import MEASURES
+from hbgear.harmonic.frequency_units import MESH, PINION
+from hbgear.io.tables.table_reader import Column, Kind, data_table, normal, split
+from hbgear.io.tables.table_units import FREQUENCY, factor_of
+
+_WORDS = {"up": 1, "rising": 1, "+1": 1, "1": 1, "+": 1, "down": -1, "falling": -1, "-1": -1, "-": -1}
+_SPEEDS = ("n", "speed", "pinion speed", "rotational speed", "shaft speed")
+_UNITS = {"Omega": "", MESH: "Hz", PINION: "r/min"}
+
+
+def _is_length(unit: str) -> bool:
+    return unit == "" or factor_of(unit, ["m"]) is not None
+
+
+def _is_deviation(unit: str) -> bool:
+    return unit == "%" or _is_length(unit)
+
+
+KINDS = (
+    Kind("frequency",
+         {"frequency": "", "freq": "", "f": "", "Omega": "", "omega": None, "angular frequency": None,
+          "mesh frequency": None, "excitation frequency": None, "Hz": "Hz", "rpm": "r/min", **dict.fromkeys(_SPEEDS)},
+         lambda unit: unit == "" or unit in FREQUENCY, f"{', '.join(FREQUENCY)}, - (Omega)"),
+    Kind("amplitude",
+         dict.fromkeys(("amplitude", "a", "x", "d", "y", "displacement", "gap", "dte", "te", "transmission error",
+                        "dynamic transmission error", "half peak to peak", *MEASURES), ""), _is_length,
+         "um, mm, m, - (unit of the model)"),
+    Kind("direction", dict.fromkeys(("direction", "sweep", "sweep direction", "dir"), ""), "".__eq__, "-"),
+    Kind("deviation", dict.fromkeys(("deviation", "standard deviation", "std", "sigma", "uncertainty"), ""),
+         _is_deviation, "um, mm, m, %, - (unit of the amplitude)"),
+)  # fmt: skip
+"""Columns of a table of measurements."""
+
+ROLES = tuple(kind.role for kind in KINDS)
+
+
+@checked_arguments(columns="names of columns, such as {'frequency': 'rpm', 'amplitude': 'x'}")
+def read_measurements(
+    path: str | os.PathLike[str], columns: Mapping[str, str] | None = None, **settings: Any
+) -> Measurements:
+    """Measurements from a table whose line of names states the units: ``n [r/min], dte [um], direction``.
+
+    Frequencies in r/min are speeds of the pinion, in Hz those of the mesh, and Omega without a unit. Amplitudes
+    without a unit are in that of the model. A row without an amplitude is the frequency of a jump. Directions are
+    written as up or down, rising or falling, +1 or -1; without such a column every sweep is one upwards. Columns are
+    separated by commas, semicolons, tabs or spaces; lines that begin with # are left out. A table of two columns needs
+    no line of names.
+
+    Parameters
+    ----------
+    path : of the file.
+    columns : what its columns are called: ``{"frequency": ..., "amplitude": ..., "direction": ..., "deviation": ...}``;
+        other columns are left out then. By default they have these names, or usual ones such as ``n`` and ``dte``.
+    settings : unit, length, measure, element and, without a column, direction of `Measurements`. ``unit`` and
+        ``scaled_norm`` hold for columns whose headings state no unit.
+
+    Raises
+    ------
+    ValueError
+        If the file is no such table, or a name or unit is not known; the message names the line or the column.
+    KeyError
+        If a column is not there.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> data = hb.design.read_measurements("sweep.csv", {"amplitude": "accelerometer 3 [um]"})  # doctest: +SKIP
+    """
+    return measurements_of(bytes_of_file(path, "measurements"), str(path), columns, **settings)
+
+
+def measurements_of(
+    content: bytes, name: str, columns: Mapping[str, str] | None = None, **settings: Any
+) -> Measurements:
+    r"""Measurements from the bytes of a table; see `read_measurements`.
+
+    Examples
+    --------
+    >>> data = measurements_of(b"n [r/min];dte [um];direction\n600;0,1;up\n1200;0,3;down", "run.csv")
+    >>> data.unit, data.frequency.tolist(), data.length, data.directions.tolist()
+    ('pinion r/min', [600.0, 1200.0], 'um', [1, -1])
+    """
+    for role in columns or {}:
+        if role not in ROLES:
+            raise KeyError(f"there is no column for '{role}'{did_you_mean(role, ROLES)}")
+    settings = {key: value for key, value in settings.items() if value is not None}
+    unit, length = settings.pop("unit", None), settings.pop("length", "")
+    if unit is not None and unit not in FREQUENCIES:
+        raise ValueError(f"Measurements: unit = {quoted(unit)}{did_you_mean(str(unit), FREQUENCIES)}")
+    assumed = {"amplitude": str(length)} | ({} if unit is None else {"frequency": _UNITS[unit]})
+    default = ("frequency", "amplitude", "direction")
+    table = data_table(content, name, KINDS, default)
+    found = table.columns(KINDS, columns, assumed)
+    if "frequency" not in found:
+        raise ValueError(f"'{name}' has no frequency, only {', '.join(map(quoted, table.headings))}; need a column "
+                         "such as 'n [r/min]', 'frequency [Hz]' or 'Omega'")  # fmt: skip
+    own, factor = _frequency(found["frequency"], unit)
+    measure = _measure(found.get("amplitude"), settings)
+    return _filled(found, own, factor, settings | measure)
+
+
+def _frequency(column: Column, wanted: str | None) -> tuple[str, float]:
+    """What frequencies are given in, and the factor to it."""
+    is_speed = normal(split(column.heading)[0]) in _SPEEDS
+    what = f"'{column.file}': the column {quoted(column.heading)}"
+    if is_speed and column.unit in ("Hz", "kHz", "mHz", "MHz"):
+        raise ValueError(f"{what} may be the mesh frequency or turns per second; write 'mesh frequency [Hz]' or give "
+                         "the speed in [r/min]")  # fmt: skip
+    if column.unit == "":
+        own, factor = "Omega", 1.0
+    elif is_speed or column.unit in ("r/min", "r/s", "deg/s"):
+        own, factor = PINION, 60 * FREQUENCY[column.unit] if column.unit != "r/min" else 1.0
+    else:
+        own, factor = MESH, FREQUENCY[column.unit]
+    if wanted not in (None, own):
+        raise ValueError(
+            f"{what} is {own}, and unit = {quoted(wanted)} was given; leave it out, or correct the heading"
+        )
+    return own, factor
+
+
+def _measure(column: Column | None, settings: Mapping[str, Any]) -> dict[str, str]:
+    """The measure that the heading of the amplitudes names, if it names one."""
+    name = None if column is None else normal(split(column.heading)[0])
+    if column is None or name not in MEASURES:
+        return {}
+    if settings.get("measure", name) != name:
+        raise ValueError(f"'{column.file}': the column {quoted(column.heading)} is {name}, and measure = "
+                         f"{quoted(settings['measure'])} was given; need the same")  # fmt: skip
+    return {"measure": name}
+
+
+def _filled(found: Mapping[str, Column], unit: str, factor: float, settings: Mapping[str, Any]) -> Measurements:
+    """Measurements of the rows of the columns."""
+    points: list[list[float]] = []
+    jumps: list[list[float]] = []
+    amplitude, deviation, direction = (found.get(role) for role in ("amplitude", "deviation", "direction"))
+    for i in range(len(found["frequency"].cells)):
+        frequency = _positive(found["frequency"], i) * factor
+        heading = settings.get("direction", 1) if direction is None else _direction(direction, i)
+        if amplitude is not None and amplitude.cells[i]:
+            size = _positive(amplitude, i)
+            more = [_deviation(deviation, i, size, amplitude)] if deviation is not None and deviation.cells[i] else []
+            points.append([frequency, size, heading, *more])
+        else:
+            more = [_spread(deviation, i, frequency, factor)] if deviation is not None and deviation.cells[i] else []
+            jumps.append([frequency, heading, *more])
+    given = {key: value for key, value in settings.items() if key != "direction"}
+    given |= {"unit": unit, "length": "" if amplitude is None else amplitude.unit}
+    if len({len(point) for point in points}) > 1:
+        raise ValueError(f"'{found['frequency'].file}': some amplitudes have a deviation and some have none; give one "
+                         "for each or for none")  # fmt: skip
+    if not points:
+        return Measurements([], [], jumps=jumps, **given)
+    columns = np.array(points, dtype=float).T
+    return Measurements(columns[0], columns[1], columns[2], columns[3] if len(columns) > 3 else None, jumps, **given)
+
+
+def _positive(column: Column, i: int) -> float:
+    value = column.number(i)
+    if value <= 0:
+        raise column.wrong(i, "must be a positive number")
+    return value
+
+
+def _direction(column: Column, i: int) -> int:
+    word = column.cells[i].casefold()
+    if word not in _WORDS:
+        raise column.wrong(i, "must be up or down, rising or falling, +1 or -1")
+    return _WORDS[word]
+
+
+def _deviation(column: Column, i: int, size: float, amplitude: Column) -> float:
+    """The deviation of an amplitude, in its unit."""
+    value = _positive(column, i)
+    if column.unit in ("", amplitude.unit):
+        return value
+    if column.unit == "%":
+        return value / 100 * size
+    own, other = factor_of(column.unit, ["m"]), factor_of(amplitude.unit, ["m"])
+    if own is None or other is None or not amplitude.unit:
+        raise column.wrong(i, "is a length, but the amplitudes have no unit; give both")
+    return value * own[0] / other[0]
+
+
+def _spread(column: Column, i: int, frequency: float, factor: float) -> float:
+    """The deviation of the frequency of a jump, in its unit."""
+    if column.unit not in ("", "%"):
+        raise column.wrong(
+            i, f"is the deviation of the frequency of a jump, which has no unit {column.unit}; give it in %"
+        )
+    value = _positive(column, i)
+    return value / 100 * frequency if column.unit == "%" else value * factor

@@ -1,0 +1,1 @@
+"""Uncertainty: bands, scatter of jumps, Sobol indices."""

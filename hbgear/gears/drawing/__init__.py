@@ -1,0 +1,1 @@
+"""Gears and pairs as they are drawn: geometry, tooth compliance, backlash."""

@@ -1,0 +1,335 @@
+"""Two gears that mesh: geometry of the contact, backlash, and models of their vibration.
+
+    inv(alpha_wt) = inv(alpha_t) + 2 tan(alpha_n) (x_1 + x_2) / (z_1 + z_2),   a = (d_b1 + d_b2) / (2 cos(alpha_wt))
+    eps_alpha = [sqrt(r_a1^2 - r_b1^2) + sqrt(r_a2^2 - r_b2^2) - a sin(alpha_wt)] / p_bt,   eps_beta = b sin(beta) / (pi
+    m_n)
+
+z_2, r_a2, r_b2, a and the second root are negative for a ring. Everything along the line of action is in the transverse
+plane: lengths r_b theta, forces T / r_b. With a_w given, cos(alpha_wt) = (d_b1 + d_b2) / (2 a_w) instead.
+
+References
+----------
+ISO 21771:2007, Gears: cylindrical involute gears and gear pairs; concepts and geometry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import acos, cos, degrees, hypot, pi, sin, sqrt, tan
+from typing import Any
+
+from hbgear.common.argument_checks import check
+from hbgear.common.facade import call
+from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
+from hbgear.common.text.messages import quoted
+from hbgear.common.units import OptionalQuantityField, QuantityField, to_si
+from hbgear.gears.drawing.backlash import MEASURES, converted
+from hbgear.gears.drawing.gear import Gear
+from hbgear.gears.drawing.geometry import inverse_involute, involute
+
+
+@dataclass(frozen=True)
+class GearPair:
+    """A pair of involute gears on parallel axes; equations at the head of this file.
+
+    Parameters
+    ----------
+    pinion, wheel : `Gear`; the wheel may be a ring (``internal=True``).
+    backlash : [m], how it is measured says ``backlash_measure``; by default what the centre distance leaves.
+    backlash_measure : "circumferential" (on the working pitch circle), "normal" (to the flanks), "action" (along the
+        line of action in the transverse plane).
+    center_distance : a_w [m]; without backlash for these profile shifts, by default.
+    pitch_error : base pitch of the wheel minus that of the pinion [m], the same for all teeth. (An error of one tooth
+        comes once in a revolution and is no excitation of mesh frequency.)
+
+    Raises
+    ------
+    ValueError
+        If the gears cannot mesh: modules, pressure angles or hands that do not fit, a contact ratio below 1,
+        interference, no clearance at the roots, or a backlash as large as a tooth.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    >>> pair = hb.GearPair(pinion, wheel, backlash="80 um")
+    >>> round(pair.contact_ratio, 4), round(pair.working_center_distance * 1e3, 3), round(pair.half_backlash * 1e6, 2)
+    (1.6626, 97.5, 37.59)
+    """
+
+    pinion: Gear
+    wheel: Gear
+    backlash: OptionalQuantityField = OptionalQuantityField("m", NOT_NEGATIVE)
+    backlash_measure: str = "circumferential"
+    center_distance: OptionalQuantityField = OptionalQuantityField("m", POSITIVE, Range(1e-4, 50))
+    pitch_error: QuantityField = QuantityField("m", Range(), Range(-1e-3, 1e-3), 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("pinion", "wheel"):
+            check("GearPair", name, getattr(self, name), Gear)
+        if not isinstance(self.backlash_measure, str) or self.backlash_measure not in MEASURES:
+            raise ValueError(f"GearPair: backlash_measure = {quoted(self.backlash_measure)} must be one of "
+                             f"{', '.join(MEASURES)}")  # fmt: skip
+        self._check_fit()
+        self._check_distance()
+        self._check_backlash()
+        self._check_contact()
+
+    # Geometry
+
+    @property
+    def ratio(self) -> float:
+        """z_2 / z_1."""
+        return self.wheel.teeth / self.pinion.teeth
+
+    @property
+    def _signed_teeth(self) -> float:
+        return self.pinion.teeth + self.wheel.sign * self.wheel.teeth
+
+    @property
+    def _signed_base_radius(self) -> float:
+        """(d_b1 + d_b2) / 2, negative for a ring."""
+        return (self.pinion.base_diameter + self.wheel.sign * self.wheel.base_diameter) / 2
+
+    @cached_property
+    def working_pressure_angle(self) -> float:
+        """alpha_wt [rad]."""
+        if self.center_distance is not None:
+            return acos(min(abs(self._signed_base_radius) / self.center_distance, 1.0))
+        shifts = self.pinion.profile_shift + self.wheel.profile_shift
+        value = involute(self.pinion.transverse_pressure_angle) + (
+            2 * tan(self.pinion.pressure_angle) * shifts / self._signed_teeth
+        )
+        return inverse_involute(value)
+
+    @property
+    def working_center_distance(self) -> float:
+        """a_w [m], given or of the profile shifts; positive for a ring too."""
+        return self.center_distance or abs(self._signed_base_radius) / cos(self.working_pressure_angle)
+
+    @property
+    def base_radii(self) -> tuple[float, float]:
+        """r_b1, r_b2 [m]."""
+        return self.pinion.base_diameter / 2, self.wheel.base_diameter / 2
+
+    @property
+    def working_radii(self) -> tuple[float, float]:
+        """r_w1, r_w2 of the working pitch circles [m]."""
+        c = cos(self.working_pressure_angle)
+        return self.base_radii[0] / c, self.base_radii[1] / c
+
+    @property
+    def base_pitch(self) -> float:
+        """Transverse base pitch p_bt [m]."""
+        return self.pinion.base_pitch
+
+    @cached_property
+    def path(self) -> tuple[float, float]:
+        """Begin A and end E of contact, along the line of action from the base circle of the pinion [m]."""
+        end = _reach(self.pinion)
+        begin = self.tangent_length - self.wheel.sign * _reach(self.wheel)
+        return begin, end
+
+    @property
+    def tangent_length(self) -> float:
+        """Distance a_w sin(alpha_wt) between the base circles along the line of action [m], negative of a ring."""
+        return self.wheel.sign * self.working_center_distance * sin(self.working_pressure_angle)
+
+    @property
+    def contact_ratio(self) -> float:
+        """Transverse contact ratio eps_alpha."""
+        begin, end = self.path
+        return (end - begin) / self.base_pitch
+
+    @property
+    def face_width(self) -> float:
+        """Common face width b [m], the smaller one."""
+        return min(self.pinion.face_width, self.wheel.face_width)
+
+    @property
+    def overlap_ratio(self) -> float:
+        """eps_beta."""
+        return self.face_width * abs(sin(self.pinion.helix_angle)) / (pi * self.pinion.module)
+
+    @property
+    def total_contact_ratio(self) -> float:
+        """eps_gamma = eps_alpha + eps_beta."""
+        return self.contact_ratio + self.overlap_ratio
+
+    @property
+    def equivalent_mass(self) -> float:
+        """m_c = 1 / (r_b1^2 / J_1 + r_b2^2 / J_2) [kg], of the motion along the line of action."""
+        r_1, r_2 = self.base_radii
+        return 1 / (r_1**2 / self.pinion.inertia_used + r_2**2 / self.wheel.inertia_used)
+
+    # Backlash
+
+    def backlash_as(self, measure: str) -> float:
+        """Backlash in that measure [m]: "circumferential", "normal" or "action".
+
+        Raises
+        ------
+        ValueError
+            If there is no such measure.
+        """
+        helix = self.pinion.base_helix_angle
+        if self.backlash is not None:
+            return converted(self.backlash, self.backlash_measure, measure, self.working_pressure_angle, helix)
+        return converted(self.theoretical_backlash, "circumferential", measure, self.working_pressure_angle, helix)
+
+    @property
+    def theoretical_backlash(self) -> float:
+        """j_wt [m] that the centre distance leaves between teeth of these profile shifts; 0 by default."""
+        if self.center_distance is None:
+            return 0.0
+        thickness = [
+            gear.tooth_thickness(2 * r) for gear, r in zip((self.pinion, self.wheel), self.working_radii, strict=True)
+        ]
+        return 2 * pi * self.working_radii[0] / self.pinion.teeth - sum(thickness)
+
+    @property
+    def half_backlash(self) -> float:
+        """b [m], half of the backlash along the line of action in the transverse plane."""
+        return self.backlash_as("action") / 2
+
+    # Mesh and models
+
+    def transverse_force(self, torque: Any) -> float:
+        """Force T / r_b1 along the line of action in the transverse plane [N] under a torque on the pinion [N m]."""
+        return to_si("GearPair", "torque", torque, "N m") / self.base_radii[0]
+
+    def mesh(self, torque: Any, **options: Any) -> Any:
+        """Mesh stiffness and transmission error over a mesh cycle under a torque on the pinion.
+
+        The same as `hbgear.gears.mesh.loaded_mesh.loaded_mesh` of this pair, which tells the options.
+
+        Parameters
+        ----------
+        torque : on the pinion [N m], > 0.
+        """
+        return call("hbgear.gears.mesh.loaded_mesh.loaded_mesh", self, torque, **options)
+
+    def model(self, torque: Any, damping: Any, form: str = "torsion", **options: Any) -> Any:
+        """A model of this pair under a torque on the pinion.
+
+        The same as `hbgear.gears.pairs.pair_models.model_of` of this pair, which tells the forms and options.
+
+        Parameters
+        ----------
+        torque : on the pinion [N m], > 0.
+        damping : damping ratio of the mesh.
+        form : "torsion" (a `SpurPair`), "bearings" (a `GearRotorBearing`) or "spatial" (a `HelicalPair`).
+        """
+        return call("hbgear.gears.pairs.pair_models.build_model", self, torque, damping, form, **options)
+
+    # What cannot mesh
+
+    def _check_fit(self) -> None:
+        p, w = self.pinion, self.wheel
+        if p.internal:
+            raise ValueError("GearPair: the pinion is internal; give the ring as the wheel")
+        if abs(p.module - w.module) > 1e-6 * p.module:
+            raise ValueError(f"GearPair: modules of {p.module * 1e3:g} mm and {w.module * 1e3:g} mm do not mesh; "
+                             "give both gears the same normal module")  # fmt: skip
+        if abs(p.pressure_angle - w.pressure_angle) > 1e-6:
+            raise ValueError(f"GearPair: pressure angles of {degrees(p.pressure_angle):g} deg and "
+                             f"{degrees(w.pressure_angle):g} deg do not mesh; give both the same")  # fmt: skip
+        wanted = p.helix_angle if w.internal else -p.helix_angle
+        if abs(w.helix_angle - wanted) > 1e-6:
+            rule = "of the same hand" if w.internal else "of opposite hands"
+            raise ValueError(
+                f"GearPair: a {p.hand} pinion of {degrees(p.helix_angle):g} deg and a {w.hand} wheel of "
+                f"{degrees(w.helix_angle):g} deg do not mesh: on parallel axes helices are equal and {rule}; give the "
+                f"wheel helix_angle = '{degrees(wanted) + 0.0:g} deg'"
+            )
+        if w.internal and w.teeth <= p.teeth:
+            raise ValueError(f"GearPair: a ring of {w.teeth} teeth has no room for a pinion of {p.teeth}")
+
+    def _check_distance(self) -> None:
+        least = abs(self._signed_base_radius)
+        if self.center_distance is not None and self.center_distance <= least:
+            raise ValueError(f"GearPair: center_distance = {self.center_distance * 1e3:.6g} mm must be above "
+                             f"{least * 1e3:.6g} mm, where the base circles touch")  # fmt: skip
+        if self.center_distance is None:
+            shifts = self.pinion.profile_shift + self.wheel.profile_shift
+            value = involute(self.pinion.transverse_pressure_angle) + (
+                2 * tan(self.pinion.pressure_angle) * shifts / self._signed_teeth
+            )
+            if value <= 0:
+                raise ValueError(f"GearPair: profile shifts of {self.pinion.profile_shift:g} and "
+                                 f"{self.wheel.profile_shift:g} leave no centre distance: give larger")  # fmt: skip
+
+    def _check_backlash(self) -> None:
+        thickness = pi * self.pinion.module / 2
+        if self.backlash is not None and self.backlash > 0.5 * self.pinion.module:
+            raise ValueError(
+                f"GearPair: backlash = {self.backlash * 1e3:g} mm is as large as a tooth, which is "
+                f"{thickness * 1e3:.3g} mm thick; is '{self.backlash * 1e3:g} um' meant? Numbers are in m"
+            )
+        if self.backlash is None and self.theoretical_backlash < -1e-3 * self.pinion.module:
+            raise ValueError(
+                f"GearPair: at center_distance = {self.working_center_distance * 1e3:.6g} mm the teeth overlap by "
+                f"{-self.theoretical_backlash * 1e6:.0f} um; give a larger one, smaller profile shifts, or backlash if "
+                "the teeth are thinned for it"
+            )
+
+    def _check_contact(self) -> None:
+        p, w = self.pinion, self.wheel
+        mm = 1e3
+        begin, end = self.path
+        if not w.internal:
+            for gear, other in ((p, w), (w, p)):
+                clearance = self.working_center_distance - gear.tip_diameter_used / 2 - other.root_diameter / 2
+                if clearance < 0:
+                    raise ValueError(
+                        f"GearPair: the tips of the {gear.teeth} teeth reach {-clearance * mm:.3f} mm into the "
+                        f"roots of the other gear; give a tip_diameter below {gear.tip_diameter_used * mm:.6g} mm, or "
+                        f"a larger centre distance than {self.working_center_distance * mm:.6g} mm"
+                    )
+        if self.contact_ratio + self.overlap_ratio < 1 or self.contact_ratio <= 0:
+            raise ValueError(
+                f"GearPair: the contact ratio is {self.total_contact_ratio:.3f}; it must be at least 1, or no tooth "
+                "is in contact for a part of the time: give larger tip diameters, more teeth, or a smaller centre "
+                "distance or pressure angle"
+            )
+        self._check_interference(begin, end)
+
+    def _check_interference(self, begin: float, end: float) -> None:
+        p, w = self.pinion, self.wheel
+        places = [("pinion", p, begin, w.tip_diameter_used)]
+        if not w.internal:
+            places.append(("wheel", w, self.tangent_length - end, p.tip_diameter_used))
+        for name, gear, first, tip in places:
+            form = gear.form_diameter
+            reached = 2 * hypot(first, gear.base_diameter / 2) if first > 0 else 0.0
+            if reached < form - 1e-3 * gear.module:
+                where = f"at {reached * 1e3:.6g} mm" if first > 0 else "below its base circle"
+                raise ValueError(
+                    f"GearPair: interference: the tips of the other gear (diameter {tip * 1e3:.6g} mm) meet the {name} "
+                    f"{where}, where its involute has ended (at {form * 1e3:.6g} mm): give a larger profile_shift of "
+                    f"the {name}, more teeth, or the other gear a smaller tip_diameter"
+                )
+        if w.internal:
+            self._check_tips_of_ring()
+
+    def _check_tips_of_ring(self) -> None:
+        """Tips of pinion and ring must pass each other outside of the line of action."""
+        p, w, a = self.pinion, self.wheel, self.working_center_distance
+        r_1, r_2 = p.tip_diameter_used / 2, w.tip_diameter_used / 2
+        ways = (r_2**2 - r_1**2 - a**2) / (2 * a * r_1), (a**2 + r_2**2 - r_1**2) / (2 * a * r_2)
+        if not all(-1 <= way <= 1 for way in ways):
+            return  # the tip circles do not cross
+        alpha_1, alpha_2 = (acos(g.base_diameter / g.tip_diameter_used) for g in (p, w))
+        working = involute(self.working_pressure_angle)
+        turned = (acos(ways[0]) + involute(alpha_1) - working) * p.teeth / w.teeth
+        if turned + working - involute(alpha_2) < acos(ways[1]):
+            raise ValueError(
+                f"GearPair: interference: the tips of {p.teeth} teeth strike those of the ring of {w.teeth}: give more "
+                "teeth of difference, profile shifts, or smaller addenda"
+            )
+
+
+def _reach(gear: Gear) -> float:
+    """sqrt(r_a^2 - r_b^2) of the tip [m]."""
+    return sqrt(max(gear.tip_diameter_used**2 - gear.base_diameter**2, 0.0)) / 2

@@ -1,0 +1,463 @@
+"""Double-helical gear pair on flexible supports: two nodes per gear, 24 degrees of freedom.
+
+    d_j = w_j^T q - e_j(tau),   force on q:  -w_j [k_mean k_j(tau) f(d_j) + c_m d_j'],   j = L, R (the two helices)
+    w_j on pinion j:  [c_b s_psi, c_b c_psi, h_j s_b, h_j r_p s_b s_psi, h_j r_p s_b c_psi, r_p c_b]
+    w_j on wheel j:   minus the same with r_g
+    c_b = cos(beta), s_b = sin(beta), h_L = +1, h_R = -1, psi = alpha_t - phi
+
+Every mesh term follows from w_j, so that no work is lost or made. f is the backlash function with half-gap
+b = b_c (1 + W), k(tau) = 1 - sum_l eps_l cos(l tau), e(tau) = e_sign b_c sum_l e_l sin(l (tau - e_phase)),
+tau = Omega_mesh t; what the right half does lags the left by the phase ``stagger``.
+
+Each node has x (along the centre line if phi = 0), y, z (along the shaft), and the rotations theta_x, theta_y, theta
+about these axes. Supports to ground act on all but theta, with no coupling between them; between the
+two nodes of a shaft, a shaft section: 12 E I/l^3 (x, y), E A/l (z), G J/l (theta). The torque T drives each pinion
+half, -T r_g/r_p holds each wheel half. One free motion is left, the rotation of the whole train.
+
+Dimensionless form, which `DoubleHelicalPair.system` returns
+-----------------------------------------------------------
+Unit of length b_c, of time 1/omega_n = sqrt(m_c/k_mean), of force k_mean b_c. A rotation enters as r theta/b_c with
+the base radius r of its own gear. With S = diag(1 or 1/r), q = b_c S qbar and the equations multiplied by S, the
+matrices stay symmetric:
+
+    Mbar = S M S / m_c,   Cbar = S C S / (m_c omega_n),   Kbar = S K S / k_mean
+    wbar = S w,           Fbar = S F / (k_mean b_c)
+
+References
+----------
+Dong, Bi, Wen, Liu & Wang (2022), J. Low Freq. Noise Vib. Act. Control 41(2), 519-539.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import cos, pi, radians, sin, sqrt
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
+from hbgear.gears.drawing.geometry import (
+    ShaftStiffness,
+    base_helix_angle,
+    base_radius,
+    shaft_stiffness,
+    transverse_pressure_angle,
+)
+from hbgear.gears.mesh.mesh_excitation import MeshExcitation
+from hbgear.gears.pairs.support import AXES, reactions
+from hbgear.mechanics.laws.laws import Backlash
+from hbgear.mechanics.models import Element, Load, Reaction, System
+from hbgear.mechanics.series.fourier import Series
+from hbgear.mechanics.series.periodic import Phased
+from hbgear.mechanics.structures.scales import Numbers, Scales
+
+NODES = ("pL", "gL", "pR", "gR")
+
+
+ROTATIONS = slice(3, 6)
+
+
+_SIZES = ("outer_p", "outer_g", "module", "shaft_length", "face_width")
+
+
+_POSITIVE = ("I_p", "I_g", "m_p", "m_g", "k_mean", "E", "b_c", *_SIZES)
+
+
+_SUPPORTS = ("k_px", "k_py", "k_pz", "k_gx", "k_gy", "k_gz", "c_px", "c_py", "c_pz", "c_gx", "c_gy", "c_gz")
+
+
+_NOT_NEGATIVE = ("zeta", "inner_p", "inner_g", "k_pthx", "k_pthy", "k_gthx", "k_gthy", *_SUPPORTS)
+
+
+@dataclass(frozen=True)
+class DoubleHelicalPair(MeshExcitation):
+    """Marine double-helical gear pair of Dong et al. (2022); equations at the head of this file.
+
+    Element coordinates and Omega are in units of b_c and omega_n. The defaults are the paper's Tables 1 and 2; what it
+    leaves open is marked (reading) and defaults to the choice that agrees with the most of its statements.
+
+    Parameters
+    ----------
+    teeth_p, teeth_g : numbers of teeth of pinion and wheel.
+    I_p, I_g : moment of inertia of one half, used for its three rotations alike [kg m^2].
+    m_p, m_g : mass of one half [kg].
+    outer_p, inner_p, outer_g, inner_g : diameters of the shaft section between the halves [m].
+    module : normal module [m].
+    alpha_n_deg, beta_deg : normal pressure angle and helix angle [degrees].
+    phi_deg : angle from the centre line to the x axis [degrees] (reading; not given).
+    shaft_length : length l of the shaft section between the halves [m].
+    face_width : of one half [m]; in the table, but in no equation.
+    k_mean : mean mesh stiffness of one half [N/m].
+    zeta : damping ratio of the mesh, and of all dampers the paper gives no value for.
+    k_px, k_py, k_pz, k_gx, k_gy, k_gz : support stiffness of each node [N/m]. The pinion floats: k_pz = 0.
+    c_px, c_py, c_pz, c_gx, c_gy, c_gz : support dampers [N s/m]. As published, the y supports are far over critical,
+        with damping ratios 17.6 (pinion) and 10.7 (wheel), and c_y is 32 times c_x; kept as they are.
+    k_pthx, k_pthy, k_gthx, k_gthy : tilt stiffness of each node [N m/rad]; dampers 2 zeta sqrt(k I).
+    E, poisson : Young's modulus [N/m^2] and Poisson's ratio of the shafts (reading; not given).
+    torque : T on each half of the pinion [N m] (reading: the paper's load on each half, not on both together).
+    b_c : average half backlash, the unit of length [m] (reading: half the 50 um of the test rig).
+    W : change of the half backlash, b = b_c (1 + W), >= -1.
+    eps : (L,) amplitudes of the mesh stiffness, of any length.
+    e : (L,) amplitudes of the transmission error in units of b_c, of any length.
+    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
+    e_sign : +1 or -1, sign of the transmission error (reading: -1).
+    e_phase : phase by which the transmission error lags the mesh stiffness [rad], l times as much in harmonic l.
+    stagger : phase by which stiffness and error of the right half lag those of the left [rad].
+    support_damping : "tabulated", or "zeta" for c = 2 zeta sqrt(k m) instead of the c_ values.
+    tilt : False takes the tilts out of the mesh vector (they then stand still).
+    mesh_helix : "pitch" or "base", the helix angle beta in the mesh vector.
+    stiffness : k_j(tau) of the left half over k_mean, a `Series` or a `Periodic`, in place of eps, which must be ().
+    error : e(tau) of the left half in place of e, over b_c, before its sign and lag; `Series` or `Periodic`.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range or not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.gears.DoubleHelicalPair(zeta=0.05)
+    >>> round(pair.pinion_speed(1.0)), round(pair.mesh_frequency(1.0))
+    (12279, 5116)
+    """
+
+    teeth_p: int = 25
+    teeth_g: int = 75
+    I_p: float = 0.012
+    I_g: float = 0.7279
+    m_p: float = 7.11
+    m_g: float = 64.75
+    outer_p: float = 92e-3
+    inner_p: float = 55e-3
+    outer_g: float = 260e-3
+    inner_g: float = 70e-3
+    module: float = 6e-3
+    alpha_n_deg: float = 20.0
+    beta_deg: float = 24.43
+    phi_deg: float = 0.0
+    shaft_length: float = 58e-3
+    face_width: float = 55e-3
+    k_mean: float = 1.8456e9
+    zeta: float = 0.063
+    k_px: float = 1.5424e9
+    k_py: float = 1.5746e9
+    k_pz: float = 0.0
+    k_gx: float = 1.6741e9
+    k_gy: float = 4.5124e8
+    k_gz: float = 1.3454e8
+    c_px: float = 1.1745e5
+    c_py: float = 3.7145e6
+    c_pz: float = 0.0
+    c_gx: float = 1.1500e5
+    c_gy: float = 3.6500e6
+    c_gz: float = 0.2416e5
+    k_pthx: float = 2.3809e9
+    k_pthy: float = 3.3607e8
+    k_gthx: float = 2.3988e9
+    k_gthy: float = 3.3607e8
+    E: float = 2.06e11
+    poisson: float = 0.3
+    torque: float = 1400.0
+    b_c: float = 25e-6
+    W: float = 0.0
+    eps: tuple[float, ...] = (0.16, 0.07, 0.03)
+    e: tuple[float, ...] = (0.03, 0.01, 0.01)
+    eps_scale: float = 1.0
+    e_scale: float = 1.0
+    e_sign: int = -1
+    e_phase: float = 0.0
+    stagger: float = 0.0
+    support_damping: Literal["tabulated", "zeta"] = "tabulated"
+    tilt: bool = True
+    mesh_helix: Literal["pitch", "base"] = "pitch"
+    stiffness: Phased | None = None
+    error: Phased | None = None
+
+    labels: ClassVar[Mapping[str, str]] = {
+        "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
+        "amplitude": r"$d / b_c$ [-]",
+        "I_p": r"$I_p$ [kg m$^2$]",
+        "I_g": r"$I_g$ [kg m$^2$]",
+        "m_p": r"$m_p$ [kg]",
+        "m_g": r"$m_g$ [kg]",
+        "outer_p": r"pinion shaft $D_p$ [m]",
+        "inner_p": r"pinion shaft $d_p$ [m]",
+        "outer_g": r"wheel shaft $D_g$ [m]",
+        "inner_g": r"wheel shaft $d_g$ [m]",
+        "module": r"normal module $m_n$ [m]",
+        "alpha_n_deg": r"$\alpha_n$ [deg]",
+        "beta_deg": r"helix angle $\beta$ [deg]",
+        "phi_deg": r"$\varphi$ [deg]",
+        "shaft_length": r"shaft section $l$ [m]",
+        "face_width": r"face width [m]",
+        "k_mean": r"$k_\mathrm{mean}$ [N/m]",
+        "zeta": r"damping ratio $\zeta$",
+        "k_px": r"$k_{px}$ [N/m]",
+        "k_py": r"$k_{py}$ [N/m]",
+        "k_pz": r"$k_{pz}$ [N/m]",
+        "k_gx": r"$k_{gx}$ [N/m]",
+        "k_gy": r"$k_{gy}$ [N/m]",
+        "k_gz": r"$k_{gz}$ [N/m]",
+        "c_px": r"$c_{px}$ [N s/m]",
+        "c_py": r"$c_{py}$ [N s/m]",
+        "c_pz": r"$c_{pz}$ [N s/m]",
+        "c_gx": r"$c_{gx}$ [N s/m]",
+        "c_gy": r"$c_{gy}$ [N s/m]",
+        "c_gz": r"$c_{gz}$ [N s/m]",
+        "k_pthx": r"$k_{p\theta x}$ [N m/rad]",
+        "k_pthy": r"$k_{p\theta y}$ [N m/rad]",
+        "k_gthx": r"$k_{g\theta x}$ [N m/rad]",
+        "k_gthy": r"$k_{g\theta y}$ [N m/rad]",
+        "E": r"$E$ [N/m$^2$]",
+        "poisson": r"Poisson's ratio $\nu$",
+        "torque": r"torque per pinion half $T$ [N m]",
+        "b_c": r"average half backlash $b_c$ [m]",
+        "W": r"change of backlash $W$ [-]",
+        "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
+        "e_scale": r"factor of the error amplitudes $e_l$",
+        "e_phase": r"lag of the error [rad]",
+        "stagger": r"stagger of the halves [rad]",
+    }
+    default_span: ClassVar[tuple[float, float]] = (1.6, 0.2)
+    ranges: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(_POSITIVE, POSITIVE),
+        **dict.fromkeys(_NOT_NEGATIVE, NOT_NEGATIVE),
+        "alpha_n_deg": Range(above=0, below=90),
+        "beta_deg": Range(above=-90, below=90),
+        "poisson": Range(above=-1, high=0.5),
+        "W": Range(low=-1),  # where the half backlash b_c (1 + W) is zero
+    }
+    usual: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(("I_p", "I_g"), Range(1e-8, 1e6)),
+        **dict.fromkeys(("m_p", "m_g"), Range(1e-4, 1e6)),
+        **dict.fromkeys(("outer_p", "outer_g", "shaft_length", "face_width"), Range(1e-3, 10)),
+        "module": Range(1e-4, 0.1),
+        "alpha_n_deg": Range(5, 45),
+        "phi_deg": Range(-360, 360),
+        "k_mean": Range(1e5, 1e12),
+        "zeta": Range(0, 1),
+        "E": Range(1e8, 1e12),
+        "torque": Range(-1e8, 1e8),
+        "b_c": Range(1e-7, 5e-3),
+        "W": Range(-1, 100),
+        "eps": Range(-1, 1),
+        "e": Range(-20, 20),
+        "e_phase": Range(-2 * pi, 2 * pi),
+        "stagger": Range(-2 * pi, 2 * pi),
+    }
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._check_numbers()
+        self._check_choices()
+
+    def _check_numbers(self) -> None:
+        for gear in "pg":
+            inner, outer = getattr(self, f"inner_{gear}"), getattr(self, f"outer_{gear}")
+            if not inner < outer:
+                raise ValueError(
+                    f"DoubleHelicalPair: inner_{gear} = {inner} must be smaller than outer_{gear} = {outer}"
+                )
+
+    def _check_choices(self) -> None:
+        for name in ("teeth_p", "teeth_g"):
+            teeth = getattr(self, name)
+            if isinstance(teeth, bool) or not isinstance(teeth, int | np.integer) or teeth < 1:
+                raise ValueError(f"DoubleHelicalPair: {name} = {teeth!r} must be a whole number, at least 1")
+        choices = {
+            "e_sign": (-1, 1),
+            "support_damping": ("tabulated", "zeta"),
+            "tilt": (True, False),
+            "mesh_helix": ("pitch", "base"),
+        }
+        for name, allowed in choices.items():
+            if getattr(self, name) not in allowed:
+                raise ValueError(
+                    f"DoubleHelicalPair: {name} = {getattr(self, name)!r} must be {allowed[0]!r} or {allowed[1]!r}"
+                )
+
+    # Geometry and reference quantities
+
+    @property
+    def alpha_t(self) -> float:
+        """Transverse pressure angle [rad]."""
+        return transverse_pressure_angle(radians(self.alpha_n_deg), self.beta)
+
+    @property
+    def beta(self) -> float:
+        """Helix angle at the pitch circle [rad]."""
+        return radians(self.beta_deg)
+
+    @property
+    def beta_mesh(self) -> float:
+        """Helix angle of the mesh vector [rad], by `mesh_helix`."""
+        return self.beta if self.mesh_helix == "pitch" else base_helix_angle(radians(self.alpha_n_deg), self.beta)
+
+    @property
+    def r_p(self) -> float:
+        """Base radius of the pinion [m]."""
+        return base_radius(self.teeth_p, self.module, radians(self.alpha_n_deg), self.beta)
+
+    @property
+    def r_g(self) -> float:
+        """Base radius of the wheel [m]."""
+        return base_radius(self.teeth_g, self.module, radians(self.alpha_n_deg), self.beta)
+
+    @property
+    def m_c(self) -> float:
+        """Equivalent mass of one mesh [kg].
+
+        m_c = I_p I_g / (I_p r_g^2 + I_g r_p^2)
+        """
+        return self.I_p * self.I_g / (self.I_p * self.r_g**2 + self.I_g * self.r_p**2)
+
+    @property
+    def omega_n(self) -> float:
+        """Reference angular frequency sqrt(k_mean / m_c) [rad/s]."""
+        return sqrt(self.k_mean / self.m_c)
+
+    @property
+    def c_m(self) -> float:
+        """Mesh damper 2 zeta sqrt(m_c k_mean) of one half [N s/m]."""
+        return 2 * self.zeta * sqrt(self.m_c * self.k_mean)
+
+    @property
+    def shaft_p(self) -> ShaftStiffness:
+        """Shaft section between the two pinion halves."""
+        return shaft_stiffness(self.E, self.poisson, self.outer_p, self.inner_p, self.shaft_length)
+
+    @property
+    def shaft_g(self) -> ShaftStiffness:
+        """Shaft section between the two wheel halves."""
+        return shaft_stiffness(self.E, self.poisson, self.outer_g, self.inner_g, self.shaft_length)
+
+    # Units
+
+    @checked_arguments()
+    def mesh_frequency(self, Omega: Numbers) -> Numbers:
+        """Mesh frequency Omega omega_n / (2 pi) [Hz]."""
+        return self.scales.mesh_frequency(Omega)
+
+    @checked_arguments()
+    def from_mesh_frequency(self, frequency: Numbers) -> Numbers:
+        """Omega at a mesh frequency [Hz]."""
+        return self.scales.from_mesh_frequency(frequency)
+
+    @checked_arguments()
+    def pinion_speed(self, Omega: Numbers) -> Numbers:
+        """Pinion speed 60 mesh_frequency / teeth_p [r/min]."""
+        return self.scales.pinion_speed(Omega)
+
+    @checked_arguments()
+    def from_pinion_speed(self, speed: Numbers) -> Numbers:
+        """Omega at a pinion speed [r/min]."""
+        return self.scales.from_pinion_speed(speed)
+
+    @property
+    def scales(self) -> Scales:
+        return Scales(self.omega_n, self.b_c, self.k_mean * self.b_c, self.teeth_p)
+
+    @property
+    def units(self) -> Array:
+        """(24,) Physical size of a coordinate of value one: b_c [m], of a rotation b_c / r [rad].
+
+        ``q = units * qbar``; velocities take a factor omega_n more, accelerations omega_n^2. Element coordinates are
+        in b_c [m], mesh forces in k_mean b_c [N].
+        """
+        return self.b_c * self._scale()
+
+    def _scale(self) -> Array:
+        """Diagonal of S: 1 for translations, 1/r for rotations."""
+        scale = np.ones((len(NODES), len(AXES)))
+        for node, name in enumerate(NODES):
+            scale[node, ROTATIONS] = 1 / (self.r_p if name[0] == "p" else self.r_g)
+        return scale.ravel()
+
+    # Equations of motion in SI units
+
+    def _node(self, gear: str) -> tuple[Array, Array, Array]:
+        """Inertia, support dampers and support stiffness (6,) of one half of a gear, "p" or "g"."""
+        m, inertia = getattr(self, f"m_{gear}"), getattr(self, f"I_{gear}")
+        M = np.array([m, m, m, inertia, inertia, inertia])
+        K = np.array([getattr(self, f"k_{gear}{axis}") for axis in ("x", "y", "z", "thx", "thy")] + [0.0])
+        C = 2 * self.zeta * np.sqrt(K * M)
+        if self.support_damping == "tabulated":
+            C[:3] = [getattr(self, f"c_{gear}{axis}") for axis in "xyz"]
+        return M, C, K
+
+    def structure(self) -> tuple[Array, Array, Array]:
+        """M, C, K (24, 24) of all but the mesh, in SI units (rows of forces N, of moments N m)."""
+        M, C, K = np.zeros((3, 24, 24))
+        for first, gear, shaft in ((0, "p", self.shaft_p), (6, "g", self.shaft_g)):
+            inertia, c, k = self._node(gear)
+            k_shaft = np.array([shaft.bending, shaft.bending, shaft.axial, 0.0, 0.0, shaft.torsional])
+            c_shaft = 2 * self.zeta * np.sqrt(k_shaft * inertia / 2)  # two halves against each other: half the mass
+            for one, other in ((first, first + 12), (first + 12, first)):
+                rows, across = np.arange(one, one + 6), np.arange(other, other + 6)
+                M[rows, rows], C[rows, rows], K[rows, rows] = inertia, c + c_shaft, k + k_shaft
+                C[rows, across], K[rows, across] = -c_shaft, -k_shaft
+        return M, C, K
+
+    @property
+    def reactions(self) -> dict[str, Reaction]:
+        """Radial and axial forces in the supports of the four halves, over k_mean b_c."""
+        halves = [self._node(name[0]) for name in NODES]
+        C, K = (np.concatenate([half[i] for half in halves]) for i in (1, 2))
+        return reactions(NODES, K / self.k_mean, C / (self.m_c * self.omega_n))
+
+    def mesh_vectors(self) -> Array:
+        """w_L, w_R as columns (24, 2), in SI units."""
+        c_b, s_b = cos(self.beta_mesh), sin(self.beta_mesh)
+        psi = self.alpha_t - radians(self.phi_deg)
+        w = np.zeros((2, 2, 2, 6))  # helix of the element, helix of the node, gear, axis
+        for helix, hand in ((0, 1.0), (1, -1.0)):
+            for gear, (sign, r) in enumerate(((1.0, self.r_p), (-1.0, self.r_g))):
+                tilt = hand * r * s_b if self.tilt else 0.0
+                w[helix, helix, gear] = sign * np.array(
+                    [c_b * sin(psi), c_b * cos(psi), hand * s_b, tilt * sin(psi), tilt * cos(psi), r * c_b]
+                )
+        return w.reshape(2, 24).T
+
+    def torques(self) -> Array:
+        """Constant load (24,), in SI units: T on each pinion half, -T r_g/r_p on each wheel half."""
+        load = np.zeros((4, 6))
+        load[:, 5] = np.tile([self.torque, -self.torque * self.r_g / self.r_p], 2)
+        return load.ravel()
+
+    # The dimensionless system
+
+    @property
+    def transmission_error(self) -> Phased:
+        """e(tau) of the left half, in units of b_c."""
+        e = Series(sine=self.e) if self.error is None else self.error
+        return e.scaled(self.e_sign * self.e_scale).shifted(self.e_phase)
+
+    def system(self) -> System:
+        """Dimensionless equations of motion, elements "gap L" and "gap R"; scaling at the head of this file."""
+        S, m_c, omega_n = self._scale(), self.m_c, self.omega_n
+        M, C, K = self.structure()
+        stiffness, error = self.mesh_stiffness, self.transmission_error
+        gaps = [
+            Element(
+                direction=S * w,
+                law=Backlash(b=1 + self.W, stiffness=stiffness.shifted(lag)),
+                displacement=error.shifted(lag),
+                damping=2 * self.zeta,
+                name=name,
+            )
+            for w, lag, name in zip(self.mesh_vectors().T, (0.0, self.stagger), ("gap L", "gap R"), strict=True)
+        ]
+        SS = np.outer(S, S)
+        return System(
+            M=SS * M / m_c,
+            C=SS * C / (m_c * omega_n),
+            K=SS * K / self.k_mean,
+            elements=gaps,
+            load=Load(constant=S * self.torques() / (self.k_mean * self.b_c)),
+            dof_names=[f"{axis}_{node}" for node in NODES for axis in AXES],
+        )

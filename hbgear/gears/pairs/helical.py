@@ -1,0 +1,261 @@
+"""One gear pair in space: both gears move in all six directions on their shafts and bearings, 12 degrees of freedom.
+
+    d = w^T q - e(tau),   force on q:  -w [k_mean k(tau) f(d) + c_m d'],   w = (n, r_P x n) on the pinion, -(n, r_G x n)
+    on the wheel n = (sin(alpha_wt), cos(alpha_wt), -tan(beta_b)),   turned by phi about z
+
+n is the normal of the driving flank over its part in the transverse plane, so that d, e, k and the half gap b are those
+along the line of action in that plane and w has the base radii at both rotations. r_P = (r_wp, 0, 0) and r_G = (-r_wg,
+0, 0), of a ring (+r_wg, 0, 0), lead from the centres of the gears to the pitch point in the middle of the face. z is
+along the shafts, the wheel lies in the direction phi from the pinion, beta_b > 0 is a right-hand pinion and the torque
+T > 0 turns it from x to y; T r_bg / r_bp holds the wheel. f is the backlash function with half gap b, k(tau) and e(tau)
+as of `SpurPair`, tau = Omega_mesh t.
+
+Dimensionless form, which `HelicalPair.system` returns: unit of length b_c, of time 1/omega_n = sqrt(m_c/k_mean), of
+force k_mean b_c; a rotation enters as r_b theta / b_c with the base radius of its gear, as in `DoubleHelicalPair`.
+
+References
+----------
+Kahraman (1993), J. Mech. Des. 115(1), 33-39 (a helical pair that moves along and across its shafts).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import cos, radians, sin, sqrt, tan
+from typing import ClassVar
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
+from hbgear.gears.mesh.mesh_excitation import MeshExcitation
+from hbgear.gears.pairs.support import AXES, reactions
+from hbgear.mechanics.laws.laws import Backlash
+from hbgear.mechanics.models import Element, Load, Reaction, System
+from hbgear.mechanics.series.periodic import Phased
+from hbgear.mechanics.structures.scales import Scales
+
+_POSITIVE = ("r_p", "r_g", "m_p", "m_g", "I_p", "I_g", "D_p", "D_g", "k_mean", "b_c")
+_NOT_NEGATIVE = ("zeta", "zeta_p", "zeta_g", "b", "k_p", "k_g", "k_pz", "k_gz", "k_pt", "k_gt")
+
+
+@dataclass(frozen=True)
+class HelicalPair(MeshExcitation):
+    """Helical or spur gear pair that bends, twists and shifts its shafts; equations at the head of this file.
+
+    Element coordinates and Omega are in units of b_c and omega_n. `GearPair.model` makes it from a drawing; the
+    defaults are a pair of 25 and 40 teeth, module 3 mm, helix angle 15 degrees, 20 mm wide, with backlash 80 um.
+
+    Parameters
+    ----------
+    teeth_p, teeth_g : numbers of teeth of pinion and wheel.
+    r_p, r_g : base radii [m].
+    alpha_deg : working transverse pressure angle [degrees].
+    beta_deg : helix angle at the base circle [degrees], positive for a right-hand pinion.
+    phi_deg : direction from pinion to wheel, from the x axis [degrees].
+    internal : whether the wheel is a ring.
+    m_p, m_g : masses [kg].
+    I_p, I_g : moments of inertia about the shafts [kg m^2].
+    D_p, D_g : moments of inertia about a diameter [kg m^2].
+    k_p, k_g : radial stiffness of the supports [N/m].
+    k_pz, k_gz : axial stiffness of the supports [N/m].
+    k_pt, k_gt : tilt stiffness of the supports [N m/rad].
+    zeta_p, zeta_g : damping ratios of the supports, 2 zeta sqrt(k m).
+    k_mean : mean mesh stiffness in the transverse plane [N/m].
+    zeta : damping ratio of the mesh, c_m = 2 zeta sqrt(m_c k_mean).
+    torque : T on the pinion [N m].
+    b_c : unit of length [m], the half backlash along the line of action in the transverse plane.
+    b : half backlash over b_c.
+    eps, eps_lag : (L,) amplitudes and lags of the mesh stiffness over k_mean.
+    e, e_lag : (L,) amplitudes over b_c and lags of the transmission error.
+    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
+    stiffness, error : k(tau) over k_mean and e(tau) over b_c in place of eps and e, as of `SpurPair`.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range or not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.gears.HelicalPair(e=(0.05,))
+    >>> pair.system().n, round(pair.scales.pinion_speed(1.0))
+    (12, 13504)
+    """
+
+    teeth_p: int = 25
+    teeth_g: int = 40
+    r_p: float = 36.3e-3
+    r_g: float = 58.1e-3
+    alpha_deg: float = 20.65
+    beta_deg: float = 14.08
+    phi_deg: float = 0.0
+    internal: bool = False
+    m_p: float = 0.73
+    m_g: float = 1.88
+    I_p: float = 5.4e-4
+    I_g: float = 3.6e-3
+    D_p: float = 3.0e-4
+    D_g: float = 1.9e-3
+    k_p: float = 3e8
+    k_g: float = 3e8
+    k_pz: float = 1e8
+    k_gz: float = 1e8
+    k_pt: float = 5e5
+    k_gt: float = 5e5
+    zeta_p: float = 0.02
+    zeta_g: float = 0.02
+    k_mean: float = 3.7e8
+    zeta: float = 0.04
+    torque: float = 200.0
+    b_c: float = 37.4e-6
+    b: float = 1.0
+    eps: tuple[float, ...] = (0.15, 0.04)
+    e: tuple[float, ...] = ()
+    eps_lag: tuple[float, ...] = ()
+    e_lag: tuple[float, ...] = ()
+    eps_scale: float = 1.0
+    e_scale: float = 1.0
+    stiffness: Phased | None = None
+    error: Phased | None = None
+
+    labels: ClassVar[Mapping[str, str]] = {
+        "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
+        "amplitude": r"$d / b_c$ [-]",
+        "r_p": r"base radius $r_p$ [m]",
+        "r_g": r"base radius $r_g$ [m]",
+        "alpha_deg": r"$\alpha_{wt}$ [deg]",
+        "beta_deg": r"$\beta_b$ [deg]",
+        "phi_deg": r"$\varphi$ [deg]",
+        "m_p": r"$m_p$ [kg]",
+        "m_g": r"$m_g$ [kg]",
+        "I_p": r"$I_p$ [kg m$^2$]",
+        "I_g": r"$I_g$ [kg m$^2$]",
+        "D_p": r"$D_p$ [kg m$^2$]",
+        "D_g": r"$D_g$ [kg m$^2$]",
+        "k_p": r"radial $k_p$ [N/m]",
+        "k_g": r"radial $k_g$ [N/m]",
+        "k_pz": r"axial $k_{pz}$ [N/m]",
+        "k_gz": r"axial $k_{gz}$ [N/m]",
+        "k_pt": r"tilt $k_{pt}$ [N m/rad]",
+        "k_gt": r"tilt $k_{gt}$ [N m/rad]",
+        "zeta_p": r"damping ratio of the support $\zeta_p$",
+        "zeta_g": r"damping ratio of the support $\zeta_g$",
+        "k_mean": r"$k_\mathrm{mean}$ [N/m]",
+        "zeta": r"damping ratio $\zeta$",
+        "torque": r"torque $T$ [N m]",
+        "b_c": r"unit of length $b_c$ [m]",
+        "b": r"half backlash $b$ [-]",
+        "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
+        "e_scale": r"factor of the error amplitudes $e_l$",
+    }
+    default_span: ClassVar[tuple[float, float]] = (1.6, 0.3)
+    ranges: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(_POSITIVE, POSITIVE),
+        **dict.fromkeys(_NOT_NEGATIVE, NOT_NEGATIVE),
+        "alpha_deg": Range(above=0, below=90),
+        "beta_deg": Range(above=-90, below=90),
+    }
+    usual: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(("r_p", "r_g"), Range(1e-3, 10)),
+        **dict.fromkeys(("m_p", "m_g"), Range(1e-4, 1e6)),
+        **dict.fromkeys(("I_p", "I_g", "D_p", "D_g"), Range(1e-10, 1e7)),
+        **dict.fromkeys(("zeta", "zeta_p", "zeta_g"), Range(0, 1)),
+        "alpha_deg": Range(5, 45),
+        "phi_deg": Range(-360, 360),
+        "k_mean": Range(1e5, 1e12),
+        "torque": Range(-1e8, 1e8),
+        "b_c": Range(1e-8, 5e-3),
+        "b": Range(0, 100),
+        "eps": Range(-1, 1),
+        "e": Range(-20, 20),
+    }
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("teeth_p", "teeth_g"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"HelicalPair: {name} = {getattr(self, name)} must be at least 1")
+
+    @property
+    def m_c(self) -> float:
+        """Equivalent mass 1 / (r_p^2/I_p + r_g^2/I_g) [kg]."""
+        return 1 / (self.r_p**2 / self.I_p + self.r_g**2 / self.I_g)
+
+    @property
+    def omega_n(self) -> float:
+        """Reference angular frequency sqrt(k_mean / m_c) [rad/s]."""
+        return sqrt(self.k_mean / self.m_c)
+
+    @property
+    def scales(self) -> Scales:
+        return Scales(self.omega_n, self.b_c, self.k_mean * self.b_c, self.teeth_p)
+
+    @property
+    def units(self) -> Array:
+        """(12,) Physical size of a coordinate of value one: b_c [m], of a rotation b_c / r [rad]."""
+        return self.b_c * self._scale()
+
+    def _scale(self) -> Array:
+        return np.concatenate([np.repeat([1.0, 1 / r], 3) for r in (self.r_p, self.r_g)])
+
+    # Equations of motion in SI units
+
+    def structure(self) -> tuple[Array, Array, Array]:
+        """M, C, K (12, 12) of all but the mesh, in SI units (rows of forces N, of moments N m)."""
+        M, C, K = [], [], []
+        for g in "pg":
+            m, polar, across = (getattr(self, f"{name}_{g}") for name in "mID")
+            inertia = np.array([m, m, m, across, across, polar])
+            radial, axial, tilt = (getattr(self, f"k_{g}{end}") for end in ("", "z", "t"))
+            stiffness = np.array([radial, radial, axial, tilt, tilt, 0.0])
+            M.append(inertia)
+            K.append(stiffness)
+            C.append(2 * getattr(self, f"zeta_{g}") * np.sqrt(stiffness * inertia))
+        return np.diag(np.concatenate(M)), np.diag(np.concatenate(C)), np.diag(np.concatenate(K))
+
+    @property
+    def reactions(self) -> dict[str, Reaction]:
+        """Radial and axial forces in the supports of both gears, over k_mean b_c."""
+        _, C, K = self.structure()
+        return reactions(("pinion", "wheel"), np.diag(K) / self.k_mean, np.diag(C) / (self.m_c * self.omega_n))
+
+    def mesh_vector(self) -> Array:
+        """w (12,), in SI units."""
+        alpha, phi = radians(self.alpha_deg), radians(self.phi_deg)
+        ahead, across = np.array([cos(phi), sin(phi), 0.0]), np.array([-sin(phi), cos(phi), 0.0])
+        n = sin(alpha) * ahead + cos(alpha) * across - tan(radians(self.beta_deg)) * np.array([0.0, 0.0, 1.0])
+        to_pinion = self.r_p / cos(alpha) * ahead
+        to_wheel = (1 if self.internal else -1) * self.r_g / cos(alpha) * ahead
+        return np.concatenate([n, np.cross(to_pinion, n), -n, -np.cross(to_wheel, n)])
+
+    def torques(self) -> Array:
+        """Constant load (12,), in SI units: T on the pinion, and what holds the wheel against it."""
+        w, load = self.mesh_vector(), np.zeros(12)
+        load[5], load[11] = self.torque, self.torque * w[11] / w[5]
+        return load
+
+    # The dimensionless system
+
+    def system(self) -> System:
+        """Dimensionless equations of motion, element "gap"; scaling at the head of this file."""
+        S, m_c, omega_n = self._scale(), self.m_c, self.omega_n
+        M, C, K = self.structure()
+        SS = np.outer(S, S)
+        gap = Element(
+            direction=S * self.mesh_vector(),
+            law=Backlash(b=self.b, stiffness=self.mesh_stiffness),
+            displacement=self.transmission_error,
+            damping=2 * self.zeta,
+            name="gap",
+        )
+        return System(
+            M=SS * M / m_c,
+            C=SS * C / (m_c * omega_n),
+            K=SS * K / self.k_mean,
+            elements=[gap],
+            load=Load(constant=S * self.torques() / (self.k_mean * self.b_c)),
+            dof_names=[f"{axis}_{gear}" for gear in "pg" for axis in AXES],
+        )

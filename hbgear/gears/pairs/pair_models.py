@@ -1,0 +1,150 @@
+"""Models of a gear pair from its drawing: torsion alone, with bearings, or in space.
+
+    k_mean = mean k(tau),   stiffness = k(tau)/k_mean,   error = e(tau)/b_c,   of the loaded mesh, with their jumps
+    b_c = b,   omega_n = sqrt(k_mean/m_c),   F_m = T / (r_b1 k_mean b_c)
+
+All forms share the mesh, and lengths along the line of action in the transverse plane.
+"""
+
+from __future__ import annotations
+
+from math import degrees, sqrt
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from hbgear.common.argument_checks import check
+from hbgear.common.ranges import NOT_NEGATIVE, Range
+from hbgear.common.text.messages import quoted
+from hbgear.common.units import QuantityField, to_si
+from hbgear.gears.mesh.mesh_cycle import MeshCycle
+from hbgear.gears.pairs.helical import HelicalPair
+from hbgear.gears.pairs.rotor_bearing import GearRotorBearing
+from hbgear.gears.pairs.spur import SpurPair
+from hbgear.gears.pairs.support import Support
+
+if TYPE_CHECKING:
+    from hbgear.gears.drawing.pair import GearPair
+    from hbgear.mechanics.models import Model
+
+FORMS = ("torsion", "bearings", "spatial")
+"""Forms of a model: one degree of freedom; three, with bearings along the line of action; twelve."""
+
+DAMPING = QuantityField("", NOT_NEGATIVE, Range(0, 1))
+"""Damping ratio of a mesh."""
+DAMPING.__set_name__(object, "damping")
+
+
+class _Mesh(NamedTuple):
+    """What every form takes from the mesh."""
+
+    k_mean: float
+    b_c: float
+    fields: dict[str, Any]
+    """stiffness, error."""
+
+
+def build_model(
+    pair: GearPair,
+    torque: Any,
+    damping: Any,
+    form: str = "torsion",
+    *,
+    supports: tuple[Support, Support] | None = None,
+    cycle: MeshCycle | None = None,
+    direction: Any = 0.0,
+) -> Model:
+    """A model of a gear pair under a torque.
+
+    Parameters
+    ----------
+    pair : `GearPair`.
+    torque : on the pinion [N m], > 0.
+    damping : damping ratio of the mesh.
+    form : "torsion", a `SpurPair`; "bearings", a `GearRotorBearing`; "spatial", a `HelicalPair`.
+    supports : of pinion and wheel, for the last two.
+    cycle : mesh stiffness and transmission error; computed by ``pair.mesh(torque)`` by default.
+    direction : from the pinion to the wheel [rad], of the form "spatial".
+
+    Raises
+    ------
+    ValueError
+        If the form or a quantity is none, supports are missing, or there is no backlash.
+    """
+    if not isinstance(form, str) or form not in FORMS:
+        raise ValueError(f"GearPair.model: form = {quoted(form)} must be one of {', '.join(FORMS)}")
+    torque = to_si("GearPair.model", "torque", torque, "N m")
+    zeta = DAMPING.read("GearPair.model", damping)
+    check("GearPair.model", "cycle", cycle, MeshCycle | None)
+    mesh = _mesh(pair, pair.mesh(torque) if cycle is None else cycle, pair.transverse_force(torque))
+    if form == "torsion":
+        if supports is not None:
+            raise ValueError("GearPair.model: the form 'torsion' has no supports; give form='bearings' or 'spatial'")
+        return _torsion(pair, torque, zeta, mesh)
+    if supports is None or len(supports) != 2 or not all(isinstance(one, Support) for one in supports):
+        raise ValueError(f"GearPair.model: the form {form!r} needs supports=(Support(...), Support(...)), of pinion "
+                         "and wheel")  # fmt: skip
+    if form == "bearings":
+        return _bearings(pair, torque, zeta, mesh, supports)
+    return _spatial(pair, torque, zeta, mesh, supports, to_si("GearPair.model", "direction", direction, "rad"))
+
+
+def _mesh(pair: GearPair, cycle: MeshCycle, force: float) -> _Mesh:
+    b_c = pair.half_backlash
+    if b_c <= 0:
+        raise ValueError(
+            "GearPair.model: the pair has no backlash; give backlash, or a center_distance that leaves some"
+        )
+    k_mean, stiffness, error = cycle.functions(force)
+    fields: dict[str, Any] = {"eps": (), "stiffness": stiffness, "e": ()}
+    if error.varies:
+        fields["error"] = error.scaled(1 / b_c)
+    return _Mesh(k_mean, b_c, fields)
+
+
+def _reference(pair: GearPair, mesh: _Mesh) -> tuple[float, ...]:
+    omega_n = sqrt(mesh.k_mean / pair.equivalent_mass)
+    return omega_n, mesh.b_c, mesh.k_mean * mesh.b_c, float(pair.pinion.teeth)
+
+
+def _torsion(pair: GearPair, torque: float, zeta: float, mesh: _Mesh) -> SpurPair:
+    F_m = pair.transverse_force(torque) / (mesh.k_mean * mesh.b_c)
+    return SpurPair(zeta=zeta, F_m=F_m, reference=_reference(pair, mesh), **mesh.fields)
+
+
+def _bearings(
+    pair: GearPair, torque: float, zeta: float, mesh: _Mesh, supports: tuple[Support, Support]
+) -> GearRotorBearing:
+    reference, m_c = _reference(pair, mesh), pair.equivalent_mass
+    omega_n, b_c = reference[:2]
+    given: dict[str, Any] = {}
+    for i, (gear, support) in enumerate(zip((pair.pinion, pair.wheel), supports, strict=True), 1):
+        m = gear.mass_used
+        kappa = support.stiffness / (m * omega_n**2)
+        given |= {
+            f"mu_{i}": m_c / m, f"kappa_{i}": kappa, f"zeta_{i}": support.damping * sqrt(kappa),
+            f"b_{i}": support.clearance / b_c, f"F_{i}": support.preload / (m * b_c * omega_n**2),
+        }  # fmt: skip
+    F_m = pair.transverse_force(torque) / (mesh.k_mean * b_c)
+    return GearRotorBearing(zeta=zeta, F_m=F_m, reference=reference, **given, **mesh.fields)
+
+
+def _spatial(
+    pair: GearPair, torque: float, zeta: float, mesh: _Mesh, supports: tuple[Support, Support], direction: float
+) -> HelicalPair:
+    given: dict[str, Any] = {}
+    for name, gear, support in zip("pg", (pair.pinion, pair.wheel), supports, strict=True):
+        if support.tilt is None:
+            raise ValueError("GearPair.model: the form 'spatial' needs the tilt stiffness of both supports [N m/rad]; "
+                             "of two bearings a distance s apart it is stiffness s^2/4")  # fmt: skip
+        if support.clearance or support.preload:
+            raise ValueError("GearPair.model: the form 'spatial' has no clearance or preload in its supports; "
+                             "form='bearings' has")  # fmt: skip
+        given |= {
+            f"r_{name}": gear.base_diameter / 2, f"teeth_{name}": gear.teeth, f"m_{name}": gear.mass_used,
+            f"I_{name}": gear.inertia_used, f"D_{name}": gear.transverse_inertia, f"k_{name}": support.stiffness,
+            f"k_{name}z": support.axial, f"k_{name}t": support.tilt, f"zeta_{name}": support.damping,
+        }  # fmt: skip
+    return HelicalPair(
+        zeta=zeta, torque=torque, k_mean=mesh.k_mean, b_c=mesh.b_c, internal=pair.wheel.internal,
+        alpha_deg=degrees(pair.working_pressure_angle), beta_deg=degrees(pair.pinion.base_helix_angle),
+        phi_deg=degrees(direction), **given, **mesh.fields,
+    )  # fmt: skip

@@ -1,0 +1,118 @@
+"""One spur gear pair as an oscillator of one degree of freedom.
+
+References
+----------
+Kahraman & Singh (1990), J. Sound Vib. 142(1), 49-75, https://doi.org/10.1016/0022-460X(90)90582-K.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from hbgear.common.ranges import NOT_NEGATIVE, Range
+from hbgear.gears.mesh.mesh_excitation import MeshExcitation
+from hbgear.mechanics.laws.laws import Backlash
+from hbgear.mechanics.models import Element, Load, System
+from hbgear.mechanics.series.periodic import Phased
+
+
+@dataclass(frozen=True)
+class SpurPair(MeshExcitation):
+    """Spur gear pair reduced to its gap x along the line of action, all quantities dimensionless.
+
+        x'' + 2 zeta x' + k(tau) f(x) = F_m + sum_l (l Omega)^2 e_l cos(l tau)      (or sin, by `phase`)
+        k(tau) = 1 - sum_l eps_l cos(l tau),   f = backlash function with half-gap b,   tau = Omega t
+
+    Built with the coordinate q = x + e(tau), e(tau) = sum_l e_l cos(l tau), the motion of the teeth without their
+    error: q'' = F_m - 2 zeta x' - k f(x) and q'' = x'' + e'' with -e'' = sum_l (l Omega)^2 e_l cos(l tau). The element
+    coordinate is d = q - e = x.
+
+    Units, for a pair of mass m_c, mean mesh stiffness k_mean and half backlash b_c:
+
+        x, e_l, b          lengths over b_c: b = 1, and the teeth part at x = 1 and meet on their backs at x = -1
+        Omega              mesh frequency over omega_n = sqrt(k_mean/m_c); time is in 1/omega_n
+        F_m                force over k_mean b_c: the static deflection of the mesh in half backlashes
+        zeta               mesh damper over 2 m_c omega_n
+        eps_l              stiffness over k_mean
+
+    With J the moment of inertia and r the base radius of each gear, m_c = 1/(r_1^2/J_1 + r_2^2/J_2). Another b keeps
+    b_c as the unit of length, to change the backlash alone.
+
+    The defaults are one of the cases of Kahraman & Singh: e_1 Omega^2 is their F_ah omega_eh^2 with F_ah = 0.05.
+
+    Parameters
+    ----------
+    zeta : damping ratio of the mesh, >= 0.
+    F_m : mean load, over k_mean b_c.
+    eps : (L,) amplitudes of the mesh stiffness, of any length; () for a constant one.
+    e : (L,) amplitudes of the transmission error over b_c, of any length.
+    phase : "cos" or "sin", of the transmission error.
+    b : half backlash over b_c, >= 0.
+    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
+    stiffness : k(tau) over k_mean in place of eps: a `Series` or a `Periodic`, as `Periodic.rectangular`.
+    error : e(tau) over b_c in place of e: a `Series` or a `Periodic` without jumps, as `Periodic.table`.
+    eps_lag, e_lag : (L,) phases by which each harmonic lags, cos(l tau - lag_l) [rad]; () for none.
+    reference : (omega_n [rad/s], b_c [m], k_mean b_c [N], teeth of the pinion), by which the pair knows Hz, r/min, um
+        and N (`scales`); () if they are unknown. `GearPair.model` fills it in.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range or not finite.
+
+    References
+    ----------
+    Kahraman & Singh (1990), J. Sound Vib. 142(1), 49-75.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.SpurPair(e=(0.1, 0.02))
+    >>> pair.e_scale, pair.replace(zeta=0.1).zeta
+    (1.0, 0.1)
+    >>> teeth = hb.SpurPair(stiffness=hb.mechanics.Periodic.rectangular(high=1.16, low=0.76, share=0.6))
+    >>> len(hb.HarmonicBalance(teeth, 8).start(Omega=1.2))
+    17
+    """
+
+    zeta: float = 0.05
+    F_m: float = 0.1
+    eps: tuple[float, ...] = ()
+    e: tuple[float, ...] = (0.05,)
+    phase: Literal["cos", "sin"] = "cos"
+    b: float = 1.0
+    eps_scale: float = 1.0
+    e_scale: float = 1.0
+    stiffness: Phased | None = None
+    error: Phased | None = None
+    eps_lag: tuple[float, ...] = ()
+    e_lag: tuple[float, ...] = ()
+    reference: tuple[float, ...] = ()
+
+    labels: ClassVar[Mapping[str, str]] = {
+        "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
+        "amplitude": r"$x$ [-]",
+        "zeta": r"damping ratio $\zeta$",
+        "F_m": r"mean load $F_m$ [-]",
+        "b": r"half backlash $b$ [-]",
+        "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
+        "e_scale": r"factor of the error amplitudes $e_l$",
+    }
+    default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
+    ranges: ClassVar[Mapping[str, Range]] = {"zeta": NOT_NEGATIVE, "b": NOT_NEGATIVE}
+    usual: ClassVar[Mapping[str, Range]] = {
+        "zeta": Range(0, 1), "F_m": Range(-20, 20), "b": Range(0, 100), "eps": Range(-1, 1), "e": Range(-20, 20),
+    }  # fmt: skip
+
+    def system(self) -> System:
+        """One coordinate q = x + e(tau) on no other spring than the mesh."""
+        gap = Element(
+            direction=[1.0],
+            law=Backlash(b=self.b, stiffness=self.mesh_stiffness),
+            displacement=self.transmission_error,
+            damping=2 * self.zeta,
+            name="gap",
+        )
+        return System(M=[[1.0]], C=None, K=[[0.0]], elements=[gap], load=Load(constant=[self.F_m]), dof_names=["q"])

@@ -1,0 +1,1 @@
+"""Gear trains and planetary sets."""

@@ -1,0 +1,93 @@
+"""The housing of a train as matrices: bearings sit on some of its coordinates instead of the ground.
+
+M q_h'' + C q_h' + K q_h + sum over seats of s f = 0,   f = k (x_wheel - s^T q_h) + c (x_wheel' - s^T q_h')
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.text.messages import did_you_mean, quoted
+from hbgear.gears.pairs.support import AXES
+from hbgear.mechanics.series.fourier import is_listed
+from hbgear.mechanics.structures.matrices import square
+
+SEATED = AXES[:3]
+"""Directions in which a bearing can sit on a housing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Housing:
+    """A housing, a foundation or a test rig, from an FE program or by hand, in SI.
+
+    Parameters
+    ----------
+    M, K : (h, h) mass [kg] and stiffness [N/m] of displacements [m], dense or scipy.sparse.
+    C : damping (h, h) [N s/m]; None without.
+    names : (h,) of the coordinates; ``h1, h2, ...`` by default.
+    seats : where bearings sit: ``{"pinion": {"x": "h1", "y": "h2"}}`` for the bearings of that wheel. Directions that
+        are not named go to the ground.
+
+    Raises
+    ------
+    ValueError
+        If matrices are not square, not finite or of other sizes, or a seat is on no coordinate.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> box = hb.gears.Housing([[40.0]], [[2e9]], names=["side"], seats={"pinion": {"y": "side"}})
+    >>> box.n
+    1
+    """
+
+    M: Any
+    K: Any
+    C: Any = None
+    names: Sequence[str] = ()
+    seats: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        for name in ("M", "K", "C"):
+            if getattr(self, name) is None and name == "C":
+                set_(self, "C", np.zeros(self.M.shape))
+            matrix = square(f"Housing: {name}", getattr(self, name))
+            set_(self, name, matrix.toarray() if hasattr(matrix, "toarray") else matrix)
+            if getattr(self, name).shape != self.M.shape:
+                raise ValueError(
+                    f"Housing: {name} has shape {getattr(self, name).shape}; need {self.M.shape}, that of M"
+                )
+        if not is_listed(self.names) or not all(isinstance(name, str) for name in self.names):
+            raise ValueError(f"Housing: names = {quoted(self.names)} must be a list of names")
+        set_(self, "names", tuple(self.names) or tuple(f"h{i + 1}" for i in range(self.n)))
+        if len(self.names) != self.n:
+            raise ValueError(f"Housing: {len(self.names)} names for {self.n} coordinates; need one for each")
+        if not isinstance(self.seats, Mapping) or not all(isinstance(each, Mapping) for each in self.seats.values()):
+            raise ValueError(
+                f"Housing: seats = {quoted(self.seats)} must be a dict such as {{'pinion': {{'x': 'h1'}}}}"
+            )
+        for wheel, seat in self.seats.items():
+            for axis, name in seat.items():
+                if axis not in SEATED:
+                    raise ValueError(f"Housing: seat of '{wheel}': '{axis}' must be one of {', '.join(SEATED)}")
+                if name not in self.names:
+                    raise ValueError(
+                        f"Housing: seat of '{wheel}': there is no coordinate {quoted(name)}"
+                        f"{did_you_mean(str(name), self.names)}"
+                    )
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return len(self.M)
+
+    def seat(self, wheel: str, axis: int) -> Array:
+        """The coordinates (h,) that a bearing of a wheel sits on in a direction, 1 at one of them or 0."""
+        name = self.seats.get(wheel, {}).get(AXES[axis]) if axis < len(SEATED) else None
+        return np.array([float(own == name) for own in self.names])

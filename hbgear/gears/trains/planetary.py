@@ -1,0 +1,488 @@
+r"""Planetary gear sets: sun, ring and carrier with N planets, each a rigid body that moves in the plane.
+
+    M q'' + C q' + K q + sum_n (w_sn [k_sn(tau) f(d_sn) + c d_sn'] + w_rn [k_rn(tau) f(d_rn) + c d_rn']) = F
+    d_sn = y_s cos(psi_n - a_s) - x_s sin(psi_n - a_s) + u_s - zeta_n sin a_s - eta_n cos a_s + u_n - e_sn(tau)
+    d_rn = y_r cos(psi_n + a_r) - x_r sin(psi_n + a_r) + u_r + zeta_n sin a_r - eta_n cos a_r - u_n - e_rn(tau)
+    bearing of planet n:  x_c cos psi_n + y_c sin psi_n - zeta_n,   y_c cos psi_n - x_c sin psi_n + u_c - eta_n
+
+in the frame of the carrier: x, y of carrier, ring and sun, radial and tangential zeta, eta of a planet at psi_n, and u,
+the rotation times the base radius (of the carrier: the radius of the planets' centres). tau = Omega t is the phase
+of the meshing, the same frequency in all 2N meshes; they differ in phase by the numbers of teeth.
+
+If the carrier turns, M q'' becomes M q'' + Omega_c G q' - Omega_c^2 M_xy q in its frame (``carrier_rotation``).
+
+Dimensionless form, which `PlanetarySet.system` returns: unit of length b_sp (1 um without backlash), of time
+sqrt(m_p/k_sp), of force k_sp times the length.
+
+References
+----------
+Lin and Parker (1999), Analytical characterization of the unique properties of planetary gear free vibration, J. Vib.
+Acoust. 121(3), 316-321, https://doi.org/10.1115/1.2893982.
+Parker and Lin (2004), J. Mech. Des. 126(2), 365-370, https://doi.org/10.1115/1.1667892 (phases).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from math import cos, pi, radians, sin, sqrt
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import scipy
+
+from hbgear.common.argument_checks import check
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
+from hbgear.common.text.messages import quoted
+from hbgear.gears.mesh.mesh_excitation import amplitudes, mesh_stiffness
+from hbgear.gears.trains.train_components import Mesh, Wheel
+from hbgear.gears.trains.train_kinematics import kinematics
+from hbgear.mechanics.laws.laws import Backlash
+from hbgear.mechanics.models import Element, Load, Model, System
+from hbgear.mechanics.series.fourier import Series
+from hbgear.mechanics.structures.scales import Scales
+from hbgear.mechanics.structures.speed_terms import SpeedTerms
+
+MEMBERS = ("carrier", "ring", "sun")
+"""Central members, in the order of their coordinates."""
+
+_LETTERS = dict(zip(MEMBERS, "crs", strict=True))
+
+_NO_LENGTH = 1e-6  # unit of length of a set without backlash [m]
+
+_NOTHING = 1e-6  # part of a unit shape that is rounding
+
+_POSITIVE = ("m_s", "m_p", "m_r", "m_c", "J_s", "J_p", "J_r", "J_c", "k_sp", "k_rp", "k_p", "k_t", "r_s")
+
+_NOT_NEGATIVE = ("k_s", "k_r", "k_c", "zeta", "zeta_b", "b_sp", "b_rp", "torque")
+
+
+@dataclass(frozen=True)
+class PlanetMode:
+    """A natural mode of a planetary set with all teeth in mesh.
+
+    Parameters
+    ----------
+    frequency : [Hz].
+    kind : "rotational" (the central members turn, all planets move alike), "translational" (they move sideways),
+        "planet" (they rest) or, of a set without the symmetry, "mixed".
+    multiplicity : how many modes have this frequency.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> [mode.multiplicity for mode in hb.gears.PlanetarySet().modes() if mode.kind == "planet"]  # N - 3
+    [1, 1, 1]
+    """
+
+    frequency: float
+    kind: str
+    multiplicity: int
+
+
+@dataclass(frozen=True)
+class PlanetarySet(Model):
+    """A planetary gear set with backlash in all meshes; equations at the head of this file.
+
+    The defaults are the machine of Lin and Parker (1999) with four planets; backlash, excitation and damping are ours.
+
+    Parameters
+    ----------
+    teeth_s, teeth_p, teeth_r : numbers of teeth, z_r = z_s + 2 z_p but for profile shifts.
+    planets : N.
+    spacing : places psi_n of the planets [degrees], () for equal ones.
+    fixed : the member that does not turn, held by ``k_t``.
+    driver : one of the others; the third is driven.
+    torque : on the sun [N m], whoever drives; the others follow. It acts counter-clockwise.
+    r_s : base radius of the sun [m].
+    m_s, m_p, m_r, m_c : masses of sun, planet, ring and carrier [kg].
+    J_s, J_p, J_r, J_c : moments of inertia over the squares of the base radii, the carrier's over that of the planets'
+        centres [kg].
+    k_sp, k_rp : mean stiffness of the meshes of a planet with sun and ring [N/m].
+    k_s, k_r, k_c, k_p : of the bearings of sun, ring, carrier, and of a planet in the carrier [N/m].
+    k_t : what holds the fixed member against turning [N/m at its base radius].
+    alpha_s_deg, alpha_r_deg : pressure angles of the meshes with sun and ring [degrees].
+    zeta, zeta_b : damping ratios, of each mesh with the inertias it joins, of bearings with the masses they carry.
+    b_sp, b_rp : half backlashes [m].
+    eps_sp, eps_rp : amplitudes of the stiffness over its mean, k = k_mean [1 - sum_l eps_l cos(l tau_n)].
+    e_sp, e_rp : amplitudes of the transmission errors [m], e = sum_l e_l cos(l tau_n).
+    eps_scale, e_scale, torque_scale : factors of them, to continue in.
+    planet_errors : of the places of the planets along their circle [m], () for none.
+    carrier_rotation : whether Coriolis and centripetal terms of the turning carrier are there.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range, the planets collide or cannot be put in, or tooth counts do not mesh.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> planetary = hb.gears.PlanetarySet(26, 34, 94, planets=3)
+    >>> [round(mode.frequency, 1) for mode in planetary.modes() if mode.kind == "rotational"]
+    [0.0, 1475.7, 1930.3, 2658.3, 7462.8, 11775.3]
+    >>> planetary.phasing, hb.gears.PlanetarySet(28, 36, 100, planets=4).phasing
+    ('sequential', 'in phase')
+    """
+
+    teeth_s: int = 28
+    teeth_p: int = 36
+    teeth_r: int = 100
+    planets: int = 4
+    spacing: tuple[float, ...] = ()
+    fixed: Literal["ring", "sun", "carrier"] = "ring"
+    driver: Literal["ring", "sun", "carrier"] = "sun"
+    torque: float = 300.0
+    r_s: float = 38.7e-3
+    m_s: float = 0.4
+    m_p: float = 0.66
+    m_r: float = 2.35
+    m_c: float = 5.43
+    J_s: float = 0.39
+    J_p: float = 0.61
+    J_r: float = 3.0
+    J_c: float = 6.29
+    k_sp: float = 5e8
+    k_rp: float = 5e8
+    k_s: float = 1e8
+    k_r: float = 1e8
+    k_c: float = 1e8
+    k_p: float = 1e8
+    k_t: float = 1e9
+    alpha_s_deg: float = 24.6
+    alpha_r_deg: float = 24.6
+    zeta: float = 0.03
+    zeta_b: float = 0.03
+    b_sp: float = 20e-6
+    b_rp: float = 20e-6
+    eps_sp: tuple[float, ...] = (0.2, 0.05)
+    eps_rp: tuple[float, ...] = (0.2, 0.05)
+    e_sp: tuple[float, ...] = ()
+    e_rp: tuple[float, ...] = ()
+    eps_scale: float = 1.0
+    e_scale: float = 1.0
+    torque_scale: float = 1.0
+    planet_errors: tuple[float, ...] = ()
+    carrier_rotation: bool = False
+
+    labels: ClassVar[Mapping[str, str]] = {
+        "Omega": r"$\Omega = \omega_\mathrm{mesh}/\sqrt{k_{sp}/m_p}$ [-]",
+        "amplitude": r"$d / b_{sp}$ [-]",
+        "torque": r"torque on the sun [N m]",
+        "zeta": r"damping ratio of the meshes $\zeta$",
+        "zeta_b": r"damping ratio of the bearings $\zeta_b$",
+        "b_sp": r"half backlash $b_{sp}$ [m]",
+        "b_rp": r"half backlash $b_{rp}$ [m]",
+        **{name: rf"${name[0]}_{{{name[2:]}}}$ [N/m]" for name in ("k_sp", "k_rp", "k_s", "k_r", "k_c", "k_p", "k_t")},
+        **{f"{letter}_{i}": rf"${letter}_{i}$ [kg]" for letter in "mJ" for i in "sprc"},
+        "r_s": r"$r_s$ [m]",
+        "alpha_s_deg": r"$\alpha_s$ [deg]",
+        "alpha_r_deg": r"$\alpha_r$ [deg]",
+        "eps_scale": r"factor of the stiffness amplitudes",
+        "e_scale": r"factor of the errors",
+        "torque_scale": "factor of the torque",
+    }
+    default_span: ClassVar[tuple[float, float]] = (2.3, 0.5)
+    ranges: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(_POSITIVE, POSITIVE),
+        **dict.fromkeys(_NOT_NEGATIVE, NOT_NEGATIVE),
+        **dict.fromkeys(("alpha_s_deg", "alpha_r_deg"), Range(above=0, below=60)),
+    }
+    usual: ClassVar[Mapping[str, Range]] = {
+        **dict.fromkeys(("b_sp", "b_rp"), Range(0, 2e-3)),
+        **dict.fromkeys(("zeta", "zeta_b"), Range(0, 1)),
+        "torque": Range(0, 1e8),
+        "r_s": Range(1e-3, 10),
+        **dict.fromkeys(("eps_sp", "eps_rp"), Range(-1, 1)),
+        **dict.fromkeys(("e_sp", "e_rp", "planet_errors"), Range(-1e-3, 1e-3)),
+    }
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("eps_sp", "eps_rp", "e_sp", "e_rp", "spacing", "planet_errors"):
+            object.__setattr__(self, name, amplitudes("PlanetarySet", name, getattr(self, name)))
+        counted("PlanetarySet: planets", self.planets, 40, least=1)
+        for name in ("teeth_s", "teeth_p", "teeth_r"):
+            counted(f"PlanetarySet: {name}", getattr(self, name), 10_000, least=4)
+        for name in ("fixed", "driver"):
+            if not isinstance(getattr(self, name), str) or getattr(self, name) not in MEMBERS:
+                raise ValueError(
+                    f"PlanetarySet: {name} = {quoted(getattr(self, name))} must be one of {', '.join(MEMBERS)}"
+                )
+        if self.fixed == self.driver:
+            raise ValueError(f"PlanetarySet: the {self.fixed} cannot drive and be fixed; name another driver")
+        check("PlanetarySet", "carrier_rotation", self.carrier_rotation, bool)
+        for name in ("spacing", "planet_errors"):
+            given = getattr(self, name)
+            if given and len(given) != self.planets:
+                raise ValueError(
+                    f"PlanetarySet: {name} has {len(given)} entries; need {self.planets}, one for each planet"
+                )
+        self._check_teeth()
+        self._check_assembly()
+
+    def _check_teeth(self) -> None:
+        wanted = self.teeth_s + 2 * self.teeth_p
+        if abs(self.teeth_r - wanted) > max(2.0, 0.05 * wanted):
+            raise ValueError(
+                f"PlanetarySet: {self.teeth_p} teeth of a planet do not fit between {self.teeth_s} of the sun and "
+                f"{self.teeth_r} of the ring: z_r = z_s + 2 z_p = {wanted}, but for a tooth or two by profile shifts"
+            )
+
+    def _check_assembly(self) -> None:
+        """Refuse planets that touch each other, or that do not find teeth and gaps where they are to go."""
+        psi = np.sort(np.mod(self.angles, 2 * pi))
+        gaps = np.diff(np.append(psi, psi[0] + 2 * pi))
+        size = (self.teeth_p + 2) / (self.teeth_s + self.teeth_p)  # tip diameter over twice the centre distance
+        if self.planets > 1 and np.sin(np.minimum(gaps, pi) / 2).min() <= size:
+            worst = float(np.degrees(gaps.min()))
+            raise ValueError(
+                f"PlanetarySet: planets {worst:.4g} degrees apart collide; with {self.teeth_p} teeth on a circle of "
+                f"{self.teeth_s + self.teeth_p} they need more than {np.degrees(2 * np.arcsin(min(size, 1.0))):.4g}"
+            )
+        together = self.teeth_s + self.teeth_r
+        steps = together * (np.asarray(self.angles) - self.angles[0]) / (2 * pi)
+        wrong = np.abs(steps - np.round(steps))
+        if wrong.max() > 1e-3:
+            n = int(np.argmax(wrong))
+            nearest = np.degrees(self.angles[0] + 2 * pi * np.round(steps[n]) / together)
+            raise ValueError(
+                f"PlanetarySet: planet {n + 1} cannot be put in at {np.degrees(self.angles[n]):.6g} degrees: from the "
+                f"first planet on it must be a multiple of 360 / (z_s + z_r) = {360 / together:.6g}; the nearest place "
+                f"is {nearest:.6g}; equal spacing needs (z_s + z_r) / N = {together}/{self.planets} whole"
+            )
+
+    # ---- how it turns
+
+    @property
+    def angles(self) -> tuple[float, ...]:
+        """psi_n [rad]."""
+        if self.spacing:
+            return tuple(radians(x) for x in self.spacing)
+        return tuple(2 * pi * n / self.planets for n in range(self.planets))
+
+    @property
+    def speeds(self) -> dict[str, Fraction]:
+        """Speeds of the members over that of the driver, whose torque has the same sign as its speed."""
+        z = {"sun": Fraction(self.teeth_s), "ring": Fraction(self.teeth_r)}
+        z["carrier"] = -z["sun"] - z["ring"]  # z_s w_s + z_r w_r = (z_s + z_r) w_c
+        third = next(name for name in MEMBERS if name not in (self.fixed, self.driver))
+        own = {self.driver: Fraction(1), self.fixed: Fraction(0), third: -z[self.driver] / z[third]}
+        sense = -1 if self.driver == "carrier" else 1  # the torque on the sun is positive, so is that on the ring
+        return {name: sense * own[name] for name in MEMBERS}
+
+    @cached_property
+    def _lags(self) -> tuple[float, ...]:
+        """Lags of the N meshes with the sun, then with the ring, of a train in the frame of the carrier."""
+        wheels = {"sun": Wheel("sun", 1.0, teeth=self.teeth_s, base_radius=0.4 * self.teeth_s, torque=1.0),
+                  "ring": Wheel("ring", 1.0, teeth=self.teeth_r, base_radius=0.4 * self.teeth_r, internal=True,
+                                torque=self.teeth_r / self.teeth_s)}  # fmt: skip
+        names = [f"p{n + 1}" for n in range(self.planets)]
+        for name in names:
+            wheels[name] = Wheel(name, 1.0, teeth=self.teeth_p, base_radius=0.4 * self.teeth_p)
+        meshes = [Mesh("sun", name, 1e8, direction=psi) for name, psi in zip(names, self.angles, strict=True)]
+        # the centre of the ring lies on the other side of the planet's
+        meshes += [Mesh(name, "ring", 1e8, direction=psi + pi) for name, psi in zip(names, self.angles, strict=True)]
+        speeds = self.speeds
+        return kinematics(wheels, (), meshes, backward=speeds["sun"] < speeds["carrier"]).lags
+
+    @property
+    def lags(self) -> dict[str, float]:
+        """By how much each mesh comes after that of the first planet with the sun [rad]."""
+        return dict(zip(self.mesh_names, self._lags, strict=True))
+
+    @property
+    def mesh_names(self) -> list[str]:
+        """Names of the elements: "sun-p1", ..., "ring-p1", ..."""
+        return [f"{member}-p{n + 1}" for member in ("sun", "ring") for n in range(self.planets)]
+
+    @property
+    def sharing(self) -> list[str]:
+        """The meshes of the sun."""
+        return self.mesh_names[: self.planets]
+
+    @property
+    def phasing(self) -> str:
+        """How the planets mesh with the sun: "in phase", "sequential", "counter" or "uneven".
+
+        All at once; one after the other at equal steps; in two groups that take turns; otherwise.
+        """
+        steps = np.mod(np.array(self._lags[: self.planets]) / (2 * pi) * self.planets + 1e-6, self.planets) - 1e-6
+        whole = np.abs(steps - np.round(steps)).max() < 1e-4
+        found = set(np.round(steps).astype(int) % self.planets)
+        if whole and found == {0}:
+            return "in phase"
+        if whole and len(found) == self.planets:
+            return "sequential"
+        return "counter" if whole and len(found) == 2 and self.planets % 2 == 0 else "uneven"
+
+    @property
+    def orders(self) -> dict[str, float]:
+        """Frequencies over Omega: of the meshing, and of the members that turn."""
+        speeds = self.speeds
+        mesh = self.teeth_s * abs(speeds["sun"] - speeds["carrier"])
+        return {"mesh": 1.0} | {name: abs(float(speed / mesh)) for name, speed in speeds.items() if speed}
+
+    # ---- units
+
+    @property
+    def b_c(self) -> float:
+        """Unit of length [m]."""
+        return self.b_sp or self.b_rp or _NO_LENGTH
+
+    @property
+    def omega_n(self) -> float:
+        """Angular frequency of Omega = 1, sqrt(k_sp/m_p) [rad/s]."""
+        return sqrt(self.k_sp / self.m_p)
+
+    @property
+    def scales(self) -> Scales:
+        """Speeds are those of the driver."""
+        return Scales(self.omega_n, self.b_c, self.k_sp * self.b_c, 1 / self.orders[self.driver])
+
+    # ---- matrices in SI units
+
+    @property
+    def dof_names(self) -> list[str]:
+        """x, y, u of carrier, ring and sun, then zeta, eta, u of the planets."""
+        central = [f"{axis}_{name}" for name in MEMBERS for axis in "xyu"]
+        return central + [f"{axis}_p{n + 1}" for n in range(self.planets) for axis in ("zeta", "eta", "u")]
+
+    @property
+    def _masses(self) -> Array:
+        """Diagonal of M."""
+        parts = [(getattr(self, f"m_{i}"),) * 2 + (getattr(self, f"J_{i}"),) for i in [*"crs", *"p" * self.planets]]
+        return np.concatenate(parts)
+
+    def _springs(self) -> list[tuple[float, float, Array]]:
+        """Stiffness, mass carried and direction of every linear spring."""
+        n = 9 + 3 * self.planets
+        unit = np.eye(n)
+        out = []
+        for i, name in enumerate(MEMBERS):
+            k, m = (getattr(self, f"{letter}_{_LETTERS[name]}") for letter in "km")
+            out += [(k, m, unit[3 * i]), (k, m, unit[3 * i + 1])]
+            if name == self.fixed:
+                out.append((self.k_t, getattr(self, f"J_{_LETTERS[name]}"), unit[3 * i + 2]))
+        for p, psi in enumerate(self.angles):
+            at = 9 + 3 * p
+            radial = cos(psi) * unit[0] + sin(psi) * unit[1] - unit[at]
+            tangential = cos(psi) * unit[1] - sin(psi) * unit[0] + unit[2] - unit[at + 1]
+            out += [(self.k_p, self.m_p, radial), (self.k_p, self.m_p, tangential)]
+        return out
+
+    def structure(self) -> tuple[Array, Array, Array]:
+        """M, C, K of all but the meshes, in SI units."""
+        M = np.diag(self._masses)
+        C, K = np.zeros((2, *M.shape))
+        for k, m, w in self._springs():
+            K += k * np.outer(w, w)
+            C += 2 * self.zeta_b * sqrt(k * m) * np.outer(w, w)
+        return M, C, K
+
+    def mesh_vectors(self) -> Array:
+        """Directions of the gaps as columns, the sun's first, in SI units."""
+        a_s, a_r = radians(self.alpha_s_deg), radians(self.alpha_r_deg)
+        columns = []
+        for ring in (False, True):
+            for p, psi in enumerate(self.angles):
+                w, first, at = np.zeros(9 + 3 * self.planets), 3 if ring else 6, 9 + 3 * p
+                turned = psi + a_r if ring else psi - a_s
+                w[first : first + 3] = -sin(turned), cos(turned), 1.0
+                w[at : at + 3] = (sin(a_r), -cos(a_r), -1.0) if ring else (-sin(a_s), -cos(a_s), 1.0)
+                columns.append(w)
+        return np.array(columns).T
+
+    def _load(self) -> Array:
+        """Constant load: the torque on the sun, and what holds it on the members that turn."""
+        F = self.torque_scale * self.torque / self.r_s
+        both = cos(radians(self.alpha_s_deg)) + cos(radians(self.alpha_r_deg))
+        load = np.zeros(9 + 3 * self.planets)
+        for i, (name, force) in enumerate(zip(MEMBERS, (-F * both, F, F), strict=True)):
+            if name != self.fixed:
+                load[3 * i + 2] = force
+        return load
+
+    def modes(self) -> tuple[PlanetMode, ...]:
+        """Natural modes with all teeth in mesh at their mean stiffness, without damping, the lowest first."""
+        M, _, K = self.structure()
+        k = np.repeat([self.k_sp, self.k_rp], self.planets)
+        W = self.mesh_vectors()
+        squares, shapes = scipy.linalg.eigh(K + (W * k) @ W.T, M)
+        found = np.sqrt(np.maximum(squares, 0.0)) / (2 * pi)
+        found[squares < 1e-9 * squares[-1]] = 0.0
+        out: list[PlanetMode] = []
+        at = 0
+        while at < len(found):
+            count = int(np.sum(np.abs(found[at:] - found[at]) <= 1e-6 * found[-1]))
+            out.append(PlanetMode(float(found[at]), _kind(shapes[:, at : at + count]), count))
+            at += count
+        return tuple(out)
+
+    # ---- the dimensionless system
+
+    def system(self) -> System:
+        """Dimensionless equations of motion, an element for each mesh."""
+        M, C, K = self.structure()
+        length, force = self.b_c, self.k_sp * self.b_c
+        errors = self.planet_errors or (0.0,) * self.planets
+        gaps = []
+        for j, (name, w) in enumerate(zip(self.mesh_names, self.mesh_vectors().T, strict=True)):
+            which, n = ("rp", j - self.planets) if j >= self.planets else ("sp", j)
+            k = getattr(self, f"k_{which}")
+            alpha = radians(getattr(self, f"alpha_{which[0]}_deg"))
+            error = Series(cosine=getattr(self, f"e_{which}")).shifted(self._lags[j]).scaled(self.e_scale / length)
+            stiffness = mesh_stiffness(getattr(self, f"eps_{which}"), self.eps_scale).shifted(self._lags[j])
+            joined = 1 / (1 / self.J_p + 1 / (self.J_r if which == "rp" else self.J_s))
+            gaps.append(
+                Element(
+                    direction=w,
+                    law=Backlash(b=getattr(self, f"b_{which}") / length, stiffness=stiffness.scaled(k / self.k_sp)),
+                    displacement=Series(errors[n] * cos(alpha) / length, error.cosine, error.sine),
+                    damping=2 * self.zeta * sqrt(k * joined) / sqrt(self.k_sp * self.m_p),
+                    name=name,
+                )
+            )
+        return System(
+            M=M / self.m_p,
+            C=C / sqrt(self.k_sp * self.m_p),
+            K=K / self.k_sp,
+            elements=gaps,
+            load=Load(constant=self._load() / force),
+            dof_names=self.dof_names,
+            speed=self._rotation() if self.carrier_rotation else None,
+        )
+
+    def _rotation(self) -> SpeedTerms | None:
+        """Coriolis and centripetal terms of the frame of the carrier, dimensionless."""
+        s = self.orders.get("carrier", 0.0) * (1 if self.speeds["carrier"] > 0 else -1)
+        if not s:
+            return None
+        m = self._masses / self.m_p
+        sideways = np.ones(len(m), dtype=bool)
+        sideways[2::3] = False
+        G = np.zeros((len(m), len(m)))
+        for i in range(0, len(m), 3):
+            G[i, i + 1], G[i + 1, i] = -2 * m[i], 2 * m[i]
+        inward = np.diag(np.where(sideways, m, 0.0))
+
+        def pull(Omega: float) -> Any:
+            return -((s * Omega) ** 2) * inward
+
+        return SpeedTerms(G, s, stiffness=pull)
+
+
+def _kind(shapes: Array) -> str:
+    """The kind of modes (n, count) of one frequency."""
+    unit = shapes / np.abs(shapes).max(axis=0)
+    central, planets = unit[:9].reshape(3, 3, -1), unit[9:].reshape(-1, 3, unit.shape[1])
+    sideways, turning = np.abs(central[:, :2]).max() > _NOTHING, np.abs(central[:, 2]).max() > _NOTHING
+    alike = np.abs(planets - planets[:1]).max() < _NOTHING
+    if turning and not sideways and alike:
+        return "rotational"
+    if sideways and not turning:
+        return "translational"
+    return "mixed" if sideways or turning else "planet"

@@ -1,0 +1,458 @@
+"""Trains of gears: wheels on shafts and bearings with any number of meshes.
+
+    M q'' + (C + Omega G) q' + K q + sum_j w_j [k_j(tau) f(d_j) + c_j d_j'] = F,   d_j = w_j^T q - e_j(tau)
+
+q are the coordinates that the wheels have (`train_parts`), every mesh is an element with its own backlash, stiffness,
+error and phase. Omega is the frequency of which all tooth frequencies, and the turns of unbalanced wheels, are
+multiples (`phasing`): that of the teeth if there is one only, as with idlers. Bearings with a clearance are elements
+too, one in each direction.
+
+Dimensionless form, which `Train.system` returns
+------------------------------------------------
+Of the first mesh: unit of length its half backlash b_c (of the first that has one), of time sqrt(m_c/k_mean), of force
+k_mean b_c, with m_c = 1 / (r_1^2/J_1 + r_2^2/J_2) of its wheels. A rotation enters as r theta/b_c with the base radius
+of the wheel, or that of the first wheel of the first mesh where there is none.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import sqrt
+from typing import ClassVar
+
+import numpy as np
+
+from hbgear.common.argument_checks import check
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import Range
+from hbgear.common.text.messages import did_you_mean, quoted
+from hbgear.gears.pairs.support import AXES
+from hbgear.gears.trains.beam import Beam
+from hbgear.gears.trains.housing import Housing
+from hbgear.gears.trains.train_components import MOTIONS, Bearing, Mesh, Shaft, Wheel
+from hbgear.gears.trains.train_kinematics import Kinematics, inner_first, kinematics, line_of_action
+from hbgear.mechanics.laws.laws import Backlash
+from hbgear.mechanics.models import Element, Load, Model, Reaction, System
+from hbgear.mechanics.series.fourier import Series, stretch, to_complex
+from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
+from hbgear.mechanics.structures.scales import Scales
+from hbgear.mechanics.structures.speed_terms import MatrixTable, SpeedTerms
+
+_NO_LENGTH = 1e-6  # unit of length of a train without backlash [m]
+
+
+@dataclass(frozen=True)
+class Train(Model):
+    """Gears on shafts and bearings; equations at the head of this file.
+
+    Parameters
+    ----------
+    wheels : `Wheel`s, each with its name.
+    meshes : `Mesh`es between them, at least one; the first sets the units, and its first wheel the direction.
+    shafts, bearings : `Shaft`s and `Bearing`s.
+    beams : `Beam`s, shafts with mass between wheels that move in space.
+    housing : `Housing` that bearings sit on; the ground by default.
+    balance : name of the wheel whose torque is what holds all others; "" if the torques balance as they are.
+    gyroscopic : whether wheels that move in space, and beams, have gyroscopic terms.
+    torque_scale, backlash_scale, eps_scale, e_scale, clearance_scale, unbalance_scale : factors of all torques,
+        backlashes, amplitudes of the stiffness, errors, clearances and unbalances, to continue in.
+
+    Raises
+    ------
+    ValueError
+        If names do not fit, gears collide, do not fit, are locked or have no common frequency, or torques do not
+        balance.
+
+    Examples
+    --------
+    An idler between two gears: two meshes in line, each with its own backlash.
+
+    >>> import hbgear as hb
+    >>> gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 30, 40)]
+    >>> pairs = [hb.GearPair(a, b, backlash="80 um") for a, b in zip(gears, gears[1:])]
+    >>> names = ("in", "idler"), ("idler", "out")
+    >>> meshes = [hb.gears.Mesh.of(*two, pair, "100 N m") for two, pair in zip(names, pairs)]
+    >>> places = (0.0, 0.0825, 0.1875)
+    >>> wheels = [hb.gears.Wheel.of(name, gear, x=x) for name, gear, x in zip(("in", "idler", "out"), gears, places)]
+    >>> wheels[0] = hb.gears.Wheel.of("in", gears[0], torque="100 N m")
+    >>> train = hb.gears.Train(wheels, meshes, balance="out")
+    >>> round(train.torques["out"], 6), train.orders["out"]
+    (-160.0, 0.025)
+    >>> [element.name for element in train.system().elements]
+    ['in-idler', 'idler-out']
+    """
+
+    wheels: tuple[Wheel, ...]
+    meshes: tuple[Mesh, ...]
+    shafts: tuple[Shaft, ...] = ()
+    bearings: tuple[Bearing, ...] = ()
+    balance: str = ""
+    gyroscopic: bool = False
+    torque_scale: float = 1.0
+    backlash_scale: float = 1.0
+    eps_scale: float = 1.0
+    e_scale: float = 1.0
+    beams: tuple[Beam, ...] = ()
+    housing: Housing | None = None
+    clearance_scale: float = 1.0
+    unbalance_scale: float = 1.0
+
+    labels: ClassVar[Mapping[str, str]] = {
+        "Omega": r"$\Omega$, common frequency of the meshes $/ \omega_n$ [-]",
+        "amplitude": r"$d / b_c$ [-]",
+        "torque_scale": "factor of the torques [-]",
+        "backlash_scale": "factor of the backlashes [-]",
+        "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
+        "e_scale": r"factor of the errors",
+        "clearance_scale": "factor of the clearances [-]",
+        "unbalance_scale": "factor of the unbalances [-]",
+    }
+    default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
+    ranges: ClassVar[Mapping[str, Range]] = dict.fromkeys(("backlash_scale", "clearance_scale"), Range(low=0, high=1e6))
+
+    def __post_init__(self) -> None:
+        lists = {"wheels": Wheel, "meshes": Mesh, "shafts": Shaft, "bearings": Bearing, "beams": Beam}
+        for name, kind in lists.items():
+            given = getattr(self, name)
+            if not isinstance(given, tuple | list) or not all(isinstance(one, kind) for one in given):
+                raise ValueError(f"Train: {name} = {quoted(given)} must be a list of {kind.__name__}(...)")
+            object.__setattr__(self, name, tuple(given))
+        super().__post_init__()
+        check("Train", "gyroscopic", self.gyroscopic, bool)
+        check("Train", "housing", self.housing, Housing | None)
+        if not self.meshes:
+            raise ValueError("Train: give at least one Mesh(...)")
+        names = [wheel.name for wheel in self.wheels]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice:
+            raise ValueError(f"Train: two wheels are called '{twice}'; each needs a name of its own")
+        self._check_places(names)
+        object.__setattr__(self, "beams", tuple(self._placed(beam) for beam in self.beams))
+        self._kinematics  # noqa: B018 refuses trains that cannot turn
+
+    def _check_places(self, names: list[str]) -> None:
+        asked = [(f"shaft {s.name}", name) for s in self.joints for name in (s.first, s.second)]
+        asked += [(f"bearing at {b.at}", b.at) for b in self.bearings]
+        asked += [(f"seat of the housing at {name}", name) for name in (self.housing.seats if self.housing else ())]
+        asked += [("balance", self.balance)] if self.balance else []
+        for what, name in asked:
+            if name not in names:
+                raise ValueError(f"Train: {what}: there is no wheel '{name}'{did_you_mean(name, names)}")
+
+    def _placed(self, beam: Beam) -> Beam:
+        """A beam with its length, between wheels that can bend it."""
+        ends = [next(wheel for wheel in self.wheels if wheel.name == name) for name in (beam.first, beam.second)]
+        stiff = next((wheel for wheel in ends if wheel.moves != "space"), None)
+        if stiff is not None:
+            raise ValueError(
+                f"Train: beam {beam.name}: '{stiff.name}' moves in {stiff.moves}; a beam bends and tilts the wheels at "
+                "its ends, so they need moves='space'"
+            )
+        apart = ends[1].z - ends[0].z
+        if beam.length is None and apart <= 0:
+            raise ValueError(
+                f"Train: beam {beam.name}: its wheels are at z = {ends[0].z:g} and {ends[1].z:g} m; give its length, "
+                "or put the second wheel at a larger z"
+            )
+        if beam.length is not None and apart and abs(apart - beam.length) > 1e-6 * beam.length:
+            raise ValueError(
+                f"Train: beam {beam.name} is {beam.length:g} m long and its wheels are {apart:g} m apart in z; "
+                "leave one out"
+            )
+        return beam if beam.length is not None else dataclasses.replace(beam, length=apart)
+
+    # ---- how it turns
+
+    @property
+    def joints(self) -> tuple[Shaft | Beam, ...]:
+        """All that joins wheels on one axis."""
+        return (*self.shafts, *self.beams)
+
+    @cached_property
+    def _by_name(self) -> dict[str, Wheel]:
+        """The wheels, the one that holds the rest with its torque."""
+        wheels = {wheel.name: wheel for wheel in self.wheels}
+        if not self.balance:
+            return wheels
+        holder = wheels[self.balance]
+        if holder.torque:
+            raise ValueError(f"Train: '{holder.name}' holds the rest of the torques and has one of its own; keep one")
+        free = {name: dataclasses.replace(wheel, torque=0.0) for name, wheel in wheels.items()}
+        speeds = kinematics(free, self.joints, self.meshes).speeds
+        if not speeds[holder.name]:
+            raise ValueError(f"Train: '{holder.name}' does not turn with the others, so it cannot hold their torques")
+        work = sum(wheel.torque * float(speeds[name]) for name, wheel in wheels.items())
+        return {**wheels, holder.name: dataclasses.replace(holder, torque=-work / float(speeds[holder.name]))}
+
+    @cached_property
+    def _kinematics(self) -> Kinematics:
+        return kinematics(self._by_name, self.joints, self.meshes)
+
+    @property
+    def torques(self) -> dict[str, float]:
+        """Torque on each wheel from outside [N m]."""
+        return {name: self.torque_scale * wheel.torque for name, wheel in self._by_name.items()}
+
+    @property
+    def orders(self) -> dict[str, float]:
+        """Frequencies over Omega: of every mesh, and of every wheel that turns."""
+        found = self._kinematics
+        meshes = {mesh.name: float(order) for mesh, order in zip(self.meshes, found.orders, strict=True)}
+        return meshes | {name: abs(float(speed / found.ratio)) for name, speed in found.speeds.items() if speed}
+
+    @property
+    def sharing(self) -> list[str]:
+        """All meshes."""
+        return [mesh.name for mesh in self.meshes]
+
+    @property
+    def lags(self) -> dict[str, float]:
+        """By how much each mesh comes after the first one [rad of its own tau]."""
+        return {mesh.name: lag for mesh, lag in zip(self.meshes, self._kinematics.lags, strict=True)}
+
+    # ---- units
+
+    @property
+    def k_mean(self) -> float:
+        """Unit of stiffness, of the first mesh [N/m]."""
+        return self.meshes[0].k_mean
+
+    @property
+    def b_c(self) -> float:
+        """Unit of length, the half backlash of the first mesh that has one [m]."""
+        return next((mesh.half_backlash for mesh in self.meshes if mesh.half_backlash), _NO_LENGTH)
+
+    @property
+    def m_c(self) -> float:
+        """Unit of mass, of the first mesh [kg]."""
+        return self._equivalent_mass(self.meshes[0])
+
+    def _equivalent_mass(self, mesh: Mesh) -> float:
+        wheels = (self._by_name[name] for name in (mesh.first, mesh.second))
+        return 1 / sum(wheel.base_radius**2 / wheel.inertia for wheel in wheels if not wheel.held)
+
+    @property
+    def omega_n(self) -> float:
+        """Angular frequency of Omega = 1 [rad/s]."""
+        return sqrt(self.k_mean / self.m_c)
+
+    @property
+    def scales(self) -> Scales:
+        """Of the first wheel of the first mesh, as the pinion."""
+        teeth = 1 / abs(self.orders[self.meshes[0].first])
+        return Scales(self.omega_n, self.b_c, self.k_mean * self.b_c, teeth)
+
+    @cached_property
+    def _coordinates(self) -> list[tuple[str, int]]:
+        """Wheel, or node of a beam, and number among `AXES` of every coordinate; of the housing "" and its number."""
+        wheels = [(wheel.name, axis) for wheel in self.wheels for axis in MOTIONS[wheel.moves]
+                  if not (wheel.held and axis == 5)]  # fmt: skip
+        nodes = [(node, axis) for beam in self.beams for node in beam.nodes for axis in range(6)]
+        return wheels + nodes + [("", i) for i in range(self.housing.n if self.housing else 0)]
+
+    @property
+    def units(self) -> Array:
+        """(n,) Physical size of a coordinate of value one: b_c [m], of a rotation b_c / r [rad]."""
+        radii = {wheel.name: wheel.base_radius for wheel in self.wheels}
+        usual = radii[self.meshes[0].first]
+        return np.array([
+            self.b_c / ((radii.get(name) or usual) if name and axis > 2 else 1.0) for name, axis in self._coordinates
+        ])  # fmt: skip
+
+    # ---- matrices in SI units
+
+    def _onto(self, parts: Mapping[str, Array]) -> Array:
+        """A vector of the coordinates from those (6,) of some wheels, (h,) of the housing under ""."""
+        return np.array([parts[name][axis] if name in parts else 0.0 for name, axis in self._coordinates])
+
+    def _from_seat(self, bearing: Bearing, axis: int) -> Array:
+        """Displacement (n,) of a wheel in a direction from what its bearing sits on."""
+        seat = {"": -self.housing.seat(bearing.at, axis)} if self.housing else {}
+        return self._onto({bearing.at: np.eye(6)[axis], **seat})
+
+    def structure(self) -> tuple[Array, Array, Array]:
+        """M, C, K (n, n) of all but the meshes and the springs of bearings with a clearance, in SI units."""
+        n, masses = len(self._coordinates), {wheel.name: wheel.masses for wheel in self.wheels}
+        M = np.diag(self._onto(masses))
+        C, K = np.zeros((2, n, n))
+        for bearing in self.bearings:
+            k, c = bearing.stiffness, bearing.dampers(masses[bearing.at])
+            for axis in range(2 if bearing.clearance else 0, 6):
+                w = self._from_seat(bearing, axis)
+                K += k[axis] * np.outer(w, w)
+                C += c[axis] * np.outer(w, w)
+        for shaft in self.shafts:
+            a, b = masses[shaft.first], masses[shaft.second]
+            joined = np.divide(a * b, a + b, out=np.zeros(6), where=a + b > 0)
+            k, c = shaft.stiffness, 2 * shaft.damping * np.sqrt(shaft.stiffness * joined)
+            for axis in range(6):
+                unit = np.eye(6)[axis]
+                w = self._onto({shaft.first: unit, shaft.second: -unit})
+                K += k[axis] * np.outer(w, w)
+                C += c[axis] * np.outer(w, w)
+        for beam in self.beams:
+            mass, stiffness, _ = beam.matrices
+            damping = beam.dampers(masses[beam.first], masses[beam.second])
+            for whole, own in ((M, mass), (C, damping), (K, stiffness)):
+                self._add(whole, beam, own)
+        if self.housing:
+            for whole, own in ((M, self.housing.M), (C, self.housing.C), (K, self.housing.K)):
+                whole[n - len(own) :, n - len(own) :] += own
+        return M, C, K
+
+    def _add(self, whole: Array, beam: Beam, own: Array) -> None:
+        """Add a matrix of all nodes of a beam to one of all coordinates."""
+        at = {place: i for i, place in enumerate(self._coordinates)}
+        nodes = [(name, axis) for name in (beam.first, *beam.nodes, beam.second) for axis in range(6)]
+        some = [i for i, place in enumerate(nodes) if place in at]  # a wheel that is held does not turn
+        places = [at[nodes[i]] for i in some]
+        whole[np.ix_(places, places)] += own[np.ix_(some, some)]
+
+    def mesh_vectors(self) -> Array:
+        """Directions of the gaps as columns (n, m), in SI units."""
+        found, columns = self._kinematics, []
+        for mesh, side, angles in zip(self.meshes, found.sides, found.angles, strict=True):
+            outer, inner = inner_first(mesh, self._by_name)
+            first, second = line_of_action(mesh, side, angles, outer, inner)
+            columns.append(self._onto({outer.name: first, inner.name: second}))
+        return np.array(columns).T
+
+    def _speed_terms(self, scale: Array) -> SpeedTerms | None:
+        """Gyroscopic terms and tables of bearings, dimensionless; over Omega, not over the speed of a wheel."""
+        found, n = self._kinematics, len(self._coordinates)
+        at = {place: i for i, place in enumerate(self._coordinates)}
+        G = np.zeros((n, n))
+        for wheel in self.wheels if self.gyroscopic else ():
+            i, j = at.get((wheel.name, 3)), at.get((wheel.name, 4))
+            if i is not None and j is not None:
+                G[i, j] = wheel.inertia * float(found.speeds[wheel.name] / found.ratio)
+                G[j, i] = -G[i, j]
+        for beam in self.beams if self.gyroscopic else ():
+            self._add(G, beam, float(found.speeds[beam.first] / found.ratio) * beam.matrices[2])
+        both = np.outer(scale, scale)
+        units = {"table": self.k_mean, "damping_table": self.m_c * self.omega_n}
+        tables = {name: self._tables(name, both / unit) for name, unit in units.items()}
+        gyroscopic = both * G / self.m_c if G.any() else None
+        if gyroscopic is None and not any(tables.values()):
+            return None
+        return SpeedTerms(gyroscopic, 1.0, tables["damping_table"], tables["table"])
+
+    def _tables(self, name: str, factor: Array) -> MatrixTable | None:
+        """The tables of all bearings as one over Omega, of the frequencies that all have."""
+        found = [(bearing, getattr(bearing, name)) for bearing in self.bearings if getattr(bearing, name)]
+        if not found:
+            return None
+        per_speed = {b.at: self.orders.get(b.at, 0.0) * self.omega_n for b, _ in found}  # rad/s at Omega = 1
+        still = next((name for name, speed in per_speed.items() if not speed), None)
+        if still is not None:
+            raise ValueError(f"Train: the bearing at '{still}' has a table over a speed, but the wheel does not turn")
+        scaled = [(bearing, table, np.asarray(table.Omega) / per_speed[bearing.at]) for bearing, table in found]
+        low, high = max(each[0] for *_, each in scaled), min(each[-1] for *_, each in scaled)
+        if low >= high:
+            raise ValueError("Train: the tables of the bearings have no speed in common; give longer ones")
+        Omega = np.unique(np.concatenate([[low, high], *(each for *_, each in scaled)]))
+        Omega = Omega[(Omega >= low) & (Omega <= high)]
+        matrices = np.zeros((len(Omega), *factor.shape))
+        for bearing, table, _ in scaled:
+            if not {(bearing.at, 0), (bearing.at, 1)} <= set(self._coordinates):
+                raise ValueError(
+                    f"Train: the bearing at '{bearing.at}' has a table of x and y, in which the wheel cannot move"
+                )
+            w = np.array([self._from_seat(bearing, axis) for axis in (0, 1)])
+            for i, one in enumerate(Omega.tolist()):
+                matrices[i] += w.T @ table(one * per_speed[bearing.at]) @ w
+        return MatrixTable(Omega, matrices * factor)
+
+    @property
+    def reactions(self) -> dict[str, Reaction]:
+        """Radial and axial forces in the bearings, over k_mean b_c; not of tables over the speed and clearances."""
+        masses, found = {wheel.name: wheel.masses for wheel in self.wheels}, {}
+        for bearing in self.bearings:
+            if bearing.table is not None or bearing.damping_table is not None:
+                continue
+            k, c = bearing.stiffness / self.k_mean, bearing.dampers(masses[bearing.at]) / (self.m_c * self.omega_n)
+            for what, axes in (("radial", (0, 1)), ("axial", (2,))):
+                if k[list(axes)].any() and not (bearing.clearance and what == "radial"):
+                    rows = np.array([self._from_seat(bearing, axis) for axis in axes])
+                    found[f"{bearing.at} {what}"] = Reaction(k[list(axes), None] * rows, c[list(axes), None] * rows)
+        return found
+
+    # ---- the dimensionless system
+
+    def system(self) -> System:
+        """Dimensionless equations of motion, an element for each mesh; scaling at the head of this file."""
+        S, found = self.units / self.b_c, self._kinematics
+        SS, m_c, omega_n = np.outer(S, S), self.m_c, self.omega_n
+        M, C, K = self.structure()
+        gaps = [
+            Element(
+                direction=S * w,
+                law=Backlash(
+                    b=self.backlash_scale * mesh.half_backlash / self.b_c,
+                    stiffness=in_order(mesh.stiffness_used(self.eps_scale), order, lag).scaled(
+                        mesh.k_mean / self.k_mean
+                    ),
+                ),
+                displacement=in_order(mesh.error_used().scaled(self.e_scale / self.b_c), order, lag),
+                damping=2 * mesh.damping * sqrt(self._equivalent_mass(mesh) * mesh.k_mean) / (m_c * omega_n),
+                name=mesh.name,
+            )
+            for w, mesh, order, lag in zip(self.mesh_vectors().T, self.meshes, found.orders, found.lags, strict=True)
+        ]
+        gaps += self._clearances(S)
+        torques = {name: np.array([0.0] * 5 + [torque]) for name, torque in self.torques.items()}
+        force = self.k_mean * self.b_c
+        housing = self.housing.names if self.housing else ()
+        return System(
+            M=SS * M / m_c,
+            C=SS * C / (m_c * omega_n),
+            K=SS * K / self.k_mean,
+            elements=gaps,
+            load=[Load(constant=S * self._onto(torques) / force), *self._unbalances(S / force)],
+            dof_names=[f"{AXES[axis]}_{name}" if name else housing[axis] for name, axis in self._coordinates],
+            speed=self._speed_terms(S),
+        )
+
+    def _clearances(self, scale: Array) -> list[Element]:
+        """Bearings with a clearance: a spring beyond a gap, and a damper, in each direction by itself."""
+        found = []
+        for bearing in self.bearings:
+            c = bearing.dampers(self._by_name[bearing.at].masses) / (self.m_c * self.omega_n)
+            for axis, k in enumerate((bearing.x, bearing.y) if bearing.clearance else ()):
+                w = scale * self._from_seat(bearing, axis)
+                if k and w.any():
+                    law = Backlash(self.clearance_scale * bearing.clearance / self.b_c, k / self.k_mean)
+                    found.append(Element(w, law, damping=float(c[axis]), name=f"{bearing.at} {AXES[axis]}"))
+        return found
+
+    def _unbalances(self, scale: Array) -> list[Load]:
+        """F = U omega^2 (cos theta, sin theta) of every unbalanced wheel, theta = turned + angle + omega t."""
+        found = []
+        for wheel in self.wheels:
+            if not wheel.unbalance or not self.unbalance_scale:
+                continue
+            speed = self._kinematics.speeds[wheel.name] / self._kinematics.ratio
+            size = self.unbalance_scale * wheel.unbalance * (float(speed) * self.omega_n) ** 2
+            turn = size * np.exp(1j * (self._kinematics.turned[wheel.name] + wheel.unbalance_angle))
+            sense = 1.0 if speed > 0 else -1.0
+            x, y = (scale * self._onto({wheel.name: np.eye(6)[axis]}) for axis in (0, 1))
+            order = abs(int(speed))
+            cosine, sine = turn.real * x + turn.imag * y, sense * (turn.real * y - turn.imag * x)
+            found.append(Load(cosine={order: cosine}, sine={order: sine}, power=2))
+        return found
+
+
+def in_order(function: Phased, order: int, lag: float) -> Phased:
+    """f(order tau - lag) of a function of tau."""
+    late: Phased = function.shifted(lag) if lag else function
+    if order == 1:
+        return late
+    if isinstance(late, Series):
+        c = to_complex(stretch(late.row(), order))
+        return Series(late.mean, tuple(c.real[1:]), tuple(-c.imag[1:]))
+    phases = [(phase + TURN * i) / order for i in range(order) for phase in late.phases]
+    rows = [tuple(x * float(order) ** q for q, x in enumerate(row)) for row in late.coefficients] * order
+    return Periodic(tuple(phases), tuple(rows))

@@ -1,0 +1,1 @@
+"""Events of periodic motions and their augmented equations."""

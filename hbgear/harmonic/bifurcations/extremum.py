@@ -1,0 +1,189 @@
+"""Special points of periodic motions as problems of their own: period doubling, grazing contact, peak.
+
+    R(X, p) = 0,   g(X, p) = 0           unknowns U = (X, p)
+
+| class | g |
+|---|---|
+| PeriodDoubling | bordered determinant of the half-integer block: a multiplier is -1 |
+| NeimarkSacker | real part of an exponent, a zero of Hill's determinant: a pair of multipliers is on the unit circle |
+| Grazing | extremum of an element minus a corner of its law: the impact regime changes |
+| Peak | derivative of an amplitude along the curve |
+
+References
+----------
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
+from hbgear.continuation.numerics.linear import Factors, bordered, norm
+from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.problem.evaluation import AnyProblem
+from hbgear.continuation.problem.finite_differences import STEP, parameter_derivatives
+from hbgear.mechanics.series.fourier import extrema, to_real
+
+
+class AmplitudeExtremum(MinimallyAugmentedProblem):
+    """Peaks (PK) of an amplitude: the derivative of A^2 / 2 along the curve vanishes.
+
+        A^2 / 2 = X^T S X / 2,   g = X^T S t,   t the direction of the curve, [J R_p; b^T] t = e
+
+    Parameters
+    ----------
+    problem, parameter : as for `MinimallyAugmentedProblem`.
+    measure : "rms" (alternating part) or a harmonic, "H1", "H2", ..., with nu = 2 also "H1/2".
+    element : number of the element.
+
+    Raises
+    ------
+    ValueError
+        For another measure, or a harmonic the problem does not keep.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> top = hb.analysis.peaks(curve, "rms")[0]
+    >>> few = hb.StepControl(max_points=4)
+    >>> ridge = hb.trace(hb.harmonic.AmplitudeExtremum(problem, "Omega"), "zeta", (0.05, 0.06), start=top, steps=few)
+    >>> bool(ridge.amplitude("rms")[-1] < ridge.amplitude("rms")[0])
+    True
+    """
+
+    problem: Any  # a HarmonicBalance
+    measure: str
+    element: int
+    S: Array
+
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "", measure: str = "rms", element: int = 0) -> None:
+        super().__init__(problem, parameter)
+        self._fixed(measure=measure, element=element, S=self._weights(measure, element).ravel())
+
+    def _weights(self, measure: str, element: int) -> Array:
+        """S, as X."""
+        S = np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
+        if measure == "rms":
+            S[element, 1:] = 1.0
+        else:
+            at = int(np.searchsorted(self.problem.orders, _harmonic(measure, self.problem)))
+            S[element, 2 * at - 1 : 2 * at + 1] = 1.0
+        return S
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return self.measure, self.element
+
+    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
+        return Borders(linearise(self.problem, X, "", here).size / (1.0 + abs(float(self.S @ (X * X)))))
+
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+        """See `Augmented.extra`."""
+        now = linearise(self.problem, X, self.parameter, here)
+        n = len(X)
+        e = np.zeros(n + 1)
+        e[-1] = 1.0  # the direction is normed by its component in the parameter
+        factors = Factors(bordered(now.dR_dX, now.dR_dp, e))
+        t = factors.solve(e)
+        slope, bent = self.slopes(X, t[:n], here)
+        g = float(slope @ t[:n])
+        e[:n], e[n] = slope, 0.0
+        z = factors.solve(e, transposed=True)[:n]
+        h = STEP * max(1e-3, norm(X)) / max(norm(t), 1e-12)
+        u = np.append(X, here[self.parameter])
+        plus, minus = (
+            linearise(self.problem, v[:-1], self.parameter, {**here, self.parameter: float(v[-1])})
+            for v in (u + h * t, u - h * t)
+        )
+        weight = base.weight
+        g_X = weight * (bent - z @ (plus.dR_dX - minus.dR_dX) / (2 * h))
+        g_p = -weight * float(z @ (plus.dR_dp - minus.dR_dp)) / (2 * h)
+        changes = (self._along(X, here, name, z, t) for name in names)
+        return AugmentedResidual(now, weight * g, g_X, g_p, tuple((dR, -weight * moved) for dR, moved in changes))
+
+    def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
+        """Gradient (n,) of A^2 / 2, or of A itself, and its derivative along t (n,)."""
+        return self.S * X, self.S * t
+
+    def _along(self, X: Array, here: dict[str, float], name: str, z: Array, t: Array) -> tuple[Array, float]:
+        """dR/dname, and z^T d[J R_p]/dname t."""
+
+        def parts(at: dict[str, float]) -> tuple[Array, float]:
+            side = linearise(self.problem, X, self.parameter, at)
+            return side.R, float(z @ (side.dR_dX @ t[:-1] + side.dR_dp * t[-1]))
+
+        dR, moved = parameter_derivatives(self.problem, name, here, parts)
+        return dR, float(moved)
+
+
+class ExtremumPeak(AmplitudeExtremum):
+    """Peaks of an amplitude made of extrema of the motion, or of its mean: dA/ds = 0 along the curve.
+
+        A = sum_i s_i d(theta_i),   d'(theta_i) = 0;   dA/dX is made of the rows of cosines and sines at theta_i
+
+    Parameters
+    ----------
+    problem, parameter, element : as for `AmplitudeExtremum`.
+    measure : "pp2", "max" or "mean".
+
+    Raises
+    ------
+    ValueError
+        For another measure.
+    """
+
+    def _weights(self, measure: str, element: int) -> Array:
+        if measure not in EXTREMA:
+            raise ValueError(f"extremum of {measure!r}: need {', '.join(EXTREMA)}")
+        return np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
+
+    def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
+        """Gradient (n,) of A, and its derivative along t (n,): theta_i moves by -w'(theta_i).t / d''(theta_i)."""
+        k, m = self.problem.orders, self.problem.m
+        slope, bent = np.zeros((2, m, 2 * len(k) - 1))
+        if self.measure == "mean":
+            slope[self.element, 0] = 1.0
+            return slope.ravel(), bent.ravel()
+        low, at_low, high, at_high = extrema(self.problem.rows(X)[self.element])
+        parts = [(-0.5, at_low), (0.5, at_high)] if self.measure == "pp2" else [
+            (1.0, at_high) if abs(high) >= abs(low) else (-1.0, at_low)
+        ]  # fmt: skip
+        share, at = np.array(parts).T
+        row, along = (x.reshape(m, -1)[self.element] for x in (X, t))
+        c = np.exp(-1j * k * at[:, None])
+        w, w1, w2 = to_real(np.array([c, -1j * k * c, -(k**2) * c]))
+        slope[self.element] = share @ w
+        bent[self.element] = -(share * (w1 @ along) / (w2 @ row)) @ w1
+        return slope.ravel(), bent.ravel()
+
+
+EXTREMA = ("pp2", "max", "mean")
+"""Measures of `ExtremumPeak`."""
+
+
+def peak_of(problem: Any, parameter: str, measure: str, element: int) -> AmplitudeExtremum:
+    """The equations of the peaks of a measure."""
+    return (ExtremumPeak if measure in EXTREMA else AmplitudeExtremum)(problem, parameter, measure, element)
+
+
+def _harmonic(measure: str, problem: Any) -> int:
+    """Basis harmonic of "H2" or, for nu = 2, "H1/2"."""
+    nu, H = problem.nu, problem.H
+    found = re.fullmatch(r"H(\d+)(?:/(\d+))?", measure)
+    k = int(found[1]) * nu / int(found[2] or 1) if found and found[2] != "0" else 0
+    if k == int(k) and 1 <= k <= H and k not in problem.orders:
+        raise ValueError(f"peak of {measure!r}: the balance leaves out that order; give more of them")
+    if k != int(k) or not 1 <= k <= H:
+        fractions = f", also H1/{nu}, ..." if nu > 1 else ""
+        raise ValueError(f"peak of {measure!r}: need 'rms' or 'H1' to 'H{H // nu}'{fractions}")
+    return int(k)

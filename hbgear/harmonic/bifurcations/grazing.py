@@ -1,0 +1,107 @@
+"""Grazing equations: an extremum of an element displacement reaches a breakpoint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
+from hbgear.continuation.numerics.linear import norm
+from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.problem.evaluation import AnyProblem, Locating
+from hbgear.continuation.problem.finite_differences import parameter_derivatives
+from hbgear.mechanics.series.fourier import waves
+
+
+class GrazingProblem(MinimallyAugmentedProblem):
+    """Grazing contacts (GR): an extremum of an element touches a corner of its law.
+
+        g = d(theta*) - corner,   d'(theta*) = 0;   dg/dX is the row of cosines and sines at theta*
+
+    Parameters
+    ----------
+    problem, parameter : as for `MinimallyAugmentedProblem`.
+    which : index into ``problem.clearance``: which extremum of which element at which corner.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.SpurPair(), 8)
+    >>> curve = hb.trace(pair, "Omega", (1.0, 0.6))
+    >>> first = curve["GR1"]
+    >>> few = hb.StepControl(max_points=4)
+    >>> grazing = hb.trace(hb.harmonic.GrazingProblem(pair, "Omega", which=2), "zeta", (0.05, 0.06), start=first,
+    ...     steps=few)
+    >>> first.kind, bool(grazing.tracked["Omega"][0] == first.parameters["Omega"])
+    ('GR', True)
+    """
+
+    problem: Any  # a HarmonicBalance
+    which: int
+
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "", which: int = 0) -> None:
+        super().__init__(problem, parameter)
+        self._fixed(which=which)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return (self.which,)
+
+    def compiled(self, parameters: Mapping[str, float]) -> Locating | None:
+        """See `Augmented.compiled`."""
+        out: Locating | None = self.problem.compiled_locator(self.parameter, parameters, self.which)
+        return out
+
+    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
+        return Borders(linearise(self.problem, X, "", here).size / (1.0 + norm(X)))
+
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+        """See `Augmented.extra`."""
+        now = linearise(self.problem, X, self.parameter, here)
+        g, at = self.problem.grazing_distance(X, self.which, **here)
+        element = self.problem.clearance_elements[self.which]
+        w = waves(at, self.problem.H)[0, self.problem.orders]
+        slope = np.zeros((self.problem.m, 2 * len(w) - 1))
+        slope[element, 0], slope[element, 1::2], slope[element, 2::2] = 1.0, w.real[1:], w.imag[1:]
+        k = base.weight
+        changes = (self._changed(X, here, name, now.dR_dX) for name in names)
+        moved = tuple((dR, k * dg) for dR, dg in changes)
+        return AugmentedResidual(
+            now, k * g, k * slope.ravel(), k * self._moved(X, here, self.parameter, self.which), moved
+        )
+
+    def _changed(self, X: Array, here: dict[str, float], name: str, J: Array) -> tuple[Array, float]:
+        """Derivatives of R and of the clearance in a parameter.
+
+        Where a corner moves away from a motion that grazes it, contact of the duration sqrt(h) begins or ends, and
+        differences are exact to O(sqrt(h)) only. The motion is therefore moved along, R_a = dR/da - J X_a, in every
+        element that grazes.
+        """
+        dg = self._moved(X, here, name, self.which)
+        if not dg:
+            return linearise(self.problem, X, name, here).dR_dp, dg
+        along, elements = np.zeros((self.problem.m, len(X) // self.problem.m)), self.problem.clearance_elements
+        for which in np.flatnonzero(np.abs(self.problem.clearance(X, **here)) < _TOUCHING * (1.0 + norm(X))):
+            along[elements[which], 0] = -self._moved(X, here, name, int(which))
+        X_a, value = along.ravel(), here[name]
+        (dR,) = parameter_derivatives(
+            self.problem, name, here, lambda at: (self.problem.evaluate(X + (at[name] - value) * X_a, **at)[0],)
+        )
+        return dR - J @ X_a, dg
+
+    def _moved(self, X: Array, here: dict[str, float], name: str, which: int) -> float:
+        """Derivative of a clearance in a parameter that moves the corner."""
+        if name == "Omega":
+            return 0.0
+        (moved,) = parameter_derivatives(
+            self.problem, name, here, lambda at: self.problem.grazing_distance(X, which, **at)[:1]
+        )
+        return float(moved)
+
+
+_TOUCHING = 1e-7  # clearance, relative to the motion, of an element that grazes like another one

@@ -1,0 +1,245 @@
+"""Neimark-Sacker equations: a pair of multipliers on the unit circle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.augmented.minimally_augmented import (
+    AugmentedResidual,
+    Borders,
+    MinimallyAugmentedProblem,
+    least_singular_vectors,
+)
+from hbgear.continuation.numerics.linear import Factors, bordered, norm
+from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.problem.evaluation import AnyProblem
+from hbgear.continuation.problem.finite_differences import directional_step, parameter_derivatives
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.harmonic.multipliers.hill import CondensedHillMatrix, slopes
+from hbgear.mechanics.series.fourier import to_real
+
+
+@dataclass(frozen=True)
+class Rotation(Borders):
+    """The base of a Neimark-Sacker point: the borders of Hill's determinant, and the exponent near which it is zero."""
+
+    exponent: complex = 0j
+
+
+_REAL = 1e-3  # half turns of a multiplier, from a whole number of them, within which it may be a real one
+
+
+class _Pair(NamedTuple):
+    """An exponent s of a motion, its disturbance v, y = G^H w with the left vector w, and w^H dD/ds v."""
+
+    exponent: complex
+    v: ComplexArray
+    w: ComplexArray
+    y: ComplexArray
+    rate: complex
+
+
+class NeimarkSackerProblem(MinimallyAugmentedProblem):
+    """Neimark-Sacker points (NS): a disturbance e^{st} v(theta) of another frequency neither decays nor grows.
+
+        D(s) v = 0,   g = Re s;     ds = -(w^H dD v) / (w^H D_s v)
+
+    D is Hill's determinant seen from the gaps (`hill.Condensed`), s is found anew for every motion. Like the
+    half-integer block of a period doubling, which is D at s = i omega / 2, it is superconvergent: its zeros are far
+    more accurate than the multipliers of the truncated motion.
+
+    Parameters
+    ----------
+    problem : a `HarmonicBalance` of laws that are known to hbgear.
+    parameter : the parameter of the curve.
+    near : the exponent near which that of the pair is looked for; by default that of the pair of multipliers next to
+        the unit circle, which may be another one where two pairs pass close to each other.
+
+    Raises
+    ------
+    ValueError
+        If there is no complex pair of multipliers near the point, a law must be asked for its slopes, or the structure
+        is too large for its modes.
+
+    References
+    ----------
+    Detroux, Renson, Masset & Kerschen (2015), Comput. Methods Appl. Mech. Eng. 296,
+    https://doi.org/10.1016/j.cma.2015.07.017, for special points followed by harmonic balance.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 5)
+    >>> curve = hb.trace(problem, "Omega", (1.0, 0.8), accuracy=None)
+    >>> few = hb.StepControl(max_points=4)
+    >>> held = hb.trace(hb.harmonic.NeimarkSackerProblem(problem, "Omega"), "zeta", (0.05, 0.06), start=curve["NS1"],
+    ...     steps=few)
+    >>> bool(held.tracked["Omega"][0] == curve["NS1"].parameters["Omega"])
+    True
+    """
+
+    problem: Any  # a HarmonicBalance
+    near: complex | None
+
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "", near: complex | None = None) -> None:
+        super().__init__(problem, parameter)
+        self._fixed(near=near)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return (self.near,)
+
+    def base_at(self, X: Array, here: dict[str, float]) -> Borders:
+        hill, size = self._hill(X, here), linearise(self.problem, X, "", here).size
+        s = self._guess(X, here) if self.near is None else self.near
+        b, c = least_singular_vectors(hill.matrix(hill.receptances(s)[0]), _BORDERS)
+        pair = _exponent(hill, s, b, c, X, here)
+        return Rotation(size / hill.omega, _unit(pair.w), _unit(pair.v), pair.exponent)
+
+    def renewed(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
+        """Borders and exponent renewed at X."""
+        assert isinstance(base, Rotation)
+        pair = self._pair(self._hill(X, here), base, X, here)
+        return Rotation(base.weight, _unit(pair.w), _unit(pair.v), pair.exponent)
+
+    def exponent(self, X: Array, **here: float) -> complex:
+        """The exponent s at or near a Neimark-Sacker point; its second frequency is Im s."""
+        base = self.base or self.base_at(X, here)
+        return self._pair(self._hill(X, here), base, X, here).exponent
+
+    def _hill(self, X: Array, here: dict[str, float]) -> CondensedHillMatrix:
+        return CondensedHillMatrix.of(self.problem.compiled(here), X, here["Omega"])
+
+    def _guess(self, X: Array, here: dict[str, float]) -> complex:
+        """The exponent of the complex pair of multipliers next to the unit circle."""
+        s = exponent_of_pair(self.problem.multipliers(X, **here), self.problem.nu, here["Omega"])
+        if s is None:
+            raise ValueError("no pair of multipliers of the motion is complex: it is at no Neimark-Sacker point")
+        return s
+
+    def _pair(self, hill: CondensedHillMatrix, base: Borders, X: Array, here: dict[str, float]) -> _Pair:
+        assert isinstance(base, Rotation) and base.b is not None and base.c is not None
+        pair = _exponent(hill, base.exponent, base.b, base.c, X, here)
+        turns = 2 * pair.exponent.imag * self.problem.nu / here["Omega"]
+        if abs(turns - round(turns)) < _REAL:  # det D = 0 at period doublings and branch points too
+            raise NoConvergence("the pair of multipliers became real", X, here, [])
+        return pair
+
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+        """See `Augmented.extra`."""
+        now = linearise(self.problem, X, self.parameter, here)
+        pair = self._pair(self._hill(X, here), base, X, here)
+        k = base.weight
+        g_X = k * self._slope(X, here, pair)
+        moved = tuple(
+            (linearise(self.problem, X, name, here).dR_dp, k * self._moved(X, here, name, pair)) for name in names
+        )
+        return AugmentedResidual(
+            now, k * pair.exponent.real, g_X, k * self._moved(X, here, self.parameter, pair), moved
+        )
+
+    def _slope(self, X: Array, here: dict[str, float], pair: _Pair) -> Array:
+        """Gradient (n,) of Re s in X, on which slopes K of the laws depend.
+
+            w^H dD v = sum_n q_n dK_n,   q_n = sum_l conj(y_l+n) v_l
+            d Re s = mean of dK phi,     phi = -Re sum_n q_n e^{-i n theta} / (w^H D_s v)
+
+        summed over the gaps: what the mean force does when the motion moves along phi, and then along X.
+        """
+        m, H = self.problem.m, self.problem.H
+        v, y = (z.reshape(2 * H + 1, m).T for z in (pair.v, pair.y))
+        q = np.array([np.convolve(y_j.conj(), v_j[::-1]) for v_j, y_j in zip(v, y, strict=True)])
+        phi = -q / pair.rate  # of e^{-in theta}, n = -2H..2H
+        rows = to_real(phi[:, 2 * H :].conj() + phi[:, 2 * H :: -1])
+        rows[:, 0] /= 2.0
+        compiled, at = self.problem.compiled(here), np.zeros((m, 4 * H + 1))
+        at[:, : 2 * H + 1] = self.problem.rows(X)
+        h = directional_step(at.ravel(), rows.ravel())
+        up, down = (slopes(compiled, (at + side * h * rows).ravel())[:, self.problem.orders] for side in (1, -1))
+        bent = (up - down) / (2 * h)  # what the mean force does when the motion moves along an order: its coefficient
+        out: Array = to_real(bent).ravel()
+        return out
+
+    def _moved(self, X: Array, here: dict[str, float], name: str, pair: _Pair) -> float:
+        """Derivative of Re s in a parameter."""
+
+        def drift(at: dict[str, float]) -> tuple[float]:
+            hill = self._hill(X, at)
+            form = complex(pair.w.conj() @ hill.times(hill.receptances(pair.exponent)[0], pair.v))
+            return ((-form / pair.rate).real,)
+
+        (moved,) = parameter_derivatives(self.problem, name, here, drift)
+        return float(moved)
+
+
+def exponent_of_pair(mu: ComplexArray, nu: int, Omega: float) -> complex | None:
+    """The exponent s of the complex pair of multipliers exp(2 pi nu s / Omega) next to the unit circle, if any."""
+    pairs = mu[mu.imag > 1e-8 * np.abs(mu)]
+    if not len(pairs):
+        return None
+    nearest = complex(pairs[np.argmin(np.abs(np.log(np.abs(pairs))))])
+    return complex(np.log(nearest)) * Omega / (2 * np.pi * nu)
+
+
+_BORDERS = 4  # inverse iterations for borders, which need not be singular vectors to all digits
+
+
+_CLOSE = 1e-3  # step of an exponent, over the frequency, behind which the factors of D still serve
+
+
+_FALLING = 0.1  # share of the step before it that a step with them takes at most
+
+
+def _exponent(
+    hill: CondensedHillMatrix, s: complex, b: ComplexArray, c: ComplexArray, X: Array, here: dict[str, float]
+) -> _Pair:
+    """Newton on the bordered determinant g(s) of D(s), dg/ds = -w^H D_s v.
+
+    Near the exponent D is not factorised anew, but v, w and g are mended by the factors that there are.
+
+    Raises
+    ------
+    NoConvergence
+        If it does not converge.
+    ValueError
+        If it is the exponent of a mode that no gap changes.
+    """
+    corner = np.zeros(len(b) + 1)
+    corner[-1] = 1.0
+    steps: list[float] = [math.inf]
+    factors = None
+    for _ in range(40):
+        G, dG = hill.receptances(s)
+        if factors is None:
+            factors = Factors(bordered(hill.matrix(G), b, c.conj()))
+            right, left = factors.solve(corner), factors.adjoint_solve(corner)
+        else:
+            v, w = right[:-1], left[:-1]
+            missing = corner - np.append(hill.times(G, v) + right[-1] * b, c.conj() @ v)
+            beside = corner - np.append(hill.adjoint_times(G, w) + left[-1] * c, b.conj() @ w)
+            right, left = right + factors.solve(missing), left + factors.adjoint_solve(beside)
+        v, w, g = right[:-1], left[:-1], right[-1]
+        rate = complex(w.conj() @ hill.driven(dG, v))
+        if not abs(g) < hill.omega * abs(rate):  # exponents repeat at this distance: none is nearby
+            break
+        step, last = g / rate, steps[-1] / hill.omega
+        s, size = s + step, abs(step) / hill.omega
+        steps.append(abs(step))
+        if size <= 1e-14 or last <= 1e-11 or (last <= 1e-7 and size > _FALLING * last):
+            return _Pair(s, v, w, hill.felt(hill.receptances(s)[0], w), rate)
+        if size > _CLOSE or size > _FALLING * last:
+            factors = None
+    raise NoConvergence("Newton found no exponent of Hill's determinant", X, here, steps[1:])
+
+
+def _unit(v: ComplexArray) -> ComplexArray:
+    out: ComplexArray = v / norm(v)
+    return out

@@ -1,0 +1,76 @@
+"""Motions without contact, whose position in the gap is arbitrary.
+
+    dR/dd_0 N = 0:   d and d + N a are motions,    R + k N N^T (d_0 - c) = 0  has the one with its mean in the middle c
+
+Where no load presses teeth together and nothing makes them touch, no force depends on the means of the gaps: they are a
+continuum, along which a continuation would wander. Everything else of the motion is determined. Springs on the means
+pin it, and exert no force on the motion that is found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.curve.segment import Segment
+from hbgear.continuation.events.event import LocatedEvent
+from hbgear.continuation.results.branch import Status
+from hbgear.harmonic.bifurcations.events import GrazingEvent
+
+
+class Pins(NamedTuple):
+    """Springs on the means of the elements: matrix (m, m) of stiffness, and centre (m,) where they exert no force."""
+
+    matrix: Array
+    centre: Array
+
+
+_SLACK = 1e-9  # change of the balance with a mean, relative to the reference stiffness, that is rounding
+
+
+def pins_of(problem: Any, X: Array, parameters: Mapping[str, float]) -> Pins | None:
+    """What pins a motion X (n,) of a `HarmonicBalance` whose position is arbitrary; None if it is determined."""
+    compiled = problem.compiled(dict(parameters))
+    kr = float(compiled.structure.kr.max(initial=0.0))
+    if not kr or problem.subharmonic_part(X).any():
+        return None
+    J = problem.evaluate(X, **parameters)[1]
+    _, s, vt = np.linalg.svd(J[:, problem.means], full_matrices=False)
+    N = vt[s <= _SLACK * kr].T
+    if not N.size:
+        return None
+    centre = np.array([_middle(law.breakpoints, row) for law, row in zip(compiled.laws, problem.rows(X), strict=True)])
+    return Pins(kr * N @ N.T, centre)
+
+
+def _middle(corners: tuple[float, ...], row: Array) -> float:
+    """Middle of the gap in which a motion has its mean; that mean itself if the gap has no other side."""
+    mean = float(row[0])
+    below, above = [x for x in corners if x < mean], [x for x in corners if x >= mean]
+    return 0.5 * (max(below) + min(above)) if below and above else mean
+
+
+class FirstContact(GrazingEvent):
+    """A motion in the middle of its gap touches a corner of a law: from here on its position is determined."""
+
+    meaning, terminal = "first contact", True
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        """The first grazing, of rows that may not have been observed."""
+        problem: Any = segment.problem
+        for row in (segment.a, segment.b):
+            if "clearance" not in row.observed:
+                here = {**segment.parameters, segment.name: row.value}
+                row.observed.setdefault("clearance", problem.clearance(row.X, **here))
+        return super().find(segment)
+
+    def ending(self, name: str, value: float) -> tuple[Status, str]:
+        """Status and message of a trace that ends there."""
+        return Status.EVENT, f"{self.meaning} at {name} = {value:.6g}"
+
+
+ARBITRARY = "no contact: the position in the gap is arbitrary, here its middle; the rest of the motion is determined"
+"""The message of such a curve."""

@@ -1,0 +1,97 @@
+"""Period-doubling equations: a multiplier -1."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.continuation.augmented.fold import FoldProblem
+from hbgear.continuation.augmented.minimally_augmented import (
+    AugmentedResidual,
+    Borders,
+    null_vectors,
+    parameter_derivative_and_jacobian,
+)
+from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.problem.evaluation import AnyProblem
+
+
+class PeriodDoublingProblem(FoldProblem):
+    """Period doublings (PD): singular half-integer block of the doubled problem.
+
+    Written in the basis of twice the period, a motion of the single period has even harmonics only, and the Jacobian
+    falls into the block of the even ones, which is dR/dX, and that of the odd ones, whose null vector is the
+    disturbance that doubles the period.
+
+    Parameters
+    ----------
+    problem : a `HarmonicBalance`.
+    parameter : the parameter of the curve.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.HarmonicBalance(hb.SpurPair(e=(0.1,)), 5)
+    >>> curve = hb.trace(pair, "Omega", (2.1, 1.8))
+    >>> few = hb.StepControl(max_points=4)
+    >>> doublings = hb.trace(hb.harmonic.PeriodDoublingProblem(pair, "Omega"), "zeta", (0.05, 0.06),
+    ...     start=curve["PD1"], steps=few)
+    >>> doublings.parameter, bool(doublings.tracked["Omega"][0] == curve["PD1"].parameters["Omega"])
+    ('zeta', True)
+    """
+
+    turning_kind = "LP"
+    doubled: Any
+    odd: NDArray[np.int_]
+    even: NDArray[np.int_]
+
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "") -> None:
+        super().__init__(problem, parameter)
+        doubled = problem.doubled
+        harmonic = np.tile(np.concatenate([[0], np.repeat(doubled.orders[1:], 2)]), problem.m)
+        self._fixed(doubled=doubled, odd=np.flatnonzero(harmonic % 2), even=np.flatnonzero(harmonic % 2 == 0))
+
+    def compiled(self, parameters: Mapping[str, float]) -> None:
+        """None: its matrix is another one than dR/dX."""
+        return None
+
+    def embed(self, X: Array) -> Array:
+        """The motion in the basis of twice the period."""
+        out = np.zeros(self.doubled.size)
+        out[self.even] = X
+        return out
+
+    def null_vector(self, X: Array, **here: float) -> Array:
+        """The doubling disturbance at or near a period doubling, in the basis of twice the period, unit norm."""
+        A, _ = self.matrix(X, here)
+        out = np.zeros(self.doubled.size)
+        out[self.odd] = scipy.linalg.svd(A)[2][-1]
+        return out
+
+    def matrix(self, X: Array, here: dict[str, float]) -> tuple[Array, float]:
+        """The half-integer block, and the size of the terms of R."""
+        now = linearise(self.doubled, self.embed(X), "", here)
+        return now.dR_dX[np.ix_(self.odd, self.odd)], now.size
+
+    def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
+        """See `Augmented.extra`."""
+        assert base.b is not None and base.c is not None
+        now = linearise(self.problem, X, self.parameter, here)
+        wide, direction = self.embed(X), np.zeros(self.doubled.size)
+        v, w, g = null_vectors(self.matrix(X, here)[0], base.b, base.c)
+        k = base.weight
+        direction[self.odd] = v
+        odd, even = self.odd, self.even
+        along, across = self.doubled.curvature(wide, direction, self.parameter, **here)
+        changes = (parameter_derivative_and_jacobian(self.doubled, wide, here, name) for name in names)
+        return AugmentedResidual(
+            now, k * g, -k * (w @ along[np.ix_(odd, even)]), -k * float(w @ across[np.ix_(odd, odd)] @ v),
+            tuple((dR[even], -k * float(w @ dJ[np.ix_(odd, odd)] @ v)) for dR, dJ in changes),
+        )  # fmt: skip

@@ -1,0 +1,1 @@
+"""The balance equations: discretisation, residual and Jacobian, compiled loops."""

@@ -1,0 +1,249 @@
+"""Kernels: the balance of one motion, its residual, Jacobian and derivative in Omega.
+
+    R_k(d) = Z_k(Omega) d_k + g_k(Omega) + f_k(d) = 0,   k = 0..H
+
+in the real basis (a0, a1, b1, ..., aH, bH) of each element: with the two-sided coefficients kappa = r + i s,
+
+    T[a_k, a_l] = r_{k-l} + r_{k+l},   T[a_k, b_l] = s_{k-l} - s_{k+l},
+    T[b_k, b_l] = r_{k-l} - r_{k+l},   T[b_k, a_l] = -s_{k-l} - s_{k+l}
+
+is the matrix of the product with kappa, r_{-n} = r_n and s_{-n} = -s_n; row 0 is the half of a_0's.
+
+Of these harmonics only the orders of the table are unknowns, if there are fewer: all others are zero in the motion, and
+their equations are left out.
+
+The linear part comes from the poles of the structure, G(w) = sum_r a_r b_r^T / (i w - lambda_r); see `receptance`.
+
+References
+----------
+Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https://doi.org/10.1007/978-3-030-14023-6.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.process.compiling import inlined, kernel
+from hbgear.harmonic.forces.aft_kernels import samples_of, spectrum
+from hbgear.harmonic.forces.projection_kernels import ProjectionWorkspace, coefficient, project, projection_workspace
+from hbgear.harmonic.forces.toeplitz_kernel import add_product
+from hbgear.harmonic.structure.receptance_kernels import fill_linear_part
+from hbgear.mechanics.series.fourier_kernels import put_waves
+
+
+class Workspace(NamedTuple):
+    """Arrays in which motions are evaluated, overwritten each time.
+
+    space : see `ProjectionWorkspace`. rows (m, 2H + 1) : of the motion, see `spread`. matrices, constants : as of
+    `fill_linear_part`.
+    w (K + 1,), each (2, K + 1), sums (4, N, K + 1), work (3, K + 1, m, m) : for these.
+    """
+
+    space: ProjectionWorkspace
+    rows: Array
+    matrices: ComplexArray
+    constants: ComplexArray
+    w: Array
+    each: Array
+    sums: Array
+    work: ComplexArray
+
+
+@kernel
+def workspace_for(numbers: Any) -> Any:
+    """A `Workspace` for motions of a model."""
+    linear, m, H = numbers.linear, numbers.laws.cubic.shape[0], numbers.basis.shape[0] // 2
+    K = linear.orders.shape[0]
+    matrices, constants = np.zeros((2, K, m, m), np.complex128), np.zeros((2, K, m), np.complex128)
+    w, each, sums = np.empty(K), np.empty((2, K)), np.empty((4, linear.residues.shape[0], K))
+    space, rows, work = (
+        projection_workspace(numbers, m, H, 2 * H),
+        np.zeros((m, 2 * H + 1)),
+        np.empty((3, K, m, m), np.complex128),
+    )
+    return Workspace(space, rows, matrices, constants, w, each, sums, work)
+
+
+@kernel
+def assemble_allocating(
+    numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any
+) -> float:
+    """`assemble` for calls from Python."""
+    return assemble(numbers, X, omega, matrices, constants, R, J, dR, workspace_for(numbers))
+
+
+@inlined
+def assemble(
+    numbers: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any, room: Any
+) -> float:
+    """R (n,), dR/dX (n, n) and dR/dOmega (n,) of a motion X (n,) at Omega / nu; the size of the terms of R."""
+    space, rows, some = room.space, room.rows, X.reshape(matrices.shape[2], -1)
+    spread(numbers, X, rows)
+    project(numbers, rows, space)
+    size = _forces(rows, numbers.linear.orders, space, R, J) + _add_linear(some, matrices, constants, R, J, dR)
+    size += _add_own(numbers.own, numbers, rows, omega, R, J, dR)
+    return size if size > 0.0 else 1.0
+
+
+@kernel
+def spread(numbers: Any, X: Any, rows: Any) -> None:
+    """Rows (m, 2H + 1) of all harmonics from unknowns X (n,), some of them; zero before where they are not."""
+    orders, some = numbers.linear.orders, X.reshape(rows.shape[0], -1)
+    for j in range(rows.shape[0]):
+        rows[j, 0] = some[j, 0]
+        for i in range(1, orders.shape[0]):
+            rows[j, 2 * orders[i] - 1], rows[j, 2 * orders[i]] = some[j, 2 * i - 1], some[j, 2 * i]
+
+
+@kernel
+def curvature(numbers: Any, X: Any, v: Any, h: float, change: Any, along: Any, across: Any) -> None:
+    """Derivatives (n, n) of dR/dX along v (n,), by a central difference over 2 h, and in Omega; change: dZ/dOmega."""
+    m, n, orders = change.shape[1], X.shape[0] // change.shape[1], numbers.linear.orders
+    room = workspace_for(numbers)
+    space, rows, kappa, more = room.space, room.rows, room.space.kappa, room.space.more
+    along[:, :] = 0.0
+    across[:, :] = 0.0
+    for sign in (1.0, -1.0):
+        spread(numbers, X + sign * h * v, rows)
+        project(numbers, rows, space)
+        for j in range(m):
+            for k in range(kappa.shape[1]):
+                kappa[j, k] = (kappa[j, k] + more[j, k]) * (sign / (2 * h))
+            add_product(kappa[j], orders, along[j * n : (j + 1) * n, j * n : (j + 1) * n])
+    for k in range(change.shape[0]):
+        for i in range(m):
+            for j in range(m):
+                _add_harmonic(change[k, i, j], k, across, i * n, j * n)
+
+
+@kernel
+def _add_harmonic(Z: complex, k: int, J: Any, row: int, column: int) -> None:
+    """Add the product of harmonic number k of the unknowns with a complex number, in the real basis, from a corner."""
+    if k == 0:
+        J[row, column] += Z.real
+        return
+    a, b = 2 * k - 1, 2 * k
+    J[row + a, column + a] += Z.real
+    J[row + b, column + b] += Z.real
+    J[row + a, column + b] += Z.imag
+    J[row + b, column + a] -= Z.imag
+
+
+@kernel
+def _forces(rows: Any, orders: Any, space: Any, R: Any, J: Any) -> float:
+    """R = kappa d + chi, J = T(kappa + more), where more is added to kappa; the norm of R."""
+    kappa, chi, more, c, n, total = space.kappa, space.chi, space.more, space.waves, 2 * orders.shape[0] - 1, 0.0
+    J[:, :] = 0.0
+    for j in range(rows.shape[0]):
+        put_waves(rows[j], c)
+        for i in range(orders.shape[0]):
+            k, at = orders[i], j * n + 2 * i
+            f = coefficient(kappa[j], c, k) + chi[j, k]
+            if i:
+                R[at - 1], R[at] = 2.0 * f.real, -2.0 * f.imag
+                total += R[at - 1] ** 2 + R[at] ** 2
+            else:
+                R[at] = f.real
+                total += R[at] ** 2
+        for k in range(more.shape[1]):
+            kappa[j, k] += more[j, k]
+        add_product(kappa[j], orders, J[j * n : (j + 1) * n, j * n : (j + 1) * n])
+    return math.sqrt(total)
+
+
+@kernel
+def _add_linear(rows: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
+    """Add Z d + g to R, Z to J; dR = dZ d + dg; the norms of Z d and g together."""
+    m, n = rows.shape
+    moved = held = 0.0
+    for k in range(matrices.shape[1]):
+        a, b = 2 * k - 1, 2 * k
+        for i in range(m):
+            zd = dzd = 0j
+            for j in range(m):
+                d = complex(rows[j, a], -rows[j, b]) if k else complex(rows[j, 0], 0.0)
+                Z = matrices[0, k, i, j]
+                zd += Z * d
+                dzd += matrices[1, k, i, j] * d
+                _add_harmonic(Z, k, J, i * n, j * n)
+            g, dg = constants[0, k, i], dzd + constants[1, k, i]
+            moved += zd.real**2 + zd.imag**2
+            held += g.real**2 + g.imag**2
+            if k:
+                R[i * n + a] += zd.real + g.real
+                R[i * n + b] -= zd.imag + g.imag
+                dR[i * n + a], dR[i * n + b] = dg.real, -dg.imag
+            else:
+                R[i * n] += zd.real + g.real
+                dR[i * n] = dg.real
+    return math.sqrt(moved) + math.sqrt(held)
+
+
+@kernel
+def _add_own(own: Any, numbers: Any, rows: Any, omega: float, R: Any, J: Any, dR: Any) -> float:
+    """Add what compiled laws say, if any, to R, J and dR; the norm of the forces of each, summed."""
+    if own is None:
+        return 0.0
+    size = 0.0
+    for q in range(own.element.shape[0]):
+        size += _add_samples(own, numbers, rows, q, omega, R, J, dR)
+    return size
+
+
+@kernel
+def _add_samples(own: Any, numbers: Any, rows: Any, which: int, omega: float, R: Any, J: Any, dR: Any) -> float:
+    """Add what a compiled law says to R, J and dR; the norm of its forces."""
+    j, orders, nu = own.element[which], numbers.linear.orders, numbers.linear.nu
+    n, total = 2 * orders.shape[0] - 1, 0.0
+    samples, part = samples_of(own, numbers, rows, which, omega), np.empty(rows.shape[1], dtype=np.complex128)
+    spectrum(samples[:, 0], numbers.basis, part)
+    for i in range(orders.shape[0]):
+        k = orders[i]
+        a, b = (2.0 * part[k].real, -2.0 * part[k].imag) if i else (part[0].real, 0.0)
+        total += a * a + b * b
+        R[j * n + (2 * i - 1 if i else 0)] += a
+        if i:
+            R[j * n + 2 * i] += b
+    spectrum(samples[:, 1], numbers.basis, part)
+    T = J[j * n : (j + 1) * n, j * n : (j + 1) * n]
+    add_product(part, orders, T)
+    spectrum(samples[:, 2], numbers.basis, part)
+    damping = np.zeros((n, n))
+    add_product(part, orders, damping[:n, :n])  # a part of a matrix as above, not another kernel
+    _add_damped(numbers.corners, numbers, j, samples, part, dR)
+    for a in range(n):
+        for i in range(1, orders.shape[0]):
+            p, q = damping[a, 2 * i - 1] * orders[i], damping[a, 2 * i] * orders[i]
+            T[a, 2 * i - 1] -= omega * q
+            T[a, 2 * i] += omega * p
+            dR[j * n + a] += (p * rows[j, 2 * orders[i]] - q * rows[j, 2 * orders[i] - 1]) / nu
+    return math.sqrt(total)
+
+
+@kernel
+def _add_damped(corners: Any, numbers: Any, j: int, samples: Any, part: Any, dR: Any) -> None:
+    """Add the derivative in Omega of what the damping of a compiled law makes of displacements with corners to dR."""
+    if corners is None:
+        return
+    orders, nu, grid = numbers.linear.orders, numbers.linear.nu, corners.grid
+    n = 2 * orders.shape[0] - 1
+    if grid.shape[2]:
+        spectrum(samples[:, 2] * grid[1, j], numbers.basis, part)
+        for i in range(orders.shape[0]):
+            k = orders[i]
+            a, b = (2.0 * part[k].real, -2.0 * part[k].imag) if i else (part[0].real, 0.0)
+            dR[j * n + (2 * i - 1 if i else 0)] += a / nu
+            if i:
+                dR[j * n + 2 * i] += b / nu
+
+
+@inlined
+def residual_and_jacobian(numbers: Any, u: Any, R: Any, J: Any, dR: Any, room: Any) -> float:
+    """`assemble` at u = (X, Omega) of a model with poles."""
+    n = u.shape[0] - 1
+    fill_linear_part(numbers.linear, u[n], room.w, room.each, room.sums, room.work, room.matrices, room.constants)
+    return assemble(numbers, u[:n], u[n] / numbers.linear.nu, room.matrices, room.constants, R, J, dR, room)

@@ -1,0 +1,111 @@
+"""Kernels: what is said of periodic motions beside their stability: reach, impact regime, harmonics left out.
+
+delta d_k = -G_k f_k,   k <= 2H       the neglected force harmonics drive the closed structure
+
+at orders k that are no unknowns: H < k <= 2H, and those below H that a balance with some orders only leaves out.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.process.compiling import inlined, kernel
+from hbgear.harmonic.forces.aft_kernels import neglected_samples
+from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
+from hbgear.harmonic.forces.projection_kernels import coefficient, cross, project, projection_workspace
+from hbgear.harmonic.structure.receptance_kernels import receptance
+from hbgear.mechanics.series.fourier_kernels import put_waves
+
+
+@kernel
+def extrema(numbers: Any, X: Any, clearance: Any, regime: Any) -> None:
+    """Clearances (P, 2 K) of the extrema from the corners, and numbers (P, m) of corners crossed, at most 2."""
+    laws, m = numbers.laws, regime.shape[1]
+    c, samples = np.empty(X.shape[1] // (2 * m) + 1, dtype=np.complex128), np.empty(numbers.basis.shape[1])
+    regime[:, :] = 0
+    low = high = 0.0
+    for p in range(X.shape[0]):
+        rows, last = X[p].reshape(m, -1), -1
+        for i in range(laws.level.shape[0]):
+            j = laws.owner[i]
+            if j != last:
+                last = j
+                sampled_gap(numbers, rows[j], j, c, samples)
+                low = -highest_gap(numbers.corners, j, -1.0, c, samples)[0]
+                high = highest_gap(numbers.corners, j, 1.0, c, samples)[0]
+            clearance[p, 2 * i], clearance[p, 2 * i + 1] = low - laws.level[i], high - laws.level[i]
+            if low < laws.level[i] < high and regime[p, j] < 2:
+                regime[p, j] += 1
+
+
+@kernel
+def shortest_intervals(numbers: Any, m: int, X: Any, out: Any) -> None:
+    """Shortest intervals (P,) between two crossings of a corner by motions X (P, n); 2 pi without any."""
+    space = projection_workspace(numbers, m, X.shape[1] // (2 * m), 0)
+    for p in range(X.shape[0]):
+        cross(numbers, X[p].reshape(m, -1), np.bool_(False), space)
+        least, theta, count = 2 * math.pi, space.theta, space.number
+        for i in range(count.shape[0]):
+            for j in range(count[i]):
+                after = theta[i, j + 1] if j + 1 < count[i] else theta[i, 0] + 2 * math.pi
+                least = min(least, after - theta[i, j])
+        out[p] = least
+
+
+@kernel
+def truncated_force_harmonics(numbers: Any, X: Any, Omega: Any, f: Any) -> None:
+    """One-sided force harmonics (P, m, L) of the orders left at Omega (P,): exact, of compiled laws by samples.
+
+    The dampers' part is that of the displacements with corners, which alone have other harmonics than the motion.
+    """
+    m, H = f.shape[1], numbers.basis.shape[0] // 2
+    space = projection_workspace(numbers, m, H, 3 * H)
+    for p in range(X.shape[0]):
+        rows = X[p].reshape(m, -1)
+        _project_left(numbers, rows, space, f[p])
+        neglected_samples(numbers.own, numbers, rows, Omega[p] / numbers.linear.nu, f[p])
+        _add_damped(numbers.corners, numbers.linear, Omega[p], f[p])
+
+
+@kernel
+def _add_damped(corners: Any, linear: Any, Omega: float, f: Any) -> None:
+    """Add the forces (m, L) of dampers on displacements with corners."""
+    if corners is None:
+        return
+    for j in range(f.shape[0]):
+        for i in range(linear.left.shape[0]):
+            rate = linear.springs[1, j] * Omega * linear.left[i] / linear.nu
+            f[j, i] -= 1j * rate * corners.beyond[i, j]
+
+
+@inlined
+def _project_left(numbers: Any, rows: Any, space: Any, f: Any) -> None:
+    """Force harmonics (m, L) of the orders left of laws in the table."""
+    left, c = numbers.linear.left, space.waves
+    project(numbers, rows, space)
+    for j in range(rows.shape[0]):
+        put_waves(rows[j], c)
+        for i in range(left.shape[0]):
+            f[j, i] = 2.0 * (coefficient(space.kappa[j], c, left[i]) + space.chi[j, left[i]])
+
+
+@kernel
+def driven_response(linear: Any, Omega: Any, f: Any, out: Any) -> None:
+    """Put the motions that force harmonics (P, m, L) of the orders left make the elements do in these of out (P, n)."""
+    P, m, L = f.shape
+    w, each, sums = np.empty(L), np.empty((2, L)), np.empty((4, m * m, L))
+    for p in range(P):
+        rows = out[p].reshape(m, -1)
+        for k in range(L):
+            w[k] = Omega[p] * linear.left[k] / linear.nu
+        receptance(linear.poles, linear.residues[: m * m], w, each, sums)
+        for k in range(L):
+            at = 2 * linear.left[k]
+            for i in range(m):
+                d = 0j
+                for j in range(m):
+                    d += complex(sums[0, i * m + j, k], sums[1, i * m + j, k]) * f[p, j, k]
+                rows[i, at - 1], rows[i, at] = -d.real, d.imag

@@ -1,0 +1,121 @@
+"""Guesses from which Newton finds a first periodic motion.
+
+The state of rest under the constant loads comes first, with the linear response about it. Other static states are
+looked for where laws bend: at their corners, and where a smooth law has changed its stiffness by that of the structure.
+No length comes from the unit in which a model is written.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.evaluation import Evaluation
+from hbgear.continuation.solvers.homotopy import solve_along
+from hbgear.continuation.solvers.newton import NoConvergence, Solution, solve
+from hbgear.continuation.stepping.control import StepControl
+from hbgear.continuation.tracing.trace import trace
+from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.equations.static_state import linear_response, statics
+from hbgear.harmonic.forces.real_basis import derivative
+from hbgear.mechanics.series.fourier import places, to_real
+
+
+def initial_guesses(compiled: Evaluator, Omega: float) -> Iterator[Array]:
+    """Linear responses about static states, and these states alone: the stable ones first."""
+    for static in statics(compiled, Omega):
+        d = linear_response(compiled, Omega, static)
+        yield to_real(d).ravel()
+        yield to_real(np.concatenate([d[:, :1], 0 * d[:, 1:]], axis=1)).ravel()
+
+
+class _Damped(ContinuationProblem):
+    """The balance with dampers parallel to the elements that hold them still at s = 0 and are gone at s = 1.
+
+        R_0 = 0,   s^3 R_k + (1 - s)^3 i (k / nu) kr d_k = 0,  k > 0
+
+    With damping the power of the loads bounds the velocity, so the path cannot run off to infinity while s < 1; it
+    starts at a static state, and ends at a motion if there is but one such state. The third power spreads dampers
+    over many orders of magnitude along the path, for contacts may be stiff compared with the structure.
+    """
+
+    def __init__(self, problem: Any, here: Mapping[str, float]) -> None:
+        self.problem, self.here = problem, here
+        compiled = problem.compiled(dict(here))
+        kept = places(compiled.orders)
+        rates = derivative(np.eye(2 * compiled.H + 1)).T[np.ix_(kept, kept)] / problem.nu
+        self.dampers = np.kron(np.diag(compiled.structure.kr), rates)
+        self.moving = np.tile(kept > 0, compiled.m)
+
+    def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
+        """The equations at s."""
+        s, now = parameters["s"], self.problem.linearise(X, "", **self.here)
+        share, damped = np.where(self.moving, s**_POWER, 1.0), self.dampers @ X
+        held = (1 - s) ** _POWER
+        R = share * now.R + held * damped
+        J = share[:, None] * now.dR_dX + held * self.dampers
+        rate = np.where(self.moving, s ** (_POWER - 1) * now.R, 0.0) - (1 - s) ** (_POWER - 1) * damped
+        return Evaluation(R, J, _POWER * rate, now.size)
+
+
+_POWER = 3
+
+
+def from_damped(problem: Any, here: dict[str, float]) -> Solution:
+    """A motion at parameters on the path from a static state, held by dampers that are taken away.
+
+    problem : a `HarmonicBalance`.
+
+    Raises
+    ------
+    NoConvergence
+        If no path from a static state reaches one.
+    """
+    compiled = problem.compiled(here)
+    failure: NoConvergence | None = None
+    for static in statics(compiled, here["Omega"]):
+        if not static.balanced:
+            continue
+        d = np.zeros((compiled.m, len(compiled.orders)), dtype=complex)
+        d[:, 0] = static.d
+        X = to_real(d).ravel()
+        try:
+            return solve_along(_Damped(problem, here), problem, X, here, steps=600)
+        except NoConvergence as error:
+            failure = failure or error
+    raise failure or NoConvergence("there is no static state", np.zeros(problem.size), here, [])
+
+
+_ELSEWHERE = (1.1, 0.9, 1.3, 0.75, 1.8, 0.5, 3.0, 6.0)  # times the frequency, where a motion may be easier to find
+
+
+def continue_from_nearby_frequency(problem: Any, here: dict[str, float]) -> Array | None:
+    """A motion at the parameters ``here`` on the curve of one found at another frequency; None if none leads there.
+
+    problem : a `HarmonicBalance` that finds nothing from the `initial_guesses` at this frequency.
+    """
+    Omega = here["Omega"]
+    for other in (Omega * times for times in _ELSEWHERE):
+        there = {**here, "Omega": other}
+        for guess in initial_guesses(problem.compiled(there), other):
+            try:
+                X = solve(problem, guess, there).X
+            except NoConvergence:
+                continue
+            fixed = {name: value for name, value in here.items() if name != "Omega"}
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of the other frequency nobody asked
+                curve = trace(problem, "Omega", (other, Omega), X, at=fixed, steps=StepControl(max_points=1000),
+                              stability=False, special=False, cover=False)  # fmt: skip
+            if curve.values[-1] == Omega:
+                try:  # with as many harmonics as are wanted
+                    return solve(problem, problem.from_point(curve[-1]), here).X
+                except NoConvergence:
+                    pass
+            break
+    return None

@@ -1,0 +1,1 @@
+"""Forces of the elements in the frequency domain: exact projection and AFT."""

@@ -1,0 +1,69 @@
+"""Kernels: the user's compiled laws, sampled; the same for them as `sampled` is for laws in Python.
+
+x_k = (1 / N) sum_n x(theta_n) exp(-i k theta_n),   theta_n = 2 pi n / N       of p, dp/dd and dp/dv
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.process.compiling import kernel
+from hbgear.mechanics.laws.c_callback import called
+from hbgear.mechanics.series.fourier_kernels import sampled
+
+
+@kernel
+def samples_of(own: Any, numbers: Any, rows: Any, which: int, omega: float) -> Any:
+    """p, dp/dd, dp/dv (N, 3) of the compiled law number ``which`` along the motions rows (m, 2H + 1) at omega."""
+    j, N = own.element[which], numbers.basis.shape[1]
+    row = rows[j]
+    speed, d, v, tau = np.zeros(row.shape[0]), np.empty(N), np.empty(N), np.empty(N)
+    for k in range(1, row.shape[0] // 2 + 1):
+        speed[2 * k - 1], speed[2 * k] = omega * k * row[2 * k], -omega * k * row[2 * k - 1]
+    sampled(row, numbers.basis, d)
+    sampled(speed, numbers.basis, v)
+    _add_grid(numbers.corners, j, omega, d, v)
+    for n in range(N):
+        tau[n] = 2 * math.pi * ((numbers.linear.nu * n) % N) / N
+    out = np.empty((N, 3))
+    called(own.address[which], d, v, tau, own.given[which], out)
+    return out
+
+
+@kernel
+def _add_grid(corners: Any, j: int, omega: float, d: Any, v: Any) -> None:
+    """Add to samples of a gap and its rate what has corners."""
+    if corners is None:
+        return
+    for n in range(corners.grid.shape[2]):
+        d[n] += corners.grid[0, j, n]
+        v[n] += omega * corners.grid[1, j, n]
+
+
+@kernel
+def spectrum(x: Any, basis: Any, out: Any) -> None:
+    """Two-sided coefficients 0, 1, ... of samples (N,); zeros where N is too short to hold them."""
+    N = x.shape[0]
+    for k in range(out.shape[0]):
+        real = imaginary = 0.0
+        for n in range(N if k <= N // 2 else 0):
+            real += x[n] * basis[1, (k * n) % N]
+            imaginary -= x[n] * basis[2, (k * n) % N]
+        out[k] = complex(real / N, imaginary / N)
+
+
+@kernel
+def neglected_samples(own: Any, numbers: Any, rows: Any, omega: float, f: Any) -> None:
+    """Put one-sided force harmonics of the orders left, of the compiled laws if any, in their rows of f (m, L)."""
+    if own is None:
+        return
+    H, N, left = numbers.basis.shape[0] // 2, numbers.basis.shape[1], numbers.linear.left
+    part = np.empty(2 * H + 1, dtype=np.complex128)
+    for q in range(own.element.shape[0]):
+        spectrum(samples_of(own, numbers, rows, q, omega)[:, 0], numbers.basis, part)
+        for i in range(left.shape[0]):
+            if left[i] < N // 2:
+                f[own.element[q], i] = 2.0 * part[left[i]]

@@ -1,0 +1,191 @@
+"""What of a model has corners in the phase, as numbers for kernels: stiffness and prescribed displacements in pieces.
+
+    gap_j = d_j + e_j up to harmonic H - e_j        d_j the unknowns, H harmonics of it; e_j with all of its corners
+
+Of the gap of an element whose e_j has corners only the motion of the structure is cut off at H, not e_j. With w = -e_j
+the force of a spring is k (g0 + s0 (t + w) + sum_i D_i max(t + w - x_i, 0)), t a trigonometric polynomial: all that is
+ever integrated is k and k w over parts of the period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.mechanics.laws.laws import PiecewiseLinear
+from hbgear.mechanics.models import Element
+from hbgear.mechanics.series.fourier import derive, evaluate, samples_of, stretch, to_complex, to_real
+from hbgear.mechanics.series.periodic import ONE, TURN, Periodic, Phased, Pieced
+
+
+class Corners(NamedTuple):
+    """Pieces over the basis period [0, 2 pi); of a model without corners nothing but empty arrays.
+
+    phases (I,) : all corners, ascending.
+    moves (m + 1,), at (T,), rows (T, 4) : of element j the pieces moves[j] to moves[j + 1] of w = -e_j: where they
+        begin, and their coefficients. None if e_j has no corners.
+    kept, beyond (H + 1, m), (L, m) : harmonics of these e_j, zero of others: those that are unknowns, among 0..H, and
+        the others up to 2H.
+    parts (S + 1,), begin (U,), weight (U, 4) : the same of the springs whose stiffness k or e_j has corners, of k; of
+        the springs that also have a Fourier series this is a factor beside it.
+    sums (U + S, 2, L) : integrals of k and of k w, times exp(-i n theta), from 0 to where a piece begins, and over all.
+    pulled (U, 7) : coefficients of k w.
+    powers (m, 3, L) : two-sided coefficients of w, w^2, w^3; empty unless such an element has a cubic spring.
+    grid (2, m, N) : e_j up to H less e_j, and its derivative in theta, at samples; empty unless a law is sampled.
+    """
+
+    phases: Array
+    moves: np.ndarray
+    at: Array
+    rows: Array
+    kept: ComplexArray
+    beyond: ComplexArray
+    parts: np.ndarray
+    begin: Array
+    weight: Array
+    sums: ComplexArray
+    pulled: Array
+    powers: ComplexArray
+    grid: Array
+
+
+def corners_of(
+    elements: Sequence[Element], springs: Sequence[tuple[int, PiecewiseLinear]], cubic: Array, H: int, nu: int, N: int,
+    orders: np.ndarray, left: np.ndarray,
+) -> Corners:  # fmt: skip
+    """Of the elements of a model and the springs of their laws, each with the number of its element.
+
+    cubic (m, 2) : k1 and k3 of the elements. N : samples of the grid, 0 for none. orders, left : the basis harmonics up
+    to H that are unknowns, and the others up to 2H.
+    """
+    m, S = len(elements), len(springs)
+    phases = [x for element in elements for x in (*element.law.phases, *element.displacement.corners)]
+    if not phases:
+        return _nothing(m, S, H, len(left))
+    e = [element.displacement for element in elements]
+    moved = [_pieces(one, nu).scaled(-1.0) if one.corners else None for one in e]
+    with_corners = [j for j in range(m) if e[j].corners]
+    kept, beyond = np.zeros((H + 1, m), dtype=complex), np.zeros((len(left), m), dtype=complex)
+    for j in with_corners:
+        c = np.zeros(2 * H + 1, dtype=complex)
+        known = to_complex(stretch(e[j].row(2 * H // nu), nu))
+        c[: len(known)] = known
+        kept[orders, j], beyond[:, j] = c[orders], c[left]
+    highest = max([0, *(spring.stiffness.order for _, spring in springs)]) * nu
+    length = 8 * H + highest + 1
+    made = [
+        _weighted(spring.stiffness, e[j], nu, length) if spring.stiffness.corners or e[j].corners else None
+        for j, spring in springs
+    ]
+    count = [len(one[0].at) if one else 0 for one in made]
+    sums = [one[2] for one in made if one]
+    return Corners(
+        phases=np.unique((np.array(phases)[None, :] + TURN * np.arange(nu)[:, None]) / nu),
+        moves=_ends([len(one.at) if one else 0 for one in moved]),
+        at=np.concatenate([np.empty(0), *(one.at for one in moved if one)]),
+        rows=_stacked([one.rows for one in moved if one], 4),
+        kept=kept,
+        beyond=beyond,
+        parts=_ends(count),
+        begin=np.concatenate([np.empty(0), *(one[0].at for one in made if one)]),
+        weight=_stacked([one[0].rows for one in made if one], 4),
+        sums=_spread(sums, count, S, length),
+        pulled=_stacked([one[1].rows for one in made if one], 7),
+        powers=_powers(moved, cubic, length),
+        grid=_grid(e, kept, nu, N),
+    )
+
+
+@lru_cache(maxsize=64)
+def _nothing(m: int, S: int, H: int, left: int) -> Corners:
+    """Of m elements and S springs without corners."""
+    none, pairs = np.empty(0), np.zeros((0, 2, 0), dtype=complex)
+    return Corners(
+        none, _ends([0] * m), none, np.empty((0, 4)), np.zeros((H + 1, m), dtype=complex),
+        np.zeros((left, m), dtype=complex), _ends([0] * S), none, np.empty((0, 4)), pairs, np.empty((0, 7)),
+        np.zeros((m, 3, 0), dtype=complex), np.zeros((2, m, 0)),
+    )  # fmt: skip
+
+
+def beyond(displacement: Phased, kept: ComplexArray, nu: int, theta: Array, order: int = 0) -> Array:
+    """What the gap of an element has beside its unknowns, or a derivative of it in theta: e up to H, less e.
+
+    kept (H + 1,) : harmonics of e.
+    """
+    kept_part = evaluate(to_real(kept), theta, order)
+    out: Array = kept_part - nu**order * displacement(nu * theta, order)
+    return out
+
+
+def gap(displacement: Phased, kept: ComplexArray, nu: int, row: Array, theta: Array, order: int = 0) -> Array:
+    """Gap of an element whose motion is a row, or a derivative of it in theta; kept as of `beyond`."""
+    return evaluate(row, theta, order) + (beyond(displacement, kept, nu, theta, order) if displacement.corners else 0.0)
+
+
+def gap_samples(displacement: Phased, kept: ComplexArray, nu: int, row: Array, N: int, order: int = 0) -> Array:
+    """`gap` at N equal steps of the period, (N,)."""
+    out = samples_of(derive(to_complex(row), order), N)
+    if displacement.corners:
+        theta = TURN * np.arange(N) / N
+        out += samples_of(derive(kept, order), N) - nu**order * displacement(nu * theta, order)
+    return out
+
+
+def _grid(e: Sequence[Phased], kept: ComplexArray, nu: int, N: int) -> Array:
+    some = [j for j, one in enumerate(e) if one.corners]
+    out = np.zeros((2, len(e), N if some else 0))
+    theta = TURN * np.arange(out.shape[2]) / max(N, 1)
+    for j in some:
+        out[0, j], out[1, j] = (beyond(e[j], kept[:, j], nu, theta, order) for order in (0, 1))
+    return out
+
+
+def _powers(moved: Sequence[Pieced | None], cubic: Array, length: int) -> ComplexArray:
+    some = [j for j, one in enumerate(moved) if one and cubic[j].any()]
+    out = np.zeros((len(moved), 3, length if some else 0), dtype=complex)
+    for j in some:
+        w = moved[j]
+        assert w is not None
+        square = w.times(w)
+        for own, one in zip(out[j], (w, square, square.times(w)), strict=True):
+            own[:] = one.integrals(length)[-1] / TURN
+    return out
+
+
+def _pieces(function: Phased, nu: int) -> Pieced:
+    return function.pieces(nu) if isinstance(function, Periodic) else ONE
+
+
+@lru_cache(maxsize=16)
+def _weighted(stiffness: Phased, displacement: Phased, nu: int, length: int) -> tuple[Pieced, Pieced, ComplexArray]:
+    """k and k w on common pieces, and their integrals (T + 1, 2, length); w = 0 if the displacement has no corners."""
+    k = _pieces(stiffness, nu)
+    w = _pieces(displacement, nu).scaled(-1.0 if displacement.corners else 0.0)
+    pulled = k.times(w)
+    k = k.on(pulled.at)
+    return k, pulled, np.stack([k.integrals(length), pulled.integrals(length)], axis=1)
+
+
+def _ends(count: Sequence[int]) -> np.ndarray:
+    return np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+
+
+def _stacked(rows: Sequence[Array], width: int) -> Array:
+    """Coefficients of all, padded to the same number."""
+    each = [np.pad(one, ((0, 0), (0, width - one.shape[1]))) for one in rows]
+    return np.concatenate([np.empty((0, width)), *each])
+
+
+def _spread(sums: Sequence[ComplexArray], count: Sequence[int], S: int, length: int) -> ComplexArray:
+    """Integrals of all springs one after the other, one row of nothing for each that has no pieces."""
+    out = np.zeros((sum(count) + S if sums else 0, 2, length if sums else 0), dtype=complex)
+    rows, at = iter(sums), 0
+    for n in count if sums else ():
+        if n:
+            out[at : at + n + 1] = next(rows)
+        at += n + 1
+    return out

@@ -1,0 +1,341 @@
+"""Kernels: gaps that are a trigonometric polynomial and polynomials in pieces, and integrals over parts of a period.
+
+    x(theta) = Re sum_k c_k exp(i k theta) + w(theta) - level,      w = sum_q rows[i, q] (theta - at[i])^q on piece i
+
+A period is looked at piece by piece, in cells as long as the samples are apart: x is smooth in each, so that its
+crossings and extrema are found as those of `crossings` are. The tables are those of `corners`, and moments are told in
+`mechanics.periodic`. Of a model without corners the tables are None, and the code for them is not compiled.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.process.compiling import kernel
+from hbgear.harmonic.forces.switching_times import CLOSE, PARTS, ROUNDING, crossings
+from hbgear.mechanics.series.fourier_kernels import highest, put_waves, sampled, value_of
+from hbgear.mechanics.series.periodic import PARTS as BY_PARTS
+from hbgear.mechanics.series.periodic import rule
+
+_NODES, _WEIGHTS = rule()
+
+
+@kernel
+def put_gap(corners: Any, row: Any, j: int, c: Any) -> None:
+    """Put the one-sided coefficients of the gap of element j, whose motion is a row (2H + 1,), in the first of c.
+
+    They are those of the motion and, where its prescribed displacement has corners, the harmonics kept of that; what
+    else the gap has stands in pieces.
+    """
+    put_waves(row, c)
+    if corners is None:
+        return
+    if corners.moves[j] < corners.moves[j + 1]:
+        for k in range(min(row.shape[0] // 2 + 1, corners.kept.shape[0])):
+            c[k] += corners.kept[k, j]
+
+
+@kernel
+def in_pieces(corners: Any, j: int) -> bool:
+    """Whether the gap of element j has pieces."""
+    if corners is None:
+        return False
+    return bool(corners.moves[j] < corners.moves[j + 1])
+
+
+@kernel
+def sizes_of(corners: Any) -> tuple[int, int, int]:
+    """Numbers of corners in a period, of pieces of gaps, and of coefficients of a piece."""
+    if corners is None:
+        return 0, 0, 0
+    return corners.phases.shape[0], corners.at.shape[0], corners.pulled.shape[1]
+
+
+@kernel
+def sampled_gap(numbers: Any, row: Any, j: int, c: Any, samples: Any) -> None:
+    """`put_gap`, and the samples (N,) of a gap that has no pieces."""
+    put_gap(numbers.corners, row, j, c)
+    if not in_pieces(numbers.corners, j):
+        sampled(row, numbers.basis, samples)
+
+
+@kernel
+def highest_gap(corners: Any, j: int, side: float, c: Any, samples: Any) -> tuple[float, float]:
+    """The largest value of side times the gap of element j, side +1 or -1, and its phase; c, samples: `sampled_gap`."""
+    if corners is not None:
+        first, last = corners.moves[j], corners.moves[j + 1]
+        if first < last:
+            return highest_on(c, corners.at, corners.rows, first, last, samples.shape[0], side)
+    return highest(c, samples, side)
+
+
+@kernel
+def crossings_of(corners: Any, j: int, level: float, c: Any, samples: Any, theta: Any, sign: Any) -> tuple[int, bool]:
+    """`crossings` by the gap of element j, and whether it is above the level at 0; c, samples: `sampled_gap`."""
+    if corners is not None:
+        first, last = corners.moves[j], corners.moves[j + 1]
+        if first < last:
+            return crossings_on(c, level, corners.at, corners.rows, first, last, samples.shape[0], theta, sign)
+    return crossings(c, level, samples, theta, sign), samples[0] > level
+
+
+@kernel
+def piece_of(at: Any, first: int, last: int, theta: float) -> int:
+    """The piece, of those from first to last, that a phase in [0, 2 pi] is on."""
+    low, high = first, last
+    while high - low > 1:
+        middle = (low + high) // 2
+        if at[middle] <= theta:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def polynomial(row: Any, x: float) -> float:
+    """Its value."""
+    total: float = 0.0
+    for q in range(row.shape[0] - 1, -1, -1):
+        total = total * x + row[q]
+    return total
+
+
+@kernel
+def value_on(c: Any, level: float, row: Any, start: float, theta: float) -> tuple[float, float, float]:
+    """x, x' and x'' on the piece of these coefficients which begins at ``start``."""
+    value, slope, curve = value_of(c, level, theta)
+    y = theta - start
+    value += row[0] + y * (row[1] + y * (row[2] + y * row[3]))
+    slope += row[1] + y * (2.0 * row[2] + 3.0 * y * row[3])
+    curve += 2.0 * row[2] + 6.0 * y * row[3]
+    return value, slope, curve
+
+
+@kernel
+def crossings_on(
+    c: Any, level: float, at: Any, rows: Any, first: int, last: int, N: int, theta: Any, sign: Any
+) -> tuple[int, bool]:
+    """Put the crossings of a level, ascending, in theta, and +1 (upwards) or -1 in sign.
+
+    Returns their number, and whether x is above the level at 0. At least N cells are looked at.
+    """
+    count: Any = np.int64(0)  # for a literal those called would be compiled once more
+    before = start = value_on(c, level, rows[first], at[first], 0.0)[0]
+    for i in range(first, last):
+        end = at[i + 1] if i + 1 < last else 2 * math.pi
+        cells = max(1, math.ceil((end - at[i]) * N / (2 * math.pi)))
+        a, slope = at[i], value_on(c, level, rows[i], at[i], at[i])[1]
+        for n in range(1, cells + 1):
+            b = end if n == cells else at[i] + (end - at[i]) * n / cells
+            after, slope_after, _ = value_on(c, level, rows[i], at[i], b)
+            if n == cells and i + 1 == last:
+                after = start  # what is one instant has one value
+            count = _in_cell(c, level, rows[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count)
+            a, before, slope = b, after, slope_after
+    return count, start > 0.0
+
+
+@kernel
+def _in_cell(
+    c: Any, level: float, row: Any, start: float, a: float, before: float, slope: float, b: float, after: float,
+    slope_after: float, theta: Any, sign: Any, count: int,
+) -> int:  # fmt: skip
+    """Crossings in a cell: one or three if its ends differ in sign, two or none otherwise; see `crossings`."""
+    if (before > 0.0) != (after > 0.0):
+        mean = (after - before) / (b - a)
+        if (1.5 * mean - 0.25 * (slope + slope_after)) * mean >= 0.0:
+            return _add(c, level, row, start, a, before, b, after, theta, sign, count)
+        x, value = a, before
+        for k in range(1, PARTS + 1):
+            y = a + (b - a) * k / PARTS
+            other = after if k == PARTS else value_on(c, level, row, start, y)[0]
+            if (value > 0.0) != (other > 0.0):
+                count = _add(c, level, row, start, x, value, y, other, theta, sign, count)
+            x, value = y, other
+        return count
+    side = 1.0 if before > 0.0 else -1.0
+    if side * slope < 0.0 and side * slope_after > 0.0:
+        top = _extremum(c, level, row, start, a, b, -side)
+        value = value_on(c, level, row, start, top)[0]
+        if side * value < 0.0 and abs(value) > ROUNDING * (1.0 + abs(level)):
+            count = _add(c, level, row, start, a, before, top, value, theta, sign, count)
+            count = _add(c, level, row, start, top, value, b, after, theta, sign, count)
+    return count
+
+
+@kernel
+def _add(
+    c: Any, level: float, row: Any, start: float, low: float, value_low: float, high: float, value_high: float,
+    theta: Any, sign: Any, count: int,
+) -> int:  # fmt: skip
+    """Append the root between low and high by safeguarded Newton from the chord."""
+    if count >= theta.shape[0]:
+        return count
+    rising = value_high > value_low
+    at = low + (high - low) * value_low / (value_low - value_high)
+    for _ in range(80):
+        value, slope, curve = value_on(c, level, row, start, at)
+        if abs(value) <= ROUNDING * (1.0 + abs(level)):
+            break
+        if (value < 0.0) == rising:
+            low = at
+        else:
+            high = at
+        new = at - value / slope if slope != 0.0 else low
+        move = abs(new - at)
+        if slope != 0.0 and (move <= CLOSE or abs(curve) * move * move <= CLOSE * abs(slope)):
+            at = min(max(new, low), high)
+            break
+        at = new if low < new < high else 0.5 * (low + high)
+    theta[count], sign[count] = at, 1 if rising else -1
+    return count + 1
+
+
+@kernel
+def _extremum(c: Any, level: float, row: Any, start: float, low: float, high: float, side: float) -> float:
+    """Where side x has the maximum between low, where it rises, and high, where it falls."""
+    at = 0.5 * (low + high)
+    for _ in range(60):
+        _, slope, curve = value_on(c, level, row, start, at)
+        if side * slope > 0.0:
+            low = at
+        else:
+            high = at
+        new = at - slope / curve if curve != 0.0 else low
+        if abs(new - at) <= 1e-9 or slope == 0.0:  # the value misses its square
+            return min(max(new, low), high) if slope != 0.0 else at
+        at = new if low < new < high else 0.5 * (low + high)
+    return at
+
+
+@kernel
+def highest_on(c: Any, at: Any, rows: Any, first: int, last: int, N: int, side: float) -> tuple[float, float]:
+    """The largest value of side x, side +1 or -1, and its phase: at a corner, or between two."""
+    most, place = -math.inf, 0.0
+    for i in range(first, last):
+        end = at[i + 1] if i + 1 < last else 2 * math.pi
+        cells = max(1, math.ceil((end - at[i]) * N / (2 * math.pi)))
+        a = at[i]
+        value, slope, _ = value_on(c, 0.0, rows[i], at[i], a)
+        for n in range(1, cells + 1):
+            if side * value > most:
+                most, place = side * value, a
+            b = end if n == cells else at[i] + (end - at[i]) * n / cells
+            after, slope_after, _ = value_on(c, 0.0, rows[i], at[i], b)
+            if side * slope > 0.0 and side * slope_after < 0.0:
+                top = _extremum(c, 0.0, rows[i], at[i], a, b, side)
+                height = side * value_on(c, 0.0, rows[i], at[i], top)[0]
+                if height > most:
+                    most, place = height, top
+            a, value, slope = b, after, slope_after
+    return most, place
+
+
+@kernel
+def spans(corners: Any, spring: int, theta: Any, sign: Any, count: Any, above: Any, A: Any, B: Any, ends: Any) -> bool:
+    """Put the two-sided coefficients 0, 1, ... of k and k w where x is above a corner, and of zero elsewhere, in A, B.
+
+    With G_n(theta) the integral of f exp(-i n x) from 0 to theta and sign_j = +1 on going above at theta_j,
+    2 pi f_n = [above at 0] G_n(2 pi) - sum_j sign_j G_n(theta_j). ends : (2, Q) room for derivatives of polynomials.
+    Returns False, and does nothing, if the spring has no pieces.
+    """
+    if corners is None:
+        return False
+    first, last = corners.parts[spring], corners.parts[spring + 1]
+    if first == last:
+        return False
+    sums, known = corners.sums, min(A.shape[0], corners.sums.shape[2])
+    for n in range(A.shape[0]):
+        A[n] = B[n] = 0j
+    if above:
+        for n in range(known):
+            A[n], B[n] = sums[last + spring, 0, n], sums[last + spring, 1, n]
+    for j in range(count):
+        i = piece_of(corners.begin, first, last, theta[j])
+        for n in range(known):
+            A[n] -= sign[j] * sums[i + spring, 0, n]
+            B[n] -= sign[j] * sums[i + spring, 1, n]
+        _add_moments(corners.weight[i], corners.begin[i], theta[j] - corners.begin[i], -sign[j], A, ends)
+        _add_moments(corners.pulled[i], corners.begin[i], theta[j] - corners.begin[i], -sign[j], B, ends)
+    for n in range(A.shape[0]):
+        A[n] /= 2 * math.pi
+        B[n] /= 2 * math.pi
+    return True
+
+
+@kernel
+def add_pieces(corners: Any, j: int, phases: Any, T: int, gap: Any) -> None:
+    """Add the pieces of the gap of element j at the first T phases."""
+    if corners is None:
+        return
+    first, end = corners.moves[j], corners.moves[j + 1]
+    for n in range(T if first < end else 0):
+        theta = phases[n] % (2 * math.pi)
+        i = piece_of(corners.at, first, end, theta)
+        gap[n] += polynomial(corners.rows[i], theta - corners.at[i])
+
+
+@kernel
+def weigh(corners: Any, spring: int, phases: Any, T: int, slope: Any) -> None:
+    """Multiply slopes at the first T phases by the stiffness of a spring that has pieces."""
+    if corners is None:
+        return
+    first, end = corners.parts[spring], corners.parts[spring + 1]
+    for n in range(T if first < end else 0):
+        theta = phases[n] % (2 * math.pi)
+        i = piece_of(corners.begin, first, end, theta)
+        slope[n] *= polynomial(corners.weight[i], theta - corners.begin[i])
+
+
+@kernel
+def put_phases(corners: Any, out: Any) -> int:
+    """Put the phases of all corners of the excitation in out; their number."""
+    if corners is None:
+        return 0
+    for i in range(corners.phases.shape[0]):
+        out[i] = corners.phases[i]
+    return int(corners.phases.shape[0])
+
+
+@kernel
+def _add_moments(row: Any, start: float, width: float, factor: float, out: Any, ends: Any) -> None:
+    """Add factor times the integrals of p(x) exp(-i n (start + x)) from 0 to width; see `moments`."""
+    degree = -1
+    for q in range(row.shape[0]):
+        if row[q] != 0.0:
+            degree = q
+    if degree < 0 or width <= 0.0:
+        return
+    few = min(out.shape[0], int(BY_PARTS / width) + 1 if width * out.shape[0] > BY_PARTS else out.shape[0])
+    for g in range(_NODES.shape[0]):
+        x = width * _NODES[g]
+        term = complex(factor * width * _WEIGHTS[g] * polynomial(row, x), 0.0)
+        z = complex(math.cos(start + x), -math.sin(start + x))
+        for n in range(few):
+            out[n] += term
+            term *= z
+    if few == out.shape[0]:
+        return
+    here, there = ends[0], ends[1]
+    for q in range(degree + 1):
+        here[q] = there[q] = 0.0
+        for k in range(degree, q - 1, -1):
+            many = 1.0
+            for i in range(q):
+                many *= k - i
+            there[q] = there[q] * width + many * row[k]
+            if k == q:
+                here[q] = many * row[k]
+    for n in range(few, out.shape[0]):
+        power, begin, end = complex(0.0, -1.0 / n), 0j, 0j
+        turn = power
+        for q in range(degree + 1):
+            begin += power * here[q]
+            end += power * there[q]
+            power *= turn
+        a, b = n * start, n * (start + width)
+        out[n] += factor * (begin * complex(math.cos(a), -math.sin(a)) - end * complex(math.cos(b), -math.sin(b)))

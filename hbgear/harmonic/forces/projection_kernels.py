@@ -1,0 +1,260 @@
+"""Kernels: exact harmonic projection of piecewise-linear and cubic laws.
+
+A continuous piecewise-linear law is a sum of ramps, g(d) = g0 + s0 d + sum_i D_i max(d - x_i, 0). With theta_j the
+instants where d crosses the corner x and sigma_j = +1 on going above it, -1 on going below, the indicator of d > x has
+
+    s_n = (1 / 2 pi) sum_j sigma_j exp(-i n theta_j) / (i n),     s_0 = fraction of the period spent above x
+
+so that with kappa = s0 + sum_i D_i s(x_i) and chi = g0 - sum_i D_i x_i s(x_i), both times the Fourier series of the
+stiffness,
+
+    P_k = sum_m kappa_{k-m} d_m + chi_k,        dP/dd = Toeplitz(kappa)      (two-sided coefficients)
+
+A law that is a sum of such springs with different stiffness series has the sum of their kappa and chi. A cubic spring
+adds k1 + k3 d^2 to kappa, and 2 k3 d^2 more to what stands in the derivative.
+
+Where the stiffness k or the prescribed displacement e has corners, the same with d = t - e: for s stand the
+coefficients of k where d > x, and of -k e there besides, which is all that has corners; see `corners`.
+
+No boundary term appears in the derivative because g is continuous. Nothing is sampled: the only discrete
+decision is which roots exist, and it is checked at the extrema between grid points.
+
+References
+----------
+Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868, for contact projected exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.process.compiling import kernel
+from hbgear.harmonic.forces.piecewise_kernels import crossings_of, in_pieces, put_gap, sampled_gap, sizes_of, spans
+
+
+class ProjectionWorkspace(NamedTuple):
+    """Arrays in which motions are projected, overwritten each time; room for those of a number of harmonics H.
+
+    theta, sign (K, C), number (K,), above (K,) : crossings of all corners, see `cross`. kappa, chi, more
+    (m, order + 1) : see `project`. The others are for what is met on the way.
+    """
+
+    theta: Array
+    sign: Array
+    number: np.ndarray
+    above: np.ndarray
+    kappa: ComplexArray
+    chi: ComplexArray
+    more: ComplexArray
+    samples: Array
+    waves: ComplexArray
+    square: ComplexArray
+    indicator: ComplexArray
+    pull: ComplexArray
+    both: ComplexArray
+    ends: Array
+
+
+@kernel
+def projection_workspace(numbers: Any, m: int, H: int, order: Any) -> Any:
+    """A `ProjectionWorkspace` for motions of m elements with H harmonics."""
+    laws, (_, pieces, degrees) = numbers.laws, sizes_of(numbers.corners)
+    K, C, S = laws.level.shape[0], 2 * H + 4 + 2 * pieces, laws.of.shape[0]
+    length, coefficients = order + laws.shifts[laws.shifts.shape[0] - 1] + 1, np.empty((3, m, order + 1), np.complex128)
+    part, waves = np.empty((2, length), np.complex128), np.empty(H + 1, np.complex128)
+    square, both = np.empty(2 * H + 1, np.complex128), np.empty((2, S, length), np.complex128)
+    return ProjectionWorkspace(
+        np.empty((K, C)), np.empty((K, C)), np.empty(K, np.int64), np.empty(K, np.bool_),
+        coefficients[0], coefficients[1], coefficients[2], np.empty(numbers.basis.shape[1]), waves, square,
+        part[0], part[1], both, np.empty((2, degrees)),
+    )  # fmt: skip
+
+
+@kernel
+def instants(numbers: Any, rows: Any, ramped: Any) -> Any:
+    """`cross`; theta, sign, count and above."""
+    space = projection_workspace(numbers, rows.shape[0], rows.shape[1] // 2, np.int64(0))
+    cross(numbers, rows, ramped, space)
+    return space.theta, space.sign, space.number, space.above
+
+
+@kernel
+def projected(numbers: Any, rows: Any, order: int) -> Any:
+    """`project`; kappa, chi, and what kappa lacks of dP/dd."""
+    space = projection_workspace(numbers, rows.shape[0], rows.shape[1] // 2, order)
+    project(numbers, rows, space)
+    return space.kappa, space.chi, space.more
+
+
+@kernel
+def cross(numbers: Any, rows: Any, ramped: Any, space: Any) -> None:
+    """Put the crossings of all corners by a motion, real rows (m, 2H + 1), in the space.
+
+    theta, sign (K, C) ; number (K,) of them ; above (K,) : whether the element starts above the corner.
+
+    ramped : only of the corners at which a spring of the table turns.
+    """
+    laws, samples, c = numbers.laws, space.samples, space.waves
+    last = -1
+    for i in range(laws.level.shape[0]):
+        space.number[i], space.above[i] = 0, False
+        if ramped and not laws.ramped[i]:
+            continue
+        j = laws.owner[i]
+        if j != last:
+            last = j
+            sampled_gap(numbers, rows[j], j, c, samples)
+        space.number[i], space.above[i] = crossings_of(
+            numbers.corners, j, laws.level[i], c, samples, space.theta[i], space.sign[i]
+        )
+
+
+@kernel
+def project(numbers: Any, rows: Any, space: Any) -> None:
+    """Put kappa and chi, two-sided coefficients 0, 1, ..., and what kappa lacks of dP/dd in the space."""
+    laws, corners, c = numbers.laws, numbers.corners, space.waves
+    kappa, chi, more = space.kappa, space.chi, space.more
+    kappa[:, :] = 0j
+    chi[:, :] = 0j
+    more[:, :] = 0j
+    if laws.of.shape[0]:
+        cross(numbers, rows, np.bool_(True), space)  # see `crossings` on literals
+        _add_springs(laws, corners, space)
+    for j in range(rows.shape[0]):
+        if laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0:
+            put_gap(corners, rows[j], j, c)
+            _add_cubic(c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j], space.square)
+            _add_moved_cubic(corners, j, c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], chi[j], more[j])
+        _add_kept(corners, j, kappa[j], chi[j])
+
+
+@kernel
+def _add_springs(laws: Any, corners: Any, space: Any) -> None:
+    """Add the springs of the table to kappa and chi, from the crossings of their corners."""
+    theta, sign, count, above = space.theta, space.sign, space.number, space.above
+    s, pull, both, last = space.indicator, space.pull, space.both, -1
+    both[:, :, :] = 0j
+    for p in range(laws.of.shape[0]):
+        if not spans(corners, p, theta[0], sign[0], np.int64(0), np.bool_(True), s, pull, space.ends):
+            both[0, p, 0], both[1, p, 0] = laws.base[p, 0], laws.base[p, 1]
+            continue
+        for n in range(s.shape[0]):
+            both[0, p, n] = laws.base[p, 0] * s[n]
+            both[1, p, n] = laws.base[p, 1] * s[n] + laws.base[p, 0] * pull[n]
+    for r in range(laws.at.shape[0]):
+        i, p, D = laws.at[r], laws.part[r], laws.change[r]
+        if spans(corners, p, theta[i], sign[i], count[i], above[i], s, pull, space.ends):
+            last = -1
+            for n in range(s.shape[0]):
+                both[0, p, n] += D * s[n]
+                both[1, p, n] += D * (pull[n] - laws.level[i] * s[n])
+            continue
+        if i != last:
+            _indicator(theta[i], sign[i], count[i], above[i], s)
+            last = i
+        for n in range(s.shape[0]):
+            both[0, p, n] += D * s[n]
+            both[1, p, n] -= D * laws.level[i] * s[n]
+    for p in range(laws.of.shape[0]):
+        _modulate(laws.shifts, laws.series[p], both[0, p], space.kappa[laws.of[p]])
+        _modulate(laws.shifts, laws.series[p], both[1, p], space.chi[laws.of[p]])
+
+
+@kernel
+def coefficient(kappa: Any, c: Any, k: int) -> complex:
+    """Coefficient k of the product of two real functions, two-sided as those of kappa; c has one-sided ones."""
+    x, y = kappa[k].real * c[0].real, kappa[k].imag * c[0].real
+    for n in range(1, c.shape[0]):
+        r, s = kappa[abs(k - n)].real, kappa[abs(k - n)].imag
+        if k < n:
+            s = -s
+        a, b, p, q = 0.5 * c[n].real, 0.5 * c[n].imag, kappa[k + n].real, kappa[k + n].imag
+        x += (r + p) * a - (s - q) * b
+        y += (r - p) * b + (s + q) * a
+    return complex(x, y)
+
+
+@kernel
+def _add_kept(corners: Any, j: int, kappa: Any, chi: Any) -> None:
+    """Add to chi what kappa makes of the harmonics kept of a displacement, as far up as kappa is known for that."""
+    if corners is None:
+        return
+    if not in_pieces(corners, j):
+        return
+    kept = corners.kept[:, j]
+    H = kept.shape[0] - 1
+    for k in range(chi.shape[0] - H):
+        chi[k] += coefficient(kappa, kept, k)
+
+
+@kernel
+def _add_moved_cubic(
+    corners: Any, j: int, c: Any, k1: float, k3: float, kappa: Any, chi: Any, more: Any
+) -> None:  # fmt: skip
+    """What a cubic spring adds for t + w beside that for t, if w has corners.
+
+    kappa has 3 k3 (t w + w^2), chi k1 w + k3 w^3, and the derivative 3 k3 t w more than kappa.
+    """
+    if corners is None:
+        return
+    if not in_pieces(corners, j):
+        return
+    w = corners.powers[j]  # (3, L) coefficients of w, w^2, w^3
+    H = c.shape[0] - 1
+    for k in range(min(kappa.shape[0], w.shape[1] - H)):
+        both = coefficient(w[0], c, k)
+        kappa[k] += 3.0 * k3 * (both + w[1, k])
+        chi[k] += k1 * w[0, k] + k3 * w[2, k]
+        more[k] += 3.0 * k3 * both
+
+
+@kernel
+def _indicator(theta: Any, sign: Any, count: int, above: bool, s: Any) -> None:
+    """s_n of the set where the function is above a corner."""
+    share = 1.0 if above else 0.0
+    for n in range(s.shape[0]):
+        s[n] = 0.0
+    for j in range(count):
+        share -= sign[j] * theta[j] / (2 * math.pi)
+        z, w = complex(math.cos(theta[j]), -math.sin(theta[j])), complex(sign[j], 0.0)
+        for n in range(1, s.shape[0]):
+            w = w * z
+            s[n] += w
+    s[0] = share
+    for n in range(1, s.shape[0]):
+        s[n] = s[n] * complex(0.0, -1.0 / (2 * math.pi * n))
+
+
+@kernel
+def _modulate(shifts: Any, series: Any, s: Any, out: Any) -> None:
+    """Add the product of two real functions, given by coefficients 0, 1, 2, ...; series has those at the shifts."""
+    for k in range(out.shape[0]):
+        out[k] += series[0].real * s[k]
+    for i in range(1, shifts.shape[0]):
+        shift, a = shifts[i], series[i]
+        if a == 0.0:
+            continue
+        for k in range(out.shape[0]):
+            n = k - shift
+            before = s[n] if n >= 0 else s[-n].conjugate()
+            out[k] += a * before + a.conjugate() * s[k + shift]
+
+
+@kernel
+def _add_cubic(c: Any, k1: float, k3: float, kappa: Any, more: Any, both: Any) -> None:
+    """Add k1 + k3 d^2 to kappa, and 2 k3 d^2 to what else stands in the derivative; both (2H + 1,) is room."""
+    H, order = c.shape[0] - 1, kappa.shape[0] - 1
+    both[H] = c[0]
+    for k in range(1, H + 1):
+        both[H + k], both[H - k] = 0.5 * c[k], 0.5 * c[k].conjugate()
+    kappa[0] += k1
+    for k in range(min(2 * H, order) + 1):
+        square = 0j
+        for n in range(k - H, H + 1):
+            square += both[H + n] * both[H + k - n]
+        kappa[k] += k3 * square
+        more[k] += 2.0 * k3 * square

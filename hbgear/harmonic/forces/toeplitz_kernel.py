@@ -1,0 +1,34 @@
+"""Kernel: products with a periodic stiffness, Toeplitz plus Hankel in the real basis."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hbgear.common.process.compiling import kernel
+
+
+@kernel
+def add_product(kappa: Any, orders: Any, T: Any) -> None:
+    """Add the matrix of the product with kappa, in the real basis of some orders, of which the first is 0.
+
+    But for row 0 it is symmetric.
+    """
+    T[0, 0] += kappa[0].real
+    for k in range(1, orders.shape[0]):
+        r, s = kappa[orders[k]].real, kappa[orders[k]].imag
+        T[0, 2 * k - 1] += r
+        T[0, 2 * k] -= s
+        T[2 * k - 1, 0] += 2 * r
+        T[2 * k, 0] -= 2 * s
+        for i in range(1, k + 1):
+            apart, both = kappa[orders[k] - orders[i]], kappa[orders[k] + orders[i]]
+            r, s, p, q = apart.real, apart.imag, both.real, both.imag
+            T[2 * k - 1, 2 * i - 1] += r + p
+            T[2 * k - 1, 2 * i] += s - q
+            T[2 * k, 2 * i - 1] -= s + q
+            T[2 * k, 2 * i] += r - p
+            if i < k:
+                T[2 * i - 1, 2 * k - 1] += r + p
+                T[2 * i, 2 * k - 1] += s - q
+                T[2 * i - 1, 2 * k] -= s + q
+                T[2 * i, 2 * k] += r - p

@@ -1,0 +1,343 @@
+"""Equations of motion of a piecewise-linear system, linear between its contact instants.
+
+    dy/dtau = [A(contacts, section) + sum_s kappa_s(tau) b_s r_s^T] y,   y = (x, c),   dc/dtau = S c
+
+with the state x of the structure and the functions c = (1, s, s^2, s^3, cos l tau, sin l tau, ...) that loads and
+prescribed displacements are sums of, so that a singular stiffness matrix (free flight) is no special case. Where a
+stiffness or a displacement has corners, the period is cut into sections, s is the phase since the section began, and
+the coefficients of the sums are those of the section. Springs of constant stiffness are part of A; the others keep
+their factor kappa_s(tau).
+
+The state is x = L (q, q' / clock) with coordinates scaled by their masses. Motions that neither springs nor dampers
+nor elements resist (rigid rotation) leave gaps and forces as they are; they are removed by taking the quotient,
+
+    A r = 0, D r = 0:   x = r a + N y,   dy/dt = N^+ (A N y + ...)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array
+from hbgear.mechanics.laws.laws import PiecewiseLinear
+from hbgear.mechanics.models import System
+from hbgear.mechanics.series.fourier import Series, derive, evaluate, to_complex, to_real
+from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
+
+_UNOBSERVED = 1e-11  # singular value, relative to the largest, of a direction without effect
+
+_LARGEST = 60  # coordinates of a structure whose state is carried as a whole
+
+DEGREE = 3  # of the polynomials of a `Periodic`
+
+
+class NotPiecewiseLinear(ValueError):
+    """The model has no contact instants to solve for: a law that is not piecewise linear, or a structure too large."""
+
+
+class Contacts(NamedTuple):
+    """Which section of the period, and for each element how many of its breakpoints lie below its gap."""
+
+    section: int
+    levels: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Flow:
+    """dy/dtau = (A + sum_s kappa_s(tau) b_s r_s^T) y between two instants.
+
+    A (N, N); b, r (S, N); stiffness : the S factors kappa; rate : a bound of the norm of the matrix.
+    """
+
+    A: Array
+    b: Array
+    r: Array
+    stiffness: tuple[Phased, ...]
+    rate: float
+
+
+class Equations:
+    """Equations of a `System` at one set of parameters, for every Omega.
+
+    Parameters
+    ----------
+    system : `System` whose laws are all piecewise linear.
+    nu : periods of the excitation that a motion takes.
+
+    Raises
+    ------
+    NotPiecewiseLinear
+        If a law is not a sum of piecewise-linear springs, the structure has more than 60 coordinates, or parts of it
+        are known by receptances only.
+    """
+
+    def __init__(self, system: System, nu: int = 1) -> None:
+        _check(system)
+        self.system, self.nu, self.m = system, nu, len(system.elements)
+        self.breakpoints = tuple(element.law.breakpoints for element in system.elements)
+        self._displacements: dict[int, Array] = {}
+
+    @cached_property
+    def starts(self) -> Array:
+        """Phases in [0, 2 pi) at which sections begin, ascending; a single section begins at 0."""
+        corners = {x for e in self.system.elements for x in (*e.law.phases, *e.displacement.corners)}
+        return np.array(sorted(corners)) if corners else np.zeros(1)
+
+    @cached_property
+    def orders(self) -> tuple[int, ...]:
+        """Harmonics of the excitation in c."""
+        loads = {order for load in self.system.loads for order in load.complex(self.system.n) if order}
+        for e in self.system.elements:
+            if isinstance(e.displacement, Series):
+                c = to_complex(e.displacement.row())
+                loads |= set(np.flatnonzero(c[1:]) + 1)
+        return tuple(sorted(int(order) for order in loads))
+
+    @cached_property
+    def degree(self) -> int:
+        """Highest power of s in c."""
+        return DEGREE if any(isinstance(e.displacement, Periodic) for e in self.system.elements) else 0
+
+    @property
+    def count(self) -> int:
+        """Number of the functions c."""
+        return 1 + self.degree + 2 * len(self.orders)
+
+    def section(self, tau: float) -> int:
+        """Number of the section that a phase lies in; at a corner the one that follows."""
+        return (int(np.searchsorted(self.starts, tau % TURN, side="right")) - 1) % len(self.starts)
+
+    def functions(self, tau: float, section: int) -> Array:
+        """c at a phase of a section."""
+        s = (tau - self.starts[section] + math.pi) % TURN - math.pi if self.degree else 0.0
+        if s < -1e-9:
+            s += TURN
+        angles = np.multiply(self.orders, tau)
+        pairs = np.stack([np.cos(angles), np.sin(angles)], axis=-1).ravel()
+        return np.concatenate([[1.0], s ** np.arange(1, self.degree + 1), pairs])
+
+    @cached_property
+    def generator(self) -> Array:
+        """S (count, count)."""
+        S, d = np.zeros((self.count, self.count)), self.degree
+        for power in range(1, d + 1):
+            S[power, power - 1] = power
+        for i, order in enumerate(self.orders):
+            at = 1 + d + 2 * i
+            S[at, at + 1], S[at + 1, at] = -order, order
+        return S
+
+    def displacements(self, section: int) -> Array:
+        """Coefficients (m, count) of the prescribed displacements of the elements on a section."""
+        found = self._displacements.get(section)
+        if found is None:
+            found = self._displacements[section] = self._displaced(section)
+        return found
+
+    def _displaced(self, section: int) -> Array:
+        E = np.zeros((self.m, self.count))
+        for row, element in zip(E, self.system.elements, strict=True):
+            e = element.displacement
+            if isinstance(e, Periodic):
+                start = self.starts[section] + 1e-9
+                derivatives = [float(e(start, n)) for n in range(DEGREE + 1)]
+                row[: DEGREE + 1] = moved(derivatives, -1e-9)
+                continue
+            row[0], c = e.mean, e.row()
+            for i, order in enumerate(self.orders):
+                if order <= e.order:
+                    row[1 + self.degree + 2 * i :][:2] = c[2 * order - 1 : 2 * order + 1]
+        return E
+
+    def at(self, Omega: float) -> EquationsAt:
+        """The equations at a frequency of the excitation."""
+        return EquationsAt(self, Omega)
+
+    @cached_property
+    def fixed(self) -> StateSpace:
+        """The structure, if it does not depend on Omega."""
+        return StateSpace(self.system)
+
+    def structure(self, Omega: float) -> StateSpace:
+        """The structure at a frequency."""
+        return self.fixed if self.system.speed is None else StateSpace(self.system.at_speed(Omega))
+
+    def springs(self, j: int, level: int) -> tuple[tuple[Phased, float, float], ...]:
+        """Stiffness, slope and offset of each spring of element j where so many of its breakpoints lie below d."""
+        corners = np.array(self.breakpoints[j])
+        inner = corners[:level]
+        return tuple(_line(spring, inner) for spring in self.system.elements[j].law.piecewise or ())
+
+
+class StateSpace:
+    """x' = A x + B p + force f,   d + e = D x,   of a structure with the dampers of its elements.
+
+    A (r, r); input (r, n) of forces on coordinates; D (m, r); reduce (r, 2n) of (q, q'); W, damping of the elements.
+    """
+
+    def __init__(self, system: System) -> None:
+        M, C, K = (_dense(A) for A in (system.M, system.C, system.K))
+        W, n = system.W, system.n
+        self.W, self.damping = W, np.array([e.damping for e in system.elements])
+        s = 1.0 / np.sqrt(np.abs(np.diag(M)) + (np.diag(M) == 0) * (np.abs(np.diag(M)).max() or 1.0))
+        references = np.array([e.law.reference for e in system.elements])
+        closed = K + (W * references) @ W.T
+        Mi = np.linalg.inv(M * np.outer(s, s))
+        clock = math.sqrt(np.abs(Mi @ (closed * np.outer(s, s))).max()) or 1.0
+        A = np.zeros((2 * n, 2 * n))
+        A[:n, n:] = clock * np.eye(n)
+        A[n:, :n] = -Mi @ (K * np.outer(s, s)) / clock
+        A[n:, n:] = -Mi @ ((C + (W * self.damping) @ W.T) * np.outer(s, s))
+        force = np.concatenate([np.zeros((n, n)), Mi * s / clock])
+        D = np.concatenate([W.T * s, np.zeros((len(references), n))], axis=1)
+        L = np.diag(np.concatenate([1 / s, 1 / (s * clock)]))
+        self.A, self.input, self.D, self.reduce = _observed(A, force, D, L)
+
+
+class EquationsAt:
+    """`Equations` at one Omega: flows of contact patterns, gaps and their derivatives."""
+
+    def __init__(self, equations: Equations, Omega: float) -> None:
+        self.equations, self.Omega = equations, float(Omega)
+        self.structure = equations.structure(self.Omega)
+        self.size = len(self.structure.A)
+        self._flows: dict[Contacts, Flow] = {}
+        self._forcing: dict[int, Array] = {}
+        self.input = self.structure.input @ self.structure.W / self.Omega
+
+    @property
+    def period(self) -> float:
+        """Phase after which a motion repeats."""
+        return TURN * self.equations.nu
+
+    def extended(self, x: Array, tau: float, section: int) -> Array:
+        """y = (x, c)."""
+        return np.concatenate([x, self.equations.functions(tau, section)])
+
+    def gaps(self, section: int) -> Array:
+        """Rows (m, N) that take y to the gaps of all elements."""
+        return np.concatenate([self.structure.D, -self.equations.displacements(section)], axis=1)
+
+    def flow(self, contacts: Contacts) -> Flow:
+        """The flow while elements have these contacts."""
+        found = self._flows.get(contacts)
+        if found is None:
+            found = self._flows[contacts] = self._assembled(contacts)
+        return found
+
+    def _assembled(self, contacts: Contacts) -> Flow:
+        equations, r = self.equations, self.size
+        A = np.zeros((r + equations.count, r + equations.count))
+        A[:r, :r] = self.structure.A / self.Omega
+        A[r:, r:] = equations.generator
+        A[:r, r:] = self._forced(contacts.section)
+        gaps, b, rows, factors, rate = self.gaps(contacts.section), [], [], [], 0.0
+        for j, level in enumerate(contacts.levels):
+            for stiffness, slope, offset in equations.springs(j, level):
+                row = slope * gaps[j]
+                row[r] += offset
+                if not row.any():
+                    continue
+                k = _constant(stiffness, equations.starts[contacts.section])
+                if k is not None:
+                    A[:r] -= k * np.outer(self.input[:, j], row)
+                    continue
+                b.append(np.concatenate([-self.input[:, j], np.zeros(equations.count)]))
+                rows.append(row)
+                factors.append(stiffness)
+                rate += stiffness.bound * np.abs(b[-1]).max() * np.abs(row).sum()
+        none = np.zeros((0, len(A)))
+        rate += float(np.abs(A).sum(axis=0).max())
+        return Flow(A, np.array(b) if b else none, np.array(rows) if rows else none, tuple(factors), rate)
+
+    def _forced(self, section: int) -> Array:
+        """What loads and prescribed displacements do to the state, (r, count)."""
+        equations, structure = self.equations, self.structure
+        f = np.zeros((equations.system.n, equations.count))
+        for load in equations.system.loads:
+            for order, amplitude in load.complex(len(f)).items():
+                amplitude = self.Omega**load.power * amplitude
+                if order == 0:
+                    f[:, 0] += amplitude.real
+                    continue
+                at = 1 + equations.degree + 2 * equations.orders.index(order)
+                f[:, at] += amplitude.real
+                f[:, at + 1] -= amplitude.imag
+        rates = self.Omega * equations.displacements(section) @ equations.generator
+        f += (structure.W * structure.damping) @ rates
+        forced: Array = structure.input @ f / self.Omega
+        return forced
+
+    def state(self, rows: Array, tau: float) -> Array:
+        """The state x of a motion given by its real Fourier rows (n, 2H + 1) of all coordinates."""
+        theta = tau / self.equations.nu
+        velocity = self.Omega / self.equations.nu * evaluate(to_real(derive(to_complex(rows))), theta)[:, 0]
+        x: Array = self.structure.reduce @ np.concatenate([evaluate(rows, theta)[:, 0], velocity])
+        return x
+
+
+def _check(system: System) -> None:
+    for element in system.elements:
+        if element.law.piecewise is None:
+            raise NotPiecewiseLinear(
+                f"the law of {element.name}, {type(element.law).__name__}, is not piecewise linear: contact instants "
+                "are computed for Unilateral, Backlash, PiecewiseLinear and sums of them"
+            )
+    if system.n > _LARGEST:
+        raise NotPiecewiseLinear(
+            f"{system.n} coordinates are too many for contact instants; at most {_LARGEST}: reduce the model first, "
+            "hb.mechanics.reduce(model, modes=...)"
+        )
+    if system.receptances is not None:
+        raise NotPiecewiseLinear("contact instants need M, C and K of all coordinates; some are known by receptances")
+
+
+def _observed(A: Array, force: Array, D: Array, L: Array) -> tuple[Array, Array, Array, Array]:
+    """The state without directions r with A r = 0 and D r = 0, which nothing depends on."""
+    while len(A):
+        stacked = np.concatenate([A / (np.abs(A).max() or 1.0), D / (np.abs(D).max() or 1.0)])
+        _, sizes, vt = np.linalg.svd(stacked)
+        kept = sizes > _UNOBSERVED * sizes.max(initial=0.0)
+        if kept.all():
+            break
+        N = vt[kept]  # orthonormal: its transpose is the basis, itself the left inverse that removes r
+        A, force, D, L = N @ A @ N.T, N @ force, D @ N.T, N @ L
+    return A, force, D, L
+
+
+def _line(spring: PiecewiseLinear, below: Array) -> tuple[Phased, float, float]:
+    """Stiffness, slope and offset of a spring for d above the given breakpoints of its element and below the others."""
+    g0, changes, corners = spring.ramps
+    inside = np.isin(corners, below)
+    slope = spring.slopes[0] + float(changes[inside].sum())
+    return spring.stiffness, slope, g0 - float(changes[inside] @ corners[inside])
+
+
+def _constant(stiffness: Phased, start: float) -> float | None:
+    """Value of a stiffness that is constant on a section; None if it varies there."""
+    if not stiffness.varies:
+        return float(stiffness.mean)
+    if isinstance(stiffness, Periodic):
+        derivatives = [float(stiffness(start + 1e-9, n)) for n in range(DEGREE + 1)]
+        if not any(derivatives[1:]):
+            return derivatives[0]
+    return None
+
+
+def moved(derivatives: Sequence[float], by: float) -> list[float]:
+    """Coefficients of powers of s about a point moved by ``by``, from derivatives of a polynomial at the point."""
+    c = [d / math.factorial(n) for n, d in enumerate(derivatives)]
+    return [
+        sum(c[n] * math.comb(n, power) * by ** (n - power) for n in range(power, len(c))) for power in range(len(c))
+    ]
+
+
+def _dense(A: Any) -> Array:
+    return np.asarray(A.toarray() if scipy.sparse.issparse(A) else A, dtype=float)

@@ -1,0 +1,1 @@
+"""Floquet multipliers: monodromy matrices, their errors and collisions."""

@@ -1,0 +1,29 @@
+"""Collocation at Gauss points of a step in which the linear part is propagated exactly.
+
+    z(c h) = e^{lambda c h} z_0 + int_0^{c h} e^{lambda (c h - x)} u(x) dx,   u a polynomial through s Gauss points
+
+The integrals of its monomials are phi functions; see `phi`.
+
+References
+----------
+Hochbruck & Ostermann (2010), Acta Numerica 19, https://doi.org/10.1017/S0962492910000048.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+
+
+@lru_cache(maxsize=16)
+def gauss_nodes(s: int) -> tuple[Array, Array]:
+    """Gauss points on (0, 1) and monomial coefficients L[j, p] of the Lagrange polynomials on them.
+
+    The coefficients grow with s and cancel each other, so that what is made of them is exact to about 1e-13 with s = 6,
+    7e-11 with 10 and 2e-9 with 12.
+    """
+    x = 0.5 * (np.polynomial.legendre.leggauss(s)[0] + 1.0)
+    return x, np.ascontiguousarray(np.linalg.inv(np.vander(x, increasing=True)).T)  # kernels know one layout

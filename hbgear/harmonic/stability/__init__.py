@@ -1,0 +1,1 @@
+"""Verified stability: errors, parity checks, exact motions."""

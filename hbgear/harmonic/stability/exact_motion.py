@@ -1,0 +1,64 @@
+"""Exact motions at points of harmonic balance whose laws are piecewise linear, see `hbgear.instants`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.harmonic.instants.refine import Approximation, ExactMotion, refine
+
+
+def refine_motion(problem: Any, X: Array, parameters: Mapping[str, float]) -> ExactMotion:
+    """The exact motion at the same parameters, near a motion found by harmonic balance.
+
+    Parameters
+    ----------
+    problem : `HarmonicBalance`.
+    X : (n,) its unknowns.
+    parameters : values of Omega and of the parameters of the model that differ.
+
+    Raises
+    ------
+    NotPiecewiseLinear
+        If a law of the model is not piecewise linear, or the structure is too large.
+    NoConvergence
+        If Newton's method does not converge: beside a fold there may be no motion at this Omega, see
+        `refine_near_fold`.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from hbgear.harmonic.stability.exact_motion import refine_motion
+    >>> stop = hb.Element([1.0], hb.Unilateral(k=20.0, gap=0.5))
+    >>> model = hb.System([[1.0]], [[0.1]], [[1.0]], [stop], hb.Load(cosine={1: [0.3]}))
+    >>> problem = hb.HarmonicBalance(model, 16)
+    >>> exact = refine_motion(problem, problem.start(Omega=1.0), {"Omega": 1.0})
+    >>> len(exact.instants), bool(exact.residual < 1e-10), bool(exact.distance < 1e-2)
+    (2, True, True)
+    """
+    return _refined(problem, X, parameters, free=False)
+
+
+def refine_near_fold(problem: Any, X: Array, parameters: Mapping[str, float]) -> ExactMotion:
+    """The exact motion nearest to one found by harmonic balance, whose Omega may differ.
+
+    Beside a fold that truncation has displaced there is no exact motion at the same Omega. Parameters and exceptions
+    are those of `refine_motion`.
+    """
+    return _refined(problem, X, parameters, free=True)
+
+
+def _refined(problem: Any, X: Array, parameters: Mapping[str, float], free: bool) -> ExactMotion:
+    compiled = problem.compiled(dict(parameters))
+    here = {name: float(value) for name, value in parameters.items()}
+    equations = compiled.contact_equations
+    crossings = compiled.crossings(X)
+    number = np.concatenate([np.arange(len(b)) for b in equations.breakpoints]).astype(int)
+    found = [
+        (float(theta * problem.nu), int(compiled.element[row]), int(number[row]), int(sign))
+        for row, theta, sign in zip(crossings.row, crossings.theta, crossings.sign, strict=True)
+    ]
+    return refine(equations, Approximation(problem.motion(X, **here), found), here["Omega"], free)

@@ -1,0 +1,95 @@
+"""Parity checks: signs of determinants of the balance against the number of real multipliers beyond the unit circle.
+
+    sign det(dR/dX)             = c (-1)^n,   n real multipliers above +1
+    sign det(half-integer block) =   (-1)^n,   n real multipliers below -1
+
+Both determinants are Hill's determinants at the multipliers +1 and -1. They change sign where a multiplier passes
+there, whatever the stiffness of the elements over the period is, so the constant c is that of the structure with the
+reference springs of the elements, whose Jacobian is its dynamic stiffness:
+
+    c = sign det Z(0) (-1)^n_0,   n_0 real poles of the structure above 0
+
+The harmonics k > 0 contribute |det Z(k)|^2. A match proves nothing, for two wrong multipliers leave both signs as they
+are, and next to a fold that truncation has displaced dR/dX itself has the wrong sign.
+
+References
+----------
+Lazarus & Thomas (2010), C. R. Mecanique 338(9), https://doi.org/10.1016/j.crme.2010.07.020, for Hill's determinant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.problem.base import linearise
+from hbgear.continuation.results.branch import STABILITY_TOLERANCE
+from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
+from hbgear.harmonic.multipliers.multiplier_error import count_beyond
+
+_MOST = 0.6  # share of mismatches above which the constant of the problem is not known
+
+
+_ENOUGH = 16  # points from which that share is looked at
+
+
+@dataclass(frozen=True)
+class Parity:
+    """Parity checks of the motions of a problem.
+
+    Parameters
+    ----------
+    constant : int
+        c of the module; 0 where it is not known, and nothing is checked.
+    """
+
+    constant: int
+
+    @staticmethod
+    def of(problem: Any, name: str, values: Array, parameters: Mapping[str, float]) -> Parity:
+        """Of a `HarmonicBalance` at values of a parameter; the constant must be the same at both ends."""
+        ends = {float(values.min()), float(values.max())} if name != "Omega" else {parameters.get(name, 1.0)}
+        signs = {problem.compiled({**parameters, name: value}).reference_sign for value in ends}
+        return Parity(signs.pop() if len(signs) == 1 else 0)
+
+    def mismatch(self, multipliers: ComplexArray, signs: NDArray[np.int_]) -> NDArray[np.bool_]:
+        """Whether signs (k,) of det(dR/dX) contradict multipliers (k, r); not where a sign is 0, that is unknown.
+
+        A multiplier within `STABILITY_TOLERANCE` of +1 may be on either side.
+        """
+        flagged: NDArray[np.bool_] = (signs != 0) & (self.constant != 0)
+        for margin in (-STABILITY_TOLERANCE, STABILITY_TOLERANCE):
+            flagged &= self.constant * signs != 1 - 2 * (count_beyond(multipliers, margin)[:, 0] % 2)
+        if len(flagged) >= _ENOUGH and np.count_nonzero(flagged) > _MOST * len(flagged):
+            flagged[:] = False
+        return flagged
+
+    def expected(self, sign: int) -> int:
+        """+1 for an even number of real multipliers above +1, -1 for an odd one, 0 if the sign is not known."""
+        return self.constant * sign
+
+    def agrees(
+        self, problem: Any, X: Array, parameters: Mapping[str, float], multipliers: ComplexArray, expected: int = 0
+    ) -> bool:
+        """Whether both determinants at a motion X (n,) agree with its multipliers (r,).
+
+        expected : parity that the multipliers must have, if it is not 0; see `expected`.
+        """
+        beyond = count_beyond(multipliers)
+        if expected and expected != 1 - 2 * (beyond[0] % 2):
+            return False
+        sign = int(np.linalg.slogdet(np.asarray(linearise(problem, X, "", parameters).dR_dX))[0])
+        if self.mismatch(multipliers[None], np.array([sign]))[0]:
+            return False
+        return not self.constant or half_integer_sign(problem, X, parameters) in (0, 1 - 2 * (beyond[1] % 2))
+
+
+def half_integer_sign(problem: Any, X: Array, parameters: Mapping[str, float]) -> int:
+    """Sign of the half-integer block at a motion X (n,), whose multipliers at -1 make it singular."""
+    block, _ = PeriodDoublingProblem(problem).matrix(X, dict(parameters))
+    return int(np.linalg.slogdet(block)[0])

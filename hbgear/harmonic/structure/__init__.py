@@ -1,0 +1,1 @@
+"""The linear structure, condensed to the element displacements."""

@@ -1,0 +1,166 @@
+"""The linear part of structures next to one, to first order, for derivatives in the parameters of a model.
+
+    D(s) = K + s C + s^2 M,   E = D_near - D,   s = i w
+
+    G_near = W_near^T D_near^-1 F_near  ~  L (F_near - E D^-1 F_near),   L = W_near^T D^-1
+
+Half the difference of two of these, on both sides of a point, is that of the exact ones but for h^2, as any central
+difference is, and rounding of D^-1 drops out of it. D^-1 is that of the modes of the one structure, or is computed once
+for all of them where something moves freely under the loads or modes are nearly alike, so that another value of a
+parameter takes products of small matrices, and no decomposition.
+
+Where something moves freely and bears no load, D(0) is singular, and the pseudo-inverse of the one structure serves:
+first-order changes of the free motion and of what acts on it cancel in G.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.lru_cache import LRUCache
+from hbgear.harmonic.structure.receptance import LinearStructure, Modes, UnbalancedLoadError, dense
+from hbgear.mechanics.models import System
+
+_MOST = 300  # coordinates up to which inverses at all harmonics are kept
+
+_KEPT = 4  # lists of frequencies whose inverses are kept
+
+_WELL = 1e5  # condition of modes up to which they stand for inverses
+
+_BALANCED = 1e-8  # work of a constant load on a free motion, relative, that is rounding or of second order
+
+
+class Solutions(NamedTuple):
+    """L and dL/ds (P, m, n), Q and dQ/ds (n, 2, P, c)."""
+
+    L: ComplexArray
+    dL: ComplexArray
+    Q: ComplexArray
+
+
+class FirstOrderExpansion:
+    """A structure and the inverses of its dynamic stiffness, which those next to it share.
+
+    Parameters
+    ----------
+    structure : one whose receptances come from modes, of at most 300 coordinates; see `reaches`.
+    """
+
+    def __init__(self, structure: LinearStructure) -> None:
+        self.structure = structure
+        self._inverses: LRUCache[tuple[ComplexArray, ComplexArray]] = LRUCache(_KEPT)
+        self._solutions: LRUCache[Solutions] = LRUCache(_KEPT)
+        self._static: LRUCache[Array] = LRUCache(_KEPT)
+
+    @staticmethod
+    def reaches(structure: LinearStructure) -> bool:
+        """Whether there is a neighbourhood of a structure."""
+        return structure.modal and structure.n <= _MOST
+
+    def of(self, system: System) -> LinearStructure:
+        """The structure of a system: to first order where it has the coordinates and elements of the first."""
+        one = self.structure
+        if (system.n, len(system.elements)) != (one.n, one.m) or system.speed or system.receptances:
+            return LinearStructure(system)
+        near = PerturbedStructure(self, system)
+        return near if near.differs else one
+
+    def static(self, F: Array) -> Array:
+        """K^-1 F (n,) of a constant load."""
+        return self._static.get(F.tobytes(), lambda: self.structure.solve(0.0, F[:, None])[:, 0])
+
+    def solutions(self, s: ComplexArray, W: Array, F: ComplexArray) -> Solutions:
+        """L = W^T D^-1 and Q = D^-1 F of the structure at s (P,), which changes of springs alone do not touch."""
+        return self._solutions.get((s.tobytes(), W.tobytes(), F.tobytes()), lambda: self._solved(s, W, F))
+
+    def _solved(self, s: ComplexArray, W: Array, F: ComplexArray) -> Solutions:
+        modes, free = self.structure.modes, self.structure.free_left.T
+        assert modes is not None
+        if modes.condition < _WELL and np.all(np.abs(free @ F) <= _BALANCED * (np.abs(free) @ np.abs(F))):
+            away = 1.0 / (s[:, None] - modes.poles)
+            output, input_ = W.T @ modes.right, modes.left @ F
+            L, dL = ((output * part[:, None]) @ modes.left for part in (away, -np.square(away)))
+            Q, dQ = (modes.right @ (part[..., None] * input_) for part in (away, -np.square(away)))
+        else:
+            inverse, slope = self._inverses.get(s.tobytes(), lambda: self._inverse(s))
+            L, Q = W.T @ inverse, inverse @ F
+            dL, dQ = -(L @ slope) @ inverse, -inverse @ (slope @ Q)
+        return Solutions(L, dL, np.ascontiguousarray(np.stack([Q, dQ]).transpose(2, 0, 1, 3)))
+
+    def _inverse(self, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """D^-1 and dD/ds (P, n, n)."""
+        one, at = self.structure, s[:, None, None]
+        out = np.empty((len(s), one.n, one.n), dtype=complex)
+        moving = s != 0
+        out[moving] = np.linalg.inv(one.K + at[moving] * one.C + at[moving] ** 2 * one.M)
+        if not moving.all():
+            out[~moving] = one.solve(0.0, np.eye(one.n))
+        return out, one.C + 2 * at * one.M
+
+
+class PerturbedStructure(LinearStructure):
+    """A structure that differs little from that of a neighbourhood; its receptances are of first order.
+
+    differs : whether it does at all.
+    """
+
+    def __init__(self, around: FirstOrderExpansion, system: System) -> None:
+        one = around.structure
+        self._around, self.system, self.n, self.m = around, system, one.n, one.m
+        self.own, self.joint, self.ties = one.own, one.joint, one.ties
+        self.large = self.parted = False
+        self.W, self.kr, self.c = system.W, one.kr, np.array([e.damping for e in system.elements])
+        self.M, self._scale = dense(system.M), one._scale
+        self.C = dense(system.C) + (self.W * self.c) @ self.W.T
+        self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
+        changes = enumerate((self.K - one.K, self.C - one.C, self.M - one.M))
+        self._changes = [(power, A) for power, A in changes if A.any()]
+        self.differs = bool(self._changes) or any(map(np.any, (self.W - one.W, self.c - one.c)))
+
+    def check_balance(self, system: System) -> None:
+        """Refuse a load on what moves freely: r^T F = 0 stays so if r^T (F - E K^-1 F) does to first order."""
+        one = self._around.structure
+        for load in system.loads if one.free_left.shape[1] else ():
+            if load.constant is None:
+                continue
+            F = np.asarray(load.constant)
+            held = F - (self.K - one.K) @ self._around.static(F)
+            for r in one.free_left.T:
+                if abs(r @ held) > _BALANCED * np.abs(r * F).sum():
+                    raise UnbalancedLoadError(self._describe_unbalance(r, float(r @ held)))
+
+    @property
+    def modal(self) -> bool:
+        return False
+
+    @cached_property
+    def modes(self) -> Modes:  # type: ignore[override]
+        """Of the structure itself, not to first order."""
+        self.free = self._null(self.K)
+        self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
+        return self._decompose(0.0)
+
+    def transfer(self, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        return self._first_order(s, self.W)
+
+    def response(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        G, dG = self._first_order(1j * Omega * ratio, F)
+        return G, dG * (1j * ratio)[:, None, None]
+
+    def _first_order(self, s: ComplexArray, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """W^T D^-1 F and its derivative in s (P, m, c), of F (n, c)."""
+        L, dL, Q = self._around.solutions(s, self.W, F)
+        bent = np.zeros_like(Q)  # E Q, and its derivative
+        for power, A in self._changes:
+            of_Q = (A @ Q.reshape(self.n, -1).view(float)).view(complex).reshape(Q.shape)
+            if power:
+                grown = s[:, None] ** power * of_Q
+                grown[:, 1] += power * s[:, None] ** (power - 1) * of_Q[:, 0]
+                of_Q = grown
+            bent += of_Q
+        left = F - bent[:, 0].transpose(1, 0, 2)
+        return L @ left, dL @ left - L @ bent[:, 1].transpose(1, 0, 2)

@@ -1,0 +1,139 @@
+"""Kernels: receptances and dynamic stiffnesses of the linear structure."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.process.compiling import kernel
+
+
+@kernel
+def receptance(poles: Any, residues: Any, w: Any, each: Any, sums: Any) -> None:
+    """sum_r residue_r / (i w - pole_r) of N rows at K frequencies w, and i times the derivative in w: sums (4, N, K).
+
+    They are real and imaginary part of the one and of the other. each : (2, K) room.
+    """
+    sums[:, :, :] = 0.0
+    for r in range(poles.shape[1]):
+        for k in range(w.shape[0]):  # all frequencies together, several of them at once
+            a, b = -poles[0, r], w[k] - poles[1, r]
+            size = 1.0 / (a * a + b * b)
+            each[0, k], each[1, k] = a * size, -b * size
+        for i in range(residues.shape[0]):
+            c, d, x, y, u, v = residues[i, 0, r], residues[i, 1, r], sums[0, i], sums[1, i], sums[2, i], sums[3, i]
+            for k in range(w.shape[0]):
+                a, b = each[0, k], each[1, k]
+                p, q = c * a - d * b, c * b + d * a
+                x[k] += p
+                y[k] += q
+                u[k] += p * a - q * b
+                v[k] += p * b + q * a
+
+
+@kernel
+def _invert(A: Any, out: Any) -> None:
+    """A^-1 of K complex matrices (K, m, m), by Gauss and Jordan with exchanges of rows; A is lost. nan if singular."""
+    m = A.shape[1]
+    for n in range(A.shape[0]):
+        for i in range(m):
+            for j in range(m):
+                out[n, i, j] = 1.0 if i == j else 0.0
+        for j in range(m):
+            p = j
+            for i in range(j + 1, m):
+                if _size(A[n, i, j]) > _size(A[n, p, j]):
+                    p = i
+            pivot = 1.0 / A[n, p, j] if A[n, p, j] != 0.0 else complex(math.nan, math.nan)
+            for k in range(m):
+                A[n, p, k], A[n, j, k] = A[n, j, k], A[n, p, k] * pivot
+                out[n, p, k], out[n, j, k] = out[n, j, k], out[n, p, k] * pivot
+            for i in range(m):
+                f = A[n, i, j]
+                if i != j:
+                    for k in range(m):
+                        A[n, i, k] -= f * A[n, j, k]
+                        out[n, i, k] -= f * out[n, j, k]
+
+
+@kernel
+def _size(z: complex) -> float:
+    return abs(z.real) + abs(z.imag)
+
+
+@kernel
+def _multiply(A: Any, B: Any, factor: float, out: Any) -> None:
+    """out = factor A B of K matrices (K, m, m)."""
+    m = A.shape[1]
+    for n in range(A.shape[0]):
+        for i in range(m):
+            for j in range(m):
+                total = 0j
+                for k in range(m):
+                    total += A[n, i, k] * B[n, k, j]
+                out[n, i, j] = factor * total
+
+
+@kernel
+def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> None:
+    """`fill_linear_part` for calls from Python."""
+    K, m = linear.orders.shape[0], matrices.shape[2]
+    sums, work = np.empty((4, linear.residues.shape[0], K)), np.empty((3, K, m, m), np.complex128)
+    fill_linear_part(linear, Omega, np.empty(K), np.empty((2, K)), sums, work, matrices, constants)
+
+
+@kernel
+def fill_linear_part(
+    linear: Any, Omega: float, w: Any, each: Any, sums: Any, work: Any, matrices: Any, constants: Any
+) -> None:
+    """Z and dZ/dOmega (2, K + 1, m, m), g and dg/dOmega (2, K + 1, m) of all orders; the rest is as of `Workspace`."""
+    m, orders, springs, moved = matrices.shape[2], linear.orders, linear.springs, linear.moved
+    K = orders.shape[0]
+    for k in range(K):
+        w[k] = Omega * (orders[k] / linear.nu)
+    receptance(linear.poles, linear.residues, w, each, sums)
+    _stiffnesses(sums, orders, linear.nu, work, matrices)
+    for k in range(K):
+        for i in range(m):
+            e, loss = moved[k, i], orders[k] / linear.nu * springs[1, i]
+            g, dg = -complex(springs[0, i], Omega * loss) * e, complex(0.0, -loss) * e
+            for j in range(m):
+                g += matrices[0, k, i, j] * moved[k, j]
+                dg += matrices[1, k, i, j] * moved[k, j]
+            constants[0, k, i], constants[1, k, i] = g, dg
+    for n in range(linear.loads.shape[0]):
+        power, k = linear.loads[n]
+        growth, slope = Omega**power, power * Omega ** (power - 1.0)
+        for j in range(m):
+            at, ratio = m * (m + n) + j, orders[k] / linear.nu
+            y, dy = complex(sums[0, at, k], sums[1, at, k]), ratio * complex(sums[3, at, k], -sums[2, at, k])
+            y, dy = growth * y, growth * dy + slope * y
+            for i in range(m):
+                constants[0, k, i] -= matrices[0, k, i, j] * y
+                constants[1, k, i] -= matrices[1, k, i, j] * y + matrices[0, k, i, j] * dy
+    for k in range(K):
+        for i in range(m):
+            matrices[0, k, i, i] -= springs[0, i]
+
+
+@kernel
+def _stiffnesses(sums: Any, orders: Any, nu: int, work: Any, matrices: Any) -> None:
+    """Put Y = G^-1 and dY/dOmega = -Y dG/dOmega Y of all orders in matrices; nan where G is singular."""
+    K, m = orders.shape[0], matrices.shape[2]
+    if m == 1:  # the usual case
+        for k in range(K):
+            G, dG = complex(sums[0, 0, k], sums[1, 0, k]), complex(sums[3, 0, k], -sums[2, 0, k])
+            Y = 1.0 / G if G != 0.0 else complex(math.nan, math.nan)
+            matrices[0, k, 0, 0], matrices[1, k, 0, 0] = Y, -orders[k] / nu * Y * Y * dG
+        return
+    for k in range(K):
+        for i in range(m):
+            for j in range(m):
+                n, ratio = i * m + j, orders[k] / nu
+                work[0, k, i, j] = complex(sums[0, n, k], sums[1, n, k])
+                work[1, k, i, j] = ratio * complex(sums[3, n, k], -sums[2, n, k])
+    _invert(work[0], matrices[0])
+    _multiply(work[1], matrices[0], 1.0, work[2])
+    _multiply(matrices[0], work[2], -1.0, matrices[1])

@@ -1,0 +1,92 @@
+"""The linear part of a structure that depends on speed.
+
+    D(w, Omega) = K(Omega) + i w C(Omega) - w^2 M,   w = (k / nu) Omega
+
+with the reference springs and dampers of the elements in K and C. Receptances are solved for directly, in one batch of
+all harmonics; with left and right solutions L = W^T D^-1 and Q = D^-1 F,
+
+    d(W^T Q)/dOmega = -L D' Q,   D' = K' + i w C' + i (k / nu) C - 2 w (k / nu) M
+
+takes no more. Where modes are needed, for stability and time integration, they are those of the structure at one Omega.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.lru_cache import LRUCache
+from hbgear.harmonic.structure.receptance import MODAL_LIMIT, LinearStructure, dense
+from hbgear.mechanics.models import System
+
+_KEPT = 16  # structures at one Omega: the points of a curve that are looked at together
+
+
+class SpeedDependentStructure(LinearStructure):
+    """A `LinearStructure` whose C and K depend on Omega.
+
+    Raises
+    ------
+    ValueError
+        If M is singular, or there are too many coordinates to solve for them at every frequency.
+    """
+
+    spins = True
+
+    def __init__(self, system: System) -> None:
+        if system.n > MODAL_LIMIT:
+            raise ValueError(
+                f"{system.n} coordinates of a structure that depends on speed are too many: reduce it first, "
+                "hb.mechanics.reduce(model, modes=60).system"
+            )
+        assert system.speed is not None
+        self._speed = system.speed
+        self._whole: LRUCache[LinearStructure] = LRUCache(_KEPT)
+        self._free: bool | None = None
+        super().__init__(system)
+
+    def _close(self, system: System) -> None:
+        self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
+        self.modes, self.parted = None, False
+
+    def at(self, Omega: float) -> LinearStructure:
+        """The structure at one Omega, with its modes."""
+        return self._whole.get(Omega, lambda: LinearStructure(self.system.at_speed(Omega)))
+
+    def response(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        C, K = (A + dense(B) for A, B in zip((self.C, self.K), self._speed.at(Omega, self.n), strict=True))
+        dC, dK = (dense(B) for B in self._speed.slope(Omega, self.n))
+        r, w = ratio[:, None, None], Omega * ratio[:, None, None]
+        D = K + 1j * w * C - w**2 * self.M
+        dD = dK + 1j * w * dC + 1j * r * C - 2 * w * r * self.M
+        Q, L = np.empty((len(ratio), *F.shape), dtype=complex), np.empty((len(ratio), self.n, self.m), dtype=complex)
+        moving = ratio > 0 if self._loose(K) else np.full(len(ratio), True)
+        Q[moving] = np.linalg.solve(D[moving], np.broadcast_to(F, Q[moving].shape))
+        L[moving] = np.linalg.solve(D[moving].transpose(0, 2, 1), np.broadcast_to(self.W, L[moving].shape))
+        if not moving.all():
+            flexibility = self._flexibility(K)
+            Q[~moving], L[~moving] = flexibility @ F, flexibility.T @ self.W
+        Lt = L.transpose(0, 2, 1)
+        return self.W.T @ Q, -(Lt @ (dD @ Q))
+
+    def _loose(self, K: Array) -> bool:
+        """Whether something moves freely, judged once, as the loads are held against it.
+
+        Where nothing does, K can be singular at single speeds only, as D can at any other harmonic.
+        """
+        if self._free is None:
+            closed, self.K = self.K, K
+            self.free_left = self._null(K.T)
+            try:
+                self.check_balance(self.system)
+            finally:
+                self.K = closed
+            self._free = self.free_left.shape[1] > 0
+        return self._free
+
+    def _flexibility(self, K: Array) -> Array:
+        """The inverse of K without its free motions."""
+        s = self._scale
+        inverse: Array = s[:, None] * scipy.linalg.pinv(K * np.outer(s, s), rtol=1e-12) * s
+        return inverse

@@ -1,0 +1,155 @@
+"""The rows of a curve as columns, each with what it means and its unit; and the curve in a few lines of text.
+
+Parameters, speeds in r/min and Hz, special points and jumps, stability, accuracy, and of each element its impact
+regime, measures of amplitude and coefficients: the same columns in .csv files, data frames and data sets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hbgear.analysis.summary import described
+from hbgear.common.text.symbols import unit_of, without_unit
+from hbgear.continuation.results.branch import Branch, name_of_regime
+from hbgear.harmonic.equations.layout import MEASURES, Layout, layout_of
+from hbgear.harmonic.frequency_units import MESH, PINION, model_of, speeds_at
+
+MEASURED = {"rms": "alternating rms", "pp2": "half peak-to-peak", "max": "largest magnitude", "mean": "mean"}
+"""Measures of amplitude in words."""
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """Values of the rows of a curve, in words what they are, and their unit: "1" of a number, "" where none is known.
+
+    element : the element whose they are, and ``key`` what of it; "" of the whole curve.
+    """
+
+    values: Any
+    meaning: str
+    unit: str = ""
+    element: str = ""
+    key: str = ""
+
+
+def columns_of(branch: Branch) -> dict[str, Column]:
+    """Columns of one curve by name; those of an element end in its name.
+
+    special_value, special_error : where a special point lies, more accurately than its row may, and the error of that.
+    landing : how it was decided where the jump from a special point lands.
+    stable : 1 or 0; nothing where it is undecided or unknown.
+    """
+    layout = layout_of(branch)
+    columns = {name: _parameter(branch, name, values) for name, values in _varied(branch).items()}
+    columns |= speeds_of(branch)
+    columns |= _special(branch)
+    if branch.multipliers is not None:
+        known = [{"stable": 1, "unstable": 0}.get(verdict, "") for verdict in branch.verdicts]
+        largest = np.abs(branch.multipliers).max(axis=-1, initial=0.0)
+        columns["stable"] = Column(known, "1 stable, 0 unstable, empty where undecided or unknown")
+        columns["multiplier_max"] = Column(largest, "largest modulus of the Floquet multipliers", "1")
+    unit = _amplitude(layout)[1]
+    columns["residual"] = Column(branch.residual, "residual relative to the forces", "1")
+    columns["iterations"] = Column(branch.iterations, "Newton steps", "1")
+    columns["error"] = Column(branch.error, "estimated error of the motion, rms", unit)
+    if layout is None:
+        return columns | {f"X{i}": Column(x, f"unknown {i}") for i, x in enumerate(branch.X.T)}
+    for j, name in enumerate(layout.elements):
+        columns |= {f"{column.key}_{name}": column for column in _element(branch, layout, j)}
+    return columns
+
+
+def about(branch: Branch) -> dict[str, str]:
+    """What a curve is, in lines of text by name: model, settings, fixed parameters with units, how it ended."""
+    balance = branch.meta.get("balance")
+    settings = balance if isinstance(balance, dict) else {}
+    out = {
+        "hbgear": str(branch.meta.get("hbgear", "unknown")),
+        "model": described(branch),
+        "settings": ", ".join(f"{name} = {value}" for name, value in settings.items() if value is not None),
+    }
+    for name, value in branch.fixed.items():
+        label = label_of(branch, name)
+        meaning = without_unit(label)
+        out[name] = f"{value!r}{bracketed(unit_of(label))}{f' ({meaning})' if meaning != name else ''}"
+    out["status"] = f"{branch.status}: {branch.message}"
+    return {name: " ".join(text.split()) for name, text in out.items() if text}
+
+
+def bracketed(unit: str) -> str:
+    """A unit as labels end with it."""
+    return {"": "", "1": " [-]"}.get(unit, f" [{unit}]")
+
+
+def label_of(branch: Branch, name: str) -> str:
+    """The label of a parameter, its name if the model has none."""
+    layout = layout_of(branch)
+    labels = layout.labels if layout else getattr(model_of(branch), "labels", {})
+    return str(labels.get(name, name))
+
+
+def _varied(branch: Branch) -> dict[str, Any]:
+    return {branch.parameter: branch.values, **branch.tracked}
+
+
+def _parameter(branch: Branch, name: str, values: Any) -> Column:
+    label = label_of(branch, name)
+    return Column(values, without_unit(label), unit_of(label))
+
+
+def speeds_of(branch: Branch) -> dict[str, Column]:
+    """Mesh frequency and speed of the pinion where the model knows its units."""
+    model = model_of(branch)
+    rows = [speeds_at(model, branch.parameters_at(i)) for i in range(len(branch))] if model is not None else []
+    names = {MESH: ("mesh_Hz", "mesh frequency", "Hz"), PINION: ("pinion_rpm", "speed of the pinion", "r/min")}
+    return {
+        column: Column(np.array([row[name] for row in rows]), meaning, unit)
+        for name, (column, meaning, unit) in names.items()
+        if rows and name in rows[0]
+    }
+
+
+def _special(branch: Branch) -> dict[str, Column]:
+    points = {point.index: point for point in branch.special}
+    decided = {jump.label: jump.decided for jump in branch.jumps()}
+    rows = [points.get(i) for i in range(len(branch))]
+    unit = unit_of(label_of(branch, branch.parameter))
+    return {
+        "special": Column(["" if p is None else p.label for p in rows], "label of the special point in this row"),
+        "special_value": Column(
+            ["" if p is None else p.parameters[branch.parameter] for p in rows],
+            f"{branch.parameter} of the special point, more accurate than its row",
+            unit,
+        ),
+        "special_error": Column(["" if p is None else p.error for p in rows], "estimated error of special_value", unit),
+        "landing": Column(
+            ["" if p is None else decided.get(p.label, "") for p in rows], "how the landing of the jump was decided"
+        ),
+    }
+
+
+def _amplitude(layout: Layout | None) -> tuple[str, str]:
+    """Symbol and unit of the motion of an element."""
+    label = (layout.labels if layout else {}).get("amplitude", "")
+    return without_unit(label) or "gap", unit_of(label)
+
+
+def _element(branch: Branch, layout: Layout, j: int) -> Iterator[Column]:
+    """Columns of an element: its regime, measures and coefficients."""
+    name, (symbol, unit) = layout.elements[j], _amplitude(layout)
+    yield Column(
+        [name_of_regime(codes[j : j + 1], layout) for codes in branch.regime], "impact regime", "", name, "regime"
+    )
+    for measure in MEASURES:
+        yield Column(branch.amplitude(measure, j), f"{MEASURED[measure]} of {symbol}", unit, name, measure)
+    for term, x in zip(terms_of(layout), layout.rows(branch.X, j).T, strict=True):
+        yield Column(x, f"Fourier coefficient {term} of {symbol}", unit, name, term)
+
+
+def terms_of(layout: Layout) -> list[str]:
+    """Names of the coefficients of an element."""
+    return ["a0", *(f"{letter}{k + 1}" for k in range(layout.harmonics) for letter in "ab")]

@@ -1,0 +1,333 @@
+"""What each field of a saved branch must be: every value of a file is read as its field demands, or refused.
+
+A value lies in the tree of the header as JSON; an array as its name in the archive, a tuple and an object with a mark:
+
+    {"__array__": name}    {"__tuple__": [...]}    {"__class__": "Point", "X": ..., "parameters": ..., ...}
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.events.event import MARKERS, is_marker
+from hbgear.continuation.results.branch import BIFURCATING, LANDINGS, Branch, FullMotion, Jump, Point, SpecialPoint
+from hbgear.harmonic.bifurcations.events import named
+from hbgear.harmonic.equations.layout import Layout, layout_of
+from hbgear.io.branches.archive import Archive
+
+Form = Callable[[Archive, Any, str], Any]
+"""Reads a value of the tree: ``form(archive, value, place)``; ValueError, which names the place, if it is another."""
+
+
+def read(archive: Archive, tree: Any) -> Branch:
+    """The branch in the tree of a header.
+
+    Raises
+    ------
+    ValueError
+        If anything in it is not what it must be; the first that is found.
+    """
+    branch: Branch = _object(Branch)(archive, tree, "branch")
+    _check(branch)
+    return branch
+
+
+def listed(value: Any, count: int) -> list[Any]:
+    """A list of so many entries.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    if not isinstance(value, list) or len(value) != count:
+        raise _wrong("motions", value, f"a list of {count}")
+    return value
+
+
+def read_motions(archive: Archive, value: Any, branch: Branch) -> FullMotion | None:
+    """All coordinates of the rows of a branch, as its file has them.
+
+    Raises
+    ------
+    ValueError
+        If they are not of that branch.
+    """
+    if value is None:
+        return None
+    if not isinstance(value, dict) or set(value) != {"names", "rows"} or not isinstance(value["names"], list):
+        raise _wrong("motions", value, "names and rows")
+    names = tuple(_text(archive, name, "motions.names") for name in value["names"])
+    rows = _array("f", 3, finite=True)(archive, value["rows"], "motions.rows")
+    layout = layout_of(branch)
+    if layout is None or rows.shape != (len(branch), len(names), 2 * layout.harmonics + 1):
+        raise ValueError(f"motions of {len(names)} coordinates have rows {rows.shape}, which do not fit the branch")
+    return FullMotion(names, rows)
+
+
+# ---- single values
+
+
+def _wrong(place: str, value: Any, need: str) -> ValueError:
+    text = repr(value)
+    return ValueError(f"{place} is {text if len(text) <= 40 else f'{text[:36]} ...'}; need {need}")
+
+
+def _text(archive: Archive, value: Any, place: str) -> str:
+    if not isinstance(value, str):
+        raise _wrong(place, value, "a text")
+    value.encode()  # halves of characters cannot be printed
+    return value
+
+
+def _marker(archive: Archive, value: Any, place: str) -> str:
+    if (text := _text(archive, value, place)) and not is_marker(text):
+        raise _wrong(place, value, f"one of {' '.join(MARKERS)}")
+    return text
+
+
+def _one_of(words: Sequence[str]) -> Form:
+    def form(archive: Archive, value: Any, place: str) -> Any:
+        if value not in words:
+            raise _wrong(place, value, f"one of {', '.join(words)}")
+        return value
+
+    return form
+
+
+def _flag(archive: Archive, value: Any, place: str) -> bool:
+    if not isinstance(value, bool):
+        raise _wrong(place, value, "true or false")
+    return value
+
+
+def _number(archive: Archive, value: Any, place: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or (isinstance(value, int) and abs(value) > _MOST):
+        raise _wrong(place, value, "a number")
+    number: float = value
+    return number
+
+
+_MOST = 2**63  # whole numbers beyond it are no numbers of a computation
+
+
+def _finite(archive: Archive, value: Any, place: str) -> float:
+    number = _number(archive, value, place)
+    if not math.isfinite(number):
+        raise _wrong(place, value, "a finite number")
+    return number
+
+
+def _whole(least: int, most: int = _MOST) -> Form:
+    def form(archive: Archive, value: Any, place: str) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+            raise _wrong(place, value, f"a whole number from {least} to {most}")
+        return value
+
+    return form
+
+
+def _array(kinds: str, dimensions: int, finite: bool = False) -> Form:
+    """An array of NumPy's kinds "f", "c", "iu", ..."""
+
+    def form(archive: Archive, value: Any, place: str) -> Array:
+        if not isinstance(value, dict) or list(value) != ["__array__"] or not isinstance(value["__array__"], str):
+            raise _wrong(place, value, "an array")
+        array = archive.array(value["__array__"])
+        if array.dtype.kind not in kinds or array.ndim != dimensions:
+            need = f"{dimensions} dimension{'s' if dimensions > 1 else ''} of {_NAMES[kinds]}"
+            raise ValueError(f"{place} is an array {array.shape} of {array.dtype}; need {need}")
+        if finite and not np.isfinite(array).all():
+            raise ValueError(f"{place} has entries that are not finite")
+        return array
+
+    return form
+
+
+_NAMES = {"f": "real numbers", "c": "complex numbers", "iu": "whole numbers"}
+
+
+# ---- several values
+
+
+def _optional(form: Form) -> Form:
+    return lambda archive, value, place: None if value is None else form(archive, value, place)
+
+
+def _tuple(form: Form, count: int | None = None) -> Form:
+    def several(archive: Archive, value: Any, place: str) -> tuple[Any, ...]:
+        items = value.get("__tuple__") if isinstance(value, dict) and len(value) == 1 else None
+        if not isinstance(items, list) or count not in (None, len(items)):
+            raise _wrong(place, value, f"a tuple{'' if count is None else f' of {count}'}")
+        return tuple(form(archive, x, f"{place}.{i}") for i, x in enumerate(items))
+
+    return several
+
+
+def _table(form: Form) -> Form:
+    def table(archive: Archive, value: Any, place: str) -> dict[str, Any]:
+        if not isinstance(value, dict):
+            raise _wrong(place, value, "values by name")
+        return {_text(archive, name, place): form(archive, x, f"{place}.{name}") for name, x in value.items()}
+
+    return table
+
+
+def _object(*classes: type) -> Form:
+    """An object of one of these classes, every field read by its form in `_FORMS`."""
+
+    def form(archive: Archive, value: Any, place: str) -> Any:
+        names = {cls.__name__: cls for cls in classes}
+        kind = value.get("__class__") if isinstance(value, dict) else None
+        if not isinstance(kind, str) or kind not in names:
+            raise _wrong(place, value, f"a {' or '.join(names)}")
+        given, forms = {name: x for name, x in value.items() if name != "__class__"}, _FORMS[names[kind]]
+        for field in dataclasses.fields(names[kind]):
+            optional = field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
+            if field.name not in given and not optional:
+                raise ValueError(f"{place} has no {field.name}")
+        for name in given:
+            if name not in forms:
+                raise ValueError(f"{place} has a field '{name}' that a {kind} does not have")
+        made = names[kind](**{name: forms[name](archive, x, f"{place}.{name}") for name, x in given.items()})
+        if isinstance(made, SpecialPoint) and "truncation" not in given:  # of files that knew no error of its place
+            made = dataclasses.replace(made, error=math.nan, truncation=made.error)
+        return named(made) if isinstance(made, SpecialPoint) and "meaning" not in given else made
+
+    return form
+
+
+def _plain(archive: Archive, value: Any, place: str) -> Any:
+    """Anything `Branch.meta` may hold."""
+    if isinstance(value, list):
+        return [_plain(archive, x, f"{place}.{i}") for i, x in enumerate(value)]
+    if not isinstance(value, dict):
+        return _text(archive, value, place) if isinstance(value, str) else value
+    if "__array__" in value:
+        if not isinstance(value["__array__"], str):
+            raise _wrong(place, value, "an array")
+        return archive.array(value["__array__"])
+    if "__tuple__" in value:
+        return _tuple(_plain)(archive, value, place)
+    return _object(*_FORMS)(archive, value, place) if "__class__" in value else _table(_plain)(archive, value, place)
+
+
+_FLOATS = _tuple(_finite)
+
+
+_POINT: dict[str, Form] = {
+    "X": _array("f", 1, finite=True), "parameters": _table(_finite), "residual": _number, "iterations": _whole(0),
+    "multipliers": _optional(_array("c", 1)), "regime": _array("iu", 1), "error": _number,
+    "layout": _optional(lambda *given: _object(Layout)(*given)), "label": _text, "modulus_error": _number,
+}  # fmt: skip
+
+
+_FORMS: dict[type, dict[str, Form]] = {
+    Layout: {"harmonics": _whole(0), "nu": _whole(1, 10_000), "elements": _tuple(_text), "breakpoints": _tuple(_FLOATS),
+             "labels": _table(_text), "orders": _optional(_tuple(_whole(1)))},
+    Point: _POINT,
+    SpecialPoint: {**_POINT, "kind": _text, "index": _whole(-1), "located": _flag, "interval": _tuple(_number, 2),
+                   "note": _text, "meaning": _text, "marker": _marker, "truncation": _number},
+    Jump: {"label": _text, "parameter": _text, "value": _finite, "direction": _whole(-1, 1),
+           "before": _object(Point, SpecialPoint), "after": _optional(_object(Point, SpecialPoint)),
+           "landing": _one_of((*LANDINGS, BIFURCATING)), "note": _text,
+           "candidates": _tuple(_object(Point, SpecialPoint))},
+    Branch: {"parameter": _text, "values": _array("f", 1, finite=True), "X": _array("f", 2, finite=True),
+             "fixed": _table(_finite), "tracked": _table(_array("f", 1, finite=True)),
+             "multipliers": _optional(_array("c", 2)), "iterations": _array("iu", 1), "residual": _array("f", 1),
+             "regime": _array("iu", 2), "error": _array("f", 1), "step": _array("f", 1),
+             "special": _tuple(_object(SpecialPoint)), "jump_records": _tuple(_object(Jump)), "status": _text,
+             "message": _text, "layout": _optional(_object(Layout)), "meta": _table(_plain),
+             "others": _tuple(lambda *given: _object(Branch)(*given)), "modulus_error": _array("f", 1)},
+}  # fmt: skip
+
+
+# ---- what must fit together
+
+
+def _check(branch: Branch) -> None:
+    if not len(branch):
+        raise ValueError("it has no points")
+    if np.isinf(branch.residual).any():
+        raise ValueError("its residual has entries that are infinite")
+    for other in branch.others:
+        _check(other)
+    _check_motion(layout_of(branch), branch.X, branch.regime, "branch")
+    _check_trace(branch)
+    _check_balance(branch)
+    _check_asymptotes(branch)
+    for point in branch.special:
+        place = f"special point '{point.label}'"
+        if not 0 <= point.index < len(branch):
+            raise ValueError(f"{place} is at row {point.index} of {len(branch)}")
+        for name in (branch.parameter, *branch.tracked):
+            if name not in point.parameters:
+                raise ValueError(f"{place} has no {name}")
+        if point.layout and branch.layout and point.layout.elements != branch.layout.elements:
+            raise ValueError(f"{place} is of other elements than the branch")
+        _check_motion(layout_of(point), point.X, point.regime, place)
+    for jump in branch.jump_records:
+        if not jump.direction:
+            raise ValueError(f"the jump at {jump.label} has no direction")
+        for end in (jump.before, jump.after, *jump.candidates):
+            if end is not None:
+                _check_motion(layout_of(end), end.X, end.regime, f"the jump at {jump.label}")
+
+
+def _check_trace(branch: Branch) -> None:
+    """How the curve was traced: a table with its span, two numbers, and its accuracy, a number; any may be missing."""
+    known = branch.meta.get("trace", {})
+    if not isinstance(known, dict):
+        raise _wrong("trace of its header", known, "a table")
+    span, accuracy = known.get("span"), known.get("accuracy")
+    if span is not None and not (isinstance(span, list | tuple) and len(span) == 2 and all(map(_is_finite, span))):
+        raise _wrong("trace.span of its header", span, "two finite numbers")
+    if accuracy is not None and not _is_finite(accuracy):
+        raise _wrong("trace.accuracy of its header", accuracy, "a finite number")
+
+
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _check_balance(branch: Branch) -> None:
+    """The settings a problem would be built with again are those of the rows."""
+    balance, layout = branch.meta.get("balance"), layout_of(branch)
+    if not isinstance(balance, dict) or layout is None:
+        return
+    for name, value in (("harmonics", layout.harmonics), ("nu", layout.nu)):
+        if balance.get(name, value) != value:
+            raise ValueError(f"its header says {name} = {str(balance[name])[:40]}, its rows have {value}")
+
+
+def _check_asymptotes(branch: Branch) -> None:
+    """Values of the parameter, of the first and the last row."""
+    known = branch.meta.get("asymptotes", {})
+    if not isinstance(known, dict) or not set(known) <= {"first", "last"}:
+        raise ValueError("its header has asymptotes of other ends than the first and the last row")
+    if not all(type(value) in (int, float) and math.isfinite(value) for value in known.values()):
+        raise ValueError("its header has asymptotes that are no finite numbers")
+
+
+def _check_motion(layout: Layout | None, X: Array, regime: Array, place: str) -> None:
+    """Unknowns (..., m (2H + 1)) and regimes (..., m), or none, of a layout."""
+    largest = float(np.abs(X.astype(float)).max(initial=0.0))
+    if largest > 1e100:
+        raise ValueError(f"{place} has unknowns of {largest:.0e}")
+    if layout is None:
+        return
+    m = len(layout.elements)
+    if not m or len(layout.breakpoints) != m:
+        raise ValueError(f"{place} has {m} elements and the corners of {len(layout.breakpoints)}")
+    orders = layout.orders
+    if orders is not None and (list(orders) != sorted(set(orders)) or max(orders, default=1) > layout.harmonics):
+        raise ValueError(f"{place} has orders {str(orders)[:40]}; they ascend from 1 to at most H = {layout.harmonics}")
+    if X.shape[-1] != layout.width or regime.shape[-1] not in (0, m):
+        found = f"{X.shape[-1]} unknowns and {regime.shape[-1]} regimes"
+        raise ValueError(f"{place} has {found}, which do not fit H = {layout.harmonics} and {m} elements")

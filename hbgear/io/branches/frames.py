@@ -1,0 +1,109 @@
+"""Curves for pandas and xarray, which only here are imported: `Branch.to_dataframe` and `Branch.to_xarray`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hbgear.common.optional import needed
+from hbgear.common.text.symbols import unit_of, without_unit
+from hbgear.continuation.results.branch import STABILITY_STATES, Branch
+from hbgear.harmonic.equations.layout import MEASURES, layout_of
+from hbgear.io.branches.columns import MEASURED, Column, about, columns_of, label_of, terms_of
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+
+def to_dataframe(branch: Branch) -> pandas.DataFrame:
+    """A row for each point; with the column ``curve`` first if there are others of the span. See `Branch`."""
+    pd = needed("pandas", "data", "a data frame")
+    curves = (branch, *branch.others)
+    frames = []
+    told: dict[str, Column] = {}
+    for number, curve in enumerate(curves, 1):
+        columns = columns_of(curve)
+        told |= columns
+        frame = pd.DataFrame({name: _whole(column.values) for name, column in columns.items()})
+        if len(curves) > 1:
+            frame.insert(0, "curve", number)
+        frames.append(frame)
+    out: pandas.DataFrame = pd.concat(frames, ignore_index=True) if len(frames) > 1 else frames[0]
+    out.attrs = {
+        **about(branch),
+        "units": {name: column.unit for name, column in told.items()},
+        "long_names": {name: column.meaning for name, column in told.items()},
+    }
+    return out
+
+
+def _whole(values: Any) -> Any:
+    """Numbers with nan where a table has nothing."""
+    listed = list(values)
+    numbers = any(isinstance(value, int | float) for value in listed)
+    return np.array([np.nan if value == "" else value for value in listed]) if numbers else listed
+
+
+def to_xarray(branch: Branch) -> xarray.Dataset:
+    """Dimensions point, element, term, measure, multiplier; units and long names as attributes. See `Branch`.
+
+    Complex multipliers are two variables, which NetCDF of every version can hold.
+    """
+    xr = needed("xarray", "data", "a data set")
+    layout = layout_of(branch)
+    columns = columns_of(branch)
+    labels = layout.labels if layout else {}
+    size = {"units": unit_of(labels.get("amplitude", "")), "symbol": without_unit(labels.get("amplitude", "gap"))}
+    data: dict[str, Any] = {}
+    for name in (*branch.tracked, "mesh_Hz", "pinion_rpm", "residual", "iterations", "error", "special", "landing"):
+        if name in columns:
+            data[name] = ("point", _array(columns[name].values), _told(columns[name].meaning, columns[name].unit))
+    names = ", ".join(f"{i} {verdict}" for i, verdict in enumerate(STABILITY_STATES))
+    codes = np.array([STABILITY_STATES.index(verdict) for verdict in branch.verdicts], dtype=np.int8)
+    data["stability"] = ("point", codes, _told(f"verdict of stability: {names}", ""))
+    if branch.multipliers is not None:
+        for part in ("real", "imag"):
+            meaning = _told(f"Floquet multipliers, {part} part", "1")
+            data[f"multipliers_{part}"] = (("point", "multiplier"), getattr(branch.multipliers, part).copy(), meaning)
+    coords: dict[str, Any] = {
+        branch.parameter: ("point", branch.values, _told(*_words(label_of(branch, branch.parameter))))
+    }
+    if layout is None:
+        data["X"] = (("point", "unknown"), branch.X, {"long_name": "unknowns"})
+    else:
+        coords |= {"element": list(layout.elements), "term": terms_of(layout), "measure": list(MEASURES)}
+        each = range(len(layout.elements))
+        amplitude = np.array([[branch.amplitude(name, j) for j in each] for name in MEASURES])
+        meanings = "; ".join(f"{name}: {meaning}" for name, meaning in MEASURED.items())
+        data["amplitude"] = (
+            ("point", "element", "measure"), amplitude.transpose(2, 1, 0),
+            {"long_name": "amplitude of the motion", "measures": meanings, **size},
+        )  # fmt: skip
+        data["coefficients"] = (
+            ("point", "element", "term"), layout.spread(branch.X),
+            {"long_name": "Fourier coefficients a0, a1, b1, ... over the phase tau / nu", "nu": layout.nu, **size},
+        )  # fmt: skip
+        data["regime"] = (
+            ("point", "element"), branch.regime,
+            {"long_name": f"impact regime: {', '.join(f'{i} {x}' for i, x in enumerate(layout.regimes))}, -1 unknown"},
+        )  # fmt: skip
+    for name, value in branch.fixed.items():
+        data[name] = ((), value, _told(*_words(label_of(branch, name))))
+    found: xarray.Dataset = xr.Dataset(data, coords, about(branch))
+    return found
+
+
+def _words(label: str) -> tuple[str, str]:
+    return without_unit(label), unit_of(label)
+
+
+def _told(meaning: str, unit: str) -> dict[str, str]:
+    return {"long_name": meaning, **({"units": unit} if unit else {})}
+
+
+def _array(values: Any) -> Any:
+    """An array; of texts one of a fixed width, which every format holds."""
+    array = np.asarray(values)
+    return array.astype(str) if array.dtype.kind in "OU" else array

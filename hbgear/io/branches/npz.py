@@ -1,0 +1,190 @@
+"""Branches as .npz files: a JSON header with everything but the arrays, which lie beside it under their path.
+
+header.npy    {"format": "hbgear branch", "schema": 4, "branch": {"__class__": "Branch", "X": {"__array__": "X"}, ...}}
+X.npy, ...    the arrays
+
+Beside the branch the header has "motions", for it and the others of its span: names and rows of all coordinates, or
+null where the model can be rebuilt without its code, or has too many of them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import os
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.atomic_write import atomic_write, checked_suffix
+from hbgear.continuation.results.branch import Branch, FullMotion, Jump, Point, SpecialPoint, saved_fields
+from hbgear.harmonic import model_registry
+from hbgear.harmonic.equations.layout import Layout, layout_of
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.io.branches import forms
+from hbgear.io.branches.archive import Archive, archive_of
+
+SCHEMA = 4
+"""Number of the file format `Branch.save` writes; `load` reads this and all earlier ones.
+
+1: special points without meaning and marker. 2: with them.
+3: with the other curves of the span, and statuses of later versions.
+4: with errors of special points, which may have more unknowns than their curve, and of multipliers.
+"""
+
+
+_FORMAT = "hbgear branch"
+
+
+def save(branch: Branch, path: str | os.PathLike[str]) -> None:
+    """Write to an .npz with a JSON header, whole or not at all; `load` gives back the same numbers."""
+    checked_suffix(path, (".npz",), "use export for .csv and .mat")
+    arrays = _arrays_of(branch)
+    with atomic_write(path) as handle:
+        np.savez(handle, **arrays)
+
+
+def packed(branch: Branch) -> bytes:
+    """What `save` writes."""
+    handle = io.BytesIO()
+    np.savez(handle, **_arrays_of(branch))
+    return handle.getvalue()
+
+
+def _arrays_of(branch: Branch) -> dict[str, Any]:
+    arrays: dict[str, Any] = {}
+    header: dict[str, Any] = {"format": _FORMAT, "schema": SCHEMA, "branch": encode(branch, "", arrays)}
+    motions = [_recorded(curve) for curve in (branch, *branch.others)]
+    if any(motions):
+        header["motions"] = [_told(known, f"motions.{i}", arrays) for i, known in enumerate(motions)]
+    return {"header": np.array(json.dumps(header)), **arrays}
+
+
+_MOST_RECORDED = 4_000_000  # numbers, of 32 MB
+
+
+def _recorded(branch: Branch) -> FullMotion | None:
+    """All coordinates of a curve whose model cannot be rebuilt from its file, if they are not too many."""
+    problem, layout = branch.problem, layout_of(branch)
+    if problem is None and branch.recorded is not None and len(branch.recorded.rows) == len(branch):
+        return branch.recorded
+    if not isinstance(problem, HarmonicBalance) or layout is None or _rebuilt(branch):
+        return None
+    if len(branch) * len(problem.dof_names) * (2 * layout.harmonics + 1) > _MOST_RECORDED:
+        return None
+    rows = np.array([problem.motion(X, **branch.parameters_at(i)) for i, X in enumerate(branch.X)])
+    return FullMotion(tuple(problem.dof_names), rows)
+
+
+def _rebuilt(branch: Branch) -> bool:
+    """Whether the model is told well enough by the header."""
+    try:
+        model_registry.rebuild_model(branch.meta.get("model"))
+    except (KeyError, ValueError):
+        return False
+    return True
+
+
+def _told(known: FullMotion | None, key: str, arrays: dict[str, Any]) -> dict[str, Any] | None:
+    if known is None:
+        return None
+    arrays[key] = known.rows
+    return {"names": list(known.names), "rows": {"__array__": key}}
+
+
+@checked_arguments()
+def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
+    """Read a branch written by `Branch.save`; give the problem too to go on from it.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it cannot be read, is no branch, or was written by a newer hbgear.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> import os, tempfile
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     curve.save(os.path.join(folder, "curve.npz"))
+    ...     again = hb.load(os.path.join(folder, "curve.npz"))
+    ...
+    >>> bool(np.array_equal(again.X, curve.X))
+    True
+    """
+    if not os.path.exists(path):  # Path.exists raises at a name that is too long
+        raise FileNotFoundError(f"there is no file '{path}'; give the .npz of a branch saved before")
+    try:
+        with archive_of(path) as archive:
+            return _with_problem(_branch_in(archive), problem)
+    except _Newer as newer:
+        raise ValueError(f"'{path}' {newer}") from None
+    except (OSError, ValueError, MemoryError) as error:
+        error = ValueError(error.strerror) if isinstance(error, OSError) and error.strerror else error
+        raise ValueError(
+            f"'{path}' cannot be read as a branch ({error}); need an .npz written by Branch.save or hbgear trace -o"
+        ) from error
+
+
+def unpacked(data: bytes, problem: Any = None) -> Branch:
+    """The branch that `packed` was given.
+
+    Raises
+    ------
+    ValueError
+        If it is damaged.
+    """
+    return _with_problem(_branch_in(Archive(io.BytesIO(data))), problem)
+
+
+def _with_problem(branch: Branch, problem: Any) -> Branch:
+    others = tuple(_with_problem(other, problem) for other in branch.others)
+    return dataclasses.replace(branch, problem=problem, others=others)
+
+
+class _Newer(ValueError):
+    """The file is of a later schema than this one."""
+
+
+def _branch_in(archive: Archive) -> Branch:
+    header = archive.header()
+    if header.get("format") != _FORMAT:
+        raise ValueError(f"its format is {str(header.get('format'))[:40]!r}")
+    schema = header.get("schema")
+    if isinstance(schema, bool) or not isinstance(schema, int) or schema < 1:
+        raise ValueError(f"its schema is {str(schema)[:40]!r}, no number")
+    if schema > SCHEMA:
+        raise _Newer(f"has schema {schema}, this hbgear reads up to {SCHEMA}; upgrade hbgear")
+    branch = forms.read(archive, header.get("branch"))
+    motions = header.get("motions")
+    if motions is None:
+        return branch
+    curves = [
+        dataclasses.replace(curve, recorded=forms.read_motions(archive, known, curve))
+        for curve, known in zip((branch, *branch.others), forms.listed(motions, 1 + len(branch.others)), strict=True)
+    ]
+    return dataclasses.replace(curves[0], others=tuple(curves[1:]))
+
+
+def encode(value: Any, key: str, arrays: dict[str, Any]) -> Any:
+    """A value in the words of JSON; arrays go to ``arrays`` under their path in the tree."""
+    if type(value) in _CLASSES.values():
+        value = {"__class__": type(value).__name__, **saved_fields(value)}
+    if isinstance(value, np.ndarray):
+        arrays[key] = value
+        return {"__array__": key}
+    if isinstance(value, dict):
+        return {name: encode(x, f"{key}.{name}".lstrip("."), arrays) for name, x in value.items()}
+    if isinstance(value, list | tuple):
+        items = [encode(x, f"{key}.{i}", arrays) for i, x in enumerate(value)]
+        return {"__tuple__": items} if isinstance(value, tuple) else items
+    return value.item() if isinstance(value, np.generic) else value
+
+
+_CLASSES: dict[str, Any] = {kind.__name__: kind for kind in (Layout, Point, SpecialPoint, Jump, Branch)}

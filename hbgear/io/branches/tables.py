@@ -1,0 +1,124 @@
+"""Tables of a branch for other programs: rows as .csv, everything as .mat for MATLAB and Octave.
+
+A .csv begins with lines "# name = text" that say what the curve is and what its columns mean; then comes the line of
+names (``pandas.read_csv(path, comment="#")``). A .mat has the same as its variables ``about`` and ``explained``.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.atomic_write import atomic_write, checked_suffix
+from hbgear.continuation.results.branch import Branch, SpecialPoint, Status, saved_fields
+from hbgear.harmonic.equations.layout import MEASURES
+from hbgear.io.branches.columns import Column, about, bracketed, columns_of, speeds_of
+from hbgear.io.branches.npz import encode
+
+
+def export(branch: Branch, path: str | os.PathLike[str]) -> None:
+    """Write a table of the rows (.csv) or everything for MATLAB and Octave (.mat), whole or not at all."""
+    if checked_suffix(path, (".csv", ".mat"), "use save for .npz") == ".csv":
+        tables = [columns_of(one) for one in (branch, *branch.others)]
+        table, head = _whole_table(tables), "".join(f"{line}\n" for line in _head(branch, tables[0]))
+        with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
+            handle.write(head)
+            writer = csv.writer(handle)
+            writer.writerow(table)
+            writer.writerows(zip(*table.values(), strict=True))
+    else:
+        from scipy.io import savemat
+
+        with atomic_write(path) as handle:
+            savemat(handle, _matlab(branch), long_field_names=True, do_compression=True, oned_as="column")
+
+
+def _whole_table(tables: Sequence[Mapping[str, Column]]) -> dict[str, Any]:
+    """Columns of the .csv; with the number of the curve first, and nothing where one has no such column, of several."""
+    each = [{name: column.values for name, column in table.items()} for table in tables]
+    if len(each) == 1:
+        return each[0]
+    counts = [len(table["residual"]) for table in each]
+    names = dict.fromkeys(name for table in each for name in table)
+    numbers = {"curve": [i + 1 for i, count in enumerate(counts) for _ in range(count)]}
+    return numbers | {
+        name: [x for table, count in zip(each, counts, strict=True) for x in table.get(name, [""] * count)]
+        for name in names
+    }
+
+
+def _head(branch: Branch, columns: Mapping[str, Column]) -> Iterator[str]:
+    """Lines before the table: what the curve is, and what its columns mean; of all elements alike in one line."""
+    yield from (f"# {name} = {text}" for name, text in about(branch).items())
+    told = set()
+    for name, column in columns.items():
+        key = f"{column.key}_ELEMENT" if column.element else name
+        higher = column.key[1:].isdigit() and column.key not in ("a0", "a1", "b1")
+        if key not in told and not higher:
+            told.add(key)
+            yield f"# column {key}: {column.meaning}{bracketed(column.unit)}"
+
+
+def _matlab(branch: Branch) -> dict[str, Any]:
+    """Variables of the .mat file: the fields of the branch, its measures, and rows counted from 1."""
+
+    def convert(value: Any) -> Any:
+        if isinstance(value, Branch) and value is not branch:
+            return _matlab(value)
+        if dataclasses.is_dataclass(value):
+            pairs = saved_fields(value)
+            if isinstance(value, SpecialPoint):
+                pairs["row"] = pairs.pop("index") + 1
+            return {name: convert(x) for name, x in pairs.items() if x is not None}
+        if isinstance(value, dict):  # MATLAB has no field without a name
+            return {name or "unnamed": convert(x) for name, x in value.items()}
+        if isinstance(value, tuple) and not all(isinstance(x, float) for x in value):
+            cells = np.empty(len(value), dtype=object)
+            cells[:] = [convert(x) for x in value]
+            return cells
+        return str(value) if isinstance(value, Status) else value
+
+    out: dict[str, Any] = convert(branch) | {"meta": json.dumps(encode(branch.meta, "meta", {}))}
+    out["jumps"] = out.pop("jump_records")
+    out["about"] = about(branch)
+    if branch.layout:
+        each = range(len(branch.layout.elements))
+        rows = {name: [branch.amplitude(name, j) for j in each] for name in MEASURES}
+        out["amplitude"] = {name: np.stack(columns, axis=-1) for name, columns in rows.items()}
+    if branch.stable is not None:
+        out |= {"stable": branch.stable, "undecided": branch.undecided}
+    out |= {name: column.values for name, column in speeds_of(branch).items()}
+    return out | {"explained": {name: text for name, text in EXPLAINED.items() if name in out}}
+
+
+EXPLAINED = {
+    "parameter": "name of what was varied",
+    "values": "its value in each row [P x 1]",
+    "X": "unknowns of each row [P x n]: of each element a0, a1, b1, ..., aH, bH",
+    "fixed": "parameters that were held",
+    "tracked": "further parameters that vary along the curve",
+    "multipliers": "Floquet multipliers of each row [P x r], complex",
+    "iterations": "Newton steps of each row",
+    "residual": "residual of each row, relative to the forces",
+    "regime": "impact regime of each element in each row: 0 no impact, 1 single-sided, 2 double-sided, -1 unknown",
+    "error": "estimated error of the motion of each row, rms",
+    "step": "arclength step to each row",
+    "special": "special points: kind, label, row (from 1), parameters, multipliers, error of the place",
+    "jumps": "jumps of a slow sweep: value, direction, motion before and after",
+    "status": "why the trace ended", "message": "the same in words",
+    "layout": "how X is read: harmonics H, subharmonic order nu, names of the elements, corners of their laws",
+    "meta": "versions, model and settings, in JSON",
+    "others": "further curves of the span, of the same form",
+    "modulus_error": "estimated error of the largest modulus of the multipliers",
+    "amplitude": "measures of amplitude [P x m]: rms of the alternating part, pp2 half peak-to-peak, max, mean",
+    "stable": "whether each row is known to be stable", "undecided": "whether its error leaves that open",
+    "mesh_Hz": "mesh frequency of each row [Hz]", "pinion_rpm": "speed of the pinion of each row [r/min]",
+    "about": "what the curve is, in words",
+}  # fmt: skip
+"""What the variables of a .mat are."""

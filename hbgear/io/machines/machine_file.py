@@ -1,0 +1,258 @@
+"""A gear pair with its operation as a file (TOML), checked before anything is computed, and written.
+
+    torque = "200 N m"
+    damping = 0.04
+
+    [pinion]
+    teeth = 25
+    module = "3 mm"
+    face_width = "20 mm"
+
+    [wheel]                 # module, face width and angles are those of the pinion unless they are given
+    teeth = 40
+
+    [pair]
+    backlash = "80 um"
+
+Keys are the fields of `Gear`, `GearPair` and `Support`; quantities are text with a unit, or numbers in SI.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
+from typing import Any, Literal
+
+from hbgear.common.atomic_write import atomic_write, checked_suffix
+from hbgear.common.process.signals import defer_signals
+from hbgear.common.units import QuantityField
+from hbgear.gears.drawing.gear import Gear
+from hbgear.gears.drawing.pair import GearPair
+from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
+from hbgear.gears.pairs.pair_models import DAMPING
+from hbgear.gears.pairs.support import Support
+from hbgear.io.machines.toml_file import Place, TomlFileError, bare, checked, exactly, form, located, made
+from hbgear.io.tables.mesh_table import read_mesh_table
+from hbgear.mechanics.models import Model
+
+_SHARED = ("module", "face_width", "pressure_angle", "addendum", "dedendum", "fillet_radius", "E", "poisson", "density")
+_TORQUE = QuantityField("N m")
+_TORQUE.__set_name__(object, "torque")
+
+
+class MachineFileError(TomlFileError):
+    """What is wrong with the file of a machine, one text for each error."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A gear pair and how it runs.
+
+    Parameters
+    ----------
+    pair : `GearPair`.
+    torque : on the pinion [N m].
+    damping : damping ratio of the mesh.
+    form : of the model, "torsion", "bearings" or "spatial".
+    supports : of pinion and wheel; None for the first form.
+    cycle : mesh stiffness and error from tables; None if they are computed.
+    """
+
+    pair: GearPair
+    torque: float
+    damping: float
+    form: Literal["torsion", "bearings", "spatial"] = "torsion"
+    supports: tuple[Support, Support] | None = None
+    cycle: MeshCycle | None = None
+
+    @property
+    def mesh(self) -> MeshCycle:
+        """Mesh stiffness and error, of the tables or computed."""
+        return self.cycle or self.pair.mesh(self.torque)
+
+    def model(self, **options: Any) -> Model:
+        """The model, as by `GearPair.model`."""
+        given = {"supports": self.supports, "cycle": self.cycle, **options}
+        model: Model = self.pair.model(self.torque, self.damping, self.form, **given)
+        return model
+
+
+def read_machine(path: str | os.PathLike[str]) -> Machine:
+    """Read and check the file of a machine.
+
+    Raises
+    ------
+    MachineFileError
+        If it cannot be read, or a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
+    """
+    text, data = checked(path, "a machine", MachineFileError, _schema())
+    problems: list[tuple[Place, str]] = []
+    machine = _Reader(problems, Path(path).parent).machine(data)
+    if machine is None:
+        raise MachineFileError(located(path, text, problems))
+    return machine
+
+
+@defer_signals()  # pydantic panics if Ctrl-C comes while it makes one
+def _schema() -> Any:
+    """The form of the file, as a model of pydantic."""
+    from pydantic import create_model
+
+    strict = exactly()
+
+    def table(title: str, cls: type, required: tuple[str, ...], left_out: tuple[str, ...] = ()) -> Any:
+        return form(title, cls, _KINDS, required, left_out)
+
+    support = table("support", Support, ("stiffness",))
+    supports = create_model("supports", __config__=strict, pinion=(support, ...), wheel=(support, ...))
+    mesh = create_model("mesh", __config__=strict, stiffness=(str, ...), error=(str, None))
+    whole: dict[str, Any] = {
+        "torque": (str | float, ...), "damping": (str | float, ...), "form": (_KINDS["form"], None),
+        "pinion": (table("pinion", Gear, ("teeth", "module", "face_width")), ...),
+        "wheel": (table("wheel", Gear, ("teeth",)), ...),
+        "pair": (table("pair", GearPair, (), ("pinion", "wheel")), None),
+        "support": (supports, None), "mesh": (mesh, None),
+    }  # fmt: skip
+    return create_model("machine", __config__=strict, **whole)
+
+
+_KINDS: dict[str, Any] = {
+    "teeth": int, "internal": bool, "backlash_measure": Literal["circumferential", "normal", "action"],
+    "form": Literal["torsion", "bearings", "spatial"],
+}  # fmt: skip
+
+
+class _Reader:
+    """Makes objects of checked tables, and notes what they refuse with its place."""
+
+    def __init__(self, problems: list[tuple[Place, str]], folder: Path) -> None:
+        self.problems, self.folder = problems, folder
+
+    def machine(self, data: Mapping[str, Any]) -> Machine | None:
+        """The machine; None if something was refused."""
+        own = {
+            name: self._read(place, ("",), data[name]) for name, place in (("torque", _TORQUE), ("damping", DAMPING))
+        }
+        pinion = self._made(("pinion",), Gear, data["pinion"])
+        wheel = None if pinion is None else self._made(("wheel",), Gear, _completed(pinion, data["wheel"]))
+        supports = [self._made(("support", name), Support, table) for name, table in data.get("support", {}).items()]
+        cycle = self._cycle(data.get("mesh"))
+        if self.problems or pinion is None or wheel is None:
+            return None
+        pair = self._made(("pair",), GearPair, {"pinion": pinion, "wheel": wheel, **data.get("pair", {})})
+        if pair is None:
+            return None
+        held: Any = tuple(supports) or None
+        machine = Machine(pair, own["torque"], own["damping"], data.get("form", "torsion"), held, cycle)
+        try:
+            machine.model()
+        except ValueError as error:
+            self.problems.append((_place_in(str(error), data), bare(error)))
+        return None if self.problems else machine
+
+    def _read(self, field: QuantityField, place: Place, value: Any) -> float:
+        try:
+            return field.read("the machine", value)
+        except ValueError as error:
+            self.problems.append(((field.name,), bare(error)))
+            return 0.0
+
+    def _made(self, place: Place, cls: type, values: Mapping[str, Any]) -> Any:
+        """An instance; None if it refuses something, which is noted."""
+        return made(self.problems, place, cls, values)
+
+    def _cycle(self, table: Mapping[str, str] | None) -> MeshCycle | None:
+        if table is None:
+            return None
+        try:
+            stiffness = read_mesh_table(self.folder / table["stiffness"])
+            error = MeshTable([0.0, 1.0], [0.0, 0.0])
+            if "error" in table:
+                error = read_mesh_table(self.folder / table["error"], unit="m")
+            return MeshCycle(stiffness, error)
+        except (ValueError, OSError) as refusal:
+            self.problems.append((("mesh",), str(refusal)))
+            return None
+
+
+def _completed(pinion: Gear, wheel: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of the wheel, with what it shares with the pinion where nothing is given."""
+    shared = {name: getattr(pinion, name) for name in _SHARED}
+    if pinion.helix_angle:
+        shared["helix_angle"] = pinion.helix_angle * (1 if wheel.get("internal") else -1)
+    return {**shared, **wheel}
+
+
+def _place_in(message: str, data: Mapping[str, Any]) -> Place:
+    """The key of the file that an error of the whole machine is about."""
+    for name in ("torque", "damping"):
+        if f"{name} =" in message:
+            return (name,)
+    word = "support" if "support" in message and "support" in data else "form" if "form" in message else "pair"
+    return (word,)
+
+
+def write_machine(machine: Machine, path: str | os.PathLike[str], remarks: tuple[str, ...] = ()) -> None:
+    """Write the file of a machine (.toml), whole or not at all; numbers in SI, as they are.
+
+    Parameters
+    ----------
+    machine : without tables of the mesh, which are files of their own.
+    path : of the file.
+    remarks : lines of comment at its head.
+
+    Raises
+    ------
+    ValueError
+        If the machine has tables, or the path another ending.
+    """
+    checked_suffix(path, (".toml",), "the file of a machine is .toml")
+    text = machine_text(machine, remarks)
+    with atomic_write(path, "x", encoding="utf-8") as handle:
+        handle.write(text)
+
+
+def machine_text(machine: Machine, remarks: tuple[str, ...] = ()) -> str:
+    """What `write_machine` writes."""
+    if machine.cycle is not None:
+        raise ValueError("a machine with tables of the mesh is written by naming their files in [mesh]")
+    lines = [f"# {remark}" for remark in remarks]
+    lines += [f"torque = {_quantity(machine.torque, 'N m')}", f"damping = {machine.damping!r}"]
+    lines += [f'form = "{machine.form}"'] if machine.form != "torsion" else []
+    tables: list[tuple[str, Any]] = [("pinion", machine.pair.pinion), ("wheel", machine.pair.wheel),
+                                     ("pair", machine.pair)]  # fmt: skip
+    tables += zip(("support.pinion", "support.wheel"), machine.supports or (), strict=False)
+    for name, thing in tables:
+        lines += ["", f"[{name}]", *_entries(thing)]
+    return "\n".join(lines) + "\n"
+
+
+def _entries(thing: Any) -> list[str]:
+    """Keys with values that are not the default."""
+    out = []
+    for field in fields(thing):
+        value, measured = getattr(thing, field.name), vars(type(thing)).get(field.name)
+        default = measured.default if isinstance(measured, QuantityField) else field.default
+        if isinstance(value, Gear) or value is None or (default is not MISSING and value == default):
+            continue
+        if isinstance(measured, QuantityField) and measured.unit:
+            out.append(f"{field.name} = {_quantity(value, measured.unit)}")
+        else:
+            out.append(f"{field.name} = {json.dumps(value)}")
+    return out
+
+
+_WRITTEN = {"m": [("mm", 1e3), ("um", 1e6)], "rad": [("deg", 57.29577951308232)], "Pa": [("GPa", 1e-9)]}
+
+
+def _quantity(value: float, unit: str) -> str:
+    """A quantity as text, in the unit in which it is read again to the same number and looks best."""
+    for name, factor in _WRITTEN.get(unit, []):
+        text = f"{value * factor:.12g} {name}"
+        if abs(value) * factor >= 0.1 and abs(float(text.split()[0]) / factor - value) <= 4e-15 * abs(value):
+            return json.dumps(text)
+    short = f"{value:.12g}"
+    return json.dumps(f"{short if float(short) == value else repr(value)} {unit}")

@@ -1,0 +1,186 @@
+"""A machine from matrices or measured receptances as a file (TOML), checked before anything is computed.
+
+    [matrices]                        # Matrix Market or NumPy, each in a file of its own; C and G too
+    M = "mass.mtx"
+    K = "stiffness.mtx"
+    names = ["shaft", "case"]
+
+    [[element]]
+    name = "stop"
+    direction = { shaft = 1.0, case = -1.0 }
+    law = "unilateral"
+    k = 2e5
+    gap = 1e-4
+
+    [[load]]
+    cosine = { 1 = { shaft = 4.0 } }
+
+Numbers are in the units of the matrices. ``file = "machine.mat"`` (or .npz) has all of them, and M, K, C, G are then
+their names in it. ``[receptances]`` has ``file = "test.uff"``, or ``tables`` of response, force and file each, and
+``static``, ``quantity``, ``names`` of `hb.io.from_receptances`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from hbgear.common.process.signals import defer_signals
+from hbgear.io.machines.toml_file import Place, TomlFileError, checked, exactly, located, parsed
+from hbgear.io.matrices import NAMES, Matrices, from_matrices
+from hbgear.io.receptance_files import from_receptances
+from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, PiecewiseLinear, Unilateral
+from hbgear.mechanics.models import Element, Load, System
+from hbgear.mechanics.series.fourier import Series
+from hbgear.mechanics.structures.receptances import Receptances
+
+Problems = list[tuple[Place, str]]
+
+_LAWS: dict[str, tuple[tuple[str, ...], tuple[str, ...], Callable[..., Law]]] = {
+    "backlash": (("k", "b"), ("eps",), Backlash),
+    "unilateral": (("k", "gap"), ("eps",), Unilateral),
+    "piecewise": (("corners", "slopes"), ("eps",), PiecewiseLinear),
+    "cubic": (("k3",), ("k1",), Cubic),
+}
+"""Keys that a law needs, those it may have, and what makes it."""
+
+
+class StructureFileError(TomlFileError):
+    """What is wrong with the file of a structure, one text for each error."""
+
+
+def is_structure(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is to be a structure: it has matrices or receptances. False of what cannot be read."""
+    try:
+        data = parsed(path, "a structure", StructureFileError)[1]
+    except StructureFileError:
+        return False
+    return any(isinstance(data.get(name), dict) for name in ("matrices", "receptances"))
+
+
+def read_structure(path: str | os.PathLike[str]) -> System:
+    """Read and check the file of a structure with its elements and loads.
+
+    Raises
+    ------
+    StructureFileError
+        If it or a file it names cannot be read, or a key, type or value is wrong.
+    """
+    text, data = checked(path, "a structure", StructureFileError, _schema())
+    problems: Problems = []
+    system = _system(data, Path(path).parent, problems)
+    if system is None:
+        raise StructureFileError(located(path, text, problems))
+    return system
+
+
+@defer_signals()  # pydantic panics if Ctrl-C comes while it makes one
+def _schema() -> Any:
+    """The form of the file, as a model of pydantic."""
+    from pydantic import create_model
+
+    strict: Any = exactly()
+    vector: Any = dict[str, float]
+    quantity: Any = Literal["receptance", "mobility", "accelerance"]
+    law: Any = Literal[tuple(_LAWS)]
+    own: dict[str, Any] = dict.fromkeys(NAMES, (str, None))
+    matrices = create_model(
+        "matrices", __config__=strict, **own, file=(str, None), names=(list[str], ()), ratio=(float, 1.0)
+    )
+    one: Any = create_model("table", __config__=strict, response=(str, ...), force=(str, ...), file=(str, ...))
+    receptances = create_model(
+        "receptances", __config__=strict, file=(str, None), tables=(list[one], None),
+        names=(dict[str, str], None), static=(str | list[list[float]], None),
+        quantity=(quantity, None),
+    )  # fmt: skip
+    numbers: dict[str, Any] = dict.fromkeys(("k", "b", "gap", "k1", "k3"), (float, None))
+    numbers |= dict.fromkeys(("corners", "slopes", "eps", "error"), (list[float], None))
+    element: Any = create_model(
+        "element", __config__=strict, name=(str, ""), direction=(vector, ...), law=(law, ...),
+        damping=(float, 0.0), **numbers,
+    )  # fmt: skip
+    load: Any = create_model(
+        "load", __config__=strict, constant=(vector, None), cosine=(dict[str, vector], {}),
+        sine=(dict[str, vector], {}), power=(int, 0),
+    )  # fmt: skip
+    return create_model(
+        "structure", __config__=strict, matrices=(matrices, None), receptances=(receptances, None),
+        element=(list[element], ...), load=(list[load], []),
+    )  # fmt: skip
+
+
+def _system(data: Mapping[str, Any], folder: Path, problems: Problems) -> System | None:
+    """The system; None if something was refused."""
+    given = [name for name in ("matrices", "receptances") if data.get(name) is not None]
+    if len(given) != 1:
+        problems.append(((given[-1] if given else "element",), "give [matrices] or [receptances], one of them"))
+        return None
+    table = data[given[0]]
+    part = _tried(problems, (given[0],), lambda: _matrices(table, folder) if "matrices" in given
+                  else _receptances(table, folder))  # fmt: skip
+    if part is None:
+        return None
+    elements, loads = (
+        [_tried(problems, (name, i), partial(make, part, each)) for i, each in enumerate(data.get(name, []))]
+        for name, make in (("element", _element), ("load", _load))
+    )
+    if problems:
+        return None
+    rest = {"ratio": table.get("ratio", 1.0)} if isinstance(part, Matrices) else {}
+    return _tried(problems, (given[0],), lambda: part.system(elements, loads, **rest))  # type: ignore[no-any-return]
+
+
+def _tried(problems: Problems, place: Place, make: Callable[[], Any]) -> Any:
+    """What is made; None if it is refused, which goes to the problems."""
+    try:
+        return make()
+    except (ValueError, KeyError, IndexError, TypeError) as error:
+        problems.append((place, str(error.args[0] if isinstance(error, KeyError) else error)))
+        return None
+
+
+def _matrices(table: Mapping[str, Any], folder: Path) -> Matrices:
+    own = {name: table[name] for name in NAMES if table.get(name) is not None}
+    names = tuple(table.get("names", ()))
+    if table.get("file") is not None:
+        return from_matrices(folder / table["file"], own, names)
+    return from_matrices({name: folder / file for name, file in own.items()}, None, names)
+
+
+def _receptances(table: Mapping[str, Any], folder: Path) -> Receptances:
+    rest = {name: table.get(name) for name in ("static", "quantity", "names")}
+    if (table.get("file") is None) == (table.get("tables") is None):
+        raise ValueError("receptances are in a universal file or in tables: give file or tables, one of them")
+    if table.get("file") is not None:
+        return from_receptances(folder / table["file"], **rest)
+    return from_receptances({(one["response"], one["force"]): folder / one["file"] for one in table["tables"]}, **rest)
+
+
+def _element(part: Matrices | Receptances, table: Mapping[str, Any]) -> Element:
+    needed, allowed, make = _LAWS[table["law"]]
+    keys = {name for names, *_ in _LAWS.values() for name in names} | {"eps", "k1"}
+    own = {name: table[name] for name in keys if table.get(name) is not None}
+    missing = next((name for name in needed if name not in own), None)
+    if missing is not None:
+        raise ValueError(f"law = '{table['law']}' needs {missing}: give {', '.join(needed)}")
+    wrong = next((name for name in own if name not in (*needed, *allowed)), None)
+    if wrong is not None:
+        raise ValueError(f"law = '{table['law']}' has no {wrong}; it has {', '.join((*needed, *allowed))}")
+    if "eps" in own:
+        own["stiffness"] = Series(1.0, tuple(-x for x in own.pop("eps")))
+    error = Series(0.0, tuple(table.get("error") or ()))
+    return Element(part.along(table["direction"]), make(**own), error, table.get("damping", 0.0), table.get("name", ""))
+
+
+def _load(part: Matrices | Receptances, table: Mapping[str, Any]) -> Load:
+    constant = None if table.get("constant") is None else part.along(table["constant"])
+    waves: dict[str, Any] = {}
+    for name in ("cosine", "sine"):
+        wrong = next((order for order in table.get(name, {}) if not order.isdecimal()), None)
+        if wrong is not None:
+            raise ValueError(f"{name}: '{wrong}' is no harmonic; give whole numbers, such as {{ 1 = {{ x = 2.0 }} }}")
+        waves[name] = {int(order): part.along(vector) for order, vector in table.get(name, {}).items()}
+    return Load(constant, **waves, power=table.get("power", 0))

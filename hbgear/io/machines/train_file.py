@@ -1,0 +1,209 @@
+"""A train of gears as a file (TOML), checked before anything is computed.
+
+    balance = "wheel"
+
+    [[wheel]]
+    name = "pinion"
+    torque = "200 N m"
+    gear = { teeth = 25, module = "3 mm", face_width = "20 mm" }
+
+    [[wheel]]
+    name = "wheel"
+    gear = { teeth = 40, module = "3 mm", face_width = "20 mm" }
+
+    [[mesh]]
+    first = "pinion"
+    second = "wheel"
+    torque = "200 N m"
+    pair = { backlash = "80 um" }
+
+Keys are the fields of `Train`, `Wheel`, `Shaft`, `Beam`, `Bearing`, `Mesh` and `Housing`; quantities are text with a
+unit, or numbers in SI. A wheel is given by its fields or by those of its `Gear`, a mesh by its fields or by those of
+its `GearPair` and a torque on the first wheel, from which stiffness, error, angles and backlash are computed.
+
+    [[bearing]]             # a table over the speed of the wheel
+    at = "pinion"
+    table = { speed = ["600 r/min", "3000 r/min"], matrices = [[[1e8, 0.0], [0.0, 1e8]], [[2e8, 0.0], [0.0, 2e8]]] }
+
+    [housing]               # rows of numbers, or files as of `hb.io.from_matrices`
+    M = "mass.mtx"
+    K = "stiffness.mtx"
+    names = ["left", "right"]
+    seats = { pinion = { y = "left" } }
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from hbgear.common.process.signals import defer_signals
+from hbgear.common.units import to_si
+from hbgear.gears.drawing.gear import Gear
+from hbgear.gears.drawing.pair import GearPair
+from hbgear.gears.trains.beam import Beam
+from hbgear.gears.trains.housing import Housing
+from hbgear.gears.trains.train import Train
+from hbgear.gears.trains.train_components import Bearing, Mesh, Shaft, Wheel
+from hbgear.io.machines.toml_file import Place, TomlFileError, bare, checked, exactly, form, located, made, parsed
+from hbgear.io.matrices import from_matrices
+from hbgear.mechanics.structures.speed_terms import MatrixTable
+
+_KINDS: dict[str, Any] = {
+    "name": str, "first": str, "second": str, "at": str, "teeth": int, "internal": bool, "held": bool,
+    "moves": Literal["torsion", "plane", "space"], "eps": list[float], "eps_lag": list[float], "e": list[float],
+    "e_lag": list[float], "elements": int, "backlash_measure": Literal["circumferential", "normal", "action"],
+}  # fmt: skip
+
+
+class TrainFileError(TomlFileError):
+    """What is wrong with the file of a train, one text for each error."""
+
+
+def is_train(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is to be a train: it has wheels in a list. False of what cannot be read."""
+    try:
+        return isinstance(parsed(path, "a train", TrainFileError)[1].get("mesh"), list)
+    except TrainFileError:
+        return False
+
+
+def read_train(path: str | os.PathLike[str]) -> Train:
+    """Read and check the file of a train.
+
+    Raises
+    ------
+    TrainFileError
+        If it cannot be read, or a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
+    """
+    text, data = checked(path, "a train", TrainFileError, _schema())
+    problems: list[tuple[Place, str]] = []
+    train = _train(data, Path(path).parent, problems)
+    if train is None:
+        raise TrainFileError(located(path, text, problems))
+    return train
+
+
+@defer_signals()  # pydantic panics if Ctrl-C comes while it makes one
+def _schema() -> Any:
+    """The form of the file, as a model of pydantic."""
+    from pydantic import create_model
+
+    gear = form("gear", Gear, _KINDS, ("teeth", "module", "face_width"))
+    pair = form("pair", GearPair, _KINDS, (), ("pinion", "wheel"))
+    mesh = form("mesh", Mesh, _KINDS, ("first", "second"), _FUNCTIONS, pair=(pair, None), torque=(str | float, None))
+    table = create_model(
+        "table", __config__=exactly(), speed=(list[str | float], ...), matrices=(list[list[list[float]]], ...)
+    )
+    matrix: Any = str | list[list[float]]
+    housing = create_model(
+        "housing", __config__=exactly(), M=(matrix, ...), K=(matrix, ...), C=(matrix, None), names=(list[str], ()),
+        seats=(dict[str, dict[str, str]], {}),
+    )  # fmt: skip
+    lists: dict[str, Any] = {
+        "wheel": form("wheel", Wheel, _KINDS, ("name",), gear=(gear, None)),
+        "shaft": form("shaft", Shaft, _KINDS, ("first", "second")),
+        "beam": form("beam", Beam, _KINDS, ("first", "second", "outer")),
+        "bearing": form("bearing", Bearing, _KINDS, ("at",), _TABLES, **dict.fromkeys(_TABLES, (table, None))),
+        "mesh": mesh,
+    }
+    whole: dict[str, Any] = {
+        name: (list[each], ... if name in ("wheel", "mesh") else [])  # type: ignore[valid-type]
+        for name, each in lists.items()
+    } | {"balance": (str, ""), "gyroscopic": (bool, False), "housing": (housing, None)}
+    return create_model("train", __config__=exactly(), **whole)
+
+
+_TABLES = ("table", "damping_table")
+"""Fields of a bearing that are tables over speed."""
+
+_FUNCTIONS = ("stiffness", "error")
+"""Fields of a mesh that a file has no place for."""
+
+
+def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, str]]) -> Train | None:
+    """The train; None if something was refused."""
+    gears: dict[str, Gear] = {}
+    wheels = [_wheel(("wheel", i), table, gears, problems) for i, table in enumerate(data["wheel"])]
+    meshes = [_mesh(("mesh", i), table, gears, problems) for i, table in enumerate(data["mesh"])]
+    shafts, beams = (
+        [made(problems, (name, i), cls, table) for i, table in enumerate(data.get(name, []))]
+        for name, cls in (("shaft", Shaft), ("beam", Beam))
+    )
+    bearings = [_bearing(("bearing", i), table, problems) for i, table in enumerate(data.get("bearing", []))]
+    housing = _housing(data["housing"], folder, problems) if "housing" in data else None
+    if problems:
+        return None
+    rest = {name: data[name] for name in ("balance", "gyroscopic") if name in data}
+    values = {"wheels": wheels, "meshes": meshes, "shafts": shafts, "bearings": bearings, "beams": beams,
+              "housing": housing, **rest}  # fmt: skip
+    return made(problems, ("mesh", 0), Train, values)  # type: ignore[no-any-return]
+
+
+def _wheel(
+    place: Place, table: Mapping[str, Any], gears: dict[str, Gear], problems: list[tuple[Place, str]]
+) -> Wheel | None:
+    """A wheel by its fields, or of its gear; that is kept by the name of the wheel."""
+    own = {name: value for name, value in table.items() if name != "gear"}
+    if "gear" not in table:
+        if "inertia" not in own:
+            problems.append((place, f"wheel '{own['name']}' needs its inertia, or a gear of which it follows"))
+            return None
+        return made(problems, place, Wheel, own)  # type: ignore[no-any-return]
+    gear = made(problems, (*place, "gear"), Gear, table["gear"])
+    if gear is None:
+        return None
+    gears[own["name"]] = gear
+    return made(problems, place, Wheel, own, lambda **given: Wheel.of(gear=gear, **given))  # type: ignore[no-any-return]
+
+
+def _bearing(place: Place, table: Mapping[str, Any], problems: list[tuple[Place, str]]) -> Bearing | None:
+    """A bearing, its tables over the speed of the wheel."""
+    own = dict(table)
+    for name in _TABLES:
+        if own.get(name) is not None:
+            try:
+                speeds = [to_si("Bearing", f"{name}.speed", speed, "rad/s") for speed in own[name]["speed"]]
+                own[name] = MatrixTable(speeds, own[name]["matrices"])
+            except ValueError as error:
+                problems.append(((*place, name), bare(error)))
+                return None
+    return made(problems, place, Bearing, own)  # type: ignore[no-any-return]
+
+
+def _housing(table: Mapping[str, Any], folder: Path, problems: list[tuple[Place, str]]) -> Housing | None:
+    """The housing, its matrices out of files or as rows of numbers."""
+    try:
+        sources = {name: folder / table[name] if isinstance(table[name], str) else table[name]
+                   for name in ("M", "K", "C") if table.get(name) is not None}  # fmt: skip
+        found = from_matrices(sources)
+        return Housing(found.M, found.K, found.C, table.get("names", ()), table.get("seats", {}))
+    except ValueError as error:
+        problems.append((("housing",), bare(error)))
+        return None
+
+
+def _mesh(
+    place: Place, table: Mapping[str, Any], gears: Mapping[str, Gear], problems: list[tuple[Place, str]]
+) -> Mesh | None:
+    """A mesh by its fields, or of a pair of two of the gears under a torque."""
+    own = {name: value for name, value in table.items() if name not in ("pair", "torque")}
+    if "pair" not in table and "torque" not in table:
+        if "k_mean" not in own:
+            problems.append((place, "a mesh needs its k_mean, or pair and torque of which it follows"))
+            return None
+        return made(problems, place, Mesh, own)  # type: ignore[no-any-return]
+    missing = [name for name in (own["first"], own["second"]) if name not in gears]
+    if missing or "torque" not in table:
+        need = f"a wheel '{missing[0]}' with a gear" if missing else "the torque on the first wheel"
+        problems.append((place, f"a mesh of a pair needs {need}"))
+        return None
+    sides = {"pinion": gears[own["first"]], "wheel": gears[own["second"]]}
+    pair = made(problems, (*place, "pair"), GearPair, {**sides, **table.get("pair", {})})
+    if pair is None:
+        return None
+    return made(  # type: ignore[no-any-return]
+        problems, place, Mesh, own, lambda **given: Mesh.of(pair=pair, torque=table["torque"], **given)
+    )

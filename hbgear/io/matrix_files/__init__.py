@@ -1,0 +1,1 @@
+"""Files of matrices: Matrix Market and MATLAB."""

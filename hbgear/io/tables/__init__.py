@@ -1,0 +1,1 @@
+"""Tables of numbers with units: receptances, mesh cycles, measurements."""

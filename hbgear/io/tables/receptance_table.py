@@ -1,0 +1,132 @@
+"""Tables of frequency responses: every column by its name and unit.
+
+H = re + i im,   |H| e^(i phase)   or   10^(L/20) e^(i phase)   with the level L [dB] re 1 of the unit
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from math import pi
+
+import numpy as np
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.io.tables.table_reader import Column, Kind, read_data_table
+from hbgear.io.tables.table_units import ANGLE, FREQUENCY, factor_of, plain_unit
+
+QUANTITIES = {
+    "receptance": ("m/N", "rad/(N m)", "1/N"),
+    "mobility": ("m/s/N", "rad/s/(N m)", "1/s/N"),
+    "accelerance": ("m/s^2/N", "rad/s^2/(N m)", "1/s^2/N"),
+}
+"""Units of each quantity per force or moment: of displacement, of angle, and of one by the other's load."""
+
+_AMBIGUOUS = 2 * pi  # largest phase without a unit that may be in radians
+_SIZES = "m/N, mm/N, um/N, m/s/N, m/s^2/N, rad/(N m)"
+
+
+def _is_size(unit: str) -> bool:
+    return unit == "" or _fitting(unit) is not None
+
+
+def _is_magnitude(unit: str) -> bool:
+    return _is_size(unit) or _level(unit) is not None
+
+
+_SPEEDS = {"n": None, "speed": None, "rotational speed": None, "shaft speed": None}
+KINDS = (
+    Kind("frequency",
+         {"frequency": "Hz", "freq": "Hz", "f": "Hz", "hz": "Hz", "khz": "kHz", "omega": "rad/s", "Omega": "rad/s",
+          "w": "rad/s", "ω": "rad/s", "angular frequency": "rad/s", "circular frequency": "rad/s", "rpm": "r/min",
+          **_SPEEDS},
+         FREQUENCY.__contains__, ", ".join(FREQUENCY)),
+    Kind("real part", dict.fromkeys(("real", "re", "real part", "re(H)", "real(H)", "re H", "H real"), ""), _is_size,
+         _SIZES),
+    Kind("imaginary part", dict.fromkeys(("imag", "im", "imaginary", "imag part", "imaginary part", "im(H)", "imag(H)",
+                                          "im H", "H imag"), ""), _is_size, _SIZES),
+    Kind("magnitude", dict.fromkeys(("magnitude", "mag", "amplitude", "abs", "modulus", "|H|", "abs(H)", "mag(H)"), "")
+         | {"db": "dB"}, _is_magnitude, f"{_SIZES}, dB, dB re 1 m/N"),
+    Kind("phase", dict.fromkeys(("phase", "angle", "phase angle", "arg", "arg(H)", "phase(H)", "angle(H)", "∠H"), ""),
+         lambda unit: unit == "" or (unit in ANGLE and unit != "cycle"), "deg, rad, mrad"),
+    Kind("coherence", dict.fromkeys(("coherence", "coh", "γ²", "gamma2"), ""), lambda unit: unit in ("", "%"), "-, %"),
+)  # fmt: skip
+"""Columns of a table of a frequency response; the coherence is not used."""
+
+_DEFAULT = ("frequency [Hz]", "real", "imag")
+_PAIRS = (("real part", "imaginary part"), ("magnitude", "phase"))
+
+
+def read_response(path: str | os.PathLike[str], quantity: str | None) -> tuple[Array, ComplexArray, str]:
+    """Frequencies [Hz], a complex frequency response in SI, and which quantity it is.
+
+    Parameters
+    ----------
+    path : of the table.
+    quantity : "receptance", "mobility", "accelerance"; by default what the unit says, else "receptance".
+
+    Raises
+    ------
+    ValueError
+        If the file is no such table, or a name or unit of a column is not known.
+    """
+    table = read_data_table(path, "a frequency response", KINDS, _DEFAULT)
+    found = table.columns(KINDS)
+    pairs = [pair for pair in _PAIRS if any(role in found for role in pair)]
+    if "frequency" not in found or len(pairs) != 1 or not all(role in found for role in pairs[0]):
+        raise ValueError(f"'{path}' has the columns {', '.join(map(repr, table.headings))}; need a frequency with real "
+                         "and imaginary part, or with magnitude and phase")  # fmt: skip
+    if "coherence" in found:
+        found["coherence"].numbers()  # not used, but a cell that is no number says that the table is damaged
+    f = found["frequency"].numbers() * FREQUENCY[found["frequency"].unit]
+    first, second = (found[role] for role in pairs[0])
+    if pairs[0][0] == "magnitude":
+        size, quantity = _sizes(first, quantity)
+        return f, size * np.exp(1j * _angles(second)), quantity
+    real, quantity = _sizes(first, quantity)
+    imaginary, quantity = _sizes(second, quantity)
+    return f, real + 1j * imaginary, quantity
+
+
+def _sizes(column: Column, quantity: str | None) -> tuple[Array, str]:
+    """Numbers of a column in SI, and what they are per force."""
+    values, level = column.numbers(), _level(column.unit)
+    unit = column.unit if level is None else level
+    if level is not None:
+        values = 10 ** (values / 20)
+        if not np.isfinite(values).all():
+            raise ValueError(f"'{column.file}': the column {column.heading!r} has levels that are no dB")
+    if not unit:
+        return values, quantity or "receptance"
+    factor, own = _fitting(unit) or (1.0, "receptance")
+    if quantity not in (None, own):
+        raise ValueError(f"'{column.file}': the column {column.heading!r} is in the unit of {own}, and not of "
+                         f"{quantity}; give quantity='{own}', or correct the unit")  # fmt: skip
+    return values * factor, own
+
+
+def _fitting(unit: str) -> tuple[float, str] | None:
+    """The factor to SI of a unit, and the quantity that it is of."""
+    for quantity, units in QUANTITIES.items():
+        if (found := factor_of(unit, units)) is not None:
+            return found[0], quantity
+    return None
+
+
+def _level(unit: str) -> str | None:
+    """The unit that levels in dB are over, "" for that of the model; None if a unit is none of levels."""
+    found = re.fullmatch(r"dB(?:\s*(?:re\.?|ref\.?)?\s*(?:1\s*)?(.*))?", unit, re.IGNORECASE)
+    if found is None:
+        return None
+    over = plain_unit((found[1] or "").strip().removeprefix("(").removesuffix(")"))
+    return over if not over or _fitting(over) is not None else None
+
+
+def _angles(column: Column) -> Array:
+    """Phases in radians; degrees without a unit, unless they may be in radians."""
+    values = column.numbers()
+    if not column.unit and np.abs(values).max() <= _AMBIGUOUS and values.any():
+        raise ValueError(f"'{column.file}': the column {column.heading!r} has no unit, and its numbers may be degrees "
+                         "or radians; write 'phase [deg]' or 'phase [rad]'")  # fmt: skip
+    factor = ANGLE[column.unit or "deg"]
+    return values * factor

@@ -1,0 +1,70 @@
+"""Units of columns of tables, as they are written in headings, and the factors to the units that are computed with.
+
+n [r/min] -> 1/60 Hz,   omega [rad/s] -> 1/(2 pi) Hz,   x [mm/N] -> 1e-3 m/N,   L [dB re 1 mm/N] -> 1e-3 10^(L/20) m/N
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Sequence
+from math import pi
+
+from hbgear.common.units import to_si
+
+FREQUENCY = {
+    "Hz": 1.0, "mHz": 1e-3, "kHz": 1e3, "MHz": 1e6, "r/min": 1 / 60, "rad/s": 1 / (2 * pi), "krad/s": 1e3 / (2 * pi),
+    "r/s": 1.0, "deg/s": 1 / 360,
+}  # fmt: skip
+"""Cycles per second of each unit of frequency and speed."""
+
+ANGLE = {"deg": pi / 180, "rad": 1.0, "mrad": 1e-3, "cycle": 2 * pi}
+"""Radians of each unit of angle."""
+
+_OTHERS = {
+    "hz": "Hz", "khz": "kHz", "cps": "Hz", "cycle/s": "Hz", "cycles/s": "Hz",
+    "rpm": "r/min", "1/min": "r/min", "min^-1": "r/min", "min-1": "r/min", "u/min": "r/min", "rev/min": "r/min",
+    "tr/min": "r/min", "cpm": "r/min", "r/min": "r/min", "rps": "r/s", "rev/s": "r/s", "u/s": "r/s", "r/s": "r/s",
+    "rad/s": "rad/s", "rad/sec": "rad/s", "rad s^-1": "rad/s", "rad*s^-1": "rad/s", "krad/s": "krad/s",
+    "deg/s": "deg/s", "degree": "deg", "degrees": "deg", "grad": "grad", "deg": "deg", "rad": "rad", "radian": "rad",
+    "radians": "rad", "mrad": "mrad", "cycle": "cycle", "cycles": "cycle", "-": "", "1": "", "none": "", "": "",
+}  # fmt: skip
+"""Other ways to write a unit, without regard to capitals."""
+
+_NOT_SIMPLE = {"mHz", "MHz"}  # which differ by capitals only
+
+
+def plain_unit(text: str) -> str:
+    """A unit as the tables here and Pint have it; "" for a number without one.
+
+    Examples
+    --------
+    >>> [plain_unit(text) for text in ("µm", "°", "U/min", "(m/s²)/N", "rad/(N·m)", "-")]
+    ['um', 'deg', 'r/min', 'm/s^2/N', 'rad/N/m', '']
+    """
+    text = re.sub("[²³⁻¹]+", lambda found: "^" + unicodedata.normalize("NFKC", found[0]), text)
+    text = unicodedata.normalize("NFKC", text).replace("\u2212", "-").replace("μ", "u").replace("°", "deg")
+    text = " ".join(text.replace("·", "*").replace("⋅", "*").split())
+    text = re.sub(r"^\(([^()]*)\)", r"\1", text)
+    text = re.sub(r"/\s*\(([^()]*)\)", lambda found: "/" + re.sub(r"\s*[* ]\s*", "/", found[1].strip()), text)
+    return text if text in _NOT_SIMPLE else _OTHERS.get(text.casefold(), text)
+
+
+def factor_of(unit: str, units: Sequence[str]) -> tuple[float, str] | None:
+    """By how much a number in a unit is multiplied to be in the first of some SI units that fits; None if none does.
+
+    Examples
+    --------
+    >>> factor_of("mm/N", ["m/N"]), factor_of("1/kg", ["m/N", "m/s^2/N"]), factor_of("Hz", ["m/N"])
+    ((0.001, 'm/N'), (1.0, 'm/s^2/N'), None)
+    """
+    for wanted in units:
+        if unit == wanted:
+            return 1.0, wanted
+    text = f"{unit} " if unit[:1].isdigit() else f"1 {unit}"
+    for wanted in units:
+        try:
+            return to_si("table", "unit", text, wanted), wanted
+        except ValueError:
+            continue
+    return None

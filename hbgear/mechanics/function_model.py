@@ -1,0 +1,209 @@
+"""A function as a model: its parameters are those of the machine it builds.
+
+machine(zeta, gap, ...)  ->  M q'' + C q' + K q + sum_j w_j [p_j + c_j d_j'] = F      (see `hbgear.mechanics.models`)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import math
+import typing
+from collections.abc import Callable, Mapping
+from numbers import Integral
+from typing import Any, ClassVar, Literal, ParamSpec, overload
+
+import numpy as np
+
+from hbgear.common.ranges import Range, checked
+from hbgear.common.text.messages import did_you_mean, quoted
+from hbgear.mechanics.fields import defaults_of, is_plain, kinds_of, plain
+from hbgear.mechanics.models import Model, System
+
+P = ParamSpec("P")
+
+
+class FunctionModel(Model):
+    """What `model` makes of a function: a frozen dataclass with a field for each of its parameters."""
+
+    function: ClassVar[Callable[..., Any]]
+    """The function itself."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        owner = type(self).__name__
+        for name, kind in kinds_of(type(self)).items():
+            if typing.get_origin(kind) is tuple and isinstance(getattr(self, name), list | np.ndarray):
+                object.__setattr__(self, name, tuple(getattr(self, name)))
+            _check_value(owner, name, kind, getattr(self, name))
+
+    def __repr__(self) -> str:
+        """The call that makes it, with the values that differ from the defaults."""
+        usual = defaults_of(type(self))
+        values = {name: getattr(self, name) for name in kinds_of(type(self))}
+        given = [f"{name}={x!r}" for name, x in values.items() if name not in usual or x != usual[name]]
+        return f"{type(self).__name__}({', '.join(given)})"
+
+    def system(self) -> System:
+        """What the function returns.
+
+        Raises
+        ------
+        ValueError
+            If that is no `System`.
+        """
+        built = type(self).function(**{name: getattr(self, name) for name in kinds_of(type(self))})
+        if not isinstance(built, System):
+            raise ValueError(f"{self!r} returned {str(built)[:40]}; need a System: return hb.System(...) from it")
+        return built
+
+
+@overload
+def model(function: Callable[P, System], /) -> Callable[P, FunctionModel]: ...
+
+
+@overload
+def model(
+    *,
+    labels: Mapping[str, str] | None = None,
+    ranges: Mapping[str, Range] | None = None,
+    usual: Mapping[str, Range] | None = None,
+    default_span: tuple[float, float] | None = None,
+) -> Callable[[Callable[P, System]], Callable[P, FunctionModel]]: ...
+
+
+def model(
+    function: Callable[..., System] | None = None,
+    /,
+    *,
+    labels: Mapping[str, str] | None = None,
+    ranges: Mapping[str, Range] | None = None,
+    usual: Mapping[str, Range] | None = None,
+    default_span: tuple[float, float] | None = None,
+) -> Any:
+    """Make a model of a function that builds a `System`: a decorator.
+
+    The result is a class of models with one field for each parameter of the function; those of type float are what
+    curves can be traced in besides Omega. It is used wherever a model is: in `trace`, `FoldProblem`,
+    `critical_parameter`, `jump_map`,
+    `cases`, saved files, and on the command line as ``hbgear trace mine.py:stop``. Its description there is the
+    docstring of the function.
+
+    Parameters
+    ----------
+    function : its parameters have types: float, int, bool, str, a ``Literal``, or ``tuple[float, ...]``; those without
+        a default must be given.
+    labels, ranges, usual, default_span : as of `Model`.
+
+    Raises
+    ------
+    ValueError
+        If a parameter has no type or one of another kind, has the name of a method of models, or there are ``*args``;
+        if labels, ranges or a span are of other types, or of names that the function does not have.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> @hb.mechanics.model(ranges={"zeta": hb.mechanics.Range(low=0)}, default_span=(0.5, 1.6))
+    ... def stop(zeta: float = 0.05, gap: float = 1.0) -> hb.System:
+    ...     "A mass on a spring that meets a stop."
+    ...     element = hb.Element([1.0], hb.Unilateral(k=5.0, gap=gap), name="stop")
+    ...     return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [element], hb.Load(cosine={1: [0.2]}))
+    >>> stop(zeta=0.1)
+    stop(zeta=0.1)
+    >>> stop(zeta=0.1).parameters
+    {'zeta': 0.1, 'gap': 1.0}
+    >>> curve = hb.trace(hb.HarmonicBalance(stop(), 8), "gap", (1.5, 1.4), at={"Omega": 1.1})
+    >>> curve.status.complete
+    True
+    """
+    options = {"labels": labels, "ranges": ranges, "usual": usual, "default_span": default_span}
+    given = {name: value for name, value in options.items() if value is not None}
+    _check_options(given)
+    return (lambda other: _made_of(other, given)) if function is None else _made_of(function, given)
+
+
+def _check_options(options: Mapping[str, Any]) -> None:
+    """Refuse labels, ranges and a span of other types than `Model` has."""
+    for name, kind, what in (("labels", str, "texts"), ("ranges", Range, "Range"), ("usual", Range, "Range")):
+        given = options.get(name, {})
+        if not isinstance(given, Mapping) or not all(isinstance(value, kind) for value in given.values()):
+            example = "{'zeta': 'damping'}" if kind is str else "{'zeta': hb.mechanics.Range(low=0)}"
+            raise ValueError(f"model: {name} = {quoted(given)} must be a dict of {what} by name, such as {example}")
+    span = options.get("default_span", (0.5, 1.5))
+    try:
+        first, last = (float(end) for end in span)
+        good = 0 < first < math.inf and 0 < last < math.inf and first != last
+    except (TypeError, ValueError):
+        good = False
+    if not good:
+        raise ValueError(f"model: default_span = {quoted(span)} must be two different frequencies, such as (0.5, 1.5)")
+
+
+def _made_of(function: Callable[..., Any], options: Mapping[str, Any]) -> type[FunctionModel]:
+    if not inspect.isfunction(function):
+        raise ValueError(f"@model stands before a function, not before {function!r}")
+    name = function.__name__
+    fields = [_field(name, parameter, function) for parameter in inspect.signature(function).parameters.values()]
+    names = [each[0] for each in fields]
+    for option, more in (("labels", ("Omega", "amplitude")), ("ranges", ()), ("usual", ())):
+        for key in options.get(option, {}):
+            if key not in (*names, *more):
+                raise ValueError(f"{name}: {option} of '{key}', which it does not have{did_you_mean(key, names)}")
+    namespace = {"function": staticmethod(function), "__doc__": function.__doc__ or "", **options}
+    cls = dataclasses.make_dataclass(name, fields, bases=(FunctionModel,), namespace=namespace, frozen=True, repr=False)
+    cls.__module__, cls.__qualname__ = function.__module__, function.__qualname__  # where pickle finds it
+    return cls
+
+
+def _field(owner: str, parameter: inspect.Parameter, function: Callable[..., Any]) -> tuple[str, Any, Any]:
+    """Name, type and default of a field."""
+    name = parameter.name
+    if parameter.kind not in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY):
+        raise ValueError(f"{owner}({parameter}): a model needs parameters with names, such as zeta: float = 0.05")
+    if parameter.annotation is parameter.empty:
+        raise ValueError(f"{owner}: {name} has no type; write {name}: float = 1.0, for instance")
+    if name in _RESERVED or name.startswith("_"):
+        raise ValueError(f"{owner}: no parameter of a model can be called '{name}'; choose another name")
+    kind = parameter.annotation
+    if isinstance(kind, str):
+        try:
+            kind = eval(kind, function.__globals__)  # as Python itself does where types are not strings
+        except Exception as error:
+            raise ValueError(f"{owner}: the type of {name}, {kind}, cannot be understood: {error}") from None
+    kind = plain(kind)
+    if not is_plain(kind):
+        raise ValueError(f"{owner}: {name} is of type {kind}; need float, int, bool, str, Literal or tuple[float, ...]")
+    default = parameter.default
+    if isinstance(default, list | np.ndarray):
+        default = tuple(default)
+    return name, kind, dataclasses.field() if default is parameter.empty else dataclasses.field(default=default)
+
+
+_RESERVED = frozenset({"Omega", "function", *(name for name in dir(FunctionModel))})
+
+
+def _check_value(owner: str, name: str, kind: Any, value: Any) -> None:
+    """Refuse a value of another kind; floats are checked by `Model`.
+
+    Raises
+    ------
+    ValueError
+    """
+    need = None
+    if kind is int and (isinstance(value, bool) or not isinstance(value, Integral)):
+        need = "a whole number"
+    elif kind is bool and not isinstance(value, bool | np.bool_):
+        need = "True or False"
+    elif kind is str and not isinstance(value, str):
+        need = "a text"
+    elif typing.get_origin(kind) is Literal and value not in typing.get_args(kind):
+        need = "one of " + ", ".join(map(repr, typing.get_args(kind)))
+    elif typing.get_origin(kind) is tuple:
+        if not isinstance(value, tuple):
+            need = "a sequence such as (0.1, 0.05)"
+        elif set(typing.get_args(kind)) <= {float, int, ...}:
+            for i, entry in enumerate(value):
+                checked(owner, f"{name}[{i}]", entry)
+    if need:
+        raise ValueError(f"{owner}: {name} = {value!r} must be {need}")

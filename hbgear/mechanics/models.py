@@ -1,0 +1,500 @@
+"""Models: a linear structure, a few scalar elements, and what loads them.
+
+    M q'' + C q' + K q + sum_j w_j [p_j(d_j, d_j', tau) + c_j d_j'] = F(tau),  d_j = w_j^T q - e_j(tau),  tau = Omega t
+
+* ``q`` (n,) coordinates; ``M, C, K`` (n, n), dense or scipy.sparse;
+* ``w_j`` (n,) direction of element j, ``d_j`` its element coordinate (the mesh gap of a gear pair), ``e_j`` a
+  prescribed displacement (the transmission error), ``p_j`` a scalar law, ``c_j`` a viscous damper beside it;
+* ``F = Omega^power (F_0 + sum_l F_cl cos(l tau) + F_sl sin(l tau))``;
+* C and K may have terms that depend on Omega, see `speed`; parts may be known by receptances, see `receptances`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbgear.common.argument_checks import check, check_fields
+from hbgear.common.arrays import Array
+from hbgear.common.facade import call
+from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked, counted
+from hbgear.common.text.messages import did_you_mean, quoted
+from hbgear.mechanics.fields import check_names, entries_of, parameters_of, with_entries
+from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.serialization import to_plain
+from hbgear.mechanics.series.fourier import MOST_HARMONICS, Series, is_listed, real_numbers
+from hbgear.mechanics.series.periodic import Periodic, Phased
+from hbgear.mechanics.structures.matrices import square
+from hbgear.mechanics.structures.receptances import Receptances
+from hbgear.mechanics.structures.scales import Scales
+from hbgear.mechanics.structures.speed_terms import SpeedTerms
+
+
+class Model(ABC):
+    """A frozen dataclass that describes a machine and builds its `System`.
+
+    Its float fields are its parameters: each can be continued in, set on the command line, and is checked for being
+    a finite number within its range in `ranges`. A field counts as one however its type is written, such as
+    ``Annotated[float, "damping ratio"]``. What depends on several fields a subclass checks in ``__post_init__`` after
+    calling this one's.
+
+    A function that returns a `System` becomes a model by the decorator `hbgear.model`; a class is the way if the
+    machine has more to it, such as units of its own.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True)
+    ... class Stop(hb.mechanics.Model):
+    ...     "A mass on a spring that meets a stop."
+    ...     zeta: float = 0.05
+    ...     gap: float = 1.0
+    ...     ranges = {"zeta": hb.mechanics.Range(low=0)}
+    ...
+    ...     def system(self):
+    ...         element = hb.Element([1.0], hb.Unilateral(k=5.0, gap=self.gap), name="stop")
+    ...         return hb.System([[1.0]], [[2 * self.zeta]], [[1.0]], [element], hb.Load(cosine={1: [0.2]}))
+    >>> Stop(gap=0.5).replace(zeta=0.1).parameters
+    {'zeta': 0.1, 'gap': 0.5}
+    """
+
+    labels: ClassVar[Mapping[str, str]] = {}
+    """Axis labels ``{"Omega": ..., "amplitude": ...}`` and, by name, of any parameter: symbol and unit."""
+    default_span: ClassVar[tuple[float, float]] = (0.5, 1.5)
+    """Range of Omega a response curve is traced over when the user gives none."""
+    ranges: ClassVar[Mapping[str, Range]] = {}
+    """Values a parameter may have, by name: ``{"zeta": Range(low=0)}``. Searches and curves end there."""
+
+    usual: ClassVar[Mapping[str, Range]] = {}
+    """Values a field usually has (every entry of a tuple), by name: beyond them a problem warns of the unit."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        for name, value in self.parameters.items():
+            allowed = self.ranges.get(name, ANY)
+            if type(value) is float and 1 / _LARGEST < abs(value) < _LARGEST and value in allowed:
+                continue  # the usual case, and the quickest
+            checked(type(self).__name__, name, value, allowed)
+            if abs(float(value)) > _LARGEST:
+                raise ValueError(f"{type(self).__name__}: {name} = {value:g} is beyond {_LARGEST:g}: check its unit")
+            if abs(float(value)) < 1 / _LARGEST and 0.0 not in allowed:  # models divide by it
+                raise ValueError(f"{type(self).__name__}: {name} = {value:g} is below {1 / _LARGEST:g}: check its unit")
+            if not isinstance(value, int | float) or (isinstance(value, int) and abs(value) > 2**53):
+                # a fraction, another type of NumPy, an integer that NumPy has no type for
+                object.__setattr__(self, name, float(value))
+
+    @abstractmethod
+    def system(self) -> System:
+        """The equations of motion this model stands for."""
+
+    def _repr_html_(self) -> str:
+        """For notebooks: its parameters with units."""
+        html: str = call("hbgear.plot.notebook.model_html", self)
+        return html
+
+    @property
+    def scales(self) -> Scales | None:
+        """Hz, r/min, m and N of a dimensionless model that knows its machine; None of any other."""
+        return None
+
+    @property
+    def reactions(self) -> Mapping[str, Reaction]:
+        """Forces in linear supports that are told along a curve, by name; none by default."""
+        return {}
+
+    @property
+    def sharing(self) -> Sequence[str]:
+        """Names of the elements that share a load; () for all. See `hbgear.analysis.planet_loads`."""
+        return ()
+
+    @property
+    def orders(self) -> Mapping[str, float]:
+        """What turns or meshes in the machine by name, over Omega: {"Omega": 1} unless the model knows more."""
+        return {"Omega": 1.0}
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Float fields by name: what a curve can be traced in besides Omega."""
+        if not dataclasses.is_dataclass(self):
+            return {}
+        return {name: getattr(self, name) for name in parameters_of(type(self))}
+
+    @property
+    def entries(self) -> dict[str, float]:
+        """Entries of its tuples of numbers by name, ``eps[0]``; a curve can be traced in each as in a parameter.
+
+        Examples
+        --------
+        >>> import hbgear as hb
+        >>> hb.SpurPair(e=(0.1, 0.02)).entries
+        {'e[0]': 0.1, 'e[1]': 0.02}
+        """
+        return entries_of(self) if dataclasses.is_dataclass(self) else {}
+
+    def replace(self, /, **changes: Any) -> Self:
+        """A copy with other field values; unknown names are refused. ``**{"eps[0]": 0.1}`` changes one entry.
+
+        Raises
+        ------
+        KeyError
+            If a name is not a field of the model, or no entry of it.
+        """
+        changes = with_entries(self, changes)
+        check_names(type(self), changes)
+        return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+
+    def at(self, parameters: Mapping[str, float]) -> Self:
+        """A copy with those of these values that are of its own parameters, such as those of a `Point`.
+
+        Examples
+        --------
+        >>> import hbgear as hb
+        >>> hb.Duffing().at({"zeta": 0.1, "Omega": 1.2}).zeta
+        0.1
+        """
+        known = self.parameters | self.entries
+        return self.replace(**{name: value for name, value in parameters.items() if name in known})
+
+
+@dataclass(frozen=True, eq=False)
+class Reaction:
+    """Force by which a linear support holds the structure, in one direction or several that are told as one size.
+
+        F = stiffness q + damping q'
+
+    Parameters
+    ----------
+    stiffness, damping : (r, n), a row for each direction, on the coordinates of the system and in its units.
+
+    Raises
+    ------
+    ValueError
+        If they are not finite matrices of the same shape.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> spring = hb.mechanics.Reaction(stiffness=[[1.0, 0.0]], damping=[[0.1, 0.0]])
+    >>> spring.stiffness.shape
+    (1, 2)
+    """
+
+    stiffness: Any
+    damping: Any
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping"):
+            rows = real_numbers(f"Reaction: {name}", getattr(self, name), "a row of numbers for each direction")
+            if rows.ndim != 2 or not rows.size or not np.isfinite(rows).all():
+                raise ValueError(f"Reaction: {name} must be a finite matrix (directions, coordinates)")
+            object.__setattr__(self, name, rows)
+        if self.stiffness.shape != self.damping.shape:
+            raise ValueError(f"Reaction: stiffness {self.stiffness.shape} and damping {self.damping.shape} must have "
+                             "the same shape")  # fmt: skip
+
+
+_LARGEST = 1e60  # of a parameter, so that products of several are numbers
+
+
+@dataclass(frozen=True)
+class Element:
+    """A scalar element: direction, law, damper, prescribed displacement.
+
+        d = direction^T q - displacement(tau),   force on the structure  -direction [law(d, d', tau) + damping d']
+
+    Parameters
+    ----------
+    direction : (n,) w.
+    law : `Law`.
+    displacement : `Series` or `Periodic`, the prescribed displacement e(tau); it has no jumps.
+    damping : viscous coefficient c of the damper beside the law, >= 0.
+    name : shown in tables and legends.
+
+    Raises
+    ------
+    ValueError
+        If the direction is zero or not finite, damping negative, or the displacement jumps.
+    TypeError
+        If the law is no `Law`.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> stop = hb.Element(direction=[1, 0], law=hb.Unilateral(k=1.0, gap=1.0), name="stop")
+    >>> stop.name, stop.law.breakpoints
+    ('stop', (1.0,))
+    """
+
+    direction: ArrayLike
+    law: Law
+    displacement: Phased = field(default_factory=Series)
+    damping: float = 0.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        check("Element", "name", self.name, str)
+        owner = f"element '{self.name}'"
+        w = real_numbers(f"{owner}: direction", self.direction, "a vector of numbers")
+        if w.ndim != 1 or not np.all(np.isfinite(w)) or not np.any(w):
+            raise ValueError(f"element '{self.name}': direction must be a finite non-zero vector, got {w}")
+        if not isinstance(self.law, Law):
+            raise TypeError(f"element '{self.name}': law must be a hbgear Law, got {quoted(self.law)}")
+        if not isinstance(self.displacement, Phased):
+            raise ValueError(f"{owner}: displacement = {self.displacement!r} must be a Series or a Periodic")
+        if isinstance(self.displacement, Periodic) and not self.displacement.continuous:
+            raise ValueError(
+                f"{owner}: the displacement jumps at tau = {self.displacement.corners[0]:.4g} or another of its "
+                "corners, which would take a force without bound of its damper; give it a steep ramp, as by "
+                "Periodic.trapezoidal or Periodic.table"
+            )
+        checked(owner, "damping", self.damping, NOT_NEGATIVE)
+        w.flags.writeable = False
+        object.__setattr__(self, "direction", w)
+
+
+@dataclass(frozen=True)
+class Load:
+    """Periodic load on the coordinates.
+
+        F(tau) = Omega^power (constant + sum_l cosine[l] cos(l tau) + sine[l] sin(l tau))
+
+    Parameters
+    ----------
+    constant : (n,) or None.
+    cosine, sine : ``{l: (n,)}``, l >= 1.
+    power : exponent of Omega; 2 for an unbalance.
+
+    Raises
+    ------
+    ValueError
+        If a harmonic number is not a positive integer or a vector is not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> torque = hb.Load(constant=[1.0, 0.0], cosine={1: [0.2, 0.0]})
+    >>> unbalance = hb.Load(cosine={1: [1.0, 0.0]}, power=2)
+    >>> unbalance.power
+    2
+    """
+
+    constant: ArrayLike | None = None
+    cosine: Mapping[int, ArrayLike] = field(default_factory=dict)
+    sine: Mapping[int, ArrayLike] = field(default_factory=dict)
+    power: int = 0
+
+    def __post_init__(self) -> None:
+        check("Load", "power", self.power, int)
+        checked("Load", "power", self.power, Range(-20, 20))
+        if self.constant is not None:
+            object.__setattr__(self, "constant", real_numbers("Load: constant", self.constant, "a vector of numbers"))
+        for name in ("cosine", "sine"):
+            table = {}
+            if not isinstance(getattr(self, name), Mapping):
+                raise ValueError(f"Load.{name} = {getattr(self, name)!r} must be a dictionary {{harmonic: vector}}")
+            for order, vector in getattr(self, name).items():
+                if not isinstance(order, int | np.integer) or order < 1:
+                    raise ValueError(f"Load.{name}: harmonic number {order!r} must be a positive integer")
+                counted(f"Load.{name}: harmonic number", int(order), MOST_HARMONICS)
+                table[int(order)] = real_numbers(f"Load.{name}[{order}]", vector, "a vector of numbers")
+            object.__setattr__(self, name, table)
+        for vector in self.vectors():
+            if vector.ndim != 1 or not np.all(np.isfinite(vector)):
+                raise ValueError(f"Load: every vector must be one-dimensional and finite, got {vector}")
+
+    def vectors(self) -> list[Array]:
+        """All load vectors, for checks."""
+        first = [] if self.constant is None else [np.asarray(self.constant)]
+        return first + [np.asarray(v) for v in [*self.cosine.values(), *self.sine.values()]]
+
+    @property
+    def order(self) -> int:
+        """Highest harmonic loaded."""
+        return max([0, *self.cosine, *self.sine])
+
+    def complex(self, n: int) -> dict[int, np.ndarray]:
+        """One-sided complex amplitudes ``{l: (n,)}`` without the factor Omega^power."""
+        out: dict[int, np.ndarray] = {}
+        if self.constant is not None:
+            out[0] = np.asarray(self.constant, dtype=complex)
+        for table, factor in ((self.cosine, 1.0), (self.sine, -1j)):
+            for order, vector in table.items():
+                out[order] = out.get(order, np.zeros(n, dtype=complex)) + factor * np.asarray(vector)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class System(Model):
+    """Equations of motion from matrices: the form every model is reduced to, and a model in its own right.
+
+    Parameters
+    ----------
+    M, C, K : (n, n), dense or scipy.sparse; M must be regular. C = None means no damping.
+    elements : sequence of `Element`, at least one.
+    load : `Load` or a sequence of them.
+    dof_names : (n,) names of the coordinates; ``q1, q2, ...`` by default.
+    speed : `SpeedTerms`, what is added to C and K at an Omega: gyroscopic terms, bearings. None if nothing is.
+    receptances : `Receptances` of some of the coordinates, by their names: a part that was measured. These need no mass
+        then. None without. Curves have no stability with them, and nothing can be integrated in time.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit or an entry is not finite.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> stop = hb.Element([1, 0], hb.Unilateral(k=1.0, gap=1.0), name="stop")
+    >>> M, C, K = np.eye(2), 0.05 * np.eye(2), [[2, -1], [-1, 2]]
+    >>> two = hb.System(M, C, K, [stop], hb.Load(cosine={1: [0, 0.2]}), dof_names=["x", "y"])
+    >>> hb.HarmonicBalance(two, 8).size
+    17
+    """
+
+    M: Any
+    C: Any
+    K: Any
+    elements: Sequence[Element] = ()
+    load: Load | Sequence[Load] = ()
+    dof_names: Sequence[str] = ()
+    speed: SpeedTerms | None = None
+    receptances: Receptances | None = None
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        set_(self, "M", square("M", self.M))
+        n = self.M.shape[0]
+        set_(self, "C", square("C", np.zeros((n, n)) if self.C is None else self.C))
+        set_(self, "K", square("K", self.K))
+        if not is_listed(self.elements):
+            raise ValueError("a System takes its elements in a list: elements=[...]")
+        elements = tuple(self.elements)
+        for i, element in enumerate(elements):
+            if not isinstance(element, Element):
+                kind = "None" if element is None else f"a {type(element).__name__}"
+                raise ValueError(f"element {i} is {kind}; need an Element(direction, law)")
+        one = isinstance(self.load, Load)
+        if not one and not (is_listed(self.load) and all(isinstance(load, Load) for load in self.loads)):
+            raise ValueError(f"load = {quoted(self.load)}: need a Load, or a list of them")
+        loads = self.loads
+        if not is_listed(self.dof_names) or not all(isinstance(name, str) for name in self.dof_names):
+            raise ValueError(f"dof_names = {self.dof_names!r} must be a list of names, one for each coordinate")
+        names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(n))
+        for name in ("C", "K"):
+            if getattr(self, name).shape != (n, n):
+                raise ValueError(f"{name} has shape {getattr(self, name).shape}; need {(n, n)}, the shape of M")
+        check("System", "speed", self.speed, SpeedTerms | None)
+        if self.speed is not None:
+            self.speed.check(n)
+        if not elements:
+            raise ValueError("a System needs at least one element; a linear one can carry Cubic(k3=0)")
+        for i, element in enumerate(elements):
+            if np.shape(element.direction) != (n,):
+                raise ValueError(f"element {i} has direction of shape {np.shape(element.direction)}; need ({n},)")
+        for vector in (v for load in loads for v in load.vectors()):
+            if vector.shape != (n,):
+                raise ValueError(f"a load vector has shape {vector.shape}; need ({n},)")
+        if len(names) != n:
+            raise ValueError(f"{len(names)} dof_names for {n} coordinates")
+        check("System", "receptances", self.receptances, Receptances | None)
+        for name in self.receptances.names if self.receptances is not None else ():
+            if names.count(name) != 1:
+                raise ValueError(f"receptances: there is no coordinate '{name}'{did_you_mean(name, names)}")
+        if self.receptances is not None and self.speed is not None:
+            raise ValueError("a System has receptances or terms that depend on speed; both at once cannot be computed")
+        named = tuple(e if e.name else dataclasses.replace(e, name=f"element {i + 1}") for i, e in enumerate(elements))
+        set_(self, "elements", named)
+        set_(self, "load", loads)
+        set_(self, "dof_names", names)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Empty: a System is fixed; a function that returns one is a model with parameters, see `hbgear.model`."""
+        return {}
+
+    def system(self) -> System:
+        return self
+
+    def at_speed(self, Omega: float) -> System:
+        """The system whose C and K are those at Omega, for any Omega; itself if they do not depend on it.
+
+        Raises
+        ------
+        ValueError
+            If Omega is outside of a table, or parts are known by receptances only.
+        """
+        self.check_matrices()
+        if self.speed is None:
+            return self
+        C, K = self.speed.at(float(Omega), self.n)
+        return dataclasses.replace(self, C=self.C + C, K=self.K + K, speed=None)
+
+    def check_matrices(self) -> None:
+        """Refuse what needs all of M, C and K where parts are known by receptances only.
+
+        Raises
+        ------
+        ValueError
+        """
+        if self.receptances is not None:
+            raise ValueError(
+                f"{', '.join(self.receptances.names)} are known by receptances only; this needs M, C and K of all "
+                "coordinates: modes, stability and integration in time have none"
+            )
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return int(self.M.shape[0])
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """The loads, always as a tuple."""
+        return (self.load,) if isinstance(self.load, Load) else tuple(self.load)
+
+    @property
+    def W(self) -> Array:
+        """Directions as columns, (n, m)."""
+        return np.column_stack([np.asarray(e.direction) for e in self.elements])
+
+
+def describe(model: Model) -> dict[str, Any]:
+    """``{"class": name, "fields": {...}}`` of plain numbers, strings and lists, fit for JSON.
+
+    Fields that are no data (functions, laws of your own, very large matrices) are left out, and named in
+    ``"left_out"``: such a model cannot be rebuilt. Of a model that is not of hbgear ``"from"`` says where it was
+    written, for the eye of whoever reads the file.
+    """
+    fields: dict[str, Any] = {}
+    left_out = []
+    for each in dataclasses.fields(model):  # type: ignore[arg-type]
+        try:
+            fields[each.name] = to_plain(getattr(model, each.name))
+        except TypeError:
+            left_out.append(each.name)
+    source, out = source_of(type(model)), {"class": type(model).__name__, "fields": fields}
+    return out | ({"left_out": left_out} if left_out else {}) | ({"from": source} if source else {})
+
+
+def source_of(cls: type) -> str:
+    """Where a class of models was written, as the command line takes it: FILE.py:NAME or MODULE:NAME; "" in hbgear.
+
+    Of a file its name without the folders, which are nobody else's business.
+    """
+    if cls.__module__.partition(".")[0] == "hbgear":
+        return ""
+    module = cls.__module__
+    if module == "__main__" or module.endswith(".py"):  # a script, or a file that was named on the command line
+        module = Path(getattr(sys.modules.get(module), "__file__", None) or module).name
+    return f"{module}:{cls.__qualname__}"

@@ -1,0 +1,140 @@
+"""Reference stiffness of elements: springs that close a structure and cancel from every result.
+
+    k_j = reference of the law;   or, if the law states none,   |1 / (w_j^T K^-1 w_j)|,   p_j(L) / L
+
+They only condition the linear algebra. A law such as k3 d^3 has no stiffness of its own: a coefficient in N/m^3 is no
+stiffness. That of the structure in the direction of the element is of the right size in any
+units; where nothing holds the element, it is the secant stiffness of the law at the length L at which the law carries
+the load, or that of its prescribed displacement.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array
+from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.models import System
+
+_SOLVED = 1e-6  # residual of a static solution, relative to the load, above which K is singular
+
+
+_NEGATIVE = 2.0  # times its size, for a structure of negative stiffness: K + k must not be singular
+
+
+def references(system: System, share: float = 1.0) -> Array:
+    """Reference stiffness (m,) of the elements of a system [force / length], none negative.
+
+    Parameters
+    ----------
+    system : System
+        The system.
+    share : float, optional
+        Share of the stiffness of the structure that elements get whose laws state none; 1 by default.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> beam = hb.System([[1e-11]], [[0.0]], [[2.0]], [hb.Element([1.0], hb.Cubic(k3=1e12))])
+    >>> references(beam).tolist()
+    [2.0]
+    """
+    stated = np.array([abs(element.law.reference) for element in system.elements])
+    unknown = np.flatnonzero(stated == 0)
+    if unknown.size:
+        stated[unknown] = _structural(system, stated, unknown, share)
+        for j in np.flatnonzero(stated == 0):
+            stated[j] = _carrying(system, int(j))
+    return stated
+
+
+def _structural(system: System, stated: Array, unknown: np.ndarray, share: float) -> Array:
+    """Share of the static stiffness of the structure with the known springs closed; 0 where nothing holds elements."""
+    if isinstance(system.K, np.ndarray):
+        K: Any = system.K + (system.W * stated) @ system.W.T
+    else:
+        W = scipy.sparse.csc_array(system.W)
+        K = scipy.sparse.csc_array(system.K) + W @ scipy.sparse.diags_array(stated) @ W.T
+    found: Array = np.zeros(len(unknown))
+    for i, w in enumerate(system.W[:, unknown].T):
+        x = _solved(K, w)
+        compliance = 0.0 if x is None else float(w @ x)
+        if compliance:
+            found[i] = share / compliance if compliance > 0 else -_NEGATIVE / compliance
+    return found
+
+
+def _solved(K: Any, w: Array) -> Array | None:
+    """K^-1 w, or None if K is singular."""
+    with np.errstate(all="ignore"):
+        try:
+            x: Array = np.linalg.solve(K, w) if isinstance(K, np.ndarray) else scipy.sparse.linalg.splu(K).solve(w)
+        except (RuntimeError, np.linalg.LinAlgError):  # exactly singular
+            return None
+        size = abs(K) @ np.abs(x)
+    good = np.isfinite(x).all() and np.linalg.norm(K @ x - w) <= _SOLVED * np.linalg.norm(w)
+    return x if good and np.linalg.norm(size) <= np.linalg.norm(w) / _SINGULAR else None
+
+
+_SINGULAR = 1e-11  # load over the terms of K x that it is the sum of, below which K is singular
+
+
+def _carrying(system: System, j: int) -> float:
+    """Secant stiffness of a law where it carries the loads in its direction, or at its prescribed displacement."""
+    element = system.elements[j]
+    w = np.asarray(element.direction)
+    force = max((abs(float(w @ F)) / float(w @ w) for load in system.loads for F in load.vectors()), default=0.0)
+    return secant(element.law, force, element.displacement.bound)
+
+
+def secant(law: Law, force: float, length: float) -> float:
+    """|p(d)| / d of a law where |p| reaches a force, or else at a length; 0 if it has no stiffness in either.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> round(secant(hb.Cubic(k3=1e12), 1e-6, 0.0))  # 1e-6 N at 1e-6 m
+    1
+    """
+    d = np.logspace(-60.0, 60.0, 2401)
+    p = np.abs(at_rest(law, d)[0])
+    reached = np.flatnonzero((p >= force) & np.isfinite(p)) if force > 0 else np.empty(0, dtype=int)
+    at = int(reached[0]) if reached.size else int(np.searchsorted(d, length)) if length > 0 else -1
+    return float(p[at] / d[at]) if 0 <= at < len(d) and np.isfinite(p[at]) else 0.0
+
+
+def bend(law: Law, stiffness: float) -> float:
+    """Smallest |d| at which dp/dd has changed by a stiffness; 0 if it does so nowhere.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> round(bend(hb.Cubic(k3=1e12), 3.0) * 1e6, 2)  # 3 k3 d^2 = 3
+    1.0
+    """
+    d = np.logspace(-60.0, 60.0, 2401)
+    slope = at_rest(law, np.concatenate([[0.0], d, -d]))[1]
+    with np.errstate(all="ignore"):
+        changed = np.abs(slope[1:] - slope[0]).reshape(2, -1).max(axis=0) >= stiffness
+    return float(d[int(np.argmax(changed))]) if stiffness > 0 and changed.any() else 0.0
+
+
+def at_rest(law: Law, d: Array) -> tuple[Array, Array]:
+    """p and dp/dd of a law at rest at displacements (k,) of any size; nan where it refuses to be asked."""
+    try:
+        with np.errstate(all="ignore"):
+            p, slope = law.force(d, np.zeros_like(d), np.zeros_like(d))[:2]
+            return np.asarray(p, dtype=float), np.asarray(slope, dtype=float)
+    except Exception:  # any error that a law raises far out
+        if len(d) == 1:
+            return np.full(1, np.nan), np.full(1, np.nan)
+    order = np.argsort(np.abs(d), kind="stable")
+    near, far = order[: len(d) // 2], order[len(d) // 2 :]
+    out: Array = np.full((2, len(d)), np.nan)
+    out[:, near] = at_rest(law, d[near])
+    if np.isfinite(out[:, near]).any():
+        out[:, far] = at_rest(law, d[far])
+    return out[0], out[1]

@@ -1,0 +1,1 @@
+"""Fourier series and piecewise-polynomial functions of the phase."""

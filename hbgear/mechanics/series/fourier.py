@@ -1,0 +1,391 @@
+"""Harmonics and samples of periodic functions: the only place that knows the coefficient order.
+
+    x(theta) = a0 + sum_{k=1..H} a_k cos(k theta) + b_k sin(k theta)
+
+A *row* of real coefficients is stored as ``(a0, a1, b1, ..., aH, bH)``, length ``2H + 1``. The complex one-sided
+form is ``c_k = a_k - i b_k`` (``c_0 = a0``), so that ``x = Re sum_k c_k exp(i k theta)``. Two-sided coefficients
+are ``c_k / 2`` for ``k >= 1`` and their conjugates for ``k <= -1``.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.ranges import counted
+from hbgear.common.text.messages import quoted
+
+
+def harmonics_of(X: Array) -> int:
+    """Number of harmonics H of rows of length 2H + 1."""
+    size: int = X.shape[-1]
+    if size % 2 == 0:
+        raise ValueError(f"a row of {size} coefficients has no order H; need an odd length 2H + 1")
+    return size // 2
+
+
+def to_complex(X: Array) -> ComplexArray:
+    """One-sided complex coefficients ``(..., H + 1)`` of real rows ``(..., 2H + 1)``."""
+    place, sign = _to_complex(X.shape[-1])
+    parts = X.take(place, axis=-1) * sign
+    parts[..., 1] = 0.0
+    return parts.view(complex)
+
+
+def to_real(c: ComplexArray) -> Array:
+    """Real rows ``(..., 2H + 1)`` of one-sided complex coefficients ``(..., H + 1)``."""
+    place, sign = _to_real(c.shape[-1])
+    return np.ascontiguousarray(c).view(float).take(place, axis=-1) * sign
+
+
+@lru_cache(maxsize=64)
+def _to_complex(n: int) -> tuple[np.ndarray, Array]:
+    """Of n real coefficients: where the real and imaginary parts come from, and their signs."""
+    return np.concatenate([[0], np.arange(n)]), np.tile([1.0, -1.0], n // 2 + 1)
+
+
+@lru_cache(maxsize=64)
+def _to_real(K: int) -> tuple[np.ndarray, Array]:
+    """Of K complex coefficients: where among real and imaginary parts the real ones come from, and their signs."""
+    return np.concatenate([[0], np.arange(2, 2 * K)]), np.concatenate([[1.0], np.tile([1.0, -1.0], K - 1)])
+
+
+def waves(theta: ArrayLike, H: int) -> ComplexArray:
+    """exp(i k theta), (T, H + 1), by powers of one exponential."""
+    out = np.empty((np.size(theta), H + 1), dtype=complex)
+    out[:, 0] = 1.0
+    out[:, 1:] = np.exp(1j * np.ravel(theta))[:, None]
+    return np.multiply.accumulate(out, axis=1, out=out)
+
+
+def evaluate(X: Array, theta: ArrayLike, order: int = 0) -> Array:
+    """Value, or the derivative of the given order in theta, of rows at any phases.
+
+    Parameters
+    ----------
+    X : (..., 2H + 1) real rows.
+    theta : (T,) phases [rad].
+    order : 0 for the value, 1 for d/dtheta, and so on.
+
+    Returns
+    -------
+    (..., T)
+    """
+    c = to_complex(np.asarray(X, dtype=float))
+    return ((derive(c, order)) @ waves(theta, c.shape[-1] - 1).T).real
+
+
+def derive(c: ComplexArray, order: int = 1) -> ComplexArray:
+    """Coefficients of the derivative of the given order in theta: (i k)^order c_k.
+
+    Raises
+    ------
+    ValueError
+        If the order is no whole number from 0 to 10.
+    """
+    for _ in range(counted("order", order, 10, least=0)):
+        c = 1j * np.arange(c.shape[-1]) * c
+    return c
+
+
+def resize(X: Array, H: int) -> Array:
+    """Rows cut or padded with zeros to H harmonics."""
+    out = np.zeros((*X.shape[:-1], 2 * H + 1))
+    n = min(out.shape[-1], X.shape[-1])
+    out[..., :n] = X[..., :n]
+    return out
+
+
+def places(orders: np.ndarray) -> np.ndarray:
+    """Where the coefficients of some harmonics, ascending, stand in a row of all of them."""
+    both = np.stack([2 * orders - 1, 2 * orders], axis=-1).ravel()
+    return both[1:] if len(orders) and orders[0] == 0 else both
+
+
+def spread(X: Array, m: int, orders: np.ndarray, H: int) -> Array:
+    """Rows (..., m, 2H + 1) of all harmonics from X (..., m (2K + 1)), those of K orders and 0; others are zero."""
+    some = X.reshape(*X.shape[:-1], m, -1)
+    if some.shape[-1] == 2 * H + 1:
+        return some
+    out = np.zeros((*some.shape[:-1], 2 * H + 1), dtype=X.dtype)
+    out[..., places(orders)] = some
+    return out
+
+
+def stretch(X: Array, nu: int) -> Array:
+    """Rows of the same function seen over ``nu`` of its periods: harmonic k becomes harmonic ``nu k``."""
+    if nu == 1:
+        return X
+    c = to_complex(X)
+    out = np.zeros((*c.shape[:-1], nu * (c.shape[-1] - 1) + 1), dtype=complex)
+    out[..., ::nu] = c
+    return to_real(out)
+
+
+def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
+    """Smallest and largest value of each row over a period, to rounding for functions resolved by H harmonics.
+
+    Samples on a grid of N >= 16 per shortest wave, then Newton on the derivative from every sample that can be the
+    nearest to the extremum: such a sample misses it by at most (pi/N)^2 / 2 sum_k k^2 |c_k|.
+
+    Returns
+    -------
+    low, theta_low, high, theta_high : each (...,), one per row.
+    """
+    from hbgear.mechanics.series.fourier_kernels import extremes
+
+    X = np.asarray(X, dtype=float)
+    c = to_complex(X.reshape(-1, X.shape[-1]))
+    low, at_low, high, at_high = np.empty((4, len(c)))
+    extremes(c, samples_of(c, max(64, 16 * harmonics_of(X))), low, at_low, high, at_high)
+    return tuple(part.reshape(X.shape[:-1])[()] for part in (low, at_low, high, at_high))  # type: ignore[return-value]
+
+
+def real_numbers(what: str, value: Any, need: str) -> Array:
+    """A copy of a value as an array of floats; texts, complex numbers and ragged lists are refused.
+
+    Raises
+    ------
+    ValueError
+        "``what`` = ... must be ``need``".
+    """
+    try:
+        given = np.asarray(value)
+    except ValueError:  # lists of different lengths
+        given = np.asarray(None)
+    if given.dtype.kind not in "iufb":
+        raise ValueError(f"{what} = {quoted(value)} must be {need}")
+    return np.array(given, dtype=float)
+
+
+def is_listed(value: Any) -> bool:
+    """Whether a value is several; arrays without dimensions and sparse ones call themselves iterable and are not."""
+    return isinstance(value, Iterable) and getattr(value, "ndim", 1) > 0 and not hasattr(value, "tocsr")
+
+
+MOST_HARMONICS = 10_000
+"""Of a prescribed function: far above what a mesh has, and few enough for every table that is made of them."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """A prescribed periodic function of the phase tau, given by its Fourier coefficients.
+
+        s(tau) = mean + sum_l cosine[l-1] cos(l tau) + sine[l-1] sin(l tau)
+
+    Parameters
+    ----------
+    mean : float
+    cosine, sine : tuples of float, of any and not necessarily equal length; entry 0 belongs to cos(tau), sin(tau).
+
+    Raises
+    ------
+    ValueError
+        If a coefficient is no finite number.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> stiffness = hb.mechanics.Series(mean=1.0, cosine=(0.2,))
+    >>> stiffness(np.array([0.0, np.pi])).round(12).tolist()
+    [1.2, 0.8]
+    """
+
+    mean: float = 0.0
+    cosine: tuple[float, ...] = ()
+    sine: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if type(self.mean) is not float and real_numbers("Series: mean", self.mean, "a number").ndim:
+            raise ValueError(f"Series: mean = {quoted(self.mean)} must be a number")
+        for name in ("cosine", "sine"):
+            given = getattr(self, name)
+            if type(given) is tuple and len(given) <= MOST_HARMONICS and all(type(x) is float for x in given):
+                continue  # the usual case, and the quickest
+            row = real_numbers(f"Series: {name}", given, "a sequence of numbers such as (0.1, 0.05)")
+            if row.ndim != 1:
+                raise ValueError(f"Series: {name} = {quoted(given)} must be a sequence of numbers such as (0.1, 0.05)")
+            counted(f"Series: number of entries of {name}", row.size, MOST_HARMONICS, least=0)
+            object.__setattr__(self, name, tuple(row.tolist()))
+        if not all(map(math.isfinite, (self.mean, *self.cosine, *self.sine))):
+            raise ValueError(f"Series needs finite coefficients, got {self}")
+
+    @property
+    def order(self) -> int:
+        """Highest harmonic with a coefficient."""
+        return max(len(self.cosine), len(self.sine))
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Empty: it is smooth."""
+        return ()
+
+    @property
+    def varies(self) -> bool:
+        """Whether it depends on tau."""
+        return any(self.cosine) or any(self.sine)
+
+    @property
+    def bound(self) -> float:
+        """A bound of its absolute value."""
+        return float(np.abs(self.row()).sum())
+
+    def extremes(self) -> tuple[float, float]:
+        """The smallest and the largest value."""
+        low, _, high, _ = extrema(self.row())
+        return float(low), float(high)
+
+    @checked_arguments()
+    def row(self, H: int | None = None) -> Array:
+        """Real row ``(2H + 1,)``; harmonics above H are left out, H = None keeps all."""
+        if H is not None:
+            counted("H", H, 1_000_000, least=0)
+        out = np.zeros(2 * self.order + 1)
+        out[0] = self.mean
+        out[1 : 2 * len(self.cosine) : 2] = self.cosine
+        out[2 : 2 * len(self.sine) + 1 : 2] = self.sine
+        return out if H is None else resize(out, H)
+
+    def __call__(self, tau: ArrayLike, derivative: int = 0) -> Array:
+        """Value, or a derivative in tau, at any phases."""
+        tau = real_numbers("Series: tau", tau, "a number or an array of numbers")
+        if not np.isfinite(tau).all():
+            raise ValueError(f"Series: tau = {quoted(tau)} must be finite")
+        return evaluate(self.row(), tau.ravel(), derivative).reshape(tau.shape)
+
+    @checked_arguments()
+    def shifted(self, phase: float) -> Series:
+        """The function delayed by a phase: ``s(tau - phase)``."""
+        if not phase:
+            return self
+        c = to_complex(self.row()) * np.exp(-1j * phase * np.arange(self.order + 1))
+        return Series(self.mean, tuple(c.real[1:]), tuple(-c.imag[1:]))
+
+    @checked_arguments()
+    def scaled(self, factor: float) -> Series:
+        """The function times a factor."""
+        return Series(factor * self.mean, tuple(factor * x for x in self.cosine), tuple(factor * x for x in self.sine))
+
+    @checked_arguments()
+    def varied(self, factor: float) -> Series:
+        """The function with its alternating part times a factor: ``mean + factor (s - mean)``."""
+        return Series(self.mean, tuple(factor * x for x in self.cosine), tuple(factor * x for x in self.sine))
+
+
+def samples_of(c: ComplexArray, N: int) -> Array:
+    """Samples (..., N) at theta_n = 2 pi n / N of any number of rows of one-sided coefficients (..., H + 1)."""
+    spectrum = (0.5 * N) * c
+    spectrum[..., 0] *= 2.0
+    return np.fft.irfft(spectrum, n=N, axis=-1)
+
+
+def fast_length(least: int) -> int:
+    """The smallest whole number, at least so large, without a prime factor above 5: transforms of it are fast."""
+    n = least
+    while True:
+        rest = n
+        for prime in (2, 3, 5):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return n
+        n += 1
+
+
+class Transform:
+    """Fast Fourier transforms between rows of H harmonics and N samples over one period.
+
+    Plans are made once for every power of two of rows, when so many are first transformed at once. Each thread has its
+    own, for they hold the arrays they work on.
+
+    Parameters
+    ----------
+    H, N : harmonics, samples.
+
+    Raises
+    ------
+    ValueError
+        If N < 2H + 1: the samples cannot resolve the harmonics.
+    """
+
+    def __init__(self, H: int, N: int) -> None:
+        if N < 2 * H + 1:
+            raise ValueError(f"N = {N} samples cannot resolve H = {H} harmonics; need N >= {2 * H + 1}")
+        self.H, self.N = H, N
+        self._own = threading.local()
+
+    def __reduce__(self) -> tuple[type[Transform], tuple[int, int]]:
+        return Transform, (self.H, self.N)
+
+    @cached_property
+    def basis(self) -> Array:
+        """1, cos theta, sin theta, ..., sin H theta (2H + 1, N) at the samples."""
+        theta = 2 * np.pi * np.arange(self.N) / self.N
+        turned = np.arange(1, self.H + 1)[:, None] * np.arange(self.N) % self.N
+        out = np.ones((2 * self.H + 1, self.N))
+        out[1::2], out[2::2] = np.cos(theta)[turned], np.sin(theta)[turned]
+        return out
+
+    @cached_property
+    def wider(self) -> Transform:
+        """That of twice as many harmonics, of each of which there are four samples at least."""
+        return Transform(2 * self.H, max(self.N, 8 * self.H))
+
+    def _planned(self, rows: int) -> _Plans:
+        room = 1 << (rows - 1).bit_length()
+        plans: dict[Any, _Plans] = self._own.__dict__  # of this thread
+        if room not in plans:
+            with _PLANNING:
+                plans[room] = _Plans(room, self.N)
+        return plans[room]
+
+    def samples(self, c: ComplexArray) -> Array:
+        """Samples ``(rows, N)`` of one-sided coefficients ``(rows, H + 1)``, at ``theta_n = 2 pi n / N``."""
+        rows, plans = len(c), self._planned(len(c))
+        # FFTW overwrites the input of a multi-dimensional inverse, so it is filled afresh every time
+        s = plans.coefficients
+        s[:] = 0.0
+        np.multiply(c, 0.5, out=s[:rows, : self.H + 1])
+        s[:rows, 0] = c[:, 0]
+        plans.inverse.execute()
+        copied: Array = plans.values[:rows].copy()
+        return copied
+
+    def spectrum(self, samples: Array) -> ComplexArray:
+        """Two-sided coefficients ``x_k, k = 0..2H`` of samples ``(rows, N)`` (``x_-k`` is the conjugate).
+
+        Zeros where N is too short to hold them.
+        """
+        rows, kept, plans = len(samples), min(2 * self.H, self.N // 2) + 1, self._planned(len(samples))
+        plans.samples[:rows] = samples
+        plans.forward.execute()
+        out = np.zeros((rows, 2 * self.H + 1), dtype=complex)
+        np.multiply(plans.spectrum[:rows, :kept], 1.0 / self.N, out=out[:, :kept])
+        return out
+
+
+_PLANNING = threading.Lock()  # FFTW makes one plan at a time, whoever asks
+
+
+class _Plans:
+    """Plans of both directions for so many rows of N samples, with the arrays they work on."""
+
+    def __init__(self, rows: int, N: int) -> None:
+        import pyfftw  # here, since it takes longer to import than all the rest
+
+        self.coefficients = pyfftw.zeros_aligned((rows, N // 2 + 1), dtype="complex128")
+        self.values = pyfftw.empty_aligned((rows, N), dtype="float64")
+        self.inverse = pyfftw.FFTW(self.coefficients, self.values, direction="FFTW_BACKWARD", flags=("FFTW_ESTIMATE",))
+        self.samples = pyfftw.zeros_aligned((rows, N), dtype="float64")
+        self.spectrum = pyfftw.empty_aligned((rows, N // 2 + 1), dtype="complex128")
+        self.forward = pyfftw.FFTW(self.samples, self.spectrum, flags=("FFTW_ESTIMATE",))

@@ -1,0 +1,113 @@
+"""Kernels: a Fourier row summed: samples, value and slopes at a phase, largest value.
+
+    x(theta) = Re sum_k c_k exp(i k theta)
+
+The one-sided coefficients c of a row are those of `fourier.to_complex`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hbgear.common.process.compiling import kernel
+
+
+@kernel
+def put_waves(row: Any, c: Any) -> None:
+    """Put the one-sided coefficients of a real row (2H + 1,) in the first of c."""
+    c[0] = row[0]
+    for k in range(1, row.shape[0] // 2 + 1):
+        c[k] = complex(row[2 * k - 1], -row[2 * k])
+
+
+@kernel
+def sampled(row: Any, basis: Any, out: Any) -> None:
+    """Samples (N,) of a real row."""
+    for n in range(out.shape[0]):
+        out[n] = row[0]
+    for k in range(1, row.shape[0]):
+        a = row[k]
+        if a != 0.0:
+            for n in range(out.shape[0]):
+                out[n] += a * basis[k, n]
+
+
+@kernel
+def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
+    """x, x' and x'' at theta."""
+    x, y = math.cos(theta), math.sin(theta)
+    p = q = r = s = t = u = 0.0  # real and imaginary parts, which take half the time of complex numbers
+    for k in range(c.shape[0] - 1, 0, -1):
+        t, u = (t * x + r) - u * y, (t * y + s) + u * x
+        r, s = (r * x + p) - s * y, (r * y + q) + s * x
+        p, q = (p * x + c[k].real) - q * y, (p * y + c[k].imag) + q * x
+    z, f, g, h = complex(x, y), complex(p, q), complex(r, s), complex(t, u)
+    # sum c_k z^k = z f;  its derivatives by i theta: z (f + z g),  z (f + 3 z g + 2 z^2 h)
+    once, twice = z * (f + z * g), z * (f + z * (3.0 * g + 2.0 * z * h))
+    return (z * f).real + (c[0].real - level), -once.imag, -twice.real
+
+
+@kernel
+def bend_of(c: Any) -> float:
+    """Bound of |x''|."""
+    total = 0.0
+    for k in range(1, c.shape[0]):
+        total += k * k * math.sqrt(c[k].real * c[k].real + c[k].imag * c[k].imag)  # abs takes five times as long
+    return total
+
+
+@kernel
+def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
+    """Largest value of side x, side +1 or -1, over a period, and where: Newton from the samples that can be nearest."""
+    N = samples.shape[0]
+    step, size, most = 2 * math.pi / N, 0.0, _largest(samples, side)
+    for k in range(c.shape[0]):
+        size += abs(c[k].real) + abs(c[k].imag)
+    miss = 0.125 * step * step * bend_of(c)
+    if not miss > 1e-14 * size:  # a constant has its extremum anywhere
+        return side * samples[0], 0.0
+    top, place = most, 0.0
+    for n in range(N):
+        here = side * samples[n]
+        if here < most - miss:
+            continue  # too low
+        before, after = side * samples[n - 1], side * samples[n + 1 - N]
+        if here < before or here < after:
+            continue  # on the way up to a neighbour that is not
+        bend = before - 2.0 * here + after
+        at = step * (n + 0.5 * (before - after) / bend) if bend < 0.0 else step * n
+        for _ in range(16):
+            _, slope, curve = value_of(c, 0.0, at)
+            move = side * slope / abs(curve) if abs(curve) > 1e-300 else 0.0  # |curve|: always uphill
+            move = min(0.5 * step, max(-0.5 * step, move))
+            at += move
+            if abs(move) <= 1e-6:  # the next one is its square
+                break
+        value = side * value_of(c, 0.0, at)[0]
+        if value > top or here == top:
+            top, place = max(value, top), at
+    return top, place
+
+
+@kernel
+def _largest(samples: Any, side: float) -> float:
+    """The largest of side times the samples: of four at a time, which do not wait for each other."""
+    N = samples.shape[0]
+    a: float = side * samples[0]
+    b = c = d = a
+    for n in range(0, N - 3, 4):
+        a, b = max(a, side * samples[n]), max(b, side * samples[n + 1])
+        c, d = max(c, side * samples[n + 2]), max(d, side * samples[n + 3])
+    for n in range(N - N % 4, N):
+        a = max(a, side * samples[n])
+    return max(max(a, b), max(c, d))
+
+
+@kernel
+def extremes(c: Any, samples: Any, low: Any, at_low: Any, high: Any, at_high: Any) -> None:
+    """Smallest and largest values (P,) of rows c (P, H + 1), given their samples (P, N), and their phases (P,)."""
+    for p in range(c.shape[0]):
+        high[p], at_high[p] = highest(c[p], samples[p], 1.0)
+        low[p], at_low[p] = highest(c[p], samples[p], -1.0)
+        low[p] = -low[p]

@@ -1,0 +1,1 @@
+"""Linear structures: matrices, speed-dependent terms, receptances, reduction."""

@@ -1,0 +1,216 @@
+"""Receptances by frequency, as they are measured, as a linear part of a system.
+
+    q(w) = H(w) F(w)   of some coordinates,   D(w) = K + i w C - w^2 M + S H(w)^-1 S^T
+
+with S (n, p) that picks these coordinates out of the n of the system. A structure that is measured whole has no M, C
+and K beside. Harmonic balance needs no more than D at the harmonics of a motion; what needs modes has none: multipliers
+and integration in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.facade import call
+from hbgear.common.ranges import ANY, checked
+from hbgear.common.text.messages import did_you_mean, quoted
+from hbgear.mechanics.series.fourier import is_listed, real_numbers
+
+_BEYOND = 0.02  # of a frequency at an end of the lines that Newton may pass it by, along a straight line
+
+_ROUNDING = 1e-9  # of a frequency
+
+_SINGULAR = 1e-13  # ratio of singular values of a receptance that is rounding
+
+
+def vector_along(names: Sequence[str], coordinates: Mapping[str | int, float]) -> Array:
+    """A vector (n,) with values of coordinates, by name or by number from 0, and 0 else.
+
+    Raises
+    ------
+    KeyError, IndexError
+        If there is no such coordinate.
+    ValueError
+        If nothing is given, or a value is no finite number.
+    """
+    if not isinstance(coordinates, Mapping) or not coordinates:
+        raise ValueError(f"along: {quoted(coordinates)} must be values by coordinate, such as {{'{names[0]}': 1.0}}")
+    out = np.zeros(len(names))
+    for name, value in coordinates.items():
+        checked("along", str(name), value, ANY)
+        out[_number(names, name)] = value
+    return out
+
+
+def _number(names: Sequence[str], name: Any) -> int:
+    if isinstance(name, int | np.integer) and not isinstance(name, bool):
+        if not 0 <= name < len(names):
+            raise IndexError(
+                f"there is no coordinate {name}; the {len(names)} coordinates have the numbers 0 to {len(names) - 1}"
+            )
+        return int(name)
+    if name not in names:
+        raise KeyError(f"there is no coordinate '{name}'{did_you_mean(str(name), names)}")
+    return list(names).index(name)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Receptances:
+    """Displacements by force at p coordinates of a linear structure, at frequencies; between them a cubic spline.
+
+    Parameters
+    ----------
+    omega : (F,) angular frequencies in the unit of Omega, ascending, at least four.
+    values : (F, p, p) complex, displacement of the row by a force on the column.
+    names : (p,) of the coordinates, as in ``dof_names`` of the `System`.
+    static : (p, p) at rest, which the mean of every motion needs; None if the first frequency is 0.
+
+    Raises
+    ------
+    ValueError
+        If frequencies do not ascend, numbers are missing or not finite, names do not fit, nothing is known at
+        rest, or no forces belong to the displacements.
+
+    Examples
+    --------
+    A mass on a spring, as if measured up to 12 rad/s:
+
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> w = np.linspace(0.0, 12.0, 1201)
+    >>> found = hb.mechanics.Receptances(w, (1 / (1 - w**2 + 0.1j * w))[:, None, None], ["x"])
+    >>> stop = hb.Element(found.along({"x": 1.0}), hb.Unilateral(k=1.0, gap=1.0), name="stop")
+    >>> machine = found.system([stop], hb.Load(cosine={1: found.along({"x": 0.2})}))
+    >>> curve = hb.trace(hb.HarmonicBalance(machine, 8), "Omega", (0.6, 1.5))
+    >>> curve.stable is None
+    True
+    """
+
+    omega: Any
+    values: Any
+    names: Sequence[str]
+    static: Any = None
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        w = real_numbers("Receptances: omega", self.omega, "a list of numbers")
+        if w.ndim != 1 or len(w) < 4 or not np.all(np.isfinite(w)) or np.any(np.diff(w) <= 0) or w[0] < 0:
+            raise ValueError(f"Receptances: omega = {w} must be four or more frequencies from 0 on that ascend")
+        try:
+            H = np.array(self.values, dtype=complex)
+        except (TypeError, ValueError):
+            raise ValueError(f"Receptances: values = {quoted(self.values)} must be complex numbers (F, p, p)") from None
+        if H.ndim != 3 or H.shape[1] != H.shape[2] or not H.shape[1] or len(H) != len(w):
+            raise ValueError(f"Receptances: values of shape {H.shape} for {len(w)} frequencies; need (F, p, p)")
+        if not np.all(np.isfinite(H)):
+            raise ValueError("Receptances: values has entries that are not finite")
+        names = tuple(self.names) if is_listed(self.names) else ()
+        if len(names) != H.shape[1] or len(set(names)) < len(names) or not all(isinstance(x, str) for x in names):
+            raise ValueError(
+                f"Receptances: names = {quoted(self.names)} must be {H.shape[1]} different names, one for each "
+                "coordinate"
+            )
+        static = H[0].real if self.static is None and w[0] == 0 else self.static
+        if static is None:
+            raise ValueError(
+                f"Receptances: the lowest frequency is {w[0]:g}; the mean of a motion needs the receptance at rest: "
+                "give static=, a matrix (p, p) of displacements by constant forces"
+            )
+        static = real_numbers("Receptances: static", static, "a matrix of displacements by constant forces")
+        if static.shape != H.shape[1:] or not np.all(np.isfinite(static)):
+            raise ValueError(f"Receptances: static has shape {static.shape}; need finite numbers {H.shape[1:]}")
+        set_(self, "omega", w)
+        set_(self, "values", H)
+        set_(self, "names", names)
+        set_(self, "static", static)
+        moving = H[w > 0]
+        s = np.linalg.svd(np.concatenate([static[None], moving]), compute_uv=False)
+        worst = int(np.argmin(s[:, -1] / np.where(s[:, 0] > 0, s[:, 0], 1.0)))
+        if s[worst, -1] <= _SINGULAR * s[worst, 0]:
+            where = "at rest" if worst == 0 else f"at omega = {w[w > 0][worst - 1]:g}"
+            raise ValueError(
+                f"Receptances: {where} different forces give the same displacements, so forces cannot be told from "
+                "them; leave out coordinates that move with others"
+            )
+        curve = scipy.interpolate.CubicSpline(w, H)
+        set_(self, "_curve", curve)
+        set_(self, "_slope", curve.derivative())
+
+    @property
+    def coarseness(self) -> float:
+        """Error between the lines over the highest peak, estimated from a spline through every other one."""
+        w, H = self.omega, self.values
+        between = scipy.interpolate.CubicSpline(w[::2], H[::2])(w[1::2][: len(w[::2]) - 1])
+        missed = np.abs(between - H[1::2][: len(between)]).max() / np.abs(H).max()
+        return float(missed) / 16  # a spline is of fourth order
+
+    def __repr__(self) -> str:
+        return (
+            f"Receptances({', '.join(self.names)}; {len(self.omega)} lines from {self.omega[0]:g} to {self.highest:g})"
+        )
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates p."""
+        return len(self.names)
+
+    @property
+    def lowest(self) -> float:
+        """The lowest frequency but 0."""
+        return float(self.omega[self.omega > 0][0])
+
+    @property
+    def highest(self) -> float:
+        """The highest frequency."""
+        return float(self.omega[-1])
+
+    def check(self, low: float, high: float, harmonics: int, nu: int = 1) -> None:
+        """Refuse a span of Omega some harmonics of which, 1 to H of Omega / nu, lie beyond the frequencies.
+
+        Raises
+        ------
+        ValueError
+        """
+        least, most = low / nu, high * harmonics / nu
+        if least < self.lowest * (1 - _ROUNDING) or most > self.highest * (1 + _ROUNDING):
+            raise ValueError(
+                f"Omega from {low:g} to {high:g} with {harmonics} harmonics{f' of Omega / {nu}' if nu > 1 else ''} "
+                f"needs receptances from {least:g} to {most:g}; there are those from {self.lowest:g} to "
+                f"{self.highest:g}: take fewer harmonics or another span, or measure the others"
+            )
+
+    def stiffness(self, w: float) -> tuple[ComplexArray, ComplexArray]:
+        """The dynamic stiffness H^-1 (p, p) and its derivative in w; at w = 0 the static one, and 0.
+
+        Raises
+        ------
+        ValueError
+            If there is no receptance at this frequency.
+        """
+        if w == 0.0:
+            return np.linalg.inv(self.static).astype(complex), np.zeros((self.n, self.n), dtype=complex)
+        low, high = self.lowest, self.highest
+        if not low * (1 - _BEYOND) <= w <= high * (1 + _BEYOND):
+            raise ValueError(
+                f"a motion has the frequency {w:g}, and the receptances go from {low:g} to {high:g}: take fewer "
+                "harmonics, another Omega, or measure there"
+            )
+        at = min(max(w, low), high)
+        slope = self._slope(at)  # type: ignore[attr-defined]
+        Z = np.linalg.inv(self._curve(at) + (w - at) * slope)  # type: ignore[attr-defined]
+        return Z, -Z @ slope @ Z
+
+    def along(self, coordinates: Mapping[str | int, float]) -> Array:
+        """A vector (p,) with these values of coordinates, by name or number from 0, and 0 else; see `vector_along`."""
+        return vector_along(self.names, coordinates)
+
+    def system(self, elements: Sequence[Any], load: Any = ()) -> Any:
+        """The `System` that is nothing but these receptances, with elements and loads."""
+        zero = np.zeros((self.n, self.n))
+        return call("hbgear.mechanics.models.System", zero, zero, zero, elements, load, self.names, receptances=self)

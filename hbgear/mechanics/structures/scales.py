@@ -1,0 +1,84 @@
+"""Physical units of a dimensionless model: what one unit of length, time and force is.
+
+x [m] = length xbar,   f_mesh [Hz] = Omega frequency / (2 pi),   n [r/min] = 60 f_mesh / teeth,   F [N] = force Fbar
+acceleration [m/s^2] = length frequency^2 xbar''
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import TypeVar
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import POSITIVE, checked
+
+Numbers = TypeVar("Numbers", float, Array)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Units of a dimensionless gear model.
+
+    Parameters
+    ----------
+    frequency : angular frequency omega_n of Omega = 1 [rad/s]; the unit of time is 1/omega_n.
+    length : of element coordinates [m], the half backlash b_c.
+    force : of element forces [N], k_mean b_c.
+    teeth : of the gear whose speed is told, the pinion.
+
+    Raises
+    ------
+    ValueError
+        If one of them is not positive.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25))
+    >>> round(pair.scales.pinion_speed(1.0)), round(pair.scales.mesh_frequency(1.0))
+    (14515, 6048)
+    """
+
+    frequency: float
+    length: float
+    force: float
+    teeth: float
+
+    def __post_init__(self) -> None:
+        for name in ("frequency", "length", "force", "teeth"):
+            checked("Scales", name, getattr(self, name), POSITIVE)
+
+    @property
+    def acceleration(self) -> float:
+        """Unit of the second derivative of a length [m/s^2]."""
+        return self.length * self.frequency**2
+
+    @checked_arguments()
+    def mesh_frequency(self, Omega: Numbers) -> Numbers:
+        """Mesh frequency Omega omega_n / (2 pi) [Hz]."""
+        return _times(Omega, self.frequency / (2 * pi))
+
+    @checked_arguments()
+    def from_mesh_frequency(self, frequency: Numbers) -> Numbers:
+        """Omega at a mesh frequency [Hz]."""
+        return _times(frequency, 2 * pi / self.frequency)
+
+    @checked_arguments()
+    def pinion_speed(self, Omega: Numbers) -> Numbers:
+        """Pinion speed 60 mesh_frequency / teeth [r/min]."""
+        return _times(self.mesh_frequency(Omega), 60 / self.teeth)
+
+    @checked_arguments()
+    def from_pinion_speed(self, speed: Numbers) -> Numbers:
+        """Omega at a pinion speed [r/min]."""
+        return self.from_mesh_frequency(_times(speed, self.teeth / 60))
+
+
+def _times(values: Numbers, factor: float) -> Numbers:
+    """Values times a factor, those of a list too."""
+    product: Numbers = np.multiply(values, factor)
+    return product

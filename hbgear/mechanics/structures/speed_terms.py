@@ -1,0 +1,243 @@
+"""What of a structure changes with the frequency of the excitation: gyroscopic terms, bearings.
+
+    M q'' + [C + s Omega G + C_b(Omega)] q' + [K + K_b(Omega)] q + ... = F(tau),   tau = Omega t
+
+with the gyroscopic matrix G, skew-symmetric, of a shaft that turns with s Omega, and matrices C_b, K_b as functions or
+tables of Omega. An excitation by the teeth of a gear with z teeth has Omega = z times the speed of its shaft: s = 1/z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import POSITIVE, Range, checked
+from hbgear.common.text.messages import quoted
+from hbgear.mechanics.series.fourier import real_numbers
+from hbgear.mechanics.structures.matrices import Matrix, square
+
+_BEYOND = 0.02  # of a table's width that it is continued beyond its ends, for steps of Newton that pass them
+
+_STEP = 1e-3  # of Omega, of the differences of a function; their error is the fourth power of it
+
+_RATIO = Range(-1e6, 1e6)  # of speeds: far beyond any gear
+
+_SKEW = 1e-9  # part of a gyroscopic matrix that is symmetric by rounding
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixTable:
+    """Matrices at some frequencies, and between them with a continuous derivative and without overshoot.
+
+    Monotone cubic interpolation of every entry (PCHIP).
+
+    Parameters
+    ----------
+    Omega : (T,) frequencies of the excitation, ascending, at least two.
+    matrices : (T, n, n).
+
+    Raises
+    ------
+    ValueError
+        If the frequencies do not ascend, or the matrices are not as many, not square or not finite.
+
+    References
+    ----------
+    Fritsch and Butland (1984), SIAM J. Sci. Stat. Comput. 5(2), https://doi.org/10.1137/0905021.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> bearing = hb.mechanics.MatrixTable([0.5, 1.0, 2.0], [k * np.eye(2) for k in (1.0, 1.2, 1.3)])
+    >>> bool(1.0 < bearing(0.8)[0, 0] < 1.2)
+    True
+    """
+
+    Omega: Any
+    matrices: Any
+
+    def __post_init__(self) -> None:
+        Omega = real_numbers("MatrixTable: Omega", self.Omega, "a list of numbers")
+        if Omega.ndim != 1 or len(Omega) < 2 or not np.all(np.isfinite(Omega)) or np.any(np.diff(Omega) <= 0):
+            raise ValueError(f"MatrixTable: Omega = {Omega} must be two or more frequencies that ascend")
+        matrices = real_numbers("MatrixTable: matrices", self.matrices, "matrices of numbers, one for each Omega")
+        if matrices.ndim != 3 or matrices.shape[1] != matrices.shape[2] or not matrices.shape[1]:
+            raise ValueError(f"MatrixTable: matrices of shape {matrices.shape}; need square ones, (T, n, n)")
+        if len(matrices) != len(Omega):
+            raise ValueError(f"MatrixTable: {len(matrices)} matrices for {len(Omega)} values of Omega; need one each")
+        if not np.all(np.isfinite(matrices)):
+            raise ValueError("MatrixTable: matrices has entries that are not finite")
+        object.__setattr__(self, "Omega", Omega)
+        object.__setattr__(self, "matrices", matrices)
+        curve = scipy.interpolate.PchipInterpolator(Omega, matrices, axis=0)
+        object.__setattr__(self, "_curve", curve)
+        object.__setattr__(self, "_slope", curve.derivative())
+
+    def __call__(self, Omega: float) -> Array:
+        """The matrix (n, n) at Omega.
+
+        Raises
+        ------
+        ValueError
+            If Omega lies outside the table by more than 2 % of its width.
+        """
+        matrix: Array = self._curve(self._within(Omega))  # type: ignore[attr-defined]
+        return matrix
+
+    def slope(self, Omega: float) -> Array:
+        """Its derivative (n, n)."""
+        matrix: Array = self._slope(self._within(Omega))  # type: ignore[attr-defined]
+        return matrix
+
+    @property
+    def range(self) -> Range:
+        """Frequencies that the table has."""
+        return Range(float(self.Omega[0]), float(self.Omega[-1]))
+
+    def _within(self, Omega: float) -> float:
+        first, last = self.Omega[0], self.Omega[-1]
+        margin = _BEYOND * (last - first)
+        if not first - margin <= Omega <= last + margin:
+            raise ValueError(
+                f"Omega = {Omega:g} is outside of a table over Omega, which has {first:g} to {last:g}: "
+                "stay within it, or give a longer one"
+            )
+        return float(Omega)
+
+
+OverSpeed: TypeAlias = MatrixTable | Callable[[float], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedTerms:
+    """What a structure has beside constant M, C and K:  C + s Omega G + C_b(Omega),  K + K_b(Omega).
+
+    Parameters
+    ----------
+    gyroscopic : G (n, n), skew-symmetric, dense or scipy.sparse; None without.
+    ratio : s, speed of the shaft over Omega: 1 for unbalance, 1/z for the meshing of z teeth. A machine with several
+        shafts has the sum of s_i G_i as its G, and ratio = 1.
+    damping, stiffness : C_b and K_b, a `MatrixTable` or a function of Omega that gives (n, n); None without.
+
+    Raises
+    ------
+    ValueError
+        If G is not square, not finite or not skew-symmetric, or nothing is given.
+    TypeError
+        If damping or stiffness is neither a table nor a function.
+
+    Examples
+    --------
+    A disc on an elastic shaft that turns with Omega: its tilts are coupled by the polar moment of inertia.
+
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> G = np.array([[0.0, 0.3], [-0.3, 0.0]])
+    >>> seal = hb.Element([1.0, 0.0], hb.Unilateral(k=5.0, gap=2.0))
+    >>> unbalance = hb.Load(cosine={1: [0.01, 0.0]}, sine={1: [0.0, 0.01]}, power=2)
+    >>> disc = hb.System(np.eye(2), 0.01 * np.eye(2), np.eye(2), [seal], unbalance, speed=hb.mechanics.SpeedTerms(G))
+    >>> curve = hb.trace(hb.HarmonicBalance(disc, 4), "Omega", (0.5, 1.5))
+    >>> curve.status.complete
+    True
+    """
+
+    gyroscopic: Any = None
+    ratio: float = 1.0
+    damping: OverSpeed | None = None
+    stiffness: OverSpeed | None = None
+
+    def __post_init__(self) -> None:
+        checked("SpeedTerms", "ratio", self.ratio, _RATIO)
+        object.__setattr__(self, "ratio", float(self.ratio))  # a fraction is a number too
+        if self.gyroscopic is not None:
+            G = square("gyroscopic", self.gyroscopic)
+            apart = abs(G + G.T).max()
+            if apart > _SKEW * abs(G).max():
+                raise ValueError(
+                    f"gyroscopic must be skew-symmetric, G^T = -G; it is not by {apart:.3g}: what dissipates belongs "
+                    "in C or damping"
+                )
+            object.__setattr__(self, "gyroscopic", G)
+        for name in ("damping", "stiffness"):
+            given = getattr(self, name)
+            if given is not None and not callable(given):
+                raise TypeError(f"SpeedTerms: {name} = {quoted(given)} must be a MatrixTable or a function of Omega")
+        if self.gyroscopic is None and self.damping is None and self.stiffness is None:
+            raise ValueError("SpeedTerms: give gyroscopic, damping or stiffness; a constant structure needs none")
+
+    def check(self, n: int) -> None:
+        """Refuse terms that are not of n coordinates, as far as they are known without a frequency."""
+        sizes = {"gyroscopic": self.gyroscopic}
+        sizes |= {name: getattr(self, name).matrices[0] for name in ("damping", "stiffness")
+                  if isinstance(getattr(self, name), MatrixTable)}  # fmt: skip
+        for name, A in sizes.items():
+            if A is not None and A.shape != (n, n):
+                raise ValueError(f"{name} has shape {A.shape}; need {(n, n)}, the shape of M")
+
+    @property
+    def range(self) -> Range:
+        """Frequencies Omega for which all terms are known."""
+        ranges = [each.range for each in (self.damping, self.stiffness) if isinstance(each, MatrixTable)]
+        low = max((each.low for each in ranges), default=0.0)
+        if not ranges:
+            return POSITIVE
+        high = min(each.high for each in ranges)
+        if high <= max(low, 0.0):
+            raise ValueError(
+                f"SpeedTerms: the tables have no Omega in common; one begins at {low:g}, one ends at {high:g}"
+            )
+        return Range(low, high) if low > 0 else Range(above=0, high=high)
+
+    def projected(self, basis: Array) -> SpeedTerms:
+        """The same in the coordinates p of q = basis p: B^T A B of all matrices."""
+
+        def onto(A: Any) -> Array:
+            matrix: Array = basis.T @ (A @ basis)
+            return matrix
+
+        def term(given: OverSpeed | None) -> OverSpeed | None:
+            if isinstance(given, MatrixTable):
+                return MatrixTable(given.Omega, [onto(A) for A in given.matrices])
+            return None if given is None else lambda Omega: onto(given(Omega))
+
+        G = None if self.gyroscopic is None else onto(self.gyroscopic)
+        G = G if G is None else 0.5 * (G - G.T)  # exactly skew, whatever was rounded
+        return SpeedTerms(G, self.ratio, term(self.damping), term(self.stiffness))
+
+    def at(self, Omega: float, n: int) -> tuple[Matrix, Matrix]:
+        """What is added to C and K at Omega, (n, n) or 0."""
+        C: Any = 0.0 if self.gyroscopic is None else (self.ratio * Omega) * self.gyroscopic
+        return C + _value("damping", self.damping, Omega, n), _value("stiffness", self.stiffness, Omega, n)
+
+    def slope(self, Omega: float, n: int) -> tuple[Matrix, Matrix]:
+        """Derivatives of `at` in Omega."""
+        C: Any = 0.0 if self.gyroscopic is None else self.ratio * self.gyroscopic
+        return C + _slope("damping", self.damping, Omega, n), _slope("stiffness", self.stiffness, Omega, n)
+
+
+def _value(name: str, term: OverSpeed | None, Omega: float, n: int) -> Any:
+    if term is None:
+        return 0.0
+    if isinstance(term, MatrixTable):
+        return term(Omega)
+    A = square(f"{name} at Omega = {Omega:g}", term(Omega))
+    if A.shape != (n, n):
+        raise ValueError(f"{name} at Omega = {Omega:g} has shape {A.shape}; need {(n, n)}, the shape of M")
+    return A
+
+
+def _slope(name: str, term: OverSpeed | None, Omega: float, n: int) -> Any:
+    """dA/dOmega: of a function by central differences, its second order taken out."""
+    if term is None:
+        return 0.0
+    if isinstance(term, MatrixTable):
+        return term.slope(Omega)
+    h = _STEP * Omega
+    near, far = ((_value(name, term, Omega + d, n) - _value(name, term, Omega - d, n)) / (2 * d) for d in (h, 2 * h))
+    return (4 * near - far) / 3

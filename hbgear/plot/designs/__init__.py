@@ -1,0 +1,1 @@
+"""Figures of many designs: studies, sensitivities, fits, bands."""

@@ -1,0 +1,112 @@
+"""Response curves with the band in which they lie if parameters scatter: shaded normal to the curve.
+
+edges of the band:   (Omega, A)(s) +- k S n / sigma   (`hbgear.design.uncertainty.uncertainty_band`)
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.ranges import POSITIVE, checked
+from hbgear.common.text.messages import quoted
+from hbgear.design.uncertainty.uncertainty_band import ResponseBand, touching
+from hbgear.harmonic.equations.layout import layout_of
+from hbgear.plot.branch_sections import stretches
+from hbgear.plot.curves import name_axes
+from hbgear.plot.style import COLOURS, LINES, MEASURES, SPEEDS, add_legend, axes_or_new, dress, in_words, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.path import Path
+
+
+@checked_arguments()
+def band(
+    found: ResponseBand, ax: Axes | None = None, *, sigmas: float = 2.0, color: str = "#7a9cc6", legend: bool = True
+) -> Axes:
+    """A response curve and, shaded, the band in which it lies if parameters scatter.
+
+    Parameters
+    ----------
+    found : of `hbgear.design.response_band`.
+    ax : axes of the same units, to shade the band only: under a curve that is there. By default new ones, with the
+        curve.
+    sigmas : how many standard deviations the band reaches to both sides.
+    color : of the shade.
+    legend : whether to add one.
+
+    Raises
+    ------
+    ValueError
+        If sigmas is not positive, or there is no such colour.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.band(hb.design.response_band(curve, {"zeta": 0.002, "F": 0.005}))
+    """
+    from matplotlib.colors import is_color_like
+    from matplotlib.patches import PathPatch
+
+    if not is_color_like(color):
+        raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
+    checked("band", "sigmas", sigmas, POSITIVE)
+    with styled():
+        own, ax = ax is None, axes_or_new(ax, (5.0, 3.4))
+        ax.add_patch(PathPatch(_shade(found, sigmas), color=color, alpha=0.35, linewidth=0, zorder=0.5))
+        ax.autoscale_view()
+        ax.plot([], [], color=color, alpha=0.5, linewidth=6, label=f"\u00b1 {sigmas:g} standard deviations", gid="band")
+        if own:
+            _curve(ax, found)
+            name_axes(ax, found.branch, found.measure, found.element)
+            if found.unit != "Omega":
+                ax.set_xlabel(SPEEDS[found.unit])
+            layout = layout_of(found.branch)
+            if found.length and layout:
+                element = layout.elements[layout.index(found.element)]
+                ax.set_ylabel(f"{MEASURES.get(found.measure, found.measure)} of {element} [{found.length}]")
+            dress(ax)
+        if legend:
+            add_legend(ax)
+    return ax
+
+
+def _shade(found: ResponseBand, sigmas: float) -> Path:
+    """The band as triangles that all turn the same way: where they overlap, at a sharp fold, they are filled once."""
+    from matplotlib.path import Path
+
+    known = np.isfinite(found.deviation)
+    size = np.array(found.size)
+    middle = np.column_stack([found.frequency, found.amplitude])[known] / size
+    angle = np.unwrap(np.arctan2(found.normal[known, 1], found.normal[known, 0]))
+    rows = np.arange(len(angle))
+    parts = np.ceil(np.abs(np.diff(angle)) / _TURN).astype(int).clip(1)
+    at = np.append(np.concatenate([i + np.arange(n) / n for i, n in enumerate(parts)]), rows[-1])
+    middle = np.column_stack([np.interp(at, rows, x) for x in middle.T])
+    angle = np.interp(at, rows, angle)
+    covariance = np.column_stack([np.interp(at, rows, x) for x in found.covariance[known].reshape(-1, 4).T])
+    away = sigmas * touching(covariance.reshape(-1, 2, 2), np.column_stack([np.cos(angle), np.sin(angle)]))
+    u, v = (middle + away) * size, (middle - away) * size
+    corners = np.concatenate([np.stack([u[:-1], u[1:], v[:-1]], 1), np.stack([u[1:], v[1:], v[:-1]], 1)])
+    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    turned = one[:, 0] * two[:, 1] < one[:, 1] * two[:, 0]
+    corners[turned] = corners[turned][:, ::-1]
+    closed = np.concatenate([corners, corners[:, :1]], axis=1).reshape(-1, 2)
+    return Path(closed, np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(corners)))
+
+
+_TURN = 0.1  # rad by which the normal turns at most from one edge of a triangle to the next
+
+
+def _curve(ax: Axes, found: ResponseBand) -> None:
+    """The curve in the colours of its regimes, dashed where it is unstable."""
+    for (regime, stable), first, last in stretches(found.branch, found.element):
+        style, width = LINES[stable]
+        rows = slice(first, last + 1)
+        name = "_curve" if regime == "unknown" else in_words(regime)
+        ax.plot(found.frequency[rows], found.amplitude[rows], linestyle=style, linewidth=width, color=COLOURS[regime],
+                label=name, gid=f"branch {regime} {stable}")  # fmt: skip

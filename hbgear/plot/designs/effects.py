@@ -1,0 +1,67 @@
+"""What a frequency or an amplitude depends on most: a bar for each parameter.
+
+change of the quantity [%] = percent of the parameter x dquantity/da a / quantity
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hbgear.analysis.parameter_sensitivity import Sensitivity
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.ranges import POSITIVE, checked, counted
+from hbgear.plot.style import COLOURS, GREY, axes_or_new, dress, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@checked_arguments()
+def tornado(
+    found: Sensitivity, quantity: str = "", ax: Axes | None = None, *, percent: float = 1.0, most: int = 12
+) -> Axes:
+    """Change of a quantity for a change of each parameter, those that matter most above.
+
+    Parameters
+    ----------
+    found : of `hbgear.sensitivity`.
+    quantity : one of ``found.quantities``; the first by default.
+    ax : axes to draw on; new ones by default.
+    percent : by how much each parameter rises and falls.
+    most : how many parameters are shown.
+
+    Raises
+    ------
+    KeyError, ValueError
+        If there are no derivatives of that quantity, or no parameter has an influence.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    >>> axes = hb.plot.tornado(hb.analysis.sensitivity(curve["LP1"]), "Omega")
+    """
+    checked("tornado", "percent", percent, POSITIVE)
+    counted("tornado: most", most)
+    quantity = quantity or found.quantities[0]
+    effects = {name: share for name, share in found.percent(quantity).items() if share and np.isfinite(share)}
+    if not effects:
+        raise ValueError(f"no parameter that is not zero changes {quantity} of {found.label}")
+    names = list(effects)[:most]
+    change = percent * np.array([effects[name] for name in names])
+    rows = np.arange(len(names))
+    with styled():
+        ax = axes_or_new(ax, (5.4, 1.2 + 0.24 * len(names)))
+        for sign, colour, word in ((1, COLOURS["no_impact"], "+"), (-1, COLOURS["single_sided"], "\u2212")):
+            ax.barh(rows, sign * change, 0.72, color=colour, label=f"parameter {word}{percent:g} %")
+        ax.axvline(0.0, color=GREY, linewidth=0.6)
+        ax.set_yticks(rows, [f"{name} = {found.values[found.parameters.index(name)]:.4g}" for name in names])
+        ax.set_ylim(len(names) - 0.4, -0.6)
+        ax.margins(x=0.08)
+        ax.set_xlabel(f"change of {quantity} of {found.label} [%]   ({quantity} = {found.size(quantity):.6g})")
+        dress(ax)
+        ax.tick_params(axis="y", length=0)
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)  # bars may be anywhere
+    return ax

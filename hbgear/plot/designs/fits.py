@@ -1,0 +1,113 @@
+"""Measured sweeps on response curves, and what a fit leaves of them.
+
+on axes of Omega and the amplitude of the model:   Omega_i = f_i / s,   A_i = d_i / L
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hbgear.analysis.parameter_sensitivity import units_of
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.text.symbols import unit_of
+from hbgear.design.fitting.fit import Fit
+from hbgear.design.fitting.measurements import Measurements
+from hbgear.mechanics.models import Model
+from hbgear.plot.curves import response
+from hbgear.plot.style import COLOURS, GREY, add_legend, axes_or_new, dress, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SWEEPS = {1: ("^", COLOURS["no_impact"], "measured, rising"), -1: ("v", COLOURS["single_sided"], "measured, falling")}
+"""Of each direction: marker, colour, name."""
+
+HOLLOW: Any = {"markersize": 3.6, "markerfacecolor": "white", "markeredgewidth": 0.8}
+
+
+@checked_arguments()
+def measured(data: Measurements, model: Model, ax: Axes | None = None, *, legend: bool = True) -> Axes:
+    """Measured points, and measured jumps as vertical lines, on the axes of a response figure.
+
+    Parameters
+    ----------
+    data : the measurements.
+    model : its units tell where they lie, if they are in Hz, r/min or metres.
+    ax : axes with a response curve of the same measure; new ones by default.
+    legend : whether to add one.
+
+    Raises
+    ------
+    ValueError
+        If the data are in a unit that the model does not know.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5, 1.6))
+    >>> data = hb.design.Measurements([0.8, 0.9, 1.0], [0.4, 0.7, 1.1], direction=1)
+    >>> axes = hb.plot.measured(data, hb.Duffing(), hb.plot.response(curve))
+    """
+    own = units_of(model)
+    Omega, amplitude, deviation = data.in_units(own, unit_of(model.labels.get("amplitude", "")))
+    with styled():
+        ax = axes_or_new(ax, (5.0, 3.4))
+        for direction, (marker, colour, name) in SWEEPS.items():
+            mine = data.directions == direction
+            if mine.any():
+                ax.errorbar(Omega[mine], amplitude[mine], deviation[mine], fmt="none", ecolor=colour, elinewidth=0.6)
+                ax.plot(Omega[mine], amplitude[mine], marker, color=colour, label=name, zorder=5, **HOLLOW)
+        unit = data.frequency_unit(own)
+        for frequency, direction, _ in data.jumps:
+            ax.axvline(frequency / unit, color=SWEEPS[direction][1], linewidth=0.7, linestyle=":", zorder=0)
+        dress(ax)
+        if legend:
+            add_legend(ax)
+    return ax
+
+
+@checked_arguments()
+def fitted(found: Fit) -> Figure:
+    """The fitted response with the data, and below what is left: differences in standard deviations.
+
+    Points that no stable motion of the curve reaches are crossed out.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> truth = hb.trace(hb.HarmonicBalance(hb.Duffing(zeta=0.06), 3), "Omega", (0.7, 0.9))
+    >>> data = hb.design.Measurements(truth.values[1:], truth.amplitude("pp2")[1:], direction=-1)
+    >>> figure = hb.plot.fitted(hb.design.fit(hb.Duffing(), data, {"zeta": (0.01, 0.2)}, harmonics=3))
+    """
+    import matplotlib.pyplot as plt
+
+    data = found.data
+    labels = found.model.labels
+    Omega, amplitude, _ = data.in_units(units_of(found.model), unit_of(labels.get("amplitude", "")))
+    with styled():
+        figure, panels = plt.subplots(
+            2, 1, figsize=(5.4, 4.8), sharex=True, height_ratios=(2.4, 1), layout="constrained"
+        )
+        axes: Any = panels
+        response(found.curve, data.measure, data.element, axes[0], legend=False, speeds=False)
+        measured(data, found.model, axes[0], legend=False)
+        far = ~found.reached
+        if far.any():
+            axes[0].plot(Omega[far], amplitude[far], "x", color="black", markersize=6, label="not reached", zorder=6)
+        add_legend(axes[0])
+        axes[0].set_xlabel("")
+        below = axes[1]
+        for direction, (marker, colour, _) in SWEEPS.items():
+            mine = data.directions == direction
+            below.plot(Omega[mine], found.residuals[mine], marker, color=colour, **HOLLOW)
+        below.axhspan(-2, 2, color=GREY, alpha=0.15, linewidth=0)
+        below.axhline(0.0, color=GREY, linewidth=0.6)
+        below.set_ylabel("residual\n[deviations]")
+        below.set_xlabel(found.model.labels.get("Omega", r"$\Omega$"))
+        low, high = float(np.min(Omega)), float(np.max(Omega))
+        below.set_xlim(low - 0.05 * (high - low), high + 0.05 * (high - low))
+        dress(below)
+    return figure

@@ -1,0 +1,358 @@
+"""Figures of many cases: envelope of the response curves, distribution of the jumps, numbers against parameters.
+
+Functions take the `Cases`, draw on matplotlib axes and return them, in the style of `plot`.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.design.cases.study import Cases
+from hbgear.design.cases.sweep_statistics import Swept, swept_cases
+from hbgear.harmonic.frequency_units import same_scales, scales
+from hbgear.plot.style import COLOURS, MEASURES, axes_or_new, dress, heighten, scaled_axes, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+
+JUMPS = {
+    "jump_rising": ("^", "-", COLOURS["no_impact"], r"jump while $\Omega$ rises"),
+    "jump_falling": ("v", "-.", COLOURS["single_sided"], r"jump while $\Omega$ falls"),
+}
+"""Of each direction: marker, line, colour, name."""
+
+
+PERCENTILES = (0, 5, 50, 95, 100)
+
+
+_MANY = 2000  # dots in one panel that are kept as pixels
+
+
+@checked_arguments()
+def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend: bool = True) -> Axes:
+    """Response of slow sweeps over Omega in all cases: least to largest, 5 to 95 percent, median.
+
+    Each of these is the motion of one of the cases. Where the sweeps with Omega rising and falling agree in every case
+    they are drawn once, in grey. Elsewhere each has its own colour, and the cases that have jumped by then, those that
+    have not yet and those that never do have their own bands: there need be no motion between them. The median is that
+    of the largest of these parts. Narrow axes above tell the share of cases that have jumped.
+
+    Raises
+    ------
+    ValueError
+        If no curve was kept.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from hbgear.plot import study
+    >>> scatter = hb.design.grid(zeta=[0.04, 0.05, 0.06])
+    >>> what = ("peak", "jumps", "curve")
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.design.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> axes = study.envelope(found)
+    """
+    Omega = np.linspace(min(found.work.span), max(found.work.span), points)
+    swept = {direction: swept_cases(found, Omega, direction) for direction in (1, -1)}
+    up, down = swept[1].amplitude, swept[-1].amplitude
+    own = ax is None
+    same = np.asarray(np.isclose(up, down, rtol=1e-6, atol=0.0, equal_nan=True).all(axis=0))
+    with styled():
+        ax = axes_or_new(ax, (5.4, 4.2))
+        _bands(ax, Omega, [np.where(same, up, np.nan)], "#444444", "-", ("all cases", "5 to 95 %", "median"))
+        if not same.all():
+            names = {1: r"while $\Omega$ rises: 5 to 95 %", -1: r"while $\Omega$ falls: 5 to 95 %"}
+            for direction, (_, line, colour, _) in zip((1, -1), JUMPS.values(), strict=True):
+                here, wide = swept[direction], _widened(~same)
+                parts = [np.where(wide & part, here.amplitude, np.nan) for part in _parts(here.jumped)]
+                _bands(ax, Omega, parts, colour, line, ("_", names[direction], "_median of most cases"))
+        none = np.isnan(up).all(axis=0) & np.isnan(down).all(axis=0)
+        if none.any():  # the curve is unstable there in every case, as where its period has doubled
+            ax.fill_between(
+                Omega, 0, 1, where=none.tolist(), transform=ax.get_xaxis_transform(), facecolor="none", edgecolor="0.6",
+                hatch="////", linewidth=0, label="none stable",
+            )  # fmt: skip
+        ax.set_xlim(Omega[0], Omega[-1])
+        ax.set_ylim(bottom=0.0)
+        ax.set_xlabel(_label(found, "Omega"))
+        ax.set_ylabel(f"{_measure(found)},\nslow sweeps")
+        dress(ax)
+        top = _shares(ax, Omega, swept) if any(here.jumped.any() for here in swept.values()) else ax
+        if own and scaled_axes(top, _common(found)):
+            heighten(ax)
+        if legend:
+            ax.legend(loc="best")
+    return ax
+
+
+@checked_arguments()
+def percentiles(found: Cases, Omega: Array, direction: int = 1) -> Array:
+    """`PERCENTILES` of the response of slow sweeps over the cases, (5, Omega), each that of one of the cases.
+
+    Raises
+    ------
+    ValueError
+        If no curve was kept.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> import numpy as np
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from hbgear.plot import study
+    >>> scatter = hb.design.grid(zeta=[0.04, 0.05, 0.06])
+    >>> what = ("peak", "jumps", "curve")
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.design.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> study.percentiles(found, np.array([0.9, 1.0])).shape
+    (5, 2)
+    """
+    return _percentiles(swept_cases(found, Omega, direction).amplitude)
+
+
+def _percentiles(amplitude: Array) -> Array:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a frequency without a stable motion gives nan
+        return np.asarray(np.nanpercentile(amplitude, PERCENTILES, axis=0, method="inverted_cdf"))
+
+
+def _bands(ax: Axes, Omega: Array, parts: list[Array], colour: str, line: str, names: tuple[str, str, str]) -> None:
+    """Shades of each part of the cases, and the median of the part that is the largest at a frequency."""
+    counts = np.array([np.isfinite(part).sum(axis=0) for part in parts])
+    for i, part in enumerate(parts):
+        if not counts[i].any():
+            continue
+        least, low, middle, high, largest = _percentiles(part)
+        first = names if i == int(np.argmax(counts.any(axis=1))) else ("_", "_", "_")
+        ax.fill_between(Omega, least, largest, color=colour, alpha=0.13, linewidth=0, label=first[0])
+        ax.fill_between(Omega, low, high, color=colour, alpha=0.3, linewidth=0, label=first[1])
+        most = np.where(counts.argmax(axis=0) == i, middle, np.nan)
+        ax.plot(*_broken(Omega, most, part), line, color=colour if names[0] == "_" else "black", linewidth=1.1,
+                label=first[2], gid="median")  # fmt: skip
+
+
+def _broken(Omega: Array, line: Array, part: Array) -> tuple[Array, Array]:
+    """A line with a gap where it passes to another case far away: where it moves farther than the motion of any."""
+    moves = np.where(np.isfinite(np.diff(part, axis=1)), np.abs(np.diff(part, axis=1)), 0.0).max(axis=0)
+    leaps = np.flatnonzero(np.abs(np.diff(line)) > moves + 0.02 * np.nanmax(part)) + 1
+    return np.insert(Omega, leaps, Omega[leaps - 1]), np.insert(line, leaps, np.nan)
+
+
+def _parts(jumped: Array) -> list[NDArray[np.bool_]]:
+    """Cases, by frequency, that have made equally many of equally many jumps: those that never jump are a part too."""
+    total = jumped.max(axis=1)
+    every = np.broadcast_to(total[:, None], jumped.shape)
+    pairs = sorted({(float(n), float(k)) for n, k in zip(every.flat, jumped.flat, strict=True)})
+    return [(every == n) & (jumped == k) for n, k in pairs]
+
+
+def _widened(which: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """With one more on either side, so that neighbouring shades meet."""
+    out = which.copy()
+    out[1:] |= which[:-1]
+    out[:-1] |= which[1:]
+    return out
+
+
+def _shares(ax: Axes, Omega: Array, swept: dict[int, Swept]) -> Axes:
+    """Narrow axes above: the share of cases that have jumped by then, for each direction."""
+    top = ax.inset_axes((0.0, 1.03, 1.0, 0.17), sharex=ax, label="share")
+    for here, (_, line, colour, label) in zip((swept[1], swept[-1]), JUMPS.values(), strict=True):
+        top.plot(Omega, 100 * (here.jumped > 0).mean(axis=0), line, color=colour, linewidth=1.0, label=label)
+    top.set_ylim(-8, 108)
+    top.set_yticks([0, 50, 100])
+    top.set_ylabel("jumped [%]", fontsize=8)
+    top.tick_params(labelbottom=False)
+    dress(top)
+    top.tick_params(axis="y", labelsize=7)
+    return top
+
+
+def _common(found: Cases) -> dict[str, float]:
+    """Hz and r/min at Omega = 1 if they are the same in all cases."""
+    return same_scales([scales(found.model_of(int(case)), {}) for case in found.table["case"]])
+
+
+@checked_arguments()
+def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -> Axes:
+    """Number of cases over the frequency of their greatest jump, for each direction of a slow sweep.
+
+    Raises
+    ------
+    ValueError
+        If jumps were not computed.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from hbgear.plot import study
+    >>> scatter = hb.design.grid(zeta=[0.04, 0.05, 0.06])
+    >>> what = ("peak", "jumps", "curve")
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.design.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> axes = study.jump_distribution(found)
+    """
+    if "jump_rising" not in found.table:
+        raise ValueError("there are no jump frequencies; compute them: compute=('jumps',)")
+    columns = {name: _finite(found.table[name]) for name in JUMPS}
+    every = np.concatenate(list(columns.values()))
+    own = ax is None
+    with styled():
+        ax = axes_or_new(ax, (5.0, 3.4))
+        if len(every):
+            count = max(4, min(bins, int(np.ceil(2 * np.sqrt(len(every) / 2)))))
+            edges = np.histogram_bin_edges(every, count)
+            for name, values in columns.items():
+                _, line, colour, label = JUMPS[name]
+                label = f"{label}: {len(values)} of {len(found)} cases"
+                heights = np.histogram(values, edges)[0]
+                ax.stairs(heights, edges, fill=True, color=colour, alpha=0.25, linewidth=0)
+                ax.stairs(heights, edges, color=colour, linestyle=line, linewidth=1.2, label=label)
+            ax.set_ylim(top=1.3 * ax.get_ylim()[1])  # room for the legend
+            ax.legend(loc="upper left")
+        else:
+            ax.text(0.5, 0.5, "no jump in any case", transform=ax.transAxes, ha="center")
+        ax.locator_params(axis="y", integer=True)
+        ax.set_xlabel(f"jump frequency, {_label(found, 'Omega')}")
+        ax.set_ylabel("cases")
+        dress(ax)
+        if own and scaled_axes(ax, _common(found)):
+            heighten(ax)
+    return ax
+
+
+@checked_arguments()
+def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -> Figure | SubFigure:
+    """Largest peak, jump frequencies and critical values of each case, against each parameter that varies.
+
+    Raises
+    ------
+    ValueError
+        If no parameter that varies is a number, or there is nothing to draw.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from hbgear.plot import study
+    >>> scatter = hb.design.grid(zeta=[0.04, 0.05, 0.06])
+    >>> what = ("peak", "jumps", "curve")
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.design.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> figure = study.against_parameters(found)
+    """
+    names = [name for name in found.names if np.issubdtype(found.table[name].dtype, np.number)]
+    rows = _rows(found)
+    if not (names and rows):
+        raise ValueError("there is no number to draw against a parameter")
+    with styled():
+        if figure is None:
+            import matplotlib.pyplot as plt
+
+            figure = plt.figure(figsize=(1.0 + 1.9 * len(names), 0.6 + 2.1 * len(rows)), layout="constrained")
+        axes: Any = figure.subplots(len(rows), len(names), sharex="col", sharey="row", squeeze=False)
+        for line, (label, columns) in zip(axes, rows, strict=True):
+            for ax, name in zip(line, names, strict=True):
+                for column in columns:
+                    _dots(ax, found, name, column)
+                dress(ax)
+            line[0].set_ylabel(_wrapped(label, 27))
+        for ax, name in zip(axes[-1], names, strict=True):
+            ax.set_xlabel(_wrapped(_label(found, name)))
+            ax.locator_params(axis="x", nbins=4)
+        handles, labels = _legend_of(axes)
+        if labels:
+            figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    return figure
+
+
+@checked_arguments()
+def figures(found: Cases) -> dict[str, Any]:
+    """Each figure there is something to draw for, by name: envelope, jump_distribution, against_parameters.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> from hbgear.plot import study
+    >>> scatter = hb.design.grid(zeta=[0.04, 0.05, 0.06])
+    >>> what = ("peak", "jumps", "curve")
+    >>> with ThreadPoolExecutor(1) as here:
+    ...     found = hb.design.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
+    ...
+    >>> sorted(study.figures(found))
+    ['against_parameters', 'envelope', 'jump_distribution']
+    """
+    drawn: dict[str, Any] = {}
+    for draw in (envelope, jump_distribution, against_parameters):
+        try:
+            drawn[draw.__name__] = draw(found)
+        except ValueError:  # these numbers were not computed
+            continue
+    return drawn
+
+
+def _rows(found: Cases) -> list[tuple[str, list[str]]]:
+    """Axis label of each row of panels, and the columns of the table drawn there."""
+    rows = []
+    if "peak" in found.table:
+        rows.append((f"largest {_measure(found)}", ["peak"]))
+    if "jump_rising" in found.table:
+        rows.append((f"jumps, {_label(found, 'Omega')}", list(JUMPS)))
+    return rows + [(f"critical {name}", [f"critical_{name}"]) for name in found.work.critical]
+
+
+def _dots(ax: Axes, found: Cases, name: str, column: str) -> None:
+    marker, _, colour, label = JUMPS.get(column, ("o", "", COLOURS["no_impact"], "_"))
+    x, y = found.table[name], found.table[column]
+    which = np.isfinite(y)
+    ax.plot(x[which], y[which], marker, color=colour, markersize=3.0 if len(x) < 300 else 1.8, alpha=0.75,
+            markeredgewidth=0, label=label, rasterized=len(x) > _MANY, gid=column)  # fmt: skip
+
+
+def _legend_of(axes: Any) -> tuple[list[Any], list[str]]:
+    """One entry for each label of any panel."""
+    entries = {str(line.get_label()): line for ax in axes.flat for line in ax.lines}
+    shown = {label: line for label, line in entries.items() if not label.startswith("_")}
+    return list(shown.values()), list(shown)
+
+
+def _wrapped(label: str, width: int = 24) -> str:
+    """A label in lines of about this many characters; formulas are not broken."""
+    lines = [""]
+    for word in re.findall(r"(?:\$[^$]*\$|\S)+", label):
+        length = len(re.sub(r"\\\w+", "x", f"{lines[-1]} {word}"))  # a command is about one character
+        if lines[-1] and length > width:
+            lines.append(word)
+        else:
+            lines[-1] = f"{lines[-1]} {word}".strip()
+    return "\n".join(lines)
+
+
+def _finite(column: Array) -> Array:
+    return np.asarray(column[np.isfinite(column)])
+
+
+def _measure(found: Cases) -> str:
+    """Name of the measure and of what it is of."""
+    name = MEASURES.get(found.work.measure, f"harmonic {found.work.measure[1:]}")
+    return f"{name} of {found.model.labels.get('amplitude', 'gap (model units)')}"
+
+
+def _label(found: Cases, name: str) -> str:
+    return found.model.labels.get(name, r"$\Omega$" if name == "Omega" else name)

@@ -1,0 +1,76 @@
+"""Figures of rotors: natural frequencies over speed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hbgear.analysis.campbell_diagram import Campbell, whirl_word
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.harmonic.frequency_units import MESH
+from hbgear.plot.style import BRANCHES, COLOURS, GREY, axes_or_new, dress, heighten, scaled_axes, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@checked_arguments()
+def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True) -> Axes:
+    """Campbell diagram: natural frequencies over speed, the orders of the excitation, and dots where they meet.
+
+    Modes of backward whirl are dash-dotted.
+
+    Parameters
+    ----------
+    found : of `hbgear.campbell`.
+    ax : axes to draw on; new ones by default, with the speeds the model knows above them.
+    legend : whether to tell the orders apart beside the axes.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> axes = hb.plot.campbell(hb.analysis.campbell(hb.gears.GearRotorBearing(), (0.2, 2.0)))
+    """
+    own, hertz = ax is None, found.scales.get(MESH)
+    unit = hertz or 1.0
+    senses = [whirl_word(_middle(column)) for column in found.whirl.T]
+    with styled():
+        ax = axes_or_new(ax, (5.6, 3.6))
+        for i, column in enumerate(found.frequencies.T):
+            word, first = senses[i], senses.index(senses[i]) == i
+            ax.plot(found.Omega, column * unit, color=COLOURS["no_impact"], linewidth=1.1,
+                    linestyle="-." if word == "backward" else "-",
+                    label=_label(word) if first else "_", gid=f"mode {i + 1}")  # fmt: skip
+        reach = (
+            1.5 * max(found.orders.values(), default=np.inf) * found.Omega[-1]
+        )  # what no order comes near is left out
+        top = 1.05 * unit * min(float(np.nanmax(found.frequencies, initial=0.0)), reach) or 1.0
+        for i, (name, order) in enumerate(found.orders.items()):
+            ax.plot(found.Omega, order * found.Omega * unit, color=BRANCHES[(i + 1) % len(BRANCHES)],
+                    linestyle="--", linewidth=0.9, label=f"order {order:.4g}: {name}", gid=f"order {name}")  # fmt: skip
+        if found.critical:
+            ax.plot([one.Omega for one in found.critical], [one.frequency * unit for one in found.critical], "o",
+                    color="black", markersize=3.4, label="critical speed", zorder=3)  # fmt: skip
+        ax.set_xlim(found.Omega[0], found.Omega[-1])
+        ax.set_ylim(0, top)
+        ax.set_xlabel(r"$\Omega$, frequency of the excitation" + (" [-]" if hertz else ""))
+        ax.set_ylabel("natural frequency [Hz]" if hertz else r"natural frequency $\omega$ (unit of $\Omega$)")
+        ax.grid(color=GREY, linewidth=0.3, alpha=0.5)
+        dress(ax)
+        if own and scaled_axes(ax, dict(found.scales)):
+            heighten(ax)
+        if legend:
+            ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.2)
+    return ax
+
+
+def _label(word: str) -> str:
+    return "natural frequency" if word == "-" else f"natural frequency, {word} whirl"
+
+
+def _middle(column: Array) -> float:
+    """Median of what is known of a column; nan if nothing is."""
+    known = column[np.isfinite(column)]
+    return float(np.median(known)) if len(known) else np.nan

@@ -1,0 +1,277 @@
+"""Figures of trains and planetary sets: where the wheels are, how they turn and where they touch, and shares."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hbgear.analysis.planet_loads import LoadSharing
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.continuation.results.branch import Branch
+from hbgear.gears.trains.planetary import PlanetarySet
+from hbgear.gears.trains.train import Train
+from hbgear.gears.trains.train_kinematics import inner_first
+from hbgear.harmonic.equations.layout import layout_of
+from hbgear.plot.branch_sections import stretches
+from hbgear.plot.style import BRANCHES, COLOURS, GREY, LINES, axes_or_new, dress, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_BEHIND = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85}
+"""Box behind text on lines."""
+
+_ARROW = 0.45  # radius of the arrow of a turning wheel, over that of the wheel
+
+
+@checked_arguments()
+def train(machine: Train, ax: Axes | None = None) -> Axes:
+    """A train seen along its axes: wheels with their teeth and sense of turning, shafts, bearings, lines of action.
+
+    Wheels in one place, as of a train that only turns, are drawn side by side in the order in which they mesh.
+
+    Parameters
+    ----------
+    machine : `Train`.
+    ax : axes to draw on; new ones by default.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> wheels = [hb.gears.Wheel("in", 1e-3, teeth=20, base_radius=0.028, torque=50.0),
+    ...           hb.gears.Wheel("out", 4e-3, teeth=40, base_radius=0.056)]
+    >>> axes = hb.plot.train(hb.gears.Train(wheels, [hb.gears.Mesh("in", "out", 4e8, 4e-5, eps=(0.2,))], balance="out"))
+    """
+    found = machine._kinematics
+    wheels = {wheel.name: wheel for wheel in machine.wheels}
+    radius = {name: wheel.base_radius / np.cos(0.35) for name, wheel in wheels.items()}
+    usual = max(radius.values())
+    size = {name: r or 0.25 * usual for name, r in radius.items()}
+    places = _places(machine, size)
+    with styled():
+        ax = axes_or_new(ax, (5.6, 4.2))
+        for shaft in machine.shafts:
+            ends = np.array([places[shaft.first], places[shaft.second]])
+            ax.plot(*ends.T, "-", color=GREY, linewidth=2.2, zorder=1, label="shaft", gid="shaft")
+        for beam in machine.beams:
+            ends = np.array([places[beam.first], places[beam.second]])
+            ax.plot(*ends.T, "-", color=GREY, linewidth=4.5, alpha=0.6, zorder=1, label="shaft with mass", gid="beam")
+        for i, (mesh, angles) in enumerate(zip(machine.meshes, found.angles, strict=True)):
+            _line_of_action(ax, machine, i, mesh, angles, places, size)
+        for bearing in machine.bearings:
+            _bearing(ax, machine, bearing, places[bearing.at] - [0.0, 0.12 * 1e3 * size[bearing.at]])
+        for name, wheel in wheels.items():
+            _wheel(ax, wheel, places[name], size[name], float(found.speeds[name]))
+        ax.set_aspect("equal")
+        ax.set_xlabel("x [mm]")
+        ax.set_ylabel("y [mm]")
+        ax.margins(0.08)
+        dress(ax)
+        handles: dict[str, Any] = {}
+        for line in ax.lines:
+            if not str(line.get_label()).startswith("_"):
+                handles.setdefault(str(line.get_label()), line)
+        ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
+    return ax
+
+
+@checked_arguments()
+def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
+    """A planetary set seen along its axis: sun, planets at their places, ring and carrier, and how each turns.
+
+    Beside every planet stand the lags of its meshes with the sun and with the ring, in mesh cycles.
+
+    Parameters
+    ----------
+    machine : `PlanetarySet`.
+    ax : axes to draw on; new ones by default.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> axes = hb.plot.planetary(hb.gears.PlanetarySet(26, 34, 94, planets=3))
+    """
+    from matplotlib.patches import Circle
+
+    per_tooth = 1e3 * machine.r_s / np.cos(np.radians(machine.alpha_s_deg)) / machine.teeth_s  # pitch radius of a tooth
+    sun, planet, ring = (per_tooth * z for z in (machine.teeth_s, machine.teeth_p, machine.teeth_r))
+    centre = sun + planet
+    cycles = np.asarray(machine._lags).reshape(2, -1) / (2 * np.pi)
+    speeds = {name: float(speed) for name, speed in machine.speeds.items()}
+    with styled():
+        ax = axes_or_new(ax, (5.4, 4.6))
+        for name, r in (("sun", sun), ("ring", ring)):
+            _circle(ax, np.zeros(2), r, f"{name}, {_how(machine, name)}", heavy=name == "ring")
+        ax.annotate(
+            f"sun\n{machine.teeth_s} teeth",
+            (0, 0.1 * sun),
+            ha="center",
+            va="bottom",
+            fontsize=8,
+            zorder=5,
+            bbox=_BEHIND,
+        )
+        ax.annotate(f"ring, {machine.teeth_r} teeth", (0, 1.03 * ring), ha="center", va="bottom", fontsize=8)
+        ax.plot(0, 0, "+", color="black", markersize=5)
+        for n, psi in enumerate(machine.angles):
+            place = centre * np.array([np.cos(psi), np.sin(psi)])
+            ax.plot(*np.array([[0, 0], place]).T, "-", color=GREY, linewidth=2.2, zorder=1, gid=f"carrier {n + 1}",
+                    label=f"carrier, {_how(machine, 'carrier')}")  # fmt: skip
+            ax.add_patch(Circle(tuple(place), planet, fill=False, edgecolor=BRANCHES[1], linewidth=1.2, zorder=2))
+            told = f"p{n + 1}\n{cycles[0, n]:.3g} | {cycles[1, n]:.3g}"
+            ax.annotate(told, tuple(place), ha="center", va="center", fontsize=8, zorder=5, bbox=_BEHIND)
+            spin = -(speeds["sun"] - speeds["carrier"]) * machine.teeth_s / machine.teeth_p  # in the carrier's frame
+            _arrow(ax, place, 0.62 * planet, spin)
+        for name, r in (("sun", 0.62 * sun), ("ring", 0.96 * ring), ("carrier", centre)):
+            _arrow(ax, np.zeros(2), r, speeds[name])
+        ax.set_title(f"{machine.phasing}; lag of the meshes with sun | ring [cycles]", fontsize=9)
+        ax.set_aspect("equal")
+        ax.set_xlabel("x [mm]")
+        ax.set_ylabel("y [mm]")
+        ax.margins(0.08)
+        dress(ax)
+        handles = {str(line.get_label()): line for line in ax.lines if not str(line.get_label()).startswith("_")}
+        ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3)
+    return ax
+
+
+def _how(machine: PlanetarySet, name: str) -> str:
+    return "fixed" if name == machine.fixed else "drives" if name == machine.driver else "driven"
+
+
+def _circle(ax: Axes, place: np.ndarray, r: float, label: str, heavy: bool) -> None:
+    theta = np.linspace(0, 2 * np.pi, 200)
+    ax.plot(place[0] + r * np.cos(theta), place[1] + r * np.sin(theta), "-", label=label, zorder=2,
+            color=COLOURS["no_impact"] if heavy else BRANCHES[2], linewidth=2.2 if heavy else 1.2)  # fmt: skip
+
+
+@checked_arguments()
+def load_sharing(found: LoadSharing, ax: Axes | None = None) -> Axes:
+    """How meshes share a load along a curve: largest force over the mean one of all, a line for each mesh.
+
+    Solid is stable, dashed unstable. Thin lines are the shares of the mean load, times the number of meshes.
+
+    Parameters
+    ----------
+    found : of `hbgear.analysis.planet_loads`.
+    ax : axes to draw on; new ones by default.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> planets = hb.gears.PlanetarySet(planet_errors=(10e-6, 0.0, 0.0, 0.0))
+    >>> curve = hb.trace(hb.HarmonicBalance(planets, 2), "Omega", (2.3, 2.28), stability=False)
+    >>> axes = hb.plot.load_sharing(hb.analysis.load_sharing(curve))
+    """
+    curve, n = found.curve, len(found.meshes)
+    with styled():
+        ax = axes_or_new(ax, (5.6, 3.4))
+        ax.axhline(1.0, color=GREY, linewidth=0.8, label="even, at rest")
+        for j, name in enumerate(found.meshes):
+            colour = BRANCHES[j % len(BRANCHES)]
+            for i, ((_, stable), first, last) in enumerate(stretches(curve, 0)):
+                some = slice(first, last + 1)
+                style, width = LINES[stable]
+                ax.plot(curve.values[some], found.factor[some, j], linestyle=style, linewidth=width, color=colour,
+                        label="_" if i else f"{name}: largest", gid=f"mesh {name}")  # fmt: skip
+            ax.plot(curve.values, n * found.share[:, j], color=colour, linewidth=0.7, alpha=0.7,
+                    label=f"{name}: mean" if n <= 4 else "_", gid=f"mean {name}")  # fmt: skip
+        ax.set_xlabel(_label(curve))
+        ax.set_ylabel("force over the mean of all meshes [-]")
+        if "unstable" in curve.verdicts:
+            ax.plot([], [], linestyle=LINES[False][0], color=GREY, label="unstable")
+        ax.set_ylim(bottom=min(0.0, float(found.factor.min())))
+        dress(ax)
+        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.2)
+    return ax
+
+
+def _label(curve: Branch) -> str:
+    layout = layout_of(curve)
+    return (layout.labels if layout else {}).get(curve.parameter, curve.parameter)
+
+
+def _places(machine: Train, size: dict[str, float]) -> dict[str, np.ndarray]:
+    """Centres [mm]; side by side, from mesh to mesh, where wheels that mesh are all in one place."""
+    given = {w.name: 1e3 * np.array([w.x, w.y]) for w in machine.wheels}
+    if np.ptp([*given.values()], axis=0).max() > 0:
+        return given
+    placed = {machine.meshes[0].first: np.zeros(2)}
+    while True:
+        pairs = [(m.first, m.second) for m in machine.meshes] + [(s.first, s.second) for s in machine.shafts]
+        meshing = len(machine.meshes)
+        for k, pair in enumerate(pairs):
+            for a, b in (pair, pair[::-1]):
+                if a in placed and b not in placed:
+                    wheels = {w.name: w for w in machine.wheels}
+                    rings = wheels[a].internal or wheels[b].internal
+                    way = abs(size[a] - size[b]) if rings else size[a] + size[b]
+                    step = np.array([way, 0.0]) if k < meshing else np.array([0.0, 1.2 * (size[a] + size[b])])
+                    placed[b] = placed[a] + 1e3 * step
+                    break
+            else:
+                continue
+            break
+        else:
+            return {name: placed.get(name, np.zeros(2)) for name in given}
+
+
+def _bearing(ax: Axes, machine: Train, bearing: Any, place: np.ndarray) -> None:
+    """A triangle, open, or a ring of one with clearance; on a line if it sits on the housing."""
+    shape, label = ("o", "bearing with clearance") if bearing.clearance else ("^", "bearing")
+    ax.plot(*place[:, None], shape, color="black", markersize=5, fillstyle="none", label=label)
+    if machine.housing and bearing.at in machine.housing.seats:
+        ax.plot(*place[:, None], "_", color="black", markersize=11, markeredgewidth=2.0, label="on the housing")
+
+
+def _wheel(ax: Axes, wheel: Any, place: np.ndarray, size: float, speed: float) -> None:
+    """A circle with the name, the teeth and an arrow of the sense in which it turns."""
+    from matplotlib.patches import Circle
+
+    r = 1e3 * size
+    colour = COLOURS["no_impact"]
+    style: Any = {"linestyle": "-" if wheel.teeth else "--", "linewidth": 2.2 if wheel.internal else 1.2}
+    ax.add_patch(Circle(tuple(place), r, fill=False, edgecolor=colour, zorder=2, **style))
+    ax.plot(*place, "+", color="black", markersize=5)
+    told = f"{wheel.name}\n{wheel.teeth} teeth" if wheel.teeth else wheel.name
+    ring = wheel.internal
+    ax.annotate(told, (place[0], place[1] + (0.78 * r if ring else 0.12 * r)), ha="center", va="bottom", fontsize=8)
+    if wheel.unbalance:
+        there = place + 0.7 * r * np.array([np.cos(wheel.unbalance_angle), np.sin(wheel.unbalance_angle)])
+        ax.plot(*there[:, None], "o", color="black", markersize=4, label="unbalance")
+    _arrow(ax, place, _ARROW * r if not ring else 0.94 * r, speed)
+
+
+def _arrow(ax: Axes, place: np.ndarray, r: float, speed: float) -> None:
+    """Part of a circle in the sense in which something turns; nothing if it does not."""
+    from matplotlib.patches import FancyArrowPatch
+
+    if speed:
+        turn = np.sign(speed)
+        begin, end = (place + r * np.array([np.cos(a), np.sin(a)]) for a in (-1.9 - 0.5 * turn, -1.9 + 0.7 * turn))
+        ax.add_patch(FancyArrowPatch(tuple(begin), tuple(end), connectionstyle=f"arc3,rad={0.3 * turn}", zorder=3,
+                                     arrowstyle="-|>", mutation_scale=9, color=COLOURS["no_impact"],
+                                     linewidth=1.0))  # fmt: skip
+
+
+def _line_of_action(
+    ax: Axes, machine: Train, i: int, mesh: Any, angles: tuple[float, float], places: dict[str, np.ndarray],
+    size: dict[str, float],
+) -> None:  # fmt: skip
+    """A line through the pitch point in the direction of the force, and the order and lag of the mesh beside it."""
+    found = machine._kinematics
+    outer, inner = inner_first(mesh, {wheel.name: wheel for wheel in machine.wheels})
+    alpha, phi = angles
+    if not np.ptp([(w.x, w.y) for w in machine.wheels], axis=0).max():
+        away = places[inner.name] - places[outer.name]
+        phi = float(np.arctan2(away[1], away[0])) + (np.pi if inner.internal else 0.0)
+    r = 1e3 * size[outer.name]
+    pitch = places[outer.name] + r * np.array([np.cos(phi), np.sin(phi)])
+    n = np.array([np.sin(alpha), found.sides[i] * np.cos(alpha)])
+    n = np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]]) @ n
+    ends = np.array([pitch - 0.55 * r * n, pitch + 0.55 * r * n])
+    colour = BRANCHES[(i + 1) % len(BRANCHES)]
+    cycles = found.lags[i] / (2 * np.pi)
+    ax.plot(*ends.T, color=colour, linewidth=1.5, zorder=3, gid=f"mesh {mesh.name}",
+            label=f"{mesh.name}: order {found.orders[i]}, lag {cycles:.3g} cycles")  # fmt: skip

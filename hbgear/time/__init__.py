@@ -1,0 +1,28 @@
+"""Time integration: the independent check of periodic motions."""
+
+from typing import TYPE_CHECKING
+
+from hbgear.common import lazy_names as _lazy
+
+if TYPE_CHECKING:  # imported when they are first used
+    from hbgear.time.basins_of_attraction import basins
+    from hbgear.time.frequency_sweep import sweep
+    from hbgear.time.integration import integrate
+    from hbgear.time.jump_integration import integrate_jumps
+    from hbgear.time.shooting import shoot
+    from hbgear.time.stability_check import StabilityComparison, compare_multipliers
+    from hbgear.time.validation import validate
+
+__all__ = [
+    "StabilityComparison",
+    "basins",
+    "compare_multipliers",
+    "integrate",
+    "integrate_jumps",
+    "shoot",
+    "sweep",
+    "validate",
+]
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = _lazy.attached(__name__)

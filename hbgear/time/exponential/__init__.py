@@ -1,0 +1,1 @@
+"""The exponential integrator: kernels and tables."""

@@ -1,0 +1,188 @@
+"""Time integration of any model, to check harmonic balance against: nothing that solves uses it.
+
+    M q'' + C q' + K q + sum_j w_j [p_j(d_j, d_j', tau) + c_j d_j'] = F(tau),   d_j = w_j^T q - e_j(tau)
+
+Two independent ways, both stopping at every instant where an element reaches a corner of its law: the Runge-Kutta
+methods of scipy ("DOP853", the reference; "RK45"; "Radau" for stiff models), see `flow`; and "exponential", exact in
+the linear part and for many motions at once, see `stepper`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
+from hbgear.common.ranges import POSITIVE, Range, checked, counted
+from hbgear.common.text.messages import did_you_mean
+from hbgear.mechanics.models import Model
+from hbgear.mechanics.series.fourier import derive, evaluate, to_complex, to_real
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.exponential.segments import FINE
+from hbgear.time.runge_kutta import METHODS, Flow
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One or many integrated motions.
+
+    Parameters
+    ----------
+    Omega : () or (B,) excitation frequency.
+    tau : (T,) phases of the samples, the first at the start; a whole number of them in each excitation period.
+    d, v : (..., m, T) element coordinates and their rates in time.
+    end : (..., 2n) state (q, q') at the end; without its free motions by the exponential method.
+    switches : phases at which any element passed a corner (of all motions together).
+    steps : steps taken.
+    """
+
+    Omega: Any
+    tau: Array
+    d: Array
+    v: Array
+    end: Array
+    switches: Array
+    steps: int
+
+
+@checked_arguments()
+def state_of(problem: Any, X: Array, theta: float = 0.0, **parameters: float) -> Array:
+    """State (q, q') at the phase theta of a motion found by harmonic balance.
+
+    Parameters
+    ----------
+    problem : `HarmonicBalance` whose unknowns X are.
+    X : (m (2H + 1),) coefficients.
+    theta : basis phase, tau = nu theta.
+    parameters : ``Omega`` and any model parameters that differ.
+
+    Returns
+    -------
+    (2n,)
+    """
+    q = problem.motion(X, **parameters)
+    velocity = parameters["Omega"] / problem.nu * to_real(derive(to_complex(q)))
+    return np.concatenate([evaluate(q, theta)[:, 0], evaluate(velocity, theta)[:, 0]])
+
+
+_MOST_SAMPLES = 10_000_000
+
+
+@checked_arguments(model="a model, such as SpurPair() or a System, or a list of them")
+def integrate(
+    model: Model | Sequence[Model],
+    state: Array,
+    periods: int,
+    Omega: float | Array,
+    *,
+    method: str = "DOP853",
+    tolerance: float = 1e-11,
+    samples: int = 256,
+    steps: int | None = None,
+    phase: float = 0.0,
+) -> Motion:
+    """Motion over a number of excitation periods 2 pi / Omega.
+
+    Parameters
+    ----------
+    model : `Model`; for "exponential" also a sequence of B models of one kind.
+    state : (2n,) or (B, 2n) states (q, q') at tau = phase.
+    periods : how many, at least 1.
+    Omega : excitation frequency, > 0; for "exponential" also (B,).
+    method : "DOP853", "RK45", "Radau" or "exponential".
+    tolerance : error per step of the methods of scipy, relative to the size of the motion.
+    samples : of d and v per excitation period.
+    steps : of "exponential" per excitation period; by default as many as leave an error of about 1e-9.
+    phase : tau at the start.
+
+    Raises
+    ------
+    ValueError
+        If there is no such method, a number is out of its range, or the states do not fit the model.
+    ArithmeticError
+        If a motion runs away before the end, or Omega or the tolerance is too small for the method to go on.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> motion = hb.time.integrate(hb.Duffing(), [0.0, 0.0], 2, 1.0)
+    >>> motion.d.shape
+    (1, 512)
+    """
+    if method != "exponential" and method not in METHODS:
+        raise ValueError(f"no method '{method}'{did_you_mean(method, (*METHODS, 'exponential'))}")
+    counted("periods", periods)
+    counted("samples", samples)
+    counted("periods * samples", periods * samples, _MOST_SAMPLES)
+    checked("integrate", "phase", phase)
+    checked("integrate", "tolerance", tolerance, Range(low=1e-14, below=1))
+    phase, tolerance = float(phase), float(tolerance)  # a fraction is a number too
+    state = np.asarray(state, dtype=float)
+    if state.ndim not in (1, 2) or not np.all(np.isfinite(state)):
+        raise ValueError(f"state = {state} must be one state (2n,) or several (B, 2n), all entries finite")
+    if method == "exponential":
+        return _exponential(model, state, periods, Omega, samples, steps, phase)
+    if not isinstance(model, Model) or np.ndim(Omega):
+        raise ValueError(f"{method} takes one model and one Omega; use method='exponential' for many at once")
+    checked("integrate", "Omega", Omega, POSITIVE)
+    system = model.system()
+    flow = Flow(system, float(Omega))
+    runs = [_runge_kutta(flow, y, phase, periods, method, tolerance, samples) for y in np.atleast_2d(state)]
+    if state.ndim == 1:
+        return runs[0]
+    d, v, end = (np.array([getattr(r, name) for r in runs]) for name in ("d", "v", "end"))
+    switches = np.concatenate([r.switches for r in runs])
+    return Motion(float(Omega), runs[0].tau, d, v, end, switches, sum(r.steps for r in runs))
+
+
+def _runge_kutta(
+    flow: Flow, y: Array, phase: float, periods: int, method: str, tolerance: float, samples: int
+) -> Motion:
+    """`integrate` from one state by a method of scipy."""
+    if np.shape(y) != (2 * flow.n,):
+        raise ValueError(f"a state of shape {np.shape(y)} does not fit {flow.n} coordinates; need ({2 * flow.n},)")
+    tau = phase + 2 * np.pi * np.arange(periods * samples) / samples
+    t = tau / flow.Omega
+    d, v = np.empty((2, flow.m, len(t)))
+
+    def visit(t0: float, t1: float, dense: Callable[[Array], Array]) -> None:
+        inside = slice(int(np.searchsorted(t, t0)), int(np.searchsorted(t, t1)))
+        if inside.stop > inside.start:
+            d[:, inside], v[:, inside] = flow.gaps_over(t[inside], dense(t[inside]))
+
+    end = (phase + 2 * np.pi * periods) / flow.Omega
+    Y, instants, count = flow.march(phase / flow.Omega, y, end, method, tolerance, visit)
+    return Motion(flow.Omega, tau, d, v, Y, flow.Omega * np.array(instants), count)
+
+
+def _exponential(
+    model: Model | Sequence[Model],
+    state: Array,
+    periods: int,
+    Omega: float | Array,
+    samples: int,
+    steps: int | None,
+    phase: float,
+) -> Motion:
+    """`integrate` by the exponential method; the steps are made so many that samples fall on the grid inside them."""
+    if np.mod(phase + np.pi, 2 * np.pi) != np.pi:
+        raise ValueError(f"the exponential method starts at whole periods, phase = {phase} is none; use DOP853")
+    stepper = ExponentialIntegrator(model, Omega, steps)
+    need = samples // int(np.gcd(samples, FINE))
+    if stepper.N % need:
+        stepper = ExponentialIntegrator(model, Omega, -(-stepper.N // need) * need)
+    flight = stepper.start(state)
+    fine = stepper.advance(flight, periods, record=True)
+    assert fine is not None
+    d, v = (x[..., :: stepper.N * FINE // samples] for x in fine)
+    end = stepper.states(flight)
+    if not np.isfinite(end).all():
+        raise ArithmeticError(f"a motion runs away within {periods} periods; start nearer to one that stays")
+    if state.ndim == 1 and len(end) == 1:
+        d, v, end = d[0], v[0], end[0]
+    tau = phase + 2 * np.pi * np.arange(periods * samples) / samples
+    return Motion(np.squeeze(Omega)[()], tau, d, v, end, np.empty(0), periods * stepper.N)

@@ -1,0 +1,304 @@
+"""Time integration of the coordinates (q, q') by the Runge-Kutta methods of scipy, from corner to corner.
+
+Each step ends where an element reaches a corner of its law. On its piece a piecewise-linear law is a straight line,
+which a step may overshoot without harm; the step is then taken again up to the corner. Corners of the excitation are
+known beforehand: between two of them stiffness and error are polynomials, which go on beyond the corner.
+
+References
+----------
+Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I (1993), https://doi.org/10.1007/978-3-540-78862-1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import factorial
+from typing import Any
+
+import numpy as np
+import scipy
+
+from hbgear.common.arrays import Array
+from hbgear.mechanics.models import System
+from hbgear.mechanics.series.fourier import Series, derive, to_complex
+from hbgear.mechanics.series.periodic import Phased
+from hbgear.time.exponential.segments import FINE, Integers, Pieces, first_exit, stiffness_of
+
+METHODS = ("DOP853", "RK45", "Radau")
+"""Methods of scipy."""
+
+
+Lines = tuple[Array, Array]
+"""Slope and offset (m,) of the straight pieces the elements are on."""
+
+
+@dataclass(frozen=True)
+class Between:
+    """The time between two corners of the excitation.
+
+    begin, end : instants. at, rows (3 m, 4) : phase, and coefficients about it of e, e' and the stiffness of the lines
+    so far as they are made of pieces.
+    """
+
+    begin: float
+    end: float
+    at: float
+    rows: Array
+
+
+class Flow:
+    """y' = A y + f(tau) - B (p(d, d', tau) - c e'), y = (q, q'): the equations of a system at one Omega.
+
+    Parameters
+    ----------
+    system : `System`.
+    Omega : excitation frequency, > 0.
+    variational : carry the matrix of a disturbance along, Phi' = df/dy Phi; the state is then (2n, 1 + 2n), flattened.
+    """
+
+    def __init__(self, system: System, Omega: float, variational: bool = False) -> None:
+        if not (np.isfinite(Omega) and Omega > 0):
+            raise ValueError(f"Omega = {Omega} must be positive and finite")
+        system = system.at_speed(Omega)
+        self.Omega, self.n, self.m, self.W = Omega, system.n, len(system.elements), system.W
+        self.laws = tuple(e.law for e in system.elements)
+        self.pieces = Pieces.of(self.laws)
+        self.columns = 1 + 2 * self.n if variational else 1
+        self.c = np.array([e.damping for e in system.elements])
+        self._curved = np.flatnonzero(~self.pieces.line)
+        self._matrices(system)
+        self._series(system)
+        phases = [x for e in system.elements for x in (*e.law.phases, *e.displacement.corners)]
+        self.corners = np.unique(phases)
+        self._nowhere = Between(-np.inf, np.inf, 0.0, np.zeros((3 * self.m, 4)))
+
+    def _matrices(self, system: System) -> None:
+        n, Wd = self.n, self.W * self.c
+        if scipy.sparse.issparse(system.M):
+            invert = scipy.sparse.linalg.splu(scipy.sparse.csc_array(system.M)).solve
+            C, K = system.C + scipy.sparse.csr_array(Wd @ self.W.T), scipy.sparse.csr_array(system.K)
+            lower = scipy.sparse.hstack([-K, -C]).toarray()
+        else:
+            invert = np.linalg.inv(system.M).__matmul__
+            dense = [A.toarray() if scipy.sparse.issparse(A) else A for A in (system.K, system.C)]
+            lower = np.hstack([-dense[0], -dense[1] - Wd @ self.W.T])
+        self.A = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), invert(lower)])
+        self.B = np.vstack([np.zeros((n, self.m)), invert(self.W)])
+        self.invert = invert
+
+    def _series(self, system: System) -> None:
+        """Complex coefficients of e, e', the stiffness of the lines and the loads over the phase, one row each.
+
+        What of these is made of pieces is left out.
+        """
+        n, m = self.n, self.m
+        self._excitation = [e.displacement for e in system.elements], [stiffness_of(law) for law in self.laws]
+        rows, stiffness = ([one.row() if isinstance(one, Series) else np.zeros(1) for one in each]
+                           for each in self._excitation)  # fmt: skip
+        L = max([len(r) // 2 for r in (*rows, *stiffness)] + [load.order for load in system.loads])
+        c = np.zeros((3 * m + n, L + 1), dtype=complex)
+        for j in range(m):
+            for i, row in ((j, rows[j]), (2 * m + j, stiffness[j])):
+                c[i, : len(row) // 2 + 1] = to_complex(row)
+        c[m : 2 * m] = self.Omega * derive(c[:m])
+        for load in system.loads:
+            for order, vector in load.complex(n).items():
+                c[3 * m :, order] += self.Omega**load.power * vector
+        c[3 * m :] = self.invert(c[3 * m :].real) + 1j * self.invert(c[3 * m :].imag)
+        self.series, self.orders = c, np.arange(L + 1)
+
+    def between(self, t: float) -> Between:
+        """The time between the corners of the excitation that an instant lies in, or begins."""
+        if not self.corners.size:
+            return self._nowhere
+        tau = self.Omega * t
+        turns = np.floor((tau - self.corners[0]) / (2 * np.pi))
+        around = np.append(self.corners, self.corners[0] + 2 * np.pi) + 2 * np.pi * (turns + np.array([[-1], [0], [1]]))
+        corners = np.unique(around) / self.Omega
+        i = int(np.searchsorted(corners, t + 1e-13 * (abs(t) + 1 / self.Omega), side="right"))
+        begin, end = float(corners[i - 1]), float(corners[i])
+        at, (e, k), m = 0.5 * self.Omega * (begin + end), self._excitation, self.m
+        rows = np.zeros((3 * m, 4))
+        rows[:m], rows[2 * m :] = _expanded(e, at), _expanded(k, at)
+        rows[m : 2 * m, :3] = self.Omega * rows[:m, 1:] * [1, 2, 3]
+        return Between(begin, end, at, rows)
+
+    def _at(self, t: float, between: Between) -> tuple[Array, Array, Array, Array]:
+        s, m = (self.series @ np.exp(1j * self.Omega * t * self.orders)).real, self.m
+        if between is not self._nowhere:
+            s[: 3 * m] += between.rows @ (self.Omega * t - between.at) ** np.arange(4)
+        return s[:m], s[m : 2 * m], s[2 * m : 3 * m], s[3 * m :]
+
+    def gaps(self, t: float, y: Array, between: Between | None = None) -> tuple[Array, Array]:
+        """d and v (m,) of a state (its first column); at a corner of the excitation what they are after it."""
+        e, de, *_ = self._at(t, between or self.between(t))
+        y = y.reshape(2 * self.n, -1)[:, 0]
+        return self.W.T @ y[: self.n] - e, self.W.T @ y[self.n :] - de
+
+    def gaps_over(self, t: Array, Y: Array) -> tuple[Array, Array]:
+        """d and v (m, T) of states (size, T) at instants t."""
+        m, y = self.m, Y.reshape(2 * self.n, -1, len(t))[:, 0]
+        s = (self.series[: 2 * m] @ np.exp(1j * self.Omega * self.orders[:, None] * t)).real
+        for j, e in enumerate(self._excitation[0]):
+            if e.corners:
+                s[j] += e(self.Omega * t)
+                s[m + j] += self.Omega * e(self.Omega * t, 1)
+        return self.W.T @ y[: self.n] - s[:m], self.W.T @ y[self.n :] - s[m:]
+
+    def rates(self, line: Lines, between: Between, t: float, Y: Array) -> Array:
+        """y', or (y', Phi') flattened, with each element on its line."""
+        n = self.n
+        e, de, k, f = self._at(t, between)
+        Y = Y.reshape(2 * n, -1)
+        d, v = self.W.T @ Y[:n, 0] - e, self.W.T @ Y[n:, 0] - de
+        p, kd, kv = self._forces(line, d, v, self._phase(t, between), k)
+        out = self.A @ Y
+        out[n:, 0] += f
+        out[:, 0] -= self.B @ (p - self.c * de)
+        if Y.shape[1] > 1:
+            out[:, 1:] -= self.B @ (kd[:, None] * (self.W.T @ Y[:n, 1:]) + kv[:, None] * (self.W.T @ Y[n:, 1:]))
+        return out.ravel()
+
+    def _phase(self, t: float, between: Between) -> float:
+        """tau, at the ends of the time between two corners just inside of them, for laws that are asked for a force."""
+        if between is self._nowhere:
+            return self.Omega * t
+        inside = 1e-14 * (abs(t) + 1 / self.Omega)
+        return self.Omega * min(max(t, between.begin + inside), between.end - inside)
+
+    def slopes(self, line: Lines, between: Between, t: float, y: Array) -> Array:
+        """df/dy (2n, 2n), for implicit methods."""
+        d, v = self.gaps(t, y, between)
+        _, kd, kv = self._forces(line, d, v, self._phase(t, between), self._at(t, between)[2])
+        J = self.A.copy()
+        J[:, : self.n] -= (self.B * kd) @ self.W.T
+        J[:, self.n :] -= (self.B * kv) @ self.W.T
+        return J
+
+    def _forces(self, line: Lines, d: Array, v: Array, tau: float, k: Array) -> tuple[Array, Array, Array]:
+        slope, offset = line
+        kd = k * slope
+        p, kv = kd * d + k * offset, np.zeros(self.m)
+        for j in self._curved:
+            p[j], kd[j], kv[j] = (x[0] for x in self.laws[j].force(d[j : j + 1], v[j : j + 1], np.array([tau])))
+        return p, kd, kv
+
+    def march(
+        self, t: float, Y: Array, end: float, method: str, tolerance: float,
+        visit: Callable[[float, float, Callable[[Array], Array]], None] | None = None,
+    ) -> tuple[Array, list[float], int]:  # fmt: skip
+        """The state at the end, the instants at which corners were passed, and the number of steps.
+
+        ``visit(t0, t1, dense)`` is called with every stretch of the motion, where ``dense(t)`` gives (size, len(t)).
+
+        Raises
+        ------
+        ArithmeticError
+            If the motion runs away, or steps become too short.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._march(t, Y, end, method, tolerance, visit)
+
+    def _march(
+        self, t: float, Y: Array, end: float, method: str, tolerance: float,
+        visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
+    ) -> tuple[Array, list[float], int]:  # fmt: skip
+        Y, instants, count = np.asarray(Y, dtype=float).ravel(), [], 0
+        atol, nearly = tolerance * self._sizes(t, Y), 1e-14 * abs(end)
+        while end - t > nearly:
+            between = self.between(t)
+            stop = between.end if end - between.end > nearly else end
+            Y, more, steps = self._march_between(between, t, Y, stop, method, tolerance, atol, visit)
+            t, count = stop, count + steps
+            instants += more
+        return Y, instants, count
+
+    def _march_between(
+        self, between: Between, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array,
+        visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
+    ) -> tuple[Array, list[float], int]:  # fmt: skip
+        """`march` where the excitation has no corner before the end."""
+        piece, instants, count = self.pieces.at(*self.gaps(t, Y, between)), [], 0
+        every = np.arange(self.m)
+        while end - t > 1e-14 * abs(end):
+            line = self.pieces.slope[every, piece], self.pieces.offset[every, piece]
+            f = partial(self.rates, line, between)
+            extra = {"jac": partial(self.slopes, line, between)} if method == "Radau" and self.columns == 1 else {}
+            solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, **extra)
+            while solver.status == "running":
+                before = solver.y
+                solver.step()
+                count += 1
+                if solver.status == "failed":
+                    raise ArithmeticError(
+                        f"{method} could not go on at t = {solver.t:.6g}: the motion runs away, or Omega = "
+                        f"{self.Omega:.6g} or tolerance = {tolerance:g} is too small"
+                    )
+                at, side = self._exit(solver, before, piece, between)
+                stop = float(at.min())
+                if not np.isfinite(stop):
+                    if visit:
+                        visit(solver.t_old, solver.t, solver.dense_output())
+                    t, Y = solver.t, solver.y
+                    continue
+                t0 = solver.t_old
+                if visit:
+                    visit(t0, stop, solver.dense_output())
+                Y = self._again(f, t0, before, stop, method, tolerance, atol, extra)
+                t = stop
+                piece += np.where(at <= stop + 1e-12 * (1 + abs(stop)), side, 0)
+                instants.append(t)
+                break
+        return Y, instants, count
+
+    def _sizes(self, t: float, Y: Array) -> Array:
+        """What errors are measured against: the larger of the state's q and of the lengths the laws and errors set."""
+        y = Y.reshape(2 * self.n, -1)[:, 0]
+        corners = [abs(x) for law in self.laws for x in law.breakpoints]
+        moved = [e.bound for e in self._excitation[0] if e.corners]
+        moved.append(float(np.abs(self.series[: self.m]).max()))
+        length = max([float(np.abs(y[: self.n]).max()), *corners, *moved]) or 1.0
+        rate = max(float(np.abs(y[self.n :]).max()), self.Omega * length)
+        size = np.ones((2 * self.n, self.columns))
+        size[: self.n, 0], size[self.n :, 0] = length, rate
+        return size.ravel()
+
+    def _again(
+        self, f: Any, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array, extra: dict[str, Any]
+    ) -> Array:
+        """The step taken again up to a corner: its end is as accurate as any, the inside of a step is not."""
+        if end - t <= 1e-14 * (1 + abs(t)):
+            return Y
+        solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **extra)
+        while solver.status == "running":
+            solver.step()
+        y: Array = solver.y
+        return y
+
+    def _exit(self, solver: Any, before: Array, piece: Integers, between: Between) -> tuple[Array, Integers]:
+        """Instant in the step just made at which each element first leaves its piece (inf), and through which end."""
+        every = np.arange(self.m)
+        low, high = self.pieces.low[every, piece], self.pieces.high[every, piece]
+        (d0, v0), (d1, v1) = self.gaps(solver.t_old, before, between), self.gaps(solver.t, solver.y, between)
+        reach = 2 * (solver.t - solver.t_old) * np.maximum(np.abs(v0), np.abs(v1))
+        if np.all((np.maximum(d0, d1) + reach < high) & (np.minimum(d0, d1) - reach > low)):
+            return np.full(self.m, np.inf), np.zeros(self.m, dtype=int)
+        dense = solver.dense_output()
+        t = np.linspace(solver.t_old, solver.t, FINE + 1)
+        d, v = self.gaps_over(t, dense(t))
+
+        def value(rows: Integers, at: Array) -> Array:
+            return np.array([self.gaps(x, dense(x), between)[0][j] for j, x in zip(rows, at, strict=True)])
+
+        return first_exit(t, d, v, low, high, value)
+
+
+def _expanded(functions: list[Phased], tau: float) -> Array:
+    """Coefficients (m, 4) about tau of functions that have corners; zero of the others."""
+    out = np.zeros((len(functions), 4))
+    for own, function in zip(out, functions, strict=True):
+        if function.corners:
+            own[:] = [float(function(tau, q)) / factorial(q) for q in range(4)]
+    return out

@@ -1,0 +1,223 @@
+"""What an explorer explores: a model or the machine of a file, its parameters with units, and how to write it down.
+
+name "zeta"      a number         field of the model, or of the machine ("pair.backlash", "pinion.tip_relief")
+name "eps[0]"    one of a tuple   the first entry of the field eps, as in Python
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from hbgear.common.ranges import ANY, Range
+from hbgear.common.text.symbols import in_html, unit_of
+from hbgear.io.branches.columns import bracketed
+from hbgear.io.machines.machine_file import Machine, machine_text
+from hbgear.mechanics.fields import defaults_of, kinds_of
+from hbgear.mechanics.models import Model
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that can be moved: its label in HTML, its unit, its value, and the ends of its slider.
+
+    factor : what is shown over what the model has, 1e6 for metres shown in micrometres.
+    map : whether a jump map can be drawn over it.
+    """
+
+    name: str
+    label: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    map: bool = True
+
+
+class Subject(ABC):
+    """Something with parameters that gives a model."""
+
+    @abstractmethod
+    def parameters(self) -> list[Parameter]:
+        """All that can be moved, at the values to begin with."""
+
+    @abstractmethod
+    def model(self, values: Mapping[str, float]) -> Model:
+        """The model with these values.
+
+        Raises
+        ------
+        ValueError, KeyError
+            If one is no parameter or out of its range.
+        """
+
+    @abstractmethod
+    def python(self, values: Mapping[str, float]) -> str:
+        """Lines of Python that make it, as ``model``."""
+
+    @abstractmethod
+    def toml(self, values: Mapping[str, float], span: tuple[float, float], harmonics: int) -> str:
+        """A file that hbgear reads: of a machine, or of a study of this one design."""
+
+
+class ModelSubject(Subject):
+    """A model, by the name the command line has for it."""
+
+    def __init__(self, model: Model, name: str) -> None:
+        self.start, self.name = model, name
+
+    def parameters(self) -> list[Parameter]:
+        found = []
+        for name, kind in kinds_of(type(self.start)).items():
+            value, label = getattr(self.start, name), str(self.start.labels.get(name, name))
+            allowed = self.start.ranges.get(name, ANY)
+            if kind is float:
+                found.append(_parameter(name, label, float(value), allowed))
+            elif isinstance(value, tuple):
+                entries = [(i, f"{name}[{i}]") for i in range(len(value)) if f"{name}[{i}]" in self.start.entries]
+                found += [_parameter(key, f"entry {i} of {label}", float(value[i]), ANY) for i, key in entries]
+        return found
+
+    def model(self, values: Mapping[str, float]) -> Model:
+        known = {parameter.name: parameter.value for parameter in self.parameters()}
+        changes = {name: value for name, value in values.items() if value != known.get(name)}
+        return self.start.replace(**changes)
+
+    def changed(self, values: Mapping[str, float]) -> dict[str, Any]:
+        """Fields that differ from the defaults."""
+        model = self.model(values)
+        usual = defaults_of(type(model))
+        return {
+            name: getattr(model, name)
+            for name in kinds_of(type(model))
+            if name not in usual or getattr(model, name) != usual[name]
+        }
+
+    def python(self, values: Mapping[str, float]) -> str:
+        cls = type(self.start)
+        own = cls.__module__.partition(".")[0] != "hbgear"
+        given = ", ".join(f"{name}={value!r}" for name, value in self.changed(values).items())
+        module = cls.__module__
+        place = Path(module).stem if module.endswith(".py") else module
+        source = f"from {place} import {cls.__name__}\n" if own else ""
+        return f"{source}model = {'' if own else 'hb.'}{cls.__name__}({given})"
+
+    def toml(self, values: Mapping[str, float], span: tuple[float, float], harmonics: int) -> str:
+        base = {name: value for name, value in self.changed(values).items() if _is_plain(value)}
+        name, value = next(iter(self.model(values).parameters.items()))
+        base.pop(name, None)
+        lines = ["# A study of one design; vary more of it:  hbgear study FILE", f"model = {json.dumps(self.name)}"]
+        lines += ["", "[base]", *(f"{key} = {_toml(x)}" for key, x in base.items())] if base else []
+        lines += ["", "[grid]", f"{name} = [{_toml(float(value))}]"]
+        lines += ["", "[compute]", 'what = ["peak", "jumps", "curve"]', f"harmonics = {harmonics}"]
+        return "\n".join([*lines, f"span = [{_toml(span[0])}, {_toml(span[1])}]"]) + "\n"
+
+
+class MachineSubject(Subject):
+    """The machine of a file: what its drawing says can be moved."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+
+    def parameters(self) -> list[Parameter]:
+        m, found = self.machine, []
+        found.append(_parameter("torque", "torque on the pinion [N m]", m.torque, ANY, False))
+        found.append(_parameter("damping", "damping ratio of the mesh $\\zeta$", m.damping, Range(low=0), False))
+        if m.pair.backlash is not None:
+            found.append(_parameter("pair.backlash", "backlash [um]", 1e6 * m.pair.backlash, Range(low=0), False))
+        if m.cycle is None:
+            for name, label, value in (
+                ("pair.pitch_error", "pitch error [um]", m.pair.pitch_error),
+                ("pinion.tip_relief", "tip relief of the pinion [um]", m.pair.pinion.tip_relief),
+                ("wheel.tip_relief", "tip relief of the wheel [um]", m.pair.wheel.tip_relief),
+            ):
+                found.append(_parameter(name, label, 1e6 * value, Range(low=0), False, most=50.0))
+        return found
+
+    def changed(self, values: Mapping[str, float]) -> Machine:
+        """The machine with these values."""
+        known = {p.name: p.value for p in self.parameters()}
+        own: dict[str, Any] = {}
+        parts: dict[str, dict[str, Any]] = {"pair": {}, "pinion": {}, "wheel": {}}
+        for name, value in values.items():
+            if name not in known:
+                raise KeyError(f"the machine has no parameter '{name}'")
+            if value == known[name]:
+                continue
+            place, _, field = name.rpartition(".")
+            if place:
+                parts[place][field] = value * 1e-6
+            else:
+                own[field] = value
+        pair = self.machine.pair
+        gears: dict[str, Any] = {
+            name: replace(getattr(pair, name), **parts[name]) for name in ("pinion", "wheel") if parts[name]
+        }
+        if gears or parts["pair"]:
+            pair = replace(pair, **gears, **parts["pair"])
+        return replace(self.machine, pair=pair, **own)
+
+    def model(self, values: Mapping[str, float]) -> Model:
+        return self.changed(values).model()
+
+    def python(self, values: Mapping[str, float]) -> str:
+        machine = self.changed(values)
+        pair = machine.pair
+        wheels = [_call("hb.gears.Gear", gear) for gear in (pair.pinion, pair.wheel)]
+        lines = [f"pinion = {wheels[0]}", f"wheel = {wheels[1]}"]
+        lines.append(f"pair = {_call('hb.GearPair', pair, pinion='pinion', wheel='wheel')}")
+        options = f", form={machine.form!r}" if machine.form != "torsion" else ""
+        if machine.supports:
+            supports = ", ".join(_call("hb.gears.Support", support) for support in machine.supports)
+            options += f", supports=({supports})"
+        if machine.cycle is not None:
+            options += ", cycle=hb.gears.MeshCycle(...)  # of the tables that the file names"
+        lines.append(f"model = pair.model({machine.torque!r}, {machine.damping!r}{options})")
+        return "\n".join(lines)
+
+    def toml(self, values: Mapping[str, float], span: tuple[float, float], harmonics: int) -> str:
+        return machine_text(self.changed(values))
+
+
+def _parameter(
+    name: str, label: str, value: float, allowed: Range, map: bool = True, most: float | None = None
+) -> Parameter:
+    size = abs(value) or most or 1.0
+    low, high = (0.2 * value, 2.5 * value) if value > 0 else (2.5 * value, 0.2 * value) if value < 0 else (-size, size)
+    if not value and allowed is not ANY:
+        low = max(low, allowed.low)
+    low, high = max(low, allowed.low), min(high, allowed.high)
+    text = re.sub(r"\s*\[[^\[\]]*\]\s*$", "", in_html(label)) if unit_of(label) else in_html(label)
+    return Parameter(name, text, bracketed(unit_of(label)).strip(" []"), value, low, high, map)
+
+
+def _call(name: str, thing: Any, **given: str) -> str:
+    """An expression that makes it, without what is its default."""
+    parts = []
+    for field in fields(thing):
+        value, default = getattr(thing, field.name), defaults_of(type(thing)).get(field.name)
+        default = getattr(default, "default", default)
+        if field.name in given:
+            parts.append(f"{field.name}={given[field.name]}")
+        elif value != default:
+            parts.append(f"{field.name}={value!r}")
+    return f"{name}({', '.join(parts)})"
+
+
+def _is_plain(value: Any) -> bool:
+    entries = value if isinstance(value, tuple) else (value,)
+    return all(isinstance(x, str | bool | int | float) for x in entries)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, float) and math.isfinite(value):
+        return repr(value)
+    return json.dumps(value)
