@@ -29,7 +29,7 @@ from hbgear.mechanics.models import Model
 _REACH = 5.0  # how far a fold is followed, in the model's own value of the parameter
 
 
-_CAREFUL = StepControl(first=0.002, longest=0.02, max_points=300)
+_CAREFUL = StepControl(first_step=0.002, max_step=0.02, max_points=300)
 
 
 _BARREN = 6  # fold curves without a cusp after which the search is given up

@@ -255,7 +255,12 @@ def trace(
     stability: Annotated[
         bool, typer.Option("--stability/--no-stability", help="Floquet multipliers and jumps.")
     ] = True,
-    max_points: Annotated[int, typer.Option(min=2, help="Stop after so many points.")] = hb.StepControl().max_points,
+    max_points: Annotated[
+        int, typer.Option(min=2, help="Number of points after which the trace stops.")
+    ] = hb.StepControl().max_points,
+    predictor_points: Annotated[
+        int, typer.Option(min=1, help="Previous points used by the Hermite predictor; 1: tangent predictor.")
+    ] = hb.StepControl().predictor_points,
     landing: Landing = "nearest",
     accuracy: Annotated[
         float,
@@ -297,7 +302,7 @@ def trace(
             start=point,
             at=held,
             stability=stability,
-            steps=hb.StepControl(max_points=max_points),
+            steps=hb.StepControl(max_points=max_points, predictor_points=predictor_points),
             accuracy=accuracy or None,
         )
     except KeyboardInterrupt:  # not within the trace itself, which keeps what it has

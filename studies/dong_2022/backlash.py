@@ -93,7 +93,7 @@ def measure(length: float, entry: str, mapping: str, speeds: Sequence[float]) ->
 def _at(curve: hb.Branch, Omega: float) -> hb.Point:
     """The motion of a single-valued curve at Omega: from the nearest row in one step."""
     start = curve[int(np.argmin(np.abs(curve.values - Omega)))]
-    one = hb.Steps(first=1.0, longest=1.0)
+    one = hb.StepControl(first_step=1.0, max_step=1.0)
     here = hb.trace(curve.problem, "Omega", (start.parameters["Omega"], Omega), start, steps=one, special=False)
     return here[len(here) - 1]
 

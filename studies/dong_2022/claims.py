@@ -84,7 +84,7 @@ def steepest(branch: hb.Branch) -> tuple[float, float]:
     if not any(point.kind == "LP" for point in branch.special):
         first, last = max(i - 1, 0), min(i + 2, len(branch) - 1)
         span = float(branch.values[first]), float(branch.values[last])
-        branch = hb.trace(branch.problem, "Omega", span, branch[first], steps=hb.Steps(longest=0.01),
+        branch = hb.trace(branch.problem, "Omega", span, branch[first], steps=hb.StepControl(max_step=0.01),
                           stability=False, special=False)  # fmt: skip
         i, slope = _between_rows(branch)
     return slope, float(branch.values[i : i + 2].mean())

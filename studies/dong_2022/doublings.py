@@ -60,10 +60,11 @@ def run(quick: bool = False) -> Results:
         for grid, way in ways
     ]
     boundaries = (
-        {"zeta": boundary(curve, "zeta", 0.055, hb.Steps(first=0.1, longest=0.3, max_turn_deg=60))}
+        {"zeta": boundary(curve, "zeta", 0.055, hb.StepControl(first_step=0.1, max_step=0.3, max_turn_deg=60))}
         if quick
         else {
-            name: boundary(curve, name, away, hb.Steps(first=0.005, longest=0.015)) for name, (_, away) in OTHER.items()
+            name: boundary(curve, name, away, hb.StepControl(first_step=0.005, max_step=0.015))
+            for name, (_, away) in OTHER.items()
         }
     )
     return {
@@ -75,7 +76,7 @@ def run(quick: bool = False) -> Results:
     }
 
 
-def boundary(curve: hb.Branch, name: str, away: float, steps: hb.Steps) -> tuple[hb.Branch, ...]:
+def boundary(curve: hb.Branch, name: str, away: float, steps: hb.StepControl) -> tuple[hb.Branch, ...]:
     """PD1 and PD2 followed in a second parameter: through the apex and back, and away from it on both sides."""
     own = curve.problem.parameters[name]
     ends = ((OTHER[name][0], "PD1"), (away, "PD1"), (away, "PD2"))

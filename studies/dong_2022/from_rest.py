@@ -62,7 +62,7 @@ def run(quick: bool = False) -> dict[str, Any]:
         frequencies = np.array([0.875, 0.9]) if quick else PLANS[name]
         span = (1.5, frequencies[0] - MARGIN)  # from where teeth stay in contact
         problem = hb.HarmonicBalance(machine(name, 0.0), 16)
-        steps = hb.Steps() if quick else hb.Steps(first=0.005, longest=0.005)
+        steps = hb.StepControl() if quick else hb.StepControl(first_step=0.005, max_step=0.005)
         curve = hb.trace(problem, "Omega", span, steps=steps)
         motions = {w: reached(machine(name, w), frequencies, PERIODS[name]).amplitude for w in W}
         out["parts"][name] = {"Omega": frequencies, "curve": curve, "motions": motions}

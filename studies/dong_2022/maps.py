@@ -60,7 +60,11 @@ def run(quick: bool = False) -> Results:
     for name in ("torque",) if quick else tuple(SPANS):
         model = pair.replace(zeta=LOW) if name == "W" else pair
         near = (1.0, 0.75) if quick else None
-        few = {"seeds": 2, "steps": hb.Steps(first=0.05, longest=0.2, max_turn_deg=45)} if quick else {"seeds": 3}
+        few = (
+            {"seeds": 2, "steps": hb.StepControl(first_step=0.05, max_step=0.2, max_turn_deg=45)}
+            if quick
+            else {"seeds": 3}
+        )
         maps[name] = hb.jump_map(model, name, SPANS[name], frequencies=near, harmonics=6 if quick else 16, **few)
     boundaries = {name: boundary(name, 8 if quick else 16) for name in (("torque",) if quick else CRITICAL)}
     return {"maps": maps, "boundaries": boundaries}

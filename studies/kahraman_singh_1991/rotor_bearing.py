@@ -41,7 +41,7 @@ def run(quick: bool = False) -> Results:
     span, harmonics, points = ((1.9, 1.1), 16, 2) if quick else (SPAN, 32, 16)
 
     def traced(model: hb.mechanics.Model, stability: bool) -> hb.Branch:
-        steps = hb.Steps(longest=0.04 if quick else 0.012)  # the minimum between the resonances is sharp
+        steps = hb.StepControl(max_step=0.04 if quick else 0.012)  # the minimum between the resonances is sharp
         return hb.trace(hb.HarmonicBalance(model, harmonics), "Omega", span, steps=steps, stability=stability)
 
     curve = traced(MODEL, True)

@@ -31,7 +31,7 @@ VARIANTS: dict[str, tuple[int, dict[str, Any]]] = {
     "with stability": (1, {}),
     "with stability, two BLAS threads": (2, {}),
     "with stability, accuracy=None": (1, {"accuracy": None}),
-    "the same, shorter steps": (1, {"accuracy": None, "steps": hb.Steps(longest=0.01)}),
+    "the same, shorter steps": (1, {"accuracy": None, "steps": hb.StepControl(max_step=0.01)}),
 }
 """Number of BLAS threads, and what a trace is given."""
 Runs = dict[str, tuple[hb.Branch, list[float]]]

@@ -96,7 +96,7 @@ def kernels(problem: hb.HarmonicBalance, curve: hb.Branch) -> dict[str, Callable
         now = problem.linearise(x, "Omega", Omega=w)
         row[:n, :n], row[:n, n], row[n, :n] = now.dR_dX, now.dR_dp, 0.0
     columns, work = [np.asfortranarray(row[:, : n + 1]) for row in A], np.empty((n + 1, n + 3))
-    history = hb.StepControl().history
+    history = hb.StepControl().predictor_points
     last = np.arange(history - 1, P)[:, None] - np.arange(history)
     u, t, one, out = U[last], np.gradient(U, axis=0)[last], np.ones(n + 1), np.empty(n + 1)
     parts, mobility = compiled.parts().split, compiled.parts().mobility

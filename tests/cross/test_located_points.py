@@ -162,7 +162,7 @@ def test_long_steps_do_not_lose_a_pair_of_doublings():
     """A tongue of instability .043 wide in a step of .23: nothing was found there, and nothing said."""
     eps = (0.08719385437618231, 0.012913368645819146, 0.005505055803624091)
     model = hb.SpurPair(zeta=0.018939949313678924, F_m=0.39088024656702675, eps=eps, e=(), phase="sin")
-    steps = hb.StepControl(longest=0.12, max_turn_deg=35)
+    steps = hb.StepControl(max_step=0.12, max_turn_deg=35)
     long = hb.trace(hb.HarmonicBalance(model, 10), "Omega", (0.3, 2.5), steps=steps)
     pair = [p for p in long.special if p.kind == "PD"]
     places = [p.parameters["Omega"] for p in pair]

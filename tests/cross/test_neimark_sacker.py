@@ -52,7 +52,7 @@ def test_multipliers_of_the_shot_motion_lie_on_the_circle(curve):
 def test_it_is_found_whatever_the_step(curve):
     places = []
     for longest in (0.004, 0.02):
-        steps = hb.StepControl(first=0.002, longest=longest)
+        steps = hb.StepControl(first_step=0.002, max_step=longest)
         again = hb.trace(curve.problem, "Omega", (1.0, 0.8), steps=steps, accuracy=None)
         places.append([p.parameters["Omega"] for p in again.special if p.kind == "NS"])
     assert len(places[0]) == len(places[1]) > 0
@@ -107,7 +107,7 @@ def test_pairs_that_pass_between_two_rows_are_found():
     """Two that leave together, one that leaves and returns, one that leaves as another returns: as by short steps."""
     problem, span = hb.HarmonicBalance(PAIR, 16), (0.87, 0.68)
     curve = hb.trace(problem, "Omega", span, accuracy=None)
-    short = hb.trace(problem, "Omega", span, accuracy=None, steps=hb.StepControl(longest=1e-3))
+    short = hb.trace(problem, "Omega", span, accuracy=None, steps=hb.StepControl(max_step=1e-3))
     assert len(curve) < 50 and len(short) > 1000
     assert len(neimark_sacker_of(short)) == 9
     assert neimark_sacker_of(curve) == pytest.approx(neimark_sacker_of(short), abs=1e-8)

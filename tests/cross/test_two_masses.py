@@ -61,7 +61,9 @@ def refined(problem, point):
     if point.kind == "NS":
         wide = 2e-5
         X = solve(problem, X, {"Omega": Omega + wide}).X
-        piece = trace(problem, "Omega", (Omega + wide, Omega - wide), X, steps=StepControl(first=0.2, longest=0.5))
+        piece = trace(
+            problem, "Omega", (Omega + wide, Omega - wide), X, steps=StepControl(first_step=0.2, max_step=0.5)
+        )
         return next(p.parameters["Omega"] for p in piece.special if p.kind == "NS")
     kind = {"LP": FoldProblem, "PD": PeriodDoublingProblem}[point.kind]
     return float(solve(kind(problem), np.append(X, Omega), {"Omega": Omega}).X[-1])

@@ -223,6 +223,7 @@ def value_for(rng: Random, command: str, option: str, files: list[str]) -> str:
         "--guesses",
         "--points",
         "--max-points",
+        "--predictor-points",
         "--nu",
         "--samples",
         "--processes",

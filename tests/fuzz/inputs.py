@@ -443,7 +443,7 @@ def targets() -> tuple[Target, ...]:
         Target("from_ross", hb.io.from_ross, {"rotor": [rotor]}),
         Target("from_opentorsion", hb.io.from_opentorsion, {"assembly": [assembly]}),
         Target("Settings", hb.NewtonSettings, {}),
-        Target("StepControl", hb.StepControl, {}, 2, free=frozenset({"first"})),  # None is its default
+        Target("StepControl", hb.StepControl, {}, 2, free=frozenset({"first_step"})),  # None is its default
         Target("Settling", SteadyStateSettings, {}),
         *(Target(cls.__name__, cls, {}, 4, _traced) for cls in (hb.Duffing, hb.SpurPair, hb.gears.GearRotorBearing)),
         Target("PlanetarySet", hb.gears.PlanetarySet, {}, 3, lambda model: hb.HarmonicBalance(model, 2)),

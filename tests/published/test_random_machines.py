@@ -136,7 +136,7 @@ def test_what_hangs_is_interrupted(campaign, monkeypatch):
     monkeypatch.setattr(campaign, "SECONDS", 0.05)
     slow = campaign.Machine("two", 1, hb.SpurPair(), (1.5, 0.3))
     monkeypatch.setattr(campaign.truth, "traced", lambda it, H: hb.trace(
-        hb.HarmonicBalance(it.model, 100), "Omega", it.span, steps=hb.StepControl(longest=1e-4)))  # fmt: skip
+        hb.HarmonicBalance(it.model, 100), "Omega", it.span, steps=hb.StepControl(max_step=1e-4)))  # fmt: skip
     assert campaign.followed(slow).status == "interrupted"
 
 
@@ -174,7 +174,7 @@ def test_two_doublings_beside_a_grazing_contact_are_found(on_path):
     first, _, second = (curve.values[point.index] for point in found)
     inside = curve.values[(curve.values < first) & (curve.values > second)]
     assert len(inside) and not curve.stable[np.isin(curve.values, inside)].any()
-    short = hb.StepControl(longest=0.002)
+    short = hb.StepControl(max_step=0.002)
     fine = hb.trace(hb.HarmonicBalance(it.model, 48), "Omega", (0.333, 0.328), steps=short, accuracy=None, cover=False)
     places = [point.parameters["Omega"] for point in fine.special if point.kind == "PD"]
     assert len(places) == 2

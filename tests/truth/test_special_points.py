@@ -127,7 +127,7 @@ def test_a_multiplier_is_minus_one_at_a_period_doubling_with_varying_stiffness()
 
 def fold_curve(problem, zeta, end):
     curve = trace(problem, "Omega", (1.3, 0.8), at={"zeta": zeta}, stability=False)
-    return trace(FoldProblem(problem), "zeta", (zeta, end), folds(curve)[0], steps=StepControl(longest=0.1))
+    return trace(FoldProblem(problem), "zeta", (zeta, end), folds(curve)[0], steps=StepControl(max_step=0.1))
 
 
 def test_cusp_to_eight_digits():
@@ -140,7 +140,7 @@ def test_cusp_to_eight_digits():
 @pytest.mark.parametrize("before", [1e-7, 3e-7, 1e-6])
 def test_a_cusp_next_to_a_row_has_an_error(before):
     """Whose other side of the row it is on with more harmonics."""
-    coarse, settings = HarmonicBalance(SpurPair(), 10), StepControl(first=0.03, longest=0.03)
+    coarse, settings = HarmonicBalance(SpurPair(), 10), StepControl(first_step=0.03, max_step=0.03)
     cusp = fold_curve(coarse, 0.117, 0.119)["CP1"].parameters["zeta"]
     near = fold_curve(coarse, 0.117, cusp - before)
     found = trace(FoldProblem(coarse), "zeta", (cusp - before, 0.119), near[-1], steps=settings)["CP1"]
@@ -211,7 +211,9 @@ def test_a_pair_that_crosses_just_before_a_fold():
     """Between two rows a pair comes inside the unit circle and a real multiplier passes +1: two points, told apart."""
     problem = HarmonicBalance(DoubleHelicalPair(zeta=0.03), 16)
     coarse = trace(problem, "Omega", (1.0, 0.7))
-    fine = trace(problem, "Omega", (1.0, 0.7), steps=StepControl(first=0.004, longest=0.004))  # in which they lie apart
+    fine = trace(
+        problem, "Omega", (1.0, 0.7), steps=StepControl(first_step=0.004, max_step=0.004)
+    )  # in which they lie apart
     assert [p.kind for p in coarse.special] == [p.kind for p in fine.special]
     for a, b in zip(coarse.special, fine.special, strict=True):
         assert a.located and a.parameters["Omega"] == pytest.approx(b.parameters["Omega"], abs=1e-8)

@@ -10,7 +10,7 @@ from hbgear.cli import app
 matplotlib.use("Agg")
 
 PAIR = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25.0))
-FINE = hb.StepControl(longest=0.004, max_points=4000)
+FINE = hb.StepControl(max_step=0.004, max_points=4000)
 SPREAD = {"zeta": 1e-4, "e[0]": 5e-5, "F_m": 2e-4, "reference[0]": 10.0}
 
 

@@ -137,6 +137,8 @@ def test_a_file_of_schema_1(tmp_path):
     assert [(p.label, p.meaning, p.marker) for p in old.special] == [("LP1", "fold: the curve turns back", "o")]
     assert old["LP1"].parameters["Omega"] == pytest.approx(0.708030808011212, abs=1e-9)
     old.save(tmp_path / "new.npz")
+    assert old.meta["trace"]["steps"]["longest"] == 0.04 and "max_step" not in old.meta["trace"]["steps"]
+    assert hb.load(tmp_path / "new.npz").meta["trace"] == old.meta["trace"]
     assert hb.load(tmp_path / "new.npz")["LP1"].meaning == old["LP1"].meaning
     with np.load(OLD) as archive:
         arrays = dict(archive)

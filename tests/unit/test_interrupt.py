@@ -86,12 +86,12 @@ class RowByRow(hb.HarmonicBalance):
 
 
 def curve():
-    return hb.trace(RowByRow(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.StepControl(longest=0.1))
+    return hb.trace(RowByRow(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.StepControl(max_step=0.1))
 
 
 def strides():
     return hb.trace(
-        hb.HarmonicBalance(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.StepControl(first=0.004, longest=0.004)
+        hb.HarmonicBalance(DUFFING, 3), "Omega", (0.9, 1.3), steps=hb.StepControl(first_step=0.004, max_step=0.004)
     )
 
 
@@ -166,12 +166,12 @@ class Signalled(hb.HarmonicBalance):
 def test_ctrl_c_while_the_compiled_loop_runs():
     """It is heard when the call returns, and what was found by the calls before it is kept, with its stability."""
     problem = Signalled(hb.SpurPair(), 60)
-    few = hb.StepControl(first=1e-4, longest=1e-4)
+    few = hb.StepControl(first_step=1e-4, max_step=1e-4)
     part = hb.trace(problem, "Omega", (0.9, 0.8), steps=few)
     assert problem.heard and problem.calls == 3
     assert part.status is Status.INTERRUPTED and "interrupted at Omega" in part.message
     whole = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 60), "Omega", (0.9, 0.8), special=False, stability=False,
-                     steps=hb.StepControl(first=1e-4, longest=1e-4, max_points=len(part)))  # fmt: skip
+                     steps=hb.StepControl(first_step=1e-4, max_step=1e-4, max_points=len(part)))  # fmt: skip
     assert len(part) > 64 and np.array_equal(part.values, whole.values) and np.array_equal(part.X, whole.X)
     assert np.isfinite(part.multipliers).all()
 
@@ -516,7 +516,7 @@ def test_ctrl_c_leaves_rows_between_which_it_takes_long_to_look(monkeypatch):
     monkeypatch.setattr(
         "hbgear.continuation.tracing.stepper._WORK", 64 * 22**3
     )  # fewer rows at once, as of large machines
-    span, steps, looked = hb.SpurPair.default_span, hb.StepControl(longest=0.02), []
+    span, steps, looked = hb.SpurPair.default_span, hb.StepControl(max_step=0.02), []
     whole = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 10), "Omega", span, steps=steps)
     located, monotonic = Tracer._located, time.monotonic
 

@@ -141,7 +141,7 @@ def test_a_curve_that_turns_back_leaves_through_its_start():
 
 @pytest.mark.parametrize("first", [0.01, 0.0123, 0.02])
 def test_a_branch_point_is_located(first):
-    curve = trace(PITCHFORK, "p", (-1.0, 1.0), np.array([0.0]), steps=StepControl(first=first))
+    curve = trace(PITCHFORK, "p", (-1.0, 1.0), np.array([0.0]), steps=StepControl(first_step=first))
     (point,) = curve.special
     assert (point.kind, point.label, point.located) == ("BP", "BP1", True)
     assert point.parameters["p"] == pytest.approx(0.3, abs=1e-8)
@@ -230,11 +230,13 @@ def test_a_small_loop_is_not_stepped_over(first):
         lambda x, p: -1 + 2 * np.exp(-((x / w) ** 2)) * (1 - 2 * (x / w) ** 2),
     )
     z = brentq(lambda z: 2 * np.exp(-(z**2)) * (1 - 2 * z**2) - 1, 0.1, 0.7, xtol=1e-15)
-    curve = trace(loop, "p", (-1.0, 1.0), np.array([-1.0]), steps=StepControl(first=first))
+    curve = trace(loop, "p", (-1.0, 1.0), np.array([-1.0]), steps=StepControl(first_step=first))
     assert [p.kind for p in curve.special] == ["LP", "LP"]
     expected = w * z * (1 - 2 * np.exp(-(z**2)))
     np.testing.assert_allclose([p.parameters["p"] for p in curve.special], [-expected, expected], rtol=1e-6)
-    blind = trace(loop, "p", (-1.0, 1.0), np.array([-1.0]), steps=StepControl(first=first, max_prediction_error=1.0))
+    blind = trace(
+        loop, "p", (-1.0, 1.0), np.array([-1.0]), steps=StepControl(first_step=first, max_prediction_error=1.0)
+    )
     assert len(curve) > len(blind)
 
 
@@ -273,7 +275,9 @@ def test_rows_keep_no_matrices():
 def test_more_rows_save_newton_steps():
     """The tangent alone, and polynomials through two and four rows."""
     curves = [
-        trace(HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=StepControl(history=k), stability=False)
+        trace(
+            HarmonicBalance(Duffing(), 5), "Omega", (0.5, 1.6), steps=StepControl(predictor_points=k), stability=False
+        )
         for k in (1, 2, 4)
     ]
     needed = [curve.iterations.sum() for curve in curves]
@@ -331,21 +335,36 @@ def test_a_costly_parameter_is_kept_while_a_row_is_solved_for():
 
 
 def test_the_first_step_fits_between_the_shortest_and_the_longest():
-    assert (StepControl().first, StepControl(longest=0.004).first, StepControl(shortest=0.02).first) == (
+    assert (
+        StepControl().first_step,
+        StepControl(max_step=0.004).first_step,
+        StepControl(min_step=0.02).first_step,
+    ) == (
         0.01,
         0.004,
         0.02,
     )
-    curve = trace(HarmonicBalance(Duffing(), 3), "Omega", (0.8, 0.85), steps=StepControl(longest=0.004))
+    curve = trace(HarmonicBalance(Duffing(), 3), "Omega", (0.8, 0.85), steps=StepControl(max_step=0.004))
     assert curve.status.complete and curve.step.max() <= 0.004 * (1 + 1e-12)
-    with pytest.raises(ValueError, match="0 < shortest <= first <= longest"):
-        StepControl(first=0.01, longest=0.004)
-    with pytest.raises(ValueError, match="longest = '1' must be a finite number"):
-        StepControl(longest="1")
+    with pytest.raises(ValueError, match="0 < min_step <= first_step <= max_step"):
+        StepControl(first_step=0.01, max_step=0.004)
+    with pytest.raises(ValueError, match="max_step = '1' must be a finite number"):
+        StepControl(max_step="1")
+
+
+def test_step_control_accepts_the_names_of_version_0_2():
+    with pytest.warns(DeprecationWarning, match=r"StepControl\(longest=\.\.\.\) is deprecated: use max_step="):
+        old = StepControl(longest=0.02, max_points=9)
+    assert old == StepControl(max_step=0.02, max_points=9)
+    for name, value in (("first", 0.01), ("longest", 0.02), ("shortest", 1e-7), ("newton", 3), ("history", 4)):
+        with pytest.warns(DeprecationWarning, match=f"StepControl.{name} is deprecated: use "):
+            assert getattr(old, name) == value
+    with pytest.raises(TypeError, match="longest is the deprecated name of max_step; give only max_step"):
+        StepControl(longest=0.02, max_step=0.02)
 
 
 def test_steps_stay_within_their_limits():
-    steps = StepControl(first=0.003, longest=0.01, max_turn_deg=5)
+    steps = StepControl(first_step=0.003, max_step=0.01, max_turn_deg=5)
     curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), steps=steps, special=False)
     assert curve.step[1] <= 0.003 * (1 + 1e-12) and curve.step.max() <= 0.01 * (1 + 1e-12)
 
@@ -602,12 +621,12 @@ def test_a_start_on_a_fold_either_works_or_says_so():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"first": 0.1}, "0 < shortest <= first <= longest"),
-        ({"shortest": 0.0}, "0 < shortest"),
+        ({"first_step": 0.1}, "0 < min_step <= first_step <= max_step"),
+        ({"min_step": 0.0}, "0 < min_step"),
         ({"max_turn_deg": 0.0}, "max_turn_deg = 0.0 degrees must be above 0"),
         ({"max_points": 1}, "max_points = 1 must be a whole number of at least 2"),
         ({"max_prediction_error": 0.0}, "max_prediction_error = 0.0 must be above 0"),
-        ({"history": 0}, "history = 0 must be a whole number of at least 1"),
+        ({"predictor_points": 0}, "predictor_points = 0 must be a whole number of at least 1"),
     ],
 )
 def test_bad_steps(settings, message):

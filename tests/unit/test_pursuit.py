@@ -80,7 +80,7 @@ def test_the_compiled_loop_tells_the_same_curve(name, back):
     np.testing.assert_allclose(sizes, [many.problem.solution_norm(X) for X in many.X], rtol=1e-14)
     largest = sizes.max()
     rows = np.column_stack([many.X / largest, many.values / abs(span[1] - span[0])])
-    assert np.linalg.norm(np.diff(rows, axis=0), axis=1).max() < 1.5 * StepControl().longest
+    assert np.linalg.norm(np.diff(rows, axis=0), axis=1).max() < 1.5 * StepControl().max_step
     assert many.residual.max() < 1e-10
 
 
@@ -185,7 +185,7 @@ def test_a_stride_ends_beyond_the_span(kind):
 def test_a_stride_is_bounded():
     """At most so many rows a call, fewer of large problems, so that Ctrl-C is heard."""
     small, large = HarmonicBalance(Duffing(), 3), HarmonicBalance(Duffing(), 150)
-    steps = StepControl(first=1e-4, longest=1e-4)
+    steps = StepControl(first_step=1e-4, max_step=1e-4)
     assert len(stride_of(small, steps, small.start(0.5), 1e-4, (0.4, 1.6)).rows) == 128
     assert len(stride_of(large, steps, large.start(0.5), 1e-4, (0.4, 1.6)).rows) < 32
 
@@ -194,10 +194,10 @@ def test_a_stride_is_bounded():
 def test_why_the_shortest_step_failed(kind):
     """StepControl that may not be made shorter and turn too far; Newton that may take one step only."""
     problem = kind(Duffing(), 3)
-    start, equal = problem.start(0.9), {"first": 0.04, "shortest": 0.04, "longest": 0.04}
+    start, equal = problem.start(0.9), {"first_step": 0.04, "min_step": 0.04, "max_step": 0.04}
     for steps, settings, reason in (
         ({"max_turn_deg": 1e-3}, NewtonSettings(), "the tangent turned by"),
-        ({"max_turn_deg": 60.0, "history": 1}, NewtonSettings(max_iterations=1), "relative residual of"),
+        ({"max_turn_deg": 60.0, "predictor_points": 1}, NewtonSettings(max_iterations=1), "relative residual of"),
     ):
         curve = trace(problem, "Omega", (0.9, 1.3), start, steps=StepControl(**equal | steps), settings=settings)
         assert curve.status is Status.STEP_TOO_SMALL and reason in curve.message

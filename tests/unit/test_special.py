@@ -333,7 +333,7 @@ def test_folds_just_below_their_cusp(cusp, less, span):
     assert not any(p.kind == "LP" for p in above.special)
 
 
-@pytest.mark.parametrize("steps", [StepControl(), StepControl(longest=0.03)], ids=["usual", "short"])
+@pytest.mark.parametrize("steps", [StepControl(), StepControl(max_step=0.03)], ids=["usual", "short"])
 @pytest.mark.parametrize(("zeta", "expected"), [(0.12, (0.336273, 0.337659)), (0.1205, (0.336781, 0.337149))])
 def test_doublings_closer_than_the_rows(zeta, expected, steps):
     """The range in which the double-helical pair doubles its period is a hundredth of a step before it vanishes."""

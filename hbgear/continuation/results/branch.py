@@ -80,11 +80,11 @@ _ADVICE = {
     "or support the free motion",
     Status.CLOSED: "nothing to do: the curve closed on itself",
     Status.RETRACED: "allow shorter steps or a smaller turning angle: "
-    "steps=hb.StepControl(longest=..., max_turn_deg=...)",
+    "steps=hb.StepControl(max_step=..., max_turn_deg=...)",
     Status.MAX_POINTS: "allow more points or longer steps, or go on from the last point: hb.extend(curve), "
     "hbgear extend FILE",
     Status.STEP_TOO_SMALL: "go on from the last point with more harmonics or samples: hb.extend(curve, problem=...), "
-    "hbgear extend FILE --harmonics 32; or allow shorter steps: steps=hb.StepControl(shortest=...)",
+    "hbgear extend FILE --harmonics 32; or allow shorter steps: steps=hb.StepControl(min_step=...)",
     Status.INTERRUPTED: "what was done is kept; go on from there (a curve: hb.extend(curve), hbgear extend FILE)",
     Status.FAILED: "what was done is kept; go on from there, if need be with other settings (a curve: hb.extend(curve, "
     "problem=...))",

@@ -68,12 +68,12 @@ def first_two(
     NoConvergence, numpy.linalg.LinAlgError
         If no point of the branch is found beside the special point.
     """
-    step, found = steps.first, None
-    while step >= _LEAST * steps.first:
+    step, found = steps.first_step, None
+    while step >= _LEAST * steps.first_step:
         try:
             row = departed(problem, name, parameters, start, step, scale, settings)
         except (NoConvergence, np.linalg.LinAlgError):
-            if found is None and step < 10 * _LEAST * steps.first:
+            if found is None and step < 10 * _LEAST * steps.first_step:
                 raise
         else:
             found = row

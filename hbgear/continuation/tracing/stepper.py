@@ -58,13 +58,13 @@ class Stepper:
 
         scale : of u; top : size of the largest motion so far. Without rows the shortest step has failed.
         """
-        steps, settings, history = self.steps, self.settings, self.steps.history
+        steps, settings, history = self.steps, self.settings, self.steps.predictor_points
         count, width = min(len(rows), history), len(scale)
         u, t = np.zeros((2, history, width))
         for i, row in enumerate(rows[:count]):
             u[i], t[i] = row.u, row.tangent
         miss = math.inf if self.problem.is_nonsmooth else steps.max_prediction_error
-        control = np.array([steps.shortest, steps.longest, steps.max_turn_deg, steps.newton, miss])
+        control = np.array([steps.min_step, steps.max_step, steps.max_turn_deg, steps.target_newton_iterations, miss])
         tolerances = np.array([settings.tolerance, settings.step_tolerance, settings.max_iterations])
         pursue = self.problem.compiled_continuation(self.name, self.fixed)
         if pursue is None:

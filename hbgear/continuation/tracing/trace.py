@@ -496,7 +496,7 @@ class Tracer:
             self._settle()
         self._adapt()
         self.first = self.rows[0]
-        self.step = self.steps.first
+        self.step = self.steps.first_step
         self.ending.reached(*self._loop())
 
     def _complete(self) -> None:
@@ -699,7 +699,7 @@ class Tracer:
         low, high = sorted((self.a, self.b))
         single = self.together == 1
         strider = Stepper(self.problem, self.name, self.fixed, (low, high), self.steps, self.settings, single)
-        last = [self.rows[-1], *(self._as_now(row) for row in self.rows[-2 : -1 - self.steps.history : -1])]
+        last = [self.rows[-1], *(self._as_now(row) for row in self.rows[-2 : -1 - self.steps.predictor_points : -1])]
         most = min(self.steps.max_points - len(self.rows), self.together)
         while True:
             tried = self.step
@@ -707,11 +707,11 @@ class Tracer:
             path = Points([last[0], *rows])
             kept = self._before_running_back(path)
             if kept < len(rows):
-                shorter = max(0.5 * rows[kept].step, self.steps.shortest)
+                shorter = max(0.5 * rows[kept].step, self.steps.min_step)
                 path, reason, self.step = Points(path[: kept + 1]), _BACK, shorter
             if len(path) == 1 and (row := self._at_the_range_end(tried)):
                 return Points([last[0], row]), ""
-            if len(path) > 1 or tried <= self.steps.shortest or reason != _BACK:
+            if len(path) > 1 or tried <= self.steps.min_step or reason != _BACK:
                 return path, reason
 
     def _at_the_range_end(self, step: float) -> CurvePoint | None:
