@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.analysis.multistart import BranchSearch, trace_all
     from hbgear.analysis.parameter_sensitivity import Sensitivity, sensitivity
     from hbgear.analysis.planet_loads import LoadSharing, load_sharing
-    from hbgear.analysis.run_up import RunUp, run_up
+    from hbgear.analysis.run_ups import RunUp, run_up
     from hbgear.harmonic.bifurcations.peaks import peaks
 
 __all__ = [

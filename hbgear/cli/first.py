@@ -26,7 +26,7 @@ def compiled_beside() -> Iterator[None]:
     if not command.IS_COMMAND or processors() < 2 or not nothing_stored():
         yield
         return
-    from hbgear.design.cases.processes import executor_of
+    from hbgear.design.studies.processes import executor_of
 
     with executor_of(None, 1, 1) as pool:
         pool.submit(_observed)

@@ -132,8 +132,8 @@ def explored(
     what: str, changes: list[str] | None, own: str | None, allow_code: bool = False
 ) -> tuple[Subject, tuple[float, float], int, hb.Branch | None]:
     """What is explored, the span and harmonics to begin with, and the curve of a file."""
-    from hbgear.design.cases.samples import Grid
-    from hbgear.design.cases.study_file import is_study, read_study
+    from hbgear.design.studies.samples import Grid
+    from hbgear.design.studies.study_file import is_study, read_study
     from hbgear.io.machines.machine_file import read_machine
     from hbgear.web.editable_model import MachineSubject, ModelSubject
 

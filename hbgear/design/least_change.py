@@ -41,7 +41,7 @@ from hbgear.continuation.results.termination import Termination, whole
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.trace import trace
 from hbgear.design.bounds import bounds_of
-from hbgear.design.cases.samples import Grid, Sample
+from hbgear.design.studies.samples import Grid, Sample
 from hbgear.harmonic.bifurcations.peaks import peaks
 from hbgear.harmonic.equations.layout import Layout, check_measure
 from hbgear.harmonic.harmonic_balance import HarmonicBalance

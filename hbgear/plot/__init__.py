@@ -12,7 +12,6 @@ Examples
 from typing import TYPE_CHECKING
 
 from hbgear.common import lazy_names as _late
-from hbgear.plot.runs import RUNS, orders, runs, waterfall  # at once: a function has the name of its module
 
 if TYPE_CHECKING:  # imported when they are first used
     from hbgear.plot.curves import jump_map, response, responses, speed_axes
@@ -43,6 +42,7 @@ if TYPE_CHECKING:  # imported when they are first used
         sweeps,
         validation,
     )
+    from hbgear.plot.sweep_paths import RUNS, orders, runs, waterfall
     from hbgear.plot.style import (
         BRANCHES,
         COLOURS,

@@ -33,7 +33,7 @@ SCATTER = {
     "e_scale": ("triangular", 0.8, 1.0, 1.3),
     "k_mean": ("normal", 1.8456e9, 4.0e7),
 }
-"""Distribution of each parameter that varies; see `hbgear.design.cases.samples.DISTRIBUTIONS`."""
+"""Distribution of each parameter that varies; see `hbgear.design.studies.samples.DISTRIBUTIONS`."""
 SEED = 1
 
 

@@ -28,7 +28,7 @@ from threadpoolctl import threadpool_limits
 import hbgear as hb
 from hbgear.common.atomic_write import atomic_write
 from hbgear.continuation.results.branch import Branch, Status
-from hbgear.design.cases.processes import executor_of
+from hbgear.design.studies.processes import executor_of
 from hbgear.harmonic.structure.recession import Receded
 from studies.random import truth
 from studies.random.machines import Machine, machine

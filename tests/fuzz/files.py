@@ -603,7 +603,7 @@ VALUES = [
 
 def attempt_study(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | None:
     """A study file with lines changed; read in Python, or computed by the command."""
-    from hbgear.design.cases.study_file import read_study
+    from hbgear.design.studies.study_file import read_study
 
     _clear(folder)
     lines = str(rng.choice([STUDY, SAMPLE])).splitlines()

@@ -242,7 +242,7 @@ def damaged(rng: Random, text: str) -> bytes:
 def read(path: Path, study: bool) -> Any:
     """The model of a file, or of a study."""
     from hbgear.cli.support import chosen_model
-    from hbgear.design.cases.study_file import read_study
+    from hbgear.design.studies.study_file import read_study
 
     return read_study(path).model if study else chosen_model(str(path), None)
 

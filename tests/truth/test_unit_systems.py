@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-import hbgear.harmonic.harmonic_balance
-import hbgear.harmonic.structure.receptance
+from hbgear.harmonic import harmonic_balance
+from hbgear.harmonic.structure import receptance
 from hbgear.mechanics.reference_stiffness import references
 
 UNITS = {"length": (1e-6, 1.0, 1.0), "time": (1.0, 1e3, 1.0), "mass": (1.0, 1.0, 1e3), "all": (1e-6, 1e3, 1e3)}
@@ -116,8 +116,8 @@ def test_reference_stiffness_changes_nothing(name, factor, known, same_harmonics
     def other(system):
         return factor * references(system)
 
-    monkeypatch.setattr(hbgear.harmonic.balance, "references", other)
-    monkeypatch.setattr(hbgear.harmonic.receptance, "references", other)
+    monkeypatch.setattr(harmonic_balance, "references", other)
+    monkeypatch.setattr(receptance, "references", other)
     kinds, values, curve = special_points(*MACHINES[name], accuracy=None)
     usual = references(MACHINES[name][0])[0]
     assert curve.problem.compiled({}).structure.kr[0] == pytest.approx(factor * usual, rel=0.5)

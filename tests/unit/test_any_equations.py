@@ -208,13 +208,13 @@ def test_every_ability_is_described():
         "changes",
         "turning_kind",
         "usual_parameter",
-        "undetermined",
-        "at_once",
-        "fineness",
+        "singular_hint",
+        "batch_size",
+        "resolution",
         "moved",
         "beside",
         "unit_of",
-        "motion_sizes",
+        "solution_norms",
         "evaluate",
     }
     assert {name for name in _ABILITIES if f"``{name}``" not in module.__doc__} <= inner

@@ -238,7 +238,7 @@ def test_unknowns_are_joined_and_split(curve):
     assert own == {"Omega": point.parameters["Omega"]}
     assert fold.unknown_parameters == ("Omega",)
     assert fold.parameters == curve.problem.parameters
-    assert fold.describe()["curve"] == {"of": "Fold", "in": "Omega"}
+    assert fold.describe()["curve"] == {"of": "FoldProblem", "in": "Omega"}
 
 
 @pytest.mark.parametrize("kind", [FoldProblem, PeriodDoublingProblem, GrazingProblem, AmplitudeExtremum])

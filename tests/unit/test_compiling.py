@@ -19,16 +19,16 @@ ROOT = Path(hb.__file__).parent
 
 NORMAL = """
 import numpy as np
-from hbgear.continuation.stepping.kernels import planes_normal, predict
+from hbgear.continuation.stepping.kernels import arclength_normal, predict
 out, u = np.empty(3), np.array([[1.0, 2.0, 3.0], [0.8, 1.9, 2.7]])
-planes_normal(u[0], np.array([1.0, 2.0, 0.5]), out)
+arclength_normal(u[0], np.array([1.0, 2.0, 0.5]), out)
 print(*out)
 predict(u, u - 0.5, 2, np.array([1.0, 2.0, 0.5]), 0.1, out)
 print(*out)
 """
 """Two kernels, with those they call in another file."""
 
-KERNELS = {"planes_normal", "predict"}
+KERNELS = {"arclength_normal", "predict"}
 
 EQUATIONS = """
 import hashlib

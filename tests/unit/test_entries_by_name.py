@@ -5,7 +5,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli.app import main
-from hbgear.design.cases.study_file import StudyFileError, read_study
+from hbgear.design.studies.study_file import StudyFileError, read_study
 from hbgear.web.editable_model import ModelSubject
 from hbgear.web.explorer import Asked, Explorer
 

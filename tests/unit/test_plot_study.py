@@ -9,7 +9,7 @@ import pytest
 
 import hbgear as hb
 from hbgear import plot
-from hbgear.design.cases.sweep_statistics import stable_parts, swept, swept_cases
+from hbgear.design.studies.sweep_statistics import stable_parts, swept, swept_cases
 
 matplotlib.use("Agg")
 ZETA = [0.1, 0.15, 0.2, 0.25, 0.3]

@@ -7,7 +7,7 @@ import pytest
 import hbgear as hb
 from hbgear.cli.app import main
 from hbgear.cli.pages import explored
-from hbgear.design.cases.study_file import StudyFileError, read_study
+from hbgear.design.studies.study_file import StudyFileError, read_study
 from hbgear.io.machines.toml_file import line_of, lines_of
 
 GOOD = """model = "double-helical"

@@ -120,7 +120,7 @@ def artist() -> Iterator[Executor | None]:
     if not IS_COMMAND or processors() < 2:
         yield None
         return
-    from hbgear.design.cases.processes import executor_of
+    from hbgear.design.studies.processes import executor_of
 
     with executor_of(None, 1, 1) as pool:
         pool.submit(_ready)

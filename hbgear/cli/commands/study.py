@@ -19,7 +19,7 @@ from hbgear.common.optional import needed
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from hbgear.design.cases.study import Cases
+    from hbgear.design.studies.study import Cases
 
 
 _PATIENCE = 5  # seconds a scheduler has to answer
@@ -60,8 +60,8 @@ def study(
     that fails is a row with its reason. A model of your own in the file, FILE.py:NAME, needs --allow-code.
     Exit codes: 0 every case is done, 2 bad input, 3 stopped early.
     """
-    from hbgear.design.cases.study import MANY, Outcome, cases
-    from hbgear.design.cases.study_file import StudyFileError, read_study
+    from hbgear.design.studies.study import MANY, Outcome, cases
+    from hbgear.design.studies.study_file import StudyFileError, read_study
 
     try:
         asked = read_study(file, allow_code)

@@ -25,7 +25,7 @@ from hbgear.continuation.results.branch import Jump, is_stable
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.continuation.tracing.trace import trace
-from hbgear.design.cases.sweep_statistics import stable_parts, swept
+from hbgear.design.studies.sweep_statistics import stable_parts, swept
 from hbgear.design.fitting.measurements import Measurements
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 

@@ -4,7 +4,7 @@
     total   T_j = 1 - Var(E(Y | a_~j)) / Var(Y)   a_j with all others: what is left if all others are known
 
 Estimated from blocks of cases in which parameters are exchanged one by one between two random rows
-(`hbgear.design.cases.samples.saltelli`), by SALib. No linear approximation; the price is many cases.
+(`hbgear.design.studies.samples.saltelli`), by SALib. No linear approximation; the price is many cases.
 
 References
 ----------
@@ -23,7 +23,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.optional import needed
 from hbgear.common.ranges import counted
 from hbgear.common.text.messages import did_you_mean
-from hbgear.design.cases.study import Cases
+from hbgear.design.studies.study import Cases
 
 _NORMAL = 1.959964  # half of a 95 % interval in standard deviations
 

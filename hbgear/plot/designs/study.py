@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.design.cases.study import Cases
-from hbgear.design.cases.sweep_statistics import Swept, swept_cases
+from hbgear.design.studies.study import Cases
+from hbgear.design.studies.sweep_statistics import Swept, swept_cases
 from hbgear.harmonic.frequency_units import same_scales, scales
 from hbgear.plot.style import COLOURS, MEASURES, axes_or_new, dress, heighten, scaled_axes, styled
 
@@ -55,13 +55,12 @@ def envelope(found: Cases, ax: Axes | None = None, *, points: int = 600, legend:
     --------
     >>> import hbgear as hb
     >>> from concurrent.futures import ThreadPoolExecutor
-    >>> from hbgear.plot import study
     >>> scatter = hb.design.grid(zeta=[0.04, 0.05, 0.06])
     >>> what = ("peak", "jumps", "curve")
     >>> with ThreadPoolExecutor(1) as here:
     ...     found = hb.design.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
     ...
-    >>> axes = study.envelope(found)
+    >>> axes = hb.plot.envelope(found)
     """
     Omega = np.linspace(min(found.work.span), max(found.work.span), points)
     swept = {direction: swept_cases(found, Omega, direction) for direction in (1, -1)}
@@ -110,13 +109,12 @@ def percentiles(found: Cases, Omega: Array, direction: int = 1) -> Array:
     >>> import hbgear as hb
     >>> import numpy as np
     >>> from concurrent.futures import ThreadPoolExecutor
-    >>> from hbgear.plot import study
     >>> scatter = hb.design.grid(zeta=[0.04, 0.05, 0.06])
     >>> what = ("peak", "jumps", "curve")
     >>> with ThreadPoolExecutor(1) as here:
     ...     found = hb.design.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
     ...
-    >>> study.percentiles(found, np.array([0.9, 1.0])).shape
+    >>> hb.plot.percentiles(found, np.array([0.9, 1.0])).shape
     (5, 2)
     """
     return _percentiles(swept_cases(found, Omega, direction).amplitude)
@@ -198,13 +196,12 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30) -
     --------
     >>> import hbgear as hb
     >>> from concurrent.futures import ThreadPoolExecutor
-    >>> from hbgear.plot import study
     >>> scatter = hb.design.grid(zeta=[0.04, 0.05, 0.06])
     >>> what = ("peak", "jumps", "curve")
     >>> with ThreadPoolExecutor(1) as here:
     ...     found = hb.design.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
     ...
-    >>> axes = study.jump_distribution(found)
+    >>> axes = hb.plot.jump_distribution(found)
     """
     if "jump_rising" not in found.table:
         raise ValueError("there are no jump frequencies; compute them: compute=('jumps',)")
@@ -248,13 +245,12 @@ def against_parameters(found: Cases, figure: Figure | SubFigure | None = None) -
     --------
     >>> import hbgear as hb
     >>> from concurrent.futures import ThreadPoolExecutor
-    >>> from hbgear.plot import study
     >>> scatter = hb.design.grid(zeta=[0.04, 0.05, 0.06])
     >>> what = ("peak", "jumps", "curve")
     >>> with ThreadPoolExecutor(1) as here:
     ...     found = hb.design.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
     ...
-    >>> figure = study.against_parameters(found)
+    >>> figure = hb.plot.against_parameters(found)
     """
     names = [name for name in found.names if np.issubdtype(found.table[name].dtype, np.number)]
     rows = _rows(found)
@@ -289,13 +285,12 @@ def figures(found: Cases) -> dict[str, Any]:
     --------
     >>> import hbgear as hb
     >>> from concurrent.futures import ThreadPoolExecutor
-    >>> from hbgear.plot import study
     >>> scatter = hb.design.grid(zeta=[0.04, 0.05, 0.06])
     >>> what = ("peak", "jumps", "curve")
     >>> with ThreadPoolExecutor(1) as here:
     ...     found = hb.design.cases(hb.Duffing(), scatter, what, harmonics=1, span=(0.9, 1.4), executor=here)
     ...
-    >>> sorted(study.figures(found))
+    >>> sorted(hb.plot.figures(found))
     ['against_parameters', 'envelope', 'jump_distribution']
     """
     drawn: dict[str, Any] = {}

@@ -17,7 +17,7 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
-from hbgear.design.cases.study import Cases
+from hbgear.design.studies.study import Cases
 
 _NEAR = 0.02
 """A jump belongs to the end of a stable part if it is no farther from it than this share of the range of Omega."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hbgear.analysis.run_up import BranchSection, RunUp, run_up
+from hbgear.analysis.run_ups import BranchSection, RunUp, run_up
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range, checked, counted

@@ -38,9 +38,9 @@ from hbgear.common.text.messages import did_you_mean
 from hbgear.continuation.results.branch import Branch, Status
 from hbgear.continuation.results.termination import whole
 from hbgear.continuation.tracing.trace import trace
-from hbgear.design.cases.processes import executor_of
-from hbgear.design.cases.samples import Grid, Sample
-from hbgear.design.cases.store import Result, Store, key_of
+from hbgear.design.studies.processes import executor_of
+from hbgear.design.studies.samples import Grid, Sample
+from hbgear.design.studies.store import Result, Store, key_of
 from hbgear.harmonic.bifurcations.peaks import located
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
