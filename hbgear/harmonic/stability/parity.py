@@ -72,7 +72,7 @@ class Parity:
         return flagged
 
     def expected(self, sign: int) -> int:
-        """Return +1 for an even number of real multipliers above +1, -1 for an odd one, and 0 if the sign is unknown."""
+        """Return +1 for an even number of real multipliers above +1, -1 for an odd one, 0 for an unknown sign."""
         return self.constant * sign
 
     def agrees(
