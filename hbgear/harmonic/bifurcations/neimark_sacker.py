@@ -247,7 +247,7 @@ def _exponent(
         s, size = s + step, abs(step) / hill.omega
         steps.append(abs(step))
         if size <= 1e-14 or last <= 1e-11 or (last <= 1e-7 and size > MAX_STEP_RATIO * last):
-            return _Pair(s, v, w, hill.felt(hill.receptances(s)[0], w), rate)
+            return _Pair(s, v, w, hill.adjoint_driven(hill.receptances(s)[0], w), rate)
         if size > MAX_STEP_FOR_OLD_FACTORS or size > MAX_STEP_RATIO * last:
             factors = None
     raise NoConvergence("Newton's method did not converge to an exponent of Hill's determinant", X, here, steps[1:])

@@ -224,8 +224,8 @@ def reduction(compiled: Evaluator, X: Array, Omega: Array) -> dict[str, float]:
     assert modes is not None
     mu, more = (_reduced_multipliers(compiled, X, Omega, times) for times in (1.0, 2.0))
     moved = np.abs(more - mu[:, :1]).min(axis=1).max()
-    carried = int(np.count_nonzero(np.abs(modes.poles) <= _retained_frequency(compiled, X, Omega)[0].max())) // 2
-    return {"modes": carried, "of": len(modes.poles) // 2, "error": float(moved)}
+    count = int(np.count_nonzero(np.abs(modes.poles) <= _retained_frequency(compiled, X, Omega)[0].max())) // 2
+    return {"modes": count, "of": len(modes.poles) // 2, "error": float(moved)}
 
 
 def _multipliers_of_blocks(

@@ -148,11 +148,11 @@ class CondensedHillMatrix:
 
     def adjoint_times(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
         """Return D^H w."""
-        moved = self.felt(G, w).reshape(-1, self.m).T
+        moved = self.adjoint_driven(G, w).reshape(-1, self.m).T
         out: ComplexArray = w + np.stack([K @ column for K, column in zip(self.K, moved, strict=True)], axis=1).ravel()
         return out
 
-    def felt(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
+    def adjoint_driven(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
         """Return G^H w."""
         out: ComplexArray = np.einsum("kij,ki->kj", G.conj(), w.reshape(-1, self.m)).ravel()
         return out

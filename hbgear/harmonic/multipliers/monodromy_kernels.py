@@ -41,7 +41,7 @@ class MonodromyWorkspace(NamedTuple):
     state: Array
     turns: ComplexArray
     moments: ComplexArray
-    felt: ComplexArray
+    weighted_output: ComplexArray
     A: Array
     R: Array
     B: Array
@@ -80,7 +80,7 @@ def partition_period(numbers: Any, rows: Any, longest: float, space: Any, theta:
 def _fill_breakpoints(numbers: Any, rows: Any, space: Any, out: Any) -> int:
     """Fill ``out`` with the ascending phases in [0, 2 pi) of all breakpoints, and return their number.
 
-    At such a phase an element crosses a breakpoint of its law, or the excitation has a corner.
+    At such a phase an element crosses a breakpoint of its law, or the excitation has one.
     """
     cross(numbers, rows, np.bool_(False), space)
     theta, count = space.theta, space.number
@@ -300,7 +300,14 @@ def _fill_step_matrices(modes: Any, L: Any, workspace: Any) -> None:
 
     The modes are summed before the monomials are combined to Lagrange polynomials, at a fraction of the cost.
     """
-    turns, work, w, A, R, B = workspace.turns, workspace.moments, workspace.felt, workspace.A, workspace.R, workspace.B
+    turns, work, w, A, R, B = (
+        workspace.turns,
+        workspace.moments,
+        workspace.weighted_output,
+        workspace.A,
+        workspace.R,
+        workspace.B,
+    )
     s, g, q, orders = turns.shape[0] - 1, modes.output.shape[0], modes.poles.shape[0], A.shape[0]
     A[:, :, :] = 0.0
     for o in range(orders):

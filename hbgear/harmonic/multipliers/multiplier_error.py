@@ -3,9 +3,9 @@
     P(z) = (z - mu_i) (z - mu_n),   P'(z) = (z - nu_i) (z - nu_n),   epsilon_i = |P'(mu_i)|
     x max(x, d - x) = epsilon_i,    d = |mu_i - mu_n|
 
-mu are the multipliers of a motion, nu those of a less accurate one. mu_n is the neighbour of mu_i, and nu_i, nu_n are
-the two that lie nearest to mu_i. epsilon_i is the residual of mu_i in the local quadratic factor of the other
-characteristic polynomial, and x is the largest distance by which such a residual moves a root: epsilon / d for a
+mu are the multipliers of a motion, and nu the multipliers of a less accurate one. mu_n is the neighbour of mu_i, and
+nu_i, nu_n are the two that lie nearest to mu_i. epsilon_i is the residual of mu_i in the local quadratic factor of the
+other characteristic polynomial, and x is the largest distance by which such a residual moves a root: epsilon / d for a
 multiplier that lies apart, sqrt(epsilon) for a nearly double one. No matching of the two sets is needed, and it does
 not matter whether a pair is complex in one set and real in the other.
 
