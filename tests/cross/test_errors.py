@@ -126,7 +126,7 @@ def test_errors_of_few_multipliers_tell_those_of_the_rows_between(zeta, harmonic
         return kept(p, X, *given)
 
     monkeypatch.setattr(verification, "_plain_multipliers", counted)
-    monkeypatch.setattr(verification, "_refined", lambda *given: given[4])
+    monkeypatch.setattr(verification, "_refine_stability", lambda *given: given[4])
     problem.decided(curve.X, "Omega", curve.values, seen, {})
     computed = np.zeros(len(curve), dtype=bool)
     computed[[rows[x] for x in asked]] = True

@@ -9,7 +9,7 @@ from cross.shooting import shoot, state
 import hbgear as hb
 from hbgear.harmonic.instants.equations import Equations, NotPiecewiseLinear
 from hbgear.harmonic.instants.pattern import Pattern, Switch
-from hbgear.harmonic.instants.refine import Approximation, finished, refine, solve
+from hbgear.harmonic.instants.refine import Approximation, exact_motion_of, refine, solve
 from hbgear.harmonic.instants.shooting import Iterate, linearise
 from hbgear.harmonic.stability.exact_motion import refine_motion, refine_near_fold
 
@@ -285,14 +285,14 @@ def test_special_points_of_hard_stops(kind, k, c, F, Omega, instants, velocities
     now = linearise(at, iterate)
     assert np.abs(now.R).max() < 1e-9
     if kind == "LP":  # the equations are singular in these unknowns
-        exact = finished(at, iterate, None, 0.0)
+        exact = exact_motion_of(at, iterate, None, 0.0)
         assert np.abs(exact.multipliers - 1).min() < 1e-5
         return
     durations = iterate.durations(at.period)
     shift = 0.02 * np.minimum(durations, np.roll(durations, 1)) * np.cos(np.arange(len(instants)))
     moved = Iterate(iterate.pattern, iterate.tau + shift, 1.001 * iterate.x)
     at, found, samples = solve(at, moved, False)
-    exact = finished(at, found, samples, 0.0)
+    exact = exact_motion_of(at, found, samples, 0.0)
     assert np.abs(exact.multipliers + 1).min() < 1e-6
     np.testing.assert_allclose(found.tau, instants, atol=1e-8)
 

@@ -15,7 +15,7 @@ from hbgear.mechanics import Parallel
 def from_the_whole(problem, X, Omega, monkeypatch):
     """Multipliers with the modes in one part."""
     with monkeypatch.context() as patch:
-        patch.setattr(floquet, "_alike", lambda compiled, parts, X: np.zeros(len(X), dtype=bool))
+        patch.setattr(floquet, "_move_identically", lambda compiled, parts, X: np.zeros(len(X), dtype=bool))
         return floquet_multipliers(problem.compiled({}), X, Omega)
 
 
@@ -69,17 +69,17 @@ def test_a_motion_that_breaks_the_symmetry_is_not_split(monkeypatch):
     rows[1, 1] += 0.05
     both = np.array([X, rows.ravel()])
     compiled = problem.compiled({})
-    np.testing.assert_array_equal(floquet._alike(compiled, compiled.parts(), both), [True, False])
+    np.testing.assert_array_equal(floquet._move_identically(compiled, compiled.parts(), both), [True, False])
     expected, sizes = from_the_whole(problem, both, Omega, monkeypatch), carried(monkeypatch)
     same(floquet_multipliers(compiled, both, Omega), expected)
     assert sizes == [part.size for part in compiled.parts().split] + [compiled.parts().whole.size]
     with monkeypatch.context() as patch:
-        patch.setattr(floquet, "_alike", lambda compiled, parts, X: np.ones(len(X), dtype=bool))
+        patch.setattr(floquet, "_move_identically", lambda compiled, parts, X: np.ones(len(X), dtype=bool))
         split = floquet_multipliers(compiled, both[1:], Omega[1:])
     assert np.abs(np.sort(np.abs(split[0])) - np.sort(np.abs(expected[1]))).max() > 1e-4
     rows[1] = rows[0]
     rows[1, 1] += 1e-9
-    assert not floquet._alike(compiled, compiled.parts(), rows.ravel()[None])[0]
+    assert not floquet._move_identically(compiled, compiled.parts(), rows.ravel()[None])[0]
 
 
 def two(first, second, C=0.05):
@@ -182,7 +182,7 @@ def test_few_modes_tell_what_all_do(law, leading, others):
     apart = np.abs(found[:, :8, None] - expected[:, None]).min(axis=2)
     assert apart[:, 0].max() < leading and apart.max() < others
     assert np.abs(found).max() < np.abs(expected).max() + leading
-    carried = [few.parts(reach).whole.size for reach in floquet._reach(few, motions, Omega)[0]]
+    carried = [few.parts(reach).whole.size for reach in floquet._retained_frequency(few, motions, Omega)[0]]
     assert max(carried) < 60 and few.parts().whole.size == 120
     if not law.breakpoints:
         assert min(carried) < 20

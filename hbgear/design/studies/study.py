@@ -41,7 +41,7 @@ from hbgear.continuation.tracing.trace import trace
 from hbgear.design.studies.processes import executor_of
 from hbgear.design.studies.samples import Grid, Sample
 from hbgear.design.studies.store import Result, Store, key_of
-from hbgear.harmonic.bifurcations.peaks import located
+from hbgear.harmonic.bifurcations.peaks import locate_peaks
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.io.branches.npz import packed, unpacked
@@ -353,7 +353,7 @@ def _computed(model: Model, work: Work) -> Result:
 
 def _peak(branch: Branch, work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
     """The largest peak, located on the curve, or its end if the curve is largest there."""
-    rows = [found.row for *_, found in located(branch, work.measure, work.element, share=0.99)]
+    rows = [found.row for *_, found in locate_peaks(branch, work.measure, work.element, share=0.99)]
     A = _amplitudes(branch, work, [*(row.X for row in rows), *branch.X[[0, -1]]])
     largest = int(np.argmax(A))
     Omega = [*(row.value for row in rows), *branch.values[[0, -1]].tolist()]

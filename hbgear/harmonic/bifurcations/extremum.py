@@ -1,13 +1,11 @@
-"""Special points of periodic motions as problems of their own: period doubling, grazing contact, peak.
+"""Augmented equations of amplitude peaks.
 
     R(X, p) = 0,   g(X, p) = 0           unknowns U = (X, p)
 
 | class | g |
 |---|---|
-| PeriodDoubling | bordered determinant of the half-integer block: a multiplier is -1 |
-| NeimarkSacker | real part of an exponent, a zero of Hill's determinant: a pair of multipliers is on the unit circle |
-| Grazing | extremum of an element minus a corner of its law: the impact regime changes |
-| Peak | derivative of an amplitude along the curve |
+| AmplitudeExtremum | derivative of a quadratic amplitude along the curve |
+| ExtremumPeak | derivative of an amplitude made of extrema of the motion, or of its mean |
 
 References
 ----------
@@ -39,14 +37,19 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
 
     Parameters
     ----------
-    problem, parameter : as for `MinimallyAugmentedProblem`.
-    measure : "rms" (alternating part) or a harmonic, "H1", "H2", ..., with nu = 2 also "H1/2".
-    element : number of the element.
+    problem : HarmonicBalance
+        The problem of the curve.
+    parameter : str, optional
+        The parameter of the curve, such as "Omega".
+    measure : str, optional
+        "rms" (alternating part; the default) or a harmonic, "H1", "H2", ...; with nu = 2 also "H1/2".
+    element : int, optional
+        Number of the element. The default is 0.
 
     Raises
     ------
     ValueError
-        For another measure, or a harmonic the problem does not keep.
+        If the measure has another name, or the problem does not keep the harmonic.
 
     Examples
     --------
@@ -71,7 +74,7 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
         self._fixed(measure=measure, element=element, S=self._weights(measure, element).ravel())
 
     def _weights(self, measure: str, element: int) -> Array:
-        """S, as X."""
+        """Return S, in the shape of the Fourier coefficients of all elements."""
         S = np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
         if measure == "rms":
             S[element, 1:] = 1.0
@@ -88,14 +91,14 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
         return Borders(linearise(self.problem, X, "", here).size / (1.0 + abs(float(self.S @ (X * X)))))
 
     def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        """See `Augmented.extra`."""
+        """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
         n = len(X)
         e = np.zeros(n + 1)
-        e[-1] = 1.0  # the direction is normed by its component in the parameter
+        e[-1] = 1.0  # normalises the direction by its component in the parameter
         factors = Factors(bordered(now.dR_dX, now.dR_dp, e))
         t = factors.solve(e)
-        slope, bent = self.slopes(X, t[:n], here)
+        slope, curvature = self.slopes(X, t[:n], here)
         g = float(slope @ t[:n])
         e[:n], e[n] = slope, 0.0
         z = factors.solve(e, transposed=True)[:n]
@@ -106,65 +109,66 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
             for v in (u + h * t, u - h * t)
         )
         weight = base.weight
-        g_X = weight * (bent - z @ (plus.dR_dX - minus.dR_dX) / (2 * h))
+        g_X = weight * (curvature - z @ (plus.dR_dX - minus.dR_dX) / (2 * h))
         g_p = -weight * float(z @ (plus.dR_dp - minus.dR_dp)) / (2 * h)
         changes = (self._along(X, here, name, z, t) for name in names)
-        return AugmentedResidual(now, weight * g, g_X, g_p, tuple((dR, -weight * moved) for dR, moved in changes))
+        return AugmentedResidual(now, weight * g, g_X, g_p, tuple((dR, -weight * change) for dR, change in changes))
 
     def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
-        """Gradient (n,) of A^2 / 2, or of A itself, and its derivative along t (n,)."""
+        """Return the gradient (n,) of A^2 / 2, or of A itself, and its derivative along t (n,)."""
         return self.S * X, self.S * t
 
     def _along(self, X: Array, here: dict[str, float], name: str, z: Array, t: Array) -> tuple[Array, float]:
-        """dR/dname, and z^T d[J R_p]/dname t."""
+        """Return dR/dname, and z^T d[J R_p]/dname t."""
 
         def parts(at: dict[str, float]) -> tuple[Array, float]:
-            side = linearise(self.problem, X, self.parameter, at)
-            return side.R, float(z @ (side.dR_dX @ t[:-1] + side.dR_dp * t[-1]))
+            now = linearise(self.problem, X, self.parameter, at)
+            return now.R, float(z @ (now.dR_dX @ t[:-1] + now.dR_dp * t[-1]))
 
-        dR, moved = parameter_derivatives(self.problem, name, here, parts)
-        return dR, float(moved)
+        dR, change = parameter_derivatives(self.problem, name, here, parts)
+        return dR, float(change)
 
 
 class ExtremumPeak(AmplitudeExtremum):
     """Peaks of an amplitude made of extrema of the motion, or of its mean: dA/ds = 0 along the curve.
 
-        A = sum_i s_i d(theta_i),   d'(theta_i) = 0;   dA/dX is made of the rows of cosines and sines at theta_i
+        A = sum_i s_i d(theta_i),   d'(theta_i) = 0;   dA/dX consists of the rows of cosines and sines at theta_i
 
-    Parameters
-    ----------
-    problem, parameter, element : as for `AmplitudeExtremum`.
-    measure : "pp2", "max" or "mean".
+    The parameters are the same as for `AmplitudeExtremum`, with a measure of `EXTREMA`: "pp2" (half the peak-to-peak
+    value), "max" (largest absolute value) or "mean".
 
     Raises
     ------
     ValueError
-        For another measure.
+        If the measure has another name.
     """
 
     def _weights(self, measure: str, element: int) -> Array:
         if measure not in EXTREMA:
-            raise ValueError(f"extremum of {measure!r}: need {', '.join(EXTREMA)}")
+            raise ValueError(f"measure = {measure!r} is not made of extrema; use one of {', '.join(EXTREMA)}")
         return np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
 
     def slopes(self, X: Array, t: Array, here: dict[str, float]) -> tuple[Array, Array]:
-        """Gradient (n,) of A, and its derivative along t (n,): theta_i moves by -w'(theta_i).t / d''(theta_i)."""
+        """Return the gradient (n,) of A, and its derivative along t (n,).
+
+        The position theta_i moves by -w'(theta_i).t / d''(theta_i).
+        """
         k, m = self.problem.orders, self.problem.m
-        slope, bent = np.zeros((2, m, 2 * len(k) - 1))
+        slope, curvature = np.zeros((2, m, 2 * len(k) - 1))
         if self.measure == "mean":
             slope[self.element, 0] = 1.0
-            return slope.ravel(), bent.ravel()
+            return slope.ravel(), curvature.ravel()
         low, at_low, high, at_high = extrema(self.problem.rows(X)[self.element])
         parts = [(-0.5, at_low), (0.5, at_high)] if self.measure == "pp2" else [
             (1.0, at_high) if abs(high) >= abs(low) else (-1.0, at_low)
         ]  # fmt: skip
-        share, at = np.array(parts).T
-        row, along = (x.reshape(m, -1)[self.element] for x in (X, t))
-        c = np.exp(-1j * k * at[:, None])
+        sign, positions = np.array(parts).T
+        row, direction = (x.reshape(m, -1)[self.element] for x in (X, t))
+        c = np.exp(-1j * k * positions[:, None])
         w, w1, w2 = to_real(np.array([c, -1j * k * c, -(k**2) * c]))
-        slope[self.element] = share @ w
-        bent[self.element] = -(share * (w1 @ along) / (w2 @ row)) @ w1
-        return slope.ravel(), bent.ravel()
+        slope[self.element] = sign @ w
+        curvature[self.element] = -(sign * (w1 @ direction) / (w2 @ row)) @ w1
+        return slope.ravel(), curvature.ravel()
 
 
 EXTREMA = ("pp2", "max", "mean")
@@ -172,17 +176,17 @@ EXTREMA = ("pp2", "max", "mean")
 
 
 def peak_of(problem: Any, parameter: str, measure: str, element: int) -> AmplitudeExtremum:
-    """The equations of the peaks of a measure."""
+    """Return the equations of the peaks of a measure."""
     return (ExtremumPeak if measure in EXTREMA else AmplitudeExtremum)(problem, parameter, measure, element)
 
 
 def _harmonic(measure: str, problem: Any) -> int:
-    """Basis harmonic of "H2" or, for nu = 2, "H1/2"."""
+    """Return the basis harmonic of "H2" or, for nu = 2, "H1/2"."""
     nu, H = problem.nu, problem.H
     found = re.fullmatch(r"H(\d+)(?:/(\d+))?", measure)
     k = int(found[1]) * nu / int(found[2] or 1) if found and found[2] != "0" else 0
     if k == int(k) and 1 <= k <= H and k not in problem.orders:
-        raise ValueError(f"peak of {measure!r}: the balance leaves out that order; give more of them")
+        raise ValueError(f"peak of {measure!r}: the balance leaves out this harmonic; add it to its harmonics")
     if k != int(k) or not 1 <= k <= H:
         fractions = f", also H1/{nu}, ..." if nu > 1 else ""
         raise ValueError(f"peak of {measure!r}: need 'rms' or 'H1' to 'H{H // nu}'{fractions}")

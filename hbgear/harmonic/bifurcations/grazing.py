@@ -18,14 +18,18 @@ from hbgear.mechanics.series.fourier import waves
 
 
 class GrazingProblem(MinimallyAugmentedProblem):
-    """Grazing contacts (GR): an extremum of an element touches a corner of its law.
+    """Grazing contacts (GR): an extremum of an element touches a breakpoint of its law.
 
-        g = d(theta*) - corner,   d'(theta*) = 0;   dg/dX is the row of cosines and sines at theta*
+        g = d(theta*) - breakpoint,   d'(theta*) = 0;   dg/dX is the row of cosines and sines at theta*
 
     Parameters
     ----------
-    problem, parameter : as for `MinimallyAugmentedProblem`.
-    which : index into ``problem.clearance``: which extremum of which element at which corner.
+    problem : HarmonicBalance
+        The problem of the curve.
+    parameter : str, optional
+        The parameter of the curve, such as "Omega".
+    which : int, optional
+        Index into ``problem.clearance``: the extremum, the element and the breakpoint. The default is 0.
 
     Examples
     --------
@@ -53,7 +57,7 @@ class GrazingProblem(MinimallyAugmentedProblem):
         return (self.which,)
 
     def compiled(self, parameters: Mapping[str, float]) -> Locating | None:
-        """See `Augmented.compiled`."""
+        """Return the compiled locator of these equations; see `MinimallyAugmentedProblem.compiled`."""
         out: Locating | None = self.problem.compiled_locator(self.parameter, parameters, self.which)
         return out
 
@@ -61,47 +65,54 @@ class GrazingProblem(MinimallyAugmentedProblem):
         return Borders(linearise(self.problem, X, "", here).size / (1.0 + norm(X)))
 
     def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        """See `Augmented.extra`."""
+        """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
-        g, at = self.problem.grazing_distance(X, self.which, **here)
+        g, position = self.problem.grazing_distance(X, self.which, **here)
         element = self.problem.clearance_elements[self.which]
-        w = waves(at, self.problem.H)[0, self.problem.orders]
+        w = waves(position, self.problem.H)[0, self.problem.orders]
         slope = np.zeros((self.problem.m, 2 * len(w) - 1))
         slope[element, 0], slope[element, 1::2], slope[element, 2::2] = 1.0, w.real[1:], w.imag[1:]
         k = base.weight
-        changes = (self._changed(X, here, name, now.dR_dX) for name in names)
-        moved = tuple((dR, k * dg) for dR, dg in changes)
+        changes = (self._parameter_derivatives(X, here, name, now.dR_dX) for name in names)
+        derivatives = tuple((dR, k * dg) for dR, dg in changes)
         return AugmentedResidual(
-            now, k * g, k * slope.ravel(), k * self._moved(X, here, self.parameter, self.which), moved
+            now,
+            k * g,
+            k * slope.ravel(),
+            k * self._clearance_derivative(X, here, self.parameter, self.which),
+            derivatives,
         )
 
-    def _changed(self, X: Array, here: dict[str, float], name: str, J: Array) -> tuple[Array, float]:
-        """Derivatives of R and of the clearance in a parameter.
+    def _parameter_derivatives(self, X: Array, here: dict[str, float], name: str, J: Array) -> tuple[Array, float]:
+        """Return the derivatives of R and of the clearance in a parameter.
 
-        Where a corner moves away from a motion that grazes it, contact of the duration sqrt(h) begins or ends, and
-        differences are exact to O(sqrt(h)) only. The motion is therefore moved along, R_a = dR/da - J X_a, in every
-        element that grazes.
+        Where a breakpoint moves away from a motion that grazes it, contact of the duration sqrt(h) begins or ends, and
+        finite differences are exact to O(sqrt(h)) only. The motion is therefore moved together with the breakpoint, R_a
+        = dR/da - J X_a, in every element that grazes.
         """
-        dg = self._moved(X, here, name, self.which)
+        dg = self._clearance_derivative(X, here, name, self.which)
         if not dg:
             return linearise(self.problem, X, name, here).dR_dp, dg
-        along, elements = np.zeros((self.problem.m, len(X) // self.problem.m)), self.problem.clearance_elements
-        for which in np.flatnonzero(np.abs(self.problem.clearance(X, **here)) < _TOUCHING * (1.0 + norm(X))):
-            along[elements[which], 0] = -self._moved(X, here, name, int(which))
-        X_a, value = along.ravel(), here[name]
+        shift, elements = np.zeros((self.problem.m, len(X) // self.problem.m)), self.problem.clearance_elements
+        for which in np.flatnonzero(
+            np.abs(self.problem.clearance(X, **here)) < SIMULTANEOUS_GRAZING_CLEARANCE * (1.0 + norm(X))
+        ):
+            shift[elements[which], 0] = -self._clearance_derivative(X, here, name, int(which))
+        X_a, value = shift.ravel(), here[name]
         (dR,) = parameter_derivatives(
             self.problem, name, here, lambda at: (self.problem.evaluate(X + (at[name] - value) * X_a, **at)[0],)
         )
         return dR - J @ X_a, dg
 
-    def _moved(self, X: Array, here: dict[str, float], name: str, which: int) -> float:
-        """Derivative of a clearance in a parameter that moves the corner."""
+    def _clearance_derivative(self, X: Array, here: dict[str, float], name: str, which: int) -> float:
+        """Return the derivative of a clearance in a parameter that moves the breakpoint."""
         if name == "Omega":
             return 0.0
-        (moved,) = parameter_derivatives(
+        (derivative,) = parameter_derivatives(
             self.problem, name, here, lambda at: self.problem.grazing_distance(X, which, **at)[:1]
         )
-        return float(moved)
+        return float(derivative)
 
 
-_TOUCHING = 1e-7  # clearance, relative to the motion, of an element that grazes like another one
+SIMULTANEOUS_GRAZING_CLEARANCE = 1e-7
+"""Clearance, relative to the motion, up to which another element grazes at the same point."""

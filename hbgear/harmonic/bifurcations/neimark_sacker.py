@@ -28,12 +28,13 @@ from hbgear.mechanics.series.fourier import to_real
 
 @dataclass(frozen=True)
 class Rotation(Borders):
-    """The base of a Neimark-Sacker point: the borders of Hill's determinant, and the exponent near which it is zero."""
+    """Borders of a Neimark-Sacker point: borders of Hill's determinant, and the exponent near which it is zero."""
 
     exponent: complex = 0j
 
 
-_REAL = 1e-3  # half turns of a multiplier, from a whole number of them, within which it may be a real one
+REAL_MULTIPLIER_TOLERANCE = 1e-3
+"""Phase of a multiplier, in half turns from a whole number of them, up to which it may be real."""
 
 
 class _Pair(NamedTuple):
@@ -47,26 +48,29 @@ class _Pair(NamedTuple):
 
 
 class NeimarkSackerProblem(MinimallyAugmentedProblem):
-    """Neimark-Sacker points (NS): a disturbance e^{st} v(theta) of another frequency neither decays nor grows.
+    """Neimark-Sacker points (NS): a disturbance e^{st} v(theta) of another frequency has constant amplitude.
 
         D(s) v = 0,   g = Re s;     ds = -(w^H dD v) / (w^H D_s v)
 
-    D is Hill's determinant seen from the gaps (`hill.Condensed`), s is found anew for every motion. Like the
-    half-integer block of a period doubling, which is D at s = i omega / 2, it is superconvergent: its zeros are far
-    more accurate than the multipliers of the truncated motion.
+    D is Hill's determinant condensed to the gaps (`hill.CondensedHillMatrix`). The exponent s is computed again for
+    every motion. Like the half-integer block of a period doubling, which is D at s = i omega / 2, the determinant is
+    superconvergent: its zeros are far more accurate than the multipliers of the truncated motion.
 
     Parameters
     ----------
-    problem : a `HarmonicBalance` of laws that are known to hbgear.
-    parameter : the parameter of the curve.
-    near : the exponent near which that of the pair is looked for; by default that of the pair of multipliers next to
-        the unit circle, which may be another one where two pairs pass close to each other.
+    problem : HarmonicBalance
+        A problem without Python laws.
+    parameter : str, optional
+        The parameter of the curve, such as "Omega".
+    near : complex, optional
+        The exponent from which the exponent of the pair is computed. By default it is taken from the pair of
+        multipliers nearest to the unit circle, which may be the wrong one where two pairs pass close to each other.
 
     Raises
     ------
     ValueError
-        If there is no complex pair of multipliers near the point, a law must be asked for its slopes, or the structure
-        is too large for its modes.
+        If there is no complex pair of multipliers near the point, the model has Python laws, or the structure is too
+        large for its modes.
 
     References
     ----------
@@ -100,18 +104,18 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
     def base_at(self, X: Array, here: dict[str, float]) -> Borders:
         hill, size = self._hill(X, here), linearise(self.problem, X, "", here).size
         s = self._guess(X, here) if self.near is None else self.near
-        b, c = least_singular_vectors(hill.matrix(hill.receptances(s)[0]), _BORDERS)
+        b, c = least_singular_vectors(hill.matrix(hill.receptances(s)[0]), BORDER_ITERATIONS)
         pair = _exponent(hill, s, b, c, X, here)
         return Rotation(size / hill.omega, _unit(pair.w), _unit(pair.v), pair.exponent)
 
     def renewed(self, base: Borders, X: Array, here: dict[str, float]) -> Borders:
-        """Borders and exponent renewed at X."""
+        """Return the borders and the exponent updated at X."""
         assert isinstance(base, Rotation)
         pair = self._pair(self._hill(X, here), base, X, here)
         return Rotation(base.weight, _unit(pair.w), _unit(pair.v), pair.exponent)
 
     def exponent(self, X: Array, **here: float) -> complex:
-        """The exponent s at or near a Neimark-Sacker point; its second frequency is Im s."""
+        """Return the exponent s at or near a Neimark-Sacker point; its second frequency is Im s."""
         base = self.base or self.base_at(X, here)
         return self._pair(self._hill(X, here), base, X, here).exponent
 
@@ -119,40 +123,46 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
         return CondensedHillMatrix.of(self.problem.compiled(here), X, here["Omega"])
 
     def _guess(self, X: Array, here: dict[str, float]) -> complex:
-        """The exponent of the complex pair of multipliers next to the unit circle."""
+        """Return the exponent of the complex pair of multipliers nearest to the unit circle."""
         s = exponent_of_pair(self.problem.multipliers(X, **here), self.problem.nu, here["Omega"])
         if s is None:
-            raise ValueError("no pair of multipliers of the motion is complex: it is at no Neimark-Sacker point")
+            raise ValueError(
+                "the motion has no complex pair of multipliers, so it is not near a Neimark-Sacker point: start from "
+                "an NS point of a curve"
+            )
         return s
 
     def _pair(self, hill: CondensedHillMatrix, base: Borders, X: Array, here: dict[str, float]) -> _Pair:
         assert isinstance(base, Rotation) and base.b is not None and base.c is not None
         pair = _exponent(hill, base.exponent, base.b, base.c, X, here)
         turns = 2 * pair.exponent.imag * self.problem.nu / here["Omega"]
-        if abs(turns - round(turns)) < _REAL:  # det D = 0 at period doublings and branch points too
+        if (
+            abs(turns - round(turns)) < REAL_MULTIPLIER_TOLERANCE
+        ):  # det D = 0 also at period doublings and branch points
             raise NoConvergence("the pair of multipliers became real", X, here, [])
         return pair
 
     def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        """See `Augmented.extra`."""
+        """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
         now = linearise(self.problem, X, self.parameter, here)
         pair = self._pair(self._hill(X, here), base, X, here)
         k = base.weight
         g_X = k * self._slope(X, here, pair)
-        moved = tuple(
-            (linearise(self.problem, X, name, here).dR_dp, k * self._moved(X, here, name, pair)) for name in names
+        derivatives = tuple(
+            (linearise(self.problem, X, name, here).dR_dp, k * self._exponent_derivative(X, here, name, pair))
+            for name in names
         )
         return AugmentedResidual(
-            now, k * pair.exponent.real, g_X, k * self._moved(X, here, self.parameter, pair), moved
+            now, k * pair.exponent.real, g_X, k * self._exponent_derivative(X, here, self.parameter, pair), derivatives
         )
 
     def _slope(self, X: Array, here: dict[str, float], pair: _Pair) -> Array:
-        """Gradient (n,) of Re s in X, on which slopes K of the laws depend.
+        """Return the gradient (n,) of Re s in X, on which the slopes K of the laws depend.
 
             w^H dD v = sum_n q_n dK_n,   q_n = sum_l conj(y_l+n) v_l
             d Re s = mean of dK phi,     phi = -Re sum_n q_n e^{-i n theta} / (w^H D_s v)
 
-        summed over the gaps: what the mean force does when the motion moves along phi, and then along X.
+        summed over the gaps. It is the second derivative of the mean force along phi and along X.
         """
         m, H = self.problem.m, self.problem.H
         v, y = (z.reshape(2 * H + 1, m).T for z in (pair.v, pair.y))
@@ -164,24 +174,24 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
         at[:, : 2 * H + 1] = self.problem.rows(X)
         h = directional_step(at.ravel(), rows.ravel())
         up, down = (slopes(compiled, (at + side * h * rows).ravel())[:, self.problem.orders] for side in (1, -1))
-        bent = (up - down) / (2 * h)  # what the mean force does when the motion moves along an order: its coefficient
-        out: Array = to_real(bent).ravel()
+        change = (up - down) / (2 * h)
+        out: Array = to_real(change).ravel()
         return out
 
-    def _moved(self, X: Array, here: dict[str, float], name: str, pair: _Pair) -> float:
-        """Derivative of Re s in a parameter."""
+    def _exponent_derivative(self, X: Array, here: dict[str, float], name: str, pair: _Pair) -> float:
+        """Return the derivative of Re s in a parameter."""
 
-        def drift(at: dict[str, float]) -> tuple[float]:
+        def real_part_change(at: dict[str, float]) -> tuple[float]:
             hill = self._hill(X, at)
             form = complex(pair.w.conj() @ hill.times(hill.receptances(pair.exponent)[0], pair.v))
             return ((-form / pair.rate).real,)
 
-        (moved,) = parameter_derivatives(self.problem, name, here, drift)
-        return float(moved)
+        (derivative,) = parameter_derivatives(self.problem, name, here, real_part_change)
+        return float(derivative)
 
 
 def exponent_of_pair(mu: ComplexArray, nu: int, Omega: float) -> complex | None:
-    """The exponent s of the complex pair of multipliers exp(2 pi nu s / Omega) next to the unit circle, if any."""
+    """Return the exponent s of the pair exp(2 pi nu s / Omega) nearest to the unit circle; None without pairs."""
     pairs = mu[mu.imag > 1e-8 * np.abs(mu)]
     if not len(pairs):
         return None
@@ -189,21 +199,24 @@ def exponent_of_pair(mu: ComplexArray, nu: int, Omega: float) -> complex | None:
     return complex(np.log(nearest)) * Omega / (2 * np.pi * nu)
 
 
-_BORDERS = 4  # inverse iterations for borders, which need not be singular vectors to all digits
+BORDER_ITERATIONS = 4
+"""Number of inverse iterations for borders, which need not be accurate singular vectors."""
 
 
-_CLOSE = 1e-3  # step of an exponent, over the frequency, behind which the factors of D still serve
+MAX_STEP_FOR_OLD_FACTORS = 1e-3
+"""Step of an exponent, over the frequency, up to which the last factors of D are used again."""
 
 
-_FALLING = 0.1  # share of the step before it that a step with them takes at most
+MAX_STEP_RATIO = 0.1
+"""Largest ratio of successive steps with which the last factors of D are used again."""
 
 
 def _exponent(
     hill: CondensedHillMatrix, s: complex, b: ComplexArray, c: ComplexArray, X: Array, here: dict[str, float]
 ) -> _Pair:
-    """Newton on the bordered determinant g(s) of D(s), dg/ds = -w^H D_s v.
+    """Compute an exponent by Newton's method on the bordered determinant g(s) of D(s), dg/ds = -w^H D_s v.
 
-    Near the exponent D is not factorised anew, but v, w and g are mended by the factors that there are.
+    Near the exponent D is not factorised again. Instead v, w and g are corrected with the last factors.
 
     Raises
     ------
@@ -212,34 +225,35 @@ def _exponent(
     ValueError
         If it is the exponent of a mode that no gap changes.
     """
-    corner = np.zeros(len(b) + 1)
-    corner[-1] = 1.0
+    unit_vector = np.zeros(len(b) + 1)
+    unit_vector[-1] = 1.0
     steps: list[float] = [math.inf]
     factors = None
     for _ in range(40):
         G, dG = hill.receptances(s)
         if factors is None:
             factors = Factors(bordered(hill.matrix(G), b, c.conj()))
-            right, left = factors.solve(corner), factors.adjoint_solve(corner)
+            right, left = factors.solve(unit_vector), factors.adjoint_solve(unit_vector)
         else:
             v, w = right[:-1], left[:-1]
-            missing = corner - np.append(hill.times(G, v) + right[-1] * b, c.conj() @ v)
-            beside = corner - np.append(hill.adjoint_times(G, w) + left[-1] * c, b.conj() @ w)
-            right, left = right + factors.solve(missing), left + factors.adjoint_solve(beside)
+            right_residual = unit_vector - np.append(hill.times(G, v) + right[-1] * b, c.conj() @ v)
+            left_residual = unit_vector - np.append(hill.adjoint_times(G, w) + left[-1] * c, b.conj() @ w)
+            right, left = right + factors.solve(right_residual), left + factors.adjoint_solve(left_residual)
         v, w, g = right[:-1], left[:-1], right[-1]
         rate = complex(w.conj() @ hill.driven(dG, v))
-        if not abs(g) < hill.omega * abs(rate):  # exponents repeat at this distance: none is nearby
+        if not abs(g) < hill.omega * abs(rate):  # exponents repeat at this distance, so none is near
             break
         step, last = g / rate, steps[-1] / hill.omega
         s, size = s + step, abs(step) / hill.omega
         steps.append(abs(step))
-        if size <= 1e-14 or last <= 1e-11 or (last <= 1e-7 and size > _FALLING * last):
-            return _Pair(s, v, w, hill.felt(hill.receptances(s)[0], w), rate)
-        if size > _CLOSE or size > _FALLING * last:
+        if size <= 1e-14 or last <= 1e-11 or (last <= 1e-7 and size > MAX_STEP_RATIO * last):
+            return _Pair(s, v, w, hill.adjoint_driven(hill.receptances(s)[0], w), rate)
+        if size > MAX_STEP_FOR_OLD_FACTORS or size > MAX_STEP_RATIO * last:
             factors = None
-    raise NoConvergence("Newton found no exponent of Hill's determinant", X, here, steps[1:])
+    raise NoConvergence("Newton's method did not converge to an exponent of Hill's determinant", X, here, steps[1:])
 
 
 def _unit(v: ComplexArray) -> ComplexArray:
+    """Return a vector of unit norm."""
     out: ComplexArray = v / norm(v)
     return out

@@ -2,9 +2,9 @@
 
     dR/dd_0 N = 0:   d and d + N a are motions,    R + k N N^T (d_0 - c) = 0  has the one with its mean in the middle c
 
-Where no load presses teeth together and nothing makes them touch, no force depends on the means of the gaps: they are a
-continuum, along which a continuation would wander. Everything else of the motion is determined. Springs on the means
-pin it, and exert no force on the motion that is found.
+Where no load presses teeth together and nothing makes them touch, no force depends on the means of the gaps. The means
+form a continuum, along which a continuation would drift. Everything else of the motion is determined. Springs on the
+means fix them, and exert no force on the computed motion.
 """
 
 from __future__ import annotations
@@ -28,47 +28,48 @@ class Pins(NamedTuple):
     centre: Array
 
 
-_SLACK = 1e-9  # change of the balance with a mean, relative to the reference stiffness, that is rounding
+MAX_RELATIVE_MEAN_STIFFNESS = 1e-9
+"""Change of the balance with a mean, relative to the reference stiffness, that is attributed to rounding."""
 
 
 def pins_of(problem: Any, X: Array, parameters: Mapping[str, float]) -> Pins | None:
-    """What pins a motion X (n,) of a `HarmonicBalance` whose position is arbitrary; None if it is determined."""
+    """Return the springs for a motion X (n,) of a `HarmonicBalance` in an arbitrary position, else None."""
     compiled = problem.compiled(dict(parameters))
     kr = float(compiled.structure.kr.max(initial=0.0))
     if not kr or problem.subharmonic_part(X).any():
         return None
     J = problem.evaluate(X, **parameters)[1]
     _, s, vt = np.linalg.svd(J[:, problem.means], full_matrices=False)
-    N = vt[s <= _SLACK * kr].T
+    N = vt[s <= MAX_RELATIVE_MEAN_STIFFNESS * kr].T
     if not N.size:
         return None
     centre = np.array([_middle(law.breakpoints, row) for law, row in zip(compiled.laws, problem.rows(X), strict=True)])
     return Pins(kr * N @ N.T, centre)
 
 
-def _middle(corners: tuple[float, ...], row: Array) -> float:
-    """Middle of the gap in which a motion has its mean; that mean itself if the gap has no other side."""
+def _middle(breakpoints: tuple[float, ...], row: Array) -> float:
+    """Return the middle of the gap in which a motion has its mean; the mean itself if the gap has one side only."""
     mean = float(row[0])
-    below, above = [x for x in corners if x < mean], [x for x in corners if x >= mean]
+    below, above = [x for x in breakpoints if x < mean], [x for x in breakpoints if x >= mean]
     return 0.5 * (max(below) + min(above)) if below and above else mean
 
 
 class FirstContact(GrazingEvent):
-    """A motion in the middle of its gap touches a corner of a law: from here on its position is determined."""
+    """First contact of a motion in the middle of its gap with a breakpoint; beyond it its position is determined."""
 
     meaning, terminal = "first contact", True
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        """The first grazing, of rows that may not have been observed."""
+        """Locate the first grazing, at points whose clearance may be unknown."""
         problem: Any = segment.problem
-        for row in (segment.a, segment.b):
-            if "clearance" not in row.observed:
-                here = {**segment.parameters, segment.name: row.value}
-                row.observed.setdefault("clearance", problem.clearance(row.X, **here))
+        for point in (segment.a, segment.b):
+            if "clearance" not in point.observed:
+                here = {**segment.parameters, segment.name: point.value}
+                point.observed.setdefault("clearance", problem.clearance(point.X, **here))
         return super().find(segment)
 
     def ending(self, name: str, value: float) -> tuple[Status, str]:
-        """Status and message of a trace that ends there."""
+        """Return the status and message of a trace that ends there."""
         return Status.EVENT, f"{self.meaning} at {name} = {value:.6g}"
 
 

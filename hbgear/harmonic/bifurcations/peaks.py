@@ -1,4 +1,4 @@
-"""Amplitude peaks of a branch, each located on the curve."""
+"""Amplitude peaks of a branch, each locate_peaks on the curve."""
 
 from __future__ import annotations
 
@@ -24,25 +24,36 @@ from hbgear.harmonic.equations.layout import layout_of
 def peaks(
     branch: Branch, measure: str = "rms", element: int | str = 0, *, share: float = 0.0, accuracy: float | None = 1e-5
 ) -> tuple[SpecialPoint, ...]:
-    """Local maxima of an amplitude along a branch, in its order, labelled PK1, PK2, ...
+    """Locate the local maxima of an amplitude along a branch, labelled PK1, PK2, ... in its order.
 
-    Between the neighbours of each highest row the amplitude is maximised along the curve; Newton on its equations
-    (`AmplitudeExtremum`) then gives all digits, and the point can be followed in a second parameter with
+    Between the neighbours of each highest point the amplitude is maximised along the curve. Newton's method on its
+    equations (`AmplitudeExtremum`) then gives full accuracy. A peak can be followed in a second parameter with
     ``follow(branch, peak, "zeta", span)``.
 
     Parameters
     ----------
-    branch : a branch that still knows its problem.
-    measure, element : see `Branch.amplitude`.
-    share : peaks whose highest row is below this share of the highest of all are left out; 0.99 finds the largest peak
-        without the work for the others.
-    accuracy : as of `trace`: largest relative error of the frequency of a peak; None for the peaks of the branch's own
-        equations, without errors.
+    branch : Branch
+        A branch that has its problem.
+    measure : str, optional
+        Measure of the amplitude, see `Branch.amplitude`. The default is "rms".
+    element : int or str, optional
+        Number or name of the element. The default is the first one.
+    share : float, optional
+        Peaks whose highest point is below this fraction of the largest amplitude are left out. The default is 0; 0.99
+        locates the largest peak without the work for the others.
+    accuracy : float or None, optional
+        Largest relative error of the frequency of a peak, as in `trace`. The default is 1e-5. With None the peaks are
+        those of the equations of the branch, without error estimates.
+
+    Returns
+    -------
+    tuple of SpecialPoint
+        The peaks in the order of the branch.
 
     Raises
     ------
     ValueError
-        If the branch has lost its problem, or there is no such measure.
+        If the branch has no problem, or the measure does not exist.
 
     Examples
     --------
@@ -53,59 +64,62 @@ def peaks(
     >>> top.label, bool(top.amplitude("rms") >= curve.amplitude("rms").max())
     ('PK1', True)
     """
-    tops = located(branch, measure, element, share)
+    tops = locate_peaks(branch, measure, element, share)
     if accuracy is not None:
-        tops = [(i, arc, estimate_error(arc, found, accuracy)) for i, arc, found in tops]
+        tops = [(i, segment, estimate_error(segment, found, accuracy)) for i, segment, found in tops]
     return tuple(_point(branch, i, number, found) for number, (i, _, found) in enumerate(tops, 1))
 
 
-def located(branch: Branch, measure: str, element: int | str, share: float) -> list[tuple[int, Segment, LocatedEvent]]:
-    """`peaks` of the branch's own equations, with the highest row and the piece between its neighbours."""
+def locate_peaks(
+    branch: Branch, measure: str, element: int | str, share: float
+) -> list[tuple[int, Segment, LocatedEvent]]:
+    """Locate the peaks of the equations of the branch, each with its highest point and the segment around it."""
     layout = layout_of(branch)
     if branch.problem is None or layout is None:
         raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     A = branch.amplitude(measure, element)
     tops = np.flatnonzero((A[:-2] <= A[1:-1]) & (A[1:-1] > A[2:]) & (A[1:-1] >= share * A.max())) + 1
     event = AmplitudePeakEvent(measure, layout.index(element))
-    arcs = [(i, _arc(branch, i)) for i in tops.tolist()]
-    return [(i, arc, _on(arc, i, branch, event)) for i, arc in arcs]
+    segments = [(i, _segment_around(branch, i)) for i in tops.tolist()]
+    return [(i, segment, _peak_on_segment(segment, i, branch, event)) for i, segment in segments]
 
 
 def _point(branch: Branch, i: int, number: int, found: LocatedEvent) -> SpecialPoint:
-    """Peak number ``number``, found near row i, with what its problem says of it."""
-    problem, row = (found.sharp.problem, found.sharp.row) if found.sharp else (as_problem(branch.problem), found.row)
+    """Return peak number ``number``, located near point i, with its monitored quantities."""
+    problem, point = (found.sharp.problem, found.sharp.row) if found.sharp else (as_problem(branch.problem), found.row)
     fixed = {k: v for k, v in branch.parameters_at(i).items() if k != branch.parameter}
-    row.observed.update(
-        problem.observe(row.X, stability=branch.multipliers is not None, **fixed, **{branch.parameter: row.value})
+    point.observed.update(
+        problem.observe(point.X, stability=branch.multipliers is not None, **fixed, **{branch.parameter: point.value})
     )
-    known = point_fields(problem, branch.parameter, fixed, row)
+    known = point_fields(problem, branch.parameter, fixed, point)
     interval = (float(branch.values[i - 1]), float(branch.values[i + 1]))
     known["problem"] = branch.problem
     return build_special_point(found, known, f"PK{number}", i, interval)
 
 
-def _on(arc: Segment, i: int, branch: Branch, event: AmplitudePeakEvent) -> LocatedEvent:
-    """The peak near row i; that row, not located, if it cannot be found."""
+def _peak_on_segment(segment: Segment, i: int, branch: Branch, event: AmplitudePeakEvent) -> LocatedEvent:
+    """Return the peak near point i; that point, marked as not located, if the peak is not found."""
     try:
-        return event.find(arc)[0]
+        return event.find(segment)[0]
     except (NoConvergence, np.linalg.LinAlgError):
-        row = _row(branch, i, arc.scale, arc.b.u - arc.a.u)
-        return LocatedEvent(event, 0.5, row, False, f"peak of {event.measure}")
+        point = _point_with_tangent(branch, i, segment.scale, segment.b.u - segment.a.u)
+        return LocatedEvent(event, 0.5, point, False, f"peak of {event.measure}")
 
 
-def _arc(branch: Branch, i: int) -> Segment:
+def _segment_around(branch: Branch, i: int) -> Segment:
+    """Return the segment between the neighbours of point i."""
     problem: Any = branch.problem
     scale = np.append(
         np.full(branch.X.shape[1], problem.solution_norm(branch.X[i]) or 1.0), np.ptp(branch.values) or 1.0
     )
-    chord = np.append(branch.X[i + 1] - branch.X[i - 1], branch.values[i + 1] - branch.values[i - 1])
+    direction = np.append(branch.X[i + 1] - branch.X[i - 1], branch.values[i + 1] - branch.values[i - 1])
     fixed = {k: v for k, v in branch.parameters_at(i).items() if k != branch.parameter}
-    a, b = (_row(branch, j, scale, chord) for j in (i - 1, i + 1))
+    a, b = (_point_with_tangent(branch, j, scale, direction) for j in (i - 1, i + 1))
     return Segment(problem, branch.parameter, fixed, a, b, scale, NewtonSettings())
 
 
-def _row(branch: Branch, i: int, scale: Array, along: Array) -> CurvePoint:
-    """Row i of a branch with its tangent."""
+def _point_with_tangent(branch: Branch, i: int, scale: Array, along: Array) -> CurvePoint:
+    """Return point i of a branch with its tangent."""
     X, value = branch.X[i], float(branch.values[i])
     now = linearise(branch.problem, X, branch.parameter, branch.parameters_at(i))
     return point_from_solution(Solution(X, value, now, int(branch.iterations[i]), float(branch.residual[i])),

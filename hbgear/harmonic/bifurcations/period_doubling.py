@@ -25,14 +25,16 @@ from hbgear.continuation.problem.evaluation import AnyProblem
 class PeriodDoublingProblem(FoldProblem):
     """Period doublings (PD): singular half-integer block of the doubled problem.
 
-    Written in the basis of twice the period, a motion of the single period has even harmonics only, and the Jacobian
-    falls into the block of the even ones, which is dR/dX, and that of the odd ones, whose null vector is the
+    In the basis of twice the period, a motion of the single period has even harmonics only. The Jacobian then splits
+    into the block of the even harmonics, which is dR/dX, and the block of the odd ones, whose null vector is the
     disturbance that doubles the period.
 
     Parameters
     ----------
-    problem : a `HarmonicBalance`.
-    parameter : the parameter of the curve.
+    problem : HarmonicBalance
+        The problem of the curve.
+    parameter : str, optional
+        The parameter of the curve, such as "Omega".
 
     Examples
     --------
@@ -59,29 +61,29 @@ class PeriodDoublingProblem(FoldProblem):
         self._fixed(doubled=doubled, odd=np.flatnonzero(harmonic % 2), even=np.flatnonzero(harmonic % 2 == 0))
 
     def compiled(self, parameters: Mapping[str, float]) -> None:
-        """None: its matrix is another one than dR/dX."""
+        """Return None: the compiled locator is made for dR/dX, not for this block."""
         return None
 
     def embed(self, X: Array) -> Array:
-        """The motion in the basis of twice the period."""
+        """Return the motion in the basis of twice the period."""
         out = np.zeros(self.doubled.size)
         out[self.even] = X
         return out
 
     def null_vector(self, X: Array, **here: float) -> Array:
-        """The doubling disturbance at or near a period doubling, in the basis of twice the period, unit norm."""
+        """Return the doubling disturbance at or near a period doubling, a unit vector with twice the period."""
         A, _ = self.matrix(X, here)
         out = np.zeros(self.doubled.size)
         out[self.odd] = scipy.linalg.svd(A)[2][-1]
         return out
 
     def matrix(self, X: Array, here: dict[str, float]) -> tuple[Array, float]:
-        """The half-integer block, and the size of the terms of R."""
+        """Return the half-integer block, and the size of the terms of R."""
         now = linearise(self.doubled, self.embed(X), "", here)
         return now.dR_dX[np.ix_(self.odd, self.odd)], now.size
 
     def extra(self, X: Array, here: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        """See `Augmented.extra`."""
+        """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
         assert base.b is not None and base.c is not None
         now = linearise(self.problem, X, self.parameter, here)
         wide, direction = self.embed(X), np.zeros(self.doubled.size)

@@ -97,7 +97,7 @@ class Evaluator:
 
     @cached_property
     def contact_equations(self) -> Equations:
-        """The equations between contact instants; see `hbgear.instants`.
+        """The equations between contact instants; see `hbgear.harmonic.instants`.
 
         Raises
         ------

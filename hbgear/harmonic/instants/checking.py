@@ -1,8 +1,8 @@
-"""Whether the gaps of a solution stay between their breakpoints from one switch to the next.
+"""Check that the gaps of a solution stay between their breakpoints from one switch to the next.
 
-Newton's method solves for the switches it is given. A solution is a motion of the system if no gap crosses a breakpoint
-elsewhere. Gaps are looked at in steps of which the fastest motion of the structure makes a fraction of a turn; between
-two of them an extremum is computed by Newton's method on the derivative.
+Newton's method solves for the given switches. A solution is a motion of the system only if no gap crosses a breakpoint
+elsewhere. Gaps are sample_gaps in steps in which the fastest motion of the structure turns by a fraction of a radian.
+Between two samples an extremum is estimated by cubic interpolation.
 """
 
 from __future__ import annotations
@@ -18,15 +18,18 @@ from hbgear.harmonic.instants.pattern import Switch
 from hbgear.harmonic.instants.propagation import growth, rates
 from hbgear.harmonic.instants.shooting import Iterate
 
-_TURNS = 0.5  # rate of the flow times the step
+MAX_STEP_OF_FLOW = 0.5
+"""Largest product of the rate of the flow and the sampling step."""
 
-_FEWEST, _MOST = 6, 400  # steps of a segment
+MIN_SEGMENT_STEPS, MAX_SEGMENT_STEPS = 6, 400
+"""Range of the number of sampling steps of a segment."""
 
-_ROUNDING = 1e-9  # distance beyond a breakpoint, relative to the size of the gap's motion, that is rounding
+CROSSING_ROUNDING = 1e-9
+"""Distance beyond a breakpoint, relative to the size of the gap's motion, that is attributed to rounding."""
 
 
-class Missed(NamedTuple):
-    """A crossing that the switches do not have: phases at which a gap passes a breakpoint and returns."""
+class MissedCrossing(NamedTuple):
+    """A crossing without switch: phases at which a gap passes a breakpoint and returns."""
 
     begin: float
     end: float
@@ -40,67 +43,70 @@ class Samples(NamedTuple):
     gaps: Array
 
 
-def sampled(equations: EquationsAt, iterate: Iterate) -> tuple[Samples, list[Missed]]:
-    """The gaps over a period, and what the switches of the iterate miss."""
+def sample_gaps(equations: EquationsAt, iterate: Iterate) -> tuple[Samples, list[MissedCrossing]]:
+    """Return the gaps over a period, and the crossings for which the iterate has no switches."""
     durations, phases, gaps, missed = iterate.durations(equations.period), [], [], []
     for i in range(iterate.pattern.count):
-        tau, some, found = _segment(equations, iterate, i, float(durations[i]))
+        tau, segment_gaps, segment_missed = _sample_segment(equations, iterate, i, float(durations[i]))
         phases.append(tau)
-        gaps.append(some)
-        missed += found
+        gaps.append(segment_gaps)
+        missed += segment_missed
     return Samples(np.concatenate(phases), np.concatenate(gaps)), missed
 
 
-def _segment(equations: EquationsAt, iterate: Iterate, i: int, duration: float) -> tuple[Array, Array, list[Missed]]:
+def _sample_segment(
+    equations: EquationsAt, iterate: Iterate, i: int, duration: float
+) -> tuple[Array, Array, list[MissedCrossing]]:
+    """Return phases and gaps of segment i, and its missed crossings."""
     contacts, start = iterate.pattern.contacts[i], float(iterate.tau[i])
     flow = equations.flow(contacts)
-    steps = min(_MOST, max(_FEWEST, math.ceil(duration * flow.rate / _TURNS)))
+    steps = min(MAX_SEGMENT_STEPS, max(MIN_SEGMENT_STEPS, math.ceil(duration * flow.rate / MAX_STEP_OF_FLOW)))
     tau, h = start + duration * np.arange(steps + 1) / steps, duration / steps
     y = np.empty((steps + 1, len(flow.A)))
     y[0] = equations.extended(iterate.x[i], start, contacts.section)
-    same = None if flow.stiffness else growth(flow, start, h)
+    constant_growth = None if flow.stiffness else growth(flow, start, h)
     for s in range(steps):
-        y[s + 1] = y[s] + (growth(flow, float(tau[s]), h) if same is None else same) @ y[s]
+        y[s + 1] = y[s] + (growth(flow, float(tau[s]), h) if constant_growth is None else constant_growth) @ y[s]
     rows = equations.gaps(contacts.section)
     gaps, slopes = y @ rows.T, rates(flow, tau, y) @ rows.T
     missed = []
     for j, level in enumerate(contacts.levels):
         breakpoints = equations.equations.breakpoints[j]
-        for corner, side in ((level, 1), (level - 1, -1)):
-            if 0 <= corner < len(breakpoints):
-                beyond = side * (gaps[:, j] - breakpoints[corner])
-                size = _ROUNDING * max(np.ptp(gaps[:, j]), abs(breakpoints[corner]))
-                found = _beyond(tau, beyond, side * slopes[:, j], size)
-                if found is not None:
-                    missed.append(Missed(*found, Switch(j, corner, side)))
+        for breakpoint, side in ((level, 1), (level - 1, -1)):
+            if 0 <= breakpoint < len(breakpoints):
+                beyond = side * (gaps[:, j] - breakpoints[breakpoint])
+                rounding = CROSSING_ROUNDING * max(np.ptp(gaps[:, j]), abs(breakpoints[breakpoint]))
+                interval = _first_positive_interval(tau, beyond, side * slopes[:, j], rounding)
+                if interval is not None:
+                    missed.append(MissedCrossing(*interval, Switch(j, breakpoint, side)))
     return tau[:-1], gaps[:-1], missed
 
 
-def _beyond(tau: Array, h: Array, slope: Array, rounding: float) -> tuple[float, float] | None:
-    """Where h (T,) is positive for the first time, as estimated by cubic interpolation; None if nowhere."""
-    over = np.flatnonzero(h[1:-1] > rounding) + 1
-    if over.size:
-        first = int(over[0])
+def _first_positive_interval(tau: Array, h: Array, slope: Array, rounding: float) -> tuple[float, float] | None:
+    """Return the interval where h (T,) is positive for the first time, by cubic interpolation; None if nowhere."""
+    positive = np.flatnonzero(h[1:-1] > rounding) + 1
+    if positive.size:
+        first = int(positive[0])
         last = first
         while last + 1 < len(h) - 1 and h[last + 1] > rounding:
             last += 1
-        return _root(tau, h, first - 1), _root(tau, h, last)
+        return _linear_root(tau, h, first - 1), _linear_root(tau, h, last)
     for s in np.flatnonzero((slope[:-1] > 0) & (slope[1:] < 0)).tolist():
-        top, at = _highest(h[s : s + 2], slope[s : s + 2], tau[s + 1] - tau[s])
-        if top > rounding:
-            width = math.sqrt(2 * top * (tau[s + 1] - tau[s]) / (slope[s] - slope[s + 1]))
-            return max(tau[s] + at - width, tau[s]), min(tau[s] + at + width, tau[s + 1])
+        maximum, offset = _cubic_maximum(h[s : s + 2], slope[s : s + 2], tau[s + 1] - tau[s])
+        if maximum > rounding:
+            width = math.sqrt(2 * maximum * (tau[s + 1] - tau[s]) / (slope[s] - slope[s + 1]))
+            return max(tau[s] + offset - width, tau[s]), min(tau[s] + offset + width, tau[s + 1])
     return None
 
 
-def _root(tau: Array, h: Array, s: int) -> float:
-    """Zero of the chord between samples s and s + 1."""
-    share = h[s] / (h[s] - h[s + 1]) if h[s] != h[s + 1] else 0.5
-    return float(tau[s] + min(max(share, 0.0), 1.0) * (tau[s + 1] - tau[s]))
+def _linear_root(tau: Array, h: Array, s: int) -> float:
+    """Return the zero of the line between samples s and s + 1."""
+    fraction = h[s] / (h[s] - h[s + 1]) if h[s] != h[s + 1] else 0.5
+    return float(tau[s] + min(max(fraction, 0.0), 1.0) * (tau[s + 1] - tau[s]))
 
 
-def _highest(h: Array, slope: Array, width: float) -> tuple[float, float]:
-    """Largest value of the cubic with these values and slopes at its ends, and its place."""
+def _cubic_maximum(h: Array, slope: Array, width: float) -> tuple[float, float]:
+    """Return the largest value of the cubic with these values and slopes at its ends, and its position."""
     a, b = slope * width
     c, d = 3 * (h[1] - h[0]) - 2 * a - b, 2 * (h[0] - h[1]) + a + b
     root = math.sqrt(max(c * c - 3 * d * a, 0.0))

@@ -2,14 +2,14 @@
 
     dy/dtau = [A(contacts, section) + sum_s kappa_s(tau) b_s r_s^T] y,   y = (x, c),   dc/dtau = S c
 
-with the state x of the structure and the functions c = (1, s, s^2, s^3, cos l tau, sin l tau, ...) that loads and
-prescribed displacements are sums of, so that a singular stiffness matrix (free flight) is no special case. Where a
-stiffness or a displacement has corners, the period is cut into sections, s is the phase since the section began, and
-the coefficients of the sums are those of the section. Springs of constant stiffness are part of A; the others keep
-their factor kappa_s(tau).
+x is the state of the structure. Loads and prescribed displacements are sums of the functions c = (1, s, s^2, s^3, cos l
+tau, sin l tau, ...), so that a singular stiffness matrix (free flight) is no special case. Where a stiffness or a
+displacement has breakpoints, the period is divided into sections, s is the phase since the section began, and the
+coefficients of the sums are constant on a section. Springs of constant stiffness are part of A; the others keep their
+factor kappa_s(tau).
 
-The state is x = L (q, q' / clock) with coordinates scaled by their masses. Motions that neither springs nor dampers
-nor elements resist (rigid rotation) leave gaps and forces as they are; they are removed by taking the quotient,
+The state is x = L (q, q' / clock) with coordinates scaled by their masses. Motions that no spring, damper or element
+resists (rigid rotation) change no gap and no force. They are removed by taking the quotient,
 
     A r = 0, D r = 0:   x = r a + N y,   dy/dt = N^+ (A N y + ...)
 """
@@ -31,19 +31,22 @@ from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, derive, evaluate, to_complex, to_real
 from hbgear.mechanics.series.periodic import TURN, Periodic, Phased
 
-_UNOBSERVED = 1e-11  # singular value, relative to the largest, of a direction without effect
+UNOBSERVED_SINGULAR_VALUE = 1e-11
+"""Singular value, relative to the largest, up to which a direction has no effect."""
 
-_LARGEST = 60  # coordinates of a structure whose state is carried as a whole
+MAX_COORDINATES = 60
+"""Largest number of coordinates of a structure; the state is integrated as a whole."""
 
-DEGREE = 3  # of the polynomials of a `Periodic`
+DEGREE = 3
+"""Degree of the polynomials of a `Periodic`."""
 
 
 class NotPiecewiseLinear(ValueError):
-    """The model has no contact instants to solve for: a law that is not piecewise linear, or a structure too large."""
+    """The model has no contact instants: a law is not piecewise linear, or the structure is too large."""
 
 
 class Contacts(NamedTuple):
-    """Which section of the period, and for each element how many of its breakpoints lie below its gap."""
+    """Section of the period, and the number of breakpoints below the gap of each element."""
 
     section: int
     levels: tuple[int, ...]
@@ -51,9 +54,9 @@ class Contacts(NamedTuple):
 
 @dataclass(frozen=True)
 class Flow:
-    """dy/dtau = (A + sum_s kappa_s(tau) b_s r_s^T) y between two instants.
+    """The flow dy/dtau = (A + sum_s kappa_s(tau) b_s r_s^T) y between two instants.
 
-    A (N, N); b, r (S, N); stiffness : the S factors kappa; rate : a bound of the norm of the matrix.
+    A (N, N); b, r (S, N); stiffness : the S factors kappa; rate : an upper bound of the norm of the matrix.
     """
 
     A: Array
@@ -68,8 +71,10 @@ class Equations:
 
     Parameters
     ----------
-    system : `System` whose laws are all piecewise linear.
-    nu : periods of the excitation that a motion takes.
+    system : System
+        A system whose laws are all piecewise linear.
+    nu : int, optional
+        Number of excitation periods in one period of the motion. The default is 1.
 
     Raises
     ------
@@ -79,7 +84,7 @@ class Equations:
     """
 
     def __init__(self, system: System, nu: int = 1) -> None:
-        _check(system)
+        _require_piecewise_linear(system)
         self.system, self.nu, self.m = system, nu, len(system.elements)
         self.breakpoints = tuple(element.law.breakpoints for element in system.elements)
         self._displacements: dict[int, Array] = {}
@@ -87,8 +92,8 @@ class Equations:
     @cached_property
     def starts(self) -> Array:
         """Phases in [0, 2 pi) at which sections begin, ascending; a single section begins at 0."""
-        corners = {x for e in self.system.elements for x in (*e.law.phases, *e.displacement.corners)}
-        return np.array(sorted(corners)) if corners else np.zeros(1)
+        breakpoints = {x for e in self.system.elements for x in (*e.law.phases, *e.displacement.corners)}
+        return np.array(sorted(breakpoints)) if breakpoints else np.zeros(1)
 
     @cached_property
     def orders(self) -> tuple[int, ...]:
@@ -111,11 +116,11 @@ class Equations:
         return 1 + self.degree + 2 * len(self.orders)
 
     def section(self, tau: float) -> int:
-        """Number of the section that a phase lies in; at a corner the one that follows."""
+        """Return the number of the section at a phase; at a breakpoint the section that follows."""
         return (int(np.searchsorted(self.starts, tau % TURN, side="right")) - 1) % len(self.starts)
 
     def functions(self, tau: float, section: int) -> Array:
-        """c at a phase of a section."""
+        """Return c at a phase of a section."""
         s = (tau - self.starts[section] + math.pi) % TURN - math.pi if self.degree else 0.0
         if s < -1e-9:
             s += TURN
@@ -135,20 +140,21 @@ class Equations:
         return S
 
     def displacements(self, section: int) -> Array:
-        """Coefficients (m, count) of the prescribed displacements of the elements on a section."""
+        """Return the coefficients (m, count) of the prescribed displacements of the elements on a section."""
         found = self._displacements.get(section)
         if found is None:
-            found = self._displacements[section] = self._displaced(section)
+            found = self._displacements[section] = self._displacement_coefficients(section)
         return found
 
-    def _displaced(self, section: int) -> Array:
+    def _displacement_coefficients(self, section: int) -> Array:
+        """Compute `displacements` of a section."""
         E = np.zeros((self.m, self.count))
         for row, element in zip(E, self.system.elements, strict=True):
             e = element.displacement
             if isinstance(e, Periodic):
                 start = self.starts[section] + 1e-9
                 derivatives = [float(e(start, n)) for n in range(DEGREE + 1)]
-                row[: DEGREE + 1] = moved(derivatives, -1e-9)
+                row[: DEGREE + 1] = shifted_polynomial(derivatives, -1e-9)
                 continue
             row[0], c = e.mean, e.row()
             for i, order in enumerate(self.orders):
@@ -157,7 +163,7 @@ class Equations:
         return E
 
     def at(self, Omega: float) -> EquationsAt:
-        """The equations at a frequency of the excitation."""
+        """Return the equations at a frequency of the excitation."""
         return EquationsAt(self, Omega)
 
     @cached_property
@@ -166,18 +172,18 @@ class Equations:
         return StateSpace(self.system)
 
     def structure(self, Omega: float) -> StateSpace:
-        """The structure at a frequency."""
+        """Return the structure at a frequency."""
         return self.fixed if self.system.speed is None else StateSpace(self.system.at_speed(Omega))
 
     def springs(self, j: int, level: int) -> tuple[tuple[Phased, float, float], ...]:
-        """Stiffness, slope and offset of each spring of element j where so many of its breakpoints lie below d."""
-        corners = np.array(self.breakpoints[j])
-        inner = corners[:level]
-        return tuple(_line(spring, inner) for spring in self.system.elements[j].law.piecewise or ())
+        """Return stiffness, slope and offset of each spring of element j with ``level`` of its breakpoints below d."""
+        breakpoints = np.array(self.breakpoints[j])
+        inner = breakpoints[:level]
+        return tuple(_linear_segment(spring, inner) for spring in self.system.elements[j].law.piecewise or ())
 
 
 class StateSpace:
-    """x' = A x + B p + force f,   d + e = D x,   of a structure with the dampers of its elements.
+    """State-space form of a structure with the dampers of its elements: x' = A x + B p + force f,   d + e = D x.
 
     A (r, r); input (r, n) of forces on coordinates; D (m, r); reduce (r, 2n) of (q, q'); W, damping of the elements.
     """
@@ -198,7 +204,7 @@ class StateSpace:
         force = np.concatenate([np.zeros((n, n)), Mi * s / clock])
         D = np.concatenate([W.T * s, np.zeros((len(references), n))], axis=1)
         L = np.diag(np.concatenate([1 / s, 1 / (s * clock)]))
-        self.A, self.input, self.D, self.reduce = _observed(A, force, D, L)
+        self.A, self.input, self.D, self.reduce = _observable_part(A, force, D, L)
 
 
 class EquationsAt:
@@ -218,26 +224,27 @@ class EquationsAt:
         return TURN * self.equations.nu
 
     def extended(self, x: Array, tau: float, section: int) -> Array:
-        """y = (x, c)."""
+        """Return y = (x, c)."""
         return np.concatenate([x, self.equations.functions(tau, section)])
 
     def gaps(self, section: int) -> Array:
-        """Rows (m, N) that take y to the gaps of all elements."""
+        """Return the rows (m, N) that map y to the gaps of all elements."""
         return np.concatenate([self.structure.D, -self.equations.displacements(section)], axis=1)
 
     def flow(self, contacts: Contacts) -> Flow:
-        """The flow while elements have these contacts."""
+        """Return the flow for the contacts of all elements."""
         found = self._flows.get(contacts)
         if found is None:
-            found = self._flows[contacts] = self._assembled(contacts)
+            found = self._flows[contacts] = self._assemble_flow(contacts)
         return found
 
-    def _assembled(self, contacts: Contacts) -> Flow:
+    def _assemble_flow(self, contacts: Contacts) -> Flow:
+        """Compute `flow` for the contacts of all elements."""
         equations, r = self.equations, self.size
         A = np.zeros((r + equations.count, r + equations.count))
         A[:r, :r] = self.structure.A / self.Omega
         A[r:, r:] = equations.generator
-        A[:r, r:] = self._forced(contacts.section)
+        A[:r, r:] = self._forcing_coefficients(contacts.section)
         gaps, b, rows, factors, rate = self.gaps(contacts.section), [], [], [], 0.0
         for j, level in enumerate(contacts.levels):
             for stiffness, slope, offset in equations.springs(j, level):
@@ -245,7 +252,7 @@ class EquationsAt:
                 row[r] += offset
                 if not row.any():
                     continue
-                k = _constant(stiffness, equations.starts[contacts.section])
+                k = _constant_stiffness(stiffness, equations.starts[contacts.section])
                 if k is not None:
                     A[:r] -= k * np.outer(self.input[:, j], row)
                     continue
@@ -257,8 +264,8 @@ class EquationsAt:
         rate += float(np.abs(A).sum(axis=0).max())
         return Flow(A, np.array(b) if b else none, np.array(rows) if rows else none, tuple(factors), rate)
 
-    def _forced(self, section: int) -> Array:
-        """What loads and prescribed displacements do to the state, (r, count)."""
+    def _forcing_coefficients(self, section: int) -> Array:
+        """Return the coefficients (r, count) of loads and prescribed displacements in the derivative of the state."""
         equations, structure = self.equations, self.structure
         f = np.zeros((equations.system.n, equations.count))
         for load in equations.system.loads:
@@ -276,35 +283,38 @@ class EquationsAt:
         return forced
 
     def state(self, rows: Array, tau: float) -> Array:
-        """The state x of a motion given by its real Fourier rows (n, 2H + 1) of all coordinates."""
+        """Return the state x of a motion with real Fourier coefficients ``rows`` (n, 2H + 1) of all coordinates."""
         theta = tau / self.equations.nu
         velocity = self.Omega / self.equations.nu * evaluate(to_real(derive(to_complex(rows))), theta)[:, 0]
         x: Array = self.structure.reduce @ np.concatenate([evaluate(rows, theta)[:, 0], velocity])
         return x
 
 
-def _check(system: System) -> None:
+def _require_piecewise_linear(system: System) -> None:
+    """Raise an error if a system has no contact instants."""
     for element in system.elements:
         if element.law.piecewise is None:
             raise NotPiecewiseLinear(
                 f"the law of {element.name}, {type(element.law).__name__}, is not piecewise linear: contact instants "
                 "are computed for Unilateral, Backlash, PiecewiseLinear and sums of them"
             )
-    if system.n > _LARGEST:
+    if system.n > MAX_COORDINATES:
         raise NotPiecewiseLinear(
-            f"{system.n} coordinates are too many for contact instants; at most {_LARGEST}: reduce the model first, "
-            "hb.mechanics.reduce(model, modes=...)"
+            f"{system.n} coordinates are too many for contact instants; at most {MAX_COORDINATES}: reduce the model "
+            "first, hb.mechanics.reduce(model, modes=...)"
         )
     if system.receptances is not None:
-        raise NotPiecewiseLinear("contact instants need M, C and K of all coordinates; some are known by receptances")
+        raise NotPiecewiseLinear(
+            "contact instants need M, C and K of all coordinates, but some coordinates have receptances only"
+        )
 
 
-def _observed(A: Array, force: Array, D: Array, L: Array) -> tuple[Array, Array, Array, Array]:
-    """The state without directions r with A r = 0 and D r = 0, which nothing depends on."""
+def _observable_part(A: Array, force: Array, D: Array, L: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the state space without directions r of A r = 0 and D r = 0, on which nothing depends."""
     while len(A):
         stacked = np.concatenate([A / (np.abs(A).max() or 1.0), D / (np.abs(D).max() or 1.0)])
         _, sizes, vt = np.linalg.svd(stacked)
-        kept = sizes > _UNOBSERVED * sizes.max(initial=0.0)
+        kept = sizes > UNOBSERVED_SINGULAR_VALUE * sizes.max(initial=0.0)
         if kept.all():
             break
         N = vt[kept]  # orthonormal: its transpose is the basis, itself the left inverse that removes r
@@ -312,16 +322,16 @@ def _observed(A: Array, force: Array, D: Array, L: Array) -> tuple[Array, Array,
     return A, force, D, L
 
 
-def _line(spring: PiecewiseLinear, below: Array) -> tuple[Phased, float, float]:
-    """Stiffness, slope and offset of a spring for d above the given breakpoints of its element and below the others."""
-    g0, changes, corners = spring.ramps
-    inside = np.isin(corners, below)
+def _linear_segment(spring: PiecewiseLinear, below: Array) -> tuple[Phased, float, float]:
+    """Return stiffness, slope and offset of a spring for d above the breakpoints ``below`` and below all others."""
+    g0, changes, breakpoints = spring.ramps
+    inside = np.isin(breakpoints, below)
     slope = spring.slopes[0] + float(changes[inside].sum())
-    return spring.stiffness, slope, g0 - float(changes[inside] @ corners[inside])
+    return spring.stiffness, slope, g0 - float(changes[inside] @ breakpoints[inside])
 
 
-def _constant(stiffness: Phased, start: float) -> float | None:
-    """Value of a stiffness that is constant on a section; None if it varies there."""
+def _constant_stiffness(stiffness: Phased, start: float) -> float | None:
+    """Return the value of a stiffness that is constant on a section; None if it varies there."""
     if not stiffness.varies:
         return float(stiffness.mean)
     if isinstance(stiffness, Periodic):
@@ -331,8 +341,8 @@ def _constant(stiffness: Phased, start: float) -> float | None:
     return None
 
 
-def moved(derivatives: Sequence[float], by: float) -> list[float]:
-    """Coefficients of powers of s about a point moved by ``by``, from derivatives of a polynomial at the point."""
+def shifted_polynomial(derivatives: Sequence[float], by: float) -> list[float]:
+    """Return the coefficients of powers of s about a shifted point, from derivatives of a polynomial at the point."""
     c = [d / math.factorial(n) for n, d in enumerate(derivatives)]
     return [
         sum(c[n] * math.comb(n, power) * by ** (n - power) for n in range(power, len(c))) for power in range(len(c))
@@ -340,4 +350,5 @@ def moved(derivatives: Sequence[float], by: float) -> list[float]:
 
 
 def _dense(A: Any) -> Array:
+    """Return a dense matrix."""
     return np.asarray(A.toarray() if scipy.sparse.issparse(A) else A, dtype=float)

@@ -1,8 +1,8 @@
 """The order of contact instants in a period, and the contacts between them.
 
-A motion passes *switches*, ascending in the phase: a gap crosses a breakpoint of its law, or a section of the period
-ends (see `equations`). Segment i lies between switch i and the next one; the last reaches to the first of the next
-period.
+A motion passes *switches* in the order of their phases: a gap crosses a breakpoint of its law, or a section of the
+period begins (see `equations`). Segment i lies between switch i and the next one; the last segment ends with the first
+switch of the next period.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from hbgear.mechanics.series.periodic import TURN
 
 
 class Switch(NamedTuple):
-    """Gap of an element crosses its breakpoint number ``corner``, upwards (+1) or downwards (-1).
+    """Gap of an element that crosses its breakpoint number ``breakpoint``, upwards (+1) or downwards (-1).
 
-    element -1 : section number ``corner`` begins, at a fixed phase.
+    Element -1 : section number ``breakpoint`` begins, at a fixed phase.
     """
 
     element: int
-    corner: int
+    breakpoint: int
     sign: int
 
     @property
     def is_fixed(self) -> bool:
-        """Whether its phase is prescribed."""
+        """Whether the phase is prescribed."""
         return self.element < 0
 
     def opposite(self, other: Switch) -> bool:
-        """Whether both cross the same breakpoint in opposite directions."""
+        """Return whether both switches cross the same breakpoint in opposite directions."""
         return not self.is_fixed and self[:2] == other[:2] and self.sign == -other.sign
 
 
-class Inconsistent(ValueError):
-    """The switches do not follow each other: a gap would cross a breakpoint that it is not next to."""
+class InconsistentPatternError(ValueError):
+    """Switches that cannot follow each other: a gap would cross a breakpoint that is not adjacent to it."""
 
 
 @dataclass(frozen=True)
@@ -48,25 +48,27 @@ class Pattern:
 
     @staticmethod
     def of(switches: Sequence[Switch], levels: Sequence[int], section: int) -> Pattern:
-        """From the contacts in the segment that ends with the first switch.
+        """Return a pattern from the contacts in the segment that ends with the first switch.
 
         Raises
         ------
-        Inconsistent
-            If a gap would cross a breakpoint that it is not next to, or does not return within the period.
+        InconsistentPatternError
+            If a gap would cross a breakpoint that is not adjacent to it, or does not return within the period.
         """
-        now, contacts = list(levels), []
+        current, contacts = list(levels), []
         for switch in switches:
             if switch.is_fixed:
-                section = switch.corner
+                section = switch.breakpoint
             else:
-                before = switch.corner if switch.sign > 0 else switch.corner + 1
-                if now[switch.element] != before:
-                    raise Inconsistent(f"element {switch.element + 1} is not next to its breakpoint")
-                now[switch.element] += switch.sign
-            contacts.append(Contacts(section, tuple(now)))
-        if contacts and now != list(levels):
-            raise Inconsistent("the contacts do not return within the period")
+                required = switch.breakpoint if switch.sign > 0 else switch.breakpoint + 1
+                if current[switch.element] != required:
+                    raise InconsistentPatternError(
+                        f"element {switch.element + 1} would cross a breakpoint that is not adjacent to its gap"
+                    )
+                current[switch.element] += switch.sign
+            contacts.append(Contacts(section, tuple(current)))
+        if contacts and current != list(levels):
+            raise InconsistentPatternError("the contacts do not return within the period")
         return Pattern(tuple(switches), tuple(contacts))
 
     @property
@@ -75,25 +77,26 @@ class Pattern:
         return len(self.switches)
 
     def without(self, i: int) -> Pattern:
-        """Without switch i and the one after it, which are opposite."""
-        gone = {i, (i + 1) % self.count}
-        return self._changed([s for j, s in enumerate(self.switches) if j not in gone], i in (self.count - 1,))
+        """Return the pattern without switch i and the one after it, which are opposite."""
+        removed = {i, (i + 1) % self.count}
+        return self._with_switches([s for j, s in enumerate(self.switches) if j not in removed], i in (self.count - 1,))
 
     def swapped(self, i: int) -> Pattern:
-        """With switch i after the one that follows it."""
-        some, j = list(self.switches), (i + 1) % self.count
-        some[i], some[j] = some[j], some[i]
-        return self._changed(some, False)
+        """Return the pattern with switch i after the one that follows it."""
+        switches, j = list(self.switches), (i + 1) % self.count
+        switches[i], switches[j] = switches[j], switches[i]
+        return self._with_switches(switches, False)
 
-    def _changed(self, switches: list[Switch], around: bool) -> Pattern:
+    def _with_switches(self, switches: list[Switch], around: bool) -> Pattern:
+        """Return the pattern of other switches; around : whether the last switch is among the removed ones."""
         start = self.contacts[0] if around else self.contacts[-1]
         return Pattern.of(switches, start.levels, start.section)
 
 
 def fixed_switches(equations: Equations) -> list[tuple[float, Switch]]:
-    """Phases at which sections begin in nu periods of the excitation; none where there is one section only."""
-    corners = any(e.law.phases or e.displacement.corners for e in equations.system.elements)
-    if not corners:
+    """Return the phases at which sections begin in nu periods of the excitation; none if there is one section only."""
+    breakpoints = any(e.law.phases or e.displacement.corners for e in equations.system.elements)
+    if not breakpoints:
         return []
     return [
         (float(start) + TURN * turn, Switch(-1, section, 0))

@@ -3,8 +3,8 @@
     Psi = 1 + Z,   Z(tau + h) = Z(tau) + sum_{k>0} h^k T_k,   T_0 = 1 + Z(tau)
     (k + 1) T_{k+1} = A T_k + sum_s b_s sum_j kappa_s,j (r_s^T T_{k-j})
 
-Taylor's series in steps in which it converges fast; kappa_s,j are the Taylor coefficients of a stiffness that varies.
-Where no stiffness varies it is the matrix exponential, by scaling and squaring.
+With varying stiffness a Taylor series is used, in steps in which it converges fast; kappa_s,j are the Taylor
+coefficients of the stiffness. With constant stiffness the matrix exponential is computed by scaling and squaring.
 """
 
 from __future__ import annotations
@@ -14,23 +14,26 @@ import math
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.harmonic.instants.equations import DEGREE, Flow, moved
+from hbgear.harmonic.instants.equations import DEGREE, Flow, shifted_polynomial
 from hbgear.mechanics.series.fourier import Series, to_complex
 from hbgear.mechanics.series.periodic import Periodic, Phased
 
-_ORDER = 26  # of the series
+TAYLOR_ORDER = 26
+"""Order of the Taylor series."""
 
-_REACH = 2.0  # size of the matrix times the step: 2^26 / 26! = 2e-19
+MAX_STEP_NORM = 2.0
+"""Largest norm of the matrix times the step: 2^26 / 26! = 2e-19."""
 
-_SQUARED = 16  # order of the series that is squared; its argument is at most 1/2
+EXPONENTIAL_ORDER = 16
+"""Order of the series that is squared; the norm of its argument is at most 1/2."""
 
 
 def growth(flow: Flow, tau: float, h: float) -> Array:
-    """Z (N, N) with y(tau + h) = (1 + Z) y(tau), which keeps its digits in short segments."""
+    """Return Z (N, N) with y(tau + h) = (1 + Z) y(tau); Z keeps its accuracy in short segments."""
     if not len(flow.stiffness):
         return exponential(flow.A * h)
     fastest = max((x.order for x in flow.stiffness if isinstance(x, Series)), default=0)
-    steps = max(1, math.ceil(abs(h) * max(flow.rate / _REACH, fastest)))
+    steps = max(1, math.ceil(abs(h) * max(flow.rate / MAX_STEP_NORM, fastest)))
     Z = np.zeros_like(flow.A)
     for i in range(steps):
         Z = _step(flow, tau + i * h / steps, h / steps, Z)
@@ -38,12 +41,12 @@ def growth(flow: Flow, tau: float, h: float) -> Array:
 
 
 def exponential(A: Array) -> Array:
-    """The matrix exponential of A (N, N) less the unit matrix."""
+    """Return the matrix exponential of A (N, N) minus the unit matrix."""
     size = float(np.abs(A).sum(axis=0).max(initial=0.0))
     halvings = max(0, math.frexp(size)[1] + 1) if math.isfinite(size) else 0
     X = A * 0.5**halvings
     T, out = X, X.copy()
-    for k in range(2, _SQUARED + 1):
+    for k in range(2, EXPONENTIAL_ORDER + 1):
         T = T @ X * (1.0 / k)
         out += T
     for _ in range(halvings):
@@ -52,11 +55,11 @@ def exponential(A: Array) -> Array:
 
 
 def _step(flow: Flow, tau: float, h: float, Z: Array) -> Array:
-    """`growth` over one step more, from Z at its begin."""
-    kappa = np.array([_taylor(x, tau, h) for x in flow.stiffness])
-    A, terms = flow.A * h, np.empty((_ORDER + 1, len(flow.b), len(Z)))
+    """Return `growth` after one more step, from Z at the beginning of the step."""
+    kappa = np.array([_taylor_coefficients(x, tau, h) for x in flow.stiffness])
+    A, terms = flow.A * h, np.empty((TAYLOR_ORDER + 1, len(flow.b), len(Z)))
     b, T, out = (h * flow.b).T, Z + np.eye(len(Z)), Z.copy()
-    for k in range(_ORDER):
+    for k in range(TAYLOR_ORDER):
         terms[k] = flow.r @ T
         drive = np.einsum("sj,jsn->sn", kappa[:, : k + 1], terms[k::-1])
         T = (A @ T + b @ drive) / (k + 1)
@@ -64,20 +67,22 @@ def _step(flow: Flow, tau: float, h: float, Z: Array) -> Array:
     return out
 
 
-def _taylor(stiffness: Phased, tau: float, h: float) -> Array:
-    """Coefficients (order + 1,) of x^j of the stiffness at tau + h x."""
+def _taylor_coefficients(stiffness: Phased, tau: float, h: float) -> Array:
+    """Return the coefficients (order + 1,) of x^j of the stiffness at tau + h x."""
     if isinstance(stiffness, Periodic):
-        inside = [float(stiffness(tau + 0.5 * h, n)) * h**n for n in range(DEGREE + 1)]  # no corner lies there
-        return np.array(moved(inside, -0.5) + [0.0] * (_ORDER - DEGREE))
+        derivatives = [float(stiffness(tau + 0.5 * h, n)) * h**n for n in range(DEGREE + 1)]  # no breakpoint lies there
+        return np.array(shifted_polynomial(derivatives, -0.5) + [0.0] * (TAYLOR_ORDER - DEGREE))
     c: ComplexArray = to_complex(stiffness.row())
-    turned = c * np.exp(1j * np.arange(len(c)) * tau)
-    powers = (1j * h * np.arange(len(c)))[None, :] ** np.arange(_ORDER + 1)[:, None]
-    series: Array = (powers @ turned).real / np.array([math.factorial(n) for n in range(_ORDER + 1)], dtype=float)
+    rotated = c * np.exp(1j * np.arange(len(c)) * tau)
+    powers = (1j * h * np.arange(len(c)))[None, :] ** np.arange(TAYLOR_ORDER + 1)[:, None]
+    series: Array = (powers @ rotated).real / np.array(
+        [math.factorial(n) for n in range(TAYLOR_ORDER + 1)], dtype=float
+    )
     return series
 
 
 def rates(flow: Flow, tau: float | Array, y: Array) -> Array:
-    """dy/dtau (..., N) at phases (...) of states (..., N)."""
+    """Return dy/dtau (..., N) at phases (...) of states (..., N)."""
     out: Array = y @ flow.A.T
     if flow.stiffness:
         kappa = np.stack([x(tau) for x in flow.stiffness], axis=-1)

@@ -1,14 +1,14 @@
-"""Newton's method for exact periodic motions, at one Omega or at the nearest one where there is a motion.
+"""Newton's method for exact periodic motions, at one Omega or at the nearest one at which there is a motion.
 
     J du = -F(u, Omega)                          at fixed Omega
     [J F_Omega] (du, dOmega) = -F, least norm    where the motion does not exist at this Omega
 
 u are contact instants and states, see `shooting`. A step is shortened so that no segment loses more than half of its
-duration. Where a segment shrinks all the same, its two switches are removed (a contact that does not happen) or
-exchanged (contacts of two elements); where a converged gap crosses a breakpoint in between, two switches are added.
+duration. If a segment still shrinks, its two switches are removed (a contact that does not occur) or exchanged
+(contacts of two elements). If a converged gap crosses a breakpoint between two switches, two switches are added.
 
-The iteration has no step size in time and no tolerance but rounding: the result is a motion of the equations that are
-given, not of a truncation of them.
+The iteration has no time step, and rounding is its only tolerance: the result is a motion of the given equations, not
+of truncated ones.
 
 References
 ----------
@@ -24,32 +24,42 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.instants.checking import Missed, Samples, sampled
+from hbgear.harmonic.instants.checking import MissedCrossing, Samples, sample_gaps
 from hbgear.harmonic.instants.equations import Equations, EquationsAt
-from hbgear.harmonic.instants.pattern import Inconsistent, Pattern, Switch, fixed_switches
+from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern, Switch, fixed_switches
 from hbgear.harmonic.instants.propagation import growth
 from hbgear.harmonic.instants.shooting import Iterate, linearise, residual_scale
 from hbgear.mechanics.series.fourier import evaluate
 
-_ITERATIONS = 25
+MAX_INSTANT_ITERATIONS = 25
+"""Largest number of Newton iterations with one order of switches."""
 
-_CONVERGED = 1e-10  # last step relative to states and instants
+INSTANT_STEP_TOLERANCE = 1e-10
+"""Last step, relative to states and instants, at convergence."""
 
-_RESIDUAL = 1e-11  # residual relative to the states
+INSTANT_RESIDUAL_TOLERANCE = 1e-11
+"""Residual, relative to the states, at convergence."""
 
-_SHRUNK = 4  # shortened steps one after the other, all by the same segment, from which it is taken to vanish
+MAX_SHORTENED_STEPS = 4
+"""Number of successive steps, shortened by the same segment, after which that segment vanishes."""
 
-_CHANGES = 8  # of the order of switches
+MAX_ORDER_CHANGES = 8
+"""Largest number of changes of the order of switches."""
 
-_MOST = 400  # switches of a period of the excitation
+MAX_SWITCHES_PER_PERIOD = 400
+"""Largest number of switches in a period of the excitation."""
 
-_NARROWEST = 1e-8  # duration of a new contact, over the period, at least
+MIN_CONTACT_DURATION = 1e-8
+"""Shortest duration of a new contact, over the period."""
 
-_EMPTY = 1e-14  # duration, over the period, that is rounding
+EMPTY_DURATION = 1e-14
+"""Duration, over the period, up to which a contact is empty."""
 
-_COMPARED = 64  # phases at which two motions are compared
+COMPARED_PHASES = 64
+"""Number of phases at which two motions are compared."""
 
-_STEP = 1e-6  # relative difference of Omega
+FREQUENCY_STEP = 1e-6
+"""Relative finite-difference step of Omega."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +68,27 @@ class ExactMotion:
 
     Attributes
     ----------
-    Omega : frequency of the excitation; other than the given one only from `refine_near_fold`.
-    instants : (K,) phases tau, ascending within the nu periods of the motion, of the switches.
-    switches : element, breakpoint and direction of each; element -1 is a corner of the excitation.
-    states : (K, r) states there, see `equations`.
-    multipliers : (r,) complex, largest modulus first.
-    residual : of the equations, relative to the states.
-    distance : largest distance of the gaps from the motion that it was computed from, relative to their largest
-        way from end to end. Far from zero it is another motion of the same system: the caller must compare.
-    shortest : duration (phase) of the shortest segment that ends with a contact instant; inf without contact.
-    monodromy : (r, r).
+    Omega : float
+        Frequency of the excitation. It differs from the given one only after `refine_near_fold`.
+    instants : ndarray, shape (K,)
+        Phases tau of the switches, ascending within the nu periods of the motion.
+    switches : tuple of Switch
+        Element, breakpoint and direction of each switch; element -1 is a breakpoint of the excitation.
+    states : ndarray, shape (K, r)
+        States at the switches, see `equations`.
+    multipliers : ndarray, shape (r,)
+        Complex multipliers, largest modulus first.
+    residual : float
+        Residual of the equations, relative to the states.
+    distance : float
+        Largest distance of the gaps from the initial motion, relative to their largest peak-to-peak value. A distance
+        far from zero means another motion of the same system: the caller must check it.
+    shortest : float
+        Duration (phase) of the shortest segment that ends with a contact instant; inf without contact.
+    monodromy : ndarray, shape (r, r)
+        Monodromy matrix of the state.
+    samples : Samples
+        Gaps over one period.
     """
 
     Omega: float
@@ -84,7 +105,7 @@ class ExactMotion:
 
 @dataclass(frozen=True)
 class Approximation:
-    """A motion to start from: real Fourier rows (n, 2H + 1) of all coordinates, over nu periods of the excitation.
+    """An initial motion: real Fourier coefficients (n, 2H + 1) of all coordinates, over nu periods of the excitation.
 
     crossings : phases tau at which gaps cross breakpoints, ascending, with element, number of the breakpoint and sign.
     """
@@ -94,48 +115,60 @@ class Approximation:
 
 
 def refine(equations: Equations, approximation: Approximation, Omega: float, free: bool = False) -> ExactMotion:
-    """The exact motion near an approximate one.
+    """Compute the exact motion near an approximate one.
 
     Parameters
     ----------
-    equations : of the system.
-    approximation : its Fourier coefficients and contact instants.
-    Omega : frequency of the excitation.
-    free : whether Omega may change: the motion nearest in instants, states and Omega over their sizes.
+    equations : Equations
+        The equations of the system.
+    approximation : Approximation
+        Fourier coefficients and contact instants of the approximate motion.
+    Omega : float
+        Frequency of the excitation.
+    free : bool, optional
+        Whether Omega may change. The motion is then the nearest one in instants, states and Omega, each relative to its
+        size. The default is False.
+
+    Returns
+    -------
+    ExactMotion
+        The motion with its multipliers.
 
     Raises
     ------
     NoConvergence
-        If Newton's method does not converge, with the reason.
+        If Newton's method does not converge; the message states the reason.
     """
     at = equations.at(Omega)
     try:
         at, iterate, samples = solve(at, initial(at, approximation), free)
-    except Inconsistent as error:
+    except InconsistentPatternError as error:
         raise _failure(f"the order of contacts is inconsistent: {error}", Omega) from error
-    return finished(at, iterate, samples, _distance(equations, approximation.rows, samples))
+    return exact_motion_of(at, iterate, samples, _distance(equations, approximation.rows, samples))
 
 
 def solve(at: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt, Iterate, Samples]:
-    """Newton's method and the changes of the order of switches that it asks for."""
-    for _ in range(_CHANGES):
+    """Solve by Newton's method, and change the order of switches where a segment vanishes or a crossing is missed."""
+    for _ in range(MAX_ORDER_CHANGES):
         at, iterate, vanished = _newton(at, iterate, free)
         if vanished is not None:
-            iterate = _closed(at, iterate, vanished)
+            iterate = _without_segment(at, iterate, vanished)
             continue
-        samples, missed = sampled(at, iterate)
+        samples, missed = sample_gaps(at, iterate)
         if not missed:
             return at, iterate, samples
-        iterate = _opened(at, iterate, missed)
+        iterate = _with_missed_crossings(at, iterate, missed)
     raise _failure("the order of contacts keeps changing", at.Omega)
 
 
 def initial(at: EquationsAt, approximation: Approximation) -> Iterate:
-    """Switches and states of the approximate motion."""
+    """Return switches and states of the approximate motion."""
     equations = at.equations
     events = [(tau, Switch(*rest)) for tau, *rest in approximation.crossings] + fixed_switches(equations)
-    if len(events) > _MOST * equations.nu:
-        raise _failure(f"more than {_MOST} contact instants in a period (chatter): {len(events)}", at.Omega)
+    if len(events) > MAX_SWITCHES_PER_PERIOD * equations.nu:
+        raise _failure(
+            f"more than {MAX_SWITCHES_PER_PERIOD} contact instants in a period (chatter): {len(events)}", at.Omega
+        )
     events = sorted(events, key=lambda event: event[0]) or [(0.0, Switch(-1, 0, 0))]
     tau = np.array([phase for phase, _ in events])
     longest = int(np.argmax(np.diff(np.append(tau, tau[0] + at.period))))
@@ -151,53 +184,59 @@ def initial(at: EquationsAt, approximation: Approximation) -> Iterate:
 
 
 def _newton(at: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt, Iterate, int | None]:
-    """A solution with the switches as they are, or the number of a segment that vanishes."""
-    vanishing, times = -1, 0
-    for _ in range(_ITERATIONS):
-        empty = _empty(at, iterate)
+    """Return a solution with the given switches, or the number of a segment that vanishes."""
+    vanishing, count = -1, 0
+    for _ in range(MAX_INSTANT_ITERATIONS):
+        empty = _empty_contact(at, iterate)
         if empty is not None:
             return at, iterate, empty
         now = linearise(at, iterate)
         step, dOmega = _step(at, iterate, now.R, now.J, free)
-        share, segment = _shortened(at, iterate, step)
-        times = times + 1 if share < 1.0 and segment == vanishing else 1
-        vanishing = segment if share < 1.0 else -1
-        if share < 1.0 and times >= _SHRUNK:
+        factor, segment = _step_factor(at, iterate, step)
+        count = count + 1 if factor < 1.0 and segment == vanishing else 1
+        vanishing = segment if factor < 1.0 else -1
+        if factor < 1.0 and count >= MAX_SHORTENED_STEPS:
             return at, iterate, segment
         if dOmega:
-            limited = max(-0.05, min(0.05, share * dOmega / at.Omega))
+            limited = max(-0.05, min(0.05, factor * dOmega / at.Omega))
             at = at.equations.at(at.Omega * (1.0 + limited))
-        iterate = _moved(iterate, share * step)
+        iterate = _advanced(iterate, factor * step)
         size = residual_scale(iterate)
         if not np.isfinite(iterate.x).all() or size > 1e12:
             break
-        small = float(np.abs(step[: iterate.x.size]).max(initial=0.0)) <= _CONVERGED * size
-        still = float(np.abs(step[iterate.x.size :]).max(initial=0.0)) <= 1e3 * _CONVERGED
-        if share == 1.0 and small and still and float(np.abs(now.R).max(initial=0.0)) <= _RESIDUAL * size * 1e3:
+        step_converged = float(np.abs(step[: iterate.x.size]).max(initial=0.0)) <= INSTANT_STEP_TOLERANCE * size
+        instants_converged = float(np.abs(step[iterate.x.size :]).max(initial=0.0)) <= 1e3 * INSTANT_STEP_TOLERANCE
+        if (
+            factor == 1.0
+            and step_converged
+            and instants_converged
+            and float(np.abs(now.R).max(initial=0.0)) <= INSTANT_RESIDUAL_TOLERANCE * size * 1e3
+        ):
             return at, iterate, None
     raise _failure(
         f"Newton's method in {iterate.pattern.count} contact instants does not converge"
-        + ("" if free else ": there may be no motion at this Omega (beside a fold)"),
+        + ("" if free else ": there may be no motion at this Omega (close to a fold)"),
         at.Omega,
     )
 
 
-def _empty(at: EquationsAt, iterate: Iterate) -> int | None:
-    """A contact without duration, whose equation would be divided by zero."""
+def _empty_contact(at: EquationsAt, iterate: Iterate) -> int | None:
+    """Return a contact without duration, whose equation would be divided by zero; None if there is none."""
     switches, durations = iterate.pattern.switches, iterate.durations(at.period)
-    for i in np.flatnonzero(durations <= _EMPTY * at.period).tolist():
+    for i in np.flatnonzero(durations <= EMPTY_DURATION * at.period).tolist():
         if switches[i].opposite(switches[(i + 1) % len(switches)]):
             return int(i)
     return None
 
 
 def _step(at: EquationsAt, iterate: Iterate, R: Array, J: Array, free: bool) -> tuple[Array, float]:
+    """Return the Newton step, and the change of Omega if it is free."""
     if not free:
         try:
             return np.linalg.solve(J, -R), 0.0
         except np.linalg.LinAlgError as error:
             raise _failure("the equations of the contact instants are singular", at.Omega) from error
-    h = _STEP * at.Omega
+    h = FREQUENCY_STEP * at.Omega
     up, down = (linearise(at.equations.at(at.Omega + d), iterate).R for d in (h, -h))
     scale = np.ones(len(R) + 1)
     scale[: iterate.x.size] = residual_scale(iterate)
@@ -207,8 +246,8 @@ def _step(at: EquationsAt, iterate: Iterate, R: Array, J: Array, free: bool) -> 
     return step[:-1], float(step[-1])
 
 
-def _shortened(at: EquationsAt, iterate: Iterate, step: Array) -> tuple[float, int]:
-    """Share of a step that takes at most half of the duration of each segment, and the segment that limits it."""
+def _step_factor(at: EquationsAt, iterate: Iterate, step: Array) -> tuple[float, int]:
+    """Return the factor of a step that takes at most half of the duration of each segment, and the limiting segment."""
     moves = np.zeros(iterate.pattern.count)
     moves[[i for i, switch in enumerate(iterate.pattern.switches) if not switch.is_fixed]] = step[iterate.x.size :]
     loss = moves - np.roll(moves, -1)
@@ -217,14 +256,15 @@ def _shortened(at: EquationsAt, iterate: Iterate, step: Array) -> tuple[float, i
     return float(min(1.0, 1.0 / max(ratio[segment], 1e-300))), segment
 
 
-def _moved(iterate: Iterate, step: Array) -> Iterate:
+def _advanced(iterate: Iterate, step: Array) -> Iterate:
+    """Return the iterate after a step."""
     tau = iterate.tau.copy()
     tau[[i for i, switch in enumerate(iterate.pattern.switches) if not switch.is_fixed]] += step[iterate.x.size :]
     return Iterate(iterate.pattern, tau, iterate.x + step[: iterate.x.size].reshape(iterate.x.shape))
 
 
-def _closed(at: EquationsAt, iterate: Iterate, i: int) -> Iterate:
-    """With the switches at the ends of a segment that vanishes removed, or exchanged."""
+def _without_segment(at: EquationsAt, iterate: Iterate, i: int) -> Iterate:
+    """Return the iterate with the switches at the ends of a vanishing segment removed or exchanged."""
     pattern, j = iterate.pattern, (i + 1) % iterate.pattern.count
     if pattern.switches[i].opposite(pattern.switches[j]):
         kept = [k for k in range(pattern.count) if k not in (i, j)]
@@ -242,22 +282,22 @@ def _closed(at: EquationsAt, iterate: Iterate, i: int) -> Iterate:
     return Iterate(pattern.swapped(i), tau, iterate.x)
 
 
-def _opened(at: EquationsAt, iterate: Iterate, missed: list[Missed]) -> Iterate:
-    """With the switches added that a solution lacks."""
+def _with_missed_crossings(at: EquationsAt, iterate: Iterate, missed: list[MissedCrossing]) -> Iterate:
+    """Return the iterate with switches added at missed crossings."""
     pattern, period = iterate.pattern, at.period
     events = [(float(t), s, x) for t, s, x in zip(iterate.tau, pattern.switches, iterate.x, strict=True)]
     artificial = pattern.count == 1 and pattern.switches[0].is_fixed and not fixed_switches(at.equations)
     for begin, end, first in missed:
-        end = max(end, begin + _NARROWEST * period)
-        back = Switch(first.element, first.corner, -first.sign)
+        end = max(end, begin + MIN_CONTACT_DURATION * period)
+        back = Switch(first.element, first.breakpoint, -first.sign)
         for t, switch in ((begin, first), (end, back)):
             events.append((t, switch, _state_at(at, iterate, t)))
     if artificial:
         events = events[1:]
     start = float(iterate.tau[0])
     events.sort(key=lambda event: (event[0] - start) % period)
-    if len(events) > _MOST * at.equations.nu:
-        raise _failure(f"more than {_MOST} contact instants in a period (chatter)", at.Omega)
+    if len(events) > MAX_SWITCHES_PER_PERIOD * at.equations.nu:
+        raise _failure(f"more than {MAX_SWITCHES_PER_PERIOD} contact instants in a period (chatter)", at.Omega)
     tau = np.array([start + (t - start) % period for t, _, _ in events])
     before = pattern.contacts[-1] if not artificial else pattern.contacts[0]
     return Iterate(
@@ -266,6 +306,7 @@ def _opened(at: EquationsAt, iterate: Iterate, missed: list[Missed]) -> Iterate:
 
 
 def _state_at(at: EquationsAt, iterate: Iterate, tau: float) -> Array:
+    """Return the state of an iterate at a phase."""
     i = int(np.searchsorted(iterate.tau, tau, side="right")) - 1
     contacts, start = iterate.pattern.contacts[i], float(iterate.tau[i])
     y = at.extended(iterate.x[i], start, contacts.section)
@@ -273,8 +314,8 @@ def _state_at(at: EquationsAt, iterate: Iterate, tau: float) -> Array:
     return x
 
 
-def finished(at: EquationsAt, iterate: Iterate, samples: Samples, distance: float) -> ExactMotion:
-    """The result of a converged iterate."""
+def exact_motion_of(at: EquationsAt, iterate: Iterate, samples: Samples, distance: float) -> ExactMotion:
+    """Return the result of a converged iterate."""
     now = linearise(at, iterate)
     monodromy = now.flows[0]
     for flow in now.flows[1:]:
@@ -298,14 +339,15 @@ def finished(at: EquationsAt, iterate: Iterate, samples: Samples, distance: floa
 
 
 def _distance(equations: Equations, rows: Array, samples: Samples) -> float:
-    """Largest distance of the gaps from those of Fourier rows, relative to their largest way from end to end."""
-    some = slice(None, None, max(1, len(samples.tau) // _COMPARED))
-    tau, elements = samples.tau[some], equations.system.elements
-    given = evaluate(equations.system.W.T @ rows, tau / equations.nu).T
-    given -= np.stack([e.displacement(tau) for e in elements], axis=-1)
+    """Return the largest distance of the gaps from Fourier coefficients, relative to the peak-to-peak value."""
+    stride = slice(None, None, max(1, len(samples.tau) // COMPARED_PHASES))
+    tau, elements = samples.tau[stride], equations.system.elements
+    initial = evaluate(equations.system.W.T @ rows, tau / equations.nu).T
+    initial -= np.stack([e.displacement(tau) for e in elements], axis=-1)
     size = float(np.ptp(samples.gaps, axis=0).max(initial=0.0)) or 1.0
-    return float(np.abs(given - samples.gaps[some]).max(initial=0.0)) / size
+    return float(np.abs(initial - samples.gaps[stride]).max(initial=0.0)) / size
 
 
 def _failure(reason: str, Omega: float) -> NoConvergence:
-    return NoConvergence(f"no exact motion: {reason}", np.empty(0), {"Omega": Omega}, [])
+    """Return an error with its reason."""
+    return NoConvergence(f"no exact motion found: {reason}", np.empty(0), {"Omega": Omega}, [])

@@ -4,8 +4,8 @@
     h_i = row_i y_i - breakpoint_i = 0                                          switching
 
 The force is continuous, so the state and its disturbance are continuous at a switch, and the monodromy matrix is the
-product of the flows. Where a contact becomes short the second equation of its two instants would be that of the first,
-so it is divided by the duration,
+product of the flows. Where a contact becomes short, the second of its two switching equations becomes equal to the
+first. It is therefore replaced by the difference divided by the duration,
 
     (h_{i+1} - h_i) / delta = row (Psi_i - 1) y_i / delta = 0
 
@@ -24,7 +24,8 @@ from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.pattern import Pattern
 from hbgear.harmonic.instants.propagation import growth, rates
 
-_SHORT = 0.25  # duration of a segment over that of its neighbours below which its equation is divided by it
+SHORT_SEGMENT_RATIO = 0.25
+"""Duration of a segment, over its shorter neighbour, below which its second equation is divided by it."""
 
 
 class Linearisation(NamedTuple):
@@ -37,45 +38,45 @@ class Linearisation(NamedTuple):
 
 @dataclass
 class Iterate:
-    """States x (K, r) at the switches of a pattern, and the phases tau (K,) of these."""
+    """States x (K, r) at the switches of a pattern, and the phases tau (K,) of the switches."""
 
     pattern: Pattern
     tau: Array
     x: Array
 
     def durations(self, period: float) -> Array:
-        """Of the segments (K,)."""
+        """Return the durations (K,) of the segments."""
         return np.diff(np.append(self.tau, self.tau[0] + period))
 
 
-def divided(iterate: Iterate, period: float) -> dict[int, int]:
-    """Switches whose equation is divided, each with the segment that ends there."""
+def divided_equations(iterate: Iterate, period: float) -> dict[int, int]:
+    """Return the switches whose equation is divided, each with the segment that ends there."""
     duration, K, out = iterate.durations(period), iterate.pattern.count, {}
     switches = iterate.pattern.switches
     for i in range(K):
         j = (i + 1) % K
-        around = min(duration[i - 1], duration[j])
-        if K > 1 and switches[i].opposite(switches[j]) and duration[i] < _SHORT * around:
+        neighbour = min(duration[i - 1], duration[j])
+        if K > 1 and switches[i].opposite(switches[j]) and duration[i] < SHORT_SEGMENT_RATIO * neighbour:
             out[j] = i
     return out
 
 
 def linearise(equations: EquationsAt, iterate: Iterate) -> Linearisation:
-    """The equations at an iterate."""
+    """Return the residual of the equations at an iterate, its derivatives and the flows."""
     r, K, pattern = equations.size, iterate.pattern.count, iterate.pattern
     free = [i for i, switch in enumerate(pattern.switches) if not switch.is_fixed]
     column = {i: K * r + n for n, i in enumerate(free)}
-    short = divided(iterate, equations.period)
+    short = divided_equations(iterate, equations.period)
     duration = iterate.durations(equations.period)
     R, J, flows = np.zeros(K * r + len(free)), np.zeros((K * r + len(free),) * 2), []
     for i in range(K):
         j, contacts, tau = (i + 1) % K, pattern.contacts[i], float(iterate.tau[i])
         flow, y = equations.flow(contacts), equations.extended(iterate.x[i], tau, contacts.section)
         Z, rate = growth(flow, tau, duration[i]), rates(flow, tau, y)
-        moved = Z @ y
-        end = rates(flow, tau + duration[i], y + moved)
+        change = Z @ y
+        end = rates(flow, tau + duration[i], y + change)
         here, there = slice(i * r, i * r + r), slice(j * r, j * r + r)
-        R[here] += iterate.x[j] - iterate.x[i] - moved[:r]
+        R[here] += iterate.x[j] - iterate.x[i] - change[:r]
         J[here, there] += np.eye(r)
         J[here, here] -= np.eye(r) + Z[:r, :r]
         back = np.concatenate([rate[:r], np.zeros(len(y) - r)])
@@ -86,13 +87,13 @@ def linearise(equations: EquationsAt, iterate: Iterate) -> Linearisation:
         flows.append(np.eye(r) + Z[:r, :r])
         if i in column and i not in short:
             row = equations.gaps(contacts.section)[pattern.switches[i].element]
-            level = equations.equations.breakpoints[pattern.switches[i].element][pattern.switches[i].corner]
+            level = equations.equations.breakpoints[pattern.switches[i].element][pattern.switches[i].breakpoint]
             R[column[i]] = row @ y - level
             J[column[i], here] = row[:r]
             J[column[i], column[i]] = row[r:] @ rate[r:]
         if short.get(j) == i:
             row, delta = equations.gaps(contacts.section)[pattern.switches[j].element], duration[i]
-            G = float(row @ moved) / delta
+            G = float(row @ change) / delta
             R[column[j]] = G
             J[column[j], here] = row @ Z[:, :r] / delta
             J[column[j], column[j]] += (float(row @ end) - G) / delta
@@ -101,5 +102,5 @@ def linearise(equations: EquationsAt, iterate: Iterate) -> Linearisation:
 
 
 def residual_scale(iterate: Iterate) -> float:
-    """Size of the states, which residuals are compared with."""
+    """Return the size of the states, relative to which residuals are measured."""
     return float(np.abs(iterate.x).max(initial=0.0)) or 1.0

@@ -2,7 +2,7 @@
 
     z(c h) = e^{lambda c h} z_0 + int_0^{c h} e^{lambda (c h - x)} u(x) dx,   u a polynomial through s Gauss points
 
-The integrals of its monomials are phi functions; see `phi`.
+The integrals of the monomials are phi functions; see `phi_functions`.
 
 References
 ----------
@@ -20,10 +20,10 @@ from hbgear.common.arrays import Array
 
 @lru_cache(maxsize=16)
 def gauss_nodes(s: int) -> tuple[Array, Array]:
-    """Gauss points on (0, 1) and monomial coefficients L[j, p] of the Lagrange polynomials on them.
+    """Return the Gauss points on (0, 1) and the monomial coefficients L[j, p] of the Lagrange polynomials on them.
 
-    The coefficients grow with s and cancel each other, so that what is made of them is exact to about 1e-13 with s = 6,
-    7e-11 with 10 and 2e-9 with 12.
+    The coefficients grow with s and cancel each other. Results computed from them have errors of about 1e-13 with s =
+    6, 7e-11 with 10 and 2e-9 with 12.
     """
     x = 0.5 * (np.polynomial.legendre.leggauss(s)[0] + 1.0)
-    return x, np.ascontiguousarray(np.linalg.inv(np.vander(x, increasing=True)).T)  # kernels know one layout
+    return x, np.ascontiguousarray(np.linalg.inv(np.vander(x, increasing=True)).T)  # C order for the kernels

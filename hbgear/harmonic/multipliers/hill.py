@@ -4,10 +4,10 @@
 
     [A - i k omega - s] z_k - B sum_l K_{k-l} C z_l = 0        K two-sided coefficients of k(theta) - kr
 
-An eigenproblem of r (2H + 1) equations for the exponents s, whose multipliers are e^{s T}. Each exponent comes 2H + 1
-times, shifted by i omega; of these copies those are the best whose vectors lie in the middle of the harmonics.
+This is an eigenproblem of r (2H + 1) equations for the exponents s, whose multipliers are e^{s T}. Each exponent occurs
+2H + 1 times, shifted by i omega. The copies whose vectors lie in the middle of the harmonics are the most accurate.
 
-Seen from the m gaps d = C z, with the receptance G(s) = C (s - A)^-1 B, the same exponents are the zeros of a
+In terms of the m gaps d = C z, with the receptance G(s) = C (s - A)^-1 B, the same exponents are the zeros of a
 determinant of m (2H + 1) equations (`CondensedHillMatrix`),
 
     D(s) v = 0,   [D v]_k = v_k + G(s + i k omega) sum_l (K_{k-l} - kr) v_l
@@ -28,24 +28,27 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.structure.receptance import LinearStructure
 
-_LARGEST = 3000  # equations of an eigenproblem that takes some ten seconds
+MAX_HILL_EQUATIONS = 3000
+"""Largest number of equations of Hill's eigenproblem; at this size it takes about ten seconds."""
 
 
 def hill_multipliers(compiled: Evaluator, X: Array, Omega: float) -> ComplexArray:
-    """Multipliers (r,) of one motion X (n,), largest first.
+    """Return the multipliers (r,) of one motion X (n,), largest first.
 
     Raises
     ------
     ValueError
-        If a law must be asked for its slopes, or the matrix would be too large.
+        If the model has Python laws, or the matrix would be too large.
     """
     compiled = compiled.at(Omega)
     modes, H = compiled.structure.modes, compiled.H
-    _check_known(compiled)
+    _require_compiled_laws(compiled)
     r = 0 if modes is None else len(modes.poles)
-    if modes is None or r * (2 * H + 1) > _LARGEST:
-        most = f"{r} x (2H + 1) = {r * (2 * H + 1):,}" if r else "too many"
-        raise ValueError(f"Hill's matrix would have {most} equations; at most {_LARGEST:,} are solved: fewer harmonics")
+    if modes is None or r * (2 * H + 1) > MAX_HILL_EQUATIONS:
+        size = f"{r} x (2H + 1) = {r * (2 * H + 1):,}" if r else "too many"
+        raise ValueError(
+            f"Hill's matrix would have {size} equations; at most {MAX_HILL_EQUATIONS:,} are solved: use fewer harmonics"
+        )
     k, K = np.arange(-H, H + 1), _two_sided(slopes(compiled, X))
     matrix = -np.einsum("rj,jkl,js->krls", modes.input, K, modes.output)
     at = np.arange(r)
@@ -53,16 +56,16 @@ def hill_multipliers(compiled: Evaluator, X: Array, Omega: float) -> ComplexArra
         modes.poles - 1j * (Omega / compiled.nu) * k[:, None]
     )
     s, V = np.linalg.eig(matrix.reshape(r * (2 * H + 1), -1))
-    share = np.square(np.abs(V.reshape(2 * H + 1, r, -1))).sum(axis=1)
-    middle = np.abs(k @ share / share.sum(axis=0))
-    mu: ComplexArray = np.exp(s[np.argsort(middle, kind="stable")[:r]] * (2 * np.pi * compiled.nu / Omega))
+    weight = np.square(np.abs(V.reshape(2 * H + 1, r, -1))).sum(axis=1)
+    offset = np.abs(k @ weight / weight.sum(axis=0))
+    mu: ComplexArray = np.exp(s[np.argsort(offset, kind="stable")[:r]] * (2 * np.pi * compiled.nu / Omega))
     return mu[np.argsort(-np.abs(mu), kind="stable")]
 
 
 def slopes(compiled: Evaluator, X: Array) -> ComplexArray:
-    """Coefficients 0..2H (m, 2H + 1) of the slopes of the laws along a motion, without the reference springs.
+    """Return the coefficients 0..2H (m, 2H + 1) of the slopes of the laws along a motion without the reference springs.
 
-    X : unknowns, or those of a motion with all harmonics up to 2H, (m (4H + 1),).
+    X are the unknowns, or those of a motion with all harmonics up to 2H, (m (4H + 1),).
     """
     from hbgear.harmonic.forces.projection_kernels import projected
 
@@ -80,18 +83,18 @@ def _two_sided(slopes: ComplexArray) -> ComplexArray:
     return np.where(shift >= 0, slopes[:, np.abs(shift)], slopes[:, np.abs(shift)].conj())
 
 
-def _check_known(compiled: Evaluator) -> None:
+def _require_compiled_laws(compiled: Evaluator) -> None:
+    """Raise an error if the model has Python laws."""
     if compiled.asked:
-        raise ValueError("Hill's matrix is made for laws that are known to hbgear, not for laws of your own")
+        raise ValueError("Hill's matrix needs laws of hbgear; it cannot be computed for laws written in Python")
 
 
 @dataclass(frozen=True)
 class CondensedHillMatrix:
-    """Hill's determinant seen from the gaps, of one motion; see the module. Its unknowns are harmonic after harmonic.
+    """Hill's determinant of one motion condensed to the gaps; equations at the head of this file.
 
-    structure : `LinearStructure` whose receptances they are. K (m, 2H + 1, 2H + 1) : slopes of the laws. omega :
-    frequency of
-    the basis.
+    The unknowns are ordered by harmonic. structure : `LinearStructure` whose receptances are used. K (m, 2H + 1, 2H +
+    1) : slopes of the laws. omega : frequency of the basis.
     """
 
     structure: LinearStructure
@@ -100,15 +103,15 @@ class CondensedHillMatrix:
 
     @staticmethod
     def of(compiled: Evaluator, X: Array, Omega: float) -> CondensedHillMatrix:
-        """Of a motion X (n,).
+        """Return the condensed matrix of a motion X (n,).
 
         Raises
         ------
         ValueError
-            If a law must be asked for its slopes.
+            If the model has Python laws.
         """
         compiled = compiled.at(Omega)
-        _check_known(compiled)
+        _require_compiled_laws(compiled)
         return CondensedHillMatrix(compiled.structure, _two_sided(slopes(compiled, X)), Omega / compiled.nu)
 
     @property
@@ -123,33 +126,33 @@ class CondensedHillMatrix:
         return np.arange(-H, H + 1)
 
     def receptances(self, s: complex) -> tuple[ComplexArray, ComplexArray]:
-        """G and dG/ds (2H + 1, m, m) at s + i k omega; see `Structure.transfer`."""
+        """Return G and dG/ds (2H + 1, m, m) at s + i k omega; see `LinearStructure.transfer`."""
         return self.structure.transfer(s + 1j * self.omega * self.k)
 
     def matrix(self, G: ComplexArray) -> ComplexArray:
-        """D (m (2H + 1), m (2H + 1)) from the receptances G."""
+        """Return D (m (2H + 1), m (2H + 1)) for the receptances G."""
         size = len(self.k) * self.m
         D: ComplexArray = np.einsum("kij,jkl->kilj", G, self.K).reshape(size, size)
         D[np.diag_indices(size)] += 1.0
         return D
 
     def times(self, G: ComplexArray, v: ComplexArray) -> ComplexArray:
-        """D v."""
+        """Return D v."""
         return v + self.driven(G, v)
 
     def driven(self, G: ComplexArray, v: ComplexArray) -> ComplexArray:
-        """D v - v, and with dG/ds in the place of G dD/ds v."""
+        """Return D v - v; with dG/ds in the place of G, return dD/ds v."""
         forces = np.stack([K @ column for K, column in zip(self.K, v.reshape(-1, self.m).T, strict=True)], axis=1)
         out: ComplexArray = (G @ forces[..., None]).ravel()
         return out
 
     def adjoint_times(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
-        """D^H w."""
-        moved = self.felt(G, w).reshape(-1, self.m).T
+        """Return D^H w."""
+        moved = self.adjoint_driven(G, w).reshape(-1, self.m).T
         out: ComplexArray = w + np.stack([K @ column for K, column in zip(self.K, moved, strict=True)], axis=1).ravel()
         return out
 
-    def felt(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
-        """G^H w."""
+    def adjoint_driven(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
+        """Return G^H w."""
         out: ComplexArray = np.einsum("kij,ki->kj", G.conj(), w.reshape(-1, self.m)).ravel()
         return out

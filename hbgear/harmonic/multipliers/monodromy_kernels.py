@@ -1,4 +1,4 @@
-"""Kernels: what becomes of small disturbances of a periodic motion in a period. The method is told in `floquet`.
+"""Kernels of monodromy matrices; the method is explained in `floquet`.
 
 In a step of length h from the state z_0 of the modes, with u = D d at s Gauss points,
 
@@ -21,15 +21,16 @@ from hbgear.harmonic.forces.piecewise_kernels import add_pieces, put_gap, put_ph
 from hbgear.harmonic.forces.projection_kernels import cross, projection_workspace
 from hbgear.harmonic.multipliers.phi_functions import moments
 
-COARSE = 32  # phases of an excitation period at which the modulations are looked at for their size
+MODULATION_SAMPLES = 32
+"""Phases of an excitation period at which the size of the modulations is sampled."""
 
 
 class MonodromyWorkspace(NamedTuple):
-    """Arrays in which a disturbance of one motion is carried over a period, overwritten each time.
+    """Arrays for the integration of the variational equation of one motion over a period; overwritten each time.
 
-    For s Gauss points, g ports, q modes and T points of all steps. phases (3, T) : their values, cosines and sines.
-    stiffness (T,), work (5, T), D (orders, T / s, s, g) : see `fill_stiffness_modulation`. The others are for
-    `monodromy`.
+    Sizes: s Gauss points, g ports, q modes and T Gauss points of all steps. phases (3, T) : values, cosines and sines
+    of the phases. stiffness (T,), work (5, T) and D (orders, T / s, s, g) : see `fill_stiffness_modulation`. All others
+    are used by `monodromy`.
     """
 
     phases: Array
@@ -40,7 +41,7 @@ class MonodromyWorkspace(NamedTuple):
     state: Array
     turns: ComplexArray
     moments: ComplexArray
-    felt: ComplexArray
+    weighted_output: ComplexArray
     A: Array
     R: Array
     B: Array
@@ -51,7 +52,7 @@ class MonodromyWorkspace(NamedTuple):
 
 @kernel
 def monodromy_workspace(modes: Any, size: int, s: int, steps: Any, orders: int) -> Any:
-    """A `MonodromyWorkspace` for matrices of a size and so many steps of s points."""
+    """Return a `MonodromyWorkspace` for matrices with ``size`` columns and ``steps`` steps of s points."""
     g, q, T = modes.output.shape[0], modes.poles.shape[0], steps * s
     return MonodromyWorkspace(
         np.empty((3, T)), np.empty(T), np.empty((5, T)), np.empty((orders, steps, s, g)),
@@ -63,23 +64,23 @@ def monodromy_workspace(modes: Any, size: int, s: int, steps: Any, orders: int) 
 
 
 @kernel
-def cuts_of(numbers: Any, space: Any) -> Any:
-    """Room for phases of corners (C,) and the pieces between them (C + 1, 3), see `partition_period`."""
+def segment_arrays(numbers: Any, space: Any) -> Any:
+    """Return empty arrays of breakpoint phases (C,) and of the segments (C + 1, 3); see `partition_period`."""
     C = sizes_of(numbers.corners)[0] + space.theta.size
     return np.empty(C), np.empty((C + 1, 3))
 
 
 @kernel
-def partition_period(numbers: Any, rows: Any, longest: float, space: Any, theta: Any, cut: Any) -> tuple[int, int]:
-    """Put the pieces of a period, cut at the `_put_corners` of a motion, in cut; see `_put_pieces`."""
-    return _put_pieces(theta, _put_corners(numbers, rows, space, theta), longest, cut)
+def partition_period(numbers: Any, rows: Any, longest: float, space: Any, theta: Any, segments: Any) -> tuple[int, int]:
+    """Fill ``cut`` with the segments of a period between the `_fill_breakpoints` of a motion; see `_fill_segments`."""
+    return _fill_segments(theta, _fill_breakpoints(numbers, rows, space, theta), longest, segments)
 
 
 @kernel
-def _put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
-    """Phases in [0, 2 pi), ascending, at which an element crosses a corner of its law, or the excitation has one.
+def _fill_breakpoints(numbers: Any, rows: Any, space: Any, out: Any) -> int:
+    """Fill ``out`` with the ascending phases in [0, 2 pi) of all breakpoints, and return their number.
 
-    Returns their number.
+    At such a phase an element crosses a breakpoint of its law, or the excitation has one.
     """
     cross(numbers, rows, np.bool_(False), space)
     theta, count = space.theta, space.number
@@ -96,32 +97,34 @@ def _put_corners(numbers: Any, rows: Any, space: Any, out: Any) -> int:
 
 
 @kernel
-def _put_pieces(theta: Any, n: int, longest: float, out: Any) -> tuple[int, int]:
-    """Smooth pieces of a period cut at the n phases theta into equal steps of at most ``longest`` radians.
+def _fill_segments(theta: Any, n: int, longest: float, out: Any) -> tuple[int, int]:
+    """Divide the smooth segments of a period between n phases theta into equal steps of at most ``longest`` radians.
 
-    A period begins at its first corner, or else at 0: the multipliers do not depend on where it begins.
+    The period begins at its first breakpoint, or else at 0; the multipliers do not depend on where it begins. ``out``
+    (n + 1, 3) is filled with the first phase, the length of the steps in radians and the number of steps of each
+    segment.
 
     Returns
     -------
-    The number of pieces, and of all steps. out (n + 1, 3) : first phase, length of the steps in radians, number of
-    steps of each piece.
+    int, int
+        Number of segments, and of all steps.
     """
-    made = total = 0
+    count = step_count = 0
     for i in range(max(n, 1)):
         start = theta[i] if n else 0.0
         end = theta[i + 1] if i + 1 < n else 2 * math.pi + (theta[0] if n else 0.0)
         width = end - start
         if width > 1e-13:
             steps = max(1.0, math.ceil(width / longest - 1e-9))
-            out[made, 0], out[made, 1], out[made, 2] = start, width / steps, steps
-            made += 1
-            total += int(steps)
-    return made, total
+            out[count, 0], out[count, 1], out[count, 2] = start, width / steps, steps
+            count += 1
+            step_count += int(steps)
+    return count, step_count
 
 
 @kernel
 def circle(count: int) -> Any:
-    """Phases, equally far apart, of a period, with their cosines and sines (3, count)."""
+    """Return equally spaced phases of a period with their cosines and sines (3, count)."""
     out = np.empty((3, count))
     for i in range(count):
         theta = 2 * math.pi * i / count
@@ -131,13 +134,13 @@ def circle(count: int) -> Any:
 
 @kernel
 def add_stiffness(numbers: Any, c: Any, j: int, phases: Any, T: int, work: Any, out: Any) -> None:
-    """Add dp/dd of element j at the first T phases (3, ...) as of `circle` to out; c as of `put_gap`.
+    """Add dp/dd of element j at the first T phases (3, ...) of `circle` to ``out``; c as in `put_gap`.
 
     work (5, ...) is overwritten.
     """
     laws = numbers.laws
     gap, slope, factor = work[2], work[3], work[4]
-    _summed(c, phases, T, work, gap)
+    _sum_series(c, phases, T, work, gap)
     add_pieces(numbers.corners, j, phases[0], T, gap)
     for n in range(T):
         out[n] += laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * gap[n] * gap[n]
@@ -153,7 +156,7 @@ def add_stiffness(numbers: Any, c: Any, j: int, phases: Any, T: int, work: Any, 
 
 @kernel
 def _slope(laws: Any, s: int, gap: Any, T: int, out: Any) -> None:
-    """Slope of a spring of the table without its stiffness."""
+    """Compute the slope of a spring of the packed laws, without its stiffness factor."""
     for n in range(T):
         out[n] = laws.base[s, 0]
     for r in range(laws.at.shape[0]):
@@ -164,33 +167,33 @@ def _slope(laws: Any, s: int, gap: Any, T: int, out: Any) -> None:
 
 
 @kernel
-def _summed(c: Any, phases: Any, T: int, work: Any, out: Any) -> None:
-    """Re sum_k c_k z^k at phases (3, T) by Horner's rule, all of them together; work (2, T) or more."""
+def _sum_series(c: Any, phases: Any, T: int, work: Any, out: Any) -> None:
+    """Compute Re sum_k c_k z^k at all phases (3, T) by Horner's rule; work has at least two rows."""
     x, y = work[0], work[1]
     for n in range(T):
         x[n] = y[n] = 0.0
     for k in range(c.shape[0] - 1, 0, -1):
-        _turn_on(c[k], phases, T, x, y)
+        _horner_step(c[k], phases, T, x, y)
     for n in range(T):
         out[n] = c[0].real + x[n]
 
 
 @kernel
 def _modulation(shifts: Any, series: Any, phases: Any, T: int, work: Any, out: Any) -> None:
-    """Re of the series, whose coefficients are two-sided ones at the shifts, as of `_summed`."""
+    """Compute the real part of a series with two-sided coefficients at the given shifts, as in `_sum_series`."""
     x, y = work[0], work[1]
     for n in range(T):
         x[n] = y[n] = 0.0
     for i in range(shifts.shape[0] - 1, 0, -1):
         for k in range(shifts[i] - shifts[i - 1]):
-            _turn_on(2.0 * series[i] if k == 0 else 0j, phases, T, x, y)
+            _horner_step(2.0 * series[i] if k == 0 else 0j, phases, T, x, y)
     for n in range(T):
         out[n] = series[0].real + x[n]
 
 
 @kernel
-def _turn_on(c: complex, phases: Any, T: int, x: Any, y: Any) -> None:
-    """(x + i y + c) z at all phases in the place of x + i y."""
+def _horner_step(c: complex, phases: Any, T: int, x: Any, y: Any) -> None:
+    """Replace x + i y by (x + i y + c) z at all phases."""
     a, b, u, v = c.real, c.imag, phases[1], phases[2]
     for n in range(T):
         p, q = x[n] + a, y[n] + b
@@ -200,10 +203,10 @@ def _turn_on(c: complex, phases: Any, T: int, x: Any, y: Any) -> None:
 
 @kernel
 def steps_per_segment(numbers: Any, rows: Any, mobility: Any, coarse: Any, c: Any, work: Any, k: Any) -> float:
-    """How fast the modulations can turn the state [rad per unit of time], 0 without any; coarse: phases to look at.
+    """Return how fast the modulations can turn the state [rad per unit of time]; 0 without any.
 
-    The square is the largest of: inverse modal mass of an element times the largest stiffness of its law. c (H + 1,),
-    work (5, T) and k (T,) are overwritten.
+    The square is the largest product, over all elements, of the inverse modal mass and the largest stiffness of the law
+    at the phases ``coarse``. c (H + 1,), work (5, T) and k (T,) are overwritten.
     """
     most, T = 0.0, coarse.shape[1]
     for j in range(rows.shape[0]):
@@ -220,7 +223,7 @@ def steps_per_segment(numbers: Any, rows: Any, mobility: Any, coarse: Any, c: An
 
 @kernel
 def slopes(numbers: Any, X: Any, out: Any) -> None:
-    """dp/dd (P, m, T) of motions X (P, n) at T phases, equally far apart, of the basis period; out is zero before."""
+    """Add dp/dd (P, m, T) of motions X (P, n) at T equally spaced phases of the period to ``out``, initially zero."""
     m, T = out.shape[1], out.shape[2]
     phases, work, c = circle(T), np.empty((5, T)), np.empty(X.shape[1] // (2 * m) + 1, np.complex128)
     for p in range(X.shape[0]):
@@ -232,17 +235,17 @@ def slopes(numbers: Any, X: Any, out: Any) -> None:
 
 @kernel
 def fill_stiffness_modulation(
-    numbers: Any, rows: Any, ports: Any, cut: Any, pieces: int, x: Any, c: Any, carriage: Any
+    numbers: Any, rows: Any, ports: Any, segments: Any, count: int, x: Any, c: Any, workspace: Any
 ) -> None:
-    """D = dp/dd - kr at the Gauss points x of all steps of a period, for the elements of the ports; c as of `pace`."""
-    s, phases, k = x.shape[0], carriage.phases, carriage.stiffness
-    at: Any = np.int64(0)  # for a literal those called would be compiled once more
-    for i in range(pieces):
-        a, b = math.cos(cut[i, 1]), math.sin(cut[i, 1])
-        for n in range(int(cut[i, 2])):
+    """Fill D = dp/dd - kr of the ports at the Gauss points x of all steps; c as in `steps_per_segment`."""
+    s, phases, k = x.shape[0], workspace.phases, workspace.stiffness
+    at: Any = np.int64(0)  # a literal would compile each called kernel a second time
+    for i in range(count):
+        a, b = math.cos(segments[i, 1]), math.sin(segments[i, 1])
+        for n in range(int(segments[i, 2])):
             for j in range(s):
-                theta = phases[0, at] = cut[i, 0] + cut[i, 1] * (n + x[j])
-                if n:  # those of the step before, turned on
+                theta = phases[0, at] = segments[i, 0] + segments[i, 1] * (n + x[j])
+                if n:  # rotate the values of the previous step
                     u, v = phases[1, at - s], phases[2, at - s]
                     phases[1, at], phases[2, at] = a * u - b * v, a * v + b * u
                 else:
@@ -252,20 +255,20 @@ def fill_stiffness_modulation(
         for i in range(at):
             k[i] = -numbers.linear.springs[0, ports[p]]
         put_gap(numbers.corners, rows[ports[p]], ports[p], c)
-        add_stiffness(numbers, c, ports[p], phases, at, carriage.work, k)
+        add_stiffness(numbers, c, ports[p], phases, at, workspace.work, k)
         for i in range(at):
-            carriage.D[0, i // s, i % s, p] = k[i]
+            workspace.D[0, i // s, i % s, p] = k[i]
 
 
 @kernel
-def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, carriage: Any, out: Any) -> None:
-    """Put the real matrix (r, r) that carries a disturbance over a period in out.
+def monodromy(modes: Any, segments: Any, count: int, omega: float, x: Any, L: Any, workspace: Any, out: Any) -> None:
+    """Compute the real monodromy matrix (r, r) into ``out``.
 
-    D of the carriage holds dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps. Where disturbances
-    grow by more than 1e300 the matrix is scaled, so that its largest entry is about that.
+    D of the workspace holds dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps. Where disturbances
+    grow beyond 1e300 the matrix is scaled, so that its largest entry is about that number.
     """
     s, q, r = x.shape[0], modes.poles.shape[0], out.shape[0]
-    ends, state, turns = carriage.ends, carriage.state, carriage.turns
+    ends, state, turns = workspace.ends, workspace.state, workspace.turns
     ends[s] = 1.0
     for i in range(s):
         ends[i] = x[i]
@@ -274,30 +277,37 @@ def monodromy(modes: Any, cut: Any, pieces: int, omega: float, x: Any, L: Any, c
             state[k, n] = 1.0 if k == n else 0.0
     step: Any = np.int64(0)
     log = 0.0
-    for i in range(pieces):
-        moments(modes.poles, cut[i, 1] / omega, ends, turns, carriage.moments)
-        _tables(modes, L, carriage)
-        for _ in range(int(cut[i, 2])):
-            _answer(carriage, step)
-            _turned(turns[s], state)
-            _add_product(carriage.B, carriage.u, -1.0, state)
+    for i in range(count):
+        moments(modes.poles, segments[i, 1] / omega, ends, turns, workspace.moments)
+        _fill_step_matrices(modes, L, workspace)
+        for _ in range(int(segments[i, 2])):
+            _solve_collocation(workspace, step)
+            _propagate(turns[s], state)
+            _add_product(workspace.B, workspace.u, -1.0, state)
             step += 1
-            if step % _OFTEN == 0:
-                log += _rescaled(state, _MOST)
-    log += _rescaled(state, 1.0 if log > 0.0 else _MOST)
-    factor = math.exp(min(log, math.log(_END))) if log > 0.0 else 1.0
+            if step % STEPS_BETWEEN_OVERFLOW_CHECKS == 0:
+                log += _rescale(state, STATE_SCALING_THRESHOLD)
+    log += _rescale(state, 1.0 if log > 0.0 else STATE_SCALING_THRESHOLD)
+    factor = math.exp(min(log, math.log(MAX_MONODROMY_ENTRY))) if log > 0.0 else 1.0
     for k in range(r):
         for n in range(r):
             out[k, n] = factor * state[k, n]
 
 
 @kernel
-def _tables(modes: Any, L: Any, carriage: Any) -> None:
-    """A, R and B of a step, from `moments`: rows and columns are Gauss points and ports; modes are in real numbers.
+def _fill_step_matrices(modes: Any, L: Any, workspace: Any) -> None:
+    """Compute A, R and B of a step from `moments`; rows and columns are Gauss points and ports, modes in real numbers.
 
-    The modes are summed before the monomials are put together to Lagrange polynomials, at a part of the cost.
+    The modes are summed before the monomials are combined to Lagrange polynomials, at a fraction of the cost.
     """
-    turns, work, w, A, R, B = carriage.turns, carriage.moments, carriage.felt, carriage.A, carriage.R, carriage.B
+    turns, work, w, A, R, B = (
+        workspace.turns,
+        workspace.moments,
+        workspace.weighted_output,
+        workspace.A,
+        workspace.R,
+        workspace.B,
+    )
     s, g, q, orders = turns.shape[0] - 1, modes.output.shape[0], modes.poles.shape[0], A.shape[0]
     A[:, :, :] = 0.0
     for o in range(orders):
@@ -306,10 +316,10 @@ def _tables(modes: Any, L: Any, carriage: Any) -> None:
                 w[k] = modes.output[p, k] * (modes.poles[k] if o else 1.0)
             for i in range(s):
                 for k in range(q):
-                    felt = w[k] * turns[i, k]
-                    R[o, i * g + p, k], R[o, i * g + p, q + k] = felt.real, -felt.imag
+                    observed = w[k] * turns[i, k]
+                    R[o, i * g + p, k], R[o, i * g + p, q + k] = observed.real, -observed.imag
             for e in range(g):
-                _felt(w, modes.input[:, e], work, L, A[o, p::g, e::g])
+                _add_observed_output(w, modes.input[:, e], work, L, A[o, p::g, e::g])
                 if o == 0:
                     for i in range(s):
                         A[0, i * g + p, i * g + e] += modes.rest[p, e]
@@ -319,19 +329,19 @@ def _tables(modes: Any, L: Any, carriage: Any) -> None:
             for n in range(s):
                 z += L[j, n] * work[n + 1, s * q + k]
             for p in range(g):
-                pushed = z * modes.input[k, p]
-                B[k, j * g + p], B[q + k, j * g + p] = pushed.real, pushed.imag
+                excited = z * modes.input[k, p]
+                B[k, j * g + p], B[q + k, j * g + p] = excited.real, excited.imag
 
 
 @kernel
-def _felt(output: Any, pushed: Any, work: Any, L: Any, out: Any) -> None:
-    """Add what a port feels at the Gauss points (s, s) of a force on another one that is a Lagrange polynomial."""
+def _add_observed_output(output: Any, excited: Any, work: Any, L: Any, out: Any) -> None:
+    """Add the output of a port at the Gauss points (s, s), excited by Lagrange polynomials at another port."""
     s, q = L.shape[0], output.shape[0]
     for n in range(s):
         for i in range(s):
             total = rest = 0.0
             for k in range(q):
-                both, z = output[k] * pushed[k], work[n + 1, i * q + k]
+                both, z = output[k] * excited[k], work[n + 1, i * q + k]
                 total += both.real * z.real
                 rest += both.imag * z.imag
             for j in range(s):
@@ -340,7 +350,7 @@ def _felt(output: Any, pushed: Any, work: Any, L: Any, out: Any) -> None:
 
 @kernel
 def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
-    """Add factor A B to out: four rows of B at a time, for which out is read and written once."""
+    """Add factor A B to out, four rows of B at a time, so that out is read and written once for four rows."""
     n, whole = A.shape[1], A.shape[1] - A.shape[1] % 4
     for i in range(A.shape[0]):
         for k in range(0, whole, 4):
@@ -354,9 +364,9 @@ def _add_product(A: Any, B: Any, factor: float, out: Any) -> None:
 
 
 @kernel
-def _answer(carriage: Any, step: int) -> None:
-    """u of a step from (1 + D A) u = D R z_0; M and shown are room for [1 + D A  D R z_0] and D R."""
-    D, A, R, M, shown, u = carriage.D, carriage.A, carriage.R, carriage.M, carriage.shown, carriage.u
+def _solve_collocation(workspace: Any, step: int) -> None:
+    """Solve (1 + D A) u = D R z_0 of a step; M holds [1 + D A  D R z_0] and ``shown`` D R."""
+    D, A, R, M, shown, u = workspace.D, workspace.A, workspace.R, workspace.M, workspace.shown, workspace.u
     n, g = u.shape[0], D.shape[3]
     for i in range(n):
         for o in range(D.shape[0]):
@@ -368,7 +378,7 @@ def _answer(carriage: Any, step: int) -> None:
         M[i, i] += 1.0
         for j in range(u.shape[1]):
             u[i, j] = 0.0
-    _add_product(shown, carriage.state, 1.0, u)
+    _add_product(shown, workspace.state, 1.0, u)
     for i in range(n):
         for j in range(u.shape[1]):
             M[i, n + j] = u[i, j]
@@ -379,11 +389,11 @@ def _answer(carriage: Any, step: int) -> None:
 
 
 @kernel
-def _turned(turn: Any, state: Any) -> None:
-    """e^{poles h} z in the place of z."""
-    q = turn.shape[0]
+def _propagate(factors: Any, state: Any) -> None:
+    """Replace z by e^{poles h} z."""
+    q = factors.shape[0]
     for k in range(q):
-        a, b = turn[k].real, turn[k].imag
+        a, b = factors[k].real, factors[k].imag
         for j in range(state.shape[1]):
             x, y = state[k, j], state[q + k, j]
             state[k, j], state[q + k, j] = a * x - b * y, b * x + a * y
@@ -391,36 +401,43 @@ def _turned(turn: Any, state: Any) -> None:
 
 @kernel
 def step_of(fast: float, omega: float, nu: int, schemes: Any, share: float) -> tuple[int, float]:
-    """Which scheme, and its longest step [rad], for springs that turn the state by ``fast``; see `monodromies`."""
+    """Return the scheme (0 short period, 1 long period) and its longest step [rad]; see `monodromies`.
+
+    ``fast`` is the rate at which springs turn the state.
+    """
     which = 0 if fast * 2 * math.pi / omega <= schemes[2] else 1
     width = schemes[0][2] if which == 0 else schemes[1][2]
     return which, min(width * omega / max(fast, 1e-300), share * 2 * math.pi / nu)
 
 
-_GROWTH = 10.0  # exponent of a disturbance's growth in one step
+MAX_GROWTH_EXPONENT = 10.0
+"""Largest exponent by which a disturbance of an unstable mode grows in one step."""
 
 
-_OFTEN = 16  # steps after which the state is looked at for overflow
+STEPS_BETWEEN_OVERFLOW_CHECKS = 16
+"""Steps after which the state is checked for overflow."""
 
 
-_MOST = 1e100  # entries of the state above which it is scaled
+STATE_SCALING_THRESHOLD = 1e100
+"""Largest entry of the state above which it is scaled."""
 
 
-_END = 1e300  # largest entry of a monodromy matrix; larger ones are scaled to it
+MAX_MONODROMY_ENTRY = 1e300
+"""Largest entry of a monodromy matrix; larger matrices are scaled to it."""
 
 
 @kernel
-def shortened(longest: float, omega: float, poles: Any) -> float:
-    """The longest step [rad] in which disturbances of unstable modes do not overflow."""
+def limit_step_by_growth(longest: float, omega: float, poles: Any) -> float:
+    """Return the longest step [rad] in which disturbances of unstable modes do not overflow."""
     growth = 0.0
     for k in range(poles.shape[0]):
         growth = max(growth, poles[k].real)
-    return min(longest, _GROWTH * omega / growth) if growth > 0.0 else longest
+    return min(longest, MAX_GROWTH_EXPONENT * omega / growth) if growth > 0.0 else longest
 
 
 @kernel
-def _rescaled(state: Any, limit: float) -> float:
-    """Divide a state with entries above a limit by the largest of them; returns its logarithm, or 0."""
+def _rescale(state: Any, limit: float) -> float:
+    """Divide a state with entries above a limit by its largest entry, and return the logarithm of the divisor, or 0."""
     most = 0.0
     for k in range(state.shape[0]):
         for j in range(state.shape[1]):
@@ -437,33 +454,36 @@ def _rescaled(state: Any, limit: float) -> float:
 def monodromies(
     numbers: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, share: float, most: float, out: Any
 ) -> float:
-    """Matrices (P, r, r) of motions X (P, n) at Omega (P,) of a model whose laws are all in the table.
+    """Compute the monodromy matrices (P, r, r) of motions X (P, n) at Omega (P,) of a model without Python laws.
 
-    schemes : for a motion whose period the springs turn by few radians and for a long one, (x, L, width), and the
-    radians between. Returns 0, or the number of steps of a period if it exceeds ``most``.
+    ``schemes`` holds (x, L, width) of a motion with a short period, the same of one with a long period, and the angle
+    [rad] that separates them. Return 0, or the number of steps of a period if it exceeds ``most``.
     """
     nu, m, size = numbers.linear.nu, mobility.shape[0], out.shape[1]
-    space, coarse = projection_workspace(numbers, m, X.shape[1] // (2 * m), np.int64(0)), circle(COARSE * nu)
-    work, k = np.empty((5, COARSE * nu)), np.empty(COARSE * nu)
-    theta, cut = cuts_of(numbers, space)
-    few = monodromy_workspace(modes, size, schemes[0][0].shape[0], np.int64(COARSE), 1)
-    many = monodromy_workspace(modes, size, schemes[1][0].shape[0], np.int64(COARSE), 1)
+    space, samples = (
+        projection_workspace(numbers, m, X.shape[1] // (2 * m), np.int64(0)),
+        circle(MODULATION_SAMPLES * nu),
+    )
+    work, stiffness = np.empty((5, MODULATION_SAMPLES * nu)), np.empty(MODULATION_SAMPLES * nu)
+    theta, segments = segment_arrays(numbers, space)
+    short = monodromy_workspace(modes, size, schemes[0][0].shape[0], np.int64(MODULATION_SAMPLES), 1)
+    long = monodromy_workspace(modes, size, schemes[1][0].shape[0], np.int64(MODULATION_SAMPLES), 1)
     for p in range(X.shape[0]):
         rows, omega = X[p].reshape(m, -1), Omega[p] / nu
-        fast = steps_per_segment(numbers, rows, mobility, coarse, space.waves, work, k)
-        which, longest = step_of(fast, omega, nu, schemes, share)
-        longest = shortened(longest, omega, modes.poles)
+        rate = steps_per_segment(numbers, rows, mobility, samples, space.waves, work, stiffness)
+        which, longest = step_of(rate, omega, nu, schemes, share)
+        longest = limit_step_by_growth(longest, omega, modes.poles)
         count: float = 2 * math.pi / longest
         if count > most:
             return count
-        pieces, steps = partition_period(numbers, rows, longest, space, theta, cut)
-        if which == 0 and steps > few.D.shape[1]:
-            few = monodromy_workspace(modes, size, schemes[0][0].shape[0], 2 * steps, 1)
-        if which == 1 and steps > many.D.shape[1]:
-            many = monodromy_workspace(modes, size, schemes[1][0].shape[0], 2 * steps, 1)
-        carriage, x, L = few, schemes[0][0], schemes[0][1]
+        segment_count, steps = partition_period(numbers, rows, longest, space, theta, segments)
+        if which == 0 and steps > short.D.shape[1]:
+            short = monodromy_workspace(modes, size, schemes[0][0].shape[0], 2 * steps, 1)
+        if which == 1 and steps > long.D.shape[1]:
+            long = monodromy_workspace(modes, size, schemes[1][0].shape[0], 2 * steps, 1)
+        workspace, x, L = short, schemes[0][0], schemes[0][1]
         if which == 1:
-            carriage, x, L = many, schemes[1][0], schemes[1][1]
-        fill_stiffness_modulation(numbers, rows, modes.ports, cut, pieces, x, space.waves, carriage)
-        monodromy(modes, cut, pieces, omega, x, L, carriage, out[p])
+            workspace, x, L = long, schemes[1][0], schemes[1][1]
+        fill_stiffness_modulation(numbers, rows, modes.ports, segments, segment_count, x, space.waves, workspace)
+        monodromy(modes, segments, segment_count, omega, x, L, workspace, out[p])
     return 0.0

@@ -3,15 +3,15 @@
     P(z) = (z - mu_i) (z - mu_n),   P'(z) = (z - nu_i) (z - nu_n),   epsilon_i = |P'(mu_i)|
     x max(x, d - x) = epsilon_i,    d = |mu_i - mu_n|
 
-mu are the multipliers of a motion, nu those of a less accurate one; mu_n is the neighbour of mu_i, and nu_i, nu_n are
-the two that lie nearest to mu_i. epsilon_i is the residual of mu_i in the local quadratic factor of the other
-characteristic polynomial, and x the largest distance by which such a residual moves a root: epsilon / d for a
+mu are the multipliers of a motion, and nu the multipliers of a less accurate one. mu_n is the neighbour of mu_i, and
+nu_i, nu_n are the two that lie nearest to mu_i. epsilon_i is the residual of mu_i in the local quadratic factor of the
+other characteristic polynomial, and x is the largest distance by which such a residual moves a root: epsilon / d for a
 multiplier that lies apart, sqrt(epsilon) for a nearly double one. No matching of the two sets is needed, and it does
 not matter whether a pair is complex in one set and real in the other.
 
-A complex pair keeps the modulus that the determinant of the monodromy matrix gives as long as it cannot reach the real
-axis (x < |Im mu|): there the error of the modulus is the difference of the moduli, and with several pairs, which
-exchange damping, at least the difference of the multipliers.
+The determinant of the monodromy matrix fixes the modulus of a complex pair as long as the pair cannot reach the real
+axis (x < |Im mu|). The error of the modulus is then the difference of the moduli. Several pairs exchange damping, so
+with several pairs it is at least the difference of the multipliers.
 
 References
 ----------
@@ -30,17 +30,20 @@ from hbgear.common.arrays import Array, ComplexArray
 SAFETY = 3.0
 """Factor from the difference of two sets of multipliers to the stated error."""
 
-_DECISIVE = 0.3  # modulus, over the smaller of 1 and the largest, from which a multiplier may decide the verdict
+MIN_DECISIVE_MODULUS = 0.3
+"""Modulus, over the smaller of 1 and the largest modulus, from which a multiplier may decide stability."""
 
 
-_LARGE = 1e6  # modulus above which the size of a multiplier does not matter
+MAX_MODULUS = 1e6
+"""Modulus to which multipliers are limited. Beyond it their size does not matter, and products could overflow."""
 
 
-_REAL = 1e-8  # imaginary part of a real multiplier, over its modulus
+REAL_TOLERANCE = 1e-8
+"""Imaginary part of a multiplier, over its modulus, up to which it is real."""
 
 
 class Difference(NamedTuple):
-    """Differences of two sets of multipliers, for each of k motions.
+    """Differences of two sets of multipliers of k motions.
 
     residual (k,) : the largest epsilon of the multipliers that may decide stability. modulus (k,) : the largest
     difference of the moduli of complex pairs. apart (k,) : the largest difference of these pairs themselves.
@@ -52,17 +55,19 @@ class Difference(NamedTuple):
 
 
 def count_beyond(multipliers: ComplexArray, margin: float = 0.0) -> NDArray[np.int_]:
-    """Number of multipliers beyond the unit circle.
+    """Return the number of multipliers beyond the unit circle.
 
     Parameters
     ----------
-    multipliers : (..., r) complex.
+    multipliers : array_like, shape (..., r)
+        Complex multipliers.
     margin : float, optional
-        Distance outside the circle up to which a multiplier counts as on it; 0 by default.
+        Distance outside the circle up to which a multiplier counts as on it. The default is 0.
 
     Returns
     -------
-    (..., 3) integers: real multipliers above +1, real multipliers below -1, complex multipliers outside.
+    ndarray, shape (..., 3)
+        Integers: real multipliers above +1, real multipliers below -1, complex multipliers outside the circle.
 
     Examples
     --------
@@ -77,13 +82,13 @@ def count_beyond(multipliers: ComplexArray, margin: float = 0.0) -> NDArray[np.i
 
 
 def is_complex(multipliers: ComplexArray) -> NDArray[np.bool_]:
-    """Whether multipliers are not real, up to rounding."""
-    found: NDArray[np.bool_] = np.abs(multipliers.imag) > _REAL * np.abs(multipliers)
+    """Return whether multipliers are not real, up to rounding."""
+    found: NDArray[np.bool_] = np.abs(multipliers.imag) > REAL_TOLERANCE * np.abs(multipliers)
     return found
 
 
 def difference_of(mu: ComplexArray, other: ComplexArray) -> Difference:
-    """`Difference` of multipliers mu (k, r) from less accurate ones (k, r)."""
+    """Return the `Difference` of multipliers mu (k, r) from less accurate ones (k, r)."""
     mu, other = _limited(mu), _limited(other)
     decisive = _decisive(mu)
     apart = np.abs(mu[:, :, None] - other[:, None, :])
@@ -99,10 +104,10 @@ def difference_of(mu: ComplexArray, other: ComplexArray) -> Difference:
 
 
 def estimate_multiplier_error(mu: ComplexArray, difference: Difference) -> Array:
-    """Estimated errors (k,) of the largest moduli of multipliers mu (k, r), towards the unit circle.
+    """Return estimated errors (k,) of the largest moduli of multipliers mu (k, r), towards the unit circle.
 
-    The largest modulus is expected to change by no more than that with `SAFETY` times the difference, also where a
-    complex pair may be two real multipliers. A motion remains unstable as long as one multiplier stays outside.
+    The estimate is the largest change of the modulus with `SAFETY` times the difference, also where a complex pair may
+    become two real multipliers. A motion remains unstable as long as one multiplier stays outside.
 
     Examples
     --------
@@ -128,10 +133,10 @@ def estimate_multiplier_error(mu: ComplexArray, difference: Difference) -> Array
     return errors
 
 
-def least_residual(mu: ComplexArray) -> Array:
-    """The least residual (k,) that may change the verdict of multipliers mu (k, r).
+def min_deciding_residual(mu: ComplexArray) -> Array:
+    """Return the smallest residual (k,) that may change the stability of multipliers mu (k, r).
 
-    One multiplier reaches the unit circle from within, or all that are outside reach it.
+    Either one multiplier reaches the unit circle from within, or all multipliers outside reach it.
     """
     mu = _limited(mu)
     gap, distance = np.abs(np.abs(mu) - 1.0), distance_of_neighbours(mu)
@@ -144,17 +149,17 @@ def least_residual(mu: ComplexArray) -> Array:
 
 
 def may_reach(mu: ComplexArray, residual: Array) -> NDArray[np.bool_]:
-    """Whether residuals (k,) may change the verdict of multipliers mu (k, r); see `least_residual`."""
+    """Return whether residuals (k,) may change the stability of multipliers mu (k, r); see `min_deciding_residual`."""
     gap = np.where(_decisive(mu), np.abs(np.abs(mu) - 1.0), np.inf).min(axis=1, initial=np.inf)
     found: NDArray[np.bool_] = residual >= np.minimum(gap * gap, gap)  # needs no distances of neighbours
     some = np.flatnonzero(found)
     if some.size:
-        found[some] = residual[some] >= least_residual(mu[some])
+        found[some] = residual[some] >= min_deciding_residual(mu[some])
     return found
 
 
 def largest_shift(residual: Any, distance: Any) -> Array:
-    """The largest x with x max(x, d - x) <= epsilon; see the module."""
+    """Return the largest x with x max(x, d - x) <= epsilon; see the head of this file."""
     square = np.square(distance) - 4.0 * residual
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         apart = 2.0 * residual / (distance + np.sqrt(np.maximum(square, 0.0)))
@@ -163,7 +168,7 @@ def largest_shift(residual: Any, distance: Any) -> Array:
 
 
 def distance_of_neighbours(mu: ComplexArray) -> Array:
-    """Distance (k, r) of each multiplier of sets (k, r) from the nearest other one; 1 where there is none."""
+    """Return the distance (k, r) of each multiplier of sets (k, r) from its nearest neighbour; 1 if it has none."""
     r = mu.shape[1]
     if r < 2:
         return np.ones(mu.shape)
@@ -174,13 +179,15 @@ def distance_of_neighbours(mu: ComplexArray) -> Array:
 
 
 def _limited(mu: ComplexArray) -> ComplexArray:
-    """Multipliers whose moduli are limited, so that products of them do not overflow."""
-    limited: ComplexArray = mu / np.maximum(np.abs(mu) / _LARGE, 1.0)
+    """Return multipliers with limited moduli, whose products do not overflow."""
+    limited: ComplexArray = mu / np.maximum(np.abs(mu) / MAX_MODULUS, 1.0)
     return limited
 
 
 def _decisive(mu: ComplexArray) -> NDArray[np.bool_]:
-    """Which multipliers of sets (k, r) may decide stability: those that are not far within the unit circle."""
+    """Return which multipliers of sets (k, r) may decide stability: all that are not far within the unit circle."""
     size = np.abs(mu)
-    found: NDArray[np.bool_] = size >= _DECISIVE * np.minimum(size.max(axis=1, keepdims=True, initial=0.0), 1.0)
+    found: NDArray[np.bool_] = size >= MIN_DECISIVE_MODULUS * np.minimum(
+        size.max(axis=1, keepdims=True, initial=0.0), 1.0
+    )
     return found

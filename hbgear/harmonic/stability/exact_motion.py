@@ -1,4 +1,4 @@
-"""Exact motions at points of harmonic balance whose laws are piecewise linear, see `hbgear.instants`."""
+"""Exact motions near solutions of harmonic balance with piecewise-linear laws; see `hbgear.harmonic.instants`."""
 
 from __future__ import annotations
 
@@ -12,20 +12,28 @@ from hbgear.harmonic.instants.refine import Approximation, ExactMotion, refine
 
 
 def refine_motion(problem: Any, X: Array, parameters: Mapping[str, float]) -> ExactMotion:
-    """The exact motion at the same parameters, near a motion found by harmonic balance.
+    """Compute the exact motion at the same parameters, near a solution of harmonic balance.
 
     Parameters
     ----------
-    problem : `HarmonicBalance`.
-    X : (n,) its unknowns.
-    parameters : values of Omega and of the parameters of the model that differ.
+    problem : HarmonicBalance
+        The problem of the solution.
+    X : array_like, shape (n,)
+        Unknowns of the solution.
+    parameters : dict of str to float
+        Omega, and the parameters of the model that differ from its own.
+
+    Returns
+    -------
+    ExactMotion
+        Contact instants, states and multipliers without truncation error.
 
     Raises
     ------
     NotPiecewiseLinear
         If a law of the model is not piecewise linear, or the structure is too large.
     NoConvergence
-        If Newton's method does not converge: beside a fold there may be no motion at this Omega, see
+        If Newton's method does not converge. Close to a fold there may be no motion at this Omega; see
         `refine_near_fold`.
 
     Examples
@@ -39,21 +47,22 @@ def refine_motion(problem: Any, X: Array, parameters: Mapping[str, float]) -> Ex
     >>> len(exact.instants), bool(exact.residual < 1e-10), bool(exact.distance < 1e-2)
     (2, True, True)
     """
-    return _refined(problem, X, parameters, free=False)
+    return _refine(problem, X, parameters, free=False)
 
 
 def refine_near_fold(problem: Any, X: Array, parameters: Mapping[str, float]) -> ExactMotion:
-    """The exact motion nearest to one found by harmonic balance, whose Omega may differ.
+    """Compute the exact motion nearest to a solution of harmonic balance, at a free Omega.
 
-    Beside a fold that truncation has displaced there is no exact motion at the same Omega. Parameters and exceptions
-    are those of `refine_motion`.
+    Close to a fold that truncation has displaced there is no exact motion at the same Omega. Parameters and exceptions
+    are the same as in `refine_motion`.
     """
-    return _refined(problem, X, parameters, free=True)
+    return _refine(problem, X, parameters, free=True)
 
 
-def _refined(problem: Any, X: Array, parameters: Mapping[str, float], free: bool) -> ExactMotion:
+def _refine(problem: Any, X: Array, parameters: Mapping[str, float], free: bool) -> ExactMotion:
+    """Compute the exact motion from the switching times of a solution, at its Omega or at a free one."""
     compiled = problem.compiled(dict(parameters))
-    here = {name: float(value) for name, value in parameters.items()}
+    values = {name: float(value) for name, value in parameters.items()}
     equations = compiled.contact_equations
     crossings = compiled.crossings(X)
     number = np.concatenate([np.arange(len(b)) for b in equations.breakpoints]).astype(int)
@@ -61,4 +70,4 @@ def _refined(problem: Any, X: Array, parameters: Mapping[str, float], free: bool
         (float(theta * problem.nu), int(compiled.element[row]), int(number[row]), int(sign))
         for row, theta, sign in zip(crossings.row, crossings.theta, crossings.sign, strict=True)
     ]
-    return refine(equations, Approximation(problem.motion(X, **here), found), here["Omega"], free)
+    return refine(equations, Approximation(problem.motion(X, **values), found), values["Omega"], free)

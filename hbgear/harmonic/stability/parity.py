@@ -3,14 +3,14 @@
     sign det(dR/dX)             = c (-1)^n,   n real multipliers above +1
     sign det(half-integer block) =   (-1)^n,   n real multipliers below -1
 
-Both determinants are Hill's determinants at the multipliers +1 and -1. They change sign where a multiplier passes
-there, whatever the stiffness of the elements over the period is, so the constant c is that of the structure with the
-reference springs of the elements, whose Jacobian is its dynamic stiffness:
+Both determinants are Hill's determinants at the multipliers +1 and -1, and change sign where a multiplier passes there.
+The constant c does not depend on how the stiffness of the elements varies over the period. It is therefore computed
+from the structure with the reference springs of the elements, whose Jacobian is its dynamic stiffness:
 
     c = sign det Z(0) (-1)^n_0,   n_0 real poles of the structure above 0
 
-The harmonics k > 0 contribute |det Z(k)|^2. A match proves nothing, for two wrong multipliers leave both signs as they
-are, and next to a fold that truncation has displaced dR/dX itself has the wrong sign.
+The harmonics k > 0 contribute |det Z(k)|^2. Agreement is not sufficient: two wrong multipliers leave both signs
+unchanged. Next to a fold that truncation has displaced, dR/dX itself has the wrong sign.
 
 References
 ----------
@@ -32,53 +32,55 @@ from hbgear.continuation.results.branch import STABILITY_TOLERANCE
 from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
 from hbgear.harmonic.multipliers.multiplier_error import count_beyond
 
-_MOST = 0.6  # share of mismatches above which the constant of the problem is not known
+MAX_MISMATCH_FRACTION = 0.6
+"""Fraction of mismatches above which the constant of the problem is taken as unknown."""
 
 
-_ENOUGH = 16  # points from which that share is looked at
+MIN_POINTS_FOR_FRACTION = 16
+"""Number of points from which this fraction is evaluated."""
 
 
 @dataclass(frozen=True)
 class Parity:
     """Parity checks of the motions of a problem.
 
-    Parameters
+    Attributes
     ----------
     constant : int
-        c of the module; 0 where it is not known, and nothing is checked.
+        The constant c at the head of this file; 0 if it is unknown, and nothing is checked.
     """
 
     constant: int
 
     @staticmethod
     def of(problem: Any, name: str, values: Array, parameters: Mapping[str, float]) -> Parity:
-        """Of a `HarmonicBalance` at values of a parameter; the constant must be the same at both ends."""
+        """Return the checks of a `HarmonicBalance` at values of a parameter; both ends must have the same constant."""
         ends = {float(values.min()), float(values.max())} if name != "Omega" else {parameters.get(name, 1.0)}
         signs = {problem.compiled({**parameters, name: value}).reference_sign for value in ends}
         return Parity(signs.pop() if len(signs) == 1 else 0)
 
     def mismatch(self, multipliers: ComplexArray, signs: NDArray[np.int_]) -> NDArray[np.bool_]:
-        """Whether signs (k,) of det(dR/dX) contradict multipliers (k, r); not where a sign is 0, that is unknown.
+        """Return whether signs (k,) of det(dR/dX) contradict multipliers (k, r).
 
-        A multiplier within `STABILITY_TOLERANCE` of +1 may be on either side.
+        An unknown sign, 0, contradicts nothing. A multiplier within `STABILITY_TOLERANCE` of +1 may be on either side.
         """
         flagged: NDArray[np.bool_] = (signs != 0) & (self.constant != 0)
         for margin in (-STABILITY_TOLERANCE, STABILITY_TOLERANCE):
             flagged &= self.constant * signs != 1 - 2 * (count_beyond(multipliers, margin)[:, 0] % 2)
-        if len(flagged) >= _ENOUGH and np.count_nonzero(flagged) > _MOST * len(flagged):
+        if len(flagged) >= MIN_POINTS_FOR_FRACTION and np.count_nonzero(flagged) > MAX_MISMATCH_FRACTION * len(flagged):
             flagged[:] = False
         return flagged
 
     def expected(self, sign: int) -> int:
-        """+1 for an even number of real multipliers above +1, -1 for an odd one, 0 if the sign is not known."""
+        """Return +1 for an even number of real multipliers above +1, -1 for an odd one, 0 for an unknown sign."""
         return self.constant * sign
 
     def agrees(
         self, problem: Any, X: Array, parameters: Mapping[str, float], multipliers: ComplexArray, expected: int = 0
     ) -> bool:
-        """Whether both determinants at a motion X (n,) agree with its multipliers (r,).
+        """Return whether both determinants at a motion X (n,) agree with its multipliers (r,).
 
-        expected : parity that the multipliers must have, if it is not 0; see `expected`.
+        expected : required parity of the multipliers, unless it is 0; see `expected`.
         """
         beyond = count_beyond(multipliers)
         if expected and expected != 1 - 2 * (beyond[0] % 2):
@@ -90,6 +92,6 @@ class Parity:
 
 
 def half_integer_sign(problem: Any, X: Array, parameters: Mapping[str, float]) -> int:
-    """Sign of the half-integer block at a motion X (n,), whose multipliers at -1 make it singular."""
+    """Return the sign of the determinant of the half-integer block at a motion X (n,); multipliers -1 make it zero."""
     block, _ = PeriodDoublingProblem(problem).matrix(X, dict(parameters))
     return int(np.linalg.slogdet(block)[0])

@@ -1,26 +1,28 @@
-"""Verified stability: multipliers with an error, checked against signs of determinants, refined where in doubt.
+"""Verified stability: multipliers with an error, checked against signs of determinants, refined where undecided.
 
-    modulus_error    distance by which the largest modulus may differ from that of the true motion
+    modulus_error    estimated difference of the largest modulus from that of the true motion
     undecided        |max |mu| - 1| <= modulus_error
 
 For every point of a curve:
 
-1. The multipliers are those of the motion with the harmonics H < k <= 2H that its own forces drive. A second set is
-   computed without these harmonics, and the error is estimated from the difference of the two sets of complex numbers
-   (`multiplier_error`), also where a complex pair may be two real multipliers. It is computed where it can matter: if
-   the relative error of the motion, times ten thousand, is enough for a multiplier to reach the unit circle. Of these
-   points one in eight has a second set of multipliers; between them the difference is taken to be proportional to the
-   error of the motion, and points whose multipliers come within ten times that of the circle have a set of their own.
-2. The number of real multipliers beyond +1 is compared with the sign of det(dR/dX) at every point, and for refined
-   motions the number beyond -1 with that of the half-integer block (`parity`). A mismatch flags the point, as do a
-   special point that contradicts it, and contacts or flights shorter than half a period of the highest harmonic, for
-   multipliers of hard stops change by more than ten thousand times the relative error of such a motion.
-3. Points that remain in doubt, because their error reaches the circle, their contacts are too short for H harmonics, or
-   they are flagged, are refined. With piecewise-linear laws the exact motion is computed (`hbgear.instants`), whose
-   multipliers have no truncation error; with others, or where that fails, one with more harmonics. Both are solved for
-   at the same value of the parameter. Where no motion exists there, because truncation has displaced a fold, the
-   parameter is free, and the refined motion must lie on the same side of the fold as the point.
-4. Points whose doubt remains have a ``modulus_error`` that reaches the circle: they are undecided.
+1. **Error estimate.** The multipliers are computed with the harmonics H < k <= 2H that the forces of the motion excite.
+   A second set is computed without these harmonics. The error is estimated from the difference of the two sets of
+   complex numbers (`multiplier_error`), also where a complex pair may become two real multipliers. This is done only
+   where it can matter: where the relative error of the motion, times ten thousand, is large enough for a multiplier to
+   reach the unit circle. To save work the second set is computed for every eighth of these points only. Between them
+   the difference is taken to be proportional to the error of the motion. Points whose multipliers come within ten times
+   this difference of the circle get a second set of their own.
+2. **Parity.** The number of real multipliers beyond +1 is compared with the sign of det(dR/dX) at every point. For
+   refined motions the number beyond -1 is compared with the sign of the half-integer block (`parity`). A mismatch flags
+   the point. So do a special point that contradicts the stability, and contacts or flights shorter than half a period
+   of the highest harmonic: there the multipliers of hard stops change by more than ten thousand times the relative
+   error of the motion.
+3. **Refinement.** A point is refined if its error reaches the circle, its contacts are too short for H harmonics, or it
+   is flagged. With piecewise-linear laws the exact motion is computed (`hbgear.harmonic.instants`), whose multipliers
+   have no truncation error. With other laws, or where that fails, more harmonics are used. Both are solved at the same
+   value of the parameter. Where no motion exists there, because truncation has displaced a fold, the parameter is free,
+   and the refined motion must lie on the same side of the fold as the point.
+4. **Undecided points.** A point that is still uncertain gets a ``modulus_error`` that reaches the circle.
 """
 
 from __future__ import annotations
@@ -51,72 +53,88 @@ from hbgear.harmonic.multipliers.multiplier_error import (
 from hbgear.harmonic.stability.exact_motion import refine_motion, refine_near_fold
 from hbgear.harmonic.stability.parity import Parity
 
-_SENSITIVE = 1e4  # largest difference of multipliers over the relative error of the motion
+MAX_SENSITIVITY = 1e4
+"""Largest difference of multipliers over the relative error of the motion."""
 
 
-_APART = 8  # rows per second set of multipliers, of the rows that may reach the unit circle
+SAMPLING_INTERVAL = 8
+"""Points per second set of multipliers, among the points whose multipliers may reach the unit circle."""
 
 
-_ANOTHER = 0.1  # change of the largest multiplier from row to row above which it may be another one
+MAX_LEADING_CHANGE = 0.1
+"""Change of the leading multiplier from point to point above which it may be another multiplier."""
 
 
-_BETWEEN = 10.0  # factor by which a row may be more sensitive than the sampled rows next to it
+SENSITIVITY_MARGIN = 10.0
+"""Factor by which a point may be more sensitive than the sampled points next to it."""
 
 
-_TIMES = 3  # times that the number of harmonics is doubled where a verdict is in doubt
+MAX_REFINEMENTS = 3
+"""Number of times that the harmonics are doubled at an undecided point."""
 
 
-_SHORT = 2.0  # contact or flight, in periods of the highest harmonic, up to which multipliers may be inaccurate
+SHORT_INTERVAL = 2.0
+"""Contact or flight, in periods of the highest harmonic, up to which multipliers may be inaccurate."""
 
 
-_UNRESOLVED = 0.5  # such a duration up to which the multipliers of the balance are not relied on
+UNRESOLVED_INTERVAL = 0.5
+"""Contact or flight, in periods of the highest harmonic, up to which multipliers of the balance are not used."""
 
 
 def verify_multipliers(
     problem: Any, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
     work: Work | None = None,
 ) -> None:  # fmt: skip
-    """See `HarmonicBalance.decided`."""
+    """Verify the multipliers of points in place; see `HarmonicBalance.verify_stability`."""
     work = work or Work(math.inf)
-    for one in seen:
-        one["modulus_error"] = math.nan
-    mu = np.array([one["multipliers"] for one in seen])
-    known = np.flatnonzero(~np.isnan(mu).any(axis=1))
+    for record in seen:
+        record["modulus_error"] = math.nan
+    multipliers = np.array([record["multipliers"] for record in seen])
+    known = np.flatnonzero(~np.isnan(multipliers).any(axis=1))
     if not known.size:
         return
-    mu, rough = mu[known], np.array([seen[i]["error"] for i in known.tolist()])
-    rough /= np.maximum(norms(X[known].reshape(len(known), problem.m, -1)[:, :, 1:]), 1e-300)
+    multipliers, relative_errors = multipliers[known], np.array([seen[i]["error"] for i in known.tolist()])
+    relative_errors /= np.maximum(norms(X[known].reshape(len(known), problem.m, -1)[:, :, 1:]), 1e-300)
     parity = Parity.of(problem, name, values[known], parameters)
     signs = np.array([seen[i].get("determinant", 0) for i in known.tolist()])
-    flagged = parity.mismatch(mu, signs) | np.array([seen[i].get("contradicts", False) for i in known.tolist()])
-    flagged |= _unresolved(problem, X[known], {**parameters, name: float(values[known[0]])}, _UNRESOLVED)
-    near = may_reach(mu, _SENSITIVE * rough) | flagged
-    if not near.any():
+    flagged = parity.mismatch(multipliers, signs) | np.array(
+        [seen[i].get("contradicts", False) for i in known.tolist()]
+    )
+    flagged |= _has_short_intervals(
+        problem, X[known], {**parameters, name: float(values[known[0]])}, UNRESOLVED_INTERVAL
+    )
+    reachable = may_reach(multipliers, MAX_SENSITIVITY * relative_errors) | flagged
+    if not reachable.any():
         return
-    some, mu, flagged = known[near], mu[near], flagged[near]
+    selected, multipliers, flagged = known[reachable], multipliers[reachable], flagged[reachable]
 
     def differences(rows: np.ndarray) -> Difference:
-        plain = _plain_multipliers(problem, X[some[rows]], name, values[some[rows]], parameters)
-        return difference_of(mu[rows], plain)
+        """Return the difference of the multipliers of some points from a second set."""
+        plain = _plain_multipliers(problem, X[selected[rows]], name, values[selected[rows]], parameters)
+        return difference_of(multipliers[rows], plain)
 
-    regime = np.array([seen[i]["regime"] for i in some.tolist()])
-    errors, wide = _errors_of(mu, rough[near], regime, differences)
-    distance = np.abs(_modulus(mu) - 1.0)
-    doubtful = flagged | (distance <= errors)
-    short = (distance <= wide) & _unresolved(problem, X[some], {**parameters, name: float(values[some[0]])}, _SHORT)
-    for i, one, error in zip(some.tolist(), mu, errors.tolist(), strict=True):
-        seen[i]["multipliers"], seen[i]["modulus_error"] = one, error
-    for k in np.flatnonzero(doubtful | short).tolist():
-        i = int(some[k])
-        here = {**parameters, name: float(values[i])}
-        verdict = _Verdict(mu[k], float(errors[k]), not flagged[k])
+    regime = np.array([seen[i]["regime"] for i in selected.tolist()])
+    errors, wide = _estimate_errors(multipliers, relative_errors[reachable], regime, differences)
+    distance = np.abs(_modulus(multipliers) - 1.0)
+    uncertain = flagged | (distance <= errors)
+    short = (distance <= wide) & _has_short_intervals(
+        problem, X[selected], {**parameters, name: float(values[selected[0]])}, SHORT_INTERVAL
+    )
+    for i, record, error in zip(selected.tolist(), multipliers, errors.tolist(), strict=True):
+        seen[i]["multipliers"], seen[i]["modulus_error"] = record, error
+    for k in np.flatnonzero(uncertain | short).tolist():
+        i = int(selected[k])
+        at = {**parameters, name: float(values[i])}
+        stability = _Stability(multipliers[k], float(errors[k]), not flagged[k])
         expected = parity.expected(int(seen[i].get("determinant", 0)))
-        enough = not is_under_resolved(problem, X[i], seen[i]["error"])
-        verdict = _refined(problem, X[i], name, here, verdict, expected, bool(doubtful[k]) and enough, work)
-        seen[i]["multipliers"], seen[i]["modulus_error"] = verdict.multipliers, verdict.stated_error
+        resolved = not is_under_resolved(problem, X[i], seen[i]["error"])
+        stability = _refine_stability(
+            problem, X[i], name, at, stability, expected, bool(uncertain[k]) and resolved, work
+        )
+        seen[i]["multipliers"], seen[i]["modulus_error"] = stability.multipliers, stability.stated_error
 
 
-class _Verdict(NamedTuple):
+class _Stability(NamedTuple):
     """Multipliers (r,) of a motion, the error of their largest modulus, and whether they pass all checks."""
 
     multipliers: ComplexArray
@@ -124,120 +142,128 @@ class _Verdict(NamedTuple):
     consistent: bool
 
     @property
-    def sure(self) -> bool:
-        """Whether the point is decided."""
+    def determined(self) -> bool:
+        """Whether the stability is determined."""
         return self.consistent and abs(float(_modulus(self.multipliers)) - 1.0) > self.error
 
     @property
     def stated_error(self) -> float:
-        """The error, which reaches the unit circle if a check failed."""
+        """The error; it reaches the unit circle if a check failed."""
         if self.consistent:
             return self.error
         return max(self.error, 1.01 * abs(float(_modulus(self.multipliers)) - 1.0), 2.0 * STABILITY_TOLERANCE)
 
 
-def _errors_of(
-    mu: ComplexArray, rough: Array, regime: np.ndarray, differences: Callable[[np.ndarray], Difference]
+def _estimate_errors(
+    mu: ComplexArray, relative_errors: Array, regime: np.ndarray, differences: Callable[[np.ndarray], Difference]
 ) -> tuple[Array, Array]:
-    """Errors (k,) of the largest moduli of multipliers mu (k, r) of motions with relative errors rough (k,).
+    """Return errors (k,) of the largest moduli, and the errors with differences `SENSITIVITY_MARGIN` times as large.
 
-    regime (k, m) : of each element. differences : computes the `Difference` of some rows from a second set.
-
-    Returns
-    -------
-    The errors, and those of differences `_BETWEEN` times as large.
+    mu (k, r) are multipliers of motions with relative errors (k,) and with ``regime`` (k, m) of each element.
+    ``differences`` computes the `Difference` of some points from a second set.
     """
-    rough = np.maximum(rough, np.finfo(float).eps)  # a motion without contact has no error
+    relative_errors = np.maximum(relative_errors, np.finfo(float).eps)  # a motion without contact has no error
     largest = np.take_along_axis(mu, np.abs(mu).argmax(axis=1)[:, None], axis=1)
-    moved = np.abs(np.diff(largest[:, 0].real + 1j * np.abs(largest[:, 0].imag)))
-    ends = (moved > _ANOTHER) | np.any(regime[1:] != regime[:-1], axis=1)
-    stretches = np.split(np.arange(len(mu)), 1 + np.flatnonzero(ends))
-    samples = [_samples(rows) for rows in stretches]
-    first = np.concatenate(samples)
-    found = np.array(differences(first))
-    sensitive = np.zeros((len(found), len(mu)))
-    sensitive[:, first] = found / rough[first]
-    around = np.concatenate(
-        [_around(rows, some, sensitive[:, some]) for rows, some in zip(stretches, samples, strict=True)], axis=1
+    change = np.abs(np.diff(largest[:, 0].real + 1j * np.abs(largest[:, 0].imag)))
+    breaks = (change > MAX_LEADING_CHANGE) | np.any(regime[1:] != regime[:-1], axis=1)
+    sections = np.split(np.arange(len(mu)), 1 + np.flatnonzero(breaks))
+    sampled = [_samples(section) for section in sections]
+    computed = np.concatenate(sampled)
+    values = np.array(differences(computed))
+    sensitivity = np.zeros((len(values), len(mu)))
+    sensitivity[:, computed] = values / relative_errors[computed]
+    nearby = np.concatenate(
+        [
+            _nearby_sensitivity(section, chosen, sensitivity[:, chosen])
+            for section, chosen in zip(sections, sampled, strict=True)
+        ],
+        axis=1,
     )
-    estimated = rough * around
-    doubtful = ~(np.abs(_modulus(mu) - 1.0) > estimate_multiplier_error(mu, Difference(*(_BETWEEN * estimated))))
-    estimated[:, first], doubtful[first] = found, False
-    more = np.flatnonzero(doubtful)
-    if more.size:
-        estimated[:, more] = np.array(differences(more))
-    wide = Difference(*(_BETWEEN * estimated))
+    estimated = relative_errors * nearby
+    uncertain = ~(
+        np.abs(_modulus(mu) - 1.0) > estimate_multiplier_error(mu, Difference(*(SENSITIVITY_MARGIN * estimated)))
+    )
+    estimated[:, computed], uncertain[computed] = values, False
+    remaining = np.flatnonzero(uncertain)
+    if remaining.size:
+        estimated[:, remaining] = np.array(differences(remaining))
+    wide = Difference(*(SENSITIVITY_MARGIN * estimated))
     return estimate_multiplier_error(mu, Difference(*estimated)), estimate_multiplier_error(mu, wide)
 
 
 def _samples(rows: np.ndarray) -> np.ndarray:
-    """The first and the last of some rows, and of those between them one in eight or more."""
-    picked: np.ndarray = rows[np.linspace(0, len(rows) - 1, -(-(len(rows) - 1) // _APART) + 1).astype(int)]
+    """Return the first and the last of some points, and one in eight or more between them."""
+    picked: np.ndarray = rows[np.linspace(0, len(rows) - 1, -(-(len(rows) - 1) // SAMPLING_INTERVAL) + 1).astype(int)]
     return picked
 
 
-def _around(rows: np.ndarray, samples: np.ndarray, sensitive: Array) -> Array:
-    """The largest sensitivities (..., k) of the two samples on either side of each row."""
+def _nearby_sensitivity(rows: np.ndarray, samples: np.ndarray, sensitive: Array) -> Array:
+    """Return the largest sensitivities (..., k) of the two samples on either side of each point."""
     padded = np.concatenate([sensitive[..., :1], sensitive, sensitive[..., -1:], sensitive[..., -1:]], axis=-1)
     largest = np.max([padded[..., i : i + len(samples)] for i in range(4)], axis=0)
     around: Array = largest[..., np.searchsorted(samples, rows, side="right") - 1]
     return around
 
 
-def _refined(
+def _refine_stability(
     problem: Any,
     X: Array,
     name: str,
     here: Mapping[str, float],
-    verdict: _Verdict,
+    stability: _Stability,
     expected: int,
     more: bool,
     work: Work,
-) -> _Verdict:
-    """The verdict of a refined motion; more : whether more harmonics may be tried.
+) -> _Stability:
+    """Return the stability of a refined motion; more : whether more harmonics may be used.
 
-    Exact motions come first if all laws are piecewise linear with constant stiffness. Where a stiffness varies over the
-    period they take a hundred times as long: they come last there, and only of small structures. Other laws have none.
+    Exact motions are computed first if all laws are piecewise linear with constant stiffness. Where a stiffness varies
+    over the period they take a hundred times as long: they are computed last, and only for small structures. With other
+    laws there are none.
     """
-    constant = _is_constant(problem, here)
+    constant = _has_constant_stiffness(problem, here)
     if constant:
-        exact = _exact(problem, X, name, here, verdict, expected)
+        exact = _exact_stability(problem, X, name, here, stability, expected)
         if exact is not None:
             return exact
-    if more:  # little is gained by many harmonics where Newton in the contact instants fails
-        verdict = _with_more(problem, X, name, here, verdict, expected, 1 if constant else _TIMES, work)
-    if constant or verdict.sure or problem.compiled(dict(here)).structure.n > _SMALL:
-        return verdict
-    return _exact(problem, X, name, here, verdict, expected) or verdict
+    if more:  # many harmonics gain little where Newton's method in the contact instants fails
+        stability = _with_more_harmonics(
+            problem, X, name, here, stability, expected, 1 if constant else MAX_REFINEMENTS, work
+        )
+    if constant or stability.determined or problem.compiled(dict(here)).structure.n > MAX_EXACT_COORDINATES:
+        return stability
+    return _exact_stability(problem, X, name, here, stability, expected) or stability
 
 
-_SMALL = 2  # coordinates of a structure up to which exact motions with varying stiffness are computed
+MAX_EXACT_COORDINATES = 2
+"""Coordinates of a structure up to which exact motions with varying stiffness are computed."""
 
 
-def _is_constant(problem: Any, here: Mapping[str, float]) -> bool:
-    """Whether all laws are piecewise linear and the stiffness of none varies over the period."""
+def _has_constant_stiffness(problem: Any, here: Mapping[str, float]) -> bool:
+    """Return whether all laws are piecewise linear with a stiffness that does not vary over the period."""
     springs = [law.piecewise for law in problem.compiled(dict(here)).laws]
     return not any(each is None or any(one.stiffness.varies for one in each) for each in springs)
 
 
-def _unresolved(problem: Any, X: Array, here: dict[str, float], periods: float) -> NDArray[np.bool_]:
-    """Whether motions X (k, n) have contacts or flights shorter than so many periods of the highest harmonic.
+def _has_short_intervals(problem: Any, X: Array, here: dict[str, float], periods: float) -> NDArray[np.bool_]:
+    """Return whether motions X (k, n) have contacts or flights shorter than some periods of the highest harmonic.
 
-    Only of models with piecewise-linear laws of constant stiffness, whose motions are refined exactly at little cost.
+    The result is False unless all laws are piecewise linear with constant stiffness, because only such motions are
+    refined exactly at little cost.
     """
     compiled = problem.compiled(here)
-    if compiled.asked or not len(compiled.corner) or not _is_constant(problem, here):
+    if compiled.asked or not len(compiled.corner) or not _has_constant_stiffness(problem, here):
         return np.zeros(len(X), dtype=bool)
     short: NDArray[np.bool_] = compiled.shortest_intervals(X) < periods * 2 * np.pi / problem.H
     return short
 
 
-def _exact(
-    problem: Any, X: Array, name: str, here: Mapping[str, float], verdict: _Verdict, expected: int
-) -> _Verdict | None:
-    """The verdict of the exact motion next to a motion X (n,); None if it is not known.
+def _exact_stability(
+    problem: Any, X: Array, name: str, here: Mapping[str, float], stability: _Stability, expected: int
+) -> _Stability | None:
+    """Return the stability of the exact motion next to a motion X (n,); None if it cannot be computed.
 
-    Where there is no exact motion at this Omega that nearest by counts, if it lies on the same side of a fold.
+    Where there is no exact motion at this Omega, the nearest one is used if it lies on the same side of a fold.
     """
     try:
         try:
@@ -248,59 +274,63 @@ def _exact(
             exact = refine_near_fold(problem, X, here)
     except (NotPiecewiseLinear, NoConvergence, np.linalg.LinAlgError):
         return None
-    if exact.distance > _SAME:
+    if exact.distance > MAX_EXACT_DISTANCE:
         return None
-    mu = np.zeros(len(verdict.multipliers), dtype=complex)
-    some = min(len(mu), len(exact.multipliers))
-    mu[:some] = exact.multipliers[:some]
+    mu = np.zeros(len(stability.multipliers), dtype=complex)
+    count = min(len(mu), len(exact.multipliers))
+    mu[:count] = exact.multipliers[:count]
     other_side = bool(expected) and expected != 1 - 2 * (count_beyond(mu)[0] % 2)
-    near_fold = exact.Omega != here["Omega"] or np.abs(mu - 1.0).min(initial=1.0) < _NEAR_FOLD
-    return _Verdict(mu, _EXACT, not (other_side and near_fold))
+    near_fold = exact.Omega != here["Omega"] or np.abs(mu - 1.0).min(initial=1.0) < FOLD_DISTANCE
+    return _Stability(mu, EXACT_MULTIPLIER_ERROR, not (other_side and near_fold))
 
 
-_NEAR_FOLD = 0.3  # distance of a multiplier from +1 up to which a fold is near
+FOLD_DISTANCE = 0.3
+"""Distance of a multiplier from +1 up to which a fold is near."""
 
 
-_SAME = 0.02  # distance of the exact motion from that of the balance, relative to its size, up to which it is the same
+MAX_EXACT_DISTANCE = 0.02
+"""Distance of the exact motion from the solution of the balance, relative to its size, up to which both are the same.
+"""
 
 
-_EXACT = 1e-7  # error of multipliers of exact motions
+EXACT_MULTIPLIER_ERROR = 1e-7
+"""Error of multipliers of exact motions."""
 
 
-def _with_more(
+def _with_more_harmonics(
     problem: Any,
     X: Array,
     name: str,
     here: Mapping[str, float],
-    verdict: _Verdict,
+    stability: _Stability,
     expected: int,
     times: int,
     work: Work,
-) -> _Verdict:
-    """The verdict of the motion, or of the nearest one, with enough harmonics for it to be sure.
+) -> _Stability:
+    """Return the stability of the motion, or of the nearest one, with enough harmonics to determine it.
 
-    times : how often their number is doubled at most. expected : parity of the real multipliers beyond +1 at the row,
-    +1 even and -1 odd; 0 if it is not known.
+    times : largest number of doublings of the harmonics. expected : parity of the real multipliers beyond +1 at the
+    point, +1 even, -1 odd and 0 unknown.
     """
-    at = dict(here)
+    values = dict(here)
     for _ in range(times):
         finer = problem.refined_problem
         if finer is None or not work.allows(finer.size):
             break
         try:
-            X, at[name] = nearest_solution(finer, finer.resized(X), name, at)
+            X, values[name] = nearest_solution(finer, finer.resized(X), name, values)
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             break
-        X, at[name] = _held(finer, X, at[name], name, here)
+        X, values[name] = _at_fixed_parameter(finer, X, values[name], name, here)
         problem = finer
-        verdict = _verdict_at(problem, X, name, at, expected if at[name] != here[name] else 0)
-        if verdict.sure:
+        stability = _stability_at(problem, X, name, values, expected if values[name] != here[name] else 0)
+        if stability.determined:
             break
-    return verdict
+    return stability
 
 
-def _verdict_at(problem: Any, X: Array, name: str, at: Mapping[str, float], expected: int) -> _Verdict:
-    """Multipliers of one motion with their error, and whether both determinants agree with them.
+def _stability_at(problem: Any, X: Array, name: str, at: Mapping[str, float], expected: int) -> _Stability:
+    """Return the multipliers of one motion with their error, and whether both determinants agree with them.
 
     expected : parity of the real multipliers beyond +1 that the motion must have to lie on the right side of a fold.
     """
@@ -308,30 +338,33 @@ def _verdict_at(problem: Any, X: Array, name: str, at: Mapping[str, float], expe
     plain = _plain_multipliers(problem, X[None], name, value, at)
     error = float(estimate_multiplier_error(mu[None], difference_of(mu[None], plain))[0])
     parity = Parity.of(problem, name, value, at)
-    return _Verdict(mu, error, parity.agrees(problem, X, at, mu, expected))
+    return _Stability(mu, error, parity.agrees(problem, X, at, mu, expected))
 
 
-def _held(problem: Any, X: Array, value: float, name: str, here: Mapping[str, float]) -> tuple[Array, float]:
-    """The motion at the row's own value of the parameter, if there is one next to a motion X at another value.
+def _at_fixed_parameter(
+    problem: Any, X: Array, value: float, name: str, here: Mapping[str, float]
+) -> tuple[Array, float]:
+    """Return the motion at the parameter value of the point, if there is one next to a motion X at another value.
 
-    Close to a fold, where there may be none, multipliers change so fast with the parameter that the small distance
+    Close to a fold, where there may be none, multipliers change so fast with the parameter that the small difference
     matters.
     """
     try:
-        own = solve(problem, X, dict(here)).X
+        fixed = solve(problem, X, dict(here)).X
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return X, value
-    beside = norm(own - X) <= _BESIDE * problem.solution_norm(X)
-    return (own, here[name]) if beside else (X, value)
+    is_near = norm(fixed - X) <= MAX_SHIFT_ALONG_CURVE * problem.solution_norm(X)
+    return (fixed, here[name]) if is_near else (X, value)
 
 
-_BESIDE = 0.05  # distance of two motions, relative to their size, that are one a little farther along the curve
+MAX_SHIFT_ALONG_CURVE = 0.05
+"""Distance of two motions, relative to their size, up to which one lies a little farther along the curve."""
 
 
 def _plain_multipliers(
     problem: Any, X: Array, name: str, values: Array, parameters: Mapping[str, float]
 ) -> ComplexArray:
-    """Multipliers (k, r) of motions X (k, n) at values (k,) of a parameter, without the harmonics that are driven."""
+    """Return multipliers (k, r) of motions X (k, n) at values (k,) of a parameter, without the driven harmonics."""
     if name == "Omega":
         return floquet_multipliers(problem.compiled(dict(parameters)), X, values)
     Omega = np.array([parameters["Omega"]])
@@ -340,5 +373,5 @@ def _plain_multipliers(
 
 
 def _modulus(mu: ComplexArray) -> Any:
-    """The largest of multipliers (..., r)."""
+    """Return the largest modulus of multipliers (..., r)."""
     return np.abs(mu).max(axis=-1, initial=0.0)
