@@ -22,7 +22,7 @@ from hbgear.analysis import jump_maps
 from hbgear.cli.app import main
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.process.signals import defer_signals, sigterm_like_ctrl_c
-from hbgear.continuation.tracing.trace import Tracer
+from hbgear.continuation.tracing.special_points import SpecialPoints
 from hbgear.harmonic.model_registry import rebuild_model
 from hbgear.io.map_file import read_map, save_map
 from hbgear.time.exponential.integrator import ExponentialIntegrator
@@ -419,7 +419,10 @@ def test_a_first_row_that_cannot_be_observed_is_refused():
         hb.trace(Odd(DUFFING, 3), "Omega", (1.02, 1.6))
 
 
-@pytest.mark.parametrize("name", ["events.Watch.find", "tracer.find_jumps", "events.Watch.suspects"])
+@pytest.mark.parametrize(
+    "name",
+    ["events.detector.EventDetector.find", "tracing.trace.find_jumps", "events.detector.EventDetector.sign_changes"],
+)
 def test_errors_in_what_is_located_leave_the_curve(monkeypatch, name):
     def broken(*_):
         raise Bug("while looking")
@@ -486,7 +489,7 @@ def test_ctrl_c_does_not_begin_a_long_search_anew(monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as held_up:
-        held_up.setattr("hbgear.continuation.tracing.trace._Tracer._located", interrupted)
+        held_up.setattr(SpecialPoints, "_locate", interrupted)
         folds = hb.trace(hb.continuation.FoldProblem(problem), "zeta", (0.117, 0.119), start)
     assert folds.status is Status.INTERRUPTED and len(searches) == 1 and folds.special == ()
     assert folds.values[-1] == searches[0].a.value and len(folds) > 5
@@ -518,14 +521,14 @@ def test_ctrl_c_leaves_rows_between_which_it_takes_long_to_look(monkeypatch):
     )  # fewer rows at once, as of large machines
     span, steps, looked = hb.SpurPair.default_span, hb.StepControl(max_step=0.02), []
     whole = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 10), "Omega", span, steps=steps)
-    located, monotonic = Tracer._located, time.monotonic
+    locate, monotonic = SpecialPoints._locate, time.monotonic
 
     def slow(self, arc):
         looked.append(arc)
-        return located(self, arc)
+        return locate(self, arc)
 
     with monkeypatch.context() as held_up:
-        held_up.setattr(Tracer, "_located", slow)
+        held_up.setattr(SpecialPoints, "_locate", slow)
         held_up.setattr(time, "monotonic", lambda: monotonic() + 0.4 * len(looked))
         part = hb.trace(Stopped(hb.SpurPair(), 10), "Omega", span, steps=steps)
     assert part.status is Status.INTERRUPTED and len(looked) == 2

@@ -5,7 +5,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.continuation.events.even_crossings import find_even_crossings
-from hbgear.continuation.tracing import trace
+from hbgear.continuation.tracing import even_crossing_search
 from hbgear.harmonic.multipliers.multiplier_collisions import (
     exchanges,
     extrapolated_crossings,
@@ -127,7 +127,9 @@ def test_what_cannot_be_followed_is_not_plain():
 def test_modes_that_pass_minus_one_are_not_looked_at_closer(monkeypatch):
     """Each of the modes of a chain does, some on every curve; a look takes as long as twenty rows."""
     looks = []
-    monkeypatch.setattr(trace, "find_hidden", lambda *args: looks.append(args) or find_even_crossings(*args))
+    monkeypatch.setattr(
+        even_crossing_search, "find_even_crossings", lambda *args: looks.append(args) or find_even_crossings(*args)
+    )
     K = 2 * np.eye(30) - np.eye(30, k=1) - np.eye(30, k=-1)
     spring = hb.Element(np.eye(30)[-1], hb.Cubic(k1=0.0, k3=0.5))
     chain = hb.System(np.eye(30), 0.02 * K, K, [spring], hb.Load(cosine={1: 0.1 * np.eye(30)[0]}))

@@ -13,6 +13,7 @@ from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import NewtonSettings, solve
 from hbgear.continuation.tracing.jumps import find_jumps, nearest
+from hbgear.continuation.tracing.state import TraceSettings
 from hbgear.continuation.tracing.trace import Tracer, trace
 from hbgear.harmonic.bifurcations.events import NeimarkSackerEvent, PeriodDoublingEvent
 from hbgear.harmonic.structure.receptance import LinearStructure, UnbalancedLoadError
@@ -109,24 +110,23 @@ def test_the_corrector_obeys_its_step_tolerance(tolerance):
 
 def test_a_curve_closes_in_its_own_direction_only():
     """The same piece of the curve, run through the other way, passes the first row as well and does not close it.
-    Mutant: `_closes` ignores the direction."""
+    Mutant: `CurveEnds.closes` ignores the direction."""
 
     class Circle:
         def evaluate(self, X, p):
             return np.array([X[0] ** 2 + p**2 - 1]), np.array([[2 * X[0]]])
 
     start = point_at(0.8, p=0.6)
-    tracer = Tracer(
-        as_problem(Circle()), "p", (-2.0, 2.0), start, None, StepControl(), NewtonSettings(), True, True, (), None
-    )
+    settings = TraceSettings("p", None, StepControl(), NewtonSettings(), True, True, (), None, None)
+    tracer = Tracer(as_problem(Circle()), settings, (-2.0, 2.0), start)
     assert tracer.run().status is Status.CLOSED
-    last, first = tracer.rows[-2], tracer.rows[1]
-    assert tracer._closes(last, first)
+    last, first = tracer.state.points[-2], tracer.state.points[1]
+    assert tracer.loop.ends.closes(last, first)
 
     def turned(row):
         return replace(row, tangent=-row.tangent, heading=-row.heading)
 
-    assert not tracer._closes(turned(first), turned(last))
+    assert not tracer.loop.ends.closes(turned(first), turned(last))
 
 
 class Cusp:

@@ -179,6 +179,15 @@ class Segment:
         return float(np.linalg.norm(across)) < 1e-3 * length
 
 
+SAME_POINT_TOLERANCE = 1e-6
+"""Relative distance of two points below which they are equal up to rounding."""
+
+
+def are_equal(u: Array, v: Array) -> bool:
+    """Return whether the unknowns of two points are equal up to rounding."""
+    return len(u) == len(v) and norm(u - v) <= SAME_POINT_TOLERANCE * norm(u)
+
+
 def cosine(a: CurvePoint, b: CurvePoint, scale: Array) -> float:
     """Cosine of the angle between the tangents of two rows, up to their lengths."""
     return float((a.tangent / scale) @ (b.tangent / scale))

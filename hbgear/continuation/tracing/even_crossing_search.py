@@ -1,0 +1,165 @@
+"""Search of a traced curve for test functions that cross zero an even number of times within one segment.
+
+Such crossings leave no change of sign at the ends of the segment. The search evaluates test functions at additional
+points (`even_crossings`). A point found in this way divides its segment, so that the next crossings may show on the
+parts or on the neighbouring segments: the search is repeated there, `MAX_SEARCH_ROUNDS` times at most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+from hbgear.continuation.curve.segment import CurvePoint, Points, Segment, are_equal
+from hbgear.continuation.events.accuracy import estimate_error
+from hbgear.continuation.events.detector import EventDetector
+from hbgear.continuation.events.even_crossings import SampledCurve, drop_odd_counts, find_even_crossings
+from hbgear.continuation.events.event import LocatedEvent
+from hbgear.continuation.results.branch import ENDS
+from hbgear.continuation.tracing.monitoring import SPURIOUS_POINT_ERROR, Monitor
+from hbgear.continuation.tracing.state import TraceState
+
+MAX_SEARCH_ROUNDS = 4
+"""Number of times that the parts of a segment are searched."""
+
+
+@dataclass(frozen=True)
+class _Section:
+    """Successive points of a curve, the number of the first of them, and the special points known between them.
+
+    ``known`` holds the special points of each segment by the number of the point after it.
+    """
+
+    points: Points
+    first: int
+    known: dict[int, list[LocatedEvent]]
+
+    def number(self, segment: int) -> int:
+        """Return the number of the point after a segment."""
+        return self.first + segment + 1
+
+
+class EvenCrossingSearch:
+    """Finds special points between points at which test functions have equal signs.
+
+    Attributes
+    ----------
+    state : TraceState
+        State of the trace.
+    monitor : Monitor
+        Monitor of its points.
+    detector : EventDetector
+        Test functions.
+    """
+
+    def __init__(self, state: TraceState, monitor: Monitor, detector: EventDetector) -> None:
+        self.state, self.monitor, self.detector = state, monitor, detector
+
+    def search(self, points: Points, first: int, located: dict[int, list[LocatedEvent]]) -> None:
+        """Search the segments between points, of which the first has the number ``first``.
+
+        ``located`` holds the special points of each segment by the number of the point after it. Segments on which
+        there are more are replaced in it.
+        """
+        if len({len(point.u) for point in points}) > 1:
+            return
+        known = {**located}
+        for number, event in self.state.located:
+            if number > first and number not in located:
+                known[number] = [*known.get(number, []), event]
+        section = _Section(points, first, known)
+        segments: Sequence[int] = range(len(points) - 1)
+
+        @cache  # successive rounds need the same points
+        def between(segment: int, s: float) -> CurvePoint | None:
+            return self.monitor.solve_on_segment(self.state.segment(points[segment], points[segment + 1]), s)
+
+        for _ in range(MAX_SEARCH_ROUNDS):
+            fresh = self._search_round(section, segments, between)
+            located.update(fresh)
+            known.update(fresh)
+            segments = sorted({number - first - 1 + offset for number in fresh for offset in (-1, 0, 1)})
+            if not segments:
+                break
+
+    def _search_round(
+        self, section: _Section, segments: Sequence[int], between: Callable[[int, float], CurvePoint | None]
+    ) -> dict[int, list[LocatedEvent]]:
+        """Return all special points of those segments on which there are more than is known.
+
+        ``between`` computes a point at a fraction of a segment; see `SampledCurve.through`.
+        """
+        state, first = self.state, section.first
+        events = {(number - first - 1, one.s): one for number, some in section.known.items() for one in some
+                  if one.located and 0 < one.s < 1 and len(one.row.u) == len(state.scale)}  # fmt: skip
+        self.monitor.observe([event.row for event in events.values()])
+        path = SampledCurve.through(section.points, events, between)
+        found: dict[int, list[LocatedEvent]] = {}
+        self._add_unmatched_sign_changes(section, segments, path, found)
+        self._add_even_crossings(section, segments, path, found)
+        return found
+
+    def _add_unmatched_sign_changes(
+        self, section: _Section, segments: Sequence[int], path: SampledCurve, found: dict[int, list[LocatedEvent]]
+    ) -> None:
+        """Add the special points at which test functions change sign more often than is known."""
+        state, points = self.state, section.points
+        for segment, parts in path.unseen(self.detector, points).items():
+            if segment not in segments:
+                continue
+            arcs = [(state.segment(*path.rows[k : k + 2]), event) for k, event in parts]
+            number = section.number(segment)
+            others = section.known.get(number, [])
+            candidates = [(arc, point) for arc, event in arcs for point in event.find(arc)
+                          if point.located and not any(_coincide(point, other) for other in others)]  # fmt: skip
+            confirmed = self._confirmed(candidates, state.segment(points[segment], points[segment + 1]))
+            fresh = drop_odd_counts(confirmed, made_up=any(one.event.kind in ENDS for one in others))
+            if fresh:
+                found[number] = sorted([*others, *fresh], key=lambda point: point.s)
+
+    def _add_even_crossings(
+        self, section: _Section, segments: Sequence[int], path: SampledCurve, found: dict[int, list[LocatedEvent]]
+    ) -> None:
+        """Add the special points found by additional points where test functions come close to zero."""
+        state, points = self.state, section.points
+        for k, hints in path.hints(self.detector, points, state.scale).items():
+            segment, low, high = path.ends(k)
+            if segment not in segments:
+                continue
+            part = state.segment(*path.rows[k : k + 2])
+            candidates = find_even_crossings(self.detector, part, hints, self.monitor.solve_on_segment, path, k)
+            number, whole = section.number(segment), state.segment(points[segment], points[segment + 1])
+            others = found.get(number, section.known.get(number, []))
+            kept = [point for point in others if not low < point.s < high]
+            fresh = self._confirmed(candidates, whole)
+            fresh = fresh if len(kept) < len(others) or any(path.kinds[k : k + 2]) else drop_odd_counts(fresh)
+            if len(fresh) > len(others) - len(kept):
+                found[number] = sorted(kept + fresh, key=lambda point: point.s)
+
+    def _confirmed(self, candidates: Sequence[tuple[Segment, LocatedEvent]], whole: Segment) -> list[LocatedEvent]:
+        """Return the candidates that exist at a higher resolution, with their fractions of the whole segment."""
+        confirmed = (self._confirm(part, point) for part, point in candidates)
+        return [replace(point, s=whole.place(point.row.u)) for point in confirmed if point is not None]
+
+    def _confirm(self, part: Segment, point: LocatedEvent) -> LocatedEvent | None:
+        """Return a candidate with its error; None if it does not exist at a higher resolution."""
+        setup = self.state.setup
+        accuracy, work = setup.settings.accuracy, setup.work
+        if accuracy is None:
+            return point
+        refused = work.refused
+        assessed = estimate_error(part, point, accuracy, work)
+        refined = assessed.sharp is not None or work.refused > refused  # a refusal is no evidence against a point
+        limit = max(accuracy, SPURIOUS_POINT_ERROR) if refined else accuracy
+        return None if assessed.error > limit * part.problem.unit_of(setup.name, assessed.row.value) else assessed
+
+
+def _coincide(one: LocatedEvent, other: LocatedEvent) -> bool:
+    """Return whether two points of one kind on a segment are the same point at the resolution of the curve.
+
+    Two multipliers that cross the limit simultaneously do so once. The equations are singular there and determine few
+    digits, so that points found with an event of another kind are the same.
+    """
+    simultaneous = one.finder is not None and other.finder is not None
+    return one.event.kind == other.event.kind and (simultaneous or are_equal(one.row.u, other.row.u))

@@ -1,0 +1,233 @@
+"""First points of a curve: the initial solution, or the first two points of a branch that leaves another one.
+
+A branch leaves another one at a special point u_0 in the direction t,
+
+    u(s) = u_0 + s t + O(s^2),   p(s) = p_0 + c s + a s^2 + ...
+
+The special point is the first point of the branch. The second one is so close that the first non-zero term of
+p(s) - p_0 dominates,
+
+    1/2 <= s p'(s) / (p(s) - p_0) <= 3        (1 if c is not zero, 2 if it is, as at a pitchfork)
+
+Then the branch does not fold between both points, and its first fold lies beyond the second one.
+
+References
+----------
+Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), https://doi.org/10.1137/1.9780898719543.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.curve.segment import BranchStart, CurvePoint, normal_of, point_along, point_from_solution
+from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.results.branch import Point
+from hbgear.continuation.solvers.corrector import correct
+from hbgear.continuation.solvers.newton import NoConvergence, Solution, solution_at, solve
+from hbgear.continuation.tracing.state import TraceSetup, TraceState
+
+MIN_STEP_RATIO = 1e-4
+"""Ratio of the smallest distance of a second point from the special point to the first step size."""
+
+VERTICAL_SLOPE = 1e-10
+"""Scaled parameter change per step below which it is rounding error: the branch leaves at constant parameter."""
+
+DOMINANT_TERM_RANGE = 0.5, 3.0
+"""Range of s p'(s) / (p(s) - p_0) in which the first non-zero term dominates."""
+
+
+class ArbitrarySolutionError(NoConvergence):
+    """The initial solution is one of a continuum.
+
+    Attributes
+    ----------
+    problem : ContinuationProblem
+        Equations that choose one solution of the continuum.
+    words : str
+        Description of the arbitrary quantity.
+    """
+
+    def __init__(self, X: Array, parameters: Mapping[str, float], problem: ContinuationProblem, words: str) -> None:
+        super().__init__(words, X, parameters, [])
+        self.problem, self.words = problem, words
+
+
+def begin(setup: TraceSetup, start: Point | BranchStart | Array | None) -> tuple[TraceState, list[CurvePoint]]:
+    """Return the state of a trace at its first point, and the second point where the first one is a special point.
+
+    Raises
+    ------
+    NoConvergence
+        If no solution is found, or the curve has no direction there.
+    ArbitrarySolutionError
+        If the solution found is one of a continuum.
+    ValueError
+        If the start lies outside the span or has a wrong number of unknowns.
+    """
+    if isinstance(start, BranchStart):
+        return _begin_branch(setup, start)
+    value, X = _initial_guess(setup, start)
+    _check_start(setup.problem, X)
+    state, solution = _initial_solution(setup, value, X, check_uniqueness=start is None)
+    try:
+        state.points = [_initial_point(state, solution)]
+    except np.linalg.LinAlgError:
+        message = (
+            f"the curve has no direction at {setup.name} = {value:.6g}: a fold or branch point lies exactly there, "
+            f"or something is not determined ({state.problem.singular_hint}); start elsewhere"
+        )
+        raise NoConvergence(message, solution.X, setup.parameters_at(value), [solution.residual]) from None
+    return state, []
+
+
+# ---- initial solution
+
+
+def _initial_guess(setup: TraceSetup, start: Point | Array | None) -> tuple[float, Array]:
+    """Return the parameter value and the unknowns at which a trace begins."""
+    problem, name, span = setup.problem, setup.name, setup.span
+    if isinstance(start, Point):
+        value, (low, high) = start.parameters.get(name, span.start), span.bounds
+        if not low <= value <= high:
+            raise ValueError(
+                f"the start has {name} = {value:.6g}, outside the span ({span.start:.6g}, {span.end:.6g}); "
+                "widen the span or choose another start"
+            )
+        return value, problem.join(problem.from_point(start), start.parameters)
+    if start is not None:
+        return span.start, np.array(start, dtype=float)
+    return span.start, solution_by_problem(setup, problem, setup.parameters_at(span.start))
+
+
+def solution_by_problem(setup: TraceSetup, problem: ContinuationProblem, here: dict[str, float]) -> Array:
+    """Return the initial guess of the problem, searched at the requested resolution if that succeeds."""
+    X = setup.requested.start(**here)
+    if setup.requested is problem:
+        return X
+    try:
+        return solve(problem, problem.resized(X), here, "", setup.settings.newton).X
+    except NoConvergence:
+        return problem.start(**here)
+
+
+def _check_start(problem: ContinuationProblem, X: Array) -> None:
+    """Raise ValueError if X is no valid start of the problem."""
+    if not np.all(np.isfinite(X)):
+        raise ValueError("the start has entries that are not finite")
+    if problem.size is not None and X.shape != (problem.size,):
+        raise ValueError(
+            f"the start has {X.size} unknowns; the problem has {problem.size}. Start from a Point, which is converted "
+            "to this number, or from unknowns of the right length"
+        )
+
+
+def _initial_solution(setup: TraceSetup, value: float, X: Array, check_uniqueness: bool) -> tuple[TraceState, Solution]:
+    """Solve for the initial solution, with as many samples as it requires; return it with the state of the trace."""
+    name, newton, here = setup.name, setup.settings.newton, setup.parameters_at(value)
+    original, problem = setup.problem, setup.problem.with_borders_at(X, here)
+    solution = solve(problem, X, here, name, newton)
+    finer = problem.resolved(solution.X, here)
+    if finer is not problem:
+        solution = solve(finer, solution.X, here, name, newton)
+        original = problem = finer
+    family = problem.arbitrary(solution.X, here) if check_uniqueness else None
+    if family is not None:
+        raise ArbitrarySolutionError(solution.X, here, *family)
+    return TraceState(setup, problem, original), solution
+
+
+def _initial_point(state: TraceState, solution: Solution) -> CurvePoint:
+    """Return the first point, with its tangent in the direction of the span, and set the scales.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the curve has no direction there.
+    """
+    problem, span = state.problem, state.setup.span
+    state.update_scale(solution.X, float(problem.solution_norm(solution.X)))
+    normal = np.zeros(len(solution.X) + 1)
+    normal[-1] = span.direction
+    point = point_from_solution(solution, normal, state.scale)
+    if state.solution_scale == 0 and abs(point.tangent[-1]) > 0:  # a zero solution: the size at the end of the span
+        size = problem.solution_norm(point.tangent[:-1] / point.tangent[-1] * span.width)
+        state.update_scale(solution.X, float(size))
+        point = point_from_solution(solution, normal, state.scale)
+    return point
+
+
+# ---- switched branches
+
+
+def _begin_branch(setup: TraceSetup, start: BranchStart) -> tuple[TraceState, list[CurvePoint]]:
+    """Return the state at the first point of a branch with a known direction, and the second point if there is one."""
+    problem = setup.problem.with_borders_at(start.X, setup.parameters_at(start.parameters[setup.name]))
+    state = TraceState(setup, problem, setup.problem)
+    state.update_scale(start.X, float(problem.solution_norm(start.X)))
+    if not start.away:
+        state.points = [_point_along_branch(state, start, 0.0)]
+        return state, []
+    first, second = _first_two_points(state, start)
+    state.points = [first]
+    return state, [second]
+
+
+def _point_along_branch(state: TraceState, start: BranchStart, step: float) -> CurvePoint:
+    """Return the point at a scaled distance along the direction of a branch.
+
+    Raises
+    ------
+    NoConvergence, numpy.linalg.LinAlgError
+        If the corrector fails.
+    """
+    setup, scale = state.setup, state.scale
+    direction = start.direction / np.linalg.norm(start.direction / scale)
+    normal = normal_of(direction, scale)
+    normal = normal / np.linalg.norm(normal)
+    u = np.append(start.X, start.parameters[setup.name]) + step * direction
+    corrected = correct(state.problem, u, normal, setup.name, setup.fixed, setup.settings.newton)
+    return point_along(corrected, scale, step)
+
+
+def _first_two_points(state: TraceState, start: BranchStart) -> tuple[CurvePoint, CurvePoint]:
+    """Return the special point at which a branch leaves another one, and the next point of the branch.
+
+    Raises
+    ------
+    NoConvergence, numpy.linalg.LinAlgError
+        If no point of the branch is found near the special point.
+    """
+    setup, scale = state.setup, state.scale
+    smallest = MIN_STEP_RATIO * setup.settings.steps.first_step
+    step, found = setup.settings.steps.first_step, None
+    while step >= smallest:
+        try:
+            point = _point_along_branch(state, start, step)
+        except (NoConvergence, np.linalg.LinAlgError):
+            if found is None and step < 10 * MIN_STEP_RATIO * setup.settings.steps.first_step:
+                raise
+        else:
+            found = point
+            if _first_term_dominates(start.parameters[setup.name], point, step, scale):
+                break
+        step *= 0.5
+    assert found is not None  # else the corrector raised
+    u = np.append(start.X, start.parameters[setup.name])
+    solution = solution_at(state.problem, u, setup.name, setup.fixed)
+    direction = start.direction / np.linalg.norm(start.direction / scale)
+    first = replace(found, u=u, tangent=direction, residual=solution.residual, iterations=0, step=0.0, observed={})
+    return first, found
+
+
+def _first_term_dominates(value: float, point: CurvePoint, step: float, scale: Array) -> bool:
+    """Return whether the first non-zero term dominates the parameter change from a value to the point."""
+    moved, slope = (point.value - value) / scale[-1], point.tangent[-1] / scale[-1]
+    if abs(moved) <= VERTICAL_SLOPE * step:
+        return True
+    low, high = DOMINANT_TERM_RANGE
+    return bool(low <= step * slope / moved <= high)

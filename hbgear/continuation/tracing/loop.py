@@ -1,0 +1,241 @@
+"""Continuation loop: predictor-corrector steps along the curve until one of its ends.
+
+Each round takes one or many steps (`stepper`), then accepts their points one after the other: it cuts off a path that
+retraces the curve or tends to infinity, tests the points at which the curve may end, and adapts scales and resolution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from hbgear.common.process.progress import Progress, ProgressCallback
+from hbgear.continuation.curve.segment import CurvePoint, Points
+from hbgear.continuation.events.event import LocatedEvent, unknowns
+from hbgear.continuation.results.branch import Branch, Status
+from hbgear.continuation.tracing.ends import CurveEnds
+from hbgear.continuation.tracing.resolution import ResolutionControl
+from hbgear.continuation.tracing.special_points import SpecialPoints
+from hbgear.continuation.tracing.state import PendingSegment, TraceState
+from hbgear.continuation.tracing.stepper import Stepper
+
+_RETRACED = "the curve ran back over itself"
+
+
+class CallbackError(Exception):
+    """An exception raised by the progress callback of the user.
+
+    Attributes
+    ----------
+    given : BaseException
+        The exception as it was raised.
+    """
+
+    def __init__(self, given: BaseException) -> None:
+        super().__init__(f"in progress, {type(given).__name__}: {given}")
+        self.given = given
+
+    def with_branch(self, branch: Branch) -> BaseException:
+        """Return the exception as it was raised, with the partial branch as its attribute ``branch``."""
+        self.given.branch = branch  # type: ignore[attr-defined]
+        self.given.add_note(f"what was traced until then ({len(branch)} points) is this exception's attribute branch")
+        return self.given
+
+
+class ContinuationLoop:
+    """Traces a curve from its first point until something ends it.
+
+    Attributes
+    ----------
+    state : TraceState
+        State of the trace.
+    special_points : SpecialPoints
+        Search for special points.
+    resolution : ResolutionControl
+        Change of resolution.
+    ends : CurveEnds
+        Detection of the ends.
+    """
+
+    def __init__(self, state: TraceState, special_points: SpecialPoints, resolution: ResolutionControl) -> None:
+        self.state, self.special_points, self.resolution = state, special_points, resolution
+        self.detector, self.ends = special_points.detector, CurveEnds(state)
+
+    def run(self, second: list[CurvePoint]) -> tuple[Status, str]:
+        """Trace until something ends the curve; return status and message.
+
+        ``second`` holds the second point if it is known already.
+        """
+        if second:
+            self._append(second)
+        elif self.state.setup.batch_size == 1:
+            self.special_points.process_pending()
+        self.resolution.adapt()
+        self.state.step = self.state.setup.settings.steps.first_step
+        return self._continue_to_end()
+
+    def _continue_to_end(self) -> tuple[Status, str]:
+        """Take steps until the curve ends; return status and message."""
+        state, max_points = self.state, self.state.setup.settings.steps.max_points
+        while True:
+            if len(state.points) >= max_points:
+                return Status.MAX_POINTS, f"{len(state.points)} points, {state.location_text()}"
+            path, reason = self._step()
+            path, asymptote = self.ends.up_to_infinity(path)
+            if len(path) == 1:
+                status = Status.RETRACED if reason == _RETRACED else Status.STEP_TOO_SMALL
+                where = f"{reason} {state.location_text()}; the shortest step was tried"
+                return status, where + self._sharp_turn_ahead()
+            ended = self._accept_points(path)
+            if ended is not None:
+                if state.terminal is None:
+                    self.resolution.adapt(last=True)
+                return ended
+            if asymptote is not None:
+                state.asymptote = asymptote
+                name = state.setup.name
+                return Status.UNBOUNDED, f"the curve runs off to infinity towards {name} = {asymptote:.6g}"
+            sizes = state.problem.solution_norms(unknowns(path)[1:, :-1])
+            state.update_scale(state.last.X, max(state.solution_scale, float(sizes.max())))
+            self.resolution.adapt()
+
+    # ---- steps
+
+    def _step(self) -> tuple[Points, str]:
+        """Return the last point with the next ones, or with none and the reason why the shortest step failed."""
+        state, setup = self.state, self.state.setup
+        steps, newton, single = setup.settings.steps, setup.settings.newton, setup.batch_size == 1
+        stepper = Stepper(state.problem, setup.name, setup.fixed, setup.span.bounds, steps, newton, single)
+        last = [state.last, *(state.resized(point) for point in state.points[-2 : -1 - steps.predictor_points : -1])]
+        most = min(steps.max_points - len(state.points), setup.batch_size)
+        while True:
+            tried = state.step
+            points, state.step, reason = stepper.stride(last, state.scale, state.solution_scale, tried, most)
+            path = Points([last[0], *points])
+            kept = self.ends.points_before_retrace(path)
+            if kept < len(points):
+                shorter = max(0.5 * points[kept].step, steps.min_step)
+                path, reason, state.step = Points(path[: kept + 1]), _RETRACED, shorter
+            if len(path) == 1 and (point := self.ends.at_range_boundary(tried)):
+                return Points([last[0], point]), ""
+            if len(path) > 1 or tried <= steps.min_step or reason != _RETRACED:
+                return path, reason
+
+    def _sharp_turn_ahead(self) -> str:
+        """Continue to a special point just beyond the last point that no step passes; return its description."""
+        state = self.state
+        if len(state.points) < 2 or not self.detector.passing:
+            return ""
+        self.special_points.process_pending()
+        segment = state.segment(state.resized(state.points[-2]), state.points[-1])
+        point = self.detector.ahead(segment)
+        if point is None:
+            return ""
+        state.ended_at_sharp_turn = True
+        (state.terminal,) = self.special_points.with_error_estimates(segment, [point])
+        state.points += [state.terminal.row]
+        return f". It turns sharply at {state.setup.name} = {point.value:.9g}, {point.event.meaning} ({point.note})"
+
+    # ---- acceptance
+
+    def _accept_points(self, path: Points) -> tuple[Status, str] | None:
+        """Accept the new points of a path, whose first point is the last one; return status and message at an end."""
+        points, done = path[1:], 0
+        for i in self._terminal_candidates(path):
+            if done < i:
+                self._append(points[done:i])
+            ended = self._accept_point(points[i])
+            if ended is not None:
+                return ended
+            done = i + 1
+        if done < len(points):
+            self._append(points[done:])
+        return None
+
+    def _terminal_candidates(self, path: Points) -> Sequence[int]:
+        """Return the numbers of new points that are accepted one by one, because the curve may end there."""
+        one_by_one = self.state.setup.settings.progress or self.detector.terminal or len(path) == 2
+        if one_by_one or self.state.boundary_value is not None:
+            return range(len(path) - 1)
+        return self.ends.terminal_candidates(path)
+
+    def _accept_point(self, point: CurvePoint) -> tuple[Status, str] | None:
+        """Accept a point; return status and message if the curve ends there."""
+        state, span = self.state, self.state.setup.span
+        last = state.last
+        point = self.ends.fold_outside_span(last, point)
+        end = span.end_at(point.value)
+        if state.boundary_value is not None:
+            end = state.boundary_value
+        elif end is not None:
+            point = self.ends.at_span_end(last, point, end)
+        closed = end is None and self.ends.closes(last, point)
+        if closed:
+            point = self._closing_point(last)
+        segment = state.segment(last, point)
+        terminal = self.detector.ends(segment) if self.detector.terminal else None
+        if terminal is not None:
+            (terminal,) = self.special_points.with_error_estimates(segment, [terminal])
+            return self._end_at(terminal)
+        self._append([point])
+        origin = state.setup.switched_from
+        if closed and origin is not None and origin.event is not None:
+            self.special_points.process_pending()
+            event = LocatedEvent(origin.event, 1.0, point, True)
+            (state.terminal,) = self.special_points.with_error_estimates(segment, [event])
+        if state.setup.settings.progress:
+            self._report(point, state.setup.settings.progress)
+        if end is not None:
+            if end == span.end:
+                return Status.REACHED_END, f"{state.setup.name} = {end:.6g} reached"
+            return Status.LEFT_SPAN, f"the curve turned back to {state.setup.name} = {end:.6g}"
+        return (Status.CLOSED, f"the curve closed after {len(state.points)} points") if closed else None
+
+    def _closing_point(self, last: CurvePoint) -> CurvePoint:
+        """Return the first point as the last one; a special point gets the direction in which the curve returns."""
+        point = self.state.resized(self.state.first)
+        if self.state.setup.switched_from is None:
+            return point
+        return replace(point, heading=last.heading, orientation=last.orientation)
+
+    def _end_at(self, terminal: LocatedEvent) -> tuple[Status, str]:
+        """Accept the point of a terminal event; return status and message."""
+        state = self.state
+        if terminal.event.alone:
+            self.special_points.process_pending()
+            state.points += [terminal.row]
+        else:
+            self._append([terminal.row])
+        state.terminal = terminal
+        return terminal.event.ending(state.setup.name, terminal.row.value)
+
+    def _append(self, points: list[CurvePoint]) -> None:
+        """Store points, and process the pending segments once there are enough of them."""
+        state, setup = self.state, self.state.setup
+        segments, direction = [PendingSegment(state.problem, state.scale)] * len(points), state.points[-1].heading
+        state.has_folded = state.has_folded or any(point.heading != direction for point in points)
+        state.pending += segments  # no call, and so no Ctrl-C, comes between this statement and the next
+        state.points += points
+        if len(state.pending) >= setup.batch_size:
+            self.special_points.process_pending()
+        if state.problem.unknown_parameters:
+            here = setup.parameters_at(points[-1].value)
+            state.problem = state.problem.with_borders_at(points[-1].X, here, renew=True)
+
+    # ---- progress
+
+    def _report(self, point: CurvePoint, progress: ProgressCallback) -> None:
+        """Call the progress callback; raise its exceptions as `CallbackError`."""
+        try:
+            progress(self._progress(point))
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            raise CallbackError(error) from error
+
+    def _progress(self, point: CurvePoint) -> Progress:
+        """Return the progress of the trace at a point."""
+        span, count = self.state.setup.span, len(self.state.points)
+        done = min(max((point.value - span.start) / (span.end - span.start), 0.0), 1.0)
+        text = f"{self.state.setup.name} = {point.value:.5f}, {count} points, step {point.step:.1e}"
+        return Progress(done, text, {"value": point.value, "points": count, "step": point.step})

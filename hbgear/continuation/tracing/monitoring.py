@@ -1,0 +1,172 @@
+"""Monitored quantities and verified stability of the points of a trace.
+
+The problem supplies the quantities that are stored with a point: multipliers, regime, truncation error
+(`ContinuationProblem.observe`), and verifies the stability of solutions near a stability limit
+(`ContinuationProblem.decided`). A stability that contradicts the special points nearby is verified again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.curve.segment import CurvePoint, Segment
+from hbgear.continuation.events.event import LocatedEvent
+from hbgear.continuation.events.fold import FoldEvent
+from hbgear.continuation.problem.base import ContinuationProblem, observe_all
+from hbgear.continuation.results.branch import ENDS, relative_errors, stability_codes
+from hbgear.continuation.results.consistency import STABLE, UNSTABLE
+from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.tracing.state import TraceState
+
+MAX_RELATIVE_TRUNCATION_ERROR = 0.05
+"""Truncation error relative to the solution, above which a solution is under-resolved."""
+
+SPURIOUS_POINT_ERROR = 1e-3
+"""Error of a special point, relative to the unit of the parameter, above which the point may not exist."""
+
+CURVE_EQUIVALENT_SOLUTIONS = 8
+"""Number of solutions with error estimates and verified stability that take as long as the points of a curve."""
+
+
+class UnderResolvedError(BaseException):
+    """The solutions of a trace are under-resolved.
+
+    It is not an `Exception`, so that no stage of the trace continues after it.
+    """
+
+    def __init__(self, problem: ContinuationProblem, finding: str) -> None:
+        self.finer = problem.refined_problem or problem
+        super().__init__(f"followed with {self.finer.resolution}, for {problem.resolution} leaves {finding}")
+
+
+class Monitor:
+    """Monitored quantities and stability of the points of a trace.
+
+    Attributes
+    ----------
+    state : TraceState
+        State of the trace.
+    first_error : Exception or None
+        Error that prevented the monitoring of the first point. It ends the trace.
+    """
+
+    def __init__(self, state: TraceState) -> None:
+        self.state = state
+        self.first_error: Exception | None = None
+
+    def observe(self, points: Iterable[CurvePoint], problem: ContinuationProblem | None = None) -> None:
+        """Store the monitored quantities with those points that do not have them yet.
+
+        Where this fails, nothing is stored and the termination records the error. ``problem`` is the problem of the
+        points, by default the present one.
+        """
+        state, setup = self.state, self.state.setup
+        fresh = [point for point in points if not point.observed]
+        if not fresh:
+            return
+        results: Iterable[dict[str, Any]]
+        u = np.array([point.u for point in fresh])
+        try:
+            results = observe_all(problem or state.problem, u, setup.name, setup.fixed, setup.settings.stability)
+        except Exception:
+            results = (self._observe_alone(point, problem or state.problem) for point in fresh)
+        for point, quantities in zip(fresh, results, strict=True):
+            point.observed.update(quantities)
+        if setup.abort_if_under_resolved:
+            self._check_resolution(u, np.array([point.observed.get("error", 0.0) for point in fresh]))
+
+    def solve_on_segment(self, segment: Segment, s: float) -> CurvePoint | None:
+        """Return the monitored point at a fraction of a segment; None if it cannot be computed."""
+        try:
+            point = segment.at(s)
+            self.observe([point])
+        except (NoConvergence, np.linalg.LinAlgError):
+            return None
+        return point
+
+    def _observe_alone(self, point: CurvePoint, problem: ContinuationProblem) -> dict[str, Any]:
+        """Return the monitored quantities of one point; none if an error is raised, which is recorded."""
+        state, setup = self.state, self.state.setup
+        try:
+            return observe_all(problem, point.u[None], setup.name, setup.fixed, setup.settings.stability)[0]
+        except Exception as error:
+            if point is state.first:
+                self.first_error = error
+                raise
+            state.termination.note(error, f"in observing the motion at {setup.name} = {point.value:.6g}")
+            return {}
+
+    def _check_resolution(self, u: Array, error: Array) -> None:
+        """Raise `UnderResolvedError` if one of the solutions u (P, n + 1) has too large a truncation error."""
+        relative = relative_errors(u[:, :-1], error)
+        if (relative > MAX_RELATIVE_TRUNCATION_ERROR).any() and self.can_refine():
+            first = int(np.argmax(relative > MAX_RELATIVE_TRUNCATION_ERROR))
+            name = self.state.setup.name
+            raise UnderResolvedError(
+                self.state.problem, f"an error of {relative[first]:.0%} at {name} = {u[first, -1]:.6g}"
+            )
+
+    def can_refine(self) -> bool:
+        """Return whether the bound of the work allows a trace at a higher resolution."""
+        finer = self.state.problem.refined_problem
+        return finer is not None and self.state.setup.work.affords(finer.size or 0, CURVE_EQUIVALENT_SOLUTIONS)
+
+    # ---- stability
+
+    def verify_stability(self, points: Sequence[CurvePoint]) -> None:
+        """Verify the stability of monitored points whose stability was not verified yet."""
+        state, setup = self.state, self.state.setup
+        fresh = [p for p in points if "multipliers" in p.observed and "modulus_error" not in p.observed]
+        if setup.settings.accuracy is None or not fresh:
+            return
+        u = np.array([point.u for point in fresh])
+        for point in fresh:
+            point.observed["determinant"] = point.determinant
+        observed = [point.observed for point in fresh]
+        try:
+            state.problem.decided(u[:, :-1], setup.name, u[:, -1], observed, setup.fixed, setup.work)
+        except Exception as error:
+            where = f"near {setup.name} = {u[-1, -1]:.6g}"
+            state.termination.note(error, f"in making sure of the stability {where}")
+
+    def resolve_contradictions(self, start: int, located: Mapping[int, list[LocatedEvent]]) -> bool:
+        """Verify points again that contradict the special points between them; return whether a stability changed.
+
+        Neighbouring points from number ``start`` on contradict them if their stability differs without a special point
+        between them, or if both sides of a fold are stable.
+        """
+        settings = self.state.setup.settings
+        if not (settings.stability and settings.special) or settings.accuracy is None:
+            return False
+        path = self.state.points[start:]
+        codes = codes_of(path)
+        contradicting = set[int]()
+        for i in range(1, len(path)):
+            kinds = [point.event.kind for point in located.get(start + i, []) if point.event.kind in ENDS]
+            changed = {codes[i - 1], codes[i]} == {UNSTABLE, STABLE} and not kinds
+            both_stable = codes[i - 1] == codes[i] == STABLE and kinds == [FoldEvent.kind]
+            if changed or both_stable:
+                contradicting |= {i - 1, i}
+        again = [path[i] for i in sorted(contradicting) if not path[i].observed.get("contradicts")]
+        for point in again:
+            point.observed["contradicts"] = True
+            point.observed.pop("modulus_error", None)
+        self.verify_stability(again)
+        return bool(again) and codes_of(path) != codes
+
+
+def codes_of(points: Sequence[CurvePoint]) -> list[int]:
+    """Return the stability codes of monitored points; see `stability_codes`."""
+    sets = [point.observed.get("multipliers") for point in points]
+    if len({None if mu is None else len(mu) for mu in sets}) > 1:  # compare the largest multiplier alone
+        sets = [None if mu is None else mu[[np.abs(mu).argmax()]] for mu in sets]
+    none = np.full(next((len(mu) for mu in sets if mu is not None), 1), np.nan + 0j)
+    multipliers = np.array([none if mu is None else mu for mu in sets])
+    errors = [point.observed.get("modulus_error", math.nan) for point in points]
+    codes: list[int] = stability_codes(multipliers, np.array(errors)).tolist()
+    return codes
