@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-import hbgear.harmonic.harmonic_balance
+import hbgear.harmonic.equations.model_cache
 import hbgear.harmonic.structure.receptance
 from hbgear.mechanics.reference_stiffness import references
 
@@ -116,8 +116,8 @@ def test_reference_stiffness_changes_nothing(name, factor, known, same_harmonics
     def other(system):
         return factor * references(system)
 
-    monkeypatch.setattr(hbgear.harmonic.balance, "references", other)
-    monkeypatch.setattr(hbgear.harmonic.receptance, "references", other)
+    monkeypatch.setattr(hbgear.harmonic.equations.model_cache, "references", other)
+    monkeypatch.setattr(hbgear.harmonic.structure.receptance, "references", other)
     kinds, values, curve = special_points(*MACHINES[name], accuracy=None)
     usual = references(MACHINES[name][0])[0]
     assert curve.problem.compiled({}).structure.kr[0] == pytest.approx(factor * usual, rel=0.5)
