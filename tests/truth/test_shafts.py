@@ -148,7 +148,7 @@ def test_orders_about_the_multiples_of_the_teeth_are_enough():
     assert few.size < 0.5 * whole.size
     np.testing.assert_allclose(X[0], X[1], atol=1e-6 * np.abs(X[1]).max())
     with pytest.warns(
-        hb.mechanics.ImplausibleInputWarning, match="what excites pinion-gear begins at order 20 of Omega"
+        hb.mechanics.ImplausibleInputWarning, match="the excitation of pinion-gear begins at order 20 of Omega"
     ):
         hb.HarmonicBalance(train, 8)
 

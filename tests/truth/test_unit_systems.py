@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.harmonic import harmonic_balance
+from hbgear.harmonic.equations import model_cache
 from hbgear.harmonic.structure import receptance
 from hbgear.mechanics.reference_stiffness import references
 
@@ -116,7 +116,7 @@ def test_reference_stiffness_changes_nothing(name, factor, known, same_harmonics
     def other(system):
         return factor * references(system)
 
-    monkeypatch.setattr(harmonic_balance, "references", other)
+    monkeypatch.setattr(model_cache, "references", other)
     monkeypatch.setattr(receptance, "references", other)
     kinds, values, curve = special_points(*MACHINES[name], accuracy=None)
     usual = references(MACHINES[name][0])[0]

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation
-from hbgear.continuation.solvers.homotopy import solve_along
+from hbgear.continuation.solvers.homotopy import newton_homotopy, solve_along
 from hbgear.continuation.solvers.newton import NoConvergence, Solution, solve
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.trace import trace
@@ -24,6 +26,36 @@ from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.static_state import linear_response, statics
 from hbgear.harmonic.forces.real_basis import derivative
 from hbgear.mechanics.series.fourier import places, to_real
+
+
+def find_motion(problem: Any, here: dict[str, float]) -> Array:
+    """Return a periodic motion at the parameters ``here`` of a `HarmonicBalance`.
+
+    Newton starts from the `initial_guesses`, then from static states with dampers that are removed along a path, then
+    from the guesses by a homotopy, and last from a motion at another frequency.
+
+    Raises
+    ------
+    NoConvergence
+        If Newton converges from none of these guesses.
+    """
+    guesses = partial(initial_guesses, problem.compiled(here), here["Omega"])
+    failure: NoConvergence | None = None
+    for guess in guesses():
+        try:
+            return solve(problem, guess, here).X
+        except NoConvergence as error:
+            failure = failure or error
+    assert failure is not None
+    with suppress(NoConvergence):
+        return from_damped(problem, here).X
+    for guess in guesses():
+        with suppress(NoConvergence):
+            return newton_homotopy(problem, guess, here).X
+    X = continue_from_nearby_frequency(problem, here)
+    if X is None:
+        raise failure
+    return X
 
 
 def initial_guesses(compiled: Evaluator, Omega: float) -> Iterator[Array]:

@@ -1,0 +1,1 @@
+"""Parts of the class HarmonicBalance: equations, quantities of motions, additions to branches."""

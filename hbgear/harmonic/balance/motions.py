@@ -1,0 +1,216 @@
+"""Solutions of the harmonic balance as periodic motions: layout, forces, contact, stability, monitored quantities.
+
+The functions of `hbgear.harmonic.equations.motion` compute the quantities of one motion at one parameter set. The class
+calls them with the model at the given parameters, and adds Floquet multipliers and events, for `trace`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.ranges import POSITIVE, checked, counted
+from hbgear.continuation.events.event import Event
+from hbgear.continuation.problem.work import Work
+from hbgear.continuation.results.branch import Branch, Point
+from hbgear.harmonic.balance.equations import HarmonicEquations
+from hbgear.harmonic.balance.postprocess import postprocess
+from hbgear.harmonic.bifurcations.events import motion_events
+from hbgear.harmonic.bifurcations.no_contact import FirstContact
+from hbgear.harmonic.equations import motion
+from hbgear.harmonic.equations.evaluator import Crossings
+from hbgear.harmonic.equations.layout import Layout
+from hbgear.harmonic.multipliers.floquet import floquet_multipliers
+from hbgear.harmonic.stability.verification import verify_multipliers
+from hbgear.harmonic.structure.measured import MeasuredStructure
+
+_MONITORING_WORK = 2e8
+"""Operations of one call of `observe_many` (about a second), after which Ctrl-C is handled."""
+
+
+class PeriodicMotions(HarmonicEquations):
+    """The harmonic balance with the quantities of its solutions."""
+
+    # ---- unknowns
+
+    def rows(self, X: Array) -> Array:
+        """Return coefficients (..., m, 2H + 1) of all harmonics from unknowns (..., n)."""
+        return self.discretization.spread(X)
+
+    @property
+    def layout(self) -> Layout:
+        """Names and measures of the unknowns."""
+        return self._once("layout", (), self._build_layout)
+
+    def _build_layout(self) -> Layout:
+        elements = self.compiled({}).system.elements
+        return Layout(
+            harmonics=self.H, nu=self.nu,
+            elements=tuple(e.name for e in elements),
+            breakpoints=tuple(e.law.breakpoints for e in elements),
+            labels=dict(self.model.labels),
+            orders=None if self.selection is None else tuple(self.orders[1:].tolist()),
+        )  # fmt: skip
+
+    @property
+    def dof_names(self) -> tuple[str, ...]:
+        """Names of the coordinates of the structure."""
+        reduction = self.models.reduction({})
+        return tuple((self.compiled({}).system if reduction is None else reduction[0].full).dof_names)
+
+    def from_point(self, point: Point) -> Array:
+        """Return the unknowns of a point in this basis, unchanged if the point has no layout."""
+        return self.from_layout(point.X, point.layout) if isinstance(point.layout, Layout) else point.X
+
+    def from_layout(self, X: Array, layout: Layout) -> Array:
+        """Return unknowns of another basis in this one: more or fewer harmonics, or a multiple of the period.
+
+        Raises
+        ------
+        ValueError
+            If the number of elements differs, or the motion is not periodic with this nu.
+        """
+        return self.discretization.from_layout(X, layout, self.compiled({}).corners.kept)
+
+    def resized(self, X: Array) -> Array:
+        """Return unknowns of any number of harmonics, cut or padded to this number."""
+        return X if len(X) == self.size else self.discretization.resized(X, self.compiled({}).corners.kept)
+
+    def subharmonic_part(self, X: Array) -> Array:
+        """Return the coefficients that a basis of a smaller nu does not contain; empty for nu = 1."""
+        return self.discretization.subharmonic_part(X)
+
+    # ---- quantities of a motion
+
+    def switching(self, X: Array, **parameters: float) -> Crossings:
+        """Return the switching times theta in [0, 2 pi] of the basis period, at which elements cross breakpoints.
+
+        ``row`` of the result numbers the breakpoints of all elements in order.
+        """
+        return self.compiled(parameters).crossings(X)
+
+    @checked_arguments()
+    def regime(self, X: Array, **parameters: float) -> np.ndarray:
+        """Return the impact regime of each element (m,): 0 no impact, 1 single-sided, 2 double-sided.
+
+        It is the number of breakpoints of the law that the motion crosses, at most 2.
+        """
+        return motion.regime(self.compiled(parameters), X)
+
+    @checked_arguments()
+    def clearance(self, X: Array, **parameters: float) -> Array:
+        """Return the signed distances of the extrema of the elements from breakpoints: zero where contact grazes.
+
+        Order: for each element and each of its breakpoints, lowest value and highest value minus breakpoint.
+        """
+        return motion.clearance(self.compiled(parameters), X)
+
+    def grazing_distance(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
+        """Return one entry of `clearance`, and the phase at which its extremum lies."""
+        return motion.grazing_distance(self.compiled(parameters), X, which)
+
+    @property
+    def clearance_names(self) -> tuple[str, ...]:
+        """Meaning of each entry of `clearance`."""
+        return motion.clearance_names(self.compiled({}))
+
+    @property
+    def clearance_elements(self) -> tuple[int, ...]:
+        """Element to which each entry of `clearance` belongs."""
+        return motion.clearance_elements(self.compiled({}))
+
+    def force_rows(self, X: Array, **parameters: float) -> Array:
+        """Return the law force of each element, without its damper, as real rows (m, 2H + 1)."""
+        return self.compiled(parameters).forces(X, parameters["Omega"])
+
+    @checked_arguments()
+    def mesh_forces(self, X: Array, **parameters: float) -> Array:
+        """Return the whole force of each element, f_k + i k omega c d_k, as real rows (m, 2H + 1)."""
+        X = self._checked_unknowns(X, parameters)
+        return motion.mesh_forces(self.compiled(parameters), X, parameters["Omega"])
+
+    @checked_arguments()
+    def motion(self, X: Array, **parameters: float) -> Array:
+        """Return the motion of every coordinate of the structure as real rows (n, 2H + 1)."""
+        X = self._checked_unknowns(X, parameters)
+        reduction = self.models.reduction(parameters)
+        structure = None if reduction is None else reduction[0]
+        return motion.coordinates(self.compiled(parameters), X, parameters["Omega"], structure)
+
+    def truncation(self, X: Array, **parameters: float) -> float:
+        """Return the estimated error (rms of the elements) from the force harmonics that the balance leaves out.
+
+        The truncated harmonics H < k <= 2H, and lower orders that are not unknowns, drive the closed structure:
+        delta d_k = -G_k f_k.
+        """
+        return motion.truncation_error(self.compiled(parameters), X, parameters["Omega"])
+
+    @checked_arguments()
+    def multipliers(
+        self, X: Array, points: int | None = None, width: float | None = None, **parameters: float
+    ) -> ComplexArray:
+        """Return the Floquet multipliers of the motion over its period, largest first; see `floquet_multipliers`."""
+        X = self._checked_unknowns(X, parameters)
+        if points is not None:
+            counted("points", points, 50)
+        if width is not None:
+            checked("multipliers", "width", width, POSITIVE)
+        restricted = self.restricted_to("Omega", parameters["Omega"], parameters["Omega"], {})
+        Omega = np.array([parameters.pop("Omega")])
+        evaluator = restricted.compiled(parameters)
+        extended = evaluator.with_driven_harmonics(X[None], Omega)
+        mu: ComplexArray = floquet_multipliers(evaluator, extended, Omega, points=points, width=width)[0]
+        return mu
+
+    # ---- curves
+
+    def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
+        """Return the quantities stored with X: multipliers (if requested), regime, clearance, truncation error."""
+        return self.observe_many(X[None], "Omega", np.array([parameters.pop("Omega")]), stability, **parameters)[0]
+
+    def observe_many(
+        self, X: Array, name: str, values: Array, stability: bool = True, **parameters: float
+    ) -> list[dict[str, Any]]:
+        """Return `observe` of motions X (P, n) at values (P,) of a parameter."""
+        if name != "Omega":
+            return super().observe_many(X, name, values, stability, **parameters)
+        evaluator = self.compiled(parameters)
+        observed, extended = motion.monitored_quantities(evaluator, X, values)
+        if evaluator.asked:
+            motion.add_sampling_error(self, X, values, observed, parameters)
+        if stability and not isinstance(evaluator.structure, MeasuredStructure):
+            for one, mu in zip(observed, floquet_multipliers(evaluator, extended, values), strict=True):
+                one["multipliers"] = mu
+        return observed
+
+    @property
+    def batch_size(self) -> int:  # type: ignore[override]
+        """Motions per call of `observe_many`: fewer if all modes of a structure are propagated through the period."""
+        structure = self.compiled({}).structure
+        return 128 if self.reduce else min(max(int(_MONITORING_WORK / (2 * structure.n) ** 3), 2), 128)
+
+    def events(self, parameter: str) -> tuple[Event, ...]:
+        """Return period doublings, Neimark-Sacker points, grazing contacts, ends of subharmonic branches."""
+        return motion_events(self.nu) if self.pins is None else (FirstContact(),)
+
+    def decided(
+        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
+        work: Work | None = None,
+    ) -> None:  # fmt: skip
+        """Verify the stability of motions; see `hbgear.harmonic.stability.verification`.
+
+        The error of the complex multipliers is estimated from a second set without the truncated harmonics. Where it
+        reaches the unit circle, or the sign of a determinant contradicts the number of real multipliers beyond +1, the
+        motion is refined: exactly in its switching times if laws are piecewise linear, else with up to eight times the
+        harmonics, as far as ``work`` allows.
+        """
+        if not isinstance(self.compiled({}).structure, MeasuredStructure):
+            verify_multipliers(self, X, name, values, seen, parameters, work)
+
+    def postprocess(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
+        """Return the branch with the errors of reductions; see `hbgear.harmonic.postprocess`."""
+        return postprocess(self, branch, observed)

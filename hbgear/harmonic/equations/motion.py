@@ -1,0 +1,208 @@
+"""Quantities of a periodic motion: forces, coordinates, contact regime, clearances, truncation and sampling errors.
+
+    force of element j     f_k + i k (Omega / nu) c_j d_k          (law and damper)
+    truncation error       delta d_k = -G_k f_k                    for the force harmonics that the balance leaves out
+    sampling error         delta X = -J_fine^-1 R_fine(X)          for laws that are evaluated by AFT
+
+Every function takes an `Evaluator`, the model at one parameter set, and unknowns X of its discretization.
+
+The sampling error is a Newton step of the balance with twice the harmonics and more samples. With N samples per period
+the alternating frequency/time method (AFT) adds the force harmonics k + N, k + 2N, ... to harmonic k. Where a law is
+steep, as the friction force tanh(v / v0), this aliasing is not small, and truncated harmonics act back on the kept
+ones. The estimate from truncated force harmonics contains neither effect.
+
+References
+----------
+Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https://doi.org/10.1007/978-3-030-14023-6.
+Cameron & Griffin (1989), J. Appl. Mech. 56(1), https://doi.org/10.1115/1.3176036, for AFT.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.numerics.linear import norm, solve_linear
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.harmonic.equations.discretization import MAX_SAMPLES
+from hbgear.harmonic.equations.evaluator import Evaluator
+from hbgear.harmonic.forces.real_basis import derivative
+from hbgear.mechanics.reduction import Reduction
+from hbgear.mechanics.series.fourier import to_complex, to_real
+
+# ---- forces and coordinates
+
+
+def mesh_forces(evaluator: Evaluator, X: Array, Omega: float) -> Array:
+    """Return the whole force of each element, law and damper, as real rows (m, 2H + 1)."""
+    velocity = Omega / evaluator.nu * evaluator.structure.c[:, None] * derivative(_rows(evaluator, X))
+    return evaluator.forces(X, Omega) + velocity
+
+
+def coordinates(evaluator: Evaluator, X: Array, Omega: float, reduction: Reduction | None = None) -> Array:
+    """Return the motion of every coordinate of the structure, of the whole one after a reduction: rows (n, 2H + 1)."""
+    orders = evaluator.orders
+    f = to_complex(evaluator.forces(X, Omega)).T[orders]
+    d = to_complex(X.reshape(evaluator.m, -1)).T
+    q = np.zeros((evaluator.H + 1, evaluator.system.n), dtype=complex)
+    q[orders] = evaluator.receptance.motion(Omega, d, f)
+    return to_real(q.T if reduction is None else reduction.motion(q.T))
+
+
+def _rows(evaluator: Evaluator, X: Array) -> Array:
+    return evaluator.spread(X).reshape(evaluator.m, -1)
+
+
+# ---- contact
+
+
+def regime(evaluator: Evaluator, X: Array) -> np.ndarray:
+    """Return the number of breakpoints (m,) of each law that the motion crosses, at most 2."""
+    regime: np.ndarray = evaluator.reach(X[None])[1][0]
+    return regime
+
+
+def clearance(evaluator: Evaluator, X: Array) -> Array:
+    """Return the signed distances (2 K,) of the extrema of the elements from the K breakpoints of their laws."""
+    clearance: Array = evaluator.reach(X[None])[0][0]
+    return clearance
+
+
+def grazing_distance(evaluator: Evaluator, X: Array, which: int) -> tuple[float, float]:
+    """Return entry ``which`` of `clearance` and the phase of the basis at which its extremum lies."""
+    breakpoint_, sign = which // 2, 1 if which % 2 else -1
+    element = int(evaluator.element[breakpoint_])
+    value, theta = evaluator.highest(element, _rows(evaluator, X)[element], float(sign))
+    return float(sign * value - evaluator.corner[breakpoint_]), theta
+
+
+def clearance_names(evaluator: Evaluator) -> tuple[str, ...]:
+    """Return the meaning of each entry of `clearance` in words."""
+    return tuple(
+        f"{end} of {e.name} at {x:g}"
+        for e in evaluator.system.elements for x in e.law.breakpoints for end in ("lowest", "highest")
+    )  # fmt: skip
+
+
+def clearance_elements(evaluator: Evaluator) -> tuple[int, ...]:
+    """Return the element to which each entry of `clearance` belongs."""
+    return tuple(j for j, law in enumerate(evaluator.laws) for _ in law.breakpoints for _ in range(2))
+
+
+# ---- truncation
+
+
+def truncation_error(evaluator: Evaluator, X: Array, Omega: float) -> float:
+    """Return the estimated error (rms of the elements) that truncated force harmonics cause.
+
+    These are the harmonics H < k <= 2H, and lower orders that are not unknowns.
+    """
+    return float(evaluator.left_out(evaluator.with_driven_harmonics(X[None], np.array([Omega])))[0])
+
+
+def largest_amplitudes(problem: Any, curve: Branch) -> Array:
+    """Return the largest amplitude of each order 1, 2, ... of Omega in any element and at any point of a curve.
+
+    Amplitudes of orders that are not unknowns of the problem, a `HarmonicBalance`, are the response to the truncated
+    force harmonics up to 2H.
+    """
+    motions = []
+    for i, x in enumerate(curve.X):
+        here = curve.parameters_at(i)
+        X = problem.from_layout(x, curve.layout)
+        motions.append(problem.compiled(here).with_driven_harmonics(X[None], np.array([here["Omega"]]))[0])
+    rows = np.array(motions).reshape(len(motions), problem.m, -1)
+    cosine, sine = (rows[..., 2 * problem.nu - offset :: 2 * problem.nu] for offset in (1, 0))
+    sizes: Array = np.hypot(cosine, sine).max(axis=(0, 1))
+    return sizes
+
+
+# ---- monitored quantities
+
+
+def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[list[dict[str, Any]], Array]:
+    """Return clearance, regime and truncation error of motions X (P, n), and the motions with their truncated part.
+
+    The second result (P, m (4H + 1)) holds the harmonics up to 2H that the truncated force harmonics drive.
+    """
+    clearances, regimes = evaluator.reach(X)
+    extended = evaluator.with_driven_harmonics(X, Omega)
+    each = zip(clearances, regimes, evaluator.left_out(extended).tolist(), strict=True)
+    return [{"clearance": c, "regime": r, "error": e} for c, r, e in each], extended
+
+
+# ---- sampling
+
+CHECK_INTERVAL = 4
+"""Points per check of the sampling error, which costs as much as several evaluations of the balance."""
+
+NOTICEABLE_RESIDUAL = 1e-7
+"""Residual with more samples, relative to its terms, from which the sampling error is computed."""
+
+MAX_CHECKED_UNKNOWNS = 1200
+"""Unknowns up to which the sampling error is computed with twice the harmonics."""
+
+MAX_CHOSEN_SAMPLES = 32_768
+"""Samples per period up to which their number is raised automatically."""
+
+MAX_ALIASING = 1e-5
+"""Change of a motion by twice the samples, relative to its size, for which a number of samples is accepted."""
+
+
+def with_enough_samples(problem: Any, X: Array, parameters: Mapping[str, float]) -> Any:
+    """Return a balance with as many samples as the AFT of a motion requires.
+
+    They are doubled until aliasing changes the motion by less than 1e-5 of its size.
+    """
+    best, known = problem, X
+    limit = min(MAX_SAMPLES // max(problem.m, 1), MAX_CHOSEN_SAMPLES)
+    while limit >= 2 * best.N:
+        denser = best.denser(2)
+        if norm(newton_step(denser, known, parameters)) <= MAX_ALIASING * norm(known):
+            break
+        best = denser
+        with suppress(NoConvergence):
+            known = solve(best, known, parameters).X
+    return best
+
+
+def newton_step(problem: Any, X: Array, parameters: Mapping[str, float]) -> Array:
+    """Return the Newton step (n,) of a problem at a motion; nan where its Jacobian is singular."""
+    R, J = problem.evaluate(X, **parameters)
+    try:
+        return solve_linear(J, -R)
+    except np.linalg.LinAlgError:
+        return np.full(len(X), np.nan)
+
+
+def add_sampling_error(
+    problem: Any, X: Array, Omega: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float]
+) -> None:
+    """Add the sampling error to ``"error"`` of motions X (P, n) at Omega (P,).
+
+    One in four successive motions is checked. The motions between two checked ones get the larger of their errors.
+    """
+    P = len(X)
+    checked = np.unique(np.append(np.arange(0, P, CHECK_INTERVAL), P - 1))
+    found = np.array([_sampling_error(problem, X[i], {**parameters, "Omega": float(Omega[i])}) for i in checked])
+    after = np.searchsorted(checked, np.arange(P))
+    errors = np.maximum(found[after], found[np.maximum(after - (checked[after] != np.arange(P)), 0)])
+    for one, error in zip(observed, errors.tolist(), strict=True):
+        one["error"] = float(np.hypot(one["error"], error))
+
+
+def _sampling_error(problem: Any, X: Array, here: Mapping[str, float]) -> float:
+    """Return the rms change of a motion by more samples and harmonics; 0 if its samples suffice."""
+    dense = problem.denser(4)
+    R, _, _, size = dense.linearise(X, "", **here)
+    if norm(R) <= NOTICEABLE_RESIDUAL * size:
+        return 0.0
+    more = problem.denser(4, 2) if 2 * problem.size <= MAX_CHECKED_UNKNOWNS else dense
+    step = newton_step(more, more.resized(X), here)
+    is_mean = np.arange(len(step)) % (len(step) // problem.m) == 0
+    return float(np.sqrt(np.sum(np.where(is_mean, 1.0, 0.5) * step**2)))
