@@ -35,7 +35,8 @@ from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import FOLD, Evaluation, Locating, Pursuit
 from hbgear.continuation.problem.finite_differences import STEP, directional_step, parameter_derivatives
 from hbgear.continuation.problem.work import Work
-from hbgear.continuation.results.branch import Branch, Point
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point
 from hbgear.continuation.solvers.homotopy import newton_homotopy
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.bifurcations.events import motion_events

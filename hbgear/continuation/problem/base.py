@@ -44,8 +44,9 @@ from hbgear.continuation.numerics.linear import Matrix, norm
 from hbgear.continuation.problem.evaluation import Evaluation, Locating, Pursuit
 from hbgear.continuation.problem.finite_differences import directional_step, parameter_derivatives
 from hbgear.continuation.problem.work import Work
-from hbgear.continuation.results.branch import Branch, Point
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.layout import LayoutProtocol
+from hbgear.continuation.results.point import Point
 
 
 class ContinuationProblem:

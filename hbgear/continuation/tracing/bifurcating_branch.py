@@ -11,7 +11,8 @@ import numpy as np
 from hbgear.continuation.curve.segment import normal_of
 from hbgear.continuation.events.detector import event_of
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.results.branch import Branch, Point, SpecialPoint
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence
 

@@ -53,16 +53,12 @@ from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, observe_all
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.work import USUAL, Work
-from hbgear.continuation.results.branch import (
-    ENDS,
-    Branch,
-    Point,
-    Status,
-    relative_errors,
-    stability_codes,
-    with_asymptotes,
-)
-from hbgear.continuation.results.consistency import STABLE, UNSTABLE
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.branch_data import relative_errors
+from hbgear.continuation.results.concatenation import with_asymptotes
+from hbgear.continuation.results.point import Point
+from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, STABLE, UNSTABLE, stability_codes
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, refine, solve
 from hbgear.continuation.stepping.control import StepControl
@@ -445,7 +441,7 @@ class Tracer:
             if row is self.first:
                 self.first_unseen = error
                 raise
-            self.ending.note(error, f"in observing the motion at {self.name} = {row.value:.6g}")
+            self.ending.record_error(error, f"in observing the motion at {self.name} = {row.value:.6g}")
             return {}
 
     # ---- main loop
@@ -462,14 +458,14 @@ class Tracer:
         try:
             self._work()
         except (Exception, KeyboardInterrupt) as error:
-            self.ending.note(error, self._place())
+            self.ending.record_error(error, self._place())
         if self.first_unseen is not None:
             raise self.first_unseen
         while True:
             try:
                 return self._result()
             except KeyboardInterrupt as error:  # all would be lost, and it takes no time
-                self.ending.note(error, "while the result was put together")
+                self.ending.record_error(error, "while the result was put together")
 
     def _work(self) -> None:
         """All that takes time: Ctrl-C or an error ends one stage, and the next goes on with what there is."""
@@ -483,7 +479,7 @@ class Tracer:
             try:
                 stage()
             except (Exception, KeyboardInterrupt) as error:
-                self.ending.note(error, place())
+                self.ending.record_error(error, place())
 
     def _place(self) -> str:
         return f"at {self.name} = {self.rows[-1].value:.6g}"
@@ -497,7 +493,7 @@ class Tracer:
         self._adapt()
         self.first = self.rows[0]
         self.step = self.steps.first_step
-        self.ending.reached(*self._loop())
+        self.ending.record_end(*self._loop())
 
     def _complete(self) -> None:
         """Observe what is not yet: special points, and rows whose turn did not come."""
@@ -525,7 +521,7 @@ class Tracer:
         near = _AT_ITS_END * abs(self.b - self.a)
         for other in self.others if self.ending.status is Status.STEP_TOO_SMALL else ():
             if other.status is Status.ARBITRARY and abs(other.values[-1] - self.rows[-1].value) <= near:
-                self.ending.reached(Status.ARBITRARY, f"{other.message}; this curve ends there")
+                self.ending.record_end(Status.ARBITRARY, f"{other.message}; this curve ends there")
 
     def _followed(self, span: tuple[float, float], start: BranchStart | None, rough: bool) -> Branch:
         """Another curve of the span; what interrupts it interrupts this one."""
@@ -555,13 +551,13 @@ class Tracer:
             "span": [self.a, self.b], "steps": vars(self.steps), "newton": vars(self.settings),
             "stability": self.stability, "accuracy": self.accuracy, "special": self.special,
         }  # fmt: skip
-        status, message = self.ending.status, self.ending.told
+        status, message = self.ending.status, self.ending.message_with_advice
         made = build_branch(self.largest, self.name, self.fixed, *self._record(), status, message, meta)
         return made if self.asymptote is None else replace(made, meta=with_asymptotes(made.meta, last=self.asymptote))
 
     def _result(self) -> Branch:
         made = self.made or self._branch()
-        message = "; ".join(text for text in (self.ending.told, self.remark, self.work.told) if text)
+        message = "; ".join(text for text in (self.ending.message_with_advice, self.remark, self.work.told) if text)
         if not self.others and (made.status, made.message) == (self.ending.status, message):
             return made
         return replace(made, status=self.ending.status, message=message, others=tuple(self.others))
@@ -814,7 +810,9 @@ class Tracer:
         codes = _codes(path)
         doubtful = set[int]()
         for i in range(1, len(path)):
-            kinds = [point.event.kind for point in found.get(start + i, []) if point.event.kind in ENDS]
+            kinds = [
+                point.event.kind for point in found.get(start + i, []) if point.event.kind in STABILITY_CHANGING_KINDS
+            ]
             changed = {codes[i - 1], codes[i]} == {UNSTABLE, STABLE} and not kinds
             both = codes[i - 1] == codes[i] == STABLE and kinds == [FoldEvent.kind]
             if changed or both:
@@ -837,7 +835,7 @@ class Tracer:
         try:
             self.problem.decided(u[:, :-1], self.name, u[:, -1], [row.observed for row in fresh], self.fixed, self.work)
         except Exception as error:
-            self.ending.note(error, f"in making sure of the stability near {self.name} = {u[-1, -1]:.6g}")
+            self.ending.record_error(error, f"in making sure of the stability near {self.name} = {u[-1, -1]:.6g}")
 
     def _assessed(self, arc: Segment, found: list[LocatedEvent]) -> list[LocatedEvent]:
         """Special points of a piece with their errors, solved for as accurately as is wanted."""
@@ -861,7 +859,7 @@ class Tracer:
             return self._assessed(arc, self._with_enough(arc, self.watch.find(arc)))
         except Exception as error:
             ends = f"{self.name} = {arc.a.value:.6g} and {arc.b.value:.6g}"
-            self.ending.note(error, f"in locating a special point between {ends}")
+            self.ending.record_error(error, f"in locating a special point between {ends}")
             return []
 
     def _with_enough(self, arc: Segment, found: list[LocatedEvent]) -> list[LocatedEvent]:
@@ -930,7 +928,7 @@ class Tracer:
             hidden = [(arc, point) for arc, event in arcs for point in event.find(arc)
                       if point.located and not any(_coincide(point, other) for other in others)]  # fmt: skip
             sure = self._sure(hidden, self._arc(rows[piece], rows[piece + 1]))
-            fresh = drop_odd_counts(sure, made_up=any(one.event.kind in ENDS for one in others))
+            fresh = drop_odd_counts(sure, made_up=any(one.event.kind in STABILITY_CHANGING_KINDS for one in others))
             if fresh:
                 found[number] = sorted([*others, *fresh], key=lambda point: point.s)
         for k, hints in path.hints(self.watch, rows, self.scale).items():
@@ -950,7 +948,8 @@ class Tracer:
     def _look_between(self, found: Mapping[int, list[LocatedEvent]]) -> None:
         """A row between neighbouring points of a piece at which stability may change: no other tells of the stretch."""
         for number, points in found.items() if self.stability else ():
-            ends = [one for one in sorted(points, key=lambda one: one.s) if one.event.kind in ENDS and one.located
+            ends = [one for one in sorted(points, key=lambda one: one.s)
+                    if one.event.kind in STABILITY_CHANGING_KINDS and one.located
                     and 0 < one.s < 1 and len(one.row.u) == len(self.scale)]  # fmt: skip
             rows = [(0.5 * (a.s + b.s), self._row_at(self._arc(a.row, b.row), 0.5)) for a, b in pairwise(ends)]
             self.between[number] = [(s, row) for s, row in rows if row is not None]

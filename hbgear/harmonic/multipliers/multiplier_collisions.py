@@ -22,7 +22,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.events.near_tangency import SOON
-from hbgear.continuation.results.branch import STABILITY_TOLERANCE
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 
 _TWO_PAIRS = 4  # multipliers: with fewer none can meet another or make up for it
 
