@@ -32,7 +32,7 @@ def test_a_curve_that_is_followed_again_has_the_whole_work():
 
 def test_without_a_limit_everything_is_allowed():
     work = Work(math.inf)
-    assert all(work.allows(10_000, solutions=50) for _ in range(100)) and not work.refused and not work.told
+    assert all(work.allows(10_000, solutions=50) for _ in range(100)) and not work.refused and not work.message
 
 
 @pytest.fixture(scope="module")

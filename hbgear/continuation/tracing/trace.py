@@ -52,7 +52,7 @@ from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, observe_all
 from hbgear.continuation.problem.evaluation import AnyProblem
-from hbgear.continuation.problem.work import USUAL, Work
+from hbgear.continuation.problem.work import DEFAULT_LIMIT, Work
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.branch_data import relative_errors
 from hbgear.continuation.results.concatenation import with_asymptotes
@@ -88,7 +88,7 @@ def trace(
     progress: ProgressCallback | None = None,
     cover: bool = True,
     accuracy: float | None = 1e-5,
-    work: float | None = USUAL,
+    work: float | None = DEFAULT_LIMIT,
 ) -> Branch:
     """Follow the solutions of a problem from one end of a span of a parameter to the other.
 
@@ -557,7 +557,7 @@ class Tracer:
 
     def _result(self) -> Branch:
         made = self.made or self._branch()
-        message = "; ".join(text for text in (self.ending.message_with_advice, self.remark, self.work.told) if text)
+        message = "; ".join(text for text in (self.ending.message_with_advice, self.remark, self.work.message) if text)
         if not self.others and (made.status, made.message) == (self.ending.status, message):
             return made
         return replace(made, status=self.ending.status, message=message, others=tuple(self.others))
