@@ -26,7 +26,9 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.continuation.events.event import Event
     from hbgear.continuation.extend import extend
     from hbgear.continuation.follow import follow
-    from hbgear.continuation.results.branch import Branch, Jump, Point, SpecialPoint, Status
+    from hbgear.continuation.results.branch import Branch
+    from hbgear.continuation.results.point import Jump, Point, SpecialPoint
+    from hbgear.continuation.results.status import Status
     from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence
     from hbgear.continuation.stepping.control import StepControl
     from hbgear.continuation.switch import switch

@@ -1,22 +1,22 @@
-"""The command ``hbgear``, also ``python -m hbgear``. Ctrl-C gives one sentence from its first import on."""
+"""The command ``hbgear``, also ``python -m hbgear``. Ctrl-C is reported in one sentence from the first import on."""
 
 import sys
 
-_CTRL_C = 130  # exit code of what Ctrl-C ended, as shells have it
+_EXIT_CODE_CTRL_C = 130  # the convention of shells: 128 + SIGINT
 
 
 def main() -> None:
-    """Import what the command is made of, run it and exit."""
+    """Import the command, run it and exit."""
     try:
-        from hbgear.common import command
+        from hbgear.cli import startup
 
-        command.begin()
+        startup.begin()
         from hbgear.cli.app import main as run
 
         run()
     except KeyboardInterrupt:
         print("hbgear: error: stopped before it was done", file=sys.stderr)
-        sys.exit(_CTRL_C)
+        sys.exit(_EXIT_CODE_CTRL_C)
 
 
 if __name__ == "__main__":

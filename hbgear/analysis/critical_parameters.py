@@ -18,8 +18,10 @@ from hbgear.analysis.fold_curves import check_parameter, on_fold_curve, problem_
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.process.progress import ProgressCallback
 from hbgear.continuation.augmented.fold import FoldProblem
-from hbgear.continuation.results.branch import Branch, SpecialPoint, Status
-from hbgear.continuation.results.termination import Termination, whole
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import SpecialPoint
+from hbgear.continuation.results.status import Status
+from hbgear.continuation.results.termination import Termination, raise_if_interrupted
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.trace import trace
@@ -149,13 +151,13 @@ def critical_parameter(
         except KeyboardInterrupt as error:
             if not found:
                 raise
-            ending.note(error, f"after {len(found)} of the points where a jump appears or vanishes")
+            ending.record_error(error, f"after {len(found)} of the points where a jump appears or vanishes")
         if found:
             point, fold, below = min(found, key=lambda f: abs(f[0].parameters[parameter] - own))
             others = [(p.parameters[parameter], p.parameters["Omega"]) for p, *_ in found if p is not point]
             return CriticalParameter(
                 parameter, point.parameters[parameter], point.parameters["Omega"], point, fold, below, tuple(others),
-                ending.status, ending.told,
+                ending.status, ending.message_with_advice,
             )  # fmt: skip
     raise NoFoldError(
         f"no jump that appears or vanishes with {parameter} was found from {parameter} = {min(tried, default=own):.5g} "
@@ -199,7 +201,7 @@ def _cusps_from(
             report_progress(
                 progress, f"fold at Omega = {point.parameters['Omega']:.5g} followed in {parameter} towards {end:.4g}"
             )
-            fold = whole(trace(FoldProblem(problem), parameter, (value, end), point, steps=_CAREFUL))
+            fold = raise_if_interrupted(trace(FoldProblem(problem), parameter, (value, end), point, steps=_CAREFUL))
             followed.append(fold)
             cusp = next((p for p in fold.special if p.kind == "CP" and p.located), None)
             if cusp is not None:

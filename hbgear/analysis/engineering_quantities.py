@@ -27,7 +27,8 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.text.messages import quoted
-from hbgear.continuation.results.branch import Branch, Point, coordinate
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point, dof_index
 from hbgear.harmonic.equations.layout import derivative, half_peak_to_peak, rms
 from hbgear.harmonic.frequency_units import speeds_at
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -207,7 +208,7 @@ def _columns(
         columns[f"reaction {name}, largest [{newton}]"] = sizes[:, 0] * force
         columns[f"reaction {name}, static [{newton}]"] = sizes[:, 1] * force
     if dof is not None:
-        acceleration = rms(derivative(q[:, coordinate(dof, problem.dof_names)], Omega, 2)) * rate
+        acceleration = rms(derivative(q[:, dof_index(dof, problem.dof_names)], Omega, 2)) * rate
         columns[f"acceleration, rms [{metre}]"] = acceleration
         if known:
             columns["acceleration, level [dB]"] = 20 * np.log10(np.maximum(acceleration, 1e-300) / REFERENCE)

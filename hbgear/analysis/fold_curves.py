@@ -7,9 +7,10 @@ import numpy as np
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.augmented.fold import FoldProblem
-from hbgear.continuation.results.branch import Branch, Point
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import crossings_at
-from hbgear.continuation.results.termination import whole
+from hbgear.continuation.results.point import Point
+from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -52,17 +53,19 @@ def response_curve(
 ) -> Branch:
     """Response curve at a value of a parameter, over a range of Omega or the model's own, without stability."""
     span = problem.model.default_span if frequencies is None else frequencies
-    return whole(trace(problem, "Omega", span, at={parameter: value}, stability=False, cover=False, accuracy=None))
+    return raise_if_interrupted(
+        trace(problem, "Omega", span, at={parameter: value}, stability=False, cover=False, accuracy=None)
+    )
 
 
 def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:
     """Whether a fold lies on a fold curve already traced: solve for the curve's fold at the same value and compare."""
     value = point.parameters[parameter]
     for place in crossings_at(fold, value):
-        Omega = float(place.between(fold.tracked["Omega"]))
+        Omega = float(place.interpolate(fold.tracked["Omega"]))
         if abs(Omega - point.parameters["Omega"]) > 0.05 * Omega:
             continue
-        U = np.append(place.between(fold.X), Omega)
+        U = np.append(place.interpolate(fold.X), Omega)
         try:
             there = solve(FoldProblem(problem), U, {**fold.parameters_at(place.index), parameter: value}).X
         except NoConvergence:

@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hbgear.continuation.results.branch import BIFURCATING, Branch, Jump, Point
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.continuation.results.point import BIFURCATING, Jump, Point
 from hbgear.continuation.solvers.newton import NewtonSettings
 from hbgear.continuation.tracing.jumps import monitored_points, motions_at, nearest
 from hbgear.harmonic.equations.layout import Layout, layout_of
@@ -105,7 +106,7 @@ def stable_points(branch: Branch, value: float) -> list[Point]:
     found = []
     for place in crossings_at(branch, value):
         if all(branch.stable[i] for i in place.points):
-            near, X = branch[place.nearest], place.between(branch.X)
+            near, X = branch[place.nearest], place.interpolate(branch.X)
             found.append(replace(near, X=X, parameters={**near.parameters, branch.parameter: value}, label=""))
     return found
 

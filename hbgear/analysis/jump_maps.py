@@ -25,8 +25,11 @@ from hbgear.common.atomic_write import atomic_write
 from hbgear.common.process.progress import ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.augmented.fold import FoldProblem
-from hbgear.continuation.results.branch import Branch, Point, SpecialPoint, Status, concatenate
-from hbgear.continuation.results.termination import Termination, whole
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.concatenation import concatenate
+from hbgear.continuation.results.point import Point, SpecialPoint
+from hbgear.continuation.results.status import Status
+from hbgear.continuation.results.termination import Termination, raise_if_interrupted
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -206,7 +209,7 @@ def jump_map(
             if value not in curves:
                 curves[value] = response_curve(problem, parameter, value, frequencies)
             curve = curves[value]
-            ending.also(curve, f"the response curve at {parameter} = {value:.5g}")
+            ending.merge(curve, f"the response curve at {parameter} = {value:.5g}")
             for point in (p for p in curve.special if p.kind == "LP" and p.located):
                 if not any(on_fold_curve(problem, fold, point, parameter) for fold, _ in folds):
                     report_progress(
@@ -214,14 +217,14 @@ def jump_map(
                     )
                     fold = _fold_curve(problem, parameter, (low, high), point, steps)
                     folds += [(fold, _arms(problem, fold))]
-                    ending.also(fold, f"the curve of the fold at Omega = {point.parameters['Omega']:.5g}")
+                    ending.merge(fold, f"the curve of the fold at Omega = {point.parameters['Omega']:.5g}")
     except (Exception, KeyboardInterrupt) as error:
         if not folds and not (curves and isinstance(error, KeyboardInterrupt)):
             raise
-        ending.note(error, f"at the response curve at {parameter} = {value:.5g} or its folds")
+        ending.record_error(error, f"at the response curve at {parameter} = {value:.5g} or its folds")
     return JumpMap(
         parameter, (low, high), tuple(fold for fold, _ in folds), tuple(arm for _, arms in folds for arm in arms),
-        dict(problem.model.labels), ending.status, ending.told, tuple(curves.values()), frequencies,
+        dict(problem.model.labels), ending.status, ending.message_with_advice, tuple(curves.values()), frequencies,
     )  # fmt: skip
 
 
@@ -237,10 +240,10 @@ def _fold_curve(
     """A fold followed both ways, from where it leaves the span to where it leaves it again."""
     low, high = span
     value = point.parameters[parameter]
-    forth = whole(trace(FoldProblem(problem), parameter, (low, high), point, steps=steps))
+    forth = raise_if_interrupted(trace(FoldProblem(problem), parameter, (low, high), point, steps=steps))
     if value == low or forth.status == "closed":
         return forth
-    back = whole(trace(FoldProblem(problem), parameter, (high, low), point, steps=steps))
+    back = raise_if_interrupted(trace(FoldProblem(problem), parameter, (high, low), point, steps=steps))
     return concatenate(back, forth) if value != high else back
 
 

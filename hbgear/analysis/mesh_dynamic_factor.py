@@ -17,7 +17,7 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.text.messages import quoted
-from hbgear.continuation.results.branch import Point
+from hbgear.continuation.results.point import Point
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.forces.breakpoints import gap_samples
 from hbgear.mechanics.models import Element, Model

@@ -26,9 +26,11 @@ from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
 from hbgear.continuation.curve.segment import BranchStart
-from hbgear.continuation.results.branch import Branch, Point, Status
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import crossings_at
-from hbgear.continuation.results.termination import Termination, TraceInterrupted, whole
+from hbgear.continuation.results.point import Point
+from hbgear.continuation.results.status import Status
+from hbgear.continuation.results.termination import Termination, TraceInterrupted, raise_if_interrupted
 from hbgear.continuation.solvers.deflation import deflated_newton, same_solution
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, solve
 from hbgear.continuation.stepping.control import StepControl
@@ -139,8 +141,8 @@ def trace_all(
             search.branches += [error.branch]
         if not search.branches:
             raise
-        ending.note(error, place)
-    return BranchSearch(tuple(search.branches), tuple(search.log), ending.status, ending.told)
+        ending.record_error(error, place)
+    return BranchSearch(tuple(search.branches), tuple(search.log), ending.status, ending.message_with_advice)
 
 
 def _places(frequencies: Sequence[float] | int, low: float, high: float) -> list[float]:
@@ -188,7 +190,9 @@ class _Search:
                 continue
             if self._on_a_branch(X, span[0]):
                 continue
-            branch = whole(trace(self.problem, "Omega", span, X, steps=self.steps, stability=self.stability))
+            branch = raise_if_interrupted(
+                trace(self.problem, "Omega", span, X, steps=self.steps, stability=self.stability)
+            )
             self.branches.append(branch)
             self.say(f"branch {len(self.branches)}, from the linear response at Omega = {span[0]:g}: {branch.message}")
 
@@ -198,7 +202,7 @@ class _Search:
         for branch in self.branches:
             for place in crossings_at(branch, Omega):
                 try:
-                    X = solve(self.problem, place.between(branch.X), self._at(Omega)).X
+                    X = solve(self.problem, place.interpolate(branch.X), self._at(Omega)).X
                 except NoConvergence:
                     continue
                 out += shifts(self.problem, X)
@@ -208,7 +212,7 @@ class _Search:
         """Whether a motion, or a copy of it shifted by periods of the excitation, lies on a branch already traced."""
         for branch in self.branches:
             for place in crossings_at(branch, Omega):
-                between, (a, b) = place.between(branch.X), branch.X[place.index : place.index + 2]
+                between, (a, b) = place.interpolate(branch.X), branch.X[place.index : place.index + 2]
                 # rows turn by at most 20 degrees, so that the curve stays this close to its chord
                 near = 0.15 * float(np.linalg.norm(b - a)) + 1e-6 * float(np.linalg.norm(X))
                 if any(float(np.linalg.norm(Y - between)) <= near for Y in shifts(self.problem, X)):
@@ -236,7 +240,7 @@ class _Search:
             for end in span:
                 if end == own:
                     continue
-                curve = whole(trace(
+                curve = raise_if_interrupted(trace(
                     self.problem, name, (own, end), X, at={"Omega": Omega}, steps=self.steps,
                     stability=False, special=False,
                 ))  # fmt: skip
@@ -272,19 +276,21 @@ def whole_branch(
 ) -> Branch:
     """The whole branch through a motion inside the span: a closed curve, or from one of its ends to the other."""
     start = problem_point(problem, X, Omega)
-    first = whole(trace(problem, "Omega", span, start, steps=steps, stability=False, special=False))
+    first = raise_if_interrupted(trace(problem, "Omega", span, start, steps=steps, stability=False, special=False))
     if first.status in (Status.CLOSED, Status.RETRACED) or not first.status.complete:
-        return whole(trace(problem, "Omega", span, start, steps=steps, stability=stability))
+        return raise_if_interrupted(trace(problem, "Omega", span, start, steps=steps, stability=stability))
     if first.status is Status.UNBOUNDED:
         away = BranchStart(X, start.parameters, np.append(np.zeros(len(X)), 1.0), away=False)
         follow = partial(trace, problem, "Omega", steps=steps, stability=stability)
-        return trace_both_directions(away, span, lambda span, start: whole(follow(span, start)), NewtonSettings())
+        return trace_both_directions(
+            away, span, lambda span, start: raise_if_interrupted(follow(span, start)), NewtonSettings()
+        )
     if first.status is Status.MERGED:
         start, span = _beside_end(problem, first, span)
-        return whole(trace(problem, "Omega", span, start, steps=steps, stability=stability))
+        return raise_if_interrupted(trace(problem, "Omega", span, start, steps=steps, stability=stability))
     end = float(first.values[-1])
     other = span[0] if end == span[1] else span[1]
-    return whole(trace(problem, "Omega", (end, other), first.X[-1], steps=steps, stability=stability))
+    return raise_if_interrupted(trace(problem, "Omega", (end, other), first.X[-1], steps=steps, stability=stability))
 
 
 def _beside_end(

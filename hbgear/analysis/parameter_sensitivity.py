@@ -39,8 +39,8 @@ from hbgear.continuation.events.detector import event_at
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
-from hbgear.continuation.results.branch import Jump, Point, SpecialPoint
 from hbgear.continuation.results.layout import LayoutProtocol
+from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
 from hbgear.harmonic.bifurcations.extremum import peak_of
 from hbgear.harmonic.equations.layout import Layout

@@ -18,8 +18,9 @@ from hbgear.analysis.jump_landings import Landing, landings, stable_motions
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
-from hbgear.continuation.results.branch import Branch, Jump, Point
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.continuation.results.point import Jump, Point
 from hbgear.continuation.tracing.jumps import nearest
 from hbgear.harmonic.equations.layout import layout_of
 
@@ -200,6 +201,6 @@ def _beyond(branch: Branch, landed: Point, value: float, way: int) -> int:
     layout, own = layout_of(branch), layout_of(landed)
     assert layout is not None and own is not None
     places = crossings_at(branch, value)
-    near = min(places, key=lambda place: layout.distance(place.between(branch.X), own, landed.X))
+    near = min(places, key=lambda place: layout.distance(place.interpolate(branch.X), own, landed.X))
     ends = [i for i in (near.index, near.index + 1) if (branch.values[i] - value) * way > 0]
     return ends[0] if ends else near.nearest

@@ -15,7 +15,8 @@ import numpy as np
 
 from hbgear.analysis.jump_landings import landings
 from hbgear.common.text.digits import concise, rounded
-from hbgear.continuation.results.branch import Branch, Point, SpecialPoint
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.harmonic import model_registry
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import layout_of
@@ -92,7 +93,17 @@ def jump_table(
         if jump.note:
             notes.append(f"{jump.label}: {jump.note}")
         direction = "increasing" if jump.direction > 0 else "decreasing"
-        rows.append([jump.label, text_at(jump.before, jump.parameter), *speeds, direction, before, after, jump.decided])
+        rows.append(
+            [
+                jump.label,
+                text_at(jump.before, jump.parameter),
+                *speeds,
+                direction,
+                before,
+                after,
+                jump.landing_description,
+            ]
+        )
     sizes = [f"{measure} before", f"{measure} after"]
     return ["", branch.parameter, *speeds_of(branch, branch[0]), "while", *sizes, "decided"], rows, notes
 
@@ -101,8 +112,8 @@ def reliability_lines(branch: Branch) -> list[str]:
     """Estimated relative errors of a curve, or its warnings; empty if it was traced without error estimates."""
     if branch.meta.get("trace", {}).get("accuracy") is None:
         return []
-    if branch.doubts:
-        return [f"warning: {doubt}" for doubt in branch.doubts]
+    if branch.warnings:
+        return [f"warning: {doubt}" for doubt in branch.warnings]
     errors = [p.error / abs(p.parameters[branch.parameter]) for p in branch.special if p.parameters[branch.parameter]]
     points = f"special points {np.nanmax(errors):.0e}, " if errors and not np.isnan(errors).all() else ""
     verdicts = "" if branch.multipliers is None else "; stability determined at all points"
@@ -158,7 +169,7 @@ def facts_of(branch: Branch, measure: str) -> Iterator[tuple[str, str]]:
     if stable is None:
         yield "stability", "not computed"
     else:
-        counts = Counter(branch.verdicts)
+        counts = Counter(branch.stability)
         known = [f"{counts[name]} {name}" for name in ("unstable", "undecided", "unknown") if counts[name]]
         yield "stability", ", ".join([f"{counts['stable']} points stable", *known])
     yield "regimes", ", ".join(dict.fromkeys(regime_of(branch[i]) for i in range(len(branch))))

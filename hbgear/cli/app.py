@@ -29,6 +29,7 @@ from hbgear.cli.commands import rotors as cli_rotors
 from hbgear.cli.commands import study as cli_study
 from hbgear.cli.commands import time as cli_time
 from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
+from hbgear.cli.startup import STDOUT_CLOSED
 from hbgear.cli.support import (
     BAD_INPUT,
     STOPPED_EARLY,
@@ -73,7 +74,6 @@ from hbgear.cli.support import (
     traced,
 )
 from hbgear.common.atomic_write import CannotWrite
-from hbgear.common.command import STDOUT_CLOSED
 from hbgear.common.process.signals import sigterm_like_ctrl_c
 from hbgear.harmonic import model_registry
 from hbgear.harmonic.equations.layout import layout_of

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 import numpy as np
 
 import hbgear as hb
-from hbgear.common import command
+from hbgear.cli import startup
 from hbgear.common.process.threads import processors
 
 
@@ -23,7 +23,7 @@ def compiled_beside() -> Iterator[None]:
     """If this is a command, of two processors or more, and nothing is stored: compile while the block runs."""
     from hbgear.common.process.compiling import nothing_stored
 
-    if not command.IS_COMMAND or processors() < 2 or not nothing_stored():
+    if not startup.IS_COMMAND or processors() < 2 or not nothing_stored():
         yield
         return
     from hbgear.design.studies.processes import executor_of

@@ -23,8 +23,8 @@ from hbgear.cli import complete as cli_complete
 from hbgear.cli.first import compiled_beside
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.text.messages import shortened
-from hbgear.continuation.results.branch import LANDINGS
 from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.continuation.results.point import LANDINGS
 from hbgear.harmonic import model_registry
 from hbgear.mechanics.fields import check_names, defaults_of, is_entry, kinds_of, made, required_of
 
@@ -538,7 +538,7 @@ def show_doubts(branch: hb.Branch) -> None:
     lines = reliability_lines(branch)
     for line in lines:
         print_text(line)
-    if branch.doubts and lines:
+    if branch.warnings and lines:
         print_text("  more harmonics decide it: --harmonics 32 or auto")
 
 

@@ -12,7 +12,9 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.evaluation import AnyProblem
-from hbgear.continuation.results.branch import Branch, Status, continued, most_resolved, padded_to_common_size
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.concatenation import append_continuation, most_resolved, padded_to_common_size
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NewtonSettings
 from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.trace import trace
@@ -54,7 +56,7 @@ def extend(
     (10, 'Omega = 1.6 reached')
     """
     if problem is None:  # a file tells that of a response curve, not of one of special points
-        problem = branch.problem if "curve" in branch.meta else branch.known_problem
+        problem = branch.problem if "curve" in branch.meta else branch.require_problem()
     if problem is None:
         raise ValueError("extending needs the problem; load the branch with load(path, problem=HarmonicBalance(...))")
     if len(branch) < 2:
@@ -68,7 +70,7 @@ def extend(
     start = BranchStart(here, branch.parameters_at(-1), direction, away=False)
     options = {"stability": branch.multipliers is not None, **options}
     new = trace(problem, branch.parameter, (float(first), float(last)), start, **options)
-    whole = continued(*padded_to_common_size(branch, new))
+    whole = append_continuation(*padded_to_common_size(branch, new))
     whole = dataclasses.replace(whole, problem=most_resolved(branch, new))
     return dataclasses.replace(whole, jump_records=find_jumps(whole, options.get("settings", NewtonSettings())))
 

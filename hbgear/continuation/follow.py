@@ -8,7 +8,8 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.events.detector import event_of
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.results.branch import Branch, SpecialPoint
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.tracing.trace import trace
 
 

@@ -13,7 +13,8 @@ from typing import Any
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.text.messages import article
 from hbgear.continuation.events.detector import event_of
-from hbgear.continuation.results.branch import Branch, SpecialPoint
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.tracing.trace import trace
 
 

@@ -36,8 +36,10 @@ from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, checked
 from hbgear.common.text.messages import quoted
-from hbgear.continuation.results.branch import Branch, SpecialPoint, Status
-from hbgear.continuation.results.termination import Termination, whole
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import SpecialPoint
+from hbgear.continuation.results.status import Status
+from hbgear.continuation.results.termination import Termination, raise_if_interrupted
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.trace import trace
 from hbgear.design.bounds import bounds_of
@@ -238,10 +240,10 @@ def redesign(
     u = np.zeros(len(names))
     try:
         u = search.run(u, low, high)
-        ending.reached(Status.REACHED_END, search.told)
+        ending.record_end(Status.REACHED_END, search.told)
     except KeyboardInterrupt as error:
         u = search.last
-        ending.note(error, f"after {search.steps} steps")
+        ending.record_error(error, f"after {search.steps} steps")
     return _result(search, u, ending)
 
 
@@ -450,7 +452,7 @@ class _Search:
     def _of_peak(self, u: Array) -> _Slack:
         """Below the limit by a share of it."""
         problem, goal = self.balance(u), self.goal
-        curve = whole(trace(problem, "Omega", self.span, accuracy=None, stability=False, special=False))
+        curve = raise_if_interrupted(trace(problem, "Omega", self.span, accuracy=None, stability=False, special=False))
         tops = peaks(curve, goal.measure, goal.element, share=0.99, accuracy=None)
         if not tops:
             raise ValueError(f"redesign: {goal.measure} has no peak from Omega = {self.span[0]:g} to {self.span[1]:g}")
@@ -539,10 +541,10 @@ def _result(search: _Search, u: Array, ending: Termination) -> Redesign:
         told = f"{search.told}; the goal is not reached: {_what_is_left(search, short)}{of}"
         if math.isnan(short):
             told = f"jumps are left, and no value of {', '.join(search.names)} was found at which one vanishes"
-        ending.reached(ending.status, told)
+        ending.record_end(ending.status, told)
     return Redesign(
         curve.problem.model, search.values(u), dict(zip(search.names, u.tolist(), strict=True)),
-        float(np.linalg.norm(u)), reached, short, share, curve, search.steps, ending.status, ending.told,
+        float(np.linalg.norm(u)), reached, short, share, curve, search.steps, ending.status, ending.message_with_advice,
     )  # fmt: skip
 
 

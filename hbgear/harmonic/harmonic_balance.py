@@ -29,7 +29,8 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.continuation.results.branch import Branch, Point
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point
 from hbgear.harmonic.balance.equations import FREQUENCIES
 from hbgear.harmonic.balance.motions import PeriodicMotions
 from hbgear.harmonic.bifurcations.no_contact import ARBITRARY, pins_of

@@ -13,7 +13,7 @@ from typing import Any
 from hbgear.analysis.jump_maps import JumpMap
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.augmented.fold import FoldProblem
-from hbgear.continuation.results.branch import Status
+from hbgear.continuation.results.status import Status
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.io.branches.npz import load
 

@@ -42,7 +42,6 @@ if TYPE_CHECKING:  # imported when they are first used
         sweeps,
         validation,
     )
-    from hbgear.plot.sweep_paths import RUNS, orders, runs, waterfall
     from hbgear.plot.style import (
         BRANCHES,
         COLOURS,
@@ -57,6 +56,7 @@ if TYPE_CHECKING:  # imported when they are first used
         legend_entry,
         save,
     )
+    from hbgear.plot.sweep_paths import RUNS, orders, runs, waterfall
 
 __all__ = [
     "BASINS",

@@ -11,7 +11,7 @@ from hbgear.plot.style import State, regime_of
 def states(branch: Branch, element: int | str) -> list[State]:
     """Regime of the element and stability of each row."""
     known: dict[str, bool | str] = {"stable": True, "unstable": False, "undecided": "undecided"}
-    stable = [known.get(verdict) for verdict in branch.verdicts]
+    stable = [known.get(verdict) for verdict in branch.stability]
     layout = layout_of(branch)
     return [(regime_of(layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]
 

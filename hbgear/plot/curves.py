@@ -14,7 +14,8 @@ from hbgear.analysis.jump_landings import landings
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
-from hbgear.continuation.results.branch import Branch, Jump, Point
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Jump, Point
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.frequency_units import common_scales, model_of, same_scales, scales

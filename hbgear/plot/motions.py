@@ -9,7 +9,7 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range, checked
-from hbgear.continuation.results.branch import Point
+from hbgear.continuation.results.point import Point
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.frequency_units import MESH, PINION, speeds_at
 from hbgear.plot.style import (

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.atomic_write import atomic_write
 from hbgear.continuation.events.event import Event
-from hbgear.continuation.results.branch import SpecialPoint
+from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import KINDS
 from hbgear.harmonic.equations.layout import REGIMES, Layout
 from hbgear.harmonic.frequency_units import MESH, PINION

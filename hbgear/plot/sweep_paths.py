@@ -12,7 +12,8 @@ from hbgear.analysis.run_ups import BranchSection, RunUp, run_up
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range, checked, counted
-from hbgear.continuation.results.branch import Branch, Jump, Point
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Jump, Point
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.plot.curves import name_axes, speed_axes
 from hbgear.plot.style import BRANCHES, FONT, GREY, add_legend, axes_or_new, dress, gap_label, heighten, styled

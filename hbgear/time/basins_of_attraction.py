@@ -24,7 +24,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import POSITIVE, checked, counted
-from hbgear.continuation.results.branch import Status
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.plausibility import of_frequency, of_model
@@ -174,7 +174,7 @@ def basins(
         done = np.count_nonzero(label >= 0)
         if not done:
             raise
-        ending.note(error, f"after {done} of {count} motions had settled")
+        ending.record_error(error, f"after {done} of {count} motions had settled")
     name = "" if which is None else system.elements[which].name or f"element {which}"
     label, attractors = found.ranked(label)
     return Basins(
@@ -185,7 +185,7 @@ def basins(
         attractors,
         dict(model.labels),
         ending.status,
-        ending.told,
+        ending.message_with_advice,
         name,
     )
 

@@ -27,7 +27,7 @@ from hbgear.common.atomic_write import atomic_write
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import ANY, Range, checked
 from hbgear.common.text.messages import did_you_mean
-from hbgear.continuation.results.branch import Status
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
 from hbgear.harmonic.equations import layout as measures
 from hbgear.mechanics.models import Model
@@ -335,10 +335,10 @@ class _Sweeper:
                 raise
             place = f"after {len(self.found)} of {len(self.values)} values"
             if isinstance(error, _RunsAway):
-                ending.reached(Status.FAILED, f"{place}, {error}")
+                ending.record_end(Status.FAILED, f"{place}, {error}")
             else:
-                ending.note(error, place)
-        return self._result(system, ending.status, ending.told)
+                ending.record_error(error, place)
+        return self._result(system, ending.status, ending.message_with_advice)
 
     def _stepper(self, value: float) -> ExponentialIntegrator:
         here = {**self.at, self.parameter: float(value)}

@@ -26,7 +26,8 @@ import numpy as np
 from hbgear.analysis.jump_landings import candidates, same_motion, stable_motions, stable_points
 from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress, ProgressCallback
-from hbgear.continuation.results.branch import Branch, Jump, Point, SpecialPoint
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.mechanics.series.fourier import to_real
@@ -103,7 +104,7 @@ def integrate_jumps(
     --------
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
-    >>> [jump.decided for jump in curve.jumps(landing="integrate")]
+    >>> [jump.landing_description for jump in curve.jumps(landing="integrate")]
     ['integrated', 'integrated']
     """
     problem = branch.problem if problem is None else problem

@@ -8,7 +8,9 @@ import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import ComplexArray
-from hbgear.continuation.results.branch import STABILITY_TOLERANCE, Branch, Point
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.multipliers.hill import hill_multipliers

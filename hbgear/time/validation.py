@@ -43,7 +43,9 @@ from hbgear.common.ranges import counted
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
-from hbgear.continuation.results.branch import LANDINGS, STABILITY_TOLERANCE, Branch, Jump, Point
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import LANDINGS, Jump, Point
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.model_registry import is_description, rebuild_problem

@@ -17,7 +17,8 @@ from hbgear.analysis.jump_landings import Landing, landings
 from hbgear.analysis.summary import facts_of, jump_table, reliability_lines, special_table
 from hbgear.common.arrays import Array
 from hbgear.common.text.symbols import in_html, unit_of, without_unit
-from hbgear.continuation.results.branch import Branch, Point
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import MEASURES, Layout, layout_of
 from hbgear.harmonic.frequency_units import MESH, PINION, common_scales
@@ -80,7 +81,7 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = ()) -> dict[str, 
         "stretches": [
             [[regime, _verdict(s), first, last] for (regime, s), first, last in stretches(branch, j)] for j in each
         ],
-        "verdicts": branch.verdicts,
+        "verdicts": branch.stability,
         "regimes": branch.regimes,
         "coefficients": packed(layout.spread(branch.X).reshape(len(branch), -1)),
         "multipliers": None if branch.multipliers is None else multipliers(branch),
@@ -163,7 +164,7 @@ def _special(branch: Branch, layout: Layout) -> list[dict[str, Any]]:
         event = named(point)
         out.append({
             "label": point.label, "kind": point.kind, "meaning": legend_entry(event), "marker": event.marker,
-            "row": point.index, "x": point.parameters[branch.parameter], "sizes": sizes, "verdict": point.verdict,
+            "row": point.index, "x": point.parameters[branch.parameter], "sizes": sizes, "verdict": point.stability,
         })  # fmt: skip
     return out
 
@@ -175,7 +176,8 @@ def _jumps(layout: Layout, found: Sequence[Landing]) -> list[dict[str, Any]]:
         jump = landing.jump
         end = None if jump.after is None else layout_of(jump.after)
         out.append({
-            "label": jump.label, "x": jump.value, "direction": jump.direction, "before": size, "decided": jump.decided,
+            "label": jump.label, "x": jump.value, "direction": jump.direction, "before": size,
+            "decided": jump.landing_description,
             "after": None if end is None or jump.after is None else _sizes(end, [jump.after])[0],
         })  # fmt: skip
     return out

@@ -26,7 +26,7 @@ from scipy.optimize import brentq
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.continuation.results.branch import concatenate
+from hbgear.continuation.results.concatenation import concatenate
 from hbgear.mechanics.series.fourier import extrema
 from studies import study
 

@@ -71,7 +71,7 @@ def line(curve: hb.Branch, speed: float, order: int) -> float:
     places = crossings_at(curve, float(model.from_pinion_speed(speed)))
     if not places:
         return float("nan")
-    return float(places[0].between(curve.amplitude(f"H{order}")) * model.b_c * 1e9)
+    return float(places[0].interpolate(curve.amplitude(f"H{order}")) * model.b_c * 1e9)
 
 
 def plot(results: Results) -> Figure:

@@ -53,7 +53,7 @@ def motions(harmonics: int) -> tuple[Array, Array, Array]:
     problem = hb.HarmonicBalance(PAIR, harmonics)
     curve = hb.trace(problem, "Omega", (1.0, 0.4), stability=False)
     here = {**problem.parameters, "Omega": OMEGA}
-    X = [solve(problem, place.between(curve.X), here).X for place in crossings_at(curve, OMEGA)]
+    X = [solve(problem, place.interpolate(curve.X), here).X for place in crossings_at(curve, OMEGA)]
     points = [(float(evaluate(row, 0.0)[0]), OMEGA * float(evaluate(row, 0.0, 1)[0])) for row in X]
     rms = [np.sqrt(0.5 * np.sum(row[1:] ** 2)) for row in X]
     stable = [bool(np.abs(problem.multipliers(row, **here)).max() < 1) for row in X]

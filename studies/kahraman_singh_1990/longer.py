@@ -14,8 +14,8 @@ import numpy as np
 import hbgear as hb
 from hbgear.analysis.multistart import whole_branch
 from hbgear.common.arrays import Array
-from hbgear.continuation.results.branch import Status
 from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import solve
 from hbgear.harmonic.equations import layout as measures
 from hbgear.mechanics.series.fourier import evaluate, resize, to_complex, to_real
@@ -95,7 +95,7 @@ def motions_at(branch: hb.Branch, Omega: float) -> list[Array]:
     for place in crossings_at(branch, Omega):
         if stable[place.index : place.index + 2].any():
             try:
-                found.append(solve(branch.problem, place.between(branch.X), here).X)
+                found.append(solve(branch.problem, place.interpolate(branch.X), here).X)
             except hb.NoConvergence:
                 continue
     return found

@@ -29,7 +29,7 @@ from matplotlib.lines import Line2D
 import hbgear as hb
 from hbgear import plot as draw
 from hbgear.common.arrays import Array
-from hbgear.continuation.results.branch import Status
+from hbgear.continuation.results.status import Status
 from hbgear.harmonic.equations import layout as measures
 from hbgear.time.frequency_sweep import Sweep
 from hbgear.time.steady_state import SteadyStateSettings

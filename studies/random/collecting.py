@@ -27,7 +27,8 @@ from threadpoolctl import threadpool_limits
 
 import hbgear as hb
 from hbgear.common.atomic_write import atomic_write
-from hbgear.continuation.results.branch import Branch, Status
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.status import Status
 from hbgear.design.studies.processes import executor_of
 from hbgear.harmonic.structure.recession import Receded
 from studies.random import truth

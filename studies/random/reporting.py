@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hbgear.continuation.results.branch import Status
+from hbgear.continuation.results.status import Status
 from studies import study
 from studies.random.collecting import Results
 from studies.random.truth import Compared

@@ -22,7 +22,8 @@ import scipy
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.continuation.results.branch import STABILITY_TOLERANCE, Branch
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 
 SAME = 0.05
 """Distance of states at phase 0, relative to the size of the motion, up to which two motions are the same."""
@@ -118,7 +119,7 @@ def compared(stop: Stop, curve: Branch, every: int) -> list[Shot]:
             continue
         right, mine = float(np.abs(found[1]).max()), float(np.abs(curve.multipliers[i]).max())  # type: ignore[index]
         verdict = "stable" if right <= 1 + STABILITY_TOLERANCE else "unstable"
-        out.append(Shot(i, curve.verdicts[i], verdict, abs(right - mine), float(curve.modulus_error[i])))  # type: ignore[index]
+        out.append(Shot(i, curve.stability[i], verdict, abs(right - mine), float(curve.modulus_error[i])))  # type: ignore[index]
     return out
 
 

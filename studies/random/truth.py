@@ -28,7 +28,9 @@ import scipy
 
 import hbgear as hb
 from hbgear.common.arrays import Array
-from hbgear.continuation.results.branch import STABILITY_TOLERANCE, Branch, Jump, Point, SpecialPoint
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Jump, Point, SpecialPoint
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.structure.receptance import LinearStructure
 from hbgear.time.exponential.integrator import modal_state, physical_state

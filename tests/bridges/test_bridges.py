@@ -174,7 +174,7 @@ def test_newmark_of_ross_lies_on_the_curve_with_jumps(ross):
         one, last = 0.5 * np.ptp(d[:200]), 0.5 * np.ptp(d[200:])
         assert one == pytest.approx(last, rel=1e-3)  # it has settled
         stable = [
-            half_peak_to_peak(solve(problem, place.between(curve.X), {"Omega": Omega}).X)
+            half_peak_to_peak(solve(problem, place.interpolate(curve.X), {"Omega": Omega}).X)
             for place in crossings_at(curve, Omega)
             if curve.stable[place.nearest]
         ]

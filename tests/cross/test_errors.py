@@ -58,7 +58,7 @@ def test_verdicts_of_two_masses():
     sure = 0
     special = {p.index for p in curve.special}
     for i in set(range(0, len(curve), 3)) - special:
-        if curve.verdicts[i] == "undecided" or np.abs(curve.values[i] - list(POINTS.values())).min() < 2e-3:
+        if curve.stability[i] == "undecided" or np.abs(curve.values[i] - list(POINTS.values())).min() < 2e-3:
             continue
         gap = np.abs(fine.values - curve.values[i]) + np.abs(fine.amplitude("rms") - curve.amplitude("rms")[i])
         assert curve.stable[i] == fine.stable[int(np.argmin(gap))], curve.values[i]
@@ -85,9 +85,9 @@ def test_a_backlash_fifty_times_as_stiff():
         places = [p.parameters["Omega"] for p in fine.special if p.kind == mine.kind]
         assert np.abs(np.array(places) - mine.parameters["Omega"]).min() <= STATED * mine.error + 2e-5, mine.label
     vague = [p.label for p in curve.special if p.error > 2e-5 * p.parameters["Omega"]]
-    assert all(label in " ".join(curve.doubts) for label in vague)
+    assert all(label in " ".join(curve.warnings) for label in vague)
     asked = hb.trace(hb.HarmonicBalance(system, 16), "Omega", (0.6, 0.45), accuracy=None)
-    assert asked.layout.harmonics == 16 and "motions are known to" in " ".join(asked.doubts)
+    assert asked.layout.harmonics == 16 and "the relative error of motions is up to" in " ".join(asked.warnings)
 
 
 def test_multipliers_in_doubt_are_those_of_the_motion_at_this_frequency():
@@ -251,7 +251,7 @@ def test_files_keep_points_of_more_harmonics_than_their_curve(tmp_path):
         np.testing.assert_array_equal(mine.X, read.X)
         assert (mine.error, mine.truncation, mine.layout) == (read.error, read.truncation, read.layout)
     np.testing.assert_array_equal(curve.modulus_error, again.modulus_error)
-    assert again.doubts == curve.doubts == () and max(p.layout.harmonics for p in again.special) > 5
+    assert again.warnings == curve.warnings == () and max(p.layout.harmonics for p in again.special) > 5
 
 
 def test_what_cannot_be_decided_is_listed_and_drawn(tmp_path):
@@ -259,9 +259,9 @@ def test_what_cannot_be_decided_is_listed_and_drawn(tmp_path):
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.0))
     modulus = np.abs(curve.multipliers).max(axis=1)
     doubtful = replace(curve, modulus_error=np.where(np.arange(len(curve)) == 7, 1.0 - modulus + 1e-3, np.nan))
-    assert doubtful.verdicts[7] == "undecided" == doubtful[7].verdict and doubtful[7].stable is None
+    assert doubtful.stability[7] == "undecided" == doubtful[7].stability and doubtful[7].stable is None
     assert doubtful.undecided.sum() == 1 and not doubtful.stable[7] and doubtful.stable.sum() == len(curve) - 1
-    assert "stability undecided at 1 points with Omega = " in doubtful.doubts[0]
+    assert "stability undecided at 1 points with Omega = " in doubtful.warnings[0]
     styles = {line.get_linestyle() for line in hb.plot.response(doubtful).lines}
     assert ":" in styles and ":" not in {line.get_linestyle() for line in hb.plot.response(curve).lines}
 

@@ -78,7 +78,7 @@ def test_several_stable_motions_and_the_right_one(fixed):
     jump = next(j for j in fixed.jumps() if j.label == "LP1")
     assert jump.value == pytest.approx(0.75474, abs=1e-5)
     assert sorted(p.amplitude("rms") for p in jump.candidates) == pytest.approx([0.0221, 0.0930], abs=1e-4)
-    assert jump.after.amplitude("rms") == pytest.approx(0.0930, abs=1e-4) and jump.decided == "nearest of 2"
+    assert jump.after.amplitude("rms") == pytest.approx(0.0930, abs=1e-4) and jump.landing_description == "nearest of 2"
     Omega, samples = ends_of(dataclasses.replace(fixed, jump_records=(jump,)), method="DOP853")[0]
     assert samples.std() == pytest.approx(0.0931, abs=1e-4) and is_where(fixed, Omega, samples, jump.after)
 
@@ -87,7 +87,7 @@ def test_integration_decides(fixed):
     decided = fixed.jumps(landing="integrate")
     changed = [j.label for j, near in zip(decided, fixed.jumps(), strict=True) if j.after is not near.after]
     assert changed == ["LP3", "LP4"]  # there the nearest is another one
-    assert all(jump.decided == "integrated" and jump.after.stable for jump in decided)
+    assert all(jump.landing_description == "integrated" and jump.after.stable for jump in decided)
     assert [jump.label for jump in decided if "indeterminate" in jump.note] == ["LP3", "LP5"]
 
 
@@ -152,7 +152,7 @@ def test_without_its_problem_nothing_is_integrated(fixed, tmp_path):
     decided.save(tmp_path / "fixed.npz")
     again = hb.load(tmp_path / "fixed.npz")
     for a, b in zip(again.jumps(), decided.jumps(), strict=True):
-        assert (a.landing, a.note, a.decided) == (b.landing, b.note, "integrated")
+        assert (a.landing, a.note, a.landing_description) == (b.landing, b.note, "integrated")
         assert np.array_equal(a.after.X, b.after.X) and len(a.candidates) == len(b.candidates)
     with pytest.raises(ValueError, match="landing='integrate' needs a curve of periodic motions with its problem"):
         again.jumps(landing="integrate")

@@ -125,11 +125,11 @@ def test_a_point_without_the_multiplier_of_its_event_is_not_located(event):
 
 def test_an_unknown_error_is_a_doubt_that_names_the_point():
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
-    assert curve.doubts == ()
+    assert curve.warnings == ()
     unknown = tuple(replace(p, error=np.nan) if p.label == "LP2" else p for p in curve.special)
-    assert "LP2 not known" in replace(curve, special=unknown).doubts[0]
+    assert "LP2 not known" in replace(curve, special=unknown).warnings[0]
     plain = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6), accuracy=None)
-    assert np.isnan(plain["LP1"].error) and plain.doubts == ()  # nothing was asked of it
+    assert np.isnan(plain["LP1"].error) and plain.warnings == ()  # nothing was asked of it
 
 
 # ---- the beginning of a branch

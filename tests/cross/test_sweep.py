@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import hbgear as hb
 from hbgear import plot
-from hbgear.continuation.results.branch import Status
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import solve
 from hbgear.time.basins_of_attraction import basins
 from hbgear.time.exponential.integrator import ExponentialIntegrator

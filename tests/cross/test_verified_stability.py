@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation.results.branch import stability_codes
-from hbgear.continuation.results.consistency import stable_on_both_sides, unexplained_changes
+from hbgear.continuation.results.reliability import stable_on_both_sides, unexplained_changes
+from hbgear.continuation.results.stability import stability_codes
 from hbgear.harmonic.multipliers.multiplier_error import (
     count_beyond,
     difference_of,
@@ -98,10 +98,10 @@ def test_small_multipliers_that_are_rounding_are_no_period_doublings():
         warnings.simplefilter("error")
         curve = hb.trace(hb.HarmonicBalance(saddle, 12), "Omega", (0.3, 0.1), start=np.zeros(25))
         slow = hb.trace(hb.HarmonicBalance(saddle, 12), "Omega", (0.01, 0.005), start=np.zeros(25))
-    assert not curve.special and set(curve.verdicts) == {"unstable"}
+    assert not curve.special and set(curve.stability) == {"unstable"}
     exact = np.exp((-0.05 + np.sqrt(2.0025)) * 2 * np.pi / curve.values)
     np.testing.assert_allclose(np.abs(curve.multipliers).max(axis=1), exact, rtol=1e-2)
-    assert np.isfinite(slow.multipliers).all() and set(slow.verdicts) == {"unstable"} and not slow.special
+    assert np.isfinite(slow.multipliers).all() and set(slow.stability) == {"unstable"} and not slow.special
 
 
 def test_two_multipliers_that_pass_together_have_a_doubling_each():
@@ -121,15 +121,15 @@ def test_two_multipliers_that_pass_together_have_a_doubling_each():
     assert sorted((counts[first - 1], counts[last + 1])) == [0, 2]
 
 
-def test_contradictions_of_a_branch_are_doubts():
+def test_contradictions_of_a_branch_are_warnings():
     """A curve that loses a fold from its special points, or a verdict, says so."""
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
-    assert curve.doubts == ()
+    assert curve.warnings == ()
     less = replace(curve, special=curve.special[1:], jump_records=())
-    assert "without a special point" in less.doubts[0]
+    assert "without a special point" in less.warnings[0]
     mu = curve.multipliers.copy()
     mu[curve["LP1"].index + 1 : curve["LP2"].index] *= 0.1
-    assert "both sides of LP1, LP2 are stable" in replace(curve, multipliers=mu).doubts
+    assert "both sides of LP1, LP2 are stable" in replace(curve, multipliers=mu).warnings
     codes = stability_codes(curve.multipliers, curve.modulus_error)
     marks = {p.index: [p.kind] for p in curve.special}
     assert not unexplained_changes(codes, marks) and not stable_on_both_sides(codes, marks)

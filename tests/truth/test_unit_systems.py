@@ -93,7 +93,7 @@ def errors_of(curve):
 def test_there_is_something_to_compare(name, known):
     """Each curve has a stable part, and but for the tether special points."""
     kinds, _, curve = known[name]
-    assert curve.stable.any() and not any("no point of the curve is stable" in doubt for doubt in curve.doubts)
+    assert curve.stable.any() and not any("no point of the curve is stable" in doubt for doubt in curve.warnings)
     assert kinds or name == "tether"
 
 

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from hbgear.continuation.results.branch import Branch, Jump, Point, SpecialPoint, Status
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Jump, Point, SpecialPoint
+from hbgear.continuation.results.status import Status
 from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.io.branches import npz
@@ -171,7 +173,7 @@ def test_rows_and_labels():
     assert len(list(b)) == len(b) == 8
     with pytest.raises(KeyError, match="no special point 'LP2' on this branch; it has: LP1, GR1"):
         b["LP2"]
-    with pytest.raises(IndexError, match="no row 8; the branch has 8 points"):
+    with pytest.raises(IndexError, match="no point 8; the branch has 8 points"):
         b[8]
     with pytest.raises(TypeError, match="label"):
         b[1.5]
@@ -202,6 +204,19 @@ def test_stability_is_the_unit_circle_and_may_be_unknown():
     b = make(multipliers=mu)
     assert b.stable.tolist() == [True, True, False, False, False, False, True, True]
     assert [p.stable for p in b] == [True, True, False, None, False, False, True, True]
+
+
+def test_deprecated_names_return_the_attributes_that_replace_them():
+    b = make(problem=object())
+    for owner, old, new in (
+        (b, "doubts", b.warnings), (b, "verdicts", b.stability), (b, "recorded", b.full_motion),
+        (b, "known_problem", b.require_problem()), (b[0], "verdict", b[0].stability),
+        (b["LP1"], "verdict", b["LP1"].stability), (b.jumps()[0], "decided", "nearest"),
+    ):  # fmt: skip
+        with pytest.warns(DeprecationWarning, match=rf"\.{old} is deprecated: use "):
+            assert getattr(owner, old) == new
+    with pytest.raises(ValueError, match=r"needs the problem of the branch.*hbgear\.load\(path, problem="):
+        make().require_problem()
 
 
 def test_regimes_are_those_of_the_worst_element():
@@ -253,7 +268,7 @@ def test_a_branch_without_layout_has_no_amplitudes():
      ("multipliers", np.zeros((9, 2))), ("tracked", {"F": np.zeros(2)})],
 )  # fmt: skip
 def test_wrong_shapes_are_refused(name, value):
-    with pytest.raises(ValueError, match=r"Branch: (.*rows|rows of 13)"):
+    with pytest.raises(ValueError, match=r"Branch: (.*points|points of 13)"):
         make(**{name: value})
 
 

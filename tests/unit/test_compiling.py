@@ -245,9 +245,9 @@ BESIDE = """
 import time
 import numpy as np
 import hbgear as hb
-from hbgear.cli import first
-from hbgear.common import command, compiling
-command.IS_COMMAND, first.processors = {command}, lambda: 2
+from hbgear.cli import first, startup
+from hbgear.common.process import compiling
+startup.IS_COMMAND, first.processors = {command}, lambda: 2
 with first.compiled_beside():
     end = time.monotonic() + {seconds}
     last = compiling._store() / "hbgear.harmonic.equations.diagnostic_kernels.driven"

@@ -17,7 +17,8 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.continuation.results.branch import Branch, Point, SpecialPoint
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.io.branches.forms import _FORMS
 
 MB = 2**20
@@ -278,7 +279,7 @@ def test_an_infinite_residual_is_named(whole, tmp_path):
 
 def test_every_field_that_is_written_is_read():
     # made again from the model, known by its kind, or beside the branch
-    stored = {Branch: {"problem", "recorded"}, Point: {"problem"}, SpecialPoint: {"problem", "event"}}
+    stored = {Branch: {"problem", "full_motion"}, Point: {"problem"}, SpecialPoint: {"problem", "event"}}
     for kind, forms in _FORMS.items():
         assert set(forms) == {field.name for field in dataclasses.fields(kind)} - stored.get(kind, set())
 

@@ -149,7 +149,7 @@ def test_motions_that_do_not_fit_are_refused(change, tmp_path):
     arrays["header"] = np.array(json.dumps(header | {"motions": change}))
     np.savez(tmp_path / "damaged.npz", **arrays)
     if change is None:
-        with pytest.raises(ValueError, match="needs the model"):
+        with pytest.raises(ValueError, match="needs the problem"):
             hb.load(tmp_path / "damaged.npz").amplitude(dof="x")
     else:
         with pytest.raises(ValueError, match="motions"):

@@ -24,10 +24,10 @@ def circle() -> Branch:
 
 def test_every_place_is_found_and_lies_between_its_points(circle):
     places = crossings_at(circle, 0.6)
-    assert [np.sign(place.between(circle.X)[0]) for place in places] == [1, -1]
+    assert [np.sign(place.interpolate(circle.X)[0]) for place in places] == [1, -1]
     for place in places:
-        assert place.between(circle.values) == pytest.approx(0.6, abs=1e-12)
-        assert place.between(circle.X) ** 2 + 0.36 == pytest.approx(1.0, abs=0.02)
+        assert place.interpolate(circle.values) == pytest.approx(0.6, abs=1e-12)
+        assert place.interpolate(circle.X) ** 2 + 0.36 == pytest.approx(1.0, abs=0.02)
         assert place.nearest in place.points == (place.index, place.index + 1)
 
 

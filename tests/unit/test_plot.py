@@ -17,7 +17,9 @@ import hbgear as hb
 from hbgear import plot
 from hbgear.analysis.jump_landings import landings
 from hbgear.analysis.jump_maps import Arm, JumpMap
-from hbgear.continuation.results.branch import Branch, Jump, Point, SpecialPoint, Status
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Jump, Point, SpecialPoint
+from hbgear.continuation.results.status import Status
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.mechanics.models import describe
 

@@ -33,7 +33,7 @@ from pages import (
 
 import hbgear as hb
 from hbgear.cli import app as cli
-from hbgear.continuation.results.branch import STABILITY_TOLERANCE
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.design.studies.study_file import read_study
 from hbgear.harmonic.equations.layout import REGIMES
 from hbgear.io.machines.machine_file import read_machine

@@ -14,8 +14,8 @@ import hbgear as hb
 from hbgear.cli.app import main
 from hbgear.common import optional
 from hbgear.continuation.results.interpolation import crossings_at
-from hbgear.design.studies.results import Results, read_results
 from hbgear.design.fitting.measurement_table import measurements_of
+from hbgear.design.studies.results import Results, read_results
 from hbgear.harmonic.frequency_units import MESH, PINION
 from hbgear.web import view
 from hbgear.web.overlay import dots, dots_of

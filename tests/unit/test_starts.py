@@ -63,7 +63,7 @@ def test_softening_oscillator_starts_at_rest():
     for span in ((0.1, 1.6), (1.6, 0.1)):
         curve = hb.trace(problem, "Omega", span)
         assert sorted(round(jump.value, 5) for jump in curve.jumps()) == [0.86271, 0.89278]
-        assert np.abs(curve.amplitude("mean")).max() < 1e-9 and not curve.doubts
+        assert np.abs(curve.amplitude("mean")).max() < 1e-9 and not curve.warnings
 
 
 def test_a_curve_without_a_stable_point_says_so():
@@ -71,7 +71,7 @@ def test_a_curve_without_a_stable_point_says_so():
     X = np.zeros(17)
     X[0] = 1.0  # the saddle
     curve = hb.trace(problem, "Omega", (1.5, 1.6), start=X)
-    assert not curve.stable.any() and "no point of the curve is stable" in " ".join(curve.doubts)
+    assert not curve.stable.any() and "no point of the curve is stable" in " ".join(curve.warnings)
 
 
 def test_stable_static_states_come_first():
@@ -176,7 +176,7 @@ def test_a_supercritical_pitchfork_is_no_jump():
     """Two equal masses lose their common motion to one in which they differ, as integration finds too."""
     curve = hb.trace(hb.HarmonicBalance(two_masses(1.0, -0.05, 0.1), 5), "Omega", (0.6, 2.2))
     (jump,) = (jump for jump in curve.jumps() if jump.label.startswith("BP"))
-    assert jump.landing == "bifurcating" and "no jump" in jump.note and "continues" in jump.decided
+    assert jump.landing == "bifurcating" and "no jump" in jump.note and "continues" in jump.landing_description
     before, after = (point.amplitude("H1") for point in (jump.before, jump.after))
     assert after == pytest.approx(before, rel=0.05) and jump.after.stable
     assert abs(jump.after.amplitude("H1", 0) - jump.after.amplitude("H1", 1)) > 1e-3 * before
@@ -194,4 +194,4 @@ def test_a_bifurcating_branch_is_kept_in_files(tmp_path):
     curve = hb.trace(hb.HarmonicBalance(two_masses(1.0, -0.05, 0.1), 5), "Omega", (1.0, 1.6))
     curve.save(tmp_path / "curve.npz")
     again = hb.load(tmp_path / "curve.npz")
-    assert [jump.decided for jump in again.jumps()] == [jump.decided for jump in curve.jumps()]
+    assert [jump.landing_description for jump in again.jumps()] == [jump.landing_description for jump in curve.jumps()]

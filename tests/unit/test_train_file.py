@@ -206,7 +206,7 @@ def test_a_file_of_all_that_a_train_may_have(rotor, tmp_path):
     assert problem.layout.elements == ("in-out", "in x", "in y") and "left" in problem.dof_names
     curve = hb.trace(problem, "Omega", (0.03, 0.0301), stability=False, steps=hb.StepControl(max_points=2))
     curve.save(tmp_path / "rotor.npz")
-    assert describe(hb.load(tmp_path / "rotor.npz").known_problem.model) == describe(train)
+    assert describe(hb.load(tmp_path / "rotor.npz").require_problem().model) == describe(train)
 
 
 def test_figure_of_beams_and_housing(rotor):

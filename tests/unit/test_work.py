@@ -32,7 +32,7 @@ def test_a_curve_that_is_followed_again_has_the_whole_work():
 
 def test_without_a_limit_everything_is_allowed():
     work = Work(math.inf)
-    assert all(work.allows(10_000, solutions=50) for _ in range(100)) and not work.refused and not work.told
+    assert all(work.allows(10_000, solutions=50) for _ in range(100)) and not work.refused and not work.message
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_a_curve_with_little_work_is_the_same_curve_and_says_what_it_does_not_kn
     little = hb.trace(problem, "Omega", (0.9, 2.2), work=0.0)
     assert little.status.complete and "the bound work = 0 allows no more" in little.message
     assert "the bound work" not in full.message
-    assert little.doubts and len(little.special) >= 1
+    assert little.warnings and len(little.special) >= 1
     for p in little.special:
         assert min(abs(p.parameters["Omega"] - q.parameters["Omega"]) for q in full.special) < 0.05
     assert little.undecided.sum() >= full.undecided.sum()

@@ -40,10 +40,10 @@ for H in (8, 16, 32):
 # %%
 # 3. Is the stability sure?
 # -------------------------
-# Rows whose verdict is in doubt are *undecided*, and ``doubts`` says in words what cannot
-# be trusted. Empty is good.
+# Points whose stability the error of a multiplier leaves open are *undecided*. ``warnings``
+# lists the reasons why a curve is not reliable everywhere. Empty is good.
 
-print(curve.doubts or "no doubts")
+print(curve.warnings or "no warnings")
 opinion = hb.time.compare_multipliers(curve, curve.peak("rms"))
 for way, modulus in opinion.moduli.items():
     print(f"largest modulus, {way}: {modulus:.6f}")

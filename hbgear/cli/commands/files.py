@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import hbgear as hb
+from hbgear.cli.startup import IS_COMMAND
 from hbgear.cli.support import BAD_INPUT, say
 from hbgear.common import atomic_write
-from hbgear.common.command import IS_COMMAND
 from hbgear.common.process.threads import processors
 
 if TYPE_CHECKING:

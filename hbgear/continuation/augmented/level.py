@@ -15,7 +15,7 @@ from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import STEP, parameter_derivatives
-from hbgear.continuation.results.branch import Point
+from hbgear.continuation.results.point import Point
 
 
 class ScalarConditionProblem(MinimallyAugmentedProblem):

@@ -57,8 +57,8 @@ from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.problem.evaluation import AnyProblem, Evaluation, Locating
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
-from hbgear.continuation.results.branch import Point
 from hbgear.continuation.results.layout import LayoutProtocol
+from hbgear.continuation.results.point import Point
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, refine, solve
 
 

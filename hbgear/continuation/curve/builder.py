@@ -13,7 +13,9 @@ from hbgear._version import __version__
 from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import CurvePoint
 from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.continuation.results.branch import Branch, Point, SpecialPoint, Status
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point, SpecialPoint
+from hbgear.continuation.results.status import Status
 
 
 class Found(Protocol):

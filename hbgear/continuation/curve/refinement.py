@@ -63,7 +63,7 @@ def refine_branch(branch: Branch) -> Branch:
         for name in seen.keys() & told.keys():
             seen[name][i] = told[name]
     return replace(
-        branch, X=X, values=values, layout=finer.layout, problem=finer.original, others=(), recorded=None, **seen
+        branch, X=X, values=values, layout=finer.layout, problem=finer.original, others=(), full_motion=None, **seen
     )
 
 

@@ -31,7 +31,7 @@ from hbgear.continuation.events.fold import FoldEvent
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem, observe_all
 from hbgear.continuation.problem.work import Work
-from hbgear.continuation.results.branch import SpecialPoint
+from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence, Solution, solution_at
 
 _ROUNDING = 1e-12  # of a parameter, relative to its unit: no error is stated to be smaller

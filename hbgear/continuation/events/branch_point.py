@@ -18,7 +18,8 @@ from hbgear.continuation.events.event import Event, LocatedEvent, locate_root, s
 from hbgear.continuation.numerics.linear import as_dense, bordered, slogdet
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
-from hbgear.continuation.results.branch import Branch, SpecialPoint
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence
 
 

@@ -13,7 +13,8 @@ from hbgear.continuation.events.event import Event, LocatedEvent, column
 from hbgear.continuation.events.fold import CuspEvent, FoldEvent
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.continuation.results.branch import Branch, SpecialPoint
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import SpecialPoint
 
 
 def event_of(branch: Branch, point: SpecialPoint) -> Event | None:

@@ -18,7 +18,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import CurvePoint, Points, Segment
 from hbgear.continuation.events.detector import EventDetector
 from hbgear.continuation.events.event import Event, LocatedEvent
-from hbgear.continuation.results.branch import ENDS
+from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS
 
 Place: TypeAlias = tuple[int, float]
 """Number of a piece between two rows, and share of its chord."""
@@ -110,7 +110,7 @@ class SampledCurve:
         if self.rows is rows:
             return found
         pieces = [piece for piece, _ in self.places]
-        ends = {piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind in ENDS}
+        ends = {piece for piece, kind in zip(pieces, self.kinds, strict=True) if kind in STABILITY_CHANGING_KINDS}
         for event in watch.searched:
             changes = watch.changes(event, self.rows)
             held = [k for k, kind in self.holds.items() if kind == event.kind]

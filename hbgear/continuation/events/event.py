@@ -41,7 +41,9 @@ from hbgear.continuation.events.near_tangency import near_zeros
 from hbgear.continuation.numerics.bracketed_root import find_root_bracketed
 from hbgear.continuation.numerics.linear import norms
 from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.continuation.results.branch import Branch, Point, SpecialPoint, Status
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point, SpecialPoint
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, on_curve, solution_at
 
 

@@ -2,9 +2,9 @@
 
     A = P L U,   X = U^-1 L^-1 P^T B,   the sign of det A from the pivots and their order
 
-Rows are exchanged for the largest pivot of each column. Four columns are eliminated before others are touched, which
-are then read and written once for all four. For matrices of up to some seventy rows this takes no longer than LAPACK;
-threads may run it at once, and its results hardly depend on the processor.
+Rows are exchanged for the largest pivot of each column. Four columns are eliminated together, so that the rest of the
+matrix is read and written once for all four. For matrices of up to about seventy rows this takes no longer than LAPACK.
+Threads may run it at once, and its results depend very little on the processor.
 
 References
 ----------
@@ -20,15 +20,27 @@ import numpy as np
 
 from hbgear.common.process.compiling import kernel
 
-_PIVOTS = 4  # columns eliminated at once; `_reduce` takes as many
+PANEL_WIDTH = 4
+"""Number of columns eliminated together. `_reduce` is written for this number."""
 
 
 @kernel
 def solve_in_place(A: Any) -> int:
-    """Put A^-1 B in the place of B in [A B] (n, n + r), whose A is lost. The sign of det A, 0 if A is singular."""
+    """Replace B by A^-1 B in the matrix [A B], and return the sign of det A.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n + r)
+        The matrix [A B]. A is overwritten.
+
+    Returns
+    -------
+    int
+        Sign of det A, 0 if A is singular.
+    """
     n, sign = A.shape[0], 1
-    for first in range(0, n, _PIVOTS):
-        end = min(first + _PIVOTS, n)
+    for first in range(0, n, PANEL_WIDTH):
+        end = min(first + PANEL_WIDTH, n)
         sign *= _factorise(A, first, A[first:, first:end])
         if sign == 0:
             return 0
@@ -40,8 +52,8 @@ def solve_in_place(A: Any) -> int:
     if A.shape[1] - n <= 2:
         _solve_few(A, n, A.shape[1] - 1)
         return sign
-    for end in range(n, 0, -_PIVOTS):
-        first = max(0, end - _PIVOTS)
+    for end in range(n, 0, -PANEL_WIDTH):
+        first = max(0, end - PANEL_WIDTH)
         for i in range(end - 1, first - 1, -1):
             row, pivot = A[i, n:], 1.0 / A[i, i]
             for j in range(i + 1, end):
@@ -49,13 +61,13 @@ def solve_in_place(A: Any) -> int:
             for k in range(row.shape[0]):
                 row[k] *= pivot
         if first > 0:
-            _reduce(A, first, np.int64(0), first, n)  # of a literal `_reduce` would be compiled once more
+            _reduce(A, first, np.int64(0), first, n)  # a literal would compile `_reduce` a second time
     return sign
 
 
 @kernel
 def _solve_few(A: Any, first: int, last: int) -> None:
-    """U^-1 of two columns, or of one that is given twice, in their place: rows that short are not worth a loop each."""
+    """Apply U^-1 in place to two columns, or to one that is given twice. Loops over such short rows are slow."""
     n = A.shape[0]
     for i in range(n - 1, -1, -1):
         a = b = c = d = 0.0
@@ -71,7 +83,7 @@ def _solve_few(A: Any, first: int, last: int) -> None:
 
 @kernel
 def _factorise(A: Any, first: int, panel: Any) -> int:
-    """L and U in the place of some columns of the rows from the first one on, which are exchanged from there on."""
+    """Compute L and U in place for some columns (panel). Exchange rows of A from the first of these columns on."""
     sign, (n, columns) = 1, panel.shape
     for j in range(columns):
         p, most = j, abs(panel[j, j])
@@ -97,28 +109,30 @@ def _factorise(A: Any, first: int, panel: Any) -> int:
 
 @kernel
 def _exchange(x: Any, y: Any) -> None:
+    """Exchange two rows."""
     for k in range(x.shape[0]):
         x[k], y[k] = y[k], x[k]
 
 
 @kernel
 def _subtract(f: float, x: Any, y: Any) -> None:
+    """Subtract f x from y."""
     for k in range(x.shape[0]):
         y[k] -= f * x[k]
 
 
 @kernel
 def _reduce(A: Any, j: int, first: Any, end: int, start: int) -> None:
-    """Subtract from the rows from first to end their multiples of four rows from j on, in the columns from start on.
+    """Subtract multiples of four rows, from row j on, from the rows first to end, in the columns from start on.
 
-    The multiples stand in columns j to j + 3. Columns are slices, whose numbers are known not to be negative: only such
-    loops compute several at once.
+    The multiples are stored in columns j to j + 3. Columns are sliced: only loops whose indices are known to be
+    non-negative are vectorized by the compiler.
     """
     p, q, r, s = A[j, start:], A[j + 1, start:], A[j + 2, start:], A[j + 3, start:]
-    for i in range(first, end - 1, 2):  # two rows at once, for which the four are read once
+    for i in range(first, end - 1, 2):  # two rows together: the four rows are read once for both
         a, b, c, d, row = A[i, j], A[i, j + 1], A[i, j + 2], A[i, j + 3], A[i, start:]
         e, f, g, h, below = A[i + 1, j], A[i + 1, j + 1], A[i + 1, j + 2], A[i + 1, j + 3], A[i + 1, start:]
-        if abs(a) + abs(b) + abs(c) + abs(d) + abs(e) + abs(f) + abs(g) + abs(h) != 0.0:  # elements hardly meet
+        if abs(a) + abs(b) + abs(c) + abs(d) + abs(e) + abs(f) + abs(g) + abs(h) != 0.0:  # zero if not coupled
             for k in range(row.shape[0]):
                 x, y, z, w = p[k], q[k], r[k], s[k]
                 row[k] -= a * x + b * y + c * z + d * w
@@ -131,7 +145,18 @@ def _reduce(A: Any, j: int, first: Any, end: int, start: int) -> None:
 
 @kernel
 def scaled_norm(x: Any) -> float:
-    """Euclidean norm of a vector."""
+    """Return the Euclidean norm of a vector.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        The vector.
+
+    Returns
+    -------
+    float
+        The norm.
+    """
     total = 0.0
     for i in range(x.shape[0]):
         total += x[i] * x[i]
@@ -140,7 +165,20 @@ def scaled_norm(x: Any) -> float:
 
 @kernel
 def scaled_distance(x: Any, y: Any, scale: Any) -> float:
-    """Euclidean norm of (x - y) / scale."""
+    """Return the Euclidean norm of (x - y) / scale.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        Vectors.
+    scale : ndarray, shape (n,)
+        Scale of each entry.
+
+    Returns
+    -------
+    float
+        The scaled distance.
+    """
     total = 0.0
     for i in range(x.shape[0]):
         part = (x[i] - y[i]) / scale[i]

@@ -1,11 +1,11 @@
-"""Small linear algebra of dense and sparse matrices: norms, solutions, determinants, bordered matrices.
+"""Linear algebra of dense and sparse matrices: norms, solutions, determinants, bordered matrices.
 
     [A  a] [x]   [b]
     [c^T 0] [s] = [t]
 
-A bordered matrix is regular where A has one null vector, if the borders are not orthogonal to the null vectors: the
-reason why a curve can be followed around its folds. Dense matrices are numpy arrays; sparse ones scipy.sparse, and
-factorised by SuperLU with the border inside.
+A bordered matrix is regular where A has one null vector, if the borders are not orthogonal to the null vectors.
+Therefore a curve can be followed around its folds. Dense matrices are numpy arrays. Sparse matrices are of
+scipy.sparse, and SuperLU factorises them together with the borders.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import math
 from typing import Any, TypeAlias
 
 import numpy as np
-import scipy  # its parts are imported when they are first used
+import scipy  # imports its sub-packages at their first use
 
 from hbgear.common.arrays import Array
 
@@ -23,13 +23,37 @@ Matrix: TypeAlias = Any
 
 
 def norm(x: Array) -> float:
-    """Euclidean norm of all entries, as `numpy.linalg.norm` gives it at several times the cost for short arrays."""
+    """Return the Euclidean norm of all entries.
+
+    `numpy.linalg.norm` takes several times as long for short arrays.
+
+    Parameters
+    ----------
+    x : ndarray
+        Real or complex array.
+
+    Returns
+    -------
+    float
+        The norm.
+    """
     x = x.ravel().view(float)
     return math.sqrt(x.dot(x))
 
 
 def norms(x: Array) -> Array:
-    """Euclidean norms (P,) of all entries of each x[p], (P, ...)."""
+    """Return the Euclidean norm of all entries of each x[p].
+
+    Parameters
+    ----------
+    x : ndarray, shape (P, ...)
+        Real or complex arrays.
+
+    Returns
+    -------
+    ndarray, shape (P,)
+        The norms.
+    """
     flat = x.reshape(len(x), math.prod(x.shape[1:]))
     if flat.dtype == complex:
         flat = flat.view(float)
@@ -38,25 +62,65 @@ def norms(x: Array) -> Array:
 
 
 def dense(A: Matrix) -> bool:
-    """Whether a matrix, or a stack of them, is a numpy array."""
+    """Return whether a matrix, or a stack of matrices, is a numpy array.
+
+    Parameters
+    ----------
+    A : Matrix
+        Dense or sparse matrix.
+
+    Returns
+    -------
+    bool
+        False for a sparse matrix.
+    """
     return isinstance(A, np.ndarray)
 
 
 def as_dense(A: Matrix) -> Array:
-    """A matrix as a numpy array."""
+    """Return a matrix as a numpy array.
+
+    Parameters
+    ----------
+    A : Matrix
+        Dense or sparse matrix.
+
+    Returns
+    -------
+    ndarray
+        The matrix.
+    """
     full: Array = A if dense(A) else A.toarray()
     return full
 
 
 def solve_linear(A: Matrix, b: Array) -> Array:
-    """A^-1 b; a singular or non-finite matrix raises `numpy.linalg.LinAlgError`."""
+    """Return A^-1 b.
+
+    Parameters
+    ----------
+    A : Matrix, shape (n, n)
+        Dense or sparse matrix.
+    b : ndarray, shape (n,) or (n, r)
+        Right-hand side.
+
+    Returns
+    -------
+    ndarray
+        The solution.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If A is singular or not finite.
+    """
     if not dense(A):
         return Factors(A).solve(b)
-    return _solved(A, b)[2]
+    return _solve_dense(A, b)[2]
 
 
-def _solved(A: Array, b: Array) -> tuple[Array, np.ndarray, Array]:
-    """Factors and exchanges of rows of a dense matrix, as LAPACK gives them, and A^-1 b."""
+def _solve_dense(A: Array, b: Array) -> tuple[Array, np.ndarray, Array]:
+    """Return the factors and row exchanges of a dense matrix in the form of LAPACK, and A^-1 b."""
     lu, exchanged, x, info = scipy.linalg.lapack.dgesv(A, b)  # the checks of scipy.linalg.solve cost more than it does
     if info or not math.isfinite(x.sum()):
         raise np.linalg.LinAlgError("singular matrix")
@@ -64,7 +128,21 @@ def _solved(A: Array, b: Array) -> tuple[Array, np.ndarray, Array]:
 
 
 def solve_signed(A: Matrix, b: Array) -> tuple[Array, int]:
-    """A^-1 b for columns b (n, r), and the sign of det A, +1 or -1.
+    """Return A^-1 b and the sign of det A.
+
+    Parameters
+    ----------
+    A : Matrix, shape (n, n)
+        Dense or sparse matrix.
+    b : ndarray, shape (n, r)
+        Right-hand sides.
+
+    Returns
+    -------
+    x : ndarray, shape (n, r)
+        The solutions.
+    sign : int
+        +1 or -1.
 
     Raises
     ------
@@ -82,19 +160,24 @@ def solve_signed(A: Matrix, b: Array) -> tuple[Array, int]:
     if not dense(A):
         factors = Factors(A)
         return factors.solve(b), -1 if factors.slogdet()[0] < 0 else 1
-    lu, exchanged, x = _solved(A, b)
+    lu, exchanged, x = _solve_dense(A, b)
     odd = np.count_nonzero(exchanged != np.arange(len(A))) + np.count_nonzero(np.diag(lu) < 0)
     return x, -1 if odd % 2 else 1
 
 
 SMALL = 100
-"""Rows up to which plain loops are as fast as LAPACK."""
+"""Number of rows up to which the kernels of `gauss_kernels` are as fast as LAPACK."""
 
 
 class Factors:
-    """A = P L U of a real or complex matrix, dense or sparse, to solve with A, its transpose and its adjoint.
+    """Factors A = P L U of a real or complex matrix, dense or sparse, to solve with A, its transpose and its adjoint.
 
     Solutions with a dense matrix that is exactly singular, or not finite, are not finite.
+
+    Parameters
+    ----------
+    A : Matrix, shape (n, n)
+        Dense or sparse matrix.
 
     Raises
     ------
@@ -115,27 +198,58 @@ class Factors:
             raise np.linalg.LinAlgError(str(error)) from None
 
     def solve(self, b: Array, transposed: bool = False) -> Array:
-        """A^-1 b, or A^-T b."""
+        """Return A^-1 b, or A^-T b.
+
+        Parameters
+        ----------
+        b : ndarray, shape (n,) or (n, r)
+            Right-hand side.
+        transposed : bool, optional
+            True to solve with the transpose. The default is False.
+
+        Returns
+        -------
+        ndarray
+            The solution.
+        """
         return self._solved(b, "T" if transposed else "N")
 
     def adjoint_solve(self, b: Array) -> Array:
-        """A^-H b."""
+        """Return A^-H b.
+
+        Parameters
+        ----------
+        b : ndarray, shape (n,) or (n, r)
+            Right-hand side.
+
+        Returns
+        -------
+        ndarray
+            The solution.
+        """
         return self._solved(b, "H")
 
-    def _solved(self, b: Array, way: str) -> Array:
+    def _solved(self, b: Array, operation: str) -> Array:
+        """Return the solution with A ("N"), its transpose ("T") or its adjoint ("H")."""
         x: Array
         if self._exchanged is not None:
             real = np.isrealobj(self._lu) and np.isrealobj(b)
             solve = scipy.linalg.lapack.dgetrs if real else scipy.linalg.lapack.zgetrs
-            x = solve(self._lu, self._exchanged, b, trans="NTH".index(way))[0]
+            x = solve(self._lu, self._exchanged, b, trans="NTH".index(operation))[0]
             return x
-        x = self._lu.solve(b, way)
+        x = self._lu.solve(b, operation)
         if not math.isfinite(abs(x.sum())):
             raise np.linalg.LinAlgError("singular matrix")
         return x
 
     def slogdet(self) -> tuple[float, float]:
-        """Sign and logarithm of the magnitude of det A, of a sparse matrix."""
+        """Return the sign and the logarithm of the magnitude of det A, for a sparse matrix.
+
+        Returns
+        -------
+        sign, logarithm : float
+            As of `numpy.linalg.slogdet`.
+        """
         diagonal = self._lu.U.diagonal()
         sign = _parity(self._lu.perm_r) * _parity(self._lu.perm_c) * np.prod(np.sign(diagonal))
         with np.errstate(divide="ignore"):
@@ -143,7 +257,7 @@ class Factors:
 
 
 def _parity(permutation: Array) -> int:
-    """+1 for an even permutation, -1 for an odd one."""
+    """Return +1 for an even permutation, -1 for an odd one."""
     n = len(permutation)
     graph = scipy.sparse.csr_array((np.ones(n), (np.arange(n), permutation)), shape=(n, n))
     cycles = scipy.sparse.csgraph.connected_components(graph, directed=False)[0]
@@ -151,7 +265,18 @@ def _parity(permutation: Array) -> int:
 
 
 def slogdet(A: Matrix) -> tuple[float, float]:
-    """Sign and logarithm of the magnitude of det A."""
+    """Return the sign and the logarithm of the magnitude of det A.
+
+    Parameters
+    ----------
+    A : Matrix, shape (n, n)
+        Dense or sparse matrix.
+
+    Returns
+    -------
+    sign, logarithm : float
+        As of `numpy.linalg.slogdet`.
+    """
     if dense(A):
         sign, log = np.linalg.slogdet(A)
         return float(sign), float(log)
@@ -159,7 +284,19 @@ def slogdet(A: Matrix) -> tuple[float, float]:
 
 
 def is_singular(A: Matrix) -> bool:
-    """Whether a finite matrix is singular up to rounding, once its rows are of one size; sparse ones exactly."""
+    """Return whether a matrix is singular up to rounding.
+
+    Parameters
+    ----------
+    A : Matrix, shape (n, n)
+        Dense or sparse matrix.
+
+    Returns
+    -------
+    bool
+        For a dense matrix by the condition number after scaling of its rows, False if it is not finite. For a sparse
+        matrix only exact singularity is detected.
+    """
     if not dense(A):
         try:
             Factors(A)
@@ -169,14 +306,32 @@ def is_singular(A: Matrix) -> bool:
     if not np.isfinite(A).all():
         return False
     largest = np.abs(A).max(axis=1, keepdims=True)
-    return not largest.all() or bool(np.linalg.cond(A / largest) > _SINGULAR)
+    return not largest.all() or bool(np.linalg.cond(A / largest) > MAX_CONDITION)
 
 
-_SINGULAR = 1e13  # condition of a matrix that is singular to rounding
+MAX_CONDITION = 1e13
+"""Condition number above which a matrix counts as singular: solutions have fewer than three correct digits."""
 
 
 def bordered(A: Matrix, column: Array, row: Array, corner: float = 0.0) -> Matrix:
-    """[A column; row^T corner]; row (n,), or (n + 1,) with the corner as its last entry."""
+    """Return the bordered matrix [A column; row^T corner].
+
+    Parameters
+    ----------
+    A : Matrix, shape (n, n)
+        Dense or sparse matrix.
+    column : ndarray, shape (n,)
+        Last column.
+    row : ndarray, shape (n,) or (n + 1,)
+        Last row, with or without the corner.
+    corner : float, optional
+        Last entry of the diagonal, if `row` does not have it. The default is 0.
+
+    Returns
+    -------
+    Matrix, shape (n + 1, n + 1)
+        Dense or sparse, like A.
+    """
     n = len(column)
     row, corner = (row[:n], row[n]) if len(row) > n else (row, corner)
     if not dense(A):

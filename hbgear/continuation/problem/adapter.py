@@ -10,16 +10,16 @@ from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import AnyProblem, Problem
 from hbgear.continuation.results.layout import LayoutProtocol
 
-_ABILITIES = tuple(
+_REPLACEABLE_NAMES = tuple(
     name for name in vars(ContinuationProblem) if not name.startswith("_") and name not in ("original", "cornered")
 )
-"""Names that an object may define in place of the defaults of `ContinuationProblem`."""
+"""Names of `ContinuationProblem` that an object may define instead of their defaults."""
 
 
 class _Adapted(ContinuationProblem):
-    """An object with ``evaluate``; what it does not define has the default of `ContinuationProblem`."""
+    """An object with ``evaluate``, completed by the defaults of `ContinuationProblem`."""
 
-    parameters: dict[str, float] = {}  # noqa: RUF012  no properties here: the object's own attributes replace them
+    parameters: dict[str, float] = {}  # noqa: RUF012  no properties: attributes of the object replace them
     layout: LayoutProtocol | None = None
     refined_problem: ContinuationProblem | None = None
     comparisons: Sequence[tuple[ContinuationProblem, float]] = ()
@@ -27,7 +27,7 @@ class _Adapted(ContinuationProblem):
 
     def __init__(self, problem: Problem) -> None:
         self._original = problem
-        for name in _ABILITIES:
+        for name in _REPLACEABLE_NAMES:
             value = getattr(problem, name, None)
             if value is not None:
                 object.__setattr__(self, name, value)
@@ -42,12 +42,17 @@ class _Adapted(ContinuationProblem):
 
 
 def as_problem(problem: AnyProblem) -> ContinuationProblem:
-    """Return the problem with a default for every ability that it does not define.
+    """Return a problem with the defaults for everything that it does not define.
 
     Parameters
     ----------
     problem : ContinuationProblem or object with ``evaluate``
         The problem.
+
+    Returns
+    -------
+    ContinuationProblem
+        The problem itself, or an adapter of it.
 
     Raises
     ------
@@ -59,4 +64,5 @@ def as_problem(problem: AnyProblem) -> ContinuationProblem:
 
 @checked_arguments()
 def _adapted(problem: AnyProblem) -> ContinuationProblem:
+    """Return the adapter of an object, which is checked."""
     return _Adapted(problem)

@@ -3,8 +3,8 @@
     R(X, p) = 0        X (n,) unknowns, p named parameters, one of which is the continuation parameter
 
 A *minimal problem* is any object with ``evaluate(X, **parameters) -> (R, dR_dX)``. `trace`, `follow` and `switch`
-accept it as it is: `as_problem` supplies the defaults of this class for everything that the object does not define.
-A problem that defines more gains more:
+accept it directly: `as_problem` supplies the defaults of this class for everything that the object does not define.
+Each further method or attribute that a problem defines adds an ability:
 
 | method or attribute | gives | default |
 |---|---|---|
@@ -25,7 +25,7 @@ A problem that defines more gains more:
 | ``resolved`` | the problem with a sufficient number of samples for a first solution | the problem itself |
 | ``arbitrary`` | equations that choose one of a family of solutions | solutions are isolated |
 | ``restricted_to`` | a cheaper problem for a span of the parameter | the problem itself |
-| ``compiled_continuation``, ``compiled_locator``, ``is_expensive`` | compiled loops, costs | point after point |
+| ``compiled_continuation``, ``compiled_locator``, ``is_expensive`` | compiled loops, costs | one point at a time |
 | ``unknown_parameters``, ``split``, ``join``, ``with_borders_at`` | parameters among the unknowns | none |
 | ``postprocess`` | additions to a finished branch | none |
 | ``describe`` | plain data for the header of a file | none |
@@ -44,8 +44,9 @@ from hbgear.continuation.numerics.linear import Matrix, norm
 from hbgear.continuation.problem.evaluation import Evaluation, Locating, Pursuit
 from hbgear.continuation.problem.finite_differences import directional_step, parameter_derivatives
 from hbgear.continuation.problem.work import Work
-from hbgear.continuation.results.branch import Branch, Point
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.layout import LayoutProtocol
+from hbgear.continuation.results.point import Point
 
 
 class ContinuationProblem:
@@ -57,9 +58,9 @@ class ContinuationProblem:
     unknown_parameters: Sequence[str] = ()
     """Parameters that are unknowns: the last entries of X in reverse order."""
     smooth: bool = True
-    """Whether dR/dX is continuous, so that Newton's method locates special points."""
+    """True if dR/dX is continuous, so that Newton's method locates special points."""
     changes: bool = False
-    """Whether `remeshed` may return another problem."""
+    """True if `adapted` may return another problem."""
     size: int | None = None
     """Number of unknowns n."""
     turning_kind: str = "LP"
@@ -78,12 +79,12 @@ class ContinuationProblem:
 
     @property
     def is_nonsmooth(self) -> bool:
-        """Whether curves have corners. False for equations with parameters among the unknowns."""
+        """True if the tangent of curves may be discontinuous. False with parameters among the unknowns."""
         return not self.smooth and not self.unknown_parameters
 
     @property
     def resolution(self) -> str:
-        """The resolution in words, such as ``"n = 21"``."""
+        """The resolution as text, such as ``"n = 21"``."""
         return f"n = {self.size}"
 
     @property
@@ -93,7 +94,7 @@ class ContinuationProblem:
 
     @property
     def layout(self) -> LayoutProtocol | None:
-        """Names and measures of the unknowns; None if X is an array of numbers."""
+        """Names and measures of the unknowns. None if X is an array of numbers."""
         return None
 
     # ---- equations
@@ -115,7 +116,7 @@ class ContinuationProblem:
         return Evaluation(np.asarray(R), J, dR, 1.0 + float(np.linalg.norm(X)))
 
     def moved(self, X: Array, name: str, parameters: Mapping[str, float]) -> Array:
-        """Return dR/dname (n,) alone, where it costs less than `linearise`."""
+        """Return dR/dname of shape (n,) alone, which may cost less than `linearise`."""
         return self.linearise(X, name, **parameters).dR_dp
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Matrix, Matrix]:
@@ -138,18 +139,18 @@ class ContinuationProblem:
         return False
 
     def beside(self, parameters: Mapping[str, float], sets: int) -> ContinuationProblem:
-        """Return the problem prepared for ``sets`` parameter sets near these, for derivatives; by default itself."""
+        """Return the problem prepared for ``sets`` nearby parameter sets; by default the problem itself."""
         return self
 
     def recession(self, X: Array, parameters: Mapping[str, float]) -> ContinuationProblem | None:
-        """Return the problem lim R(r X, p) / r for r -> inf if X is far out, else None. By default None."""
+        """Return the problem lim R(r X, p) / r for r -> inf if X is far from the origin, else None. By default None."""
         return None
 
     # ---- initial guess and checks
 
     def start(self, **parameters: float) -> Array:
-        """Return X (n,) that solves the equations or comes near; by default raise ValueError."""
-        raise ValueError("this problem finds no start of its own; give start=")
+        """Return X of shape (n,) that approximates a solution. By default ValueError is raised."""
+        raise ValueError("this problem has no initial guess; give start=")
 
     def check_parameter(self, name: str) -> None:
         """Raise KeyError for a name that is not a parameter. By default any name is accepted."""
@@ -184,7 +185,7 @@ class ContinuationProblem:
         return norm(X)
 
     def solution_norms(self, X: Array) -> Array:
-        """Return `motion_size` (P,) of solutions X (P, n)."""
+        """Return `solution_norm` of each of the solutions X of shape (P, n)."""
         return np.array([self.solution_norm(x) for x in X])
 
     # ---- monitored quantities
@@ -211,11 +212,11 @@ class ContinuationProblem:
     ) -> None:  # fmt: skip
         """Verify the stability of solutions X (k, n) at values (k,) of the parameter.
 
-        ``seen`` holds the results of `observe`, with two more entries: ``"determinant"`` is the sign of det(dR/dX), 0
-        if it is unknown, and ``"contradicts"`` says whether an adjacent special point contradicts the stability.
-        Uncertain ``"multipliers"`` are replaced by more accurate ones, and the error of the largest modulus is stored
-        in ``"modulus_error"``. Solutions that ``work`` leaves unrefined keep their error. By default multipliers stay
-        as observed.
+        ``seen`` holds the results of `observe` with two more entries: ``"determinant"`` is the sign of det(dR/dX), 0 if
+        it is unknown, and ``"contradicts"`` is True if an adjacent special point contradicts the stability. Uncertain
+        ``"multipliers"`` are replaced by more accurate ones, and the error of the largest modulus is stored in
+        ``"modulus_error"``. Solutions that ``work`` leaves unrefined keep their error. By default multipliers stay as
+        observed.
         """
 
     def events(self, parameter: str) -> tuple[Any, ...]:
@@ -243,10 +244,10 @@ class ContinuationProblem:
 
     @property
     def comparisons(self) -> Sequence[tuple[ContinuationProblem, float]]:
-        """Problems with other numbers of unknowns, each with its weight w.
+        """Problems of other resolutions, each with a weight w.
 
-        w times the change of a result from this problem to that one estimates the error of the result; the largest of
-        these is the estimate. By default what the finer problem changes.
+        w times the change of a result between this problem and the other one estimates the error of the result. The
+        largest of these estimates counts. By default the refined problem has the weight 1.
         """
         return () if self.refined_problem is None else ((self.refined_problem, 1.0),)
 
@@ -259,7 +260,7 @@ class ContinuationProblem:
         return self
 
     def arbitrary(self, X: Array, parameters: Mapping[str, float]) -> tuple[Any, str] | None:
-        """Return equations that choose one of a family of solutions, and a message; None if X is isolated (default)."""
+        """Return equations that choose one of a family of solutions, and a message; by default None: X is isolated."""
         return None
 
     # ---- parameters among the unknowns

@@ -1,4 +1,4 @@
-"""What a problem returns: residual, Jacobian and parameter derivative at one point, and the least a problem can be.
+"""Results of a problem at one point: residual, Jacobian and parameter derivative. The minimal problem.
 
 R(X, p) = 0        X (n,) unknowns, p named parameters, one of which is the continuation parameter
 """
@@ -13,9 +13,20 @@ from hbgear.continuation.numerics.linear import Matrix
 
 
 class Evaluation(NamedTuple):
-    """Residual R (n,), Jacobian dR_dX (n, n), dense or sparse, dR_dp (n,), and the size of the terms of R.
+    """Residual, Jacobian and parameter derivative at one point.
 
     A residual is small if it is small relative to ``size``.
+
+    Attributes
+    ----------
+    R : ndarray, shape (n,)
+        Residual.
+    dR_dX : Matrix, shape (n, n)
+        Jacobian, dense or sparse.
+    dR_dp : ndarray, shape (n,)
+        Derivative in the continuation parameter.
+    size : float
+        Size of the terms of R.
 
     Examples
     --------
@@ -45,7 +56,7 @@ class Problem(Protocol):
     """Minimal problem: any object with ``evaluate``."""
 
     def evaluate(self, X: Array, **parameters: float) -> tuple[Array, Matrix]:
-        """Return R (n,) and dR/dX (n, n), a dense array or a scipy.sparse matrix."""
+        """Return R of shape (n,) and dR/dX of shape (n, n), a dense array or a scipy.sparse matrix."""
 
 
 AnyProblem = Annotated[Any, Problem]

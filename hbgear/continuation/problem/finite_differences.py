@@ -1,8 +1,9 @@
-"""Derivatives in a parameter by differences.
+"""Derivatives in a parameter by finite differences.
 
     df/dp = (f(p + h) - f(p - h)) / 2h + O(h^2),   h = STEP * unit,   unit the size of p (`ContinuationProblem.unit_of`)
 
-At the end of the parameter's range, where f exists on one side only, by the parabola through three points there:
+At an end of the range of the parameter f exists on one side only. There the derivative is that of the parabola through
+three points:
 
     df/dp = (4 f(p + h) - f(p + 2h) - 3 f(p)) / 2h + O(h^2)
 """
@@ -16,47 +17,65 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import norm
 
 STEP = 1e-5
-"""Relative step: rounding (1e-16 / STEP) and truncation (STEP^2) are both about 1e-11 of what is differentiated."""
+"""Relative step. Rounding error (1e-16 / STEP) and truncation error (STEP^2) are both about 1e-11 of the derivative."""
 
 
 class HasUnits(Protocol):
-    """Knows the size of its parameters."""
+    """Problem that knows the size of its parameters."""
 
     def unit_of(self, name: str, value: float) -> float:
         """Return the size relative to which a parameter change is small."""
 
 
 def directional_step(X: Array, v: Array) -> float:
-    """How far along v (n,) a central difference about X (n,) goes to either side."""
+    """Return the step h of a central difference (f(X + h v) - f(X - h v)) / 2h.
+
+    Parameters
+    ----------
+    X : ndarray, shape (n,)
+        Unknowns.
+    v : ndarray, shape (n,)
+        Direction.
+
+    Returns
+    -------
+    float
+        The step.
+    """
     return STEP * max(1e-3, norm(X)) / norm(v)
 
 
 def parameter_derivatives(
     problem: HasUnits, name: str, here: Mapping[str, float], of: Callable[[dict[str, float]], tuple[Any, ...]]
 ) -> tuple[Any, ...]:
-    """Derivatives of several quantities in a parameter.
+    """Return the derivatives of several quantities in a parameter.
 
     Parameters
     ----------
-    problem : says how large a small step is.
-    name, here : the parameter, and the values of all.
-    of : the quantities at given values of all parameters, each a number, an array or a matrix; it refuses a value
-        outside the range of the parameter with ValueError.
+    problem : HasUnits
+        Problem that gives the size of the parameter.
+    name : str
+        The parameter.
+    here : mapping of str to float
+        Values of all parameters.
+    of : callable
+        Returns a tuple of quantities at a dict of all parameters, each a number, an array or a matrix. It raises
+        ValueError outside the range of the parameter.
 
     Returns
     -------
     tuple
-        The derivative of each.
+        The derivative of each quantity.
 
     Raises
     ------
     ValueError
-        If it refuses both sides.
+        If `of` raises it on both sides.
 
     Examples
     --------
     >>> from hbgear.continuation.problem.base import ContinuationProblem
-    >>> in_parameter(ContinuationProblem(), "p", {"p": 2.0}, lambda at: (round(at["p"] ** 2, 12),))
+    >>> parameter_derivatives(ContinuationProblem(), "p", {"p": 2.0}, lambda at: (round(at["p"] ** 2, 12),))
     (4.0,)
     """
     value = here[name]

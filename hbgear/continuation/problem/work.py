@@ -1,43 +1,45 @@
-"""Bound of the work for solutions with more unknowns: errors, accurate special points, verdicts in doubt.
+"""Bound of the work for solutions at a higher resolution: errors, accurate special points, undecided stability.
 
     sum_i w_i <= limit,    w_i = c_i [(n_i / 700)^3 + 2e-3] <= (limit - sum_{j < i} w_j) / 2
 
-n_i is the number of unknowns of a solution, c_i the number of solutions that take as long. Dense factorisations take
-n^3 operations, so the sum is proportional to the time, but it is counted: results do not depend on the processor, or on
-its load. No solution takes more than half of what is left, so that less remains for large ones first. The first
-estimate of the error of a special point is no part of this sum: for all of them together there is a second sum with the
-same limit, which only problems with many unknowns reach. Without an estimate a point is worth nothing.
+n_i is the number of unknowns of a solution, c_i the number of solutions of that cost. Dense factorisations take n^3
+operations, so the sum is proportional to the time. It is counted and not measured: results do not depend on the
+processor or its load. No solution takes more than half of the remaining work, so that large solutions are refused
+first. The first error estimates of special points have a second sum with the same limit, because a special point
+without an estimate is of little use. Only problems with many unknowns reach that limit.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-LARGEST = 700
-"""Unknowns of a solution that counts 1."""
+REFERENCE_SIZE = 700
+"""Number of unknowns of a solution that counts as 1."""
 
-_SMALL = 2e-3  # of a solution with few unknowns, whose time is that of Python
+MIN_WEIGHT = 2e-3
+"""Work of a solution with few unknowns, whose time does not depend on their number."""
 
-_SHARE = 0.5  # of what is left, that one solution may take
+MAX_FRACTION = 0.5
+"""Fraction of the remaining work that one solution may take."""
 
-USUAL = 25.0
-"""Limit by default: half a minute at most."""
+DEFAULT_LIMIT = 25.0
+"""Default limit. It corresponds to half a minute at most."""
 
 
 @dataclass
 class Work:
-    """Work that was done, up to a limit.
+    """Work done so far, and its limit.
 
-    Parameters
+    Attributes
     ----------
     limit : float
         Largest sum, in solutions with 700 unknowns.
     spent : float, optional
-        The sum so far.
+        Sum so far. The default is 0.
     estimated : float, optional
-        The sum so far of first estimates.
+        Sum of the first error estimates so far. The default is 0.
     refused : int, optional
-        Number of solutions that were refused.
+        Number of solutions that were refused. The default is 0.
     """
 
     limit: float
@@ -46,26 +48,53 @@ class Work:
     refused: int = 0
 
     @property
-    def told(self) -> str:
-        """A message if something was refused."""
+    def message(self) -> str:
+        """Message if solutions were refused, else empty."""
         if not self.refused:
             return ""
         return (
-            f"{self.refused} errors or verdicts were not improved: the bound work = {self.limit:g} allows no more; "
+            f"{self.refused} errors or stabilities were not improved: the bound work = {self.limit:g} was reached; "
             "raise it, or trace a part of the span with more harmonics"
         )
 
     def allows(self, unknowns: int, solutions: int = 1) -> bool:
-        """Count solutions with this many unknowns; False, and nothing is counted, if they would take too much."""
+        """Count solutions with a number of unknowns if the bound allows them.
+
+        Parameters
+        ----------
+        unknowns : int
+            Number of unknowns of each solution.
+        solutions : int, optional
+            Number of solutions. The default is 1.
+
+        Returns
+        -------
+        bool
+            False if they are refused. They are not counted then.
+        """
         more = _weight(unknowns, solutions)
-        if more > _SHARE * (self.limit - self.spent):
+        if more > MAX_FRACTION * (self.limit - self.spent):
             self.refused += 1
             return False
         self.spent += more
         return True
 
     def estimates(self, unknowns: int, solutions: int = 1) -> bool:
-        """As `allows`, for the first estimate of an error, from the second sum, of which one may take all that is left.
+        """Count solutions of a first error estimate if the second sum allows them.
+
+        One estimate may take all of the remaining work.
+
+        Parameters
+        ----------
+        unknowns : int
+            Number of unknowns of each solution.
+        solutions : int, optional
+            Number of solutions. The default is 1.
+
+        Returns
+        -------
+        bool
+            False if they are refused.
 
         Examples
         --------
@@ -81,11 +110,25 @@ class Work:
         return True
 
     def affords(self, unknowns: int, solutions: int = 1) -> bool:
-        """Whether solutions with this many unknowns would be allowed if nothing was spent; False is a refusal too."""
-        afforded = _weight(unknowns, solutions) <= _SHARE * self.limit
+        """Return whether `allows` would accept solutions if no work had been done. False counts as a refusal.
+
+        Parameters
+        ----------
+        unknowns : int
+            Number of unknowns of each solution.
+        solutions : int, optional
+            Number of solutions. The default is 1.
+
+        Returns
+        -------
+        bool
+            True if the limit is large enough.
+        """
+        afforded = _weight(unknowns, solutions) <= MAX_FRACTION * self.limit
         self.refused += not afforded
         return afforded
 
 
 def _weight(unknowns: int, solutions: int) -> float:
-    return solutions * ((unknowns / LARGEST) ** 3 + _SMALL)
+    """Return the work of solutions with a number of unknowns."""
+    return solutions * ((unknowns / REFERENCE_SIZE) ** 3 + MIN_WEIGHT)

@@ -1,4 +1,4 @@
-"""How unknowns are read: what a curve can say of its points without knowing what they are."""
+"""Layout of the unknowns: names, regimes and measures that a branch needs without knowing its problem."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hbgear.common.arrays import Array
 
 @runtime_checkable
 class LayoutProtocol(Protocol):
-    """How unknowns are read: `Readable.layout`."""
+    """Description of the unknowns of a problem: `ContinuationProblem.layout`."""
 
     @property
     def elements(self) -> tuple[str, ...]:
@@ -25,44 +25,44 @@ class LayoutProtocol(Protocol):
         """Number of unknowns n."""
 
     def rows(self, X: Array, element: int | str) -> Array:
-        """The unknowns of an element, by number or name, out of X (..., n)."""
+        """Return the unknowns of an element, by index or name, out of X of shape (..., n)."""
 
     def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
-        """Measure of amplitude of an element, for each row of X (..., n)."""
+        """Return a measure of amplitude of an element, for X of shape (..., n)."""
 
     def samples(self, X: Array, element: int | str, count: int, order: int) -> tuple[Array, Array]:
-        """Phase and values of an element, or of its derivative of that order."""
+        """Return phases and values of an element, or of its derivative of the given order."""
 
     def in_time(self, rows: Array, parameters: Mapping[str, Array], order: int) -> Array:
-        """Unknowns of the derivative in time of rows (P, ...), whose parameters are (P,) each."""
+        """Return the unknowns of a derivative in time, for rows of shape (P, ...) and parameters of shape (P,)."""
 
     def measure_rows(self, name: str, rows: Array) -> Array:
-        """Measure of amplitude of rows that are already those of one element."""
+        """Return a measure of amplitude for the unknowns of one element."""
 
 
 @runtime_checkable
 class HasDistance(Protocol):
-    """Can tell how far apart solutions are; asked where a jump lands. Of others the norm of X - Y is taken."""
+    """Layout that measures the distance of solutions. Without it the distance is the norm of X - Y."""
 
     def distance(self, X: Array, other: Any, Y: Array) -> float:
-        """How far X is from Y, which is read as ``other``."""
+        """Return the distance of X from Y, whose layout is ``other``."""
 
 
 @runtime_checkable
 class RebuildsProblem(Protocol):
-    """Can make the problem of a curve again from what its file says; asked if a curve has none."""
+    """Layout that rebuilds the problem of a branch from the header of its file."""
 
     def problem_of(self, meta: Mapping[str, Any]) -> Any:
-        """The problem; None if the file does not tell it."""
+        """Return the problem, or None if the header does not describe it."""
 
 
 @runtime_checkable
 class ReconstructsMotion(Protocol):
-    """Knows more coordinates than its unknowns; asked by `Branch.amplitude`."""
+    """Problem with more coordinates than its unknowns, which `Branch.amplitude` can measure."""
 
     @property
     def dof_names(self) -> Sequence[str]:
         """Names of the coordinates."""
 
     def motion(self, X: Array, **parameters: float) -> Array:
-        """All coordinates, (dofs, ...), each in the form of the rows of an element."""
+        """Return all coordinates, shape (dofs, ...), each in the form of the unknowns of an element."""

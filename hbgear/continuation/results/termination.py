@@ -1,4 +1,4 @@
-"""How long work ends: done, by Ctrl-C or by an error. What was done before is kept, and the result says why."""
+"""Termination of long computations: completed, by Ctrl-C or by an error. Completed results are kept."""
 
 from __future__ import annotations
 
@@ -6,23 +6,42 @@ import traceback
 from dataclasses import dataclass
 from pathlib import Path
 
-from hbgear.continuation.results.branch import Branch, Status
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.status import Status
 
 
 class TraceInterrupted(KeyboardInterrupt):
-    """Ctrl-C within a trace that is a part of larger work; ``branch`` is what was traced of it."""
+    """Ctrl-C within a trace that is a part of a larger computation.
+
+    Attributes
+    ----------
+    branch : Branch
+        The traced part.
+    """
 
     def __init__(self, branch: Branch) -> None:
         super().__init__(branch.message)
         self.branch = branch
 
 
-def whole(branch: Branch) -> Branch:
-    """The branch, for work that traces several: `trace` makes a status of Ctrl-C, which must end all of the work.
+def raise_if_interrupted(branch: Branch) -> Branch:
+    """Return the branch if Ctrl-C did not interrupt it.
+
+    `trace` returns the traced part after Ctrl-C, with a status. A computation of several traces has to end as a whole.
+
+    Parameters
+    ----------
+    branch : Branch
+        Result of `trace`.
+
+    Returns
+    -------
+    Branch
+        The same branch.
 
     Raises
     ------
-    Interrupted
+    TraceInterrupted
         If the trace was interrupted.
     """
     if branch.status is Status.INTERRUPTED:
@@ -32,40 +51,85 @@ def whole(branch: Branch) -> Branch:
 
 @dataclass
 class Termination:
-    """Status and message of the result of some work, and the error or Ctrl-C that ended it, if one did."""
+    """Status and message of a result.
+
+    Attributes
+    ----------
+    status : Status
+        Reason why the computation ended.
+    message : str
+        The same in one sentence.
+    error : BaseException or None
+        Error or KeyboardInterrupt that ended the computation.
+    """
 
     status: Status = Status.REACHED_END
     message: str = ""
     error: BaseException | None = None
 
-    def note(self, error: BaseException, place: str) -> None:
-        """Ctrl-C or an error ended the work, or a part of it, at a place; the first is the one that is told."""
+    def record_error(self, error: BaseException, where: str) -> None:
+        """Record Ctrl-C or an error that ended the computation or a part of it. Only the first one is kept.
+
+        Parameters
+        ----------
+        error : BaseException
+            The error.
+        where : str
+            Position in the computation, such as "after 3 curves".
+        """
         if self.error is not None:
             return
-        self.error = error  # an end of the whole work is told rather than that of a part; see `also`
+        self.error = error
         if isinstance(error, KeyboardInterrupt):
-            self.status, self.message = Status.INTERRUPTED, f"interrupted {place}"
+            self.status, self.message = Status.INTERRUPTED, f"interrupted {where}"
         else:
-            self.status, self.message = Status.FAILED, f"an error {place}: {described(error)}"
+            self.status, self.message = Status.FAILED, f"an error {where}: {error_text(error)}"
 
-    def reached(self, status: Status, message: str) -> None:
-        """The work came to an end of its own."""
+    def record_end(self, status: Status, message: str) -> None:
+        """Record the end of the computation, unless an error was recorded.
+
+        Parameters
+        ----------
+        status : Status
+            Reason for the end.
+        message : str
+            The same in one sentence.
+        """
         if self.error is None:
             self.status, self.message = status, message
 
-    def also(self, branch: Branch, what: str) -> None:
-        """One of several traces was made; the first that is not complete is told."""
+    def merge(self, branch: Branch, name: str) -> None:
+        """Take over the status of one of several traces. The first trace that is not complete is kept.
+
+        Parameters
+        ----------
+        branch : Branch
+            Result of the trace.
+        name : str
+            Name of the trace in the message, such as "the response curve at zeta = 0.1".
+        """
         if not branch.status.complete and self.status.complete:
-            self.status, self.message = branch.status, f"{what} ended early: {branch.message.partition('. ')[0]}"
+            self.status, self.message = branch.status, f"{name} ended early: {branch.message.partition('. ')[0]}"
 
     @property
-    def told(self) -> str:
-        """The message, with advice if the work was not completed."""
+    def message_with_advice(self) -> str:
+        """The message, followed by the advice of the status if the computation is not complete."""
         return self.message if self.status.complete else f"{self.message}. {self.status.advice}"
 
 
-def described(error: BaseException) -> str:
-    """An error in one line, with the place in the sources it came from."""
+def error_text(error: BaseException) -> str:
+    """Return an error in one line.
+
+    Parameters
+    ----------
+    error : BaseException
+        The error.
+
+    Returns
+    -------
+    str
+        Its class, its message, and the file and line where it was raised.
+    """
     frames = traceback.extract_tb(error.__traceback__)
     where = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
     text = " ".join(str(error).split())

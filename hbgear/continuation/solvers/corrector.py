@@ -1,4 +1,4 @@
-"""Newton on a pseudo-arclength plane.
+"""Newton's method on a pseudo-arclength plane.
 
     R(u) = 0,   normal^T (u - u_p) = 0        u = (X, value),   [dR_dX dR_dp; normal^T] du = -(R, normal^T (u - u_p))
 
@@ -24,9 +24,16 @@ from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, So
 
 
 class CorrectedPoint(NamedTuple):
-    """A solution, the direction t of the curve there, and the sign of det A.
+    """A solution with the direction of the curve.
 
-    A t = (0, ..., 0, 1) with A = [dR_dX dR_dp; normal^T].
+    Attributes
+    ----------
+    solution : Solution
+        The solution.
+    direction : ndarray, shape (n + 1,)
+        Direction t of the curve, A t = (0, ..., 0, 1) with A = [dR_dX dR_dp; normal^T].
+    orientation : int
+        Sign of det A.
     """
 
     solution: Solution
@@ -38,17 +45,35 @@ def correct(
     problem: Any, u: Array, normal: Array, name: str, parameters: Mapping[str, float],
     settings: NewtonSettings = NewtonSettings(), sharp: float = 1.0,
 ) -> CorrectedPoint:  # fmt: skip
-    """The solution in the plane normal^T (u' - u) = 0 of a predicted point u = (X, value).
+    """Return the solution in the plane normal^T (u' - u) = 0 of a predicted point.
 
     Parameters
     ----------
-    sharp : a point whose residual is above this part of the tolerance gets one Newton step more, for predictions are
-        often good enough to be accepted with few digits.
+    problem : ContinuationProblem or object with ``evaluate``
+        The problem.
+    u : ndarray, shape (n + 1,)
+        Predicted unknowns and value of the parameter.
+    normal : ndarray, shape (n + 1,)
+        Normal of the plane.
+    name : str
+        The parameter.
+    parameters : mapping of str to float
+        The other parameters.
+    settings : NewtonSettings, optional
+        Tolerances and number of iterations.
+    sharp : float, optional
+        Fraction of the tolerance above which a converged point gets one more iteration, because predictions are often
+        accepted with few correct digits. The default is 1: no further iteration.
+
+    Returns
+    -------
+    CorrectedPoint
+        The solution with its direction.
 
     Raises
     ------
     NoConvergence
-        If Newton diverges, meets a singular bordered matrix or takes more than ``settings.max_iterations`` steps.
+        If the iteration diverges, the bordered matrix is singular, or ``settings.max_iterations`` is reached.
     """
     from hbgear.continuation.stepping.kernels import CONVERGED, DIVERGED, newton_status
 
@@ -83,12 +108,24 @@ def correct(
 
 
 def corrected(solution: Solution, normal: Array) -> CorrectedPoint:
-    """A solution with its direction.
+    """Return a solution with its direction.
+
+    Parameters
+    ----------
+    solution : Solution
+        The solution.
+    normal : ndarray, shape (n + 1,)
+        A vector that is not orthogonal to the curve.
+
+    Returns
+    -------
+    CorrectedPoint
+        The same solution, its direction and orientation.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If the bordered matrix is singular: a branch point, or a normal that is no direction of the curve.
+        If the bordered matrix is singular: at a branch point, or with a normal orthogonal to the curve.
     """
     rhs = np.zeros((len(normal), 1))
     rhs[-1] = 1.0

@@ -1,4 +1,4 @@
-"""Deflated Newton: repelled by the solutions already known.
+"""Deflated Newton's method: iterates are repelled by known solutions.
 
     M(X) R(X) = 0,   M = prod_i (1 + 1 / |X - X_i|^2),     step  dX / (1 - (grad log M)^T dX),  dX = -J^-1 R
 
@@ -18,7 +18,18 @@ from hbgear.continuation.solvers.newton import NewtonSettings
 
 
 def same_solution(X: Array, Y: Array) -> bool:
-    """Whether two solutions (n,) are one: they differ by less than 1e-6 of their size."""
+    """Return whether two solutions are the same.
+
+    Parameters
+    ----------
+    X, Y : ndarray, shape (n,)
+        Solutions.
+
+    Returns
+    -------
+    bool
+        True if they differ by less than 1e-6 of their size.
+    """
     return float(np.linalg.norm(X - Y)) < 1e-6 * (1e-3 + float(np.linalg.norm(Y)))
 
 
@@ -26,7 +37,28 @@ def deflated_newton(
     problem: ContinuationProblem, X: Array, parameters: dict[str, float], known: list[Array],
     settings: NewtonSettings = NewtonSettings(), iterations: int = 60,
 ) -> Array | None:  # fmt: skip
-    """A solution away from the known ones, or None if none was reached in the given number of steps."""
+    """Return a solution other than the known ones.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        The problem.
+    X : ndarray, shape (n,)
+        Start.
+    parameters : dict of str to float
+        All parameters of the problem.
+    known : list of ndarray, shape (n,)
+        Known solutions.
+    settings : NewtonSettings, optional
+        Tolerance of the residual.
+    iterations : int, optional
+        Maximum number of iterations. The default is 60.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        The solution. None if the iteration does not converge to a new one.
+    """
     scale = max([float(np.linalg.norm(Y)) for Y in known] + [1e-6])
     now = problem.linearise(X, "", **parameters)
     for _ in range(iterations):
@@ -52,6 +84,6 @@ def deflated_newton(
 
 
 def _merit(R: Array, X: Array, known: list[Array], scale: float) -> float:
-    """log |M R|, which deflated Newton must lower."""
+    """Return log |M R|, which each step has to reduce."""
     distance = [float(np.linalg.norm(X - Y)) / scale + 1e-300 for Y in known]
     return float(np.log(np.linalg.norm(R) + 1e-300) + sum(np.log1p(d**-2) for d in distance))

@@ -1,8 +1,8 @@
-"""Homotopies: a solution from a poor start, along a path that joins the two.
+"""Homotopies: a solution from a poor start, along a path that connects both.
 
-    R(X) = (1 - s) R(X0),   s = 0..1         of Newton's method, from any start
+    R(X) = (1 - s) R(X0),   s = 0..1         Newton homotopy, from any start
 
-and any other path of problems whose solution at s = 0 is known and which at s = 1 are the problem to be solved.
+Other paths are families of problems with a known solution at s = 0 that are the problem to be solved at s = 1.
 
 References
 ----------
@@ -27,7 +27,7 @@ from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, So
 
 
 class _Homotopy(ContinuationProblem):
-    """R(X) - (1 - s) R(X0) = 0: solved by X0 at s = 0, and by a solution of the problem at s = 1."""
+    """R(X) - (1 - s) R(X0) = 0. X0 is a solution at s = 0, and solutions at s = 1 are solutions of the problem."""
 
     def __init__(self, problem: ContinuationProblem, X0: Array, parameters: Mapping[str, float]) -> None:
         self.problem, self.held = problem, parameters
@@ -45,14 +45,32 @@ def newton_homotopy(
     settings: NewtonSettings = NewtonSettings(),
     steps: int = 300,
 ) -> Solution:
-    """Solution at fixed parameters from a poor start, along the path that joins the two (Newton homotopy).
+    """Return a solution at fixed parameters from a poor start, along a Newton homotopy.
 
     The path R(X) = (1 - s) R(X0) is followed from s = 0 to 1 by arclength, through its folds.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem or object with ``evaluate``
+        The problem.
+    X : ndarray, shape (n,)
+        Start X0.
+    parameters : mapping of str to float
+        All parameters of the problem.
+    settings : NewtonSettings, optional
+        Settings of the solution at s = 1.
+    steps : int, optional
+        Maximum number of steps along the path. The default is 300.
+
+    Returns
+    -------
+    Solution
+        The solution.
 
     Raises
     ------
     NoConvergence
-        If the path does not reach s = 1 within the given number of steps.
+        If the path does not reach s = 1 within this number of steps.
     """
     return solve_along(_Homotopy(as_problem(problem), X, parameters), problem, X, parameters, settings, steps)
 
@@ -65,18 +83,32 @@ def solve_along(
     settings: NewtonSettings = NewtonSettings(),
     steps: int = 300,
 ) -> Solution:
-    """Solution at fixed parameters, at the end s = 1 of a path that is followed by arclength, through its folds.
+    """Return the solution at the end s = 1 of a path, which is followed by arclength, through its folds.
 
     Parameters
     ----------
-    path : equations with the parameter s in [0, 1], which at s = 1 have the solutions of the problem.
-    X : (n,) solution of the path at s = 0.
-    steps : most steps along it.
+    path : ContinuationProblem
+        Equations with the parameter s in [0, 1] that have the solutions of the problem at s = 1.
+    problem : ContinuationProblem or object with ``evaluate``
+        The problem.
+    X : ndarray, shape (n,)
+        Solution of the path at s = 0.
+    parameters : mapping of str to float
+        All parameters of the problem.
+    settings : NewtonSettings, optional
+        Settings of the solution at s = 1.
+    steps : int, optional
+        Maximum number of steps along the path. The default is 300.
+
+    Returns
+    -------
+    Solution
+        The solution.
 
     Raises
     ------
     NoConvergence
-        If the path does not reach s = 1 within the given number of steps.
+        If the path does not reach s = 1 within this number of steps.
     """
     size = float(np.linalg.norm(X))
     u, h = np.append(X, 0.0), 0.05
@@ -86,21 +118,24 @@ def solve_along(
         try:
             now = path.linearise(u[:-1], "s", s=float(u[-1]))
             t = solve_linear(bordered(now.dR_dX, now.dR_dp, normal), np.append(np.zeros(len(X)), 1.0))
-            size = size or float(np.linalg.norm(t[:-1]))  # from zero: the size it heads for
+            size = size or float(np.linalg.norm(t[:-1]))  # at the zero solution: the size of the tangent
             scale = np.append(np.full(len(X), size or np.inf), 1.0)
             t = t / np.linalg.norm(t / scale)
             across = t / scale**2 / np.linalg.norm(t / scale**2)
             found = correct(path, u + h * t, across, "s", {"s": 0.0}, NewtonSettings(1e-6, 1e-2, 6)).solution
         except (NoConvergence, np.linalg.LinAlgError):
             h *= 0.5
-            if h < _SHORTEST:
+            if h < MIN_STEP:
                 break
             continue
         if found.value >= 1.0:
-            share = (1.0 - u[-1]) / (found.value - u[-1])
-            return solve(problem, u[:-1] + share * (found.X - u[:-1]), parameters, settings=settings)
+            fraction = (1.0 - u[-1]) / (found.value - u[-1])
+            return solve(problem, u[:-1] + fraction * (found.X - u[:-1]), parameters, settings=settings)
         u, normal, h = np.append(found.X, found.value), across, min(0.3, h * (1.6 if found.iterations <= 3 else 1.0))
-    raise NoConvergence(f"no path leads from the start to a solution at {describe(parameters)}", X, parameters, [])
+    raise NoConvergence(
+        f"the homotopy found no path from the start to a solution at {describe(parameters)}", X, parameters, []
+    )
 
 
-_SHORTEST = 1e-8  # step along a path, relative to its size
+MIN_STEP = 1e-8
+"""Smallest step along a path, in scaled arclength."""

@@ -1,6 +1,6 @@
 """Newton's method with step halving at fixed parameters.
 
-X <- X - t J^-1 R,   t = 1, 1/2, 1/4, ...   the first that lowers |R|
+X <- X - t J^-1 R,   t = 1, 1/2, 1/4, ...   the first that reduces |R| sufficiently
 
 References
 ----------
@@ -25,7 +25,18 @@ from hbgear.continuation.problem.evaluation import HELD, Evaluation
 
 
 class NoConvergence(RuntimeError):
-    """Newton's method failed; carries the last iterate ``X``, ``parameters`` and relative ``residuals``.
+    """Newton's method did not converge.
+
+    Parameters
+    ----------
+    message : str
+        Description of the failure.
+    X : ndarray, shape (n,)
+        Last iterate.
+    parameters : mapping of str to float
+        Parameters of the iteration.
+    residuals : list of float
+        Relative residuals of the iterations.
 
     Examples
     --------
@@ -47,17 +58,23 @@ class NoConvergence(RuntimeError):
 
 @dataclass(frozen=True)
 class NewtonSettings:
-    """Corrector settings.
+    """Settings of the corrector.
 
-    tolerance : largest |R| / size of a converged point. A trace gives a row that is not a hundred times better one
-        Newton step more, for predictions are often good enough to be accepted with few digits.
-    step_tolerance : largest last Newton step relative to |u| of a converged point.
-    max_iterations : Newton steps before giving up.
+    Parameters
+    ----------
+    tolerance : float, optional
+        Largest relative residual |R| / size of a converged point. A trace applies one more iteration to a point whose
+        residual is not a hundred times smaller, because predictions are often accepted with few correct digits. The
+        default is 1e-10.
+    step_tolerance : float, optional
+        Largest last Newton step relative to |u| of a converged point. The default is 1e-6.
+    max_iterations : int, optional
+        Number of iterations after which the corrector fails. The default is 12.
 
     Raises
     ------
     ValueError
-        If a number is not positive, or max_iterations no whole number.
+        If a number is not positive, or max_iterations is not a whole number.
 
     Examples
     --------
@@ -75,13 +92,27 @@ class NewtonSettings:
 
     def __post_init__(self) -> None:
         for name in ("tolerance", "step_tolerance"):
-            checked("Settings", name, getattr(self, name), POSITIVE)
-        counted("Settings: max_iterations", self.max_iterations)
+            checked("NewtonSettings", name, getattr(self, name), POSITIVE)
+        counted("NewtonSettings: max_iterations", self.max_iterations)
 
 
 @dataclass(frozen=True)
 class Solution:
-    """A converged point: X, the parameter's value, its evaluation, Newton steps and relative residual."""
+    """A converged point.
+
+    Attributes
+    ----------
+    X : ndarray, shape (n,)
+        Unknowns.
+    value : float
+        Value of the parameter.
+    evaluation : Evaluation
+        Residual and derivatives.
+    iterations : int
+        Number of Newton iterations.
+    residual : float
+        Relative residual.
+    """
 
     X: Array
     value: float
@@ -93,13 +124,43 @@ class Solution:
 def solution_at(
     problem: ContinuationProblem, u: Array, name: str, parameters: Mapping[str, float], iterations: int = 0
 ) -> Solution:
-    """The solution known to lie at u (n + 1,), with its evaluation."""
+    """Return the solution at a known position, with its evaluation.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        The problem.
+    u : ndarray, shape (n + 1,)
+        Unknowns and the value of the parameter.
+    name : str
+        The parameter.
+    parameters : mapping of str to float
+        The other parameters.
+    iterations : int, optional
+        Number of iterations to be stored. The default is 0.
+
+    Returns
+    -------
+    Solution
+        The solution.
+    """
     now = linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])})
     return Solution(u[:-1], float(u[-1]), now, iterations, norm(now.R) / now.size)
 
 
 def on_curve(solution: Solution) -> Solution:
-    """The solution of a curve in a parameter that a special point is, from that of its equations with one more."""
+    """Return the solution of a curve from the solution of the equations of a special point on it.
+
+    Parameters
+    ----------
+    solution : Solution
+        Solution of augmented equations, with the parameter of the curve as the last unknown.
+
+    Returns
+    -------
+    Solution
+        Solution of the equations of the curve at that value of the parameter.
+    """
     R, J, _, size = solution.evaluation
     n = len(R) - 1
     now = Evaluation(R[:n], J[:n, :n], as_dense(J[:n, n:]).ravel(), size)
@@ -113,13 +174,25 @@ def solve(
     name: str = "",
     settings: NewtonSettings = NewtonSettings(),
 ) -> Solution:
-    """Newton with step halving at fixed parameters.
+    """Return the solution near a start at fixed parameters, by Newton's method with step halving.
 
     Parameters
     ----------
-    X : (n,) start.
-    parameters : all parameters of the problem.
-    name : the parameter whose value and derivative the solution holds; if empty they are nan and 0.
+    problem : ContinuationProblem or object with ``evaluate``
+        The problem.
+    X : ndarray, shape (n,)
+        Start.
+    parameters : mapping of str to float
+        All parameters of the problem.
+    name : str, optional
+        The parameter whose value and derivative the solution holds. By default they are nan and 0.
+    settings : NewtonSettings, optional
+        Tolerance and number of iterations.
+
+    Returns
+    -------
+    Solution
+        The solution.
 
     Raises
     ------
@@ -152,7 +225,7 @@ def solve(
         residuals.append(norm(now.R) / now.size)
     if is_singular(now.dR_dX):
         raise NoConvergence(
-            f"the Jacobian is singular: something is not determined by the equations at this point "
+            f"the Jacobian is singular: the equations do not determine all unknowns at this point "
             f"({problem.singular_hint}, or a fold exactly at the start); move the start",
             X, parameters, residuals,
         )  # fmt: skip
@@ -166,14 +239,14 @@ def solve(
 def _compiled(
     problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], name: str, settings: NewtonSettings
 ) -> Solution | None:
-    """`solve` without Python, if the problem has that; None where it finds nothing: `solve` tells why."""
+    """Return the result of the compiled Newton iteration, or None if there is none or it does not converge."""
     curve = name or problem.usual_parameter
     locate = problem.compiled_locator(curve, parameters, HELD)
     if locate is None:
         return None
     n = len(X)
     U, R, A = np.append(X, parameters[curve]), np.empty(n + 1), np.empty((n + 1, n + 1))
-    steps, size = locate(U, 0, settings.tolerance, settings.max_iterations, R, A)  # `solve` goes on longer
+    steps, size = locate(U, 0, settings.tolerance, settings.max_iterations, R, A)  # `solve` allows more iterations
     if steps < 0:
         return None
     value, dR = (float(U[n]), A[:n, n]) if name else (math.nan, np.zeros(n))
@@ -183,10 +256,26 @@ def _compiled(
 def refine(
     problem: ContinuationProblem, solution: Solution, parameters: Mapping[str, float], name: str = ""
 ) -> Solution:
-    """The solution after one more Newton step; as it was if that does not lower its residual.
+    """Return a solution after one more Newton iteration, or unchanged if that does not reduce its residual.
 
-    For equations so flat that a residual at the tolerance leaves digits of the unknowns open, as at special points, and
-    rows of a curve that shall have as many as the others. name : as of `solve`.
+    It gives special points, at which a residual at the tolerance determines few digits of the unknowns, the accuracy of
+    the other points.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        The problem.
+    solution : Solution
+        Converged solution.
+    parameters : mapping of str to float
+        All parameters of the problem.
+    name : str, optional
+        The parameter whose derivative the solution holds. By default it is 0.
+
+    Returns
+    -------
+    Solution
+        The solution with the smaller residual.
     """
     problem = problem.with_borders_at(solution.X, parameters)
     try:
@@ -201,6 +290,17 @@ def refine(
 
 
 def describe(parameters: Mapping[str, float]) -> str:
-    """The parameters as ``p = 0.9, zeta = 0.05`` (at most four)."""
+    """Return the parameters as text.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        Values by name.
+
+    Returns
+    -------
+    str
+        Text such as ``p = 0.9, zeta = 0.05``, of at most four parameters.
+    """
     shown = [f"{k} = {v:.6g}" for k, v in list(parameters.items())[:4]]
     return ", ".join(shown)

@@ -17,7 +17,9 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import BranchStart
-from hbgear.continuation.results.branch import Branch, Status, concatenate, most_resolved, padded_to_common_size
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.concatenation import concatenate, most_resolved, padded_to_common_size
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence
 from hbgear.continuation.tracing.jumps import find_jumps
 

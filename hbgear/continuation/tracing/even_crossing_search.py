@@ -16,7 +16,7 @@ from hbgear.continuation.events.accuracy import estimate_error
 from hbgear.continuation.events.detector import EventDetector
 from hbgear.continuation.events.even_crossings import SampledCurve, drop_odd_counts, find_even_crossings
 from hbgear.continuation.events.event import LocatedEvent
-from hbgear.continuation.results.branch import ENDS
+from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS
 from hbgear.continuation.tracing.monitoring import SPURIOUS_POINT_ERROR, Monitor
 from hbgear.continuation.tracing.state import TraceState
 
@@ -114,7 +114,9 @@ class EvenCrossingSearch:
             candidates = [(arc, point) for arc, event in arcs for point in event.find(arc)
                           if point.located and not any(_coincide(point, other) for other in others)]  # fmt: skip
             confirmed = self._confirmed(candidates, state.segment(points[segment], points[segment + 1]))
-            fresh = drop_odd_counts(confirmed, made_up=any(one.event.kind in ENDS for one in others))
+            fresh = drop_odd_counts(
+                confirmed, made_up=any(one.event.kind in STABILITY_CHANGING_KINDS for one in others)
+            )
             if fresh:
                 found[number] = sorted([*others, *fresh], key=lambda point: point.s)
 

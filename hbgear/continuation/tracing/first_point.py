@@ -26,7 +26,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import BranchStart, CurvePoint, normal_of, point_along, point_from_solution
 from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.continuation.results.branch import Point
+from hbgear.continuation.results.point import Point
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import NoConvergence, Solution, solution_at, solve
 from hbgear.continuation.tracing.state import TraceSetup, TraceState

@@ -11,9 +11,11 @@ from hbgear.continuation.curve.segment import normal_of
 from hbgear.continuation.events.detector import event_of
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import observe_all
-from hbgear.continuation.results.branch import BIFURCATING, ENDS, Branch, Jump, Point, SpecialPoint, is_stable
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.layout import HasDistance
+from hbgear.continuation.results.point import BIFURCATING, Jump, Point, SpecialPoint
+from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, is_stable
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, solve
 
@@ -61,7 +63,7 @@ def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> t
 
 def _leaves_at(branch: Branch, stable: np.ndarray, fold: SpecialPoint, side: int) -> SpecialPoint | None:
     """Where a sweep towards the fold from one side loses its stable motion; None if that side is unstable."""
-    marks = {p.index: p for p in branch.special if p.kind in ENDS}
+    marks = {p.index: p for p in branch.special if p.kind in STABILITY_CHANGING_KINDS}
     lost: SpecialPoint | None = None
     i = fold.index + side
     while 0 <= i < len(branch):
@@ -113,7 +115,9 @@ def motions_at(branch: Branch, value: float, settings: NewtonSettings, *, skip: 
             continue
         here = {**branch.parameters_at(place.index), branch.parameter: value}
         try:
-            found.append(solve(as_problem(branch.problem), place.between(branch.X), here, branch.parameter, settings))
+            found.append(
+                solve(as_problem(branch.problem), place.interpolate(branch.X), here, branch.parameter, settings)
+            )
         except NoConvergence:
             continue
     return found

@@ -12,7 +12,8 @@ from dataclasses import replace
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.continuation.curve.segment import CurvePoint, Points
 from hbgear.continuation.events.event import LocatedEvent, unknowns
-from hbgear.continuation.results.branch import Branch, Status
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.tracing.ends import CurveEnds
 from hbgear.continuation.tracing.resolution import ResolutionControl
 from hbgear.continuation.tracing.special_points import SpecialPoints

@@ -18,8 +18,8 @@ from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.events.fold import FoldEvent
 from hbgear.continuation.problem.base import ContinuationProblem, observe_all
-from hbgear.continuation.results.branch import ENDS, relative_errors, stability_codes
-from hbgear.continuation.results.consistency import STABLE, UNSTABLE
+from hbgear.continuation.results.branch_data import relative_errors
+from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, STABLE, UNSTABLE, stability_codes
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.state import TraceState
 
@@ -98,7 +98,7 @@ class Monitor:
             if point is state.first:
                 self.first_error = error
                 raise
-            state.termination.note(error, f"in observing the motion at {setup.name} = {point.value:.6g}")
+            state.termination.record_error(error, f"in observing the motion at {setup.name} = {point.value:.6g}")
             return {}
 
     def _check_resolution(self, u: Array, error: Array) -> None:
@@ -132,7 +132,7 @@ class Monitor:
             state.problem.decided(u[:, :-1], setup.name, u[:, -1], observed, setup.fixed, setup.work)
         except Exception as error:
             where = f"near {setup.name} = {u[-1, -1]:.6g}"
-            state.termination.note(error, f"in making sure of the stability {where}")
+            state.termination.record_error(error, f"in making sure of the stability {where}")
 
     def resolve_contradictions(self, start: int, located: Mapping[int, list[LocatedEvent]]) -> bool:
         """Verify points again that contradict the special points between them; return whether a stability changed.
@@ -147,7 +147,9 @@ class Monitor:
         codes = codes_of(path)
         contradicting = set[int]()
         for i in range(1, len(path)):
-            kinds = [point.event.kind for point in located.get(start + i, []) if point.event.kind in ENDS]
+            kinds = [
+                point.event.kind for point in located.get(start + i, []) if point.event.kind in STABILITY_CHANGING_KINDS
+            ]
             changed = {codes[i - 1], codes[i]} == {UNSTABLE, STABLE} and not kinds
             both_stable = codes[i - 1] == codes[i] == STABLE and kinds == [FoldEvent.kind]
             if changed or both_stable:

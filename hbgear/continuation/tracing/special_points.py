@@ -22,7 +22,7 @@ from hbgear.continuation.events.accuracy import estimate_error
 from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.detector import EventDetector
 from hbgear.continuation.events.event import LocatedEvent
-from hbgear.continuation.results.branch import ENDS
+from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS
 from hbgear.continuation.tracing.even_crossing_search import EvenCrossingSearch
 from hbgear.continuation.tracing.monitoring import SPURIOUS_POINT_ERROR, Monitor, UnderResolvedError
 from hbgear.continuation.tracing.resolution import ResolutionControl
@@ -132,7 +132,7 @@ class SpecialPoints:
             return self.with_error_estimates(segment, located)
         except Exception as error:
             ends = f"{self.state.setup.name} = {segment.a.value:.6g} and {segment.b.value:.6g}"
-            self.state.termination.note(error, f"in locating a special point between {ends}")
+            self.state.termination.record_error(error, f"in locating a special point between {ends}")
             return []
 
     def with_error_estimates(self, segment: Segment, located: list[LocatedEvent]) -> list[LocatedEvent]:
@@ -164,7 +164,7 @@ class SpecialPoints:
         """
         state = self.state
         for number, points in located.items() if state.setup.settings.stability else ():
-            ends = [one for one in sorted(points, key=lambda one: one.s) if one.event.kind in ENDS and one.located
+            ends = [one for one in sorted(points, key=lambda one: one.s) if one.event.kind in STABILITY_CHANGING_KINDS and one.located
                     and 0 < one.s < 1 and len(one.row.u) == len(state.scale)]  # fmt: skip
             solve = self.monitor.solve_on_segment
             samples = [(0.5 * (a.s + b.s), solve(state.segment(a.row, b.row), 0.5)) for a, b in pairwise(ends)]

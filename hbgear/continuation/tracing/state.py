@@ -24,7 +24,7 @@ from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.work import Work
-from hbgear.continuation.results.branch import Point
+from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.termination import Termination
 from hbgear.continuation.solvers.newton import NewtonSettings
 from hbgear.continuation.stepping.control import StepControl

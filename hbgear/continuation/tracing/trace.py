@@ -39,8 +39,11 @@ from hbgear.continuation.events.event import Event
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import AnyProblem
-from hbgear.continuation.problem.work import USUAL, Work
-from hbgear.continuation.results.branch import Branch, Point, Status, with_asymptotes
+from hbgear.continuation.problem.work import DEFAULT_LIMIT, Work
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.concatenation import with_asymptotes
+from hbgear.continuation.results.point import Point
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, solve
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.coverage import UNCOVERED, CoverageSearch, cover_span, coverage_message
@@ -76,7 +79,7 @@ def trace(
     progress: ProgressCallback | None = None,
     cover: bool = True,
     accuracy: float | None = 1e-5,
-    work: float | None = USUAL,
+    work: float | None = DEFAULT_LIMIT,
 ) -> Branch:
     """Follow the solutions of a problem from one end of a span of a parameter to the other.
 
@@ -288,14 +291,14 @@ class Tracer:
         try:
             self._run_stages()
         except (Exception, KeyboardInterrupt) as error:
-            termination.note(error, self.state.location_text())
+            termination.record_error(error, self.state.location_text())
         if self.monitor.first_error is not None:
             raise self.monitor.first_error
         while True:
             try:
                 return self._result()
             except KeyboardInterrupt as error:  # the result takes no time, and would be lost
-                termination.note(error, "while the result was put together")
+                termination.record_error(error, "while the result was put together")
 
     def _run_stages(self) -> None:
         """Run all stages: Ctrl-C or an error ends one stage, and the next one works with the points so far."""
@@ -309,13 +312,13 @@ class Tracer:
             try:
                 stage()
             except (Exception, KeyboardInterrupt) as error:
-                self.state.termination.note(error, location())
+                self.state.termination.record_error(error, location())
 
     # ---- stages
 
     def _trace_points(self) -> None:
         """Trace the curve and record how it ended."""
-        self.state.termination.reached(*self.loop.run(self._second))
+        self.state.termination.record_end(*self.loop.run(self._second))
 
     def _postprocess(self) -> None:
         """Build the branch with its jumps and the additions of the problem."""
@@ -341,7 +344,7 @@ class Tracer:
         for other in self.others if termination.status is Status.STEP_TOO_SMALL else ():
             same_end = abs(other.values[-1] - self.state.last.value) <= distance
             if other.status is Status.ARBITRARY and same_end:
-                termination.reached(Status.ARBITRARY, f"{other.message}; this curve ends there")
+                termination.record_end(Status.ARBITRARY, f"{other.message}; this curve ends there")
 
     def _trace_other(self, span: tuple[float, float], start: BranchStart | None, rough: bool) -> Branch:
         """Trace another branch of the span, its points alone if ``rough``; Ctrl-C ends this trace too."""
@@ -378,7 +381,7 @@ class Tracer:
             "span": [setup.span.start, setup.span.end], "steps": vars(settings.steps), "newton": vars(settings.newton),
             "stability": settings.stability, "accuracy": settings.accuracy, "special": settings.special,
         }  # fmt: skip
-        status, message = state.termination.status, state.termination.told
+        status, message = state.termination.status, state.termination.message_with_advice
         points, marks = points_and_marks(state)
         branch = build_branch(state.largest, setup.name, setup.fixed, points, marks, status, message, header)
         if state.asymptote is None:
@@ -388,7 +391,7 @@ class Tracer:
     def _result(self) -> Branch:
         """Return the branch with its final status and message."""
         branch, termination = self._branch or self._build_branch(), self.state.termination
-        texts = termination.told, self._coverage_message, self.setup.work.told
+        texts = termination.message_with_advice, self._coverage_message, self.setup.work.message
         message = "; ".join(text for text in texts if text)
         if not self.others and (branch.status, branch.message) == (termination.status, message):
             return branch

@@ -28,7 +28,8 @@ from hbgear.common.arrays import Array
 from hbgear.common.lru_cache import LRUCache
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import counted
-from hbgear.continuation.results.branch import Branch, Status
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
 from hbgear.design.bounds import bounds_of
 from hbgear.design.fitting.measurements import Measurements
@@ -199,12 +200,12 @@ def fit(
         estimate.reach = profile_interval(
             search.best, search.at, estimate.x, estimate.covariance, estimate.unit, low, high
         )
-        ending.reached(Status.REACHED_END, f"{followed} of {starts} starts were followed")
+        ending.record_end(Status.REACHED_END, f"{followed} of {starts} starts were followed")
     except KeyboardInterrupt as error:
         if search.best is None:
             raise
         followed = search.followed
-        ending.note(error, f"after {search.evaluations} curves")
+        ending.record_error(error, f"after {search.evaluations} curves")
     assert search.best is not None
     estimate = estimate or _estimate(search.best, data, low, high)
     return _result(problem, search, search.best, followed, estimate, low, high, ending)
@@ -444,7 +445,7 @@ def _result(
         problem.model.replace(**values), names, values, dict(zip(names, errors.tolist(), strict=True)), covariance,
         correlation, data, best.curve, best.amplitudes, best.residuals(best.deviation)[:count],
         tuple(place.kind for place in best.places), best.jump_frequencies, estimate.mean_square, followed,
-        search.evaluations, tuple(doubts), ending.status, ending.told,
+        search.evaluations, tuple(doubts), ending.status, ending.message_with_advice,
     )  # fmt: skip
 
 

@@ -21,12 +21,13 @@ from hbgear.analysis.parameter_sensitivity import LENGTH, measured_along, sensit
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.sensitivity import tangent
 from hbgear.continuation.numerics.linear import Factors, norm
-from hbgear.continuation.results.branch import Jump, is_stable
 from hbgear.continuation.results.interpolation import crossings_at
+from hbgear.continuation.results.point import Jump
+from hbgear.continuation.results.stability import is_stable
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.continuation.tracing.trace import trace
-from hbgear.design.studies.sweep_statistics import stable_parts, swept
 from hbgear.design.fitting.measurements import Measurements
+from hbgear.design.studies.sweep_statistics import stable_parts, swept
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 
 SWEPT, OTHER, END, UNREACHED = "swept", "other", "end", "unreached"
@@ -144,8 +145,8 @@ class Prediction:
         if after is None:
             return jump.value, math.nan, math.nan
         near = crossings_at(self.curve, jump.value)
-        to = min(near, key=lambda place: norm(place.between(self.curve.X) - self.problem.from_point(after)))
-        return jump.value, math.nan, to.index + to.share
+        to = min(near, key=lambda place: norm(place.interpolate(self.curve.X) - self.problem.from_point(after)))
+        return jump.value, math.nan, to.index + to.fraction
 
     def _place(self, i: int, row: float, parts: Sequence[tuple[Array, Array]], amplitude: Array) -> Place:
         Omega, measured = float(self.Omega[i]), float(self.data.amplitude[i])
@@ -171,7 +172,7 @@ class Prediction:
             place = Place(SWEPT, row) if math.isfinite(row) else place
         if place.kind != UNREACHED or not (near := crossings_at(self.curve, Omega)):
             return place
-        return Place(UNREACHED, min((p.index + p.share for p in near), key=off))
+        return Place(UNREACHED, min((p.index + p.fraction for p in near), key=off))
 
     # ---- numbers
 

@@ -35,8 +35,9 @@ from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.text.messages import did_you_mean
-from hbgear.continuation.results.branch import Branch, Status
-from hbgear.continuation.results.termination import whole
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.status import Status
+from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.tracing.trace import trace
 from hbgear.design.studies.processes import executor_of
 from hbgear.design.studies.samples import Grid, Sample
@@ -330,7 +331,7 @@ def _computed(model: Model, work: Work) -> Result:
     problem = HarmonicBalance(model, work.harmonics)
     if work.compute:
         stability = set(work.compute) != {"peak"}
-        branch = whole(
+        branch = raise_if_interrupted(
             trace(problem, "Omega", work.span, stability=stability, special=stability, cover=False, accuracy=None)
         )
         if branch.status != Status.REACHED_END:

@@ -16,7 +16,8 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.problem.work import Work
-from hbgear.continuation.results.branch import Branch, Point
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point
 from hbgear.harmonic.balance.equations import HarmonicEquations
 from hbgear.harmonic.balance.postprocess import postprocess
 from hbgear.harmonic.bifurcations.events import motion_events

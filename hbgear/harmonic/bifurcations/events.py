@@ -45,7 +45,10 @@ from hbgear.continuation.events.fold import CuspEvent, FoldEvent
 from hbgear.continuation.events.near_tangency import near_zeros
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.continuation.results.branch import STABILITY_TOLERANCE, Branch, SpecialPoint, Status
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import SpecialPoint
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence, on_curve, refine, solve
 from hbgear.harmonic.bifurcations.extremum import peak_of
 from hbgear.harmonic.bifurcations.grazing import GrazingProblem

@@ -17,7 +17,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import Segment
 from hbgear.continuation.events.event import LocatedEvent
-from hbgear.continuation.results.branch import Status
+from hbgear.continuation.results.status import Status
 from hbgear.harmonic.bifurcations.events import GrazingEvent
 
 

@@ -14,7 +14,8 @@ from hbgear.continuation.events.accuracy import estimate_error
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import linearise
-from hbgear.continuation.results.branch import Branch, SpecialPoint
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution
 from hbgear.harmonic.bifurcations.events import AmplitudePeakEvent
 from hbgear.harmonic.equations.layout import layout_of

@@ -25,7 +25,8 @@ from hbgear.common.arrays import Array
 from hbgear.common.facade import call
 from hbgear.common.ranges import counted
 from hbgear.continuation.numerics.linear import norm
-from hbgear.continuation.results.branch import Branch, Point
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point
 from hbgear.mechanics.series.fourier import evaluate, extrema, harmonics_of, spread, stretch, to_complex, to_real
 
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.events.near_tangency import SOON
-from hbgear.continuation.results.branch import STABILITY_TOLERANCE
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 
 MIN_MULTIPLIERS = 4
 """Smallest number of multipliers with which one pair can collide with another or replace it outside the circle."""

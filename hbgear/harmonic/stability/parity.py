@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.problem.base import linearise
-from hbgear.continuation.results.branch import STABILITY_TOLERANCE
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
 from hbgear.harmonic.multipliers.multiplier_error import count_beyond
 

@@ -39,7 +39,7 @@ from hbgear.continuation.curve.refinement import nearest_solution
 from hbgear.continuation.events.accuracy import is_under_resolved
 from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.problem.work import Work
-from hbgear.continuation.results.branch import STABILITY_TOLERANCE
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.instants.equations import NotPiecewiseLinear
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers

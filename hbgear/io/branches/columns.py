@@ -14,7 +14,8 @@ import numpy as np
 
 from hbgear.analysis.summary import described
 from hbgear.common.text.symbols import unit_of, without_unit
-from hbgear.continuation.results.branch import Branch, name_of_regime
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import name_of_regime
 from hbgear.harmonic.equations.layout import MEASURES, Layout, layout_of
 from hbgear.harmonic.frequency_units import MESH, PINION, model_of, speeds_at
 
@@ -48,7 +49,7 @@ def columns_of(branch: Branch) -> dict[str, Column]:
     columns |= speeds_of(branch)
     columns |= _special(branch)
     if branch.multipliers is not None:
-        known = [{"stable": 1, "unstable": 0}.get(verdict, "") for verdict in branch.verdicts]
+        known = [{"stable": 1, "unstable": 0}.get(verdict, "") for verdict in branch.stability]
         largest = np.abs(branch.multipliers).max(axis=-1, initial=0.0)
         columns["stable"] = Column(known, "1 stable, 0 unstable, empty where undecided or unknown")
         columns["multiplier_max"] = Column(largest, "largest modulus of the Floquet multipliers", "1")
@@ -115,7 +116,7 @@ def speeds_of(branch: Branch) -> dict[str, Column]:
 
 def _special(branch: Branch) -> dict[str, Column]:
     points = {point.index: point for point in branch.special}
-    decided = {jump.label: jump.decided for jump in branch.jumps()}
+    decided = {jump.label: jump.landing_description for jump in branch.jumps()}
     rows = [points.get(i) for i in range(len(branch))]
     unit = unit_of(label_of(branch, branch.parameter))
     return {

@@ -16,7 +16,9 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.events.event import MARKERS, is_marker
-from hbgear.continuation.results.branch import BIFURCATING, LANDINGS, Branch, FullMotion, Jump, Point, SpecialPoint
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.branch_data import FullMotion
+from hbgear.continuation.results.point import BIFURCATING, LANDINGS, Jump, Point, SpecialPoint
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.io.branches.archive import Archive

@@ -8,7 +8,8 @@ import numpy as np
 
 from hbgear.common.optional import needed
 from hbgear.common.text.symbols import unit_of, without_unit
-from hbgear.continuation.results.branch import STABILITY_STATES, Branch
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.stability import STABILITY_STATES
 from hbgear.harmonic.equations.layout import MEASURES, layout_of
 from hbgear.io.branches.columns import MEASURED, Column, about, columns_of, label_of, terms_of
 
@@ -61,7 +62,7 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
         if name in columns:
             data[name] = ("point", _array(columns[name].values), _told(columns[name].meaning, columns[name].unit))
     names = ", ".join(f"{i} {verdict}" for i, verdict in enumerate(STABILITY_STATES))
-    codes = np.array([STABILITY_STATES.index(verdict) for verdict in branch.verdicts], dtype=np.int8)
+    codes = np.array([STABILITY_STATES.index(verdict) for verdict in branch.stability], dtype=np.int8)
     data["stability"] = ("point", codes, _told(f"verdict of stability: {names}", ""))
     if branch.multipliers is not None:
         for part in ("real", "imag"):

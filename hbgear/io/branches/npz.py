@@ -19,7 +19,9 @@ import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.atomic_write import atomic_write, checked_suffix
-from hbgear.continuation.results.branch import Branch, FullMotion, Jump, Point, SpecialPoint, saved_fields
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.branch_data import FullMotion, saved_fields
+from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.harmonic import model_registry
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -68,8 +70,8 @@ _MOST_RECORDED = 4_000_000  # numbers, of 32 MB
 def _recorded(branch: Branch) -> FullMotion | None:
     """All coordinates of a curve whose model cannot be rebuilt from its file, if they are not too many."""
     problem, layout = branch.problem, layout_of(branch)
-    if problem is None and branch.recorded is not None and len(branch.recorded.rows) == len(branch):
-        return branch.recorded
+    if problem is None and branch.full_motion is not None and len(branch.full_motion.rows) == len(branch):
+        return branch.full_motion
     if not isinstance(problem, HarmonicBalance) or layout is None or _rebuilt(branch):
         return None
     if len(branch) * len(problem.dof_names) * (2 * layout.harmonics + 1) > _MOST_RECORDED:
@@ -166,7 +168,7 @@ def _branch_in(archive: Archive) -> Branch:
     if motions is None:
         return branch
     curves = [
-        dataclasses.replace(curve, recorded=forms.read_motions(archive, known, curve))
+        dataclasses.replace(curve, full_motion=forms.read_motions(archive, known, curve))
         for curve, known in zip((branch, *branch.others), forms.listed(motions, 1 + len(branch.others)), strict=True)
     ]
     return dataclasses.replace(curves[0], others=tuple(curves[1:]))

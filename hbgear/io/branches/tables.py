@@ -16,7 +16,10 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.atomic_write import atomic_write, checked_suffix
-from hbgear.continuation.results.branch import Branch, SpecialPoint, Status, saved_fields
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.branch_data import saved_fields
+from hbgear.continuation.results.point import SpecialPoint
+from hbgear.continuation.results.status import Status
 from hbgear.harmonic.equations.layout import MEASURES
 from hbgear.io.branches.columns import Column, about, bracketed, columns_of, speeds_of
 from hbgear.io.branches.npz import encode

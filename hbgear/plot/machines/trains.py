@@ -179,7 +179,7 @@ def load_sharing(found: LoadSharing, ax: Axes | None = None) -> Axes:
                     label=f"{name}: mean" if n <= 4 else "_", gid=f"mean {name}")  # fmt: skip
         ax.set_xlabel(_label(curve))
         ax.set_ylabel("force over the mean of all meshes [-]")
-        if "unstable" in curve.verdicts:
+        if "unstable" in curve.stability:
             ax.plot([], [], linestyle=LINES[False][0], color=GREY, label="unstable")
         ax.set_ylim(bottom=min(0.0, float(found.factor.min())))
         dress(ax)

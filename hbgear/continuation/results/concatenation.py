@@ -1,0 +1,138 @@
+"""Concatenation of branches."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from hbgear.continuation.results.branch import Branch
+
+_ARRAYS = ("values", "X", "iterations", "residual", "regime", "error", "step", "modulus_error")
+
+
+def append_continuation(first: Branch, second: Branch) -> Branch:
+    """Return a branch and its continuation from its last point, as one branch.
+
+    Special points are numbered consecutively. Jumps are removed and have to be searched again.
+
+    Parameters
+    ----------
+    first : Branch
+        Branch.
+    second : Branch
+        Branch that starts at the last point of `first`.
+
+    Returns
+    -------
+    Branch
+        Points of both. Status and message are those of `second`.
+    """
+    n = len(first)
+    names = list(_ARRAYS)
+    if first.multipliers is not None and second.multipliers is not None:
+        names.append("multipliers")
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(second, name)[1:]]) for name in names}
+    count: dict[str, int] = {}
+    special = []
+    for p in (*first.special, *(dataclasses.replace(p, index=n - 1 + p.index) for p in second.special)):
+        count[p.kind] = count.get(p.kind, 0) + 1
+        special.append(dataclasses.replace(p, label=f"{p.kind}{count[p.kind]}"))
+    tracked = {k: np.concatenate([first.tracked[k], x[1:]]) for k, x in second.tracked.items()}
+    return dataclasses.replace(
+        second, **{"multipliers": None, **arrays}, special=tuple(special), jump_records=(), tracked=tracked,
+        full_motion=None,
+        meta=with_asymptotes(second.meta, first=first.asymptotes.get("first"), last=second.asymptotes.get("last")),
+        others=first.others,
+    )  # fmt: skip
+
+
+def concatenate(back: Branch, forth: Branch) -> Branch:
+    """Return two traces that left one point in opposite directions, as one branch.
+
+    Special points are numbered consecutively. The message states how both traces ended.
+
+    Parameters
+    ----------
+    back, forth : Branch
+        The traces. The new branch goes from the last point of `back` to the last point of `forth`.
+
+    Returns
+    -------
+    Branch
+        Points of both. The status is that of the trace that is not complete, if there is one.
+    """
+    names = (*_ARRAYS, "multipliers")
+    arrays: dict[str, Any] = {name: x[::-1] for name in names if (x := getattr(back, name)) is not None}
+    special = tuple(dataclasses.replace(p, index=len(back) - 1 - p.index) for p in reversed(back.special))
+    tracked = {k: x[::-1] for k, x in back.tracked.items()}
+    reversed_back = dataclasses.replace(back, **arrays, special=special, tracked=tracked)
+    joined = append_continuation(reversed_back, forth)
+    worse = back if not back.status.complete else forth
+    meta = with_asymptotes(forth.meta, first=back.asymptotes.get("last"), last=forth.asymptotes.get("last"))
+    message = f"{forth.message}; the other way {back.message}"
+    return dataclasses.replace(joined, status=worse.status, message=message, meta=meta)
+
+
+def with_asymptotes(meta: dict[str, Any], **ends: float | None) -> dict[str, Any]:
+    """Return the header of a branch with its asymptotes.
+
+    Parameters
+    ----------
+    meta : dict
+        Header with or without asymptotes, which are replaced.
+    **ends : float or None
+        Parameter value at which the solutions grow without bound beyond the "first" or the "last" point.
+
+    Returns
+    -------
+    dict
+        A new header.
+    """
+    known = {end: value for end, value in ends.items() if value is not None}
+    return {name: x for name, x in meta.items() if name != "asymptotes"} | ({"asymptotes": known} if known else {})
+
+
+def most_resolved(*branches: Branch) -> Any:
+    """Return the problem of the branch with the largest number of unknowns.
+
+    Parameters
+    ----------
+    *branches : Branch
+        Branches, of which at least one has a problem.
+
+    Returns
+    -------
+    object
+        The problem; of several equal ones that of the last branch.
+    """
+    return max((b for b in reversed(branches) if b.problem is not None), key=lambda b: b.X.shape[1]).problem
+
+
+def padded_to_common_size(*branches: Branch) -> list[Branch]:
+    """Return the branches with the number of harmonics of the largest.
+
+    Parameters
+    ----------
+    *branches : Branch
+        Branches of one model.
+
+    Returns
+    -------
+    list of Branch
+        Branches of one layout. Harmonics that a branch does not have are zero.
+    """
+    largest = max(branches, key=lambda b: b.X.shape[1])
+    return [b if b.layout == largest.layout else _padded(b, largest) for b in branches]
+
+
+def _padded(branch: Branch, like: Branch) -> Branch:
+    """Return a branch with the layout of another one, which has more unknowns."""
+    layout = like.layout
+    pad = like.problem.from_point
+    special = tuple(
+        p if p.layout != branch.layout else dataclasses.replace(p, X=pad(p), layout=layout) for p in branch.special
+    )
+    X = np.array([pad(branch[i]) for i in range(len(branch))])
+    return dataclasses.replace(branch, X=X, special=special, layout=layout)

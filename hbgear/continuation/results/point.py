@@ -1,0 +1,393 @@
+"""Points of a branch: solutions, special points, and the jumps of slow sweeps."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.deprecation import renamed_attributes
+from hbgear.common.ranges import counted
+from hbgear.common.text.messages import did_you_mean
+from hbgear.continuation.results.layout import LayoutProtocol
+from hbgear.continuation.results.stability import STABILITY_STATES, stability_codes
+
+LANDINGS = ("nearest", "integrate")
+"""Methods by which the solution after a jump is chosen; values of `Jump.landing`."""
+
+
+BIFURCATING = "bifurcating"
+"""Value of `Jump.landing` where the sweep does not jump but continues on a bifurcating branch."""
+
+
+def require_layout(layout: LayoutProtocol | None) -> LayoutProtocol:
+    """Return the layout of the unknowns.
+
+    Parameters
+    ----------
+    layout : LayoutProtocol or None
+        Layout of a point or branch.
+
+    Returns
+    -------
+    LayoutProtocol
+        The same layout.
+
+    Raises
+    ------
+    ValueError
+        If it is None.
+    """
+    if layout is None:
+        raise ValueError("the problem does not describe its unknowns (layout is None); use X directly")
+    return layout
+
+
+def name_of_regime(codes: NDArray[np.int8], layout: LayoutProtocol | None) -> str:
+    """Return the name of the most severe regime.
+
+    Parameters
+    ----------
+    codes : ndarray of int8
+        Regime code of each element, -1 if it is unknown.
+    layout : LayoutProtocol or None
+        Layout with the names of the regimes.
+
+    Returns
+    -------
+    str
+        Name of the largest code, or "unknown".
+    """
+    worst = int(np.max(codes, initial=-1))
+    names = layout.regimes if layout else ()
+    return names[min(worst, len(names) - 1)] if worst >= 0 and names else "unknown"
+
+
+def dof_index(dof: int | str, names: Sequence[str]) -> int:
+    """Return the index of a degree of freedom.
+
+    Parameters
+    ----------
+    dof : int or str
+        Index or name.
+    names : sequence of str
+        Names of all degrees of freedom.
+
+    Returns
+    -------
+    int
+        Index in `names`.
+
+    Raises
+    ------
+    KeyError
+        If the model does not have this degree of freedom.
+    """
+    if isinstance(dof, str):
+        if dof not in names:
+            raise KeyError(f"the model has no degree of freedom '{dof}'{did_you_mean(dof, list(names))}")
+        return list(names).index(dof)
+    if not 0 <= dof < len(names):
+        raise KeyError(f"the model has no degree of freedom {dof}; there are {len(names)}, from 0")
+    return dof
+
+
+@renamed_attributes(verdict="stability")
+@dataclass(frozen=True, eq=False, repr=False)
+class Point:
+    """One solution.
+
+    Attributes
+    ----------
+    X : ndarray, shape (n,)
+        Unknowns.
+    parameters : dict of str to float
+        All parameters. The parameter of the branch is the last one.
+    residual : float
+        Relative residual after the last iteration of the corrector.
+    iterations : int
+        Number of iterations of the corrector.
+    multipliers : ndarray of complex, shape (r,), or None
+        Multipliers of small disturbances (Floquet multipliers). None if they were not computed.
+    regime : ndarray of int8, shape (m,)
+        Regime code of each element, a position in ``layout.regimes``. -1 is unknown.
+    error : float
+        Estimated error of the solution, nan if unknown. For a `SpecialPoint` it is the error of its parameter value.
+    layout : LayoutProtocol or None
+        Description of the unknowns. None if the problem does not give it.
+    label : str
+        Label of a special point, such as "LP1".
+    modulus_error : float
+        Estimated error of the largest modulus of the multipliers. nan if unknown, or if the modulus is far from 1.
+    problem : object or None
+        Problem that the point solves, possibly with more unknowns than `X`. None if it is unknown. Files do not store
+        it.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> point = curve[3]
+    >>> point.stable, bool(point.amplitude("H1") == curve.amplitude("H1")[3])
+    (True, True)
+    """
+
+    X: Array
+    parameters: dict[str, float]
+    residual: float
+    iterations: int
+    multipliers: ComplexArray | None
+    regime: NDArray[np.int8]
+    error: float
+    layout: LayoutProtocol | None
+    label: str = ""
+    modulus_error: float = dataclasses.field(default=math.nan, kw_only=True)
+    problem: Any = dataclasses.field(default=None, kw_only=True)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state without the problem, which is pickled once, with the branch."""
+        return {**vars(self), "problem": None}
+
+    def __repr__(self) -> str:
+        position = "".join(f" at {name} = {self.parameters[name]:.6g}" for name in list(self.parameters)[-1:])
+        stability = "stability unknown" if self.stability == "unknown" else self.stability
+        return f"<{self.label or 'Point'}{position}, {stability}, {self.regime_name}>"
+
+    @property
+    def stability(self) -> str:
+        """One of "stable", "unstable", "undecided" (the modulus error includes 1), "unknown" (no multipliers)."""
+        if self.multipliers is None:
+            return "unknown"
+        return STABILITY_STATES[int(stability_codes(self.multipliers, np.asarray(self.modulus_error)))]
+
+    @property
+    def stable(self) -> bool | None:
+        """True or False, or None if the stability is undecided or unknown."""
+        return {"stable": True, "unstable": False}.get(self.stability)
+
+    @property
+    def regime_name(self) -> str:
+        """Name of the most severe regime among the elements."""
+        return name_of_regime(self.regime, self.layout)
+
+    @checked_arguments()
+    def coefficients(self, element: int | str = 0) -> Array:
+        """Return the unknowns of an element.
+
+        Parameters
+        ----------
+        element : int or str, optional
+            Index or name of the element. The default is 0.
+
+        Returns
+        -------
+        ndarray
+            For harmonic balance ``(a0, a1, b1, ..., aH, bH)``.
+        """
+        return require_layout(self.layout).rows(self.X, element).copy()
+
+    @checked_arguments()
+    def amplitude(self, measure: str = "rms", element: int | str = 0) -> float:
+        """Return a measure of amplitude of an element.
+
+        Parameters
+        ----------
+        measure : str, optional
+            For harmonic balance "rms" (default), "pp2", "max", "mean", "H1", "H2", ...
+        element : int or str, optional
+            Index or name of the element. The default is 0.
+
+        Returns
+        -------
+        float
+            Value of the measure, in the units of the element displacement.
+        """
+        return float(require_layout(self.layout).measure(measure, self.X, element))
+
+    @checked_arguments()
+    def samples(self, element: int | str = 0, count: int = 1024, order: int = 0) -> tuple[Array, Array]:
+        """Return samples of an element over one period.
+
+        Parameters
+        ----------
+        element : int or str, optional
+            Index or name of the element. The default is 0.
+        count : int, optional
+            Number of samples. The default is 1024.
+        order : int, optional
+            Order of the derivative with respect to the phase. The default is 0, the displacement itself.
+
+        Returns
+        -------
+        theta, values : ndarray, shape (count,)
+            Phases, 0 <= theta < 2 pi, and values.
+        """
+        counted("order", order, least=0)
+        counted("count", count, 10_000_000)
+        return require_layout(self.layout).samples(self.X, element, count, order)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SpecialPoint(Point):
+    """A point at which the branch or its stability changes.
+
+    A special point whose error is too large at the resolution of the branch is solved for with more unknowns, which
+    `layout` describes. The point of the branch with the number `index` then only lies near it.
+
+    Attributes
+    ----------
+    kind : str
+        "LP" (fold), "PD" (period doubling), "NS" (Neimark-Sacker), "BP" (branch point), "GR" (grazing), "CP" (cusp),
+        ... The label is the kind with a number.
+    index : int
+        Number of the point of the branch that holds it.
+    located : bool
+        True if the point was solved for. Otherwise it is only known to lie in `interval`.
+    interval : tuple of float
+        Parameter values of the points that bracket it.
+    note : str
+        Remark on how it was located.
+    meaning : str
+        Description of the event.
+    marker : str
+        Marker of figures.
+    event : Event or None
+        Event that located it. Files do not store it.
+    error : float
+        Estimated error of its parameter value, nan if unknown.
+    truncation : float
+        Estimated truncation error of its solution, nan if unknown.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> fold = curve["LP1"]
+    >>> fold.kind, fold.located, round(fold.parameters["Omega"], 3)
+    ('LP', True, 1.103)
+    """
+
+    kind: str = ""
+    index: int = -1
+    located: bool = True
+    interval: tuple[float, float] = (float("nan"), float("nan"))
+    note: str = ""
+    meaning: str = ""
+    marker: str = ""
+    event: Any = None
+    truncation: float = math.nan
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state without the event, which may hold a function that cannot be pickled."""
+        return {**super().__getstate__(), "event": None}
+
+
+@renamed_attributes(decided="landing_description")
+@dataclass(frozen=True, eq=False)
+class Jump:
+    """A jump: a slow sweep leaves the branch at a special point and lands on another solution.
+
+    Attributes
+    ----------
+    label : str
+        Label of the special point.
+    parameter : str
+        Name of the parameter of the sweep.
+    value : float
+        Value of the parameter at the jump.
+    direction : int
+        +1 if the parameter increases, -1 if it decreases.
+    before, after : Point
+        Solutions before and after the jump. `after` is None if no stable solution is known at `value`.
+    landing : {"nearest", "integrate", "bifurcating"}
+        How `after` was chosen: the nearest stable solution; integration in time from `before`; or no jump, because the
+        sweep continues on a stable branch that bifurcates at `before`, of which `after` is the first solution.
+    candidates : tuple of Point
+        Stable solutions at `value`, of all curves that were searched.
+    note : str
+        Result of the integration, if it is not a solution of these curves.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
+    >>> jump = curve.jumps()[0]
+    >>> jump.label, jump.direction, round(jump.value, 3)
+    ('LP1', 1, 1.103)
+    >>> jump.before.amplitude("H1") > jump.after.amplitude("H1")
+    True
+    """
+
+    label: str
+    parameter: str
+    value: float
+    direction: int
+    before: Point
+    after: Point | None
+    landing: str = "nearest"
+    candidates: tuple[Point, ...] = ()
+    note: str = ""
+
+    @property
+    def landing_description(self) -> str:
+        """Description of how `after` was chosen, such as "nearest of 2"."""
+        if self.landing == "integrate":
+            return "integrated"
+        if self.landing == BIFURCATING:
+            return "continues on the bifurcating branch"
+        return f"nearest of {len(self.candidates)}" if len(self.candidates) > 1 else "nearest"
+
+
+_AnyPoint = TypeVar("_AnyPoint", bound=Point)
+
+
+def with_problem(point: _AnyPoint, problem: Any) -> _AnyPoint:
+    """Return a point that refers to its problem.
+
+    Parameters
+    ----------
+    point : Point
+        Point that may have a problem already, which is kept.
+    problem : object
+        Problem of the branch of the point.
+
+    Returns
+    -------
+    Point
+        The same point, or a copy with the problem.
+    """
+    return point if point.problem is not None else dataclasses.replace(point, problem=problem)
+
+
+def jump_with_problem(jump: Jump, problem: Any) -> Jump:
+    """Return a jump whose points refer to their problem.
+
+    Parameters
+    ----------
+    jump : Jump
+        Jump with points that may have a problem already, which is kept.
+    problem : object
+        Problem of the branch of the jump.
+
+    Returns
+    -------
+    Jump
+        The same jump, or a copy with the problem.
+    """
+    points = (jump.before, *(() if jump.after is None else (jump.after,)), *jump.candidates)
+    if all(point.problem is not None for point in points):
+        return jump
+    return dataclasses.replace(
+        jump, before=with_problem(jump.before, problem), after=jump.after and with_problem(jump.after, problem),
+        candidates=tuple(with_problem(point, problem) for point in jump.candidates),
+    )  # fmt: skip

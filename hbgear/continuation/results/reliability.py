@@ -1,0 +1,168 @@
+"""Reliability of a branch: warnings about errors, undecided stability and contradictions.
+
+A branch changes its stability only at a fold, a branch point, a period doubling or a Neimark-Sacker point. The two
+sides of a fold are never both stable, because one real multiplier passes +1 there. A contradiction to these rules
+indicates a wrong multiplier, or a special point that was not detected.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hbgear.continuation.results.branch_data import BranchData
+from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, STABLE, UNSTABLE
+
+MAX_RELATIVE_ERROR = 1e-2
+"""Relative error of a solution above which a branch is not accurate enough for engineering use (1 percent)."""
+
+
+def branch_warnings(branch: BranchData) -> tuple[str, ...]:
+    """Return the reasons why a branch is not reliable everywhere; see `Branch.warnings`.
+
+    Parameters
+    ----------
+    branch : BranchData
+        Traced branch.
+
+    Returns
+    -------
+    tuple of str
+        One sentence for each reason.
+    """
+    out = [*_inaccurate_special_points(branch), *_undecided_points(branch)]
+    if (
+        branch.stable is not None
+        and len(branch)
+        and "stable" not in branch.stability
+        and "unstable" in branch.stability
+    ):
+        out.append(
+            "no point of the curve is stable: a machine does not stay on it; trace from another start, or search "
+            "other curves with hb.trace_all"
+        )
+    out += _contradictions(branch)
+    if branch.relative_error > MAX_RELATIVE_ERROR:
+        at = branch.values[int(np.nanargmax(branch.error))]
+        out.append(
+            f"the relative error of motions is up to {branch.relative_error:.0e}, at {branch.parameter} = {at:.6g}; "
+            "trace with more harmonics"
+        )
+    return tuple(out)
+
+
+def _inaccurate_special_points(branch: BranchData) -> list[str]:
+    """Return a warning if errors of special points are unknown or larger than twice the accuracy of the trace."""
+    accuracy = branch.meta.get("trace", {}).get("accuracy") or math.inf
+    with_errors = math.isfinite(accuracy) and bool(np.isfinite(branch.error).any())
+    labels = []
+    for point in branch.special:
+        size = abs(point.parameters[branch.parameter]) or 1.0
+        inaccurate = with_errors if math.isnan(point.error) else point.error > 2 * accuracy * size
+        if not point.located or inaccurate:
+            labels.append(point.label)
+    return [f"{', '.join(labels)} not known to the accuracy of {accuracy:g}"] if labels else []
+
+
+def _undecided_points(branch: BranchData) -> list[str]:
+    """Return a warning if the stability of points is undecided."""
+    undecided = np.flatnonzero(branch.undecided)
+    if not undecided.size:
+        return []
+    low, high = branch.values[undecided].min(), branch.values[undecided].max()
+    where = f"= {low:.6g}" if low == high else f"from {low:.6g} to {high:.6g}"
+    return [f"stability undecided at {undecided.size} points with {branch.parameter} {where}"]
+
+
+def _contradictions(branch: BranchData) -> list[str]:
+    """Return a warning for each contradiction between the special points and the stability of the points."""
+    if branch.multipliers is None or not branch.meta.get("trace", {}).get("special", True):
+        return []
+    kinds: dict[int, list[str]] = {}
+    for point in branch.special:
+        if point.kind in STABILITY_CHANGING_KINDS:
+            kinds.setdefault(point.index, []).append(point.kind)
+    codes, name = branch.stability_codes, branch.parameter
+    out = [
+        f"stability changes between {name} = {branch.values[a]:.9g} and {branch.values[b]:.9g} without a special point"
+        for a, b in unexplained_changes(codes, kinds)
+    ]
+    folds = {point.index: point.label for point in branch.special if point.kind == "LP"}
+    both = [folds[i] for i in stable_on_both_sides(codes, kinds)]
+    return out + ([f"both sides of {', '.join(both)} are stable"] if both else [])
+
+
+def unexplained_changes(codes: NDArray[np.int_], kinds: Mapping[int, Sequence[str]]) -> list[tuple[int, int]]:
+    """Return pairs of neighbouring points of different stability without a special point between them.
+
+    Undecided points are not compared. Special points, whose critical multiplier lies on the unit circle, are not
+    compared either.
+
+    Parameters
+    ----------
+    codes : ndarray of int, shape (P,)
+        Stability code of each point.
+    kinds : dict of int to sequence of str
+        Kinds of the special points at which stability can change, by the number of their point.
+
+    Returns
+    -------
+    list of tuple of int
+        Numbers of both points of each pair.
+
+    Examples
+    --------
+    >>> unexplained_changes(np.array([1, 1, 0, 0]), {})
+    [(1, 2)]
+    >>> unexplained_changes(np.array([1, 1, 0, 0]), {1: ["LP"]})
+    []
+    """
+    return [(a, b) for a, b in _compared_pairs(codes, kinds) if codes[a] != codes[b] and not _between(a, b, kinds)]
+
+
+def stable_on_both_sides(codes: NDArray[np.int_], kinds: Mapping[int, Sequence[str]]) -> list[int]:
+    """Return the numbers of the folds with stable points on both sides.
+
+    Parameters
+    ----------
+    codes : ndarray of int, shape (P,)
+        Stability code of each point.
+    kinds : dict of int to sequence of str
+        Kinds of the special points at which stability can change, by the number of their point.
+
+    Returns
+    -------
+    list of int
+        Numbers of the points that hold the folds.
+
+    Examples
+    --------
+    >>> stable_on_both_sides(np.array([1, 1, 1]), {1: ["LP"]})
+    [1]
+    """
+    out = []
+    for a, b in _compared_pairs(codes, kinds):
+        special = _between(a, b, kinds)
+        if codes[a] == codes[b] == STABLE and len(special) == 1 and list(kinds[special[0]]) == ["LP"]:
+            out.append(special[0])
+    return out
+
+
+def _compared_pairs(codes: NDArray[np.int_], kinds: Mapping[int, Sequence[str]]) -> Iterator[tuple[int, int]]:
+    """Yield pairs of stable or unstable points that are separated by special points only."""
+    last: int | None = None
+    for i, code in enumerate(codes.tolist()):
+        if i in kinds:
+            continue
+        determined = code in (UNSTABLE, STABLE)
+        if determined and last is not None:
+            yield last, i
+        last = i if determined else None
+
+
+def _between(a: int, b: int, kinds: Mapping[int, Sequence[str]]) -> list[int]:
+    """Return the special points from point a to point b. A point that was not located has the previous number."""
+    return [i for i in range(a, b + 1) if i in kinds]
