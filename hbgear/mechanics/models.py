@@ -12,11 +12,9 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -29,7 +27,7 @@ from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked, counted
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.mechanics.fields import check_names, entries_of, parameters_of, with_entries
 from hbgear.mechanics.laws.laws import Law
-from hbgear.mechanics.serialization import to_plain
+from hbgear.mechanics.serialization import source_of, to_plain
 from hbgear.mechanics.series.fourier import MOST_HARMONICS, Series, is_listed, real_numbers
 from hbgear.mechanics.series.periodic import Periodic, Phased
 from hbgear.mechanics.structures.matrices import square
@@ -470,31 +468,48 @@ class System(Model):
 
 
 def describe(model: Model) -> dict[str, Any]:
-    """``{"class": name, "fields": {...}}`` of plain numbers, strings and lists, fit for JSON.
+    """Describe a model by plain data for JSON.
 
-    Fields that are no data (functions, laws of your own, very large matrices) are left out, and named in
-    ``"left_out"``: such a model cannot be rebuilt. Of a model that is not of hbgear ``"from"`` says where it was
-    written, for the eye of whoever reads the file.
+    Parameters
+    ----------
+    model : Model
+        Any model.
+
+    Returns
+    -------
+    dict
+        ``{"class": name, "fields": {...}}`` of numbers, texts and lists. Fields that are not data (functions, laws that
+        are not registered, very large matrices) are missing: ``"left_out"`` names them, ``"reasons"`` states why, and
+        such a model cannot be rebuilt. ``"from"`` is the file or module of a model that is not of hbgear, for the
+        reader of the file.
     """
     fields: dict[str, Any] = {}
-    left_out = []
+    reasons: dict[str, str] = {}
     for each in dataclasses.fields(model):  # type: ignore[arg-type]
         try:
             fields[each.name] = to_plain(getattr(model, each.name))
-        except TypeError:
-            left_out.append(each.name)
-    source, out = source_of(type(model)), {"class": type(model).__name__, "fields": fields}
-    return out | ({"left_out": left_out} if left_out else {}) | ({"from": source} if source else {})
+        except TypeError as error:
+            reasons[each.name] = str(error)
+    out: dict[str, Any] = {"class": type(model).__name__, "fields": fields}
+    if reasons:
+        out |= {"left_out": list(reasons), "reasons": reasons}
+    source = source_of(type(model))
+    return out | ({"from": source} if source else {})
 
 
-def source_of(cls: type) -> str:
-    """Where a class of models was written, as the command line takes it: FILE.py:NAME or MODULE:NAME; "" in hbgear.
+def differing_fields(written: Mapping[str, Any], own: Mapping[str, Any]) -> list[str]:
+    """Return the names of the fields that differ between two descriptions by `describe`.
 
-    Of a file its name without the folders, which are nobody else's business.
+    Parameters
+    ----------
+    written, own : mapping
+        Description in a file, and that of a model.
+
+    Returns
+    -------
+    list of str
+        The names in order. Fields that one of the descriptions does not hold because they are not data do not differ.
     """
-    if cls.__module__.partition(".")[0] == "hbgear":
-        return ""
-    module = cls.__module__
-    if module == "__main__" or module.endswith(".py"):  # a script, or a file that was named on the command line
-        module = Path(getattr(sys.modules.get(module), "__file__", None) or module).name
-    return f"{module}:{cls.__qualname__}"
+    not_data = {*(written.get("left_out") or ()), *(own.get("left_out") or ())}
+    names = {*written["fields"], *own["fields"]} - not_data
+    return sorted(name for name in names if written["fields"].get(name) != own["fields"].get(name))
