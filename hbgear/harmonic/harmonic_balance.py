@@ -57,7 +57,7 @@ from hbgear.harmonic.structure.receptance import MODAL_LIMIT, LinearStructure
 from hbgear.harmonic.structure.recession import Receded, longest, receded
 from hbgear.harmonic.structure.speed_dependent import SpeedDependentStructure
 from hbgear.mechanics.models import Model, System, describe
-from hbgear.mechanics.plausibility import of_frequency, of_gaps, of_problem, of_size, of_truncation, warn
+from hbgear.mechanics.plausibility import check_frequency, check_gaps, check_problem, check_size, check_truncation, warn
 from hbgear.mechanics.reduction import Reduction, reduced_within
 from hbgear.mechanics.reference_stiffness import references
 from hbgear.mechanics.series.fourier import Transform, fast_length, places, resize, spread, stretch, to_complex, to_real
@@ -197,10 +197,10 @@ class HarmonicBalance(ContinuationProblem):
         self._prepare(samples)
         self._warn_truncated(system)
         if not self.reduce or system.n <= MODAL_LIMIT:
-            of_size(system)
+            check_size(system)
         check_laws(system)
         self.compiled({})
-        of_problem(model, system, _MOST if self.auto else self.H // self.nu)
+        check_problem(model, system, _MOST if self.auto else self.H // self.nu)
 
     def _highest(self, harmonics: int, known: bool) -> int:
         """H, of harmonics of every mesh if the orders are those of the meshes; known: the number is H."""
@@ -380,7 +380,7 @@ class HarmonicBalance(ContinuationProblem):
         measured = self.compiled({}).system.receptances
         if measured is not None:
             measured.check(low if name == "Omega" else Omega, Omega, self.H, self.nu)
-        of_frequency(self.compiled({}).structure.at(Omega), Omega)
+        check_frequency(self.compiled({}).structure.at(Omega), Omega)
 
     def restricted_to(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> HarmonicBalance:
         """The same with a structure too large for all its modes reduced to those that matter in such a curve.
@@ -418,7 +418,7 @@ class HarmonicBalance(ContinuationProblem):
         """The branch as it is; warns where nothing ever comes near a corner of a law, or harmonics did not suffice."""
         beyond = np.flatnonzero(branch.error > self.tolerance) if self.auto else np.empty(0, dtype=int)
         if beyond.size:
-            of_truncation(self.tolerance, self.H, branch.parameter, branch.values[beyond], branch.error[beyond])
+            check_truncation(self.tolerance, self.H, branch.parameter, branch.values[beyond], branch.error[beyond])
         reduction = self._reduction(self._changed(branch.fixed))
         if reduction is not None:
             told = {"modes": reduction[0].system.n, "of": reduction[0].full.n, "error": reduction[1]}
@@ -427,7 +427,7 @@ class HarmonicBalance(ContinuationProblem):
             return branch
         clearances = [seen["clearance"] for seen in observed if "clearance" in seen]
         if branch.parameter == "Omega" and branch.status.complete and self.pins is None:
-            of_gaps(self.clearance_names, np.array(clearances))
+            check_gaps(self.clearance_names, np.array(clearances))
         return self._with_reduction(branch)
 
     def _with_reduction(self, branch: Branch) -> Branch:

@@ -200,7 +200,7 @@ def register_law(law: Any = None, /, *, name: str | None = None, required: tuple
 
 
 def _register(law: Any, name: str | None, required: tuple[str, ...] | None) -> Any:
-    """Add an entry to the registry and return the law."""
+    """Check a law, add its entry to the registry and return it."""
     is_class = isinstance(law, type)
     if is_class and not (issubclass(law, Law) and dataclasses.is_dataclass(law)):
         raise TypeError(
