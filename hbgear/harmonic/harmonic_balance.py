@@ -50,7 +50,7 @@ from hbgear.harmonic.structure.measured import MeasuredStructure
 from hbgear.harmonic.structure.receptance import MODAL_LIMIT
 from hbgear.harmonic.structure.recession import Receded, longest, receded
 from hbgear.mechanics.models import Model, describe
-from hbgear.mechanics.plausibility import of_problem, of_size
+from hbgear.mechanics.plausibility import check_problem, check_size
 
 _MIN_RECESSION_RATIO = 10.0
 """Size of a motion, over the largest length of the model, from which the recession is examined."""
@@ -129,10 +129,10 @@ class HarmonicBalance(PeriodicMotions):
         super().__init__(ModelCache(model, system, grid, bool(reduce)))
         warn_of_truncated_excitation(grid, system)
         if not reduce or system.n <= MODAL_LIMIT:
-            of_size(system)
+            check_size(system)
         check_laws(system)
         self.compiled({})
-        of_problem(model, system, MAX_AUTOMATIC_HARMONICS if self.auto else self.H // self.nu)
+        check_problem(model, system, MAX_AUTOMATIC_HARMONICS if self.auto else self.H // self.nu)
 
     def __repr__(self) -> str:
         kind = ", sampled" if self.is_sampled else ""

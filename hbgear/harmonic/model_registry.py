@@ -27,7 +27,6 @@ from hbgear.gears import (
 from hbgear.harmonic.equations.harmonic_selection import HIGHEST, HarmonicSelection
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.fields import check_names, made, plain_kinds_of
-from hbgear.mechanics.laws.laws import Cubic, Parallel, PiecewiseLinear
 from hbgear.mechanics.model_lookup import find_model_class, installed
 from hbgear.mechanics.models import Element, Load, Model, System
 from hbgear.mechanics.oscillators import Duffing
@@ -53,7 +52,7 @@ _PARTS: dict[str, type] = {
     each.__name__: each
     for each in (
         Gear, GearPair, Support, Wheel, Shaft, Bearing, Mesh, Beam, Housing, Element, Load, SpeedTerms, MatrixTable,
-        Receptances, PiecewiseLinear, Cubic, Parallel,
+        Receptances,
     )
 }  # fmt: skip
 """What such models consist of."""
@@ -119,8 +118,11 @@ def rebuild_model(meta: Any, cls: type[Model] | None = None) -> Model:
         raise KeyError(f"the catalogue has no class '{meta['class']}'{_advice(meta)}")
     cls = cls or _MADE[meta["class"]]
     if meta.get("left_out") and cls in _MADE.values():
+        reasons = meta.get("reasons")
+        why = f" ({'; '.join(map(str, reasons.values()))[:300]})" if isinstance(reasons, Mapping) else ""
         raise ValueError(
-            f"the file of this {cls.__name__} does not hold its {str(meta['left_out'])[:80]}: load it with problem=..."
+            f"the file of this {cls.__name__} does not hold its {str(meta['left_out'])[:80]}{why}: load it with "
+            "problem=..."
         )
     fields = {name: from_plain(value, _PARTS) for name, value in meta["fields"].items()}
     _check_types(cls, fields)

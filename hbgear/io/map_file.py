@@ -15,7 +15,9 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.results.status import Status
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.model_registry import is_description
 from hbgear.io.branches.npz import load
+from hbgear.mechanics.models import differing_fields
 
 
 def save_map(found: JumpMap, path: str | os.PathLike[str]) -> None:
@@ -53,7 +55,7 @@ def read_map(
     wanted = {**problem.describe(), "map": _settings(parameter, span, frequencies)}
     others = {"model": "another model", "balance": "other harmonics or samples", "map": "another map"}
     for name, meaning in others.items():
-        if _plain(first.meta.get(name)) != _plain(wanted[name]):
+        if not _is_same(_plain(first.meta.get(name)), _plain(wanted[name])):
             about = quoted(first.meta.get("map"))
             raise ValueError(f"'{path}' is the part of a jump map of {meaning} ({about}): give another output file, or "
                              "remove this one")  # fmt: skip
@@ -67,6 +69,14 @@ def read_map(
 
 def _settings(parameter: str, span: tuple[float, float], frequencies: tuple[float, float]) -> dict[str, Any]:
     return {"parameter": parameter, "span": sorted(map(float, span)), "frequencies": list(map(float, frequencies))}
+
+
+def _is_same(written: Any, own: Any) -> bool:
+    """Return whether an entry of the header is that of the map; of models only what both descriptions hold."""
+    if is_description(written) and is_description(own):
+        names = ("class", "from")
+        return all(written.get(name) == own.get(name) for name in names) and not differing_fields(written, own)
+    return bool(written == own)
 
 
 def _plain(value: Any) -> Any:

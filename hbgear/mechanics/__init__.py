@@ -9,6 +9,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.mechanics.function_model import model
     from hbgear.mechanics.laws.compiled_law import CompiledLaw
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, Parallel, PiecewiseLinear, Unilateral
+    from hbgear.mechanics.laws.registry import register_law
     from hbgear.mechanics.models import Element, Load, Model, Reaction, System
     from hbgear.mechanics.oscillators import Duffing
     from hbgear.mechanics.plausibility import ImplausibleInputWarning
@@ -42,6 +43,7 @@ __all__ = [
     "Unilateral",
     "model",
     "reduce",
+    "register_law",
 ]
 
 if not TYPE_CHECKING:

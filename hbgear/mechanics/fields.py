@@ -1,4 +1,4 @@
-"""The fields of a model class: their types, which of them are parameters, and instances made of given values.
+"""Fields of a model class: their types, the parameters among them, and instances with given values.
 
 parameter:  a field whose values are real numbers, however its type is written: float, Annotated[float, ...],
             float | numpy.floating, a name for one of these, or any of them as a string
@@ -21,14 +21,24 @@ from hbgear.common.text.messages import did_you_mean
 
 _T = TypeVar("_T")
 
-_ENTRY = re.compile(r"([^\[\]]+)\[(\d{1,6})\]", re.ASCII)
+_ENTRY_PATTERN = re.compile(r"([^\[\]]+)\[(\d{1,6})\]", re.ASCII)
 
 
 @lru_cache(maxsize=256)
 def kinds_of(cls: type) -> Mapping[str, Any]:
-    """Types of the fields of a dataclass by name, as `plain` writes them; those that ``__init__`` takes.
+    """Return the types of the fields of a dataclass that ``__init__`` takes, in the form of `plain`.
 
-    A type that is a string with names known only where the class was written, inside a function say, stays a string.
+    A type given as a string stays a string if its names are known only inside the function that defines the class.
+
+    Parameters
+    ----------
+    cls : type
+        Dataclass.
+
+    Returns
+    -------
+    mapping
+        Types by name.
     """
     try:
         hints = typing.get_type_hints(cls, include_extras=True)
@@ -45,7 +55,7 @@ def kinds_of(cls: type) -> Mapping[str, Any]:
 
 
 def plain(kind: Any) -> Any:
-    """A type without what does not matter to its values: ``float`` for every way to write a real number.
+    """Return a type in its simplest form: ``float`` for every way to write a real number.
 
     >>> plain(typing.Annotated[float, "over 2 m omega"]), plain(float | np.floating), plain(int | np.integer)
     (<class 'float'>, <class 'float'>, <class 'int'>)
@@ -70,39 +80,52 @@ def plain(kind: Any) -> Any:
 
 
 def plain_kinds_of(cls: type) -> dict[str, Any]:
-    """`kinds_of` with Any for every type that is no number, text, truth value, choice of those, or tuple."""
+    """Return `kinds_of` with Any for every type that is not a number, text, truth value, choice of those, or tuple."""
     kinds = kinds_of(cls)
     return {name: kind if is_plain(kind) else Any for name, kind in kinds.items()}
 
 
 def is_plain(kind: Any) -> bool:
-    """Whether values of a type are numbers, texts, truth values, choices of them, or tuples of such."""
+    """Return whether values of a type are numbers, texts, truth values, choices of them, or tuples of them."""
     if typing.get_origin(kind) is tuple:
         return all(each is ... or is_plain(each) for each in typing.get_args(kind))
     return kind in (float, int, bool, str) or typing.get_origin(kind) is typing.Literal
 
 
 def parameters_of(cls: type) -> tuple[str, ...]:
-    """Names of the fields that are real numbers."""
+    """Return the names of the fields that are real numbers."""
     return tuple(name for name, kind in kinds_of(cls).items() if kind is float)
 
 
 def entries_of(instance: object) -> dict[str, float]:
-    """The numbers in tuples among the fields of an instance, each by the name it has in Python: ``eps[0]``."""
+    """Return the numbers in tuples among the fields of an instance, by their names in Python: ``eps[0]``."""
     cls: type = type(instance)
-    lists = ((name, getattr(instance, name)) for name in _lists_of(cls))
+    lists = ((name, getattr(instance, name)) for name in _tuple_fields_of(cls))
     return {f"{name}[{i}]": float(x) for name, values in lists for i, x in enumerate(values)}
 
 
 def entries_among(cls: type, values: Mapping[str, Any]) -> list[str]:
-    """Names of the entries, such as ``eps[0]``, of the tuples of real numbers among values of fields of a class."""
-    given = {name: values.get(name) for name in _lists_of(cls)}
+    """Return the names of the entries, such as ``eps[0]``, of tuples of numbers among given values.
+
+    Parameters
+    ----------
+    cls : type
+        Dataclass.
+    values : mapping
+        Values by name of field.
+
+    Returns
+    -------
+    list of str
+        The names.
+    """
+    given = {name: values.get(name) for name in _tuple_fields_of(cls)}
     return [f"{name}[{i}]" for name, x in given.items() if isinstance(x, list | tuple) for i in range(len(x))]
 
 
 @lru_cache(maxsize=256)
-def _lists_of(cls: type) -> tuple[str, ...]:
-    """Names of the fields that are tuples of real numbers."""
+def _tuple_fields_of(cls: type) -> tuple[str, ...]:
+    """Return the names of the fields that are tuples of real numbers."""
     kinds = kinds_of(cls)
     return tuple(
         name for name, kind in kinds.items()
@@ -111,7 +134,19 @@ def _lists_of(cls: type) -> tuple[str, ...]:
 
 
 def with_entries(instance: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Changes of fields in which those of entries, such as ``eps[0]``, are put into the tuples they belong to.
+    """Return changes of fields, in which changes of entries such as ``eps[0]`` are merged into their tuples.
+
+    Parameters
+    ----------
+    instance : object
+        Instance of a dataclass.
+    changes : mapping
+        New values by name of field or entry.
+
+    Returns
+    -------
+    dict
+        New values by name of field.
 
     Raises
     ------
@@ -125,9 +160,9 @@ def with_entries(instance: object, changes: Mapping[str, Any]) -> dict[str, Any]
     for name, value in changes.items():
         if name in whole:
             continue
-        found = _ENTRY.fullmatch(name)
+        found = _ENTRY_PATTERN.fullmatch(name)
         values = []
-        if found is not None and found[1] in _lists_of(cls):
+        if found is not None and found[1] in _tuple_fields_of(cls):
             values = list(whole.get(found[1], getattr(instance, found[1])))
         if found is None or int(found[2]) >= len(values):
             known = entries_of(instance)
@@ -138,7 +173,7 @@ def with_entries(instance: object, changes: Mapping[str, Any]) -> dict[str, Any]
 
 
 def defaults_of(cls: type) -> dict[str, Any]:
-    """Default values by name, of the fields that have one."""
+    """Return the default values by name of the fields that have one."""
     found = {}
     for field in dataclasses.fields(cls):
         if field.init and field.default is not dataclasses.MISSING:
@@ -149,17 +184,25 @@ def defaults_of(cls: type) -> dict[str, Any]:
 
 
 def required_of(cls: type) -> tuple[str, ...]:
-    """Names of the fields that have no default."""
+    """Return the names of the fields that have no default."""
     known = defaults_of(cls)
     return tuple(name for name in kinds_of(cls) if name not in known)
 
 
 def check_names(cls: type, names: typing.Iterable[str]) -> None:
-    """Refuse names that are no fields.
+    """Raise KeyError for a name that is not a field.
+
+    Parameters
+    ----------
+    cls : type
+        Dataclass.
+    names : iterable of str
+        Names.
 
     Raises
     ------
     KeyError
+        If a name is not a field.
     """
     for name in names:
         if name not in kinds_of(cls):
@@ -167,12 +210,24 @@ def check_names(cls: type, names: typing.Iterable[str]) -> None:
 
 
 def made(cls: type[_T], values: Mapping[str, Any]) -> _T:
-    """An instance with these values of fields and entries, such as ``eps[0]``, and the defaults of the other fields.
+    """Return an instance with given values of fields and entries, such as ``eps[0]``, and defaults of the other fields.
+
+    Parameters
+    ----------
+    cls : type
+        Dataclass.
+    values : mapping
+        Values by name of field or entry.
+
+    Returns
+    -------
+    object
+        The instance.
 
     Raises
     ------
     KeyError
-        If a name is no field, and no entry of one.
+        If a name is not a field or an entry of a field.
     ValueError
         If a field has neither a value nor a default, or the class refuses a value.
     """
@@ -189,11 +244,11 @@ def made(cls: type[_T], values: Mapping[str, Any]) -> _T:
 
 
 def is_entry(name: str) -> bool:
-    """Whether a name is that of an entry of a tuple, such as ``eps[0]``.
+    """Return whether a name is the name of an entry of a tuple, such as ``eps[0]``.
 
     Examples
     --------
     >>> is_entry("eps[0]"), is_entry("eps")
     (True, False)
     """
-    return _ENTRY.fullmatch(name) is not None
+    return _ENTRY_PATTERN.fullmatch(name) is not None

@@ -1,4 +1,4 @@
-"""A function as a model: its parameters are those of the machine it builds.
+"""Models from functions: the parameters of a function are the parameters of the machine that it builds.
 
 machine(zeta, gap, ...)  ->  M q'' + C q' + K q + sum_j w_j [p_j + c_j d_j'] = F      (see `hbgear.mechanics.models`)
 """
@@ -24,10 +24,10 @@ P = ParamSpec("P")
 
 
 class FunctionModel(Model):
-    """What `model` makes of a function: a frozen dataclass with a field for each of its parameters."""
+    """Frozen dataclass that `model` creates from a function, with a field for each parameter of the function."""
 
     function: ClassVar[Callable[..., Any]]
-    """The function itself."""
+    """Function that builds the system."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -38,19 +38,19 @@ class FunctionModel(Model):
             _check_value(owner, name, kind, getattr(self, name))
 
     def __repr__(self) -> str:
-        """The call that makes it, with the values that differ from the defaults."""
-        usual = defaults_of(type(self))
+        """Return the call that creates the model, with the values that differ from the defaults."""
+        defaults = defaults_of(type(self))
         values = {name: getattr(self, name) for name in kinds_of(type(self))}
-        given = [f"{name}={x!r}" for name, x in values.items() if name not in usual or x != usual[name]]
+        given = [f"{name}={x!r}" for name, x in values.items() if name not in defaults or x != defaults[name]]
         return f"{type(self).__name__}({', '.join(given)})"
 
     def system(self) -> System:
-        """What the function returns.
+        """Return the system that the function builds.
 
         Raises
         ------
         ValueError
-            If that is no `System`.
+            If the function does not return a `System`.
         """
         built = type(self).function(**{name: getattr(self, name) for name in kinds_of(type(self))})
         if not isinstance(built, System):
@@ -81,25 +81,33 @@ def model(
     usual: Mapping[str, Range] | None = None,
     default_span: tuple[float, float] | None = None,
 ) -> Any:
-    """Make a model of a function that builds a `System`: a decorator.
+    """Create a model from a function that builds a `System`: a decorator.
 
-    The result is a class of models with one field for each parameter of the function; those of type float are what
-    curves can be traced in besides Omega. It is used wherever a model is: in `trace`, `FoldProblem`,
-    `critical_parameter`, `jump_map`,
-    `cases`, saved files, and on the command line as ``hbgear trace mine.py:stop``. Its description there is the
-    docstring of the function.
+    The result is a class of models with one field for each parameter of the function. Parameters of type float can be
+    continuation parameters in addition to Omega. The class is used like any model: in `trace`, `FoldProblem`,
+    `critical_parameter`, `jump_map`, `cases`, saved files, and on the command line as ``hbgear trace mine.py:stop``,
+    where
+    its description is the docstring of the function.
 
     Parameters
     ----------
-    function : its parameters have types: float, int, bool, str, a ``Literal``, or ``tuple[float, ...]``; those without
-        a default must be given.
-    labels, ranges, usual, default_span : as of `Model`.
+    function : callable
+        Function. Its parameters have one of the types float, int, bool, str, ``Literal`` and ``tuple[float, ...]``; a
+        parameter without a default must be given.
+    labels, ranges, usual, default_span : optional
+        Class attributes of `Model`. Default: those of `Model`.
+
+    Returns
+    -------
+    type
+        Class of models, or a decorator if it is called with options only.
 
     Raises
     ------
     ValueError
-        If a parameter has no type or one of another kind, has the name of a method of models, or there are ``*args``;
-        if labels, ranges or a span are of other types, or of names that the function does not have.
+        If a parameter has no type, another type, or the name of a method of models; if the function has ``*args``; or
+        if
+        labels, ranges or a span have other types, or names that the function does not have.
 
     Examples
     --------
@@ -120,11 +128,11 @@ def model(
     options = {"labels": labels, "ranges": ranges, "usual": usual, "default_span": default_span}
     given = {name: value for name, value in options.items() if value is not None}
     _check_options(given)
-    return (lambda other: _made_of(other, given)) if function is None else _made_of(function, given)
+    return (lambda other: _model_class(other, given)) if function is None else _model_class(function, given)
 
 
 def _check_options(options: Mapping[str, Any]) -> None:
-    """Refuse labels, ranges and a span of other types than `Model` has."""
+    """Raise ValueError for labels, ranges or a span whose types are not those of `Model`."""
     for name, kind, what in (("labels", str, "texts"), ("ranges", Range, "Range"), ("usual", Range, "Range")):
         given = options.get(name, {})
         if not isinstance(given, Mapping) or not all(isinstance(value, kind) for value in given.values()):
@@ -140,24 +148,25 @@ def _check_options(options: Mapping[str, Any]) -> None:
         raise ValueError(f"model: default_span = {quoted(span)} must be two different frequencies, such as (0.5, 1.5)")
 
 
-def _made_of(function: Callable[..., Any], options: Mapping[str, Any]) -> type[FunctionModel]:
+def _model_class(function: Callable[..., Any], options: Mapping[str, Any]) -> type[FunctionModel]:
+    """Create the class of models of a function."""
     if not inspect.isfunction(function):
-        raise ValueError(f"@model stands before a function, not before {function!r}")
+        raise ValueError(f"@model decorates a function, got {function!r}")
     name = function.__name__
     fields = [_field(name, parameter, function) for parameter in inspect.signature(function).parameters.values()]
     names = [each[0] for each in fields]
     for option, more in (("labels", ("Omega", "amplitude")), ("ranges", ()), ("usual", ())):
         for key in options.get(option, {}):
             if key not in (*names, *more):
-                raise ValueError(f"{name}: {option} of '{key}', which it does not have{did_you_mean(key, names)}")
+                raise ValueError(f"{name}: {option} of '{key}', which is no parameter{did_you_mean(key, names)}")
     namespace = {"function": staticmethod(function), "__doc__": function.__doc__ or "", **options}
     cls = dataclasses.make_dataclass(name, fields, bases=(FunctionModel,), namespace=namespace, frozen=True, repr=False)
-    cls.__module__, cls.__qualname__ = function.__module__, function.__qualname__  # where pickle finds it
+    cls.__module__, cls.__qualname__ = function.__module__, function.__qualname__  # for pickle
     return cls
 
 
 def _field(owner: str, parameter: inspect.Parameter, function: Callable[..., Any]) -> tuple[str, Any, Any]:
-    """Name, type and default of a field."""
+    """Return name, type and default of a field."""
     name = parameter.name
     if parameter.kind not in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY):
         raise ValueError(f"{owner}({parameter}): a model needs parameters with names, such as zeta: float = 0.05")
@@ -168,7 +177,7 @@ def _field(owner: str, parameter: inspect.Parameter, function: Callable[..., Any
     kind = parameter.annotation
     if isinstance(kind, str):
         try:
-            kind = eval(kind, function.__globals__)  # as Python itself does where types are not strings
+            kind = eval(kind, function.__globals__)  # as Python evaluates types that are not strings
         except Exception as error:
             raise ValueError(f"{owner}: the type of {name}, {kind}, cannot be understood: {error}") from None
     kind = plain(kind)
@@ -184,12 +193,7 @@ _RESERVED = frozenset({"Omega", "function", *(name for name in dir(FunctionModel
 
 
 def _check_value(owner: str, name: str, kind: Any, value: Any) -> None:
-    """Refuse a value of another kind; floats are checked by `Model`.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Raise ValueError for a value of another type than its field; floats are checked by `Model`."""
     need = None
     if kind is int and (isinstance(value, bool) or not isinstance(value, Integral)):
         need = "a whole number"

@@ -1,11 +1,12 @@
-"""Classes of models by what a user calls them: where their code is.
+"""Lookup of model classes by the name that a user gives.
 
-    FILE.py:NAME      a class of models, or a function made one by `hbgear.model`, in a file; its folder is searched too
-    MODULE:NAME       the same in a module that can be imported, from the current folder too
+    FILE.py:NAME      a class of models, or a function decorated by `hbgear.mechanics.model`; its folder is searched
+    too
+    MODULE:NAME       the same in a module that can be imported, also from the current folder
     NAME              an entry point of the group "hbgear.models" of an installed package
 
-Loading one runs the code that is there. It is only ever done for a name that the user gave; nothing that is read from
-a saved curve is loaded.
+The lookup runs the code of the file or module. It is done only for a name that the user gave, never for a name in a
+saved file.
 """
 
 from __future__ import annotations
@@ -26,33 +27,43 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 GROUP = "hbgear.models"
-"""Entry points that name classes of models."""
+"""Group of the entry points of model classes."""
 
 
 def installed() -> dict[str, EntryPoint]:
-    """Entry points of installed packages by name; none of them is loaded."""
-    from importlib.metadata import entry_points  # takes longer than all the rest of this file
+    """Return the entry points of installed packages by name, without loading them."""
+    from importlib.metadata import entry_points  # here, because the import is slow
 
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def find_model_class(name: str) -> type[Model]:
-    """The class of models that a name stands for; runs the code of its file, module or package.
+    """Return the class of models of a name; the code of its file, module or package is run.
+
+    Parameters
+    ----------
+    name : str
+        FILE.py:NAME, MODULE:NAME or the name of an entry point.
+
+    Returns
+    -------
+    type
+        The class.
 
     Raises
     ------
     KeyError
-        If there is no such entry point, or nothing of that name in the file or module.
+        If there is no such entry point, or the file or module has no such name.
     ValueError
-        If the file or module cannot be loaded, or what has the name is no class of models.
+        If the file or module cannot be loaded, or the name is not a class of models.
     """
-    place, colon, attribute = name.rpartition(":")
-    if colon and place and attribute:
-        found: Any = _module(place)
+    source, colon, attribute = name.rpartition(":")
+    if colon and source and attribute:
+        found: Any = _module(source)
         for part in attribute.split("."):
             if not hasattr(found, part):
                 known = [other for other, value in vars(found).items() if _is_model(value)]
-                raise KeyError(f"'{place}' has no model '{part}'{did_you_mean(part, known)}")
+                raise KeyError(f"'{source}' has no model '{part}'{did_you_mean(part, known)}")
             found = getattr(found, part)
     else:
         points = installed()
@@ -61,21 +72,33 @@ def find_model_class(name: str) -> type[Model]:
         try:
             found = points[name].load()
         except Exception as error:
-            raise ValueError(f"the model '{name}' of {points[name].value} cannot be loaded: {_said(error)}") from error
+            raise ValueError(
+                f"the model '{name}' of {points[name].value} cannot be loaded: {_error_text(error)}"
+            ) from error
     if not _is_model(found):
-        what = (
-            "put @hb.mechanics.model before it"
+        advice = (
+            "decorate it by @hb.mechanics.model"
             if inspect.isfunction(found)
-            else "name a class, or a function with @hb.mechanics.model"
+            else "name a class, or a function decorated by @hb.mechanics.model"
         )
-        raise ValueError(f"'{name}' is {_kind(found)} and no class of models; {what}")
+        raise ValueError(f"'{name}' is {_kind(found)}, not a class of models; {advice}")
     return found  # type: ignore[no-any-return]
 
 
 def reference_of(cls: type[Model]) -> str | type[Model]:
-    """What another process needs to have the class: the class itself, or FILE.py:NAME if it is out of a file.
+    """Return a reference by which another process finds a class.
 
-    A module that can be imported is found again by name; a file that was named is none.
+    A module that can be imported is found by its name; a file that the user named is not.
+
+    Parameters
+    ----------
+    cls : type
+        Class of models.
+
+    Returns
+    -------
+    str or type
+        FILE.py:NAME for a class of a file, else the class itself.
     """
     return f"{cls.__module__}:{cls.__qualname__}" if cls.__module__.endswith(".py") else cls
 
@@ -88,44 +111,44 @@ def _kind(found: Any) -> str:
     return "a function" if inspect.isfunction(found) else f"a {type(found).__name__}"
 
 
-def _said(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
-class _NoFile(Exception):
-    """There is no such file to load."""
+class _NoFileError(Exception):
+    """The file does not exist."""
 
 
 def _module(place: str) -> ModuleType:
     try:
-        return _of_file(Path(place)) if place.endswith(".py") else _imported(place)
-    except _NoFile as error:
+        return _load_file(Path(place)) if place.endswith(".py") else _import_module(place)
+    except _NoFileError as error:
         raise ValueError(f"'{place}' cannot be loaded: {error}") from None
-    except (Exception, SystemExit) as error:  # whatever the user's code raises while it runs
-        raise ValueError(f"'{place}' cannot be loaded: {_said(error)}") from error
+    except (Exception, SystemExit) as error:  # any error of the user's code
+        raise ValueError(f"'{place}' cannot be loaded: {_error_text(error)}") from error
 
 
-def _imported(name: str) -> ModuleType:
-    _search(Path.cwd())
+def _import_module(name: str) -> ModuleType:
+    _add_search_path(Path.cwd())
     return importlib.import_module(name)
 
 
-def _of_file(path: Path) -> ModuleType:
-    """The module of a file, once; it is called by its whole path, so that no other module can be meant."""
+def _load_file(path: Path) -> ModuleType:
+    """Return the module of a file, loaded once under its whole path, so that the name is unique."""
     try:
         path = path.resolve()
     except FileNotFoundError:
-        raise _NoFile("the current folder does not exist any more; change to another one") from None
+        raise _NoFileError("the current folder does not exist any more; change to another one") from None
     name = str(path)
     if name in sys.modules:
         return sys.modules[name]
     if not os.path.isfile(path):
-        raise _NoFile(f"there is no file '{path}'; give the file of a model as FILE.py:NAME")
-    _search(path.parent)
+        raise _NoFileError(f"there is no file '{path}'; give the file of a model as FILE.py:NAME")
+    _add_search_path(path.parent)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # where dataclasses look for the types of their fields
+    sys.modules[name] = module  # dataclasses look up the types of their fields here
     try:
         spec.loader.exec_module(module)
     except BaseException:
@@ -134,7 +157,7 @@ def _of_file(path: Path) -> ModuleType:
     return module
 
 
-def _search(folder: Path) -> None:
-    """Let modules be found in a folder, after those that are installed; processes started from here do so too."""
+def _add_search_path(folder: Path) -> None:
+    """Add a folder to the module search path after the installed packages; processes started from here inherit it."""
     if str(folder) not in sys.path:
         sys.path.append(str(folder))

@@ -1,22 +1,21 @@
-"""Models: a linear structure, a few scalar elements, and what loads them.
+"""Models: a linear structure, a few scalar elements, and their loads.
 
     M q'' + C q' + K q + sum_j w_j [p_j(d_j, d_j', tau) + c_j d_j'] = F(tau),  d_j = w_j^T q - e_j(tau),  tau = Omega t
 
 * ``q`` (n,) coordinates; ``M, C, K`` (n, n), dense or scipy.sparse;
-* ``w_j`` (n,) direction of element j, ``d_j`` its element coordinate (the mesh gap of a gear pair), ``e_j`` a
-  prescribed displacement (the transmission error), ``p_j`` a scalar law, ``c_j`` a viscous damper beside it;
+* ``w_j`` (n,) direction of element j, ``d_j`` its element coordinate (the gap of a gear mesh), ``e_j`` a prescribed
+  displacement (the transmission error), ``p_j`` a scalar law, ``c_j`` a viscous damper in parallel;
 * ``F = Omega^power (F_0 + sum_l F_cl cos(l tau) + F_sl sin(l tau))``;
-* C and K may have terms that depend on Omega, see `speed`; parts may be known by receptances, see `receptances`.
+* C and K may have terms that depend on Omega, see `speed_terms`; a part of the structure may be given by receptances,
+  see `receptances`.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -29,7 +28,7 @@ from hbgear.common.ranges import ANY, NOT_NEGATIVE, Range, checked, counted
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.mechanics.fields import check_names, entries_of, parameters_of, with_entries
 from hbgear.mechanics.laws.laws import Law
-from hbgear.mechanics.serialization import to_plain
+from hbgear.mechanics.serialization import source_of, to_plain
 from hbgear.mechanics.series.fourier import MOST_HARMONICS, Series, is_listed, real_numbers
 from hbgear.mechanics.series.periodic import Periodic, Phased
 from hbgear.mechanics.structures.matrices import square
@@ -39,15 +38,18 @@ from hbgear.mechanics.structures.speed_terms import SpeedTerms
 
 
 class Model(ABC):
-    """A frozen dataclass that describes a machine and builds its `System`.
+    """Frozen dataclass that describes a machine and builds its `System`.
 
-    Its float fields are its parameters: each can be continued in, set on the command line, and is checked for being
-    a finite number within its range in `ranges`. A field counts as one however its type is written, such as
-    ``Annotated[float, "damping ratio"]``. What depends on several fields a subclass checks in ``__post_init__`` after
-    calling this one's.
+    Its float fields are its parameters: each can be the continuation parameter, can be set on the command line, and
+    must
+    be a finite number within its range in `ranges`. A field is a parameter however its type is written, such as
+    ``Annotated[float, "damping ratio"]``. A subclass checks conditions on several fields in ``__post_init__``, after
+    the
+    call of the method of this class.
 
-    A function that returns a `System` becomes a model by the decorator `hbgear.model`; a class is the way if the
-    machine has more to it, such as units of its own.
+    A function that returns a `System` becomes a model by the decorator `hbgear.mechanics.model`. A class is needed if
+    the
+    machine has more properties, such as units.
 
     Examples
     --------
@@ -68,69 +70,73 @@ class Model(ABC):
     """
 
     labels: ClassVar[Mapping[str, str]] = {}
-    """Axis labels ``{"Omega": ..., "amplitude": ...}`` and, by name, of any parameter: symbol and unit."""
+    """Axis labels ``{"Omega": ..., "amplitude": ...}`` and labels of parameters by name: symbol and unit."""
     default_span: ClassVar[tuple[float, float]] = (0.5, 1.5)
-    """Range of Omega a response curve is traced over when the user gives none."""
+    """Range of Omega over which a response curve is traced by default."""
     ranges: ClassVar[Mapping[str, Range]] = {}
-    """Values a parameter may have, by name: ``{"zeta": Range(low=0)}``. Searches and curves end there."""
+    """Allowed values of parameters by name: ``{"zeta": Range(low=0)}``. Searches and branches end at the limits."""
 
     usual: ClassVar[Mapping[str, Range]] = {}
-    """Values a field usually has (every entry of a tuple), by name: beyond them a problem warns of the unit."""
+    """Usual values of fields by name, of every entry of a tuple. A problem warns of the unit of other values."""
 
     def __post_init__(self) -> None:
         check_fields(self)
         for name, value in self.parameters.items():
             allowed = self.ranges.get(name, ANY)
-            if type(value) is float and 1 / _LARGEST < abs(value) < _LARGEST and value in allowed:
-                continue  # the usual case, and the quickest
+            if type(value) is float and 1 / MAX_PARAMETER < abs(value) < MAX_PARAMETER and value in allowed:
+                continue  # the usual case, which is fast
             checked(type(self).__name__, name, value, allowed)
-            if abs(float(value)) > _LARGEST:
-                raise ValueError(f"{type(self).__name__}: {name} = {value:g} is beyond {_LARGEST:g}: check its unit")
-            if abs(float(value)) < 1 / _LARGEST and 0.0 not in allowed:  # models divide by it
-                raise ValueError(f"{type(self).__name__}: {name} = {value:g} is below {1 / _LARGEST:g}: check its unit")
+            if abs(float(value)) > MAX_PARAMETER:
+                raise ValueError(
+                    f"{type(self).__name__}: {name} = {value:g} is above {MAX_PARAMETER:g}: check its unit"
+                )
+            if abs(float(value)) < 1 / MAX_PARAMETER and 0.0 not in allowed:  # models divide by it
+                raise ValueError(
+                    f"{type(self).__name__}: {name} = {value:g} is below {1 / MAX_PARAMETER:g}: check its unit"
+                )
             if not isinstance(value, int | float) or (isinstance(value, int) and abs(value) > 2**53):
-                # a fraction, another type of NumPy, an integer that NumPy has no type for
+                # a fraction, another type of NumPy, or an integer beyond the integers of NumPy
                 object.__setattr__(self, name, float(value))
 
     @abstractmethod
     def system(self) -> System:
-        """The equations of motion this model stands for."""
+        """Return the equations of motion of the model."""
 
     def _repr_html_(self) -> str:
-        """For notebooks: its parameters with units."""
+        """Return the parameters with units, for notebooks."""
         html: str = call("hbgear.plot.notebook.model_html", self)
         return html
 
     @property
     def scales(self) -> Scales | None:
-        """Hz, r/min, m and N of a dimensionless model that knows its machine; None of any other."""
+        """Units of a dimensionless model (Hz, r/min, m and N); None if the model has none."""
         return None
 
     @property
     def reactions(self) -> Mapping[str, Reaction]:
-        """Forces in linear supports that are told along a curve, by name; none by default."""
+        """Forces in linear supports that are reported along a branch, by name. Default: none."""
         return {}
 
     @property
     def sharing(self) -> Sequence[str]:
-        """Names of the elements that share a load; () for all. See `hbgear.analysis.planet_loads`."""
+        """Names of the elements that share a load, see `hbgear.analysis.planet_loads`; () means all elements."""
         return ()
 
     @property
     def orders(self) -> Mapping[str, float]:
-        """What turns or meshes in the machine by name, over Omega: {"Omega": 1} unless the model knows more."""
+        """Frequencies of rotations and meshes over Omega, by name. Default: ``{"Omega": 1}``."""
         return {"Omega": 1.0}
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Float fields by name: what a curve can be traced in besides Omega."""
+        """Float fields by name, each of which can be a continuation parameter in addition to Omega."""
         if not dataclasses.is_dataclass(self):
             return {}
         return {name: getattr(self, name) for name in parameters_of(type(self))}
 
     @property
     def entries(self) -> dict[str, float]:
-        """Entries of its tuples of numbers by name, ``eps[0]``; a curve can be traced in each as in a parameter.
+        """Entries of tuples of numbers by name, ``eps[0]``, each of which can be a continuation parameter.
 
         Examples
         --------
@@ -141,19 +147,39 @@ class Model(ABC):
         return entries_of(self) if dataclasses.is_dataclass(self) else {}
 
     def replace(self, /, **changes: Any) -> Self:
-        """A copy with other field values; unknown names are refused. ``**{"eps[0]": 0.1}`` changes one entry.
+        """Return a copy with other field values.
+
+        Parameters
+        ----------
+        **changes
+            New values by field name. ``**{"eps[0]": 0.1}`` changes one entry of a tuple.
+
+        Returns
+        -------
+        Model
+            The copy.
 
         Raises
         ------
         KeyError
-            If a name is not a field of the model, or no entry of it.
+            If a name is not a field of the model or an entry of a field.
         """
         changes = with_entries(self, changes)
         check_names(type(self), changes)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def at(self, parameters: Mapping[str, float]) -> Self:
-        """A copy with those of these values that are of its own parameters, such as those of a `Point`.
+        """Return a copy with the given values of parameters, such as the values of a `Point`.
+
+        Parameters
+        ----------
+        parameters : mapping
+            Values by name. Names that are not parameters of the model, such as Omega, are ignored.
+
+        Returns
+        -------
+        Model
+            The copy.
 
         Examples
         --------
@@ -167,13 +193,14 @@ class Model(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Reaction:
-    """Force by which a linear support holds the structure, in one direction or several that are told as one size.
+    """Force of a linear support on the structure, in one direction or in several directions with one resultant.
 
         F = stiffness q + damping q'
 
     Parameters
     ----------
-    stiffness, damping : (r, n), a row for each direction, on the coordinates of the system and in its units.
+    stiffness, damping : array_like, shape (r, n)
+        One row per direction, acting on the coordinates of the system and in its units.
 
     Raises
     ------
@@ -202,29 +229,35 @@ class Reaction:
                              "the same shape")  # fmt: skip
 
 
-_LARGEST = 1e60  # of a parameter, so that products of several are numbers
+MAX_PARAMETER = 1e60
+"""Largest modulus of a parameter, in its unit; products of several parameters remain finite numbers."""
 
 
 @dataclass(frozen=True)
 class Element:
-    """A scalar element: direction, law, damper, prescribed displacement.
+    """Scalar element: direction, law, damper, prescribed displacement.
 
         d = direction^T q - displacement(tau),   force on the structure  -direction [law(d, d', tau) + damping d']
 
     Parameters
     ----------
-    direction : (n,) w.
-    law : `Law`.
-    displacement : `Series` or `Periodic`, the prescribed displacement e(tau); it has no jumps.
-    damping : viscous coefficient c of the damper beside the law, >= 0.
-    name : shown in tables and legends.
+    direction : array_like, shape (n,)
+        Direction w in the coordinates.
+    law : Law
+        Force law.
+    displacement : Series or Periodic, optional
+        Prescribed displacement e(tau), which must be continuous. Default: zero.
+    damping : float, optional
+        Viscous coefficient c of the damper in parallel with the law, >= 0. Default 0.
+    name : str, optional
+        Name in tables and legends. Default: ``element 1``, ``element 2``, ...
 
     Raises
     ------
     ValueError
-        If the direction is zero or not finite, damping negative, or the displacement jumps.
+        If the direction is zero or not finite, damping is negative, or the displacement jumps.
     TypeError
-        If the law is no `Law`.
+        If the law is not a `Law`.
 
     Examples
     --------
@@ -252,8 +285,8 @@ class Element:
             raise ValueError(f"{owner}: displacement = {self.displacement!r} must be a Series or a Periodic")
         if isinstance(self.displacement, Periodic) and not self.displacement.continuous:
             raise ValueError(
-                f"{owner}: the displacement jumps at tau = {self.displacement.corners[0]:.4g} or another of its "
-                "corners, which would take a force without bound of its damper; give it a steep ramp, as by "
+                f"{owner}: the displacement jumps at tau = {self.displacement.corners[0]:.4g} or at another "
+                "breakpoint, where the force of the damper would be infinite; give it a steep ramp, by "
                 "Periodic.trapezoidal or Periodic.table"
             )
         checked(owner, "damping", self.damping, NOT_NEGATIVE)
@@ -269,9 +302,12 @@ class Load:
 
     Parameters
     ----------
-    constant : (n,) or None.
-    cosine, sine : ``{l: (n,)}``, l >= 1.
-    power : exponent of Omega; 2 for an unbalance.
+    constant : array_like, shape (n,), optional
+        Constant part. Default: zero.
+    cosine, sine : dict, optional
+        Amplitudes ``{l: (n,)}`` by harmonic number, l >= 1. Default: none.
+    power : int, optional
+        Exponent of Omega; 2 for an unbalance. Default 0.
 
     Raises
     ------
@@ -312,17 +348,28 @@ class Load:
                 raise ValueError(f"Load: every vector must be one-dimensional and finite, got {vector}")
 
     def vectors(self) -> list[Array]:
-        """All load vectors, for checks."""
+        """Return all load vectors."""
         first = [] if self.constant is None else [np.asarray(self.constant)]
         return first + [np.asarray(v) for v in [*self.cosine.values(), *self.sine.values()]]
 
     @property
     def order(self) -> int:
-        """Highest harmonic loaded."""
+        """Highest harmonic number of the load."""
         return max([0, *self.cosine, *self.sine])
 
     def complex(self, n: int) -> dict[int, np.ndarray]:
-        """One-sided complex amplitudes ``{l: (n,)}`` without the factor Omega^power."""
+        """Return the one-sided complex amplitudes ``{l: (n,)}`` without the factor Omega^power.
+
+        Parameters
+        ----------
+        n : int
+            Number of coordinates.
+
+        Returns
+        -------
+        dict
+            Amplitudes by harmonic number.
+        """
         out: dict[int, np.ndarray] = {}
         if self.constant is not None:
             out[0] = np.asarray(self.constant, dtype=complex)
@@ -334,17 +381,24 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class System(Model):
-    """Equations of motion from matrices: the form every model is reduced to, and a model in its own right.
+    """Equations of motion from matrices. Every model is reduced to this form, which is a model itself.
 
     Parameters
     ----------
-    M, C, K : (n, n), dense or scipy.sparse; M must be regular. C = None means no damping.
-    elements : sequence of `Element`, at least one.
-    load : `Load` or a sequence of them.
-    dof_names : (n,) names of the coordinates; ``q1, q2, ...`` by default.
-    speed : `SpeedTerms`, what is added to C and K at an Omega: gyroscopic terms, bearings. None if nothing is.
-    receptances : `Receptances` of some of the coordinates, by their names: a part that was measured. These need no mass
-        then. None without. Curves have no stability with them, and nothing can be integrated in time.
+    M, C, K : array_like or sparse matrix, shape (n, n)
+        Mass, damping and stiffness; M must be regular. ``C=None`` means no damping.
+    elements : sequence of Element
+        At least one element.
+    load : Load or sequence of Load, optional
+        Loads. Default: none.
+    dof_names : sequence of str, length n, optional
+        Names of the coordinates. Default: ``q1, q2, ...``.
+    speed : SpeedTerms, optional
+        Terms of C and K that depend on Omega: gyroscopic terms, bearings. Default: none.
+    receptances : Receptances, optional
+        Measured part of the structure, at coordinates given by name, which need no mass. Branches have no stability
+        then,
+        and time integration is not available. Default: none.
 
     Raises
     ------
@@ -384,8 +438,8 @@ class System(Model):
             if not isinstance(element, Element):
                 kind = "None" if element is None else f"a {type(element).__name__}"
                 raise ValueError(f"element {i} is {kind}; need an Element(direction, law)")
-        one = isinstance(self.load, Load)
-        if not one and not (is_listed(self.load) and all(isinstance(load, Load) for load in self.loads)):
+        is_single = isinstance(self.load, Load)
+        if not is_single and not (is_listed(self.load) and all(isinstance(load, Load) for load in self.loads)):
             raise ValueError(f"load = {quoted(self.load)}: need a Load, or a list of them")
         loads = self.loads
         if not is_listed(self.dof_names) or not all(isinstance(name, str) for name in self.dof_names):
@@ -398,7 +452,7 @@ class System(Model):
         if self.speed is not None:
             self.speed.check(n)
         if not elements:
-            raise ValueError("a System needs at least one element; a linear one can carry Cubic(k3=0)")
+            raise ValueError("a System needs at least one element; a linear one can have the law Cubic(k3=0)")
         for i, element in enumerate(elements):
             if np.shape(element.direction) != (n,):
                 raise ValueError(f"element {i} has direction of shape {np.shape(element.direction)}; need ({n},)")
@@ -412,27 +466,43 @@ class System(Model):
             if names.count(name) != 1:
                 raise ValueError(f"receptances: there is no coordinate '{name}'{did_you_mean(name, names)}")
         if self.receptances is not None and self.speed is not None:
-            raise ValueError("a System has receptances or terms that depend on speed; both at once cannot be computed")
-        named = tuple(e if e.name else dataclasses.replace(e, name=f"element {i + 1}") for i, e in enumerate(elements))
-        set_(self, "elements", named)
+            raise ValueError("a System has receptances or terms that depend on speed, not both: leave one out")
+        with_names = tuple(
+            e if e.name else dataclasses.replace(e, name=f"element {i + 1}") for i, e in enumerate(elements)
+        )
+        set_(self, "elements", with_names)
         set_(self, "load", loads)
         set_(self, "dof_names", names)
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Empty: a System is fixed; a function that returns one is a model with parameters, see `hbgear.model`."""
+        """Empty, because a System is fixed.
+
+        A function that returns a System is a model with parameters, see `hbgear.mechanics.model`.
+        """
         return {}
 
     def system(self) -> System:
+        """Return the system itself."""
         return self
 
     def at_speed(self, Omega: float) -> System:
-        """The system whose C and K are those at Omega, for any Omega; itself if they do not depend on it.
+        """Return the system whose constant C and K are those at Omega.
+
+        Parameters
+        ----------
+        Omega : float
+            Excitation frequency.
+
+        Returns
+        -------
+        System
+            System without terms that depend on speed; the system itself if it has none.
 
         Raises
         ------
         ValueError
-            If Omega is outside of a table, or parts are known by receptances only.
+            If Omega is outside a table, or a part of the structure is given by receptances.
         """
         self.check_matrices()
         if self.speed is None:
@@ -441,16 +511,17 @@ class System(Model):
         return dataclasses.replace(self, C=self.C + C, K=self.K + K, speed=None)
 
     def check_matrices(self) -> None:
-        """Refuse what needs all of M, C and K where parts are known by receptances only.
+        """Raise ValueError if a part of the structure is given by receptances, so that M, C and K are incomplete.
 
         Raises
         ------
         ValueError
+            If there are receptances.
         """
         if self.receptances is not None:
             raise ValueError(
-                f"{', '.join(self.receptances.names)} are known by receptances only; this needs M, C and K of all "
-                "coordinates: modes, stability and integration in time have none"
+                f"{', '.join(self.receptances.names)} are known by receptances only; modes, stability and time "
+                "integration need M, C and K of all coordinates"
             )
 
     @property
@@ -460,41 +531,58 @@ class System(Model):
 
     @property
     def loads(self) -> tuple[Load, ...]:
-        """The loads, always as a tuple."""
+        """Loads as a tuple."""
         return (self.load,) if isinstance(self.load, Load) else tuple(self.load)
 
     @property
     def W(self) -> Array:
-        """Directions as columns, (n, m)."""
+        """Directions of the elements as columns, (n, m)."""
         return np.column_stack([np.asarray(e.direction) for e in self.elements])
 
 
 def describe(model: Model) -> dict[str, Any]:
-    """``{"class": name, "fields": {...}}`` of plain numbers, strings and lists, fit for JSON.
+    """Describe a model by plain data for JSON.
 
-    Fields that are no data (functions, laws of your own, very large matrices) are left out, and named in
-    ``"left_out"``: such a model cannot be rebuilt. Of a model that is not of hbgear ``"from"`` says where it was
-    written, for the eye of whoever reads the file.
+    Parameters
+    ----------
+    model : Model
+        Any model.
+
+    Returns
+    -------
+    dict
+        ``{"class": name, "fields": {...}}`` of numbers, texts and lists. Fields that are not data (functions, laws that
+        are not registered, very large matrices) are missing: ``"left_out"`` names them, ``"reasons"`` states why, and
+        such a model cannot be rebuilt. ``"from"`` is the file or module of a model that is not of hbgear, for the
+        reader of the file.
     """
     fields: dict[str, Any] = {}
-    left_out = []
+    reasons: dict[str, str] = {}
     for each in dataclasses.fields(model):  # type: ignore[arg-type]
         try:
             fields[each.name] = to_plain(getattr(model, each.name))
-        except TypeError:
-            left_out.append(each.name)
-    source, out = source_of(type(model)), {"class": type(model).__name__, "fields": fields}
-    return out | ({"left_out": left_out} if left_out else {}) | ({"from": source} if source else {})
+        except TypeError as error:
+            reasons[each.name] = str(error)
+    out: dict[str, Any] = {"class": type(model).__name__, "fields": fields}
+    if reasons:
+        out |= {"left_out": list(reasons), "reasons": reasons}
+    source = source_of(type(model))
+    return out | ({"from": source} if source else {})
 
 
-def source_of(cls: type) -> str:
-    """Where a class of models was written, as the command line takes it: FILE.py:NAME or MODULE:NAME; "" in hbgear.
+def differing_fields(written: Mapping[str, Any], own: Mapping[str, Any]) -> list[str]:
+    """Return the names of the fields that differ between two descriptions by `describe`.
 
-    Of a file its name without the folders, which are nobody else's business.
+    Parameters
+    ----------
+    written, own : mapping
+        Description in a file, and that of a model.
+
+    Returns
+    -------
+    list of str
+        The names in order. Fields that one of the descriptions does not hold because they are not data do not differ.
     """
-    if cls.__module__.partition(".")[0] == "hbgear":
-        return ""
-    module = cls.__module__
-    if module == "__main__" or module.endswith(".py"):  # a script, or a file that was named on the command line
-        module = Path(getattr(sys.modules.get(module), "__file__", None) or module).name
-    return f"{module}:{cls.__qualname__}"
+    not_data = {*(written.get("left_out") or ()), *(own.get("left_out") or ())}
+    names = {*written["fields"], *own["fields"]} - not_data
+    return sorted(name for name in names if written["fields"].get(name) != own["fields"].get(name))

@@ -17,15 +17,20 @@ class Duffing(Model):
 
         x'' + 2 zeta x' + x + k3 x^3 = F cos(tau),   tau = Omega t
 
-    The element is the cubic spring alone; its coordinate is x. Time is in 1/omega_n and Omega over omega_n, the natural
-    frequency without the cubic spring; x is a displacement over any length L, k3 the cubic stiffness times L^2 and F
-    the force over L, both over the linear stiffness.
+    The element is the cubic spring alone; its coordinate is x. Time is in units of 1/omega_n and Omega is over
+    omega_n, the
+    natural frequency without the cubic spring. x is a displacement over any length L, k3 is the cubic stiffness times
+    L^2
+    over the linear stiffness, and F is the force over L times the linear stiffness.
 
     Parameters
     ----------
-    zeta : damping ratio, >= 0.
-    k3 : cubic coefficient; positive hardens, negative softens.
-    F : amplitude of the load.
+    zeta : float, optional
+        Damping ratio, >= 0. Default 0.05.
+    k3 : float, optional
+        Cubic coefficient; positive hardens, negative softens. Default 0.1.
+    F : float, optional
+        Amplitude of the load. Default 0.18.
 
     Raises
     ------
@@ -56,7 +61,7 @@ class Duffing(Model):
     usual: ClassVar[Mapping[str, Range]] = {"zeta": Range(0, 1)}
 
     def system(self) -> System:
-        """One coordinate x; the linear spring in K, the cubic one as the element."""
+        """Return the system with one coordinate x, the linear spring in K and the cubic spring as its element."""
         return System(
             M=[[1.0]],
             C=[[2 * self.zeta]],

@@ -1,7 +1,7 @@
-"""What can be computed and is hardly meant: told as warnings, never refused.
+"""Plausibility checks: inputs that are valid but probably mistaken raise a warning; nothing is rejected.
 
-Quantities in other units than the model's (r/min for Omega, micrometres for metres, percent for a ratio), matrices that
-feed energy, models that nothing excites, contacts with too few harmonics to open and close.
+Checked are quantities in other units than those of the model (r/min for Omega, micrometres for metres, percent for a
+ratio), matrices that add energy, models without excitation, and contacts with too few harmonics to open and close.
 """
 
 from __future__ import annotations
@@ -17,77 +17,109 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
 from hbgear.mechanics.models import Model, System
 
-_FAR_ABOVE = 30.0  # Omega over the highest natural frequency that is hardly meant
+_MAX_FREQUENCY_RATIO = 30.0
+"""Ratio of Omega to the highest natural frequency [-] above which Omega is probably in another unit."""
 
+_TOO_FEW_HARMONICS = 1
+"""Number of harmonics of the excitation with which the balance cannot distinguish a contact from a smooth spring."""
 
-_COARSE = 1  # harmonics of the excitation with which a contact cannot be told from a smooth spring
+_MAX_EIGENVALUE_SIZE = 400
+"""Number of coordinates up to which the definiteness of matrices is checked by their eigenvalues; above it only the
+diagonal is checked, because eigenvalues would take longer than the set-up of the problem."""
 
+_LARGE_SYSTEM_SIZE = 500
+"""Number of coordinates from which the modal decomposition of a structure takes noticeably long."""
 
-_LOOKED_AT = 400  # coordinates up to which the definiteness of matrices is looked at
+_MATRIX_TOLERANCE = 1e-9
+"""Relative size of matrix entries and eigenvalues [-] that counts as rounding."""
 
-
-_LARGE = 500  # coordinates from which the decomposition of a structure is waited for
-
-
-_ROUNDING = 1e-9
+_MAX_LINE_ERROR = 1e-3
+"""Interpolation error between the lines of measured receptances, relative to their highest peak [-]."""
 
 
 class ImplausibleInputWarning(UserWarning):
-    """Input that can be computed and is hardly meant.
+    """Warning about an input that is valid but probably mistaken.
 
     Examples
     --------
     >>> import hbgear as hb
     >>> import warnings
-    >>> with warnings.catch_warnings(record=True) as said:
+    >>> with warnings.catch_warnings(record=True) as caught:
     ...     warnings.simplefilter("always")
     ...     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (9000.0, 9000.1))
     ...
-    >>> said[0].category is hb.mechanics.ImplausibleInputWarning
+    >>> caught[0].category is hb.mechanics.ImplausibleInputWarning
     True
     """
 
 
-_FAR_APART = 1e-3  # error between the lines of measured receptances, over their highest peak
-
-
 def warn(text: str) -> None:
-    """Warn of it, at the line outside this package that led here."""
+    """Issue an `ImplausibleInputWarning` at the line outside this package that led here.
+
+    Parameters
+    ----------
+    text : str
+        Message.
+    """
     level = 2
     while sys._getframe(level - 1).f_globals.get("__name__", "").startswith("hbgear."):
         level += 1
     warnings.warn(text, ImplausibleInputWarning, stacklevel=level)
 
 
-def of_problem(model: Model, system: System, harmonics: int) -> None:
-    """Warn of a model and a number of harmonics of the excitation, once when a problem is set up."""
-    of_model(model, system)
-    cornered = [e.name for e in system.elements if e.law.breakpoints]
-    if harmonics <= _COARSE and cornered:
+def check_problem(model: Model, system: System, harmonics: int) -> None:
+    """Warn of a model, and of too few harmonics of the excitation, once when a problem is set up.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    system : System
+        Its equations of motion.
+    harmonics : int
+        Number of harmonics of the excitation.
+    """
+    check_model(model, system)
+    nonsmooth = [e.name for e in system.elements if e.law.breakpoints]
+    if harmonics <= _TOO_FEW_HARMONICS and nonsmooth:
         warn(
-            f"{harmonics} harmonic of the excitation cannot describe a contact that opens and closes "
-            f"({', '.join(cornered)}): use 8 or more, or 'auto'"
+            f"{harmonics} harmonic of the excitation cannot represent a contact that opens and closes "
+            f"({', '.join(nonsmooth)}): use 8 or more, or 'auto'"
         )
 
 
-def of_size(system: System) -> None:
-    """Warn of a structure so large that setting up its equations takes long, before that is done."""
-    if system.n >= _LARGE:
+def check_size(system: System) -> None:
+    """Warn of a structure whose equations take long to set up, before that is done.
+
+    Parameters
+    ----------
+    system : System
+        Equations of motion.
+    """
+    if system.n >= _LARGE_SYSTEM_SIZE:
         dense = " (give M, C and K as scipy.sparse matrices)" if isinstance(system.K, np.ndarray) else ""
         warn(
-            f"{system.n} coordinates: setting up such a structure whole takes seconds to minutes, growing with their "
-            f"cube; hb.mechanics.reduce(model).system{dense} is a small one with the same lowest modes"
+            f"{system.n} coordinates: setting up the full structure takes seconds to minutes, growing with their "
+            f"cube; hb.mechanics.reduce(model).system{dense} is a small system with the same lowest modes"
         )
 
 
-def of_model(model: Model, system: System) -> None:
-    """Warn of fields far from usual values, of matrices and laws that feed energy, and where nothing is excited."""
+def check_model(model: Model, system: System) -> None:
+    """Warn of unusual field values, of matrices and laws that add energy, and of a model without excitation.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    system : System
+        Its equations of motion.
+    """
     for name, usual in model.usual.items():
-        _of_values(model, name, np.atleast_1d(np.asarray(getattr(model, name), dtype=float)), usual)
-    _of_matrices(system)
-    if system.receptances is not None and system.receptances.coarseness > _FAR_APART:
+        _check_values(model, name, np.atleast_1d(np.asarray(getattr(model, name), dtype=float)), usual)
+    _check_matrices(system)
+    if system.receptances is not None and system.receptances.coarseness > _MAX_LINE_ERROR:
         warn(
-            f"the lines of the receptances are far apart: between them they are known to some "
+            f"the lines of the receptances are far apart: the interpolation error between them is about "
             f"{100 * system.receptances.coarseness:.2g} % of the highest peak; measure lines closer than a quarter of "
             "the width of the peaks"
         )
@@ -95,14 +127,15 @@ def of_model(model: Model, system: System) -> None:
         springs = (spring for part in element.law.parts for spring in part.piecewise or ())
         if any(k.bound > 2 * k.mean and k.extremes()[0] < 0 for k in (spring.stiffness for spring in springs)):
             warn(f"the stiffness of {element.name} is negative over part of the period: see its amplitudes")
-    if not _excited(system):
+    if not _is_excited(system):
         warn(
             f"nothing excites this {type(model).__name__}: no load, prescribed displacement or stiffness varies with "
             "time, so it stays at rest"
         )
 
 
-def _of_values(model: Model, name: str, values: Array, usual: Range) -> None:
+def _check_values(model: Model, name: str, values: Array, usual: Range) -> None:
+    """Warn of values of a field outside their usual range."""
     if any(float(value) not in usual for value in values):
         given = getattr(model, name)
         unit = model.labels.get(name, "").partition("[")[2].partition("]")[0].replace("$", "")
@@ -112,12 +145,12 @@ def _of_values(model: Model, name: str, values: Array, usual: Range) -> None:
         )
 
 
-def _of_matrices(system: System) -> None:
-    """Warn of masses and dampers that are not positive, and of couplings given on one side of the diagonal only."""
+def _check_matrices(system: System) -> None:
+    """Warn of indefinite mass and damping matrices, and of couplings on one side of the diagonal only."""
     for name, matrix in (("M", system.M), ("C", system.C), ("K", system.K)):
         A = matrix if isinstance(matrix, np.ndarray) else scipy.sparse.csr_array(matrix)
-        there = abs(A) > _ROUNDING * abs(A).max()
-        rows, columns = (there != there.T).nonzero()
+        nonzero = abs(A) > _MATRIX_TOLERANCE * abs(A).max()
+        rows, columns = (nonzero != nonzero.T).nonzero()
         if len(rows):
             i, j = int(rows[0]), int(columns[0])
             warn(
@@ -127,47 +160,64 @@ def _of_matrices(system: System) -> None:
         if name == "K":
             continue
         diagonal = A.diagonal()
-        least = float(diagonal.min())
-        if system.n <= _LOOKED_AT:
+        smallest = float(diagonal.min())
+        if system.n <= _MAX_EIGENVALUE_SIZE:
             scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, np.abs(diagonal).max() or 1.0))
             twice = A + A.T
             dense = (twice if isinstance(twice, np.ndarray) else twice.toarray()) / 2 * np.outer(scale, scale)
-            least = float(np.linalg.eigvalsh(dense)[0])
-        if least < -_ROUNDING and name == "M":
+            smallest = float(np.linalg.eigvalsh(dense)[0])
+        if smallest < -_MATRIX_TOLERANCE and name == "M":
             warn("M has a negative eigenvalue: a mass is negative; is a sign wrong?")
-        elif least < -_ROUNDING and diagonal.max() <= 0 and not any(e.damping or e.law.rated for e in system.elements):
+        elif (
+            smallest < -_MATRIX_TOLERANCE
+            and diagonal.max() <= 0
+            and not any(e.damping or e.law.rated for e in system.elements)
+        ):
             warn(
                 f"C has a negative eigenvalue ({float(diagonal.min()):.3g} on its diagonal) and nothing else damps: "
-                "every disturbance grows; a stable motion needs dampers that take energy: change the sign of C"
+                "every disturbance grows; a stable motion needs dampers that dissipate energy: change the sign of C"
             )
-        elif least < -_ROUNDING:
+        elif smallest < -_MATRIX_TOLERANCE:
             warn("C has a negative eigenvalue: a damper feeds energy to the motion; is a sign wrong?")
 
 
-def _excited(system: System) -> bool:
-    """Whether anything varies with tau, as far as can be told of the laws."""
+def _is_excited(system: System) -> bool:
+    """Return whether anything varies with tau, as far as the laws state it."""
     for element in system.elements:
         if element.displacement.varies or not element.law.steady:
             return True
     return any(np.any(v) for load in system.loads for v in [*load.cosine.values(), *load.sine.values()])
 
 
-def of_frequency(structure: Any, Omega: float) -> None:
-    """Warn of an Omega far above every natural frequency of a structure: it is a number of another unit."""
+def check_frequency(structure: Any, Omega: float) -> None:
+    """Warn of an Omega far above every natural frequency of a structure, which is probably in another unit.
+
+    Parameters
+    ----------
+    structure : LinearStructure
+        Structure with modes.
+    Omega : float
+        Excitation frequency.
+    """
     if structure.modes is None or not structure.modes.poles.size:
         return
     highest = float(np.abs(structure.modes.poles).max())
-    if Omega > _FAR_ABOVE * highest:
+    if Omega > _MAX_FREQUENCY_RATIO * highest:
         warn(
             f"Omega = {Omega:g} is {Omega / highest:.0f} times the highest natural frequency ({highest:.4g}) of the "
             "model; Omega is an angular frequency in the model's unit of time: convert r/min or Hz to it"
         )
 
 
-def of_gaps(names: tuple[str, ...], clearances: Array) -> None:
-    """Warn of a curve on which no element comes near a corner of its law.
+def check_gaps(names: tuple[str, ...], clearances: Array) -> None:
+    """Warn of a branch on which no element comes near a breakpoint of its law.
 
-    clearances (P, c): signed distances of the lowest and the highest value of an element from each corner.
+    Parameters
+    ----------
+    names : tuple of str, length c
+        Breakpoints by element and value, for the message.
+    clearances : ndarray, shape (P, c)
+        Signed distances of the smallest and the largest displacement of an element from each breakpoint.
     """
     if clearances.size and clearances.shape[1] == len(names):
         nearest = int(np.argmin(np.abs(clearances).min(axis=0)))
@@ -175,13 +225,25 @@ def of_gaps(names: tuple[str, ...], clearances: Array) -> None:
         low = nearest - nearest % 2
         if distance > 0.5 * float((clearances[:, low + 1] - clearances[:, low]).max()):
             warn(
-                f"nothing ever comes near a corner of a law on this curve (nearest: {names[nearest]}, missed by "
-                f"{distance:.3g}): all of it is linear; is the gap meant to be so far away?"
+                f"no element comes near a breakpoint of its law on this curve (nearest: {names[nearest]}, distance "
+                f"{distance:.3g}): the response is linear; check the size of the gap and its unit"
             )
 
 
-def of_truncation(tolerance: float, H: int, parameter: str, values: Array, errors: Array) -> None:
-    """Warn of points (P,) of a curve whose estimated errors are above the tolerance of automatic harmonics."""
+def check_truncation(tolerance: float, H: int, parameter: str, values: Array, errors: Array) -> None:
+    """Warn of points whose estimated errors exceed the tolerance of automatic harmonics.
+
+    Parameters
+    ----------
+    tolerance : float
+        Tolerance of the automatic harmonics.
+    H : int
+        Harmonic truncation order.
+    parameter : str
+        Continuation parameter.
+    values, errors : ndarray, shape (P,)
+        Values of the parameter and estimated errors of the points.
+    """
     worst = int(np.argmax(errors))
     warn(
         f"automatic harmonics, up to H = {H}, leave {len(values)} points of the curve with an estimated error above "

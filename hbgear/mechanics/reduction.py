@@ -1,14 +1,16 @@
-"""A large structure by its lowest modes and residual flexibility.
+"""Reduction of a large structure to its lowest modes and residual flexibility.
 
     q = B p,   B = [phi_1 ... phi_r,  R],   R = (K + alpha M)^-1 [W, F_0, F_1, ...]
 
-with the lowest modes of K phi = w^2 M phi (undamped, the elements' reference springs closed) and the static responses R
-to the directions of the elements and the vectors of the loads, which carry the flexibility of all modes left out. The
-matrices of the reduced system are B^T M B, B^T C B, B^T K B (Galerkin), its directions and loads B^T w, B^T F: it is a
-`System` like any other, small and dense, with stability and all. Left out are motions of the structure above the last
-mode that go beyond a static response; `Reduction.error` measures what that costs at the frequencies of interest.
+with the lowest modes of K phi = w^2 M phi (undamped, with the reference springs of the elements) and the static
+responses R to the directions of the elements and the vectors of the loads, which represent the flexibility of all
+truncated modes. The reduced matrices are B^T M B, B^T C B, B^T K B (Galerkin), the reduced directions and loads are
+B^T w, B^T F. The result is a `System` like any other, small and dense, with stability. Motions of the structure above
+the last mode beyond a static response are neglected; `Reduction.error` measures the error at the frequencies of
+interest.
 
-Time and memory are those of one sparse factorisation; every product after that is linear in the number of coordinates.
+Time and memory are dominated by one sparse factorisation; all further products are linear in the number of
+coordinates.
 
 References
 ----------
@@ -35,15 +37,20 @@ from hbgear.mechanics.reference_stiffness import references
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A reduced system and the way back.
+    """Reduced system, and the transformation to the full coordinates.
 
     Parameters
     ----------
-    system : `System`, the reduced one: trace it like any other.
-    full : the `System` it stands for.
-    basis : (n, r) B, orthonormal in M.
-    frequencies : (modes,) angular frequencies of the modes kept; those left out lie above the last.
-    flexibility : (m, m) static flexibility between the elements of all modes left out, sum phi phi^T / w^2.
+    system : System
+        Reduced system, which is traced like any other.
+    full : System
+        Full system.
+    basis : ndarray, shape (n, r)
+        Matrix B, orthonormal in M.
+    frequencies : ndarray, shape (modes,)
+        Angular frequencies of the retained modes; the truncated modes lie above the last.
+    flexibility : ndarray, shape (m, m)
+        Static flexibility between the elements of all truncated modes, sum phi phi^T / w^2.
 
     Examples
     --------
@@ -65,22 +72,30 @@ class Reduction:
     flexibility: Array
 
     def modulation(self, swing: Any = None) -> float:
-        """Bound mu on the share of its own stiffness by which the elements can modulate a mode left out.
+        """Return a bound mu of the relative stiffness modulation of a truncated mode by the elements.
 
-            mu = largest eigenvalue of s^1/2 Phi s^1/2,   Phi the flexibility of the modes left out, s the swings
+            mu = largest eigenvalue of s^1/2 Phi s^1/2,   Phi the flexibility of the truncated modes, s the swings
 
-        The multipliers of the reduced system tell the stability of the kept modes. A mode left out, with frequency w
-        and damping ratio zeta, obeys x'' + 2 zeta w x' + (w^2 + kappa(t)) x = 0 with |kappa| <= mu w^2. The energy of
+        The multipliers of the reduced system determine the stability of the retained modes. A truncated mode with
+        frequency w
+        and damping ratio zeta obeys x'' + 2 zeta w x' + (w^2 + kappa(t)) x = 0 with |kappa| <= mu w^2. The energy of
         exp(zeta w t) x grows at most with the rate mu w / sqrt(1 - zeta^2), so that its multipliers over a time T obey
 
             |multiplier| <= exp((mu / (2 sqrt(1 - zeta^2)) - zeta) w T)
 
-        and it is stable by itself if zeta > mu / 2, nearly.
+        and the mode is stable by itself if zeta > mu / 2, approximately.
 
         Parameters
         ----------
-        swing : (m,) largest |dp/dd - k| of each element over the motion, k its reference stiffness; by default k,
-            that of a contact that opens and closes.
+        swing : array_like, shape (m,), optional
+            Largest |dp/dd - k| of each element over the motion, with its reference stiffness k. Default: k, the value
+            of a
+            contact that opens and closes.
+
+        Returns
+        -------
+        float
+            The bound mu.
 
         Raises
         ------
@@ -95,23 +110,50 @@ class Reduction:
         return float(np.linalg.eigvalsh(np.sqrt(np.outer(s, s)) * self.flexibility)[-1])
 
     def motion(self, p: Array) -> Array:
-        """Coordinates (n, ...) of the full system from those of the reduced one (r, ...): q = B p."""
+        """Return the coordinates (n, ...) of the full system, q = B p.
+
+        Parameters
+        ----------
+        p : ndarray, shape (r, ...)
+            Coordinates of the reduced system.
+
+        Returns
+        -------
+        ndarray, shape (n, ...)
+            Coordinates of the full system.
+        """
         return self.basis @ p
 
     def error(self, frequencies: Any, Omega: float | None = None) -> Array:
-        """Error of the receptance between the elements, relative, at angular frequencies w (K,).
+        """Return the relative error of the receptance between the elements at angular frequencies w (K,).
 
             |G_reduced(w) - G(w)| / |G(w)|,   G(w) = W^T (K_r + i w C_r - w^2 M)^-1 W
 
-        with reference springs and dampers of the elements closed (K_r, C_r), by a direct solution each. Of a structure
-        that depends on speed C and K are those at Omega, which must then be given.
+        with the reference springs and dampers of the elements in K_r and C_r, by a direct solution for each frequency.
+
+        Parameters
+        ----------
+        frequencies : array_like, shape (K,)
+            Angular frequencies.
+        Omega : float, optional
+            Excitation frequency whose C and K are used; required if the structure depends on speed.
+
+        Returns
+        -------
+        ndarray, shape (K,)
+            Relative errors.
+
+        Raises
+        ------
+        ValueError
+            If the structure depends on speed and Omega is missing.
         """
         if self.full.speed is not None and Omega is None:
             raise ValueError("the structure depends on speed: give Omega=..., the frequency of the excitation")
         return self._error(np.atleast_1d(np.asarray(frequencies, dtype=float)), self.full.W, Omega)
 
     def _error(self, w: Array, F: Array, Omega: float | None = None) -> Array:
-        """The same of the response to each of the forces F (n, c), relative to the largest at a frequency."""
+        """Return the relative error of the responses to the forces F (n, c), relative to the largest at a frequency."""
         M, C, K = _closed(self.full, Omega)
         reduced = [self.basis.T @ (A @ self.basis) for A in (K, C, M)]
         out = []
@@ -119,41 +161,54 @@ class Reduction:
             factors = 1.0, 1j * wk, -(wk**2)
             D = sum((a * A for a, A in zip(factors, (K, C, M), strict=True)), 0 * M)
             G = self.full.W.T @ _factored(D, 0.1).solve(F.astype(complex))
-            near = sum((a * A for a, A in zip(factors, reduced, strict=True)), 0 * reduced[0])
-            wrong = (self.basis.T @ self.full.W).T @ scipy.linalg.solve(near, self.basis.T @ F) - G
-            out.append((np.abs(wrong).max(axis=0) / np.abs(G).max(axis=0)).max())
+            reduced_stiffness = sum((a * A for a, A in zip(factors, reduced, strict=True)), 0 * reduced[0])
+            difference = (self.basis.T @ self.full.W).T @ scipy.linalg.solve(reduced_stiffness, self.basis.T @ F) - G
+            out.append((np.abs(difference).max(axis=0) / np.abs(G).max(axis=0)).max())
         return np.array(out)
 
 
-_MODES = (32, 64, 128, 256)  # kept modes that are tried
+_MODE_COUNTS = (32, 64, 128, 256)
+"""Numbers of retained modes that `reduced_within` tries in turn."""
 
+_CORRECTIONS = 4
+"""Number of responses to each force that `reduced_within` retains in addition to the modes."""
 
-_CORRECTIONS = 4  # responses to each force that are kept beside them
-
-
-_EXACT = 1e-9  # error of receptances that leaves a curve what it is
+_MAX_RECEPTANCE_ERROR = 1e-9
+"""Relative error of receptances [-] that does not change a response curve."""
 
 
 def reduced_within(system: System, highest: float) -> tuple[Reduction, float] | None:
-    """A reduction whose receptances are exact to 1e-9 up to an angular frequency, and how exact; None if there is none.
+    """Return a reduction that is exact up to an angular frequency, and its error.
 
-    It is exact if few modes lie below that frequency, and tried with up to 256.
+    Few modes below that frequency make a reduction exact; up to 256 modes are tried.
+
+    Parameters
+    ----------
+    system : System
+        Full system.
+    highest : float
+        Angular frequency up to which receptances must be exact to 1e-9.
+
+    Returns
+    -------
+    tuple or None
+        The reduction and its error; None if there is none.
     """
     F = _forces(system)
     w = highest * np.array([1.0, 0.75, 0.5, 0.25])
-    for modes in _MODES:
+    for modes in _MODE_COUNTS:
         if 2 * modes > system.n:
             break
         found = reduce(system, modes, corrections=_CORRECTIONS)
         if found.frequencies[-1] > highest:
             error = float(found._error(w, F).max())
-            if error <= _EXACT:
+            if error <= _MAX_RECEPTANCE_ERROR:
                 return found, error
     return None
 
 
 def _forces(system: System) -> Array:
-    """Directions of the elements and vectors of the loads, (n, c)."""
+    """Return directions of the elements and vectors of the loads, (n, c)."""
     return np.column_stack([system.W, *(v for load in system.loads for v in load.vectors())])
 
 
@@ -161,27 +216,35 @@ def _forces(system: System) -> Array:
 def reduce(model: Model, modes: int = 40, Omega: float | None = None, corrections: int = 1) -> Reduction:
     """Reduce a model with many coordinates.
 
-    Of a structure that depends on speed all terms are projected; it still does.
+    All terms of a structure that depends on speed are projected; the reduced one depends on speed as well.
 
     Parameters
     ----------
-    model : any `Model`; M, C and K should be sparse if they are large. M must be symmetric and positive definite. Modes
-        are those of the symmetric part of K; C and K themselves may be unsymmetric.
-    modes : how many of the lowest modes are kept, 1 <= modes < n. Three times the highest frequency that matters is a
-        good reach for them; `Reduction.error` says how good.
-    Omega : frequency whose stiffness the modes are of, if it depends on speed; by default the middle of its table.
-    corrections : s, 1 to 20: responses (K^-1 M)^j K^-1 F, j = 0..s-1, that are kept of each force F beside the modes:
-        the static one, and those of the inertia of the one before. The error of a receptance goes with the power 4 s of
-        the ratio of its frequency to that of the last mode.
+    model : Model
+        Any model; large M, C and K should be sparse. M must be symmetric and positive definite. The modes are those
+        of the
+        symmetric part of K; C and K themselves may be unsymmetric.
+    modes : int, optional
+        Number of lowest modes that are retained, 1 <= modes < n. They should reach three times the highest frequency
+        of
+        interest; `Reduction.error` measures the error. Default 40.
+    Omega : float, optional
+        Frequency whose stiffness determines the modes, if it depends on speed. Default: the middle of its table.
+    corrections : int, optional
+        Number s, 1 to 20, of responses (K^-1 M)^j K^-1 F, j = 0..s-1, that are retained for each force F: the static
+        response, and the responses to the inertia of the previous one. The error of a receptance is proportional to
+        the
+        power 4 s of the ratio of its frequency to that of the last mode. Default 1.
 
     Returns
     -------
-    `Reduction`
+    Reduction
+        Reduced system and basis.
 
     Raises
     ------
     ValueError
-        If ``modes`` or ``corrections`` are out of range, M is not positive definite, or Omega is needed and not given.
+        If ``modes`` or ``corrections`` are out of range, M is not positive definite, or Omega is required and missing.
 
     Examples
     --------
@@ -216,54 +279,55 @@ def reduce(model: Model, modes: int = 40, Omega: float | None = None, correction
     for _ in range(corrections - 1):
         last, before = basis.shape[1], last
         basis = _orthonormal(basis, solve(M @ basis[:, before:]), M)
-    kept = basis[:, :modes]
-    beyond = full.W - M @ (kept @ (kept.T @ full.W))  # what of the directions moves no mode that is kept
+    retained = basis[:, :modes]
+    beyond = full.W - M @ (retained @ (retained.T @ full.W))  # part of the directions that moves no retained mode
     flexibility = beyond.T @ solve(beyond)
     squares = np.sort(squares)
-    size = _highest(K, M)
-    free = basis[:, :modes][:, squares <= _DIGITS * size]
+    size = _square_frequency_bound(K, M)
+    free = basis[:, :modes][:, squares <= _MODE_ROUNDING * size]
 
     def balanced(vector: Array) -> Array:
-        """B^T v, made exactly zero on the free modes where a vector that does no work on them gives no less."""
+        """Return B^T v, exactly zero on the free modes if it is zero to rounding."""
         static = solve(np.asarray(vector, dtype=float))
         static = static - free @ (free.T @ (M @ static))
-        rounding = _DIGITS * size * np.sqrt(static @ (M @ static))
+        rounding = _MODE_ROUNDING * size * np.sqrt(static @ (M @ static))
         out = basis.T @ vector
         out[: free.shape[1]][np.abs(out[: free.shape[1]]) <= rounding] = 0.0
         return out
 
-    system = _galerkin(full, basis, modes, balanced, free.shape[1], _DIGITS * size)
+    system = _galerkin(full, basis, modes, balanced, free.shape[1], _MODE_ROUNDING * size)
     frequencies = np.sqrt(np.maximum(squares, 0.0))
     frequencies[: free.shape[1]] = 0.0
     return Reduction(system, full, basis, frequencies, 0.5 * (flexibility + flexibility.T))
 
 
-_DIGITS = 64 * float(np.finfo(float).eps)  # error of a computed mode or its square, relative to the highest one's
+_MODE_ROUNDING = 64 * float(np.finfo(float).eps)
+"""Error of a computed mode, or of its squared frequency, relative to the highest one [-]."""
 
 
-def _highest(K: Any, M: Any) -> float:
-    """Bound of the largest squared frequency."""
+def _square_frequency_bound(K: Any, M: Any) -> float:
+    """Return an upper bound of the largest squared frequency."""
     s = scipy.sparse.diags_array(1 / np.sqrt(M.diagonal()))
     return float(abs(s @ K @ s).sum(axis=1).max())
 
 
 def _factored(A: Any, pivoting: float) -> Any:
-    """Factors of a matrix with a symmetric pattern; ordered so, they fill in least."""
+    """Return the factors of a matrix with a symmetric pattern, in the order with the least fill-in."""
     settings = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
     return scipy.sparse.linalg.splu(scipy.sparse.csc_array(A), diag_pivot_thresh=pivoting, **settings)
 
 
 def _reference(system: System, Omega: float | None) -> float | None:
-    """Omega whose stiffness is that of the modes; None if it is the same at all."""
+    """Return the Omega whose stiffness determines the modes; None if the stiffness is constant."""
     if system.speed is None or system.speed.stiffness is None:
         return None
     if Omega is None and not math.isfinite(system.speed.range.high):
-        raise ValueError("the stiffness is a function of speed: give Omega=..., at which its modes are to be taken")
+        raise ValueError("the stiffness is a function of speed: give Omega=..., the speed of its modes")
     return 0.5 * (system.speed.range.low + system.speed.range.high) if Omega is None else Omega
 
 
 def _closed(system: System, Omega: float | None = None) -> tuple[Any, Any, Any]:
-    """Sparse M, C and K with dampers and reference springs of the elements, at a speed if one is given."""
+    """Return sparse M, C and K with dampers and reference springs of the elements, at a speed if one is given."""
     system.check_matrices()
     system = system if Omega is None else system.at_speed(Omega)
     W = scipy.sparse.csr_array(system.W)
@@ -274,10 +338,10 @@ def _closed(system: System, Omega: float | None = None) -> tuple[Any, Any, Any]:
 
 
 def _orthonormal(shapes: Array, extra: Array, M: Any) -> Array:
-    """Modes and what else there is in the extra vectors, orthonormal in M; what adds nothing is dropped."""
+    """Return modes and the extra vectors, orthonormal in M; linearly dependent vectors are dropped."""
     basis: Array = shapes / np.sqrt(np.einsum("ij,ij->j", shapes, M @ shapes))
     for vector in (extra / np.sqrt(np.einsum("ij,ij->j", extra, M @ extra))).T:
-        for _ in range(2):  # once more for what rounding left
+        for _ in range(2):  # twice, because of rounding
             vector = vector - basis @ (basis.T @ (M @ vector))
         size = np.sqrt(vector @ (M @ vector))
         if size > 1e-9:
@@ -288,9 +352,9 @@ def _orthonormal(shapes: Array, extra: Array, M: Any) -> Array:
 def _galerkin(
     full: System, basis: Array, modes: int, onto: Callable[[Array], Array], free: int, rounding: float
 ) -> System:
-    """The system in the coordinates of the basis; ``onto`` are directions and constant loads in them.
+    """Return the system in the coordinates of the basis; ``onto`` projects directions and constant loads.
 
-    The first ``free`` modes are free motions, on which entries of K up to ``rounding`` are made zero.
+    The first ``free`` modes are free motions, on which entries of K up to ``rounding`` are set to zero.
     """
     M, C, K = (basis.T @ (A @ basis) for A in (full.M, full.C, full.K))
     for A in (K[:free], K[:, :free]):
@@ -303,7 +367,7 @@ def _galerkin(
 
 
 def _projected(load: Load, basis: Array, onto: Callable[[Array], Array]) -> Load:
-    """The load on the coordinates of the basis; what a constant one does on free motions by rounding is made zero."""
+    """Return the load in the coordinates of the basis; constant loads on free motions by rounding are set to zero."""
     constant = None if load.constant is None else onto(np.asarray(load.constant))
     cosine, sine = ({k: basis.T @ np.asarray(v) for k, v in table.items()} for table in (load.cosine, load.sine))
     return Load(constant, cosine, sine, load.power)

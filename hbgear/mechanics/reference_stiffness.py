@@ -1,11 +1,11 @@
-"""Reference stiffness of elements: springs that close a structure and cancel from every result.
+"""Reference stiffness of elements: springs that close a structure and cancel in every result.
 
     k_j = reference of the law;   or, if the law states none,   |1 / (w_j^T K^-1 w_j)|,   p_j(L) / L
 
-They only condition the linear algebra. A law such as k3 d^3 has no stiffness of its own: a coefficient in N/m^3 is no
-stiffness. That of the structure in the direction of the element is of the right size in any
-units; where nothing holds the element, it is the secant stiffness of the law at the length L at which the law carries
-the load, or that of its prescribed displacement.
+They only condition the linear algebra. A law such as k3 d^3 has no stiffness: a coefficient in N/m^3 is not one. The
+stiffness of the structure in the direction of the element has the right order of magnitude in any units. Where no
+spring holds the element, the secant stiffness of the law is used, at the length L at which the law balances the load,
+or at the length of its prescribed displacement.
 """
 
 from __future__ import annotations
@@ -19,21 +19,30 @@ from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.models import System
 
-_SOLVED = 1e-6  # residual of a static solution, relative to the load, above which K is singular
+_MAX_STATIC_RESIDUAL = 1e-6
+"""Residual of a static solution, relative to the load [-], above which K counts as singular."""
 
+_NEGATIVE_STIFFNESS_FACTOR = 2.0
+"""Reference stiffness over the modulus of a negative structural stiffness [-]; with 1 the sum K + k is singular."""
 
-_NEGATIVE = 2.0  # times its size, for a structure of negative stiffness: K + k must not be singular
+_MIN_STATIC_LOAD = 1e-11
+"""Load over the sum of the moduli of the terms of K x [-], below which K counts as singular."""
 
 
 def references(system: System, share: float = 1.0) -> Array:
-    """Reference stiffness (m,) of the elements of a system [force / length], none negative.
+    """Return the reference stiffness (m,) of the elements of a system [force / length], which is not negative.
 
     Parameters
     ----------
     system : System
         The system.
     share : float, optional
-        Share of the stiffness of the structure that elements get whose laws state none; 1 by default.
+        Fraction of the stiffness of the structure that is the reference of laws that state none. Default 1.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Reference stiffnesses.
 
     Examples
     --------
@@ -47,12 +56,12 @@ def references(system: System, share: float = 1.0) -> Array:
     if unknown.size:
         stated[unknown] = _structural(system, stated, unknown, share)
         for j in np.flatnonzero(stated == 0):
-            stated[j] = _carrying(system, int(j))
+            stated[j] = _secant_stiffness(system, int(j))
     return stated
 
 
 def _structural(system: System, stated: Array, unknown: np.ndarray, share: float) -> Array:
-    """Share of the static stiffness of the structure with the known springs closed; 0 where nothing holds elements."""
+    """Return ``share`` of the static stiffness of the structure with known springs; 0 for an unsupported element."""
     if isinstance(system.K, np.ndarray):
         K: Any = system.K + (system.W * stated) @ system.W.T
     else:
@@ -63,27 +72,24 @@ def _structural(system: System, stated: Array, unknown: np.ndarray, share: float
         x = _solved(K, w)
         compliance = 0.0 if x is None else float(w @ x)
         if compliance:
-            found[i] = share / compliance if compliance > 0 else -_NEGATIVE / compliance
+            found[i] = share / compliance if compliance > 0 else -_NEGATIVE_STIFFNESS_FACTOR / compliance
     return found
 
 
 def _solved(K: Any, w: Array) -> Array | None:
-    """K^-1 w, or None if K is singular."""
+    """Return K^-1 w, or None if K is singular."""
     with np.errstate(all="ignore"):
         try:
             x: Array = np.linalg.solve(K, w) if isinstance(K, np.ndarray) else scipy.sparse.linalg.splu(K).solve(w)
         except (RuntimeError, np.linalg.LinAlgError):  # exactly singular
             return None
         size = abs(K) @ np.abs(x)
-    good = np.isfinite(x).all() and np.linalg.norm(K @ x - w) <= _SOLVED * np.linalg.norm(w)
-    return x if good and np.linalg.norm(size) <= np.linalg.norm(w) / _SINGULAR else None
+    good = np.isfinite(x).all() and np.linalg.norm(K @ x - w) <= _MAX_STATIC_RESIDUAL * np.linalg.norm(w)
+    return x if good and np.linalg.norm(size) <= np.linalg.norm(w) / _MIN_STATIC_LOAD else None
 
 
-_SINGULAR = 1e-11  # load over the terms of K x that it is the sum of, below which K is singular
-
-
-def _carrying(system: System, j: int) -> float:
-    """Secant stiffness of a law where it carries the loads in its direction, or at its prescribed displacement."""
+def _secant_stiffness(system: System, j: int) -> float:
+    """Return the secant stiffness of a law where it balances the loads, or at its prescribed displacement."""
     element = system.elements[j]
     w = np.asarray(element.direction)
     force = max((abs(float(w @ F)) / float(w @ w) for load in system.loads for F in load.vectors()), default=0.0)
@@ -91,7 +97,19 @@ def _carrying(system: System, j: int) -> float:
 
 
 def secant(law: Law, force: float, length: float) -> float:
-    """|p(d)| / d of a law where |p| reaches a force, or else at a length; 0 if it has no stiffness in either.
+    """Return the secant stiffness |p(d)| / d of a law where |p| reaches a force, or else at a length.
+
+    Parameters
+    ----------
+    law : Law
+        Any law.
+    force, length : float
+        Force, and length that is used if |p| nowhere reaches the force.
+
+    Returns
+    -------
+    float
+        Stiffness; 0 if the law has none at either.
 
     Examples
     --------
@@ -107,7 +125,19 @@ def secant(law: Law, force: float, length: float) -> float:
 
 
 def bend(law: Law, stiffness: float) -> float:
-    """Smallest |d| at which dp/dd has changed by a stiffness; 0 if it does so nowhere.
+    """Return the smallest |d| at which dp/dd has changed by a stiffness; 0 if it changes by less everywhere.
+
+    Parameters
+    ----------
+    law : Law
+        Any law.
+    stiffness : float
+        Change of the stiffness.
+
+    Returns
+    -------
+    float
+        Displacement.
 
     Examples
     --------
@@ -123,12 +153,25 @@ def bend(law: Law, stiffness: float) -> float:
 
 
 def at_rest(law: Law, d: Array) -> tuple[Array, Array]:
-    """p and dp/dd of a law at rest at displacements (k,) of any size; nan where it refuses to be asked."""
+    """Return p and dp/dd of a law at rest, at displacements of any size; nan where the law raises an error.
+
+    Parameters
+    ----------
+    law : Law
+        Any law.
+    d : ndarray, shape (k,)
+        Displacements.
+
+    Returns
+    -------
+    tuple of ndarray
+        Forces and slopes (k,).
+    """
     try:
         with np.errstate(all="ignore"):
             p, slope = law.force(d, np.zeros_like(d), np.zeros_like(d))[:2]
             return np.asarray(p, dtype=float), np.asarray(slope, dtype=float)
-    except Exception:  # any error that a law raises far out
+    except Exception:  # any error of a law at large displacements
         if len(d) == 1:
             return np.full(1, np.nan), np.full(1, np.nan)
     order = np.argsort(np.abs(d), kind="stable")

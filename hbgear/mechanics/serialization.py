@@ -1,38 +1,55 @@
-"""Values of a model as plain data, fit for JSON, and back: what a file must hold to make the model again.
+"""Values of a model as plain data for JSON, and the values rebuilt from them.
 
     3.0    "plane"    [1.0, ...]    {"function": "Series", ...}    {"part": "Wheel", "fields": {"name": "pinion", ...}}
     {"array": [[...], ...]}    {"real": [...], "imaginary": [...]}
      {"sparse": n, "row": [...], "column": [...], "values": [...]}    {"pairs": [[1, ...]]}
+    {"law": "Tanh", "fields": {"k": 1.0}, "from": "mine.py:Tanh"}
 
-Parts are frozen dataclasses of hbgear: wheels of a train, elements and loads of a system. Functions and classes of a
-user are no data.
+Parts are frozen dataclasses of hbgear, such as the wheels of a train, or the elements and loads of a system. Laws of a
+user have the name under which they are registered, see `hbgear.mechanics.laws.registry`. Functions and other classes of
+a user have no plain form.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy
 
+from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.laws.registry import BUILT_IN, law_named, registered
 from hbgear.mechanics.series.periodic import Phased, described, undescribed
 
-MOST_NUMBERS = 50_000
-"""Entries of one matrix up to which it is written into the header of a file."""
+MAX_MATRIX_ENTRIES = 50_000
+"""Largest number of entries of a matrix that is written into the header of a file [-]."""
 
 
 def to_plain(value: Any) -> Any:
-    """A value as plain data.
+    """Convert a value of a model to plain data.
+
+    Parameters
+    ----------
+    value : object
+        Field of a model: a number, text, array, sparse matrix, mapping, sequence, periodic function, law or part.
+
+    Returns
+    -------
+    object
+        Numbers, texts, lists and dictionaries only.
 
     Raises
     ------
     TypeError
-        If it is none: a function, an object of a class of a user, a matrix of more than 50 000 numbers.
+        If the value has no plain form: a function, an object of a class of a user, a law that is not registered, or a
+        matrix of more than 50 000 entries.
     """
-    if type(value) in _PLAIN:
+    if type(value) in _PLAIN_TYPES:
         return value
     if isinstance(value, Phased):
         return json.loads(json.dumps(described(value)))
@@ -41,16 +58,17 @@ def to_plain(value: Any) -> Any:
         if value.dtype.kind == "c":
             return {"real": value.real.tolist(), "imaginary": value.imag.tolist()}
         return {"array": value.tolist()}
+    if isinstance(value, Law):
+        return _law_to_plain(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         if not type(value).__module__.startswith("hbgear."):
-            raise TypeError(f"{type(value).__name__} is no part of hbgear")
-        fields = {each.name: to_plain(getattr(value, each.name)) for each in dataclasses.fields(value) if each.init}
-        return {"part": type(value).__name__, "fields": fields}
+            raise TypeError(f"{type(value).__name__} is not a part of hbgear")
+        return {"part": type(value).__name__, "fields": _fields_to_plain(value)}
     if isinstance(value, Mapping):
         return {"pairs": [[to_plain(key), to_plain(each)] for key, each in value.items()]}
     if isinstance(value, list | tuple):
         return [to_plain(each) for each in value]
-    if scipy.sparse.issparse(value):  # last, for to import it takes a while
+    if scipy.sparse.issparse(value):  # last, because its import takes long
         entries = scipy.sparse.coo_array(value)
         _check_size(entries.nnz)
         return {"sparse": int(entries.shape[0]), "row": entries.row.tolist(), "column": entries.col.tolist(),
@@ -58,21 +76,55 @@ def to_plain(value: Any) -> Any:
     return json.loads(json.dumps(value.item() if isinstance(value, np.generic) else value))
 
 
-_PLAIN = (float, int, bool, str, type(None))
+_PLAIN_TYPES = (float, int, bool, str, type(None))
+
+
+def _fields_to_plain(value: Any) -> dict[str, Any]:
+    """Convert the fields of a dataclass that its constructor takes."""
+    return {each.name: to_plain(getattr(value, each.name)) for each in dataclasses.fields(value) if each.init}
+
+
+def _law_to_plain(law: Law) -> dict[str, Any]:
+    """Convert a law: one of hbgear as a part, one of a user under its registered name."""
+    entry = registered(law)
+    cls = type(law)
+    fields = {}
+    for each in dataclasses.fields(law):  # type: ignore[arg-type]
+        if each.init:
+            try:
+                fields[each.name] = to_plain(getattr(law, each.name))
+            except TypeError as error:
+                raise TypeError(f"the field {each.name} of the law {cls.__name__} is not data: {error}") from None
+    if BUILT_IN.get(cls.__name__) is cls:
+        return {"part": cls.__name__, "fields": fields}
+    return {"law": entry.name, "fields": fields, "from": source_of(cls)}
 
 
 def _check_size(count: int) -> None:
-    if count > MOST_NUMBERS:
+    """Raise TypeError for a matrix that is too large."""
+    if count > MAX_MATRIX_ENTRIES:
         raise TypeError(f"a matrix of {count:,} numbers is too large for a header")
 
 
 def from_plain(data: Any, parts: Mapping[str, type]) -> Any:
-    """The value that `told` was given, lists as tuples; parts only of these classes, by name.
+    """Rebuild a value from the plain data that `to_plain` returned.
+
+    Parameters
+    ----------
+    data : object
+        Plain data.
+    parts : mapping
+        Classes by name, of which parts may be. Laws need not be among them.
+
+    Returns
+    -------
+    object
+        The value, with tuples instead of lists.
 
     Raises
     ------
     ValueError, KeyError, TypeError
-        If data are of none of its forms, or a class refuses them.
+        If the data have none of the forms, a law is not registered, or a class refuses its fields.
     """
     if isinstance(data, list):
         return tuple(from_plain(each, parts) for each in data)
@@ -88,10 +140,14 @@ def from_plain(data: Any, parts: Mapping[str, type]) -> Any:
         return _sparse(data)
     if set(data) == {"pairs"}:
         return {from_plain(key, parts): from_plain(each, parts) for key, each in data["pairs"]}
+    if set(data) == {"law", "fields", "from"} and isinstance(data["fields"], Mapping):
+        entry = law_named(str(data["law"]), str(data["from"]))
+        return entry.from_fields({name: from_plain(each, parts) for name, each in data["fields"].items()})
     if set(data) == {"part", "fields"} and isinstance(data["fields"], Mapping):
-        if not isinstance(data["part"], str) or data["part"] not in parts:
+        known_parts = {**BUILT_IN, **parts}
+        if not isinstance(data["part"], str) or data["part"] not in known_parts:
             raise KeyError(f"there is no part '{str(data['part'])[:40]}' of a model")
-        cls: Any = parts[data["part"]]
+        cls: Any = known_parts[data["part"]]
         known = {each.name for each in dataclasses.fields(cls)}
         wrong = next((name for name in data["fields"] if name not in known), None)
         if wrong is not None:
@@ -101,8 +157,30 @@ def from_plain(data: Any, parts: Mapping[str, type]) -> Any:
 
 
 def _sparse(data: Mapping[str, Any]) -> Any:
+    """Rebuild a square sparse matrix."""
     n, values = data["sparse"], np.array(data["values"], dtype=float)
-    if isinstance(n, bool) or not isinstance(n, int) or not 0 < n <= MOST_NUMBERS:
+    if isinstance(n, bool) or not isinstance(n, int) or not 0 < n <= MAX_MATRIX_ENTRIES:
         raise ValueError(f"a sparse matrix has no {str(n)[:40]} rows")
-    places = np.array(data["row"], dtype=int), np.array(data["column"], dtype=int)
-    return scipy.sparse.csr_array((values, places), shape=(n, n))
+    indices = np.array(data["row"], dtype=int), np.array(data["column"], dtype=int)
+    return scipy.sparse.csr_array((values, indices), shape=(n, n))
+
+
+def source_of(cls: type) -> str:
+    """Return where a class was written, in the form of the command line: FILE.py:NAME or MODULE:NAME.
+
+    Parameters
+    ----------
+    cls : type
+        A class of models or laws.
+
+    Returns
+    -------
+    str
+        The source; empty for a class of hbgear. A file has its name without folders, which are private.
+    """
+    if cls.__module__.partition(".")[0] == "hbgear":
+        return ""
+    module = cls.__module__
+    if module == "__main__" or module.endswith(".py"):  # a script, or a file named on the command line
+        module = Path(getattr(sys.modules.get(module), "__file__", None) or module).name
+    return f"{module}:{cls.__qualname__}"

@@ -27,7 +27,7 @@ from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
 from hbgear.mechanics.models import Model, System
-from hbgear.mechanics.plausibility import of_frequency, of_model
+from hbgear.mechanics.plausibility import check_frequency, check_model
 from hbgear.mechanics.series.fourier import real_numbers
 from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
 from hbgear.time.frequency_sweep import index_of, observe
@@ -159,9 +159,9 @@ def basins(
     counted("shape[0] * shape[1]", count, _MOST_STARTS)
     system = model.system()
     which = _element(model, system, element, plane)
-    of_model(model, system)
+    check_model(model, system)
     stepper = ExponentialIntegrator(model, Omega)
-    of_frequency(stepper.structures[0], float(Omega))
+    check_frequency(stepper.structures[0], float(Omega))
     origin, directions = _plane(stepper, system, Omega, which, start, plane)
     x, y = np.linspace(*d, shape[0]), np.linspace(*v, shape[1])
     multiples = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

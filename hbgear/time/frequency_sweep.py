@@ -31,7 +31,7 @@ from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
 from hbgear.harmonic.equations import layout as measures
 from hbgear.mechanics.models import Model
-from hbgear.mechanics.plausibility import of_model
+from hbgear.mechanics.plausibility import check_model
 from hbgear.mechanics.series.fourier import to_real
 from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
 from hbgear.time.steady_state import FEWEST, OBSERVED, WINDOW, Settled, SteadyStateSettings, disturbed, lyapunov, settle
@@ -318,7 +318,7 @@ class _Sweeper:
     def run(self) -> Sweep:
         """Pass all values unless interrupted."""
         system = self.model.system()
-        of_model(self.model, system)
+        check_model(self.model, system)
         state = np.zeros(2 * system.n) if self.start is None else np.asarray(self.start, dtype=float)
         if state.shape != (2 * system.n,) or not np.all(np.isfinite(state)):
             raise ValueError(f"start = {self.start}: need a state (q, q') of {2 * system.n} finite numbers")

@@ -50,7 +50,7 @@ from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.model_registry import is_description, rebuild_problem
 from hbgear.harmonic.structure.receptance import LinearStructure
-from hbgear.mechanics.models import describe
+from hbgear.mechanics.models import describe, differing_fields
 from hbgear.mechanics.series.fourier import to_complex
 from hbgear.time.exponential.integrator import modal_state, physical_state
 from hbgear.time.integration import state_of
@@ -378,10 +378,9 @@ def same_model(written: Any, model: Any) -> None:
         return
     if not is_description(written):
         raise ValueError("the curve does not say which model it was traced with: trace it again")
-    if all(written[part] == own[part] for part in ("class", "fields")):
+    other = differing_fields(written, own)
+    if written["class"] == own["class"] and not other:
         return
-    names = sorted(set(written["fields"]) | set(own["fields"]))
-    other = [n for n in names if written["fields"].get(n) != own["fields"].get(n)]
     what = (
         f"with other {', '.join(other)}"
         if written["class"] == own["class"]

@@ -169,7 +169,7 @@ def on(measured, **changes):
     ("make", "said"),
     [
         (lambda m: hb.trace(hb.HarmonicBalance(m, 8), "Omega", (0.6, 2.5)),
-         "Omega from 0.6 to 2.5 with 8 harmonics needs receptances from 0.6 to 20; there are those from 0.005 to 16"),
+         "Omega from 0.6 to 2.5 with 8 harmonics needs receptances from 0.6 to 20; the lines are from 0.005 to 16"),
         (lambda m: hb.HarmonicBalance(m, 8).start(Omega=2.5), "a motion has the frequency 17.5"),
         (lambda m: hb.trace(hb.HarmonicBalance(m, 8, nu=2), "Omega", (0.008, 0.3)), "of Omega / 2 needs receptances"),
         (lambda m: hb.time.integrate(m, np.zeros(6), 1, 1.0), "a, b, c are known by receptances only"),
@@ -179,7 +179,7 @@ def on(measured, **changes):
         (lambda m: hb.mechanics.reduce(m, 1), "known by receptances only"),
         (lambda m: hb.HarmonicBalance(m, 3).multipliers(np.zeros(14), Omega=1.0), "known by receptances only"),
         (lambda m: on(m), "no coordinate 'a'"),
-        (lambda m: on(m, dof_names="abc", speed=hb.mechanics.SpeedTerms(np.zeros((3, 3)))), "both at once"),
+        (lambda m: on(m, dof_names="abc", speed=hb.mechanics.SpeedTerms(np.zeros((3, 3)))), "not both"),
         (lambda m: hb.mechanics.Receptances(LINES, ONE, ["x"]), "lowest frequency is 1; the mean of a motion needs"),
         (lambda m: hb.mechanics.Receptances(LINES[:3], ONE[:3], ["x"], [[1.0]]), "four or more frequencies"),
         (lambda m: hb.mechanics.Receptances(LINES[::-1], ONE, ["x"], [[1.0]]), "ascend"),

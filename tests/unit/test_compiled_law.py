@@ -110,7 +110,7 @@ def endless(d, v, tau, p):
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: hb.mechanics.CompiledLaw(lambda d, v, tau, p: (d, 1.0, 0.0)), TypeError, "put @numba.njit before it"),
+        (lambda: hb.mechanics.CompiledLaw(lambda d, v, tau, p: (d, 1.0, 0.0)), TypeError, "decorate it by @numba.njit"),
         (lambda: hb.mechanics.CompiledLaw(drag, (0.3,), -1.0), ValueError, "reference = -1"),
         (lambda: hb.mechanics.CompiledLaw(drag, (0.3,), 1.0, (1.0, 0.5)), ValueError, "ascend"),
         (lambda: hb.mechanics.CompiledLaw(drag, ("c",)), ValueError, "parameters"),

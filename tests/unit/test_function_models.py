@@ -158,7 +158,7 @@ def unknown(zeta: "Nowhere" = 1.0): ...  # noqa: F821
         (a_method, r"no parameter of a model can be called 'system'"),
         (frequency, r"no parameter of a model can be called 'Omega'"),
         (unknown, r"the type of zeta, Nowhere, cannot be understood"),
-        (hb.Duffing, r"stands before a function"),
+        (hb.Duffing, r"decorates a function"),
     ],
 )
 def test_functions_that_are_no_models_are_refused(function, message):
@@ -167,7 +167,7 @@ def test_functions_that_are_no_models_are_refused(function, message):
 
 
 def test_options_of_other_names_are_refused():
-    with pytest.raises(ValueError, match="ranges of 'zetta', which it does not have; did you mean 'zeta'"):
+    with pytest.raises(ValueError, match="ranges of 'zetta', which is no parameter; did you mean 'zeta'"):
         hb.mechanics.model(ranges={"zetta": hb.mechanics.Range()})(two.function)
 
 
@@ -268,8 +268,8 @@ def test_a_study_of_a_function_in_a_file(run, tmp_path, name):
     [
         ("mine.py:two", "needs F, which have no default: --set F=VALUE"),
         ("mine.py:too", "'mine.py' has no model 'too'; did you mean 'two'"),
-        ("mine.py:bare", "is a function and no class of models; put @hb.mechanics.model before it"),
-        ("mine.py:hb", "is a module and no class of models"),
+        ("mine.py:bare", "is a function, not a class of models; decorate it by @hb.mechanics.model"),
+        ("mine.py:hb", "is a module, not a class of models"),
         ("other.py:two", "'other.py' cannot be loaded: there is no file"),
         ("nowhere.at.all:two", "cannot be loaded: ModuleNotFoundError"),
         ("broken.py:two", "'broken.py' cannot be loaded: ZeroDivisionError: division by zero"),

@@ -108,7 +108,7 @@ def test_a_pair_held_by_another_element_is_not_refused():
 def test_damping_that_is_negative_everywhere():
     spring = hb.Element([1.0], hb.Cubic(k3=1.0))
     system = hb.System([[1.0]], [[-0.1]], [[1.0]], [spring], hb.Load(cosine={1: [0.2]}))
-    words = "C has a negative eigenvalue .-0.1 .*needs dampers that take energy: change the sign"
+    words = "C has a negative eigenvalue .-0.1 .*needs dampers that dissipate energy: change the sign"
     with pytest.warns(hb.mechanics.ImplausibleInputWarning, match=words):
         hb.HarmonicBalance(system, 5)
 

@@ -134,7 +134,7 @@ Table = hb.mechanics.Periodic.table
         (lambda: Table([0, 1, 1], [1, 2, 3]), "after 1 comes 1; sort the table and keep one value for each phase"),
         (
             lambda: Table([0, 180, 360], [1.0, 2.0, 1.5], period=360),
-            "not periodic: a period after its first value 1",
+            "not periodic: the value one period after the first, 1",
         ),
         (
             lambda: Table([0, 180, 400], [1.0, 2.0, 1.5], period=360),
@@ -143,15 +143,15 @@ Table = hb.mechanics.Periodic.table
         (lambda: Table([0.0], [1.0]), "1 values in a period; linear interpolation needs at least 2"),
         (lambda: Table([0, 1], [1, 2], kind="cubic"), "cubic interpolation needs at least 3"),
         (lambda: Table([0, 1], [1, 2], kind="spline"), "kind = 'spline' must be 'linear' or 'cubic'"),
-        (lambda: Table([0, 1], [1, 1]), "all values are 1, it has no corner; give a number"),
+        (lambda: Table([0, 1], [1, 1]), "all values are 1, a constant; give a number"),
         (lambda: Table([0, 1], [1, np.nan]), "need as many finite values as phases"),
         (lambda: Table([0, 1, 2], [1, 2]), "3 phases and 2 values"),
         (lambda: Table([0, 1], [1, "2 um"]), "values = .* must be a sequence of numbers"),
         (lambda: Table(np.arange(3000), np.arange(3000), period=3000), "3,000 is more than 2,000"),
         (lambda: hb.mechanics.Periodic.rectangular(1.2, 0.8, 1.6), "share = 1.6 must lie between 0 and 1"),
-        (lambda: hb.mechanics.Periodic.rectangular(1.0, 1.0, 0.6), "high = low = 1 has no corner"),
+        (lambda: hb.mechanics.Periodic.rectangular(1.0, 1.0, 0.6), "high = low = 1 is constant"),
         (lambda: hb.mechanics.Periodic.trapezoidal(1.2, 0.8, 0.6, 0.3), "share . 2 ramp = 1.2 is more than the period"),
-        (lambda: hb.mechanics.Periodic((0.0, 1.0), ((1.0,), (1.0,))), "has no corner, it is a constant"),
+        (lambda: hb.mechanics.Periodic((0.0, 1.0), ((1.0,), (1.0,))), "is constant, without a breakpoint"),
         (
             lambda: hb.mechanics.Periodic((0.0, 7.0), ((1.0,), (2.0,))),
             "phases from 0 to 7 are more than the period 6.28319",
@@ -161,9 +161,9 @@ Table = hb.mechanics.Periodic.table
         (lambda: hb.mechanics.Periodic((0.0, 1.0), np.ma.masked), "must be a row of numbers for each of the phases"),
         (
             lambda: hb.Backlash(stiffness=hb.mechanics.Periodic.rectangular(1.0, 0.0, 0.5)),
-            "goes down to 0; teeth in contact",
+            "has the minimum 0; teeth in contact",
         ),
-        (lambda: hb.SpurPair(stiffness=Table([0, 3], [1.0, -0.2])), "SpurPair: the stiffness goes down to -0.2"),
+        (lambda: hb.SpurPair(stiffness=Table([0, 3], [1.0, -0.2])), "SpurPair: the stiffness has the minimum -0.2"),
         (
             lambda: hb.SpurPair(eps=(0.1,), stiffness=hb.mechanics.Series(1.0)),
             "eps = .* and a stiffness are both given",

@@ -30,7 +30,7 @@ from hbgear.harmonic.equations.harmonic_selection import HarmonicSelection
 from hbgear.harmonic.equations.model_cache import ModelCache
 from hbgear.harmonic.forces.packed_model import PackedModel
 from hbgear.mechanics.models import Model
-from hbgear.mechanics.plausibility import of_frequency
+from hbgear.mechanics.plausibility import check_frequency
 
 Value = TypeVar("Value")
 
@@ -168,7 +168,7 @@ class HarmonicEquations(ContinuationProblem):
         measured = self.compiled({}).system.receptances
         if measured is not None:
             measured.check(low if name == "Omega" else Omega, Omega, self.H, self.nu)
-        of_frequency(self.compiled({}).structure.at(Omega), Omega)
+        check_frequency(self.compiled({}).structure.at(Omega), Omega)
 
     # ---- equations
 

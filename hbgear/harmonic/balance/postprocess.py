@@ -17,7 +17,7 @@ from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.multipliers.floquet import is_reduced
 from hbgear.harmonic.multipliers.floquet import reduction as stability_reduction
 from hbgear.harmonic.structure.measured import STABILITY_NOT_AVAILABLE, MeasuredStructure
-from hbgear.mechanics.plausibility import of_gaps, of_truncation
+from hbgear.mechanics.plausibility import check_gaps, check_truncation
 from hbgear.mechanics.reduction import Reduction
 
 
@@ -33,7 +33,7 @@ def postprocess(problem: Any, branch: Branch, observed: Sequence[Mapping[str, An
         return branch
     clearances = [one["clearance"] for one in observed if "clearance" in one]
     if branch.parameter == "Omega" and branch.status.complete and problem.pins is None:
-        of_gaps(problem.clearance_names, np.array(clearances))
+        check_gaps(problem.clearance_names, np.array(clearances))
     evaluator = problem.compiled({k: v for k, v in branch.fixed.items() if k != "Omega"})
     return _with_stability_error(branch, evaluator)
 
@@ -41,7 +41,7 @@ def postprocess(problem: Any, branch: Branch, observed: Sequence[Mapping[str, An
 def _warn_of_truncation(problem: Any, branch: Branch) -> None:
     above = np.flatnonzero(branch.error > problem.tolerance)
     if above.size:
-        of_truncation(problem.tolerance, problem.H, branch.parameter, branch.values[above], branch.error[above])
+        check_truncation(problem.tolerance, problem.H, branch.parameter, branch.values[above], branch.error[above])
 
 
 def _with_structure_error(branch: Branch, reduction: tuple[Reduction, float] | None) -> Branch:

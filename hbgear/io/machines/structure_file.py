@@ -32,20 +32,12 @@ from hbgear.common.process.signals import defer_signals
 from hbgear.io.machines.toml_file import Place, TomlFileError, checked, exactly, located, parsed
 from hbgear.io.matrices import NAMES, Matrices, from_matrices
 from hbgear.io.receptance_files import from_receptances
-from hbgear.mechanics.laws.laws import Backlash, Cubic, Law, PiecewiseLinear, Unilateral
+from hbgear.mechanics.laws.registry import ELEMENT_KEYS, LAWS
 from hbgear.mechanics.models import Element, Load, System
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.structures.receptances import Receptances
 
 Problems = list[tuple[Place, str]]
-
-_LAWS: dict[str, tuple[tuple[str, ...], tuple[str, ...], Callable[..., Law]]] = {
-    "backlash": (("k", "b"), ("eps",), Backlash),
-    "unilateral": (("k", "gap"), ("eps",), Unilateral),
-    "piecewise": (("corners", "slopes"), ("eps",), PiecewiseLinear),
-    "cubic": (("k3",), ("k1",), Cubic),
-}
-"""Keys that a law needs, those it may have, and what makes it."""
 
 
 class StructureFileError(TomlFileError):
@@ -85,7 +77,7 @@ def _schema() -> Any:
     strict: Any = exactly()
     vector: Any = dict[str, float]
     quantity: Any = Literal["receptance", "mobility", "accelerance"]
-    law: Any = Literal[tuple(_LAWS)]
+    law: Any = Literal[tuple(LAWS)]
     own: dict[str, Any] = dict.fromkeys(NAMES, (str, None))
     matrices = create_model(
         "matrices", __config__=strict, **own, file=(str, None), names=(list[str], ()), ratio=(float, 1.0)
@@ -96,11 +88,14 @@ def _schema() -> Any:
         names=(dict[str, str], None), static=(str | list[list[float]], None),
         quantity=(quantity, None),
     )  # fmt: skip
-    numbers: dict[str, Any] = dict.fromkeys(("k", "b", "gap", "k1", "k3"), (float, None))
-    numbers |= dict.fromkeys(("corners", "slopes", "eps", "error"), (list[float], None))
+    fields: dict[str, Any] = {}
+    for entry in LAWS.values():
+        for key, kind in () if entry.no_toml else entry.kinds.items():
+            fields[key] = kind if key not in fields else fields[key] | kind
+    fields = {key: (kind, None) for key, kind in fields.items()}
     element: Any = create_model(
         "element", __config__=strict, name=(str, ""), direction=(vector, ...), law=(law, ...),
-        damping=(float, 0.0), **numbers,
+        damping=(float, 0.0), error=(list[float], None), **fields,
     )  # fmt: skip
     load: Any = create_model(
         "load", __config__=strict, constant=(vector, None), cosine=(dict[str, vector], {}),
@@ -160,19 +155,10 @@ def _receptances(table: Mapping[str, Any], folder: Path) -> Receptances:
 
 
 def _element(part: Matrices | Receptances, table: Mapping[str, Any]) -> Element:
-    needed, allowed, make = _LAWS[table["law"]]
-    keys = {name for names, *_ in _LAWS.values() for name in names} | {"eps", "k1"}
-    own = {name: table[name] for name in keys if table.get(name) is not None}
-    missing = next((name for name in needed if name not in own), None)
-    if missing is not None:
-        raise ValueError(f"law = '{table['law']}' needs {missing}: give {', '.join(needed)}")
-    wrong = next((name for name in own if name not in (*needed, *allowed)), None)
-    if wrong is not None:
-        raise ValueError(f"law = '{table['law']}' has no {wrong}; it has {', '.join((*needed, *allowed))}")
-    if "eps" in own:
-        own["stiffness"] = Series(1.0, tuple(-x for x in own.pop("eps")))
+    fields = {key: value for key, value in table.items() if key not in ELEMENT_KEYS and value is not None}
+    law = LAWS[table["law"]].from_toml(fields)
     error = Series(0.0, tuple(table.get("error") or ()))
-    return Element(part.along(table["direction"]), make(**own), error, table.get("damping", 0.0), table.get("name", ""))
+    return Element(part.along(table["direction"]), law, error, table.get("damping", 0.0), table.get("name", ""))
 
 
 def _load(part: Matrices | Receptances, table: Mapping[str, Any]) -> Load:

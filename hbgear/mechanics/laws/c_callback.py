@@ -17,27 +17,29 @@ try:
         from llvmlite import ir
         from numba import types
         from numba.extending import intrinsic
-except ImportError:  # without Numba the same by ctypes
+except ImportError:  # without Numba, the functions are called by ctypes
     import ctypes
 
-    _NUMBERS = ctypes.POINTER(ctypes.c_double)
-    _SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_double, ctypes.c_double, ctypes.c_double, _NUMBERS, _NUMBERS)
+    _DOUBLE_POINTER = ctypes.POINTER(ctypes.c_double)
+    _SIGNATURE = ctypes.CFUNCTYPE(
+        None, ctypes.c_double, ctypes.c_double, ctypes.c_double, _DOUBLE_POINTER, _DOUBLE_POINTER
+    )
 
     def _call(address: int, d: float, v: float, tau: float, parameters: Any, out: Any) -> None:
-        _SIGNATURE(int(address))(d, v, tau, parameters.data_as(_NUMBERS), out.data_as(_NUMBERS))
+        _SIGNATURE(int(address))(d, v, tau, parameters.data_as(_DOUBLE_POINTER), out.data_as(_DOUBLE_POINTER))
 
 else:
     _NUMBA: Any = numba
     _TYPES: Any = types
-    _MANY = _TYPES.CPointer(types.float64)
-    _FORCE = _TYPES.void(types.float64, types.float64, types.float64, _MANY, _MANY)
+    _DOUBLE_ARRAY = _TYPES.CPointer(types.float64)
+    _FORCE = _TYPES.void(types.float64, types.float64, types.float64, _DOUBLE_ARRAY, _DOUBLE_ARRAY)
 
     @intrinsic
     def _call(typing: Any, address: Any, d: Any, v: Any, tau: Any, parameters: Any, out: Any) -> Any:
         def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             double = ir.DoubleType()
-            many = double.as_pointer()
-            function = ir.FunctionType(ir.VoidType(), [double, double, double, many, many])
+            pointer = double.as_pointer()
+            function = ir.FunctionType(ir.VoidType(), [double, double, double, pointer, pointer])
             builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
             return context.get_dummy_value()
 
@@ -46,18 +48,18 @@ else:
 
 @lru_cache(maxsize=64)
 def as_c(function: Any, count: int) -> Any:
-    """The C function that calls one compiled by Numba, which is given ``count`` parameters."""
+    """Return a C function that calls a function compiled by Numba, which takes ``count`` parameters."""
     carray = _NUMBA.carray
 
     def force(d: float, v: float, tau: float, parameters: Any, out: Any) -> None:
-        found, given = carray(out, (3,)), carray(parameters, (count,))
-        found[0], found[1], found[2] = function(d, v, tau, given)
+        result, given = carray(out, (3,)), carray(parameters, (count,))
+        result[0], result[1], result[2] = function(d, v, tau, given)
 
     return _NUMBA.cfunc(_FORCE)(force)
 
 
 @kernel
 def called(address: int, d: Any, v: Any, tau: Any, parameters: Any, out: Any) -> None:
-    """Put p, dp/dd and dp/dv at N states d, v, tau (N,) in out (N, 3), contiguous."""
+    """Store p, dp/dd and dp/dv at N states d, v, tau (N,) in ``out`` (N, 3), which is contiguous."""
     for i in range(d.shape[0]):
         _call(address, d[i], v[i], tau[i], parameters.ctypes, out[i].ctypes)

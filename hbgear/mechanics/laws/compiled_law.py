@@ -20,30 +20,35 @@ _C_FUNCTION: Any = ctypes.CFUNCTYPE(None).__mro__[1]
 
 @dataclass(frozen=True)
 class CompiledLaw(Law):
-    """A law of one's own at the speed of those that hbgear knows: its force is a compiled function.
+    """A law of the user with a compiled force, as fast as the laws of hbgear.
 
-    It is sampled at N instants per period like a `Law` written in Python, but compiled loops call it themselves.
+    The force is sampled at N instants per period like a `Law` written in Python, but compiled loops call it directly.
 
     Parameters
     ----------
-    function : p, dp/dd, dp/dv of numbers d, v, tau and an array of parameters: a function compiled by ``numba.njit``.
-        Or a C function, of Numba, ctypes or cffi, as ``numba.cfunc`` or ``ctypes`` give it::
+    function : callable
+        Function compiled by ``numba.njit`` that returns p, dp/dd and dp/dv for numbers d, v, tau and an array of
+        parameters. Alternatively a C function of Numba, ctypes or cffi, as ``numba.cfunc`` or ``ctypes`` return it::
 
             void force(double d, double v, double tau, const double *parameters, double *out)
 
-        which puts the three numbers in out. Several threads may call it at once. A C function cannot go to another
-        process.
-    parameters : numbers handed to it.
-    reference : typical stiffness [force / length], >= 0; 0 to compute it from the structure and its loads.
-    breakpoints : values of d, ascending, at which dp/dd or dp/dv jumps; p itself must not.
-    rated : whether p may depend on v.
+        It stores the three numbers in ``out``. Several threads may call it at the same time. A C function cannot be
+        sent to another process.
+    parameters : tuple of float, optional
+        Numbers that are passed to the function. Default: none.
+    reference : float, optional
+        Typical stiffness [force / length], >= 0. Default 0: computed from the structure and its loads.
+    breakpoints : tuple of float, optional
+        Ascending values of d at which dp/dd or dp/dv jumps; p itself must be continuous. Default: none.
+    rated : bool, optional
+        Whether p may depend on v. Default True.
 
     Raises
     ------
     TypeError
         If the function is not compiled.
     ValueError
-        If it does not give three finite numbers at d = v = tau = 0, or a value is out of its range.
+        If it does not return three finite numbers at d = v = tau = 0, or a value is outside its range.
 
     Examples
     --------
@@ -76,11 +81,11 @@ class CompiledLaw(Law):
             raise ValueError(f"CompiledLaw: parameters = {quoted(self.parameters)} must be finite")
         at_rest = [float(x[0]) for x in self.force(*np.zeros((3, 1)))]
         if not np.isfinite(at_rest).all():
-            raise ValueError(f"CompiledLaw: the function gives {at_rest} at d = v = tau = 0; they must be finite")
+            raise ValueError(f"CompiledLaw: the function returns {at_rest} at d = v = tau = 0; they must be finite")
 
     @cached_property
     def code(self) -> Any:
-        """The C function; it must live as long as its address is used."""
+        """C function, which must live as long as its address is used."""
         function = self.function
         if hasattr(function, "py_func") and hasattr(function, "signatures"):
             from hbgear.mechanics.laws.c_callback import as_c
@@ -88,17 +93,17 @@ class CompiledLaw(Law):
             return as_c(function, len(self.parameters))
         if hasattr(function, "address") or isinstance(function, _C_FUNCTION):
             return function
-        what = article(type(function).__name__)
-        raise TypeError(f"CompiledLaw(function) needs a compiled function: put @numba.njit before it; got {what}")
+        given = article(type(function).__name__)
+        raise TypeError(f"CompiledLaw(function) needs a compiled function: decorate it by @numba.njit; got {given}")
 
     @property
     def address(self) -> int:
-        """Where the C function is."""
+        """Address of the C function."""
         code = self.code
         return int(code.address if hasattr(code, "address") else ctypes.cast(code, ctypes.c_void_p).value or 0)
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
-        """See `Law.force`."""
+        """Return the force and its derivatives, see `Law.force`."""
         from hbgear.mechanics.laws.c_callback import called
 
         states = np.array(np.broadcast_arrays(d, v, tau), dtype=float)

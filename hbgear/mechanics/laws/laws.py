@@ -1,30 +1,31 @@
 """Scalar force laws p(d, v, tau) of an element, with both derivatives.
 
-``d`` is the element coordinate, ``v`` its time derivative (per unit of time, not of phase), ``tau`` the phase of
-the excitation. A law must be continuous in ``d`` and ``v``; its derivatives may jump.
+``d`` is the element coordinate, ``v`` its time derivative (per unit of time, not of phase), ``tau`` the phase of the
+excitation. A law must be continuous in ``d`` and ``v``; its derivatives may jump.
 
 Contract for a new law
 ----------------------
-1. A frozen dataclass that derives from `Law`.
+1. A frozen dataclass derived from `Law`, registered by `hbgear.mechanics.register_law` so that files can hold it.
 2. ``force(d, v, tau)`` accepts arrays of one shape and returns ``(p, dp/dd, dp/dv)`` of that shape.
-3. ``reference`` is a typical positive stiffness [force / length]; it only conditions the linear algebra and never
-   changes a result. 0, the default, if the law states none: then it is computed from the structure and its loads.
-4. ``breakpoints`` lists the values of ``d`` at which a derivative jumps: the period is cut there for stability.
-5. ``rated`` may be False if ``p`` does not depend on ``v``: then no velocity is computed for it, and v is all zeros.
-6. ``piecewise`` may give the law as a sum of piecewise-linear springs, p = sum_i k_i(tau) g_i(d), whose forces add up
-   to ``force``. Then harmonic balance projects it exactly instead of sampling it, folds are found by Newton, and where
-   the sum is a single spring, time integration takes its straight pieces. Rules 4 and 5 then need not be stated.
-7. ``phases`` lists the phases tau at which ``p`` or one of its derivatives jumps: the period is cut there, too.
-8. ``parts`` lists the laws it is the sum of, if it is one; ``steady`` is whether ``p`` is known not to depend on
-   ``tau``. They serve warnings and the choice of a time step, and change no result.
+3. ``reference`` is a typical positive stiffness [force / length]. It conditions the linear algebra and never changes a
+   result. The default 0 means that it is computed from the structure and its loads.
+4. ``breakpoints`` lists the values of ``d`` at which a derivative jumps: the period is divided there for stability.
+5. ``rated`` may be False if ``p`` does not depend on ``v``: then no velocity is computed, and v is zero.
+6. ``piecewise`` may return the law as a sum of piecewise-linear springs, p = sum_i k_i(tau) g_i(d), equal to ``force``.
+   Then harmonic balance projects it exactly instead of sampling it, folds are located by Newton's method, and time
+   integration of a single spring uses its linear segments. Rules 4 and 5 then follow from the springs.
+7. ``phases`` lists the phases tau at which ``p`` or one of its derivatives jumps: the period is divided there, too.
+8. ``parts`` lists the laws of a sum; ``steady`` is True if ``p`` does not depend on ``tau``. They serve warnings and
+   the choice of a time step, and change no result.
 
-A law of your own that is projected exactly:
+A law of the user that is projected exactly:
 
 >>> import hbgear as hb
 >>> from dataclasses import dataclass
->>> @dataclass(frozen=True)
+>>> @hb.mechanics.register_law
+... @dataclass(frozen=True)
 ... class TwoStage(hb.mechanics.Law):
-...     "A spring of stiffness k that a stiffer one joins beyond a gap."
+...     "A spring of stiffness k, with a stiffer spring in parallel beyond a gap."
 ...     k: float
 ...     gap: float
 ...
@@ -57,10 +58,11 @@ from hbgear.mechanics.series.periodic import Periodic, Phased
 Forces = tuple[Array, Array, Array]
 
 
-_ONE = Series(mean=1.0)
+_CONSTANT_STIFFNESS = Series(mean=1.0)
 
 
-def _phased(owner: str, stiffness: Phased) -> None:
+def _check_stiffness(owner: str, stiffness: Phased) -> None:
+    """Raise ValueError for a stiffness that is not a periodic function."""
     if not isinstance(stiffness, Phased):
         raise ValueError(
             f"{owner}: stiffness = {quoted(stiffness)} must be a Series such as Series(mean=1.0, cosine=(0.1,)), or a "
@@ -69,22 +71,30 @@ def _phased(owner: str, stiffness: Phased) -> None:
 
 
 def checked_contact(owner: str, stiffness: Phased) -> None:
-    """Refuse a contact stiffness that is no periodic function, or a table of one that is not positive.
+    """Raise ValueError for a contact stiffness that is not a periodic function, or a table that is not positive.
+
+    Parameters
+    ----------
+    owner : str
+        Name of the law, for the message.
+    stiffness : Series or Periodic
+        Stiffness over the phase.
 
     Raises
     ------
     ValueError
+        If the stiffness is of another type, or a `Periodic` has a value that is not positive.
     """
-    _phased(owner, stiffness)
+    _check_stiffness(owner, stiffness)
     if isinstance(stiffness, Periodic) and stiffness.extremes()[0] <= 0:
         raise ValueError(
-            f"{owner}: the stiffness goes down to {stiffness.extremes()[0]:.4g}; teeth in contact push, so it must be "
-            "positive throughout: see the values of the table (a spline may overshoot between them: kind='linear')"
+            f"{owner}: the stiffness has the minimum {stiffness.extremes()[0]:.4g}; teeth in contact push, so it must "
+            "be positive throughout: correct the values of the table (a spline may overshoot: use kind='linear')"
         )
 
 
 class Law(ABC):
-    """Scalar law p(d, v, tau); see the module's contract.
+    """Scalar force law p(d, v, tau); see the contract in the header of the module.
 
     Examples
     --------
@@ -105,16 +115,31 @@ class Law(ABC):
 
     @abstractmethod
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
-        """Force and its derivatives ``(p, dp/dd, dp/dv)``, each of the shape of ``d``."""
+        """Return the force and its derivatives.
+
+        Parameters
+        ----------
+        d : ndarray
+            Element coordinate [length].
+        v : ndarray
+            Time derivative of the coordinate, of the shape of ``d``.
+        tau : ndarray
+            Phase of the excitation [rad], of the shape of ``d``.
+
+        Returns
+        -------
+        tuple of ndarray
+            Force p, dp/dd and dp/dv, each of the shape of ``d``.
+        """
 
     @property
     def reference(self) -> float:
-        """Typical stiffness [force / length]; 0 if the law states none."""
+        """Typical stiffness [force / length]; 0 if it is to be computed from the structure and its loads."""
         return max((spring.reference for spring in self.piecewise or ()), default=0.0)
 
     @property
     def piecewise(self) -> tuple[PiecewiseLinear, ...] | None:
-        """Piecewise-linear springs whose sum the law is, p = sum_i k_i(tau) g_i(d); None if it is not such a sum."""
+        """Piecewise-linear springs whose sum is the law, p = sum_i k_i(tau) g_i(d); None if there are none."""
         return None
 
     @property
@@ -129,21 +154,21 @@ class Law(ABC):
 
     @property
     def rated(self) -> bool:
-        """Whether p may depend on v."""
+        """True if p may depend on v."""
         return self.piecewise is None
 
     @property
     def parts(self) -> tuple[Law, ...]:
-        """The laws it is the sum of; itself if it is none."""
+        """Laws whose sum is the law; the law itself if it is not a sum."""
         return (self,)
 
     @property
     def steady(self) -> bool:
-        """Whether p is known not to depend on tau."""
+        """True if p is known not to depend on tau."""
         return self.piecewise is not None and not any(spring.stiffness.varies for spring in self.piecewise)
 
     def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
-        """The law on a fixed grid of phases, so that what depends on tau alone is evaluated once."""
+        """Return the law as a function of d and v on a fixed grid of phases tau, so that k(tau) is evaluated once."""
         return lambda d, v: self.force(d, v, tau)
 
 
@@ -155,8 +180,10 @@ class Cubic(Law):
 
     Parameters
     ----------
-    k3 : cubic coefficient [force / length^3], of either sign.
-    k1 : linear coefficient [force / length].
+    k3 : float
+        Cubic coefficient [force / length^3], of either sign.
+    k1 : float, optional
+        Linear coefficient [force / length]. Default 0.
 
     Examples
     --------
@@ -197,20 +224,24 @@ class PiecewiseLinear(Law):
 
         p(d, tau) = stiffness(tau) g(d),   dg/dd = slopes[i] between corners[i-1] and corners[i],   g(0) = force_at_zero
 
-    Written with one ramp per corner, g(d) = g0 + slopes[0] d + sum_i (slopes[i+1] - slopes[i]) max(d - corners[i], 0),
-    which is what the exact contact projection uses.
+    The exact contact projection uses the form with one ramp per breakpoint,
+    g(d) = g0 + slopes[0] d + sum_i (slopes[i+1] - slopes[i]) max(d - corners[i], 0).
 
     Parameters
     ----------
-    corners : (p,) ascending values of d where the slope changes.
-    slopes : (p + 1,) stiffness left of, between and right of the corners.
-    force_at_zero : g(0).
-    stiffness : `Series` or `Periodic` in tau (default 1).
+    corners : tuple of float, length p
+        Breakpoints: ascending values of d where the slope changes.
+    slopes : tuple of float, length p + 1
+        Stiffness left of, between and right of the breakpoints.
+    force_at_zero : float, optional
+        Value g(0). Default 0.
+    stiffness : Series or Periodic, optional
+        Periodic factor over tau. Default: the constant 1.
 
     Raises
     ------
     ValueError
-        If the corners do not ascend, the numbers do not fit or are not finite.
+        If the breakpoints do not ascend, their number does not fit the slopes, or a number is not finite.
 
     Examples
     --------
@@ -224,7 +255,7 @@ class PiecewiseLinear(Law):
     corners: tuple[float, ...]
     slopes: tuple[float, ...]
     force_at_zero: float = 0.0
-    stiffness: Phased = _ONE
+    stiffness: Phased = _CONSTANT_STIFFNESS
 
     def __post_init__(self) -> None:
         for name in ("corners", "slopes"):
@@ -235,7 +266,7 @@ class PiecewiseLinear(Law):
                 )
             object.__setattr__(self, name, tuple(row.tolist()))
         checked("PiecewiseLinear", "force_at_zero", self.force_at_zero)
-        _phased("PiecewiseLinear", self.stiffness)
+        _check_stiffness("PiecewiseLinear", self.stiffness)
         if len(self.slopes) != len(self.corners) + 1:
             raise ValueError(
                 f"{len(self.corners)} corners separate {len(self.corners) + 1} slopes, got {len(self.slopes)} slopes"
@@ -259,18 +290,19 @@ class PiecewiseLinear(Law):
 
     @property
     def ramps(self) -> tuple[float, Array, Array]:
-        """``(g0, changes, corners)`` of the ramp form: g0 as above, changes (p,) of slope, corners (p,)."""
+        """Coefficients ``(g0, changes, corners)`` of the ramp form: changes (p,) of slope, corners (p,)."""
         changes = np.diff(self.slopes)
         corners = np.array(self.corners)
         return self.force_at_zero - float(changes @ np.maximum(-corners, 0.0)), changes, corners
 
     def _shape(self, d: Array) -> tuple[Array, Array]:
+        """Return g(d) and its slope."""
         g0, changes, corners = self.ramps
         g, slope = g0 + self.slopes[0] * d, np.full_like(d, self.slopes[0])
-        for change, corner in zip(changes, corners, strict=True):
-            over = d > corner
-            g += change * np.where(over, d - corner, 0.0)
-            slope += change * over
+        for change, level in zip(changes, corners, strict=True):
+            beyond = d > level
+            g += change * np.where(beyond, d - level, 0.0)
+            slope += change * beyond
         return g, slope
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
@@ -286,21 +318,29 @@ class PiecewiseLinear(Law):
         return forces
 
 
-def Backlash(b: float = 1.0, k: float = 1.0, stiffness: Phased = _ONE) -> PiecewiseLinear:
-    """Backlash spring with half-gap b.
+def Backlash(b: float = 1.0, k: float = 1.0, stiffness: Phased = _CONSTANT_STIFFNESS) -> PiecewiseLinear:
+    """Return a backlash spring with half backlash b.
 
         p(d, tau) = k stiffness(tau) f(d),   f(d) = d - b (d > b),  0 (|d| <= b),  d + b (d < -b)
 
     Parameters
     ----------
-    b : half backlash, >= 0 [unit of d]; 0 gives the linear spring.
-    k : contact stiffness, > 0 [force / length].
-    stiffness : periodic factor of mean about 1, a `Series` or a `Periodic`.
+    b : float, optional
+        Half backlash, >= 0 [unit of d]. Default 1; 0 is the linear spring.
+    k : float, optional
+        Contact stiffness, > 0 [force / length]. Default 1.
+    stiffness : Series or Periodic, optional
+        Periodic factor with a mean of about 1. Default: the constant 1.
+
+    Returns
+    -------
+    PiecewiseLinear
+        The law.
 
     Raises
     ------
     ValueError
-        If b is negative, k not positive, or either not finite, or a `Periodic` stiffness is not positive throughout.
+        If b is negative, k is not positive, one of them is not finite, or a `Periodic` stiffness is not positive.
 
     References
     ----------
@@ -322,21 +362,29 @@ def Backlash(b: float = 1.0, k: float = 1.0, stiffness: Phased = _ONE) -> Piecew
     return PiecewiseLinear((-b, b), (k, 0.0, k), stiffness=stiffness)
 
 
-def Unilateral(k: float = 1.0, gap: float = 0.0, stiffness: Phased = _ONE) -> PiecewiseLinear:
-    """One-sided spring (a stop) that is met at d = gap.
+def Unilateral(k: float = 1.0, gap: float = 0.0, stiffness: Phased = _CONSTANT_STIFFNESS) -> PiecewiseLinear:
+    """Return a one-sided spring (a stop) that is in contact for d > gap.
 
         p(d, tau) = k stiffness(tau) max(d - gap, 0)
 
     Parameters
     ----------
-    k : contact stiffness, > 0.
-    gap : clearance; negative for a preloaded stop.
-    stiffness : periodic factor of mean about 1, a `Series` or a `Periodic`.
+    k : float, optional
+        Contact stiffness, > 0 [force / length]. Default 1.
+    gap : float, optional
+        Clearance [unit of d]; negative for a preloaded stop. Default 0.
+    stiffness : Series or Periodic, optional
+        Periodic factor with a mean of about 1. Default: the constant 1.
+
+    Returns
+    -------
+    PiecewiseLinear
+        The law.
 
     Raises
     ------
     ValueError
-        If k is not positive or gap not finite, or a `Periodic` stiffness is not positive throughout.
+        If k is not positive, gap is not finite, or a `Periodic` stiffness is not positive.
 
     Examples
     --------
@@ -354,21 +402,22 @@ def Unilateral(k: float = 1.0, gap: float = 0.0, stiffness: Phased = _ONE) -> Pi
 
 @dataclass(frozen=True)
 class Parallel(Law):
-    """Several laws acting side by side on one element.
+    """Sum of several laws that act on one element.
 
         p(d, v, tau) = sum_i laws[i](d, v, tau)
 
-    If each of them is piecewise linear, so is the sum, and it is projected exactly; springs whose stiffness varies in
-    the same way are one spring. With any other law among them all of it is sampled.
+    If each law is piecewise linear, so is the sum, and it is projected exactly; springs with proportional stiffness
+    variations are merged into one. With any other law in the sum all of it is sampled.
 
     Parameters
     ----------
-    laws : one or more.
+    laws : sequence of Law
+        One or more laws.
 
     Raises
     ------
     ValueError
-        If there are none, or one is no law.
+        If the sequence is empty, or an entry is not a law.
 
     Examples
     --------
@@ -440,7 +489,18 @@ class Parallel(Law):
 
 
 def springs_of(law: Law) -> tuple[tuple[PiecewiseLinear, ...], float, float] | None:
-    """Piecewise-linear springs, and k1 and k3 of a cubic one, that the law is the sum of; None if it is no such sum."""
+    """Split a law into piecewise-linear springs and a cubic spring.
+
+    Parameters
+    ----------
+    law : Law
+        Any law.
+
+    Returns
+    -------
+    tuple or None
+        The piecewise-linear springs, k1 and k3; None if the law is not a sum of such springs.
+    """
     if type(law) is Cubic:
         return (), law.k1, law.k3
     if law.piecewise is not None:
@@ -450,29 +510,29 @@ def springs_of(law: Law) -> tuple[tuple[PiecewiseLinear, ...], float, float] | N
     springs: tuple[PiecewiseLinear, ...] = ()
     k1 = k3 = 0.0
     for part in law.laws:
-        found = springs_of(part)
-        if found is None:
+        split = springs_of(part)
+        if split is None:
             return None
-        springs, k1, k3 = springs + found[0], k1 + found[1], k3 + found[2]
+        springs, k1, k3 = springs + split[0], k1 + split[1], k3 + split[2]
     return springs, k1, k3
 
 
 def _merged(springs: Iterable[PiecewiseLinear]) -> tuple[PiecewiseLinear, ...]:
-    """The same sum with the springs of one stiffness variation as one spring each."""
-    found: list[PiecewiseLinear] = []
+    """Return the same sum, with springs of proportional stiffness variations merged into one spring."""
+    merged: list[PiecewiseLinear] = []
     for spring in springs:
-        for i, other in enumerate(found):
+        for i, other in enumerate(merged):
             ratio = _ratio(spring.stiffness, other.stiffness)
             if ratio is not None:
-                found[i] = _added(other, spring, ratio)
+                merged[i] = _sum_of_springs(other, spring, ratio)
                 break
         else:
-            found.append(spring)
-    return tuple(found)
+            merged.append(spring)
+    return tuple(merged)
 
 
 def _ratio(a: Phased, b: Phased) -> float | None:
-    """The number r with a = r b to rounding; None if there is none."""
+    """Return the number r with a = r b to rounding, or None if the functions are not proportional."""
     if isinstance(a, Periodic) and isinstance(b, Periodic):
         if a.phases != b.phases or [*map(len, a.coefficients)] != [*map(len, b.coefficients)]:
             return None
@@ -487,11 +547,11 @@ def _ratio(a: Phased, b: Phased) -> float | None:
     return ratio if np.allclose(x, ratio * y, rtol=0, atol=4 * np.finfo(float).eps * np.abs(x).max()) else None
 
 
-def _added(a: PiecewiseLinear, b: PiecewiseLinear, ratio: float) -> PiecewiseLinear:
-    """stiffness_a (g_a + ratio g_b) as one spring."""
+def _sum_of_springs(a: PiecewiseLinear, b: PiecewiseLinear, ratio: float) -> PiecewiseLinear:
+    """Return stiffness_a (g_a + ratio g_b) as one spring."""
     corners = tuple(sorted({*a.corners, *b.corners}))
     slopes = [a.slopes[0] + ratio * b.slopes[0]]
     for x in corners:
-        i, j = (bisect_right(spring.corners, x) for spring in (a, b))  # the pieces to the right of x
+        i, j = (bisect_right(spring.corners, x) for spring in (a, b))  # the segments to the right of x
         slopes.append(a.slopes[i] + ratio * b.slopes[j])
     return PiecewiseLinear(corners, tuple(slopes), a.force_at_zero + ratio * b.force_at_zero, a.stiffness)

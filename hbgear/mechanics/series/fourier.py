@@ -1,4 +1,4 @@
-"""Harmonics and samples of periodic functions: the only place that knows the coefficient order.
+"""Harmonics and samples of periodic functions: the only module that knows the order of the coefficients.
 
     x(theta) = a0 + sum_{k=1..H} a_k cos(k theta) + b_k sin(k theta)
 
@@ -26,7 +26,7 @@ from hbgear.common.text.messages import quoted
 
 
 def harmonics_of(X: Array) -> int:
-    """Number of harmonics H of rows of length 2H + 1."""
+    """Return the number of harmonics H of rows of length 2H + 1."""
     size: int = X.shape[-1]
     if size % 2 == 0:
         raise ValueError(f"a row of {size} coefficients has no order H; need an odd length 2H + 1")
@@ -34,33 +34,33 @@ def harmonics_of(X: Array) -> int:
 
 
 def to_complex(X: Array) -> ComplexArray:
-    """One-sided complex coefficients ``(..., H + 1)`` of real rows ``(..., 2H + 1)``."""
-    place, sign = _to_complex(X.shape[-1])
-    parts = X.take(place, axis=-1) * sign
+    """Return one-sided complex coefficients ``(..., H + 1)`` of real rows ``(..., 2H + 1)``."""
+    index, sign = _to_complex(X.shape[-1])
+    parts = X.take(index, axis=-1) * sign
     parts[..., 1] = 0.0
     return parts.view(complex)
 
 
 def to_real(c: ComplexArray) -> Array:
-    """Real rows ``(..., 2H + 1)`` of one-sided complex coefficients ``(..., H + 1)``."""
-    place, sign = _to_real(c.shape[-1])
-    return np.ascontiguousarray(c).view(float).take(place, axis=-1) * sign
+    """Return real rows ``(..., 2H + 1)`` of one-sided complex coefficients ``(..., H + 1)``."""
+    index, sign = _to_real(c.shape[-1])
+    return np.ascontiguousarray(c).view(float).take(index, axis=-1) * sign
 
 
 @lru_cache(maxsize=64)
 def _to_complex(n: int) -> tuple[np.ndarray, Array]:
-    """Of n real coefficients: where the real and imaginary parts come from, and their signs."""
+    """Return the indices in n real coefficients from which real and imaginary parts are taken, and their signs."""
     return np.concatenate([[0], np.arange(n)]), np.tile([1.0, -1.0], n // 2 + 1)
 
 
 @lru_cache(maxsize=64)
 def _to_real(K: int) -> tuple[np.ndarray, Array]:
-    """Of K complex coefficients: where among real and imaginary parts the real ones come from, and their signs."""
+    """Return the indices in the real and imaginary parts of K coefficients that give real rows, and their signs."""
     return np.concatenate([[0], np.arange(2, 2 * K)]), np.concatenate([[1.0], np.tile([1.0, -1.0], K - 1)])
 
 
 def waves(theta: ArrayLike, H: int) -> ComplexArray:
-    """exp(i k theta), (T, H + 1), by powers of one exponential."""
+    """Return exp(i k theta), (T, H + 1), as powers of one exponential."""
     out = np.empty((np.size(theta), H + 1), dtype=complex)
     out[:, 0] = 1.0
     out[:, 1:] = np.exp(1j * np.ravel(theta))[:, None]
@@ -68,29 +68,45 @@ def waves(theta: ArrayLike, H: int) -> ComplexArray:
 
 
 def evaluate(X: Array, theta: ArrayLike, order: int = 0) -> Array:
-    """Value, or the derivative of the given order in theta, of rows at any phases.
+    """Return the value, or the derivative of the given order in theta, of rows at any phases.
 
     Parameters
     ----------
-    X : (..., 2H + 1) real rows.
-    theta : (T,) phases [rad].
-    order : 0 for the value, 1 for d/dtheta, and so on.
+    X : ndarray, shape (..., 2H + 1)
+        Real rows.
+    theta : array_like, shape (T,)
+        Phases [rad].
+    order : int, optional
+        0 for the value (default), 1 for d/dtheta, and so on.
 
     Returns
     -------
-    (..., T)
+    ndarray, shape (..., T)
+        Values.
     """
     c = to_complex(np.asarray(X, dtype=float))
     return ((derive(c, order)) @ waves(theta, c.shape[-1] - 1).T).real
 
 
 def derive(c: ComplexArray, order: int = 1) -> ComplexArray:
-    """Coefficients of the derivative of the given order in theta: (i k)^order c_k.
+    """Return the coefficients of the derivative of the given order in theta: (i k)^order c_k.
+
+    Parameters
+    ----------
+    c : ndarray, shape (..., H + 1)
+        One-sided coefficients.
+    order : int, optional
+        Order of the derivative, 0 to 10. Default 1.
+
+    Returns
+    -------
+    ndarray, shape (..., H + 1)
+        Coefficients of the derivative.
 
     Raises
     ------
     ValueError
-        If the order is no whole number from 0 to 10.
+        If the order is not a whole number from 0 to 10.
     """
     for _ in range(counted("order", order, 10, least=0)):
         c = 1j * np.arange(c.shape[-1]) * c
@@ -98,7 +114,7 @@ def derive(c: ComplexArray, order: int = 1) -> ComplexArray:
 
 
 def resize(X: Array, H: int) -> Array:
-    """Rows cut or padded with zeros to H harmonics."""
+    """Return rows truncated or padded with zeros to H harmonics."""
     out = np.zeros((*X.shape[:-1], 2 * H + 1))
     n = min(out.shape[-1], X.shape[-1])
     out[..., :n] = X[..., :n]
@@ -106,13 +122,13 @@ def resize(X: Array, H: int) -> Array:
 
 
 def places(orders: np.ndarray) -> np.ndarray:
-    """Where the coefficients of some harmonics, ascending, stand in a row of all of them."""
+    """Return the indices of the coefficients of some harmonics, ascending, in a row of all harmonics."""
     both = np.stack([2 * orders - 1, 2 * orders], axis=-1).ravel()
     return both[1:] if len(orders) and orders[0] == 0 else both
 
 
 def spread(X: Array, m: int, orders: np.ndarray, H: int) -> Array:
-    """Rows (..., m, 2H + 1) of all harmonics from X (..., m (2K + 1)), those of K orders and 0; others are zero."""
+    """Return rows (..., m, 2H + 1) of all harmonics from X (..., m (2K + 1)) with K orders and 0."""
     some = X.reshape(*X.shape[:-1], m, -1)
     if some.shape[-1] == 2 * H + 1:
         return some
@@ -122,7 +138,7 @@ def spread(X: Array, m: int, orders: np.ndarray, H: int) -> Array:
 
 
 def stretch(X: Array, nu: int) -> Array:
-    """Rows of the same function seen over ``nu`` of its periods: harmonic k becomes harmonic ``nu k``."""
+    """Return rows of the same function over ``nu`` of its periods: harmonic k becomes harmonic ``nu k``."""
     if nu == 1:
         return X
     c = to_complex(X)
@@ -132,14 +148,21 @@ def stretch(X: Array, nu: int) -> Array:
 
 
 def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
-    """Smallest and largest value of each row over a period, to rounding for functions resolved by H harmonics.
+    """Return the extrema of each row over a period, to rounding if H harmonics resolve the function.
 
-    Samples on a grid of N >= 16 per shortest wave, then Newton on the derivative from every sample that can be the
-    nearest to the extremum: such a sample misses it by at most (pi/N)^2 / 2 sum_k k^2 |c_k|.
+    The function is sampled with N >= 16 per shortest wave; Newton's method on the derivative starts from every sample
+    that
+    can be the nearest to the extremum, whose value differs from it by at most (pi/N)^2 / 2 sum_k k^2 |c_k|.
+
+    Parameters
+    ----------
+    X : ndarray, shape (..., 2H + 1)
+        Real rows.
 
     Returns
     -------
-    low, theta_low, high, theta_high : each (...,), one per row.
+    low, theta_low, high, theta_high : ndarray, shape (...,)
+        Smallest value and its phase, largest value and its phase, for each row.
     """
     from hbgear.mechanics.series.fourier_kernels import extremes
 
@@ -151,12 +174,26 @@ def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def real_numbers(what: str, value: Any, need: str) -> Array:
-    """A copy of a value as an array of floats; texts, complex numbers and ragged lists are refused.
+    """Return a copy of a value as an array of floats, or raise an error that states the required value.
+
+    Parameters
+    ----------
+    what : str
+        Name of the value, for the message.
+    value : object
+        Value. Texts, complex numbers and ragged lists are refused.
+    need : str
+        Description of the required value, for the message.
+
+    Returns
+    -------
+    ndarray
+        The array.
 
     Raises
     ------
     ValueError
-        "``what`` = ... must be ``need``".
+        If the value is not an array of real numbers.
     """
     try:
         given = np.asarray(value)
@@ -168,29 +205,31 @@ def real_numbers(what: str, value: Any, need: str) -> Array:
 
 
 def is_listed(value: Any) -> bool:
-    """Whether a value is several; arrays without dimensions and sparse ones call themselves iterable and are not."""
+    """Return whether a value is a sequence; zero-dimensional and sparse arrays are iterable but not sequences."""
     return isinstance(value, Iterable) and getattr(value, "ndim", 1) > 0 and not hasattr(value, "tocsr")
 
 
 MOST_HARMONICS = 10_000
-"""Of a prescribed function: far above what a mesh has, and few enough for every table that is made of them."""
+"""Largest number of harmonics of a prescribed function: far above that of a mesh, small enough for all tables."""
 
 
 @dataclass(frozen=True)
 class Series:
-    """A prescribed periodic function of the phase tau, given by its Fourier coefficients.
+    """Prescribed periodic function of the phase tau, given by its Fourier coefficients.
 
         s(tau) = mean + sum_l cosine[l-1] cos(l tau) + sine[l-1] sin(l tau)
 
     Parameters
     ----------
-    mean : float
-    cosine, sine : tuples of float, of any and not necessarily equal length; entry 0 belongs to cos(tau), sin(tau).
+    mean : float, optional
+        Mean value. Default 0.
+    cosine, sine : tuple of float, optional
+        Coefficients, of any and not necessarily equal length; entry 0 belongs to cos(tau), sin(tau). Default: none.
 
     Raises
     ------
     ValueError
-        If a coefficient is no finite number.
+        If a coefficient is not a finite number.
 
     Examples
     --------
@@ -211,7 +250,7 @@ class Series:
         for name in ("cosine", "sine"):
             given = getattr(self, name)
             if type(given) is tuple and len(given) <= MOST_HARMONICS and all(type(x) is float for x in given):
-                continue  # the usual case, and the quickest
+                continue  # the usual case, which is fast
             row = real_numbers(f"Series: {name}", given, "a sequence of numbers such as (0.1, 0.05)")
             if row.ndim != 1:
                 raise ValueError(f"Series: {name} = {quoted(given)} must be a sequence of numbers such as (0.1, 0.05)")
@@ -227,27 +266,27 @@ class Series:
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """Empty: it is smooth."""
+        """Breakpoints: empty, because a series is smooth."""
         return ()
 
     @property
     def varies(self) -> bool:
-        """Whether it depends on tau."""
+        """True if it depends on tau."""
         return any(self.cosine) or any(self.sine)
 
     @property
     def bound(self) -> float:
-        """A bound of its absolute value."""
+        """Upper bound of its absolute value."""
         return float(np.abs(self.row()).sum())
 
     def extremes(self) -> tuple[float, float]:
-        """The smallest and the largest value."""
+        """Return the smallest and the largest value."""
         low, _, high, _ = extrema(self.row())
         return float(low), float(high)
 
     @checked_arguments()
     def row(self, H: int | None = None) -> Array:
-        """Real row ``(2H + 1,)``; harmonics above H are left out, H = None keeps all."""
+        """Return the real row ``(2H + 1,)``; harmonics above H are truncated, H = None keeps all."""
         if H is not None:
             counted("H", H, 1_000_000, least=0)
         out = np.zeros(2 * self.order + 1)
@@ -257,7 +296,7 @@ class Series:
         return out if H is None else resize(out, H)
 
     def __call__(self, tau: ArrayLike, derivative: int = 0) -> Array:
-        """Value, or a derivative in tau, at any phases."""
+        """Return the value, or a derivative in tau, at any phases."""
         tau = real_numbers("Series: tau", tau, "a number or an array of numbers")
         if not np.isfinite(tau).all():
             raise ValueError(f"Series: tau = {quoted(tau)} must be finite")
@@ -265,7 +304,7 @@ class Series:
 
     @checked_arguments()
     def shifted(self, phase: float) -> Series:
-        """The function delayed by a phase: ``s(tau - phase)``."""
+        """Return the function delayed by a phase: ``s(tau - phase)``."""
         if not phase:
             return self
         c = to_complex(self.row()) * np.exp(-1j * phase * np.arange(self.order + 1))
@@ -273,24 +312,24 @@ class Series:
 
     @checked_arguments()
     def scaled(self, factor: float) -> Series:
-        """The function times a factor."""
+        """Return the function times a factor."""
         return Series(factor * self.mean, tuple(factor * x for x in self.cosine), tuple(factor * x for x in self.sine))
 
     @checked_arguments()
     def varied(self, factor: float) -> Series:
-        """The function with its alternating part times a factor: ``mean + factor (s - mean)``."""
+        """Return the function with its alternating part times a factor: ``mean + factor (s - mean)``."""
         return Series(self.mean, tuple(factor * x for x in self.cosine), tuple(factor * x for x in self.sine))
 
 
 def samples_of(c: ComplexArray, N: int) -> Array:
-    """Samples (..., N) at theta_n = 2 pi n / N of any number of rows of one-sided coefficients (..., H + 1)."""
+    """Return samples (..., N) at theta_n = 2 pi n / N of rows of one-sided coefficients (..., H + 1)."""
     spectrum = (0.5 * N) * c
     spectrum[..., 0] *= 2.0
     return np.fft.irfft(spectrum, n=N, axis=-1)
 
 
 def fast_length(least: int) -> int:
-    """The smallest whole number, at least so large, without a prime factor above 5: transforms of it are fast."""
+    """Return the smallest number >= ``least`` without a prime factor above 5, for fast Fourier transforms."""
     n = least
     while True:
         rest = n
@@ -305,12 +344,14 @@ def fast_length(least: int) -> int:
 class Transform:
     """Fast Fourier transforms between rows of H harmonics and N samples over one period.
 
-    Plans are made once for every power of two of rows, when so many are first transformed at once. Each thread has its
-    own, for they hold the arrays they work on.
+    Plans are created once for every power of two of the number of rows, when first needed. Each thread has its own
+    plans,
+    because a plan holds the arrays it works on.
 
     Parameters
     ----------
-    H, N : harmonics, samples.
+    H, N : int
+        Numbers of harmonics and samples.
 
     Raises
     ------
@@ -329,30 +370,31 @@ class Transform:
 
     @cached_property
     def basis(self) -> Array:
-        """1, cos theta, sin theta, ..., sin H theta (2H + 1, N) at the samples."""
+        """Basis functions 1, cos theta, sin theta, ..., sin H theta (2H + 1, N) at the samples."""
         theta = 2 * np.pi * np.arange(self.N) / self.N
-        turned = np.arange(1, self.H + 1)[:, None] * np.arange(self.N) % self.N
+        index = np.arange(1, self.H + 1)[:, None] * np.arange(self.N) % self.N
         out = np.ones((2 * self.H + 1, self.N))
-        out[1::2], out[2::2] = np.cos(theta)[turned], np.sin(theta)[turned]
+        out[1::2], out[2::2] = np.cos(theta)[index], np.sin(theta)[index]
         return out
 
     @cached_property
     def wider(self) -> Transform:
-        """That of twice as many harmonics, of each of which there are four samples at least."""
+        """Transform of twice as many harmonics, with at least four samples per harmonic."""
         return Transform(2 * self.H, max(self.N, 8 * self.H))
 
     def _planned(self, rows: int) -> _Plans:
-        room = 1 << (rows - 1).bit_length()
+        """Return the plans for at least this number of rows."""
+        capacity = 1 << (rows - 1).bit_length()
         plans: dict[Any, _Plans] = self._own.__dict__  # of this thread
-        if room not in plans:
-            with _PLANNING:
-                plans[room] = _Plans(room, self.N)
-        return plans[room]
+        if capacity not in plans:
+            with _PLANNING_LOCK:
+                plans[capacity] = _Plans(capacity, self.N)
+        return plans[capacity]
 
     def samples(self, c: ComplexArray) -> Array:
-        """Samples ``(rows, N)`` of one-sided coefficients ``(rows, H + 1)``, at ``theta_n = 2 pi n / N``."""
+        """Return samples ``(rows, N)`` of one-sided coefficients ``(rows, H + 1)``, at ``theta_n = 2 pi n / N``."""
         rows, plans = len(c), self._planned(len(c))
-        # FFTW overwrites the input of a multi-dimensional inverse, so it is filled afresh every time
+        # FFTW overwrites the input of a multi-dimensional inverse, so it is filled again every time
         s = plans.coefficients
         s[:] = 0.0
         np.multiply(c, 0.5, out=s[:rows, : self.H + 1])
@@ -362,9 +404,9 @@ class Transform:
         return copied
 
     def spectrum(self, samples: Array) -> ComplexArray:
-        """Two-sided coefficients ``x_k, k = 0..2H`` of samples ``(rows, N)`` (``x_-k`` is the conjugate).
+        """Return two-sided coefficients ``x_k, k = 0..2H`` of samples ``(rows, N)`` (``x_-k`` is the conjugate).
 
-        Zeros where N is too short to hold them.
+        Coefficients that N samples cannot hold are zero.
         """
         rows, kept, plans = len(samples), min(2 * self.H, self.N // 2) + 1, self._planned(len(samples))
         plans.samples[:rows] = samples
@@ -374,14 +416,14 @@ class Transform:
         return out
 
 
-_PLANNING = threading.Lock()  # FFTW makes one plan at a time, whoever asks
+_PLANNING_LOCK = threading.Lock()  # the planner of FFTW is not thread-safe
 
 
 class _Plans:
-    """Plans of both directions for so many rows of N samples, with the arrays they work on."""
+    """Plans of both directions for a number of rows of N samples, with the arrays they work on."""
 
     def __init__(self, rows: int, N: int) -> None:
-        import pyfftw  # here, since it takes longer to import than all the rest
+        import pyfftw  # here, because the import is slow
 
         self.coefficients = pyfftw.zeros_aligned((rows, N // 2 + 1), dtype="complex128")
         self.values = pyfftw.empty_aligned((rows, N), dtype="float64")

@@ -1,4 +1,4 @@
-"""Kernels: a Fourier row summed: samples, value and slopes at a phase, largest value.
+"""Kernels: samples, value, slopes and extrema of a Fourier row.
 
     x(theta) = Re sum_k c_k exp(i k theta)
 
@@ -15,7 +15,7 @@ from hbgear.common.process.compiling import kernel
 
 @kernel
 def put_waves(row: Any, c: Any) -> None:
-    """Put the one-sided coefficients of a real row (2H + 1,) in the first of c."""
+    """Store the one-sided coefficients of a real row (2H + 1,) in the first entries of c."""
     c[0] = row[0]
     for k in range(1, row.shape[0] // 2 + 1):
         c[k] = complex(row[2 * k - 1], -row[2 * k])
@@ -23,7 +23,7 @@ def put_waves(row: Any, c: Any) -> None:
 
 @kernel
 def sampled(row: Any, basis: Any, out: Any) -> None:
-    """Samples (N,) of a real row."""
+    """Store the samples (N,) of a real row in ``out``; basis (2H + 1, N) holds the basis functions."""
     for n in range(out.shape[0]):
         out[n] = row[0]
     for k in range(1, row.shape[0]):
@@ -35,9 +35,9 @@ def sampled(row: Any, basis: Any, out: Any) -> None:
 
 @kernel
 def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
-    """x, x' and x'' at theta."""
+    """Return x - level, x' and x'' at theta."""
     x, y = math.cos(theta), math.sin(theta)
-    p = q = r = s = t = u = 0.0  # real and imaginary parts, which take half the time of complex numbers
+    p = q = r = s = t = u = 0.0  # real and imaginary parts take half the time of complex numbers
     for k in range(c.shape[0] - 1, 0, -1):
         t, u = (t * x + r) - u * y, (t * y + s) + u * x
         r, s = (r * x + p) - s * y, (r * y + q) + s * x
@@ -50,7 +50,7 @@ def value_of(c: Any, level: float, theta: float) -> tuple[float, float, float]:
 
 @kernel
 def bend_of(c: Any) -> float:
-    """Bound of |x''|."""
+    """Return an upper bound of |x''|."""
     total = 0.0
     for k in range(1, c.shape[0]):
         total += k * k * math.sqrt(c[k].real * c[k].real + c[k].imag * c[k].imag)  # abs takes five times as long
@@ -59,7 +59,10 @@ def bend_of(c: Any) -> float:
 
 @kernel
 def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
-    """Largest value of side x, side +1 or -1, over a period, and where: Newton from the samples that can be nearest."""
+    """Return the largest value of side x, side +1 or -1, over a period, and its phase.
+
+    Newton's method starts at every sample that can be the nearest to the maximum.
+    """
     N = samples.shape[0]
     step, size, most = 2 * math.pi / N, 0.0, _largest(samples, side)
     for k in range(c.shape[0]):
@@ -71,10 +74,10 @@ def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
     for n in range(N):
         here = side * samples[n]
         if here < most - miss:
-            continue  # too low
+            continue  # lower than the maximum can be
         before, after = side * samples[n - 1], side * samples[n + 1 - N]
         if here < before or here < after:
-            continue  # on the way up to a neighbour that is not
+            continue  # a neighbouring sample is higher
         bend = before - 2.0 * here + after
         at = step * (n + 0.5 * (before - after) / bend) if bend < 0.0 else step * n
         for _ in range(16):
@@ -82,7 +85,7 @@ def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
             move = side * slope / abs(curve) if abs(curve) > 1e-300 else 0.0  # |curve|: always uphill
             move = min(0.5 * step, max(-0.5 * step, move))
             at += move
-            if abs(move) <= 1e-6:  # the next one is its square
+            if abs(move) <= 1e-6:  # the next correction is quadratically smaller
                 break
         value = side * value_of(c, 0.0, at)[0]
         if value > top or here == top:
@@ -92,7 +95,7 @@ def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
 
 @kernel
 def _largest(samples: Any, side: float) -> float:
-    """The largest of side times the samples: of four at a time, which do not wait for each other."""
+    """Return the largest of side times the samples; four independent maxima run faster than one."""
     N = samples.shape[0]
     a: float = side * samples[0]
     b = c = d = a
@@ -106,7 +109,7 @@ def _largest(samples: Any, side: float) -> float:
 
 @kernel
 def extremes(c: Any, samples: Any, low: Any, at_low: Any, high: Any, at_high: Any) -> None:
-    """Smallest and largest values (P,) of rows c (P, H + 1), given their samples (P, N), and their phases (P,)."""
+    """Compute the extrema (P,) of rows c (P, H + 1) and their phases (P,), given samples (P, N)."""
     for p in range(c.shape[0]):
         high[p], at_high[p] = highest(c[p], samples[p], 1.0)
         low[p], at_low[p] = highest(c[p], samples[p], -1.0)

@@ -1,4 +1,4 @@
-"""Square matrices as a user gives them: dense or scipy.sparse, of finite numbers."""
+"""Square matrices given by the user: dense or scipy.sparse, of finite numbers."""
 
 from __future__ import annotations
 
@@ -13,14 +13,28 @@ Matrix: TypeAlias = Any
 
 
 def square(name: str, value: Any) -> Matrix:
-    """A square matrix of finite numbers, read-only if it is dense, else a csr_array.
+    """Return a square matrix of finite numbers, read-only if it is dense, else a csr_array.
+
+    Parameters
+    ----------
+    name : str
+        Name of the matrix, for messages.
+    value : array_like or sparse matrix
+        Matrix.
+
+    Returns
+    -------
+    ndarray or csr_array
+        The matrix.
 
     Raises
     ------
     ValueError
-        If it is no such matrix.
+        If it is not a square matrix of finite numbers.
     """
-    if not isinstance(value, np.ndarray | list | tuple) and scipy.sparse.issparse(value):  # to import it takes a while
+    if not isinstance(value, np.ndarray | list | tuple) and scipy.sparse.issparse(
+        value
+    ):  # last, because the import is slow
         if value.dtype.kind not in "iufb":
             raise ValueError(f"{name} of {value.dtype} must be a square matrix of numbers")
         out: Matrix = scipy.sparse.csr_array(value, dtype=float)

@@ -1,10 +1,10 @@
-"""Receptances by frequency, as they are measured, as a linear part of a system.
+"""Measured receptances over frequency as a linear part of a system.
 
     q(w) = H(w) F(w)   of some coordinates,   D(w) = K + i w C - w^2 M + S H(w)^-1 S^T
 
-with S (n, p) that picks these coordinates out of the n of the system. A structure that is measured whole has no M, C
-and K beside. Harmonic balance needs no more than D at the harmonics of a motion; what needs modes has none: multipliers
-and integration in time.
+with S (n, p) that selects these coordinates from the n of the system. A structure that is measured as a whole has no
+M, C and K. Harmonic balance needs only D at the harmonics of a motion. Modes, and with them multipliers and time
+integration, are not available.
 """
 
 from __future__ import annotations
@@ -22,33 +22,49 @@ from hbgear.common.ranges import ANY, checked
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.mechanics.series.fourier import is_listed, real_numbers
 
-_BEYOND = 0.02  # of a frequency at an end of the lines that Newton may pass it by, along a straight line
+_MAX_EXTRAPOLATION = 0.02
+"""Fraction of the first and last frequency by which Newton iterations may exceed the lines, by linear extrapolation."""
 
-_ROUNDING = 1e-9  # of a frequency
+_FREQUENCY_TOLERANCE = 1e-9
+"""Relative difference of frequencies that counts as rounding [-]."""
 
-_SINGULAR = 1e-13  # ratio of singular values of a receptance that is rounding
+_MIN_SINGULAR_VALUE_RATIO = 1e-13
+"""Ratio of the singular values of a receptance [-] at which it counts as singular."""
 
 
 def vector_along(names: Sequence[str], coordinates: Mapping[str | int, float]) -> Array:
-    """A vector (n,) with values of coordinates, by name or by number from 0, and 0 else.
+    """Return a vector (n,) with given values of coordinates, and zeros otherwise.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the coordinates.
+    coordinates : mapping
+        Values by name, or by number from 0.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The vector.
 
     Raises
     ------
     KeyError, IndexError
         If there is no such coordinate.
     ValueError
-        If nothing is given, or a value is no finite number.
+        If the mapping is empty, or a value is not a finite number.
     """
     if not isinstance(coordinates, Mapping) or not coordinates:
         raise ValueError(f"along: {quoted(coordinates)} must be values by coordinate, such as {{'{names[0]}': 1.0}}")
     out = np.zeros(len(names))
     for name, value in coordinates.items():
         checked("along", str(name), value, ANY)
-        out[_number(names, name)] = value
+        out[_index_of(names, name)] = value
     return out
 
 
-def _number(names: Sequence[str], name: Any) -> int:
+def _index_of(names: Sequence[str], name: Any) -> int:
+    """Return the number of a coordinate given by name or number."""
     if isinstance(name, int | np.integer) and not isinstance(name, bool):
         if not 0 <= name < len(names):
             raise IndexError(
@@ -62,20 +78,25 @@ def _number(names: Sequence[str], name: Any) -> int:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Receptances:
-    """Displacements by force at p coordinates of a linear structure, at frequencies; between them a cubic spline.
+    """Displacements per force at p coordinates of a linear structure, at frequencies; a cubic spline between them.
 
     Parameters
     ----------
-    omega : (F,) angular frequencies in the unit of Omega, ascending, at least four.
-    values : (F, p, p) complex, displacement of the row by a force on the column.
-    names : (p,) of the coordinates, as in ``dof_names`` of the `System`.
-    static : (p, p) at rest, which the mean of every motion needs; None if the first frequency is 0.
+    omega : array_like, shape (F,)
+        Angular frequencies in the unit of Omega, ascending, at lowest four.
+    values : array_like, shape (F, p, p)
+        Complex displacement of the row coordinate per force on the column coordinate.
+    names : sequence of str, length p
+        Names of the coordinates, as in ``dof_names`` of the `System`.
+    static : array_like, shape (p, p), optional
+        Receptance at rest, which the mean of every motion needs. Default: the value at the frequency 0, if that is
+        given.
 
     Raises
     ------
     ValueError
-        If frequencies do not ascend, numbers are missing or not finite, names do not fit, nothing is known at
-        rest, or no forces belong to the displacements.
+        If frequencies do not ascend, numbers are missing or not finite, names do not fit, the static receptance is
+        missing, or a receptance is singular.
 
     Examples
     --------
@@ -132,11 +153,11 @@ class Receptances:
         moving = H[w > 0]
         s = np.linalg.svd(np.concatenate([static[None], moving]), compute_uv=False)
         worst = int(np.argmin(s[:, -1] / np.where(s[:, 0] > 0, s[:, 0], 1.0)))
-        if s[worst, -1] <= _SINGULAR * s[worst, 0]:
+        if s[worst, -1] <= _MIN_SINGULAR_VALUE_RATIO * s[worst, 0]:
             where = "at rest" if worst == 0 else f"at omega = {w[w > 0][worst - 1]:g}"
             raise ValueError(
-                f"Receptances: {where} different forces give the same displacements, so forces cannot be told from "
-                "them; leave out coordinates that move with others"
+                f"Receptances: {where} different forces give the same displacements, so that the displacements do not "
+                "determine the forces; leave out coordinates that move with others"
             )
         curve = scipy.interpolate.CubicSpline(w, H)
         set_(self, "_curve", curve)
@@ -144,11 +165,11 @@ class Receptances:
 
     @property
     def coarseness(self) -> float:
-        """Error between the lines over the highest peak, estimated from a spline through every other one."""
+        """Error between the lines over the highest peak, estimated from a spline through every second line."""
         w, H = self.omega, self.values
         between = scipy.interpolate.CubicSpline(w[::2], H[::2])(w[1::2][: len(w[::2]) - 1])
         missed = np.abs(between - H[1::2][: len(between)]).max() / np.abs(H).max()
-        return float(missed) / 16  # a spline is of fourth order
+        return float(missed) / 16  # the error of a spline is of fourth order
 
     def __repr__(self) -> str:
         return (
@@ -162,31 +183,51 @@ class Receptances:
 
     @property
     def lowest(self) -> float:
-        """The lowest frequency but 0."""
+        """Lowest frequency above 0."""
         return float(self.omega[self.omega > 0][0])
 
     @property
     def highest(self) -> float:
-        """The highest frequency."""
+        """Highest frequency."""
         return float(self.omega[-1])
 
     def check(self, low: float, high: float, harmonics: int, nu: int = 1) -> None:
-        """Refuse a span of Omega some harmonics of which, 1 to H of Omega / nu, lie beyond the frequencies.
+        """Raise ValueError for a span of Omega with harmonics beyond the frequencies of the lines.
+
+        Parameters
+        ----------
+        low, high : float
+            Ends of the span.
+        harmonics : int
+            Number H of harmonics of Omega / nu.
+        nu : int, optional
+            Subharmonic order. Default 1.
 
         Raises
         ------
         ValueError
+            If a harmonic is below the lowest or above the highest line.
         """
-        least, most = low / nu, high * harmonics / nu
-        if least < self.lowest * (1 - _ROUNDING) or most > self.highest * (1 + _ROUNDING):
+        lowest, highest = low / nu, high * harmonics / nu
+        if lowest < self.lowest * (1 - _FREQUENCY_TOLERANCE) or highest > self.highest * (1 + _FREQUENCY_TOLERANCE):
             raise ValueError(
                 f"Omega from {low:g} to {high:g} with {harmonics} harmonics{f' of Omega / {nu}' if nu > 1 else ''} "
-                f"needs receptances from {least:g} to {most:g}; there are those from {self.lowest:g} to "
-                f"{self.highest:g}: take fewer harmonics or another span, or measure the others"
+                f"needs receptances from {lowest:g} to {highest:g}; the lines are from {self.lowest:g} to "
+                f"{self.highest:g}: use fewer harmonics or another span, or measure more lines"
             )
 
     def stiffness(self, w: float) -> tuple[ComplexArray, ComplexArray]:
-        """The dynamic stiffness H^-1 (p, p) and its derivative in w; at w = 0 the static one, and 0.
+        """Return the dynamic stiffness H^-1 (p, p) and its derivative in w; at w = 0 the static stiffness, and 0.
+
+        Parameters
+        ----------
+        w : float
+            Angular frequency.
+
+        Returns
+        -------
+        tuple of ndarray
+            Stiffness and derivative.
 
         Raises
         ------
@@ -196,10 +237,10 @@ class Receptances:
         if w == 0.0:
             return np.linalg.inv(self.static).astype(complex), np.zeros((self.n, self.n), dtype=complex)
         low, high = self.lowest, self.highest
-        if not low * (1 - _BEYOND) <= w <= high * (1 + _BEYOND):
+        if not low * (1 - _MAX_EXTRAPOLATION) <= w <= high * (1 + _MAX_EXTRAPOLATION):
             raise ValueError(
-                f"a motion has the frequency {w:g}, and the receptances go from {low:g} to {high:g}: take fewer "
-                "harmonics, another Omega, or measure there"
+                f"a motion has the frequency {w:g}, and the receptances go from {low:g} to {high:g}: use fewer "
+                "harmonics or another Omega, or measure more lines"
             )
         at = min(max(w, low), high)
         slope = self._slope(at)  # type: ignore[attr-defined]
@@ -207,10 +248,34 @@ class Receptances:
         return Z, -Z @ slope @ Z
 
     def along(self, coordinates: Mapping[str | int, float]) -> Array:
-        """A vector (p,) with these values of coordinates, by name or number from 0, and 0 else; see `vector_along`."""
+        """Return a vector (p,) with given values of coordinates and zeros otherwise, see `vector_along`.
+
+        Parameters
+        ----------
+        coordinates : mapping
+            Values by name, or by number from 0.
+
+        Returns
+        -------
+        ndarray, shape (p,)
+            The vector.
+        """
         return vector_along(self.names, coordinates)
 
     def system(self, elements: Sequence[Any], load: Any = ()) -> Any:
-        """The `System` that is nothing but these receptances, with elements and loads."""
+        """Return the `System` of these receptances with elements and loads.
+
+        Parameters
+        ----------
+        elements : sequence of Element
+            Elements.
+        load : Load or sequence of Load, optional
+            Loads. Default: none.
+
+        Returns
+        -------
+        System
+            The system, with M, C and K zero.
+        """
         zero = np.zeros((self.n, self.n))
         return call("hbgear.mechanics.models.System", zero, zero, zero, elements, load, self.names, receptances=self)

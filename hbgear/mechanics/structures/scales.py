@@ -1,4 +1,4 @@
-"""Physical units of a dimensionless model: what one unit of length, time and force is.
+"""Physical units of a dimensionless model: the units of length, time and force.
 
 x [m] = length xbar,   f_mesh [Hz] = Omega frequency / (2 pi),   n [r/min] = 60 f_mesh / teeth,   F [N] = force Fbar
 acceleration [m/s^2] = length frequency^2 xbar''
@@ -25,10 +25,14 @@ class Scales:
 
     Parameters
     ----------
-    frequency : angular frequency omega_n of Omega = 1 [rad/s]; the unit of time is 1/omega_n.
-    length : of element coordinates [m], the half backlash b_c.
-    force : of element forces [N], k_mean b_c.
-    teeth : of the gear whose speed is told, the pinion.
+    frequency : float
+        Angular frequency omega_n of Omega = 1 [rad/s]; the unit of time is 1/omega_n.
+    length : float
+        Unit of element coordinates [m], the half backlash b_c.
+    force : float
+        Unit of element forces [N], k_mean b_c.
+    teeth : float
+        Number of teeth of the pinion, whose speed is reported.
 
     Raises
     ------
@@ -59,26 +63,26 @@ class Scales:
 
     @checked_arguments()
     def mesh_frequency(self, Omega: Numbers) -> Numbers:
-        """Mesh frequency Omega omega_n / (2 pi) [Hz]."""
+        """Return the mesh frequency Omega omega_n / (2 pi) [Hz]."""
         return _times(Omega, self.frequency / (2 * pi))
 
     @checked_arguments()
     def from_mesh_frequency(self, frequency: Numbers) -> Numbers:
-        """Omega at a mesh frequency [Hz]."""
+        """Return Omega at a mesh frequency [Hz]."""
         return _times(frequency, 2 * pi / self.frequency)
 
     @checked_arguments()
     def pinion_speed(self, Omega: Numbers) -> Numbers:
-        """Pinion speed 60 mesh_frequency / teeth [r/min]."""
+        """Return the pinion speed 60 mesh_frequency / teeth [r/min]."""
         return _times(self.mesh_frequency(Omega), 60 / self.teeth)
 
     @checked_arguments()
     def from_pinion_speed(self, speed: Numbers) -> Numbers:
-        """Omega at a pinion speed [r/min]."""
+        """Return Omega at a pinion speed [r/min]."""
         return self.from_mesh_frequency(_times(speed, self.teeth / 60))
 
 
 def _times(values: Numbers, factor: float) -> Numbers:
-    """Values times a factor, those of a list too."""
+    """Return a number, array or list of numbers times a factor."""
     product: Numbers = np.multiply(values, factor)
     return product

@@ -1,8 +1,8 @@
-"""What of a structure changes with the frequency of the excitation: gyroscopic terms, bearings.
+"""Terms of a structure that depend on the frequency of the excitation: gyroscopic terms, bearings.
 
     M q'' + [C + s Omega G + C_b(Omega)] q' + [K + K_b(Omega)] q + ... = F(tau),   tau = Omega t
 
-with the gyroscopic matrix G, skew-symmetric, of a shaft that turns with s Omega, and matrices C_b, K_b as functions or
+with the gyroscopic matrix G, skew-symmetric, of a shaft that rotates at s Omega, and matrices C_b, K_b as functions or
 tables of Omega. An excitation by the teeth of a gear with z teeth has Omega = z times the speed of its shaft: s = 1/z.
 """
 
@@ -21,30 +21,35 @@ from hbgear.common.text.messages import quoted
 from hbgear.mechanics.series.fourier import real_numbers
 from hbgear.mechanics.structures.matrices import Matrix, square
 
-_BEYOND = 0.02  # of a table's width that it is continued beyond its ends, for steps of Newton that pass them
+_MAX_EXTRAPOLATION = 0.02
+"""Fraction of the width of a table by which Newton iterations may exceed its ends [-]."""
 
-_STEP = 1e-3  # of Omega, of the differences of a function; their error is the fourth power of it
+_RELATIVE_STEP = 1e-3
+"""Step of finite differences over Omega [-]; their relative error is its fourth power."""
 
-_RATIO = Range(-1e6, 1e6)  # of speeds: far beyond any gear
+_ALLOWED_RATIOS = Range(-1e6, 1e6)  # far beyond any gear
 
-_SKEW = 1e-9  # part of a gyroscopic matrix that is symmetric by rounding
+_SYMMETRY_TOLERANCE = 1e-9
+"""Relative symmetric part of a gyroscopic matrix [-] that counts as rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class MatrixTable:
-    """Matrices at some frequencies, and between them with a continuous derivative and without overshoot.
+    """Table of matrices over Omega, interpolated with a continuous derivative and without overshoot.
 
-    Monotone cubic interpolation of every entry (PCHIP).
+    Every entry is interpolated by monotone cubic polynomials (PCHIP).
 
     Parameters
     ----------
-    Omega : (T,) frequencies of the excitation, ascending, at least two.
-    matrices : (T, n, n).
+    Omega : array_like, shape (T,)
+        Frequencies of the excitation, ascending, at least two.
+    matrices : array_like, shape (T, n, n)
+        Matrices at these frequencies.
 
     Raises
     ------
     ValueError
-        If the frequencies do not ascend, or the matrices are not as many, not square or not finite.
+        If the frequencies do not ascend, or the matrices do not fit them, are not square or not finite.
 
     References
     ----------
@@ -80,33 +85,34 @@ class MatrixTable:
         object.__setattr__(self, "_slope", curve.derivative())
 
     def __call__(self, Omega: float) -> Array:
-        """The matrix (n, n) at Omega.
+        """Return the matrix (n, n) at Omega.
 
         Raises
         ------
         ValueError
-            If Omega lies outside the table by more than 2 % of its width.
+            If Omega is outside the table by more than 2 % of its width.
         """
         matrix: Array = self._curve(self._within(Omega))  # type: ignore[attr-defined]
         return matrix
 
     def slope(self, Omega: float) -> Array:
-        """Its derivative (n, n)."""
+        """Return the derivative (n, n) in Omega."""
         matrix: Array = self._slope(self._within(Omega))  # type: ignore[attr-defined]
         return matrix
 
     @property
     def range(self) -> Range:
-        """Frequencies that the table has."""
+        """Frequencies of the table."""
         return Range(float(self.Omega[0]), float(self.Omega[-1]))
 
     def _within(self, Omega: float) -> float:
+        """Return Omega, or raise ValueError if it is outside the table."""
         first, last = self.Omega[0], self.Omega[-1]
-        margin = _BEYOND * (last - first)
+        margin = _MAX_EXTRAPOLATION * (last - first)
         if not first - margin <= Omega <= last + margin:
             raise ValueError(
-                f"Omega = {Omega:g} is outside of a table over Omega, which has {first:g} to {last:g}: "
-                "stay within it, or give a longer one"
+                f"Omega = {Omega:g} is outside of a table over Omega from {first:g} to {last:g}: "
+                "stay within it, or give a longer table"
             )
         return float(Omega)
 
@@ -116,19 +122,22 @@ OverSpeed: TypeAlias = MatrixTable | Callable[[float], Any]
 
 @dataclass(frozen=True, eq=False)
 class SpeedTerms:
-    """What a structure has beside constant M, C and K:  C + s Omega G + C_b(Omega),  K + K_b(Omega).
+    """Terms in addition to constant M, C and K:  C + s Omega G + C_b(Omega),  K + K_b(Omega).
 
     Parameters
     ----------
-    gyroscopic : G (n, n), skew-symmetric, dense or scipy.sparse; None without.
-    ratio : s, speed of the shaft over Omega: 1 for unbalance, 1/z for the meshing of z teeth. A machine with several
-        shafts has the sum of s_i G_i as its G, and ratio = 1.
-    damping, stiffness : C_b and K_b, a `MatrixTable` or a function of Omega that gives (n, n); None without.
+    gyroscopic : array_like or sparse matrix, shape (n, n), optional
+        Matrix G, skew-symmetric. Default: none.
+    ratio : float, optional
+        Speed of the shaft over Omega, s: 1 for unbalance (default), 1/z for the meshing of z teeth. For a machine with
+        several shafts G is the sum of s_i G_i, and the ratio is 1.
+    damping, stiffness : MatrixTable or callable, optional
+        C_b and K_b, as a table or a function of Omega that returns a matrix (n, n). Default: none.
 
     Raises
     ------
     ValueError
-        If G is not square, not finite or not skew-symmetric, or nothing is given.
+        If G is not square, not finite or not skew-symmetric, or no term is given.
     TypeError
         If damping or stiffness is neither a table nor a function.
 
@@ -153,15 +162,15 @@ class SpeedTerms:
     stiffness: OverSpeed | None = None
 
     def __post_init__(self) -> None:
-        checked("SpeedTerms", "ratio", self.ratio, _RATIO)
-        object.__setattr__(self, "ratio", float(self.ratio))  # a fraction is a number too
+        checked("SpeedTerms", "ratio", self.ratio, _ALLOWED_RATIOS)
+        object.__setattr__(self, "ratio", float(self.ratio))  # fractions are accepted
         if self.gyroscopic is not None:
             G = square("gyroscopic", self.gyroscopic)
-            apart = abs(G + G.T).max()
-            if apart > _SKEW * abs(G).max():
+            symmetric_part = abs(G + G.T).max()
+            if symmetric_part > _SYMMETRY_TOLERANCE * abs(G).max():
                 raise ValueError(
-                    f"gyroscopic must be skew-symmetric, G^T = -G; it is not by {apart:.3g}: what dissipates belongs "
-                    "in C or damping"
+                    f"gyroscopic must be skew-symmetric, G^T = -G; G + G^T has an entry of {symmetric_part:.3g}: "
+                    "give dissipative terms in C or damping"
                 )
             object.__setattr__(self, "gyroscopic", G)
         for name in ("damping", "stiffness"):
@@ -172,7 +181,18 @@ class SpeedTerms:
             raise ValueError("SpeedTerms: give gyroscopic, damping or stiffness; a constant structure needs none")
 
     def check(self, n: int) -> None:
-        """Refuse terms that are not of n coordinates, as far as they are known without a frequency."""
+        """Raise ValueError for terms that are not of n coordinates, as far as they are known without a frequency.
+
+        Parameters
+        ----------
+        n : int
+            Number of coordinates.
+
+        Raises
+        ------
+        ValueError
+            If a matrix has another shape.
+        """
         sizes = {"gyroscopic": self.gyroscopic}
         sizes |= {name: getattr(self, name).matrices[0] for name in ("damping", "stiffness")
                   if isinstance(getattr(self, name), MatrixTable)}  # fmt: skip
@@ -182,7 +202,7 @@ class SpeedTerms:
 
     @property
     def range(self) -> Range:
-        """Frequencies Omega for which all terms are known."""
+        """Frequencies Omega at which all terms are defined."""
         ranges = [each.range for each in (self.damping, self.stiffness) if isinstance(each, MatrixTable)]
         low = max((each.low for each in ranges), default=0.0)
         if not ranges:
@@ -195,7 +215,18 @@ class SpeedTerms:
         return Range(low, high) if low > 0 else Range(above=0, high=high)
 
     def projected(self, basis: Array) -> SpeedTerms:
-        """The same in the coordinates p of q = basis p: B^T A B of all matrices."""
+        """Return the terms in the coordinates p of q = basis p: B^T A B of all matrices.
+
+        Parameters
+        ----------
+        basis : ndarray, shape (n, r)
+            Basis B.
+
+        Returns
+        -------
+        SpeedTerms
+            Projected terms.
+        """
 
         def onto(A: Any) -> Array:
             matrix: Array = basis.T @ (A @ basis)
@@ -207,21 +238,22 @@ class SpeedTerms:
             return None if given is None else lambda Omega: onto(given(Omega))
 
         G = None if self.gyroscopic is None else onto(self.gyroscopic)
-        G = G if G is None else 0.5 * (G - G.T)  # exactly skew, whatever was rounded
+        G = G if G is None else 0.5 * (G - G.T)  # exactly skew-symmetric in spite of rounding
         return SpeedTerms(G, self.ratio, term(self.damping), term(self.stiffness))
 
     def at(self, Omega: float, n: int) -> tuple[Matrix, Matrix]:
-        """What is added to C and K at Omega, (n, n) or 0."""
+        """Return the matrices added to C and K at Omega, each (n, n) or 0."""
         C: Any = 0.0 if self.gyroscopic is None else (self.ratio * Omega) * self.gyroscopic
         return C + _value("damping", self.damping, Omega, n), _value("stiffness", self.stiffness, Omega, n)
 
     def slope(self, Omega: float, n: int) -> tuple[Matrix, Matrix]:
-        """Derivatives of `at` in Omega."""
+        """Return the derivatives of `at` in Omega."""
         C: Any = 0.0 if self.gyroscopic is None else self.ratio * self.gyroscopic
         return C + _slope("damping", self.damping, Omega, n), _slope("stiffness", self.stiffness, Omega, n)
 
 
 def _value(name: str, term: OverSpeed | None, Omega: float, n: int) -> Any:
+    """Return a term at Omega, or 0 if there is none."""
     if term is None:
         return 0.0
     if isinstance(term, MatrixTable):
@@ -233,11 +265,11 @@ def _value(name: str, term: OverSpeed | None, Omega: float, n: int) -> Any:
 
 
 def _slope(name: str, term: OverSpeed | None, Omega: float, n: int) -> Any:
-    """dA/dOmega: of a function by central differences, its second order taken out."""
+    """Return dA/dOmega; of a function by central differences of fourth order."""
     if term is None:
         return 0.0
     if isinstance(term, MatrixTable):
         return term.slope(Omega)
-    h = _STEP * Omega
+    h = _RELATIVE_STEP * Omega
     near, far = ((_value(name, term, Omega + d, n) - _value(name, term, Omega - d, n)) / (2 * d) for d in (h, 2 * h))
     return (4 * near - far) / 3
