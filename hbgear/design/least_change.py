@@ -86,8 +86,10 @@ def no_jumps(margin: float = 0.0, parameter: str = "") -> Goal:
 
     Parameters
     ----------
-    margin : least distance to the critical value at which the jump appears, in shares of the design's own value.
-    parameter : in which the distance is measured; by default the first of those that may change that has such a value.
+    margin : float, default 0.0
+        Least distance to the critical value at which the jump appears, in shares of the design's own value.
+    parameter : str, default ""
+        In which the distance is measured; by default the first of those that may change that has such a value.
 
     Raises
     ------
@@ -130,16 +132,25 @@ class Redesign:
 
     Parameters
     ----------
-    model : with the new values.
-    values, changes : of the parameters by name, and relative to the old ones.
-    distance : root of the sum of squares of the changes.
-    reached : whether a trace confirms the goal.
-    short : how far the goal is missed, relative (of a jump: the change of a parameter that is still wanting, nan if no
+    model : Model
+        With the new values.
+    values, changes : dict of str to float
+        Of the parameters by name, and relative to the old ones.
+    distance : float
+        Root of the sum of squares of the changes.
+    reached : bool
+        Whether a trace confirms the goal.
+    short : float
+        How far the goal is missed, relative (of a jump: the change of a parameter that is still wanting, nan if no
         change removes it); 0 if it is reached.
-    share : of the sample of tolerances that reaches the goal, each traced; nan without one.
-    curve : the response of the new model.
-    steps : how often cusps or peaks were computed.
-    status, message : why it ended.
+    share : float
+        Of the sample of tolerances that reaches the goal, each traced; nan without one.
+    curve : Branch
+        The response of the new model.
+    steps : int
+        How often cusps or peaks were computed.
+    status, message : Status
+        Why it ended.
 
     Examples
     --------
@@ -191,17 +202,25 @@ def redesign(
 
     Parameters
     ----------
-    model : the design that is to be changed; a `HarmonicBalance` brings its settings.
-    goal : `no_jumps` or `peak_below`.
-    over : parameters that may change, none of them zero; entries of tuples as ``e[0]``.
-    within : bounds of some of them; by default from 99 % less to ten times more, within their ranges.
-    scatter, sigmas : standard deviations of parameters, and how many of them the goal is to be reached by, to first
-        order.
-    tolerances, share : instead, a sample of deviations that are added to the values, such as
-        ``hb.design.latin_hypercube(20, zeta=("normal", 0, 0.002))``, and the share of it that is to reach the goal.
-    span : of Omega; the model's by default.
-    harmonics : used if a model is given.
-    progress : called with a `Progress` as work goes on, such as ``print``.
+    model : Model or HarmonicBalance
+        The design that is to be changed; a `HarmonicBalance` brings its settings.
+    goal : Goal
+        `no_jumps` or `peak_below`.
+    over : sequence of str
+        Parameters that may change, none of them zero; entries of tuples as ``e[0]``.
+    within : mapping of str, tuple[float to float] or None, optional
+        Bounds of some of them; by default from 99 % less to ten times more, within their ranges.
+    scatter, sigmas : mapping of str to float or None, optional
+        Standard deviations of parameters, and how many of them the goal is to be reached by, to first order.
+    tolerances, share : Grid or Sample or None, optional
+        Instead, a sample of deviations that are added to the values, such as ``hb.design.latin_hypercube(20,
+        zeta=("normal", 0, 0.002))``, and the share of it that is to reach the goal.
+    span : tuple[float, float] or None, optional
+        Of Omega; the model's by default.
+    harmonics : int, default 16
+        Used if a model is given.
+    progress : ProgressCallback or None, optional
+        Called with a `Progress` as work goes on, such as ``print``.
 
     Returns
     -------

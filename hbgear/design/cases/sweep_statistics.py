@@ -37,11 +37,16 @@ class SweepStatistics:
 
     Parameters
     ----------
-    Omega : (P,) ascending. quantiles : (Q,) those asked for.
-    rising, falling : (Q, P) quantiles of the amplitude of the sweep in that direction, each that of one of the cases.
-    jumped_rising, jumped_falling : (P,) share of the cases whose sweep has jumped by then.
-    coexisting : (P,) share of the cases that have two or more stable motions there.
-    known : (P,) share of the cases that have a stable motion there at all; the quantiles are those of these.
+    Omega : ndarray, shape (P,)
+        Ascending. quantiles : (Q,) those asked for.
+    rising, falling : ndarray, shape (Q, P)
+        Quantiles of the amplitude of the sweep in that direction, each that of one of the cases.
+    jumped_rising, jumped_falling : ndarray, shape (P,)
+        Share of the cases whose sweep has jumped by then.
+    coexisting : ndarray, shape (P,)
+        Share of the cases that have two or more stable motions there.
+    known : ndarray, shape (P,)
+        Share of the cases that have a stable motion there at all; the quantiles are those of these.
 
     Examples
     --------
@@ -77,9 +82,12 @@ def sweep_statistics(
 
     Parameters
     ----------
-    found : cases computed with "curve", and with "jumps" so that it is known where they land.
-    Omega : (P,) ascending; 200 values over the span by default.
-    quantiles : between 0 and 1.
+    found : Cases
+        Cases computed with "curve", and with "jumps" so that it is known where they land.
+    Omega : ndarray or None, shape (P,), optional
+        Ascending; 200 values over the span by default.
+    quantiles : sequence of float, optional
+        Between 0 and 1.
 
     Raises
     ------
@@ -151,10 +159,13 @@ def swept(curve: Array, jumps: Array | None, Omega: Array, direction: int) -> tu
 
     Parameters
     ----------
-    curve : see the head of this file.
-    jumps : (J, 3) Omega, amplitude before and after of the jumps in this direction; without them (None) a part that
-        ends where the curve has other stable motions is taken to end in a jump to the nearest of them.
-    Omega, direction : the values, and +1 or -1.
+    curve : ndarray
+        See the head of this file.
+    jumps : ndarray or None, shape (J, 3)
+        Omega, amplitude before and after of the jumps in this direction; without them (None) a part that ends where the
+        curve has other stable motions is taken to end in a jump to the nearest of them.
+    Omega, direction : ndarray
+        The values, and +1 or -1.
     """
     parts = [(direction * x, y) for x, y in stable_parts(curve)]
     parts = [(x[::direction], y[::direction]) for x, y in parts]

@@ -62,21 +62,34 @@ class Fit:
 
     Parameters
     ----------
-    model : with the estimated values.
-    names : (A,) of the parameters that were sought.
-    values, errors : estimates and standard errors by name; an error is nan where the data do not determine it.
-        It is that of the likelihood where that is larger than the one to first order: half the distance to the farther
-        of the two values at which the sum of squares, the other parameters readjusted, is 4 above its least.
-    covariance, correlation : (A, A) of the estimates, to first order.
-    data : what was measured.
-    curve : the response of the model.
-    predicted, residuals : (N,) amplitudes of the model, and their differences to the measured ones in deviations.
-    held_against : (N,) what each point was held against: "swept", "other", "end" or "unreached".
-    jumps : (J,) frequencies of the model's jumps, nan where it has none.
-    mean_square : of all residuals in deviations, over the degrees of freedom.
-    starts, evaluations : how many starts were followed, and how many curves were traced.
-    doubts : what is to be doubted, in words.
-    status, message : why it ended.
+    model : Model
+        With the estimated values.
+    names : tuple of str, shape (A,)
+        Of the parameters that were sought.
+    values, errors : dict of str to float
+        Estimates and standard errors by name; an error is nan where the data do not determine it. It is that of the
+        likelihood where that is larger than the one to first order: half the distance to the farther of the two values
+        at which the sum of squares, the other parameters readjusted, is 4 above its least.
+    covariance, correlation : ndarray, shape (A, A)
+        Of the estimates, to first order.
+    data : Measurements
+        What was measured.
+    curve : Branch
+        The response of the model.
+    predicted, residuals : ndarray, shape (N,)
+        Amplitudes of the model, and their differences to the measured ones in deviations.
+    held_against : tuple of str, shape (N,)
+        What each point was held against: "swept", "other", "end" or "unreached".
+    jumps : ndarray, shape (J,)
+        Frequencies of the model's jumps, nan where it has none.
+    mean_square : float
+        Of all residuals in deviations, over the degrees of freedom.
+    starts, evaluations : int
+        How many starts were followed, and how many curves were traced.
+    doubts : tuple of str
+        What is to be doubted, in words.
+    status, message : Status
+        Why it ended.
 
     Examples
     --------
@@ -137,16 +150,24 @@ def fit(
 
     Parameters
     ----------
-    model : its values are the first start; a `HarmonicBalance` brings its settings.
-    data : see `Measurements`.
-    free : names of the parameters that are sought, entries of tuples as ``e[0]``, with their bounds; without bounds
-        from a quarter of the model's value to four times it, within the range of the parameter.
-    harmonics : used if a model is given.
-    span : of Omega over which curves are traced; by default that of the data and a fifth more on both sides.
-    starts : how many starts are followed at most; others than the first are drawn at random within the bounds, and none
-        is if the first ends within the noise.
-    seed : of the random starts.
-    progress : called with a `Progress` as work goes on, such as ``print``.
+    model : Model or HarmonicBalance
+        Its values are the first start; a `HarmonicBalance` brings its settings.
+    data : Measurements
+        See `Measurements`.
+    free : mapping of str, tuple[float to float]] | Sequence[str or None
+        Names of the parameters that are sought, entries of tuples as ``e[0]``, with their bounds; without bounds from a
+        quarter of the model's value to four times it, within the range of the parameter.
+    harmonics : int, default 16
+        Used if a model is given.
+    span : tuple[float, float] or None, optional
+        Of Omega over which curves are traced; by default that of the data and a fifth more on both sides.
+    starts : int, default 3
+        How many starts are followed at most; others than the first are drawn at random within the bounds, and none is
+        if the first ends within the noise.
+    seed : int, default 0
+        Of the random starts.
+    progress : ProgressCallback or None, optional
+        Called with a `Progress` as work goes on, such as ``print``.
 
     Returns
     -------

@@ -45,11 +45,16 @@ def profile_interval(
 
     Parameters
     ----------
-    best, x : the estimate (A,), and what the model says with it.
-    at : the same with other values; None where the model has no response.
-    covariance : (A, A) to first order, nan where there is none.
-    unit : what the sum of squares rises by for one standard error: 1, or its mean where no deviations are known.
-    low, high : (A,) bounds.
+    best, x : Prediction
+        The estimate (A,), and what the model says with it.
+    at : callable or None
+        The same with other values; None where the model has no response.
+    covariance : ndarray, shape (A, A)
+        To first order, nan where there is none.
+    unit : float
+        What the sum of squares rises by for one standard error: 1, or its mean where no deviations are known.
+    low, high : ndarray, shape (A,)
+        Bounds.
     """
     s = best.deviation
     J, least = best.information(s), float(np.square(best.residuals(s)).sum())

@@ -65,10 +65,14 @@ class Prediction:
 
     Parameters
     ----------
-    problem : of the model.
-    data : the measurements.
-    values : of the parameters that are sought.
-    span : of the trace.
+    problem : HarmonicBalance
+        Of the model.
+    data : Measurements
+        The measurements.
+    values : mapping of str to float
+        Of the parameters that are sought.
+    span : tuple[float, float]
+        Of the trace.
 
     Raises
     ------

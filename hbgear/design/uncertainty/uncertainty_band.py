@@ -42,16 +42,24 @@ class ResponseBand:
 
     Parameters
     ----------
-    branch, measure, element : the curve, and which amplitude of it.
-    unit, length : of frequency and amplitude; "" for the model's own unit of length.
-    frequency, amplitude : (P,) of the rows of the branch, in these units.
-    parameters : (A,) those that scatter.
-    normal : (P, 2) unit normals to the curve, with frequency and amplitude in shares of ``size``; nan where two curves
-        cross.
-    size : ranges of frequency and amplitude, by which normals and displacements are measured.
-    covariance : (P, 2, 2) of the points, in the same shares.
-    effects : (P, A) displacement along the normal for one standard deviation of each parameter, alone.
-    deviation : (P,) standard deviation of the displacement.
+    branch, measure, element : Branch
+        The curve, and which amplitude of it.
+    unit, length : str
+        Of frequency and amplitude; "" for the model's own unit of length.
+    frequency, amplitude : ndarray, shape (P,)
+        Of the rows of the branch, in these units.
+    parameters : tuple of str, shape (A,)
+        Those that scatter.
+    normal : ndarray, shape (P, 2)
+        Unit normals to the curve, with frequency and amplitude in shares of ``size``; nan where two curves cross.
+    size : tuple[float, float]
+        Ranges of frequency and amplitude, by which normals and displacements are measured.
+    covariance : ndarray, shape (P, 2, 2)
+        Of the points, in the same shares.
+    effects : ndarray, shape (P, A)
+        Displacement along the normal for one standard deviation of each parameter, alone.
+    deviation : ndarray, shape (P,)
+        Standard deviation of the displacement.
 
     Examples
     --------
@@ -128,12 +136,17 @@ def response_band(
 
     Parameters
     ----------
-    branch : a response curve that knows its problem.
-    scatter : standard deviations of independent parameters, entries of tuples as ``e[0]``; or a `Fit`, whose estimates
+    branch : Branch
+        A response curve that knows its problem.
+    scatter : Mapping[str, float] | Fit
+        Standard deviations of independent parameters, entries of tuples as ``e[0]``; or a `Fit`, whose estimates
         scatter by their covariance.
-    measure, element : amplitude, as of `Branch.amplitude`.
-    unit : of the frequency, "Omega", "mesh Hz" or "pinion r/min"; a scale that depends on what scatters moves too.
-    length : unit of the amplitude, such as "um"; "" for the model's own.
+    measure, element : str, optional
+        Amplitude, as of `Branch.amplitude`.
+    unit : str, default "Omega"
+        Of the frequency, "Omega", "mesh Hz" or "pinion r/min"; a scale that depends on what scatters moves too.
+    length : str, default ""
+        Unit of the amplitude, such as "um"; "" for the model's own.
 
     Raises
     ------

@@ -25,8 +25,10 @@ def factors(working_angle: float, base_helix: float) -> dict[str, float]:
 
     Parameters
     ----------
-    working_angle : transverse working pressure angle alpha_wt [rad].
-    base_helix : beta_b [rad].
+    working_angle : float
+        Transverse working pressure angle alpha_wt [rad].
+    base_helix : float
+        Beta_b [rad].
     """
     action = cos(working_angle)
     return {"circumferential": 1.0, "normal": action * cos(base_helix), "action": action}

@@ -28,24 +28,41 @@ class Gear:
 
     Parameters
     ----------
-    teeth : number of teeth z, positive for internal gears too.
-    module : normal module m_n [m].
-    face_width : b [m].
-    pressure_angle : normal pressure angle alpha_n [rad].
-    helix_angle : beta at the reference circle [rad]; positive for a right-hand gear, negative for a left-hand one.
-    profile_shift : x [module]; positive makes teeth thicker, of an internal gear too.
-    internal : whether it is a ring with teeth inside.
-    addendum, dedendum : h_a and h_f of the basic rack [module].
-    fillet_radius : of the tip of the generating rack [module].
-    tip_diameter : d_a [m]; from addendum and profile shift by default.
-    body_diameter : bore of an external gear, outside of a ring [m]; 0 for solid (a ring: root circle and 6 modules).
-    tip_relief : material taken off at the tip, along the normal in the transverse plane [m].
-    tip_relief_length : over which the relief runs out, along the line of action [m]; by default to where fewer pairs
-        are in contact: of usual gears, the highest point of single contact.
-    crowning : material taken off at both ends of the face width, a parabola between [m].
-    mass : [kg]; of a cylinder of the diameter between root and tip, by default.
-    inertia : polar moment of inertia [kg m^2]; of the same cylinder.
-    E, poisson, density : Young's modulus [Pa], Poisson's ratio, density [kg/m^3]; steel by default.
+    teeth : int
+        Number of teeth z, positive for internal gears too.
+    module : float or str
+        Normal module m_n [m].
+    face_width : float or str
+        B [m].
+    pressure_angle : float or str, optional
+        Normal pressure angle alpha_n [rad].
+    helix_angle : float or str, default 0.0
+        Beta at the reference circle [rad]; positive for a right-hand gear, negative for a left-hand one.
+    profile_shift : float or str, default 0.0
+        X [module]; positive makes teeth thicker, of an internal gear too.
+    internal : bool, default False
+        Whether it is a ring with teeth inside.
+    addendum, dedendum : float or str, optional
+        H_a and h_f of the basic rack [module].
+    fillet_radius : float or str, default 0.38
+        Of the tip of the generating rack [module].
+    tip_diameter : float or str, optional
+        D_a [m]; from addendum and profile shift by default.
+    body_diameter : float or str, default 0.0
+        Bore of an external gear, outside of a ring [m]; 0 for solid (a ring: root circle and 6 modules).
+    tip_relief : float or str, default 0.0
+        Material taken off at the tip, along the normal in the transverse plane [m].
+    tip_relief_length : float or str, optional
+        Over which the relief runs out, along the line of action [m]; by default to where fewer pairs are in contact: of
+        usual gears, the highest point of single contact.
+    crowning : float or str, default 0.0
+        Material taken off at both ends of the face width, a parabola between [m].
+    mass : float or str, optional
+        [kg]; of a cylinder of the diameter between root and tip, by default.
+    inertia : float or str, optional
+        Polar moment of inertia [kg m^2]; of the same cylinder.
+    E, poisson, density : float or str, optional
+        Young's modulus [Pa], Poisson's ratio, density [kg/m^3]; steel by default.
 
     Raises
     ------

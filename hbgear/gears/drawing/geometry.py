@@ -42,8 +42,10 @@ def transverse_pressure_angle(alpha_n: float, beta: float) -> float:
 
     Parameters
     ----------
-    alpha_n : normal pressure angle [rad].
-    beta : helix angle at the pitch circle [rad].
+    alpha_n : float
+        Normal pressure angle [rad].
+    beta : float
+        Helix angle at the pitch circle [rad].
     """
     return atan(tan(alpha_n) / cos(beta))
 
@@ -55,7 +57,8 @@ def base_helix_angle(alpha_n: float, beta: float) -> float:
 
     Parameters
     ----------
-    alpha_n, beta : normal pressure angle and helix angle at the pitch circle [rad].
+    alpha_n, beta : float
+        Normal pressure angle and helix angle at the pitch circle [rad].
     """
     return asin(sin(beta) * cos(alpha_n))
 
@@ -67,9 +70,12 @@ def base_radius(teeth: int, module: float, alpha_n: float, beta: float) -> float
 
     Parameters
     ----------
-    teeth : number of teeth.
-    module : normal module [m].
-    alpha_n, beta : normal pressure angle and helix angle [rad].
+    teeth : int
+        Number of teeth.
+    module : float
+        Normal module [m].
+    alpha_n, beta : float
+        Normal pressure angle and helix angle [rad].
     """
     return teeth * module * cos(transverse_pressure_angle(alpha_n, beta)) / (2 * cos(beta))
 
@@ -95,10 +101,14 @@ def shaft_stiffness(E: float, poisson: float, outer: float, inner: float, length
 
     Parameters
     ----------
-    E : Young's modulus [N/m^2].
-    poisson : Poisson's ratio.
-    outer, inner : diameters D, d [m].
-    length : l [m].
+    E : float
+        Young's modulus [N/m^2].
+    poisson : float
+        Poisson's ratio.
+    outer, inner : float
+        Diameters D, d [m].
+    length : float
+        L [m].
 
     References
     ----------

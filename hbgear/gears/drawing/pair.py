@@ -35,13 +35,18 @@ class GearPair:
 
     Parameters
     ----------
-    pinion, wheel : `Gear`; the wheel may be a ring (``internal=True``).
-    backlash : [m], how it is measured says ``backlash_measure``; by default what the centre distance leaves.
-    backlash_measure : "circumferential" (on the working pitch circle), "normal" (to the flanks), "action" (along the
-        line of action in the transverse plane).
-    center_distance : a_w [m]; without backlash for these profile shifts, by default.
-    pitch_error : base pitch of the wheel minus that of the pinion [m], the same for all teeth. (An error of one tooth
-        comes once in a revolution and is no excitation of mesh frequency.)
+    pinion, wheel : Gear
+        The wheel may be a ring (``internal=True``).
+    backlash : float or str, optional
+        [m], how it is measured says ``backlash_measure``; by default what the centre distance leaves.
+    backlash_measure : str, default "circumferential"
+        "circumferential" (on the working pitch circle), "normal" (to the flanks), "action" (along the line of action in
+        the transverse plane).
+    center_distance : float or str, optional
+        A_w [m]; without backlash for these profile shifts, by default.
+    pitch_error : float or str, default 0.0
+        Base pitch of the wheel minus that of the pinion [m], the same for all teeth. (An error of one tooth comes once
+        in a revolution and is no excitation of mesh frequency.).
 
     Raises
     ------
@@ -206,7 +211,8 @@ class GearPair:
 
         Parameters
         ----------
-        torque : on the pinion [N m], > 0.
+        torque : float or str
+            On the pinion [N m], > 0.
         """
         return call("hbgear.gears.mesh.loaded_mesh.loaded_mesh", self, torque, **options)
 
@@ -217,9 +223,12 @@ class GearPair:
 
         Parameters
         ----------
-        torque : on the pinion [N m], > 0.
-        damping : damping ratio of the mesh.
-        form : "torsion" (a `SpurPair`), "bearings" (a `GearRotorBearing`) or "spatial" (a `HelicalPair`).
+        torque : float or str
+            On the pinion [N m], > 0.
+        damping : object
+            Damping ratio of the mesh.
+        form : str, default "torsion"
+            "torsion" (a `SpurPair`), "bearings" (a `GearRotorBearing`) or "spatial" (a `HelicalPair`).
         """
         return call("hbgear.gears.pairs.pair_models.build_model", self, torque, damping, form, **options)
 

@@ -46,7 +46,7 @@ class Tooth:
 
     Parameters
     ----------
-    gear : `Gear`.
+    gear : Gear
     """
 
     def __init__(self, gear: Gear) -> None:
@@ -92,12 +92,15 @@ class Tooth:
 
         Parameters
         ----------
-        height : (P,) of the contact over the reference circle [m].
+        height : ndarray, shape (P,)
+            Of the contact over the reference circle [m].
 
         Returns
         -------
-        compliance : (P,) displacement along the force for a force of 1 N per m of width [m^2/N].
-        depth : (P,) distance along the force from the flank to the centre line [m].
+        compliance : ndarray, shape (P,)
+            Displacement along the force for a force of 1 N per m of width [m^2/N].
+        depth : ndarray, shape (P,)
+            Distance along the force from the flank to the centre line [m].
         """
         radius = np.clip(self.pitch + height, max(self.base, self.radius[0]), self.radius[-1])
         half = np.interp(radius, self.radius, self.half_angle)

@@ -82,36 +82,65 @@ class DoubleHelicalPair(MeshExcitation):
 
     Parameters
     ----------
-    teeth_p, teeth_g : numbers of teeth of pinion and wheel.
-    I_p, I_g : moment of inertia of one half, used for its three rotations alike [kg m^2].
-    m_p, m_g : mass of one half [kg].
-    outer_p, inner_p, outer_g, inner_g : diameters of the shaft section between the halves [m].
-    module : normal module [m].
-    alpha_n_deg, beta_deg : normal pressure angle and helix angle [degrees].
-    phi_deg : angle from the centre line to the x axis [degrees] (reading; not given).
-    shaft_length : length l of the shaft section between the halves [m].
-    face_width : of one half [m]; in the table, but in no equation.
-    k_mean : mean mesh stiffness of one half [N/m].
-    zeta : damping ratio of the mesh, and of all dampers the paper gives no value for.
-    k_px, k_py, k_pz, k_gx, k_gy, k_gz : support stiffness of each node [N/m]. The pinion floats: k_pz = 0.
-    c_px, c_py, c_pz, c_gx, c_gy, c_gz : support dampers [N s/m]. As published, the y supports are far over critical,
-        with damping ratios 17.6 (pinion) and 10.7 (wheel), and c_y is 32 times c_x; kept as they are.
-    k_pthx, k_pthy, k_gthx, k_gthy : tilt stiffness of each node [N m/rad]; dampers 2 zeta sqrt(k I).
-    E, poisson : Young's modulus [N/m^2] and Poisson's ratio of the shafts (reading; not given).
-    torque : T on each half of the pinion [N m] (reading: the paper's load on each half, not on both together).
-    b_c : average half backlash, the unit of length [m] (reading: half the 50 um of the test rig).
-    W : change of the half backlash, b = b_c (1 + W), >= -1.
-    eps : (L,) amplitudes of the mesh stiffness, of any length.
-    e : (L,) amplitudes of the transmission error in units of b_c, of any length.
-    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
-    e_sign : +1 or -1, sign of the transmission error (reading: -1).
-    e_phase : phase by which the transmission error lags the mesh stiffness [rad], l times as much in harmonic l.
-    stagger : phase by which stiffness and error of the right half lag those of the left [rad].
-    support_damping : "tabulated", or "zeta" for c = 2 zeta sqrt(k m) instead of the c_ values.
-    tilt : False takes the tilts out of the mesh vector (they then stand still).
-    mesh_helix : "pitch" or "base", the helix angle beta in the mesh vector.
-    stiffness : k_j(tau) of the left half over k_mean, a `Series` or a `Periodic`, in place of eps, which must be ().
-    error : e(tau) of the left half in place of e, over b_c, before its sign and lag; `Series` or `Periodic`.
+    teeth_p, teeth_g : int, optional
+        Numbers of teeth of pinion and wheel.
+    I_p, I_g : float, optional
+        Moment of inertia of one half, used for its three rotations alike [kg m^2].
+    m_p, m_g : float, optional
+        Mass of one half [kg].
+    outer_p, inner_p, outer_g, inner_g : float, optional
+        Diameters of the shaft section between the halves [m].
+    module : float, default 6e-3
+        Normal module [m].
+    alpha_n_deg, beta_deg : float, optional
+        Normal pressure angle and helix angle [degrees].
+    phi_deg : float, default 0.0
+        Angle from the centre line to the x axis [degrees] (reading; not given).
+    shaft_length : float, default 58e-3
+        Length l of the shaft section between the halves [m].
+    face_width : float, default 55e-3
+        Of one half [m]; in the table, but in no equation.
+    k_mean : float, default 1.8456e9
+        Mean mesh stiffness of one half [N/m].
+    zeta : float, default 0.063
+        Damping ratio of the mesh, and of all dampers the paper gives no value for.
+    k_px, k_py, k_pz, k_gx, k_gy, k_gz : float, optional
+        Support stiffness of each node [N/m]. The pinion floats: k_pz = 0.
+    c_px, c_py, c_pz, c_gx, c_gy, c_gz : float, optional
+        Support dampers [N s/m]. As published, the y supports are far over critical, with damping ratios 17.6 (pinion)
+        and 10.7 (wheel), and c_y is 32 times c_x; kept as they are.
+    k_pthx, k_pthy, k_gthx, k_gthy : float, optional
+        Tilt stiffness of each node [N m/rad]; dampers 2 zeta sqrt(k I).
+    E, poisson : float, optional
+        Young's modulus [N/m^2] and Poisson's ratio of the shafts (reading; not given).
+    torque : float, default 1400.0
+        T on each half of the pinion [N m] (reading: the paper's load on each half, not on both together).
+    b_c : float, default 25e-6
+        Average half backlash, the unit of length [m] (reading: half the 50 um of the test rig).
+    W : float, default 0.0
+        Change of the half backlash, b = b_c (1 + W), >= -1.
+    eps : tuple of float, shape (L,), optional
+        Amplitudes of the mesh stiffness, of any length.
+    e : tuple of float, shape (L,), optional
+        Amplitudes of the transmission error in units of b_c, of any length.
+    eps_scale, e_scale : float, default 1.0
+        Factors of every eps_l and every e_l, to continue in.
+    e_sign : int, default -1
+        +1 or -1, sign of the transmission error (reading: -1).
+    e_phase : float, default 0.0
+        Phase by which the transmission error lags the mesh stiffness [rad], l times as much in harmonic l.
+    stagger : float, default 0.0
+        Phase by which stiffness and error of the right half lag those of the left [rad].
+    support_damping : {"tabulated", "zeta"}, default "tabulated"
+        "tabulated", or "zeta" for c = 2 zeta sqrt(k m) instead of the c_ values.
+    tilt : bool, default True
+        False takes the tilts out of the mesh vector (they then stand still).
+    mesh_helix : {"pitch", "base"}, default "pitch"
+        "pitch" or "base", the helix angle beta in the mesh vector.
+    stiffness : Phased or None, optional
+        K_j(tau) of the left half over k_mean, a `Series` or a `Periodic`, in place of eps, which must be ().
+    error : Phased or None, optional
+        E(tau) of the left half in place of e, over b_c, before its sign and lag; `Series` or `Periodic`.
 
     Raises
     ------

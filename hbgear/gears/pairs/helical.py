@@ -49,28 +49,50 @@ class HelicalPair(MeshExcitation):
 
     Parameters
     ----------
-    teeth_p, teeth_g : numbers of teeth of pinion and wheel.
-    r_p, r_g : base radii [m].
-    alpha_deg : working transverse pressure angle [degrees].
-    beta_deg : helix angle at the base circle [degrees], positive for a right-hand pinion.
-    phi_deg : direction from pinion to wheel, from the x axis [degrees].
-    internal : whether the wheel is a ring.
-    m_p, m_g : masses [kg].
-    I_p, I_g : moments of inertia about the shafts [kg m^2].
-    D_p, D_g : moments of inertia about a diameter [kg m^2].
-    k_p, k_g : radial stiffness of the supports [N/m].
-    k_pz, k_gz : axial stiffness of the supports [N/m].
-    k_pt, k_gt : tilt stiffness of the supports [N m/rad].
-    zeta_p, zeta_g : damping ratios of the supports, 2 zeta sqrt(k m).
-    k_mean : mean mesh stiffness in the transverse plane [N/m].
-    zeta : damping ratio of the mesh, c_m = 2 zeta sqrt(m_c k_mean).
-    torque : T on the pinion [N m].
-    b_c : unit of length [m], the half backlash along the line of action in the transverse plane.
-    b : half backlash over b_c.
-    eps, eps_lag : (L,) amplitudes and lags of the mesh stiffness over k_mean.
-    e, e_lag : (L,) amplitudes over b_c and lags of the transmission error.
-    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
-    stiffness, error : k(tau) over k_mean and e(tau) over b_c in place of eps and e, as of `SpurPair`.
+    teeth_p, teeth_g : int, optional
+        Numbers of teeth of pinion and wheel.
+    r_p, r_g : float, optional
+        Base radii [m].
+    alpha_deg : float, default 20.65
+        Working transverse pressure angle [degrees].
+    beta_deg : float, default 14.08
+        Helix angle at the base circle [degrees], positive for a right-hand pinion.
+    phi_deg : float, default 0.0
+        Direction from pinion to wheel, from the x axis [degrees].
+    internal : bool, default False
+        Whether the wheel is a ring.
+    m_p, m_g : float, optional
+        Masses [kg].
+    I_p, I_g : float, optional
+        Moments of inertia about the shafts [kg m^2].
+    D_p, D_g : float, optional
+        Moments of inertia about a diameter [kg m^2].
+    k_p, k_g : float, default 3e8
+        Radial stiffness of the supports [N/m].
+    k_pz, k_gz : float, default 1e8
+        Axial stiffness of the supports [N/m].
+    k_pt, k_gt : float, default 5e5
+        Tilt stiffness of the supports [N m/rad].
+    zeta_p, zeta_g : float, default 0.02
+        Damping ratios of the supports, 2 zeta sqrt(k m).
+    k_mean : float, default 3.7e8
+        Mean mesh stiffness in the transverse plane [N/m].
+    zeta : float, default 0.04
+        Damping ratio of the mesh, c_m = 2 zeta sqrt(m_c k_mean).
+    torque : float, default 200.0
+        T on the pinion [N m].
+    b_c : float, default 37.4e-6
+        Unit of length [m], the half backlash along the line of action in the transverse plane.
+    b : float, default 1.0
+        Half backlash over b_c.
+    eps, eps_lag : tuple of float, shape (L,), optional
+        Amplitudes and lags of the mesh stiffness over k_mean.
+    e, e_lag : tuple of float, shape (L,), optional
+        Amplitudes over b_c and lags of the transmission error.
+    eps_scale, e_scale : float, default 1.0
+        Factors of every eps_l and every e_l, to continue in.
+    stiffness, error : Phased or None, optional
+        K(tau) over k_mean and e(tau) over b_c in place of eps and e, as of `SpurPair`.
 
     Raises
     ------

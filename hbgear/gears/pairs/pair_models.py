@@ -56,13 +56,19 @@ def build_model(
 
     Parameters
     ----------
-    pair : `GearPair`.
-    torque : on the pinion [N m], > 0.
-    damping : damping ratio of the mesh.
-    form : "torsion", a `SpurPair`; "bearings", a `GearRotorBearing`; "spatial", a `HelicalPair`.
-    supports : of pinion and wheel, for the last two.
-    cycle : mesh stiffness and transmission error; computed by ``pair.mesh(torque)`` by default.
-    direction : from the pinion to the wheel [rad], of the form "spatial".
+    pair : GearPair
+    torque : float or str
+        On the pinion [N m], > 0.
+    damping : object
+        Damping ratio of the mesh.
+    form : str, default "torsion"
+        "torsion", a `SpurPair`; "bearings", a `GearRotorBearing`; "spatial", a `HelicalPair`.
+    supports : tuple[Support, Support] or None, optional
+        Of pinion and wheel, for the last two.
+    cycle : MeshCycle or None, optional
+        Mesh stiffness and transmission error; computed by ``pair.mesh(torque)`` by default.
+    direction : float or str, default 0.0
+        From the pinion to the wheel [rad], of the form "spatial".
 
     Raises
     ------

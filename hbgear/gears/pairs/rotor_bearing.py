@@ -56,21 +56,36 @@ class GearRotorBearing(MeshExcitation):
 
     Parameters
     ----------
-    zeta : damping ratio of the mesh, c/(2 m_c omega_n), >= 0.
-    zeta_1, zeta_2 : bearing dampers c_i/(2 m_i omega_n), >= 0.
-    kappa_1, kappa_2 : bearing stiffness k_i/(m_i omega_n^2) with the shaft in it, > 0.
-    mu_1, mu_2 : mass ratios m_c/m_i, > 0; as they go to zero the gears stand still and the pair is a `SpurPair`.
-    F_m : mean load of the mesh, over k_mean b_c.
-    F_1, F_2 : preloads of the bearings F_i/(m_i b_c omega_n^2), positive as the loaded mesh pushes the gears.
-    eps : (L,) amplitudes of the mesh stiffness, of any length; () for a constant one.
-    e : (L,) amplitudes of the transmission error, of any length.
-    phase : "cos" or "sin", of the transmission error.
-    b : half backlash of the mesh, >= 0.
-    b_1, b_2 : half clearances of the bearings, >= 0; 0 makes a bearing a linear spring.
-    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
-    stiffness : k(tau) over k_mean in place of eps: a `Series` or a `Periodic`, as `Periodic.rectangular`.
-    error : e(tau) over b_c in place of e: a `Series` or a `Periodic` without jumps, as `Periodic.table`.
-    eps_lag, e_lag, reference : as of `SpurPair`.
+    zeta : float, default 0.05
+        Damping ratio of the mesh, c/(2 m_c omega_n), >= 0.
+    zeta_1, zeta_2 : float, default 0.01
+        Bearing dampers c_i/(2 m_i omega_n), >= 0.
+    kappa_1, kappa_2 : float, default 1.25
+        Bearing stiffness k_i/(m_i omega_n^2) with the shaft in it, > 0.
+    mu_1, mu_2 : float, default 0.25
+        Mass ratios m_c/m_i, > 0; as they go to zero the gears stand still and the pair is a `SpurPair`.
+    F_m : float, default 0.1
+        Mean load of the mesh, over k_mean b_c.
+    F_1, F_2 : float, default 0.1
+        Preloads of the bearings F_i/(m_i b_c omega_n^2), positive as the loaded mesh pushes the gears.
+    eps : tuple of float, shape (L,), optional
+        Amplitudes of the mesh stiffness, of any length; () for a constant one.
+    e : tuple of float, shape (L,), optional
+        Amplitudes of the transmission error, of any length.
+    phase : {"cos", "sin"}, default "cos"
+        "cos" or "sin", of the transmission error.
+    b : float, default 1.0
+        Half backlash of the mesh, >= 0.
+    b_1, b_2 : float, default 1.0
+        Half clearances of the bearings, >= 0; 0 makes a bearing a linear spring.
+    eps_scale, e_scale : float, default 1.0
+        Factors of every eps_l and every e_l, to continue in.
+    stiffness : Phased or None, optional
+        K(tau) over k_mean in place of eps: a `Series` or a `Periodic`, as `Periodic.rectangular`.
+    error : Phased or None, optional
+        E(tau) over b_c in place of e: a `Series` or a `Periodic` without jumps, as `Periodic.table`.
+    eps_lag, e_lag, reference : tuple of float, optional
+        As of `SpurPair`.
 
     Raises
     ------

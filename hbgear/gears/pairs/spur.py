@@ -44,18 +44,29 @@ class SpurPair(MeshExcitation):
 
     Parameters
     ----------
-    zeta : damping ratio of the mesh, >= 0.
-    F_m : mean load, over k_mean b_c.
-    eps : (L,) amplitudes of the mesh stiffness, of any length; () for a constant one.
-    e : (L,) amplitudes of the transmission error over b_c, of any length.
-    phase : "cos" or "sin", of the transmission error.
-    b : half backlash over b_c, >= 0.
-    eps_scale, e_scale : factors of every eps_l and every e_l, to continue in.
-    stiffness : k(tau) over k_mean in place of eps: a `Series` or a `Periodic`, as `Periodic.rectangular`.
-    error : e(tau) over b_c in place of e: a `Series` or a `Periodic` without jumps, as `Periodic.table`.
-    eps_lag, e_lag : (L,) phases by which each harmonic lags, cos(l tau - lag_l) [rad]; () for none.
-    reference : (omega_n [rad/s], b_c [m], k_mean b_c [N], teeth of the pinion), by which the pair knows Hz, r/min, um
-        and N (`scales`); () if they are unknown. `GearPair.model` fills it in.
+    zeta : float, default 0.05
+        Damping ratio of the mesh, >= 0.
+    F_m : float, default 0.1
+        Mean load, over k_mean b_c.
+    eps : tuple of float, shape (L,), optional
+        Amplitudes of the mesh stiffness, of any length; () for a constant one.
+    e : tuple of float, shape (L,), optional
+        Amplitudes of the transmission error over b_c, of any length.
+    phase : {"cos", "sin"}, default "cos"
+        "cos" or "sin", of the transmission error.
+    b : float, default 1.0
+        Half backlash over b_c, >= 0.
+    eps_scale, e_scale : float, default 1.0
+        Factors of every eps_l and every e_l, to continue in.
+    stiffness : Phased or None, optional
+        K(tau) over k_mean in place of eps: a `Series` or a `Periodic`, as `Periodic.rectangular`.
+    error : Phased or None, optional
+        E(tau) over b_c in place of e: a `Series` or a `Periodic` without jumps, as `Periodic.table`.
+    eps_lag, e_lag : tuple of float, shape (L,), optional
+        Phases by which each harmonic lags, cos(l tau - lag_l) [rad]; () for none.
+    reference : tuple of float, optional
+        (omega_n [rad/s], b_c [m], k_mean b_c [N], teeth of the pinion), by which the pair knows Hz, r/min, um and N
+        (`scales`); () if they are unknown. `GearPair.model` fills it in.
 
     Raises
     ------

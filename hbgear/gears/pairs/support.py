@@ -22,12 +22,18 @@ class Support:
 
     Parameters
     ----------
-    stiffness : radial, the same in all directions [N/m].
-    axial : [N/m]; 0 for a gear that floats.
-    tilt : of tilting about a diameter [N m/rad]; two bearings of half the stiffness each, a distance s apart: k s^2/4.
-    damping : damping ratio of each of them with the mass of the gear.
-    clearance : half of the radial clearance [m]; only the form "bearings" knows it.
-    preload : force on the gear along the line of action, positive as the loaded mesh pushes it [N]; likewise.
+    stiffness : float or str
+        Radial, the same in all directions [N/m].
+    axial : float or str, default 0.0
+        [N/m]; 0 for a gear that floats.
+    tilt : float or str, optional
+        Of tilting about a diameter [N m/rad]; two bearings of half the stiffness each, a distance s apart: k s^2/4.
+    damping : float or str, default 0.02
+        Damping ratio of each of them with the mass of the gear.
+    clearance : float or str, default 0.0
+        Half of the radial clearance [m]; only the form "bearings" knows it.
+    preload : float or str, default 0.0
+        Force on the gear along the line of action, positive as the loaded mesh pushes it [N]; likewise.
 
     Raises
     ------
@@ -54,8 +60,10 @@ def reactions(gears: Sequence[str], stiffness: Array, damping: Array) -> dict[st
 
     Parameters
     ----------
-    gears : their names.
-    stiffness, damping : (6 G,) of the supports to ground.
+    gears : sequence of str
+        Their names.
+    stiffness, damping : ndarray, shape (6 G,)
+        Of the supports to ground.
     """
     rows = np.diag(stiffness), np.diag(damping)
     found = {}

@@ -39,12 +39,18 @@ class Beam:
 
     Parameters
     ----------
-    first, second : names of the wheels; the first lies at the smaller z.
-    outer, inner : diameters [m].
-    length : [m]; that between the places z of the wheels by default.
-    E, poisson, density : of the material [Pa], [-], [kg/m^3]; 0 kg/m^3 for a shaft without mass.
-    elements : into how many elements it is divided; errors of natural frequencies fall with the square of it.
-    damping : ratio of each mode of the shaft with its two wheels, free of all else.
+    first, second : str
+        Names of the wheels; the first lies at the smaller z.
+    outer, inner : float or str, optional
+        Diameters [m].
+    length : float or str, optional
+        [m]; that between the places z of the wheels by default.
+    E, poisson, density : float or str, optional
+        Of the material [Pa], [-], [kg/m^3]; 0 kg/m^3 for a shaft without mass.
+    elements : int, default 4
+        Into how many elements it is divided; errors of natural frequencies fall with the square of it.
+    damping : float or str, default 0.02
+        Ratio of each mode of the shaft with its two wheels, free of all else.
 
     Raises
     ------

@@ -27,11 +27,15 @@ class Housing:
 
     Parameters
     ----------
-    M, K : (h, h) mass [kg] and stiffness [N/m] of displacements [m], dense or scipy.sparse.
-    C : damping (h, h) [N s/m]; None without.
-    names : (h,) of the coordinates; ``h1, h2, ...`` by default.
-    seats : where bearings sit: ``{"pinion": {"x": "h1", "y": "h2"}}`` for the bearings of that wheel. Directions that
-        are not named go to the ground.
+    M, K : array_like, shape (h, h)
+        Mass [kg] and stiffness [N/m] of displacements [m], dense or scipy.sparse.
+    C : float or str, optional
+        Damping (h, h) [N s/m]; None without.
+    names : sequence of str, shape (h,), optional
+        Of the coordinates; ``h1, h2, ...`` by default.
+    seats : mapping of str, Mapping[str to str], optional
+        Where bearings sit: ``{"pinion": {"x": "h1", "y": "h2"}}`` for the bearings of that wheel. Directions that are
+        not named go to the ground.
 
     Raises
     ------

@@ -66,10 +66,13 @@ class PlanetMode:
 
     Parameters
     ----------
-    frequency : [Hz].
-    kind : "rotational" (the central members turn, all planets move alike), "translational" (they move sideways),
-        "planet" (they rest) or, of a set without the symmetry, "mixed".
-    multiplicity : how many modes have this frequency.
+    frequency : float
+        [Hz].
+    kind : str
+        "rotational" (the central members turn, all planets move alike), "translational" (they move sideways), "planet"
+        (they rest) or, of a set without the symmetry, "mixed".
+    multiplicity : int
+        How many modes have this frequency.
 
     Examples
     --------
@@ -91,27 +94,46 @@ class PlanetarySet(Model):
 
     Parameters
     ----------
-    teeth_s, teeth_p, teeth_r : numbers of teeth, z_r = z_s + 2 z_p but for profile shifts.
-    planets : N.
-    spacing : places psi_n of the planets [degrees], () for equal ones.
-    fixed : the member that does not turn, held by ``k_t``.
-    driver : one of the others; the third is driven.
-    torque : on the sun [N m], whoever drives; the others follow. It acts counter-clockwise.
-    r_s : base radius of the sun [m].
-    m_s, m_p, m_r, m_c : masses of sun, planet, ring and carrier [kg].
-    J_s, J_p, J_r, J_c : moments of inertia over the squares of the base radii, the carrier's over that of the planets'
-        centres [kg].
-    k_sp, k_rp : mean stiffness of the meshes of a planet with sun and ring [N/m].
-    k_s, k_r, k_c, k_p : of the bearings of sun, ring, carrier, and of a planet in the carrier [N/m].
-    k_t : what holds the fixed member against turning [N/m at its base radius].
-    alpha_s_deg, alpha_r_deg : pressure angles of the meshes with sun and ring [degrees].
-    zeta, zeta_b : damping ratios, of each mesh with the inertias it joins, of bearings with the masses they carry.
-    b_sp, b_rp : half backlashes [m].
-    eps_sp, eps_rp : amplitudes of the stiffness over its mean, k = k_mean [1 - sum_l eps_l cos(l tau_n)].
-    e_sp, e_rp : amplitudes of the transmission errors [m], e = sum_l e_l cos(l tau_n).
-    eps_scale, e_scale, torque_scale : factors of them, to continue in.
-    planet_errors : of the places of the planets along their circle [m], () for none.
-    carrier_rotation : whether Coriolis and centripetal terms of the turning carrier are there.
+    teeth_s, teeth_p, teeth_r : int, optional
+        Numbers of teeth, z_r = z_s + 2 z_p but for profile shifts.
+    planets : int, default 4
+        N.
+    spacing : tuple of float, optional
+        Places psi_n of the planets [degrees], () for equal ones.
+    fixed : {"ring", "sun", "carrier"}, default "ring"
+        The member that does not turn, held by ``k_t``.
+    driver : {"ring", "sun", "carrier"}, default "sun"
+        One of the others; the third is driven.
+    torque : float, default 300.0
+        On the sun [N m], whoever drives; the others follow. It acts counter-clockwise.
+    r_s : float, default 38.7e-3
+        Base radius of the sun [m].
+    m_s, m_p, m_r, m_c : float, optional
+        Masses of sun, planet, ring and carrier [kg].
+    J_s, J_p, J_r, J_c : float, optional
+        Moments of inertia over the squares of the base radii, the carrier's over that of the planets' centres [kg].
+    k_sp, k_rp : float, default 5e8
+        Mean stiffness of the meshes of a planet with sun and ring [N/m].
+    k_s, k_r, k_c, k_p : float, default 1e8
+        Of the bearings of sun, ring, carrier, and of a planet in the carrier [N/m].
+    k_t : float, default 1e9
+        What holds the fixed member against turning [N/m at its base radius].
+    alpha_s_deg, alpha_r_deg : float, default 24.6
+        Pressure angles of the meshes with sun and ring [degrees].
+    zeta, zeta_b : float, default 0.03
+        Damping ratios, of each mesh with the inertias it joins, of bearings with the masses they carry.
+    b_sp, b_rp : float, default 20e-6
+        Half backlashes [m].
+    eps_sp, eps_rp : tuple of float, optional
+        Amplitudes of the stiffness over its mean, k = k_mean [1 - sum_l eps_l cos(l tau_n)].
+    e_sp, e_rp : tuple of float, optional
+        Amplitudes of the transmission errors [m], e = sum_l e_l cos(l tau_n).
+    eps_scale, e_scale, torque_scale : float, default 1.0
+        Factors of them, to continue in.
+    planet_errors : tuple of float, optional
+        Of the places of the planets along their circle [m], () for none.
+    carrier_rotation : bool, default False
+        Whether Coriolis and centripetal terms of the turning carrier are there.
 
     Raises
     ------

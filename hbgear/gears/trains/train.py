@@ -50,15 +50,23 @@ class Train(Model):
 
     Parameters
     ----------
-    wheels : `Wheel`s, each with its name.
-    meshes : `Mesh`es between them, at least one; the first sets the units, and its first wheel the direction.
-    shafts, bearings : `Shaft`s and `Bearing`s.
-    beams : `Beam`s, shafts with mass between wheels that move in space.
-    housing : `Housing` that bearings sit on; the ground by default.
-    balance : name of the wheel whose torque is what holds all others; "" if the torques balance as they are.
-    gyroscopic : whether wheels that move in space, and beams, have gyroscopic terms.
-    torque_scale, backlash_scale, eps_scale, e_scale, clearance_scale, unbalance_scale : factors of all torques,
-        backlashes, amplitudes of the stiffness, errors, clearances and unbalances, to continue in.
+    wheels : tuple of Wheel
+        `Wheel`s, each with its name.
+    meshes : tuple of Mesh
+        `Mesh`es between them, at least one; the first sets the units, and its first wheel the direction.
+    shafts, bearings : tuple of Shaft, optional
+        `Shaft`s and `Bearing`s.
+    beams : tuple of Beam, optional
+        `Beam`s, shafts with mass between wheels that move in space.
+    housing : Housing or None, optional
+        `Housing` that bearings sit on; the ground by default.
+    balance : str, default ""
+        Name of the wheel whose torque is what holds all others; "" if the torques balance as they are.
+    gyroscopic : bool, default False
+        Whether wheels that move in space, and beams, have gyroscopic terms.
+    torque_scale, backlash_scale, eps_scale, e_scale, clearance_scale, unbalance_scale : float, default 1.0
+        Factors of all torques, backlashes, amplitudes of the stiffness, errors, clearances and unbalances, to continue
+        in.
 
     Raises
     ------

@@ -21,7 +21,7 @@ from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.geometry import shaft_stiffness
 from hbgear.gears.drawing.pair import GearPair
 from hbgear.gears.mesh.mesh_cycle import MeshCycle
-from hbgear.gears.mesh.mesh_excitation import amplitudes, checked_lags, lagging, mesh_stiffness
+from hbgear.gears.mesh.mesh_excitation import amplitudes, checked_lags, lagged_series, mesh_stiffness
 from hbgear.mechanics.laws.laws import checked_contact
 from hbgear.mechanics.series.periodic import Phased
 from hbgear.mechanics.structures.speed_terms import MatrixTable
@@ -49,20 +49,33 @@ class Wheel:
 
     Parameters
     ----------
-    name : by which shafts, bearings and meshes know it.
-    inertia : about its axis [kg m^2].
-    mass : [kg]; needed if it moves sideways.
-    tilt_inertia : about a diameter [kg m^2]; half of the inertia by default, that of a thin disc.
-    teeth, base_radius : of a gear; 0 and 0 m of anything else.
-    internal : of a ring.
-    x, y, z : where its centre is [m].
-    moves : "torsion", turning alone; "plane", sideways too; "space", along its axis and tilting too.
-    torque : on it from outside [N m], counter-clockwise positive.
-    held : whether it cannot turn.
-    angle : of the middle of a tooth, when its shaft is at 0 [rad].
-    unbalance : mass times eccentricity [kg m], of a wheel that can move sideways. Omega is then the frequency of which
-        the turns of that wheel are a multiple too.
-    unbalance_angle : where it is, when its shaft is at 0 [rad].
+    name : str
+        By which shafts, bearings and meshes know it.
+    inertia : float or str
+        About its axis [kg m^2].
+    mass : float or str, default 0.0
+        [kg]; needed if it moves sideways.
+    tilt_inertia : float or str, optional
+        About a diameter [kg m^2]; half of the inertia by default, that of a thin disc.
+    teeth, base_radius : int, optional
+        Of a gear; 0 and 0 m of anything else.
+    internal : bool, default False
+        Of a ring.
+    x, y, z : float or str, default 0.0
+        Where its centre is [m].
+    moves : {"torsion", "plane", "space"}, default "torsion"
+        "torsion", turning alone; "plane", sideways too; "space", along its axis and tilting too.
+    torque : float or str, default 0.0
+        On it from outside [N m], counter-clockwise positive.
+    held : bool, default False
+        Whether it cannot turn.
+    angle : float or str, default 0.0
+        Of the middle of a tooth, when its shaft is at 0 [rad].
+    unbalance : float or str, default 0.0
+        Mass times eccentricity [kg m], of a wheel that can move sideways. Omega is then the frequency of which the
+        turns of that wheel are a multiple too.
+    unbalance_angle : float or str, default 0.0
+        Where it is, when its shaft is at 0 [rad].
 
     Raises
     ------
@@ -133,12 +146,18 @@ class Shaft:
 
     Parameters
     ----------
-    first, second : names of the wheels.
-    torsion : [N m/rad].
-    bending : between their displacements sideways [N/m].
-    axial : [N/m].
-    tilt : between their tilts [N m/rad].
-    damping : ratio of each spring with the two inertias that it joins.
+    first, second : str
+        Names of the wheels.
+    torsion : float or str, default 0.0
+        [N m/rad].
+    bending : float or str, default 0.0
+        Between their displacements sideways [N/m].
+    axial : float or str, default 0.0
+        [N/m].
+    tilt : float or str, default 0.0
+        Between their tilts [N m/rad].
+    damping : float or str, default 0.02
+        Ratio of each spring with the two inertias that it joins.
 
     Raises
     ------
@@ -204,17 +223,25 @@ class Bearing:
 
     Parameters
     ----------
-    at : name of the wheel.
-    x, y, z : stiffness [N/m].
-    tilt_x, tilt_y : stiffness against tilting [N m/rad].
-    turn : stiffness against turning [N m/rad]; of a flange, not of a bearing.
-    damping : ratio of the dampers with the inertias of the wheel, where none is given.
-    c_x, c_y, c_z : dampers [N s/m].
-    table, damping_table : `MatrixTable` of stiffness [N/m] and dampers [N s/m] in x and y, (T, 2, 2), over the speed of
-        the wheel [rad/s], beside the others.
-    clearance : radial, half of the diametral one [m]. The springs in x and y then act beyond it only, each direction
-        by itself: the hole is a square around the round one, and on its diagonal contact begins at 2^(1/2) of the
-        clearance. The dampers always act.
+    at : str
+        Name of the wheel.
+    x, y, z : float or str, default 0.0
+        Stiffness [N/m].
+    tilt_x, tilt_y : float or str, default 0.0
+        Stiffness against tilting [N m/rad].
+    turn : float or str, default 0.0
+        Stiffness against turning [N m/rad]; of a flange, not of a bearing.
+    damping : float or str, default 0.02
+        Ratio of the dampers with the inertias of the wheel, where none is given.
+    c_x, c_y, c_z : float or str, optional
+        Dampers [N s/m].
+    table, damping_table : MatrixTable or None, optional
+        `MatrixTable` of stiffness [N/m] and dampers [N s/m] in x and y, (T, 2, 2), over the speed of the wheel [rad/s],
+        beside the others.
+    clearance : float or str, default 0.0
+        Radial, half of the diametral one [m]. The springs in x and y then act beyond it only, each direction by itself:
+        the hole is a square around the round one, and on its diagonal contact begins at 2^(1/2) of the clearance. The
+        dampers always act.
 
     Raises
     ------
@@ -284,19 +311,31 @@ class Mesh:
 
     Parameters
     ----------
-    first, second : names of the wheels.
-    k_mean : mean stiffness along the line of action in the transverse plane [N/m].
-    half_backlash : b along the line of action [m].
-    eps, eps_lag : amplitudes of the stiffness over its mean, and their lags [rad].
-    e, e_lag : amplitudes of the transmission error [m], and their lags [rad].
-    stiffness, error : functions in their place, a `Series` or `Periodic`: k(tau)/k_mean and e(tau) [m].
-    damping : ratio of the mesh with the equivalent mass of the two wheels.
-    pressure_angle : in the transverse plane, at work [rad]; of the places of the wheels by default, or else 20 deg.
-    helix_angle : at the base circle [rad], positive of a right-handed first wheel.
-    direction : from the first to the second wheel [rad]; of their places by default.
-    lag : by which this mesh comes after the first one of the train [rad of its own tau]; of the numbers of teeth by
+    first, second : str
+        Names of the wheels.
+    k_mean : float or str
+        Mean stiffness along the line of action in the transverse plane [N/m].
+    half_backlash : float or str, default 0.0
+        B along the line of action [m].
+    eps, eps_lag : tuple of float, optional
+        Amplitudes of the stiffness over its mean, and their lags [rad].
+    e, e_lag : tuple of float, optional
+        Amplitudes of the transmission error [m], and their lags [rad].
+    stiffness, error : Phased or None, optional
+        Functions in their place, a `Series` or `Periodic`: k(tau)/k_mean and e(tau) [m].
+    damping : float or str, default 0.05
+        Ratio of the mesh with the equivalent mass of the two wheels.
+    pressure_angle : float or str, optional
+        In the transverse plane, at work [rad]; of the places of the wheels by default, or else 20 deg.
+    helix_angle : float or str, default 0.0
+        At the base circle [rad], positive of a right-handed first wheel.
+    direction : float or str, optional
+        From the first to the second wheel [rad]; of their places by default.
+    lag : float or str, optional
+        By which this mesh comes after the first one of the train [rad of its own tau]; of the numbers of teeth by
         default.
-    pitch_phase : tau at which a pair of teeth touches in the pitch point [rad].
+    pitch_phase : float or str, default 0.0
+        Tau at which a pair of teeth touches in the pitch point [rad].
 
     Raises
     ------
@@ -379,4 +418,4 @@ class Mesh:
 
     def error_used(self) -> Phased:
         """e(tau) [m]."""
-        return lagging(self.e, self.e_lag) if self.error is None else self.error
+        return lagged_series(self.e, self.e_lag) if self.error is None else self.error
