@@ -1,6 +1,8 @@
-"""Geometry of involute gears and stiffness of shaft sections. Angles are in radians, lengths in metres.
+"""Geometry of involute gears and stiffness of shaft sections.
 
-inv(alpha) = tan(alpha) - alpha
+    inv(alpha) = tan(alpha) - alpha
+
+Angles are in radians, lengths in metres.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ class DoubleHelicalPair(MeshExcitation):
     e_phase : float, default 0.0
         Phase by which the transmission error lags the mesh stiffness [rad], l times as much in harmonic l.
     stagger : float, default 0.0
-        Phase by which stiffness and error of the right half lag those of the left [rad].
+        Phase by which stiffness and error of the right half lag the left half [rad].
     support_damping : {"tabulated", "zeta"}, default "tabulated"
         Source of the support dampers: the c_ values, or "zeta" for c = 2 zeta sqrt(k m).
     tilt : bool, default True
