@@ -41,7 +41,7 @@ def check_ends(owner: str, first: Any, second: Any) -> None:
     """Raise an error if the two ends are not names of two different wheels."""
     _check_names(owner, first, second)
     if first == second:
-        raise ValueError(f"{owner}: both ends are '{second}'; name two different wheels")
+        raise ValueError(f"{owner}: both ends are '{second}'; name two wheels")
 
 
 @dataclass(frozen=True)
